@@ -1,0 +1,79 @@
+# Everything a newcomer needs. `make help` lists the targets; each sets up .venv first if it is missing or out of date.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+# Number of test processes; one per core of a small machine.
+JOBS = 2
+# A Python to build .venv with. Empty: python3 if it is 3.11, else python3.11, because pybullet has wheels for 3.11 only.
+PYTHON =
+# Further words for the command, such as ARGS="--site small --robots 8".
+ARGS =
+
+.PHONY: help setup demo test test-all check format bench hooks hooks-check clean
+
+help: ## List the targets.
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: $(STAMP) ## Create .venv and install the project with all its extras.
+
+$(STAMP): pyproject.toml
+	@set -e; \
+	python="$(PYTHON)"; \
+	if [ -z "$$python" ]; then \
+	  for name in python3 python3.11; do \
+	    if "$$name" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' >/dev/null 2>&1; then python="$$name"; break; fi; \
+	  done; \
+	fi; \
+	if [ -z "$$python" ]; then \
+	  echo "make: Python 3.11 is missing (found: $$(python3 --version 2>&1 | head -n 1)). pybullet has ready wheels for 3.11 only: install python3.11, or name one with 'make PYTHON=/path/to/python3.11 ...'." >&2; \
+	  exit 1; \
+	fi; \
+	if ! "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
+	  echo "make: PYTHON=$$python is not Python 3.11 or newer; install python3.11, or name one with 'make PYTHON=/path/to/python3.11 ...'." >&2; \
+	  exit 1; \
+	fi; \
+	if ! "$$python" -c 'import ensurepip, venv' >/dev/null 2>&1; then \
+	  echo "make: $$python cannot create virtual environments: its venv module is missing (Debian, Ubuntu: apt-get install python3.11-venv)." >&2; \
+	  exit 1; \
+	fi; \
+	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes."; \
+	if ! $(BIN)/python -c '' >/dev/null 2>&1; then "$$python" -m venv --clear $(VENV); fi; \
+	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,notebook]'; \
+	touch $@
+
+demo: $(STAMP) ## Three cars and the arms of a site deliver parcels; ARGS adds options.
+	@$(BIN)/python -m fleet.demo --robots 3 $(ARGS)
+
+test: $(STAMP) ## All tests but the slow ones.
+	@$(BIN)/python -m pytest -q -m "not slow" -n $(JOBS) --dist loadfile $(ARGS)
+
+test-all: $(STAMP) ## All tests.
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile $(ARGS)
+
+check: $(STAMP) ## Linter, formatter, type checker, import rules.
+	@$(BIN)/ruff check
+	@$(BIN)/ruff format --check
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+format: $(STAMP) ## Repair what the linter and the formatter can.
+	@$(BIN)/ruff check --fix
+	@$(BIN)/ruff format
+
+bench: $(STAMP) ## Every benchmark, with few repetitions.
+	@$(BIN)/python -m benchmarks --quick $(ARGS)
+
+hooks: $(STAMP) ## Let git run the pre-commit hooks before each commit.
+	@$(BIN)/pre-commit install
+
+hooks-check: $(STAMP) ## Run the pre-commit hooks on all files.
+	@$(BIN)/pre-commit run --all-files
+
+clean: ## Remove .venv, caches and the output of runs.
+	@rm -rf $(VENV) .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,6 @@
+"""Benchmarks: each module measures one promise of the project, after it has checked the results it measures on."""
+
+from __future__ import annotations
+
+BENCHMARKS: tuple[str, ...] = ()
+"""Names of the benchmark modules, in the order `python -m benchmarks` runs them; one file each in this folder."""

@@ -1,0 +1,128 @@
+"""The demo command: run a fleet on a site and show what it did."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from fleet.config import AllocationConfig, Connect, Fidelity, Grip, RunConfig, TrafficConfig, require
+from fleet.scenario import read_events
+
+ALL_DONE, TASKS_FAILED, INTERRUPTED = 0, 1, 130
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demo:
+    """Run a fleet: cars and arms deliver parcels on a site; prints a table, writes a recording and a result."""
+
+    robots: int = 3
+    """Number of cars."""
+    site: str = "small"
+    """Name of a shipped site (see `site list`) or path of a site file."""
+    tasks: int | None = None
+    """Number of deliveries; default two per car, at least 6."""
+    orders: Path | None = None
+    """CSV file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m."""
+    events: Path | None = None
+    """TOML file of disturbances: [[event]] time_s, kind, target and parameters."""
+    seed: int = 0
+    """Seed of everything random; the same seed gives the same run."""
+    duration: float = 3600.0
+    """End after this much simulated time even if tasks are open [s]."""
+    speed: float = 0.0
+    """Simulated seconds per second of wall time; 0 = as fast as possible."""
+    grip: Grip = Grip.SUCTION
+    """How the arms hold parcels."""
+    fidelity: Fidelity = Fidelity.PHYSICS
+    """How robots are moved."""
+    planner: str = "pibt"
+    """Path planner of the fleet."""
+    allocator: str = "hungarian"
+    """Who gets which task."""
+    out: Path = Path("runs/demo")
+    """Directory for recording.rrd, run.jsonl and result.json."""
+    no_record: bool = False
+    """Write no recording."""
+    view: bool = False
+    """Open the viewer on the recording afterwards; without a display say how to look at it."""
+    serve: bool = False
+    """Stream to viewers on the loopback interface while it runs."""
+    gui: bool = False
+    """Show the physics engine's own window."""
+
+    def run(self) -> int:
+        """Run and print the result; returns the exit status."""
+        # The engine, the planners and their compiled kernels take a second to load: only for runs, not for --help.
+        from fleet.session import RECORDING, SessionConfig, run_session  # noqa: PLC0415
+
+        require(self.speed >= 0, "--speed", self.speed, "a number >= 0")
+        require(not (self.gui and self.fidelity is not Fidelity.PHYSICS), "--gui", True, "only with --fidelity physics")
+        config = RunConfig(
+            site=self.site,
+            robots=self.robots,
+            tasks=self.tasks,
+            orders=self.orders,
+            events=read_events(self.events) if self.events else (),
+            seed=self.seed,
+            duration_s=self.duration,
+            fidelity=self.fidelity,
+            grip=self.grip,
+            connect=Connect.GUI if self.gui else Connect.DIRECT,
+            traffic=TrafficConfig(planner=self.planner),
+            allocation=AllocationConfig(allocator=self.allocator),
+        )
+        session = SessionConfig(out=self.out, record=not self.no_record, serve=self.serve, speed=self.speed)
+        result = run_session(config, session)
+        console = Console(file=sys.stdout)
+        console.print(_table(vars(result)))
+        if not self.no_record:
+            _show(console, self.out / RECORDING, view=self.view)
+        if result.interrupted:
+            console.print("interrupted: the files hold the run up to here", highlight=False)
+            return INTERRUPTED
+        return TASKS_FAILED if result.tasks_failed else ALL_DONE
+
+
+def _table(result: dict[str, object]) -> Table:
+    rows = (
+        ("tasks done", "{tasks_done} of {tasks_total}"),
+        ("tasks failed", "{tasks_failed}"),
+        ("throughput", "{throughput_per_h:.0f} per hour"),
+        ("task time, mean", "{task_time_mean_s:.1f} s"),
+        ("task time, 95th percentile", "{task_time_p95_s:.1f} s"),
+        ("distance loaded", "{distance_loaded_m:.1f} m"),
+        ("distance empty", "{distance_empty_m:.1f} m"),
+        ("waiting in lanes, all cars", "{waiting_s:.1f} s"),
+        ("arm utilisation, mean", "{arm_utilisation:.1%}"),
+        ("contacts between robots", "{robot_contacts}"),
+        ("contacts with walls and shelves", "{static_contacts}"),
+        ("smallest clearance between robots", "{min_clearance_m:.2f} m"),
+        ("parcel balance", "{parcel_balance}"),
+        ("parcels not where booked", "{parcels_misplaced}"),
+        ("simulated time", "{sim_s:.1f} s"),
+        ("wall time", "{wall_s:.1f} s"),
+        ("real-time factor", "{real_time_factor:.1f}"),
+    )
+    table = Table(title=f"{result['robots']} cars on {result['site']}, seed {result['seed']}", show_header=False)
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for name, form in rows:
+        field = form.split("{")[1].split("}")[0].split(":")[0]
+        table.add_row(name, "-" if result[field] is None else form.format(**result))
+    return table
+
+
+def _show(console: Console, recording: Path, *, view: bool) -> None:
+    viewer = Path(sys.executable).parent / "rerun"
+    if view and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform in ("darwin", "win32")):
+        subprocess.Popen([viewer, "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        console.print(f"viewer opened on {recording}", highlight=False, soft_wrap=True)
+        return
+    why = "no display to open the viewer on; " if view else ""
+    console.print(f"{why}recording: {recording} (look at it with: {viewer} {recording})", highlight=False, soft_wrap=True)

@@ -1,0 +1,193 @@
+"""Settings of a run: one tree of frozen dataclasses; a run is fully described by its `RunConfig`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+from fleet.errors import ConfigError
+
+
+class Fidelity(StrEnum):
+    """How robots are moved."""
+
+    PHYSICS = "physics"
+    KINEMATIC = "kinematic"
+    GRID = "grid"
+
+
+class Grip(StrEnum):
+    """How an arm holds a parcel."""
+
+    SUCTION = "suction"
+    FRICTION = "friction"
+
+
+class Connect(StrEnum):
+    """How the physics engine is reached."""
+
+    DIRECT = "DIRECT"
+    GUI = "GUI"
+    SHARED_MEMORY = "SHARED_MEMORY"
+
+
+def require(ok: bool, what: str, value: object, valid: str) -> None:
+    """Refuse a setting outside its valid range.
+
+    Args:
+        ok: The verdict.
+        what: Name of the setting as a user types it.
+        value: The refused value.
+        valid: Description of the valid choices.
+
+    Raises:
+        ConfigError: `ok` is False.
+    """
+    if not ok:
+        raise ConfigError(f"{what} is {value!r}; valid: {valid}")
+
+
+def _positive(what: str, value: float) -> None:
+    require(math.isfinite(value) and value > 0, what, value, "a number > 0")
+
+
+def _not_negative(what: str, value: float) -> None:
+    require(math.isfinite(value) and value >= 0, what, value, "a number >= 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrafficConfig:
+    """Multi-agent path finding and its execution."""
+
+    planner: str = "pibt"
+    """Name in `planners.mapf.PLANNERS`."""
+    horizon_n: int = 12
+    """Timesteps a plan looks ahead."""
+    period_s: float = 1.0
+    """Simulated time between two planning requests [s]."""
+    latency_s: float = 0.1
+    """Simulated time from a request to the tick at which its plan lands [s]."""
+    commit_moves_n: int = 2
+    """Moves beyond the granted ones that a car may still execute while a request is under way."""
+    grant_moves_n: int = 3
+    """Moves a car may hold a grant for at once: enough to brake from full speed inside them."""
+
+    def __post_init__(self) -> None:
+        require(self.horizon_n >= 1, "traffic.horizon_n", self.horizon_n, "an integer >= 1")
+        _positive("traffic.period_s", self.period_s)
+        _not_negative("traffic.latency_s", self.latency_s)
+        require(self.commit_moves_n >= 0, "traffic.commit_moves_n", self.commit_moves_n, "an integer >= 0")
+        require(self.grant_moves_n >= 1, "traffic.grant_moves_n", self.grant_moves_n, "an integer >= 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllocationConfig:
+    """Who gets which task."""
+
+    allocator: str = "hungarian"
+    """Name in `planners.allocation.ALLOCATORS`."""
+    station_cap_n: int = 2
+    """Cars bound for or standing at one station at once; more would queue into the aisles."""
+    ageing_m_per_s: float = 0.5
+    """Metres of travel that one second of waiting is worth, so that no task starves."""
+
+    def __post_init__(self) -> None:
+        require(self.station_cap_n >= 1, "allocation.station_cap_n", self.station_cap_n, "an integer >= 1")
+        _not_negative("allocation.ageing_m_per_s", self.ageing_m_per_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmConfig:
+    """Planning and timing of the arms."""
+
+    planner: str = "rrt_connect"
+    """Name in `planners.motion.MOTION_PLANNERS`."""
+    latency_s: float = 0.25
+    """Simulated time from a request to the tick at which its plan lands [s]."""
+    iterations_n: int = 20_000
+    """Budget of one transit search."""
+    workers_n: int = 1
+    """Planning processes; 0 plans inside the simulation's own process. The result is the same."""
+
+    def __post_init__(self) -> None:
+        _not_negative("arms.latency_s", self.latency_s)
+        require(self.iterations_n >= 1, "arms.iterations_n", self.iterations_n, "an integer >= 1")
+        require(self.workers_n in (0, 1), "arms.workers_n", self.workers_n, "0 or 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimateConfig:
+    """Pose estimate that the cars steer by."""
+
+    noise_m: float = 0.01
+    """Standard deviation of a position measurement [m]."""
+    noise_rad: float = math.radians(0.5)
+    """Standard deviation of a heading measurement [rad]."""
+    latency_ticks: int = 1
+    """Age of a measurement when it arrives."""
+
+    def __post_init__(self) -> None:
+        _not_negative("estimate.noise_m", self.noise_m)
+        _not_negative("estimate.noise_rad", self.noise_rad)
+        require(0 <= self.latency_ticks <= 30, "estimate.latency_ticks", self.latency_ticks, "an integer from 0 to 30")
+
+
+EVENT_KINDS = ("car_dead", "arm_slow", "lane_blocked", "car_pushed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenarioEvent:
+    """Something that happens to the fleet at a given time."""
+
+    time_s: float
+    kind: str
+    """One of `EVENT_KINDS`."""
+    target: str
+    """`car_2`, `arm_0`, or a cell as `row,col`."""
+    parameters: dict[str, float] = field(default_factory=dict)
+    """arm_slow: factor, duration_s; lane_blocked: duration_s; car_pushed: dx_m, dy_m, dyaw_rad."""
+
+    def __post_init__(self) -> None:
+        _not_negative("event time_s", self.time_s)
+        require(self.kind in EVENT_KINDS, "event kind", self.kind, ", ".join(EVENT_KINDS))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """Everything that decides the outcome of a run."""
+
+    site: str = "small"
+    """Name of a shipped site or path of a site file."""
+    robots: int = 3
+    """Number of cars."""
+    tasks: int | None = None
+    """Generated deliveries; None = two per car, at least six. Ignored with `orders`."""
+    orders: Path | None = None
+    """CSV file of orders."""
+    seed: int = 0
+    duration_s: float = 3600.0
+    """Simulated time after which the run ends even if tasks are open [s]."""
+    fidelity: Fidelity = Fidelity.PHYSICS
+    grip: Grip = Grip.SUCTION
+    connect: Connect = Connect.DIRECT
+    collect_after_s: float = 5.0
+    """Time a delivered parcel stays on its slot before it is collected [s]."""
+    events: tuple[ScenarioEvent, ...] = ()
+    traffic: TrafficConfig = field(default_factory=TrafficConfig)
+    allocation: AllocationConfig = field(default_factory=AllocationConfig)
+    arms: ArmConfig = field(default_factory=ArmConfig)
+    estimate: EstimateConfig = field(default_factory=EstimateConfig)
+
+    def __post_init__(self) -> None:
+        require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
+        require(self.tasks is None or self.tasks >= 1, "--tasks", self.tasks, "an integer >= 1")
+        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        _positive("--duration", self.duration_s)
+        _not_negative("collect_after_s", self.collect_after_s)
+
+    @property
+    def n_tasks(self) -> int:
+        """Number of generated deliveries."""
+        return self.tasks if self.tasks is not None else max(6, 2 * self.robots)

@@ -1,0 +1,410 @@
+"""Dispatcher: connects tasks, cars and stations: who does what next, and when a station may begin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import StrEnum
+
+import numpy as np
+
+from fleet.config import RunConfig
+from fleet.executor import Executor
+from fleet.stations.arm_desk import ArmDesk
+from fleet.stations.service import ServiceState
+from fleet.stations.station import Station
+from fleet.stations.transfer import TRAY, TransferRequest
+from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.traffic import Traffic
+from fleet.world.protocol import FloatArray, ParcelBody, World
+from maps.lane_graph import LaneGraph
+from maps.site import Site
+from planners.allocation import ALLOCATORS
+from planners.allocation.problem import AllocationProblem
+
+LOADED_RANK_S = 30.0
+"""Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
+ON_SLOT_M = 0.05
+"""A delivered parcel lies within this of its slot's centre [m]."""
+MAX_ATTEMPTS = 3
+"""Transfers tried for one errand before its task fails."""
+
+Log = Callable[..., None]
+
+
+class CarPhase(StrEnum):
+    """What a car is about."""
+
+    IDLE = "idle"
+    TO_PICK = "to_pick"
+    LOADING = "loading"
+    TO_DROP = "to_drop"
+    UNLOADING = "unloading"
+    RECOVERING = "recovering"
+    DEAD = "dead"
+
+
+class Dispatcher:
+    """Missions of all cars.
+
+    Args:
+        site: Floor, stations, parking.
+        graph: Its lane graph.
+        config: Allocation, collection time.
+        board: The tasks.
+        stations: In the order of the arms.
+        desk: Arm planning and playback.
+        traffic: Takes goals.
+        executor: Tells where cars are.
+        world: Where parcels appear and vanish.
+        log: Called as ``log(kind, **facts)`` for every event.
+    """
+
+    def __init__(
+        self,
+        *,
+        site: Site,
+        graph: LaneGraph,
+        config: RunConfig,
+        board: TaskBoard,
+        stations: list[Station],
+        desk: ArmDesk,
+        traffic: Traffic,
+        executor: Executor,
+        world: World,
+        log: Log,
+    ) -> None:
+        self.board = board
+        self.stations = stations
+        self.phase = [CarPhase.IDLE] * world.n_cars
+        self.task_of: list[Task | None] = [None] * world.n_cars
+        self.loaded = np.zeros(world.n_cars, dtype=np.int64)
+        """1 for a car with a parcel, else 0."""
+        self.bound = np.zeros(world.n_cars, dtype=np.bool_)
+        """True for a car on its way to a station."""
+        self.entered_n = 0
+        self.left_n = 0
+        self._graph = graph
+        self._config = config
+        self._desk = desk
+        self._traffic = traffic
+        self._executor = executor
+        self._world = world
+        self._log = log
+        self._by_name = {station.name: station for station in stations}
+        self._allocator = ALLOCATORS[config.allocation.allocator]
+        self._attempts: dict[int, int] = {}
+        self._serving: dict[int, int] = {}
+        self._parking = _parking_states(site, graph)
+        self._rack_changed = True
+        self._changed = True
+
+    def tick(self, tick: int, now_s: float) -> None:
+        """Release, collect, allocate, and start or end services."""
+        self.board.release_due(now_s)
+        self._collect(now_s)
+        self._stock(now_s)
+        if self._changed:
+            self._changed = False
+            self._allocate(tick, now_s)
+            self._park(tick)
+        self._start_services(tick, now_s)
+        self._end_services(tick, now_s)
+
+    def retire(self, car: int, phase: CarPhase, now_s: float, reason: str) -> None:
+        """Take a car out of service; a task whose parcel it has not got yet goes back to the pool."""
+        task = self.task_of[car]
+        self._enter(car, phase)
+        if task is None:
+            return
+        if task.state is TaskState.ASSIGNED:
+            self._unassign(task, now_s, reason)
+        elif task.state is TaskState.CARRIED and phase is CarPhase.DEAD:
+            self.board.move(task, TaskState.FAILED, now_s, f"parcel stranded: {reason}")
+            self.task_of[car] = None
+            self._traffic.rank[car] = 0.0
+
+    def resume(self, car: int, tick: int) -> None:
+        """Bring a recovered car back into service with what it was doing."""
+        task = self.task_of[car]
+        if task is not None and task.state is TaskState.CARRIED:
+            self._enter(car, CarPhase.TO_DROP)
+            self._send_to(car, self._by_name[task.order.drop], tick)
+        else:
+            self._enter(car, CarPhase.IDLE)
+        self._changed = True
+
+    def parcels_where_booked(self) -> list[str]:
+        """Compare the books with the world; returns one line for each parcel that is not where the books say."""
+        poses = dict(zip(self._world.parcel_ids().tolist(), self._world.parcel_poses(), strict=True))
+        wrong = []
+        for task in self.board.tasks:
+            booked = _booked_in_world(task)
+            if booked is False and task.parcel in poses:
+                wrong.append(f"{task.order.name}: in the world, booked as {task.state}")
+            elif booked and task.parcel not in poses:
+                wrong.append(f"{task.order.name}: not in the world, booked as {task.state}")
+            elif booked and not self._is_where_booked(task, poses[task.parcel]):
+                x, y, z = poses[task.parcel][:3]
+                wrong.append(f"{task.order.name}: booked as {task.state}, lies at ({x:.2f}, {y:.2f}, {z:.2f})")
+        return wrong
+
+    def _enter(self, car: int, phase: CarPhase) -> None:
+        self.phase[car] = phase
+        self.loaded[car] = phase in (CarPhase.TO_DROP, CarPhase.UNLOADING)
+        self.bound[car] = phase in (CarPhase.TO_PICK, CarPhase.TO_DROP)
+
+    def _is_where_booked(self, task: Task, pose: FloatArray) -> bool:
+        if task.state in (TaskState.READY, TaskState.ASSIGNED) and task.pick_slot is not None:
+            return self._on_slot(self._by_name[task.order.pick], task.pick_slot, pose, task)
+        if task.state is TaskState.DELIVERED and task.drop_slot is not None:
+            return self._on_slot(self._by_name[task.order.drop], task.drop_slot, pose, task)
+        if task.state is TaskState.CARRIED and task.car is not None:
+            return self._in_tray(task.car, pose)
+        return True
+
+    def _on_slot(self, station: Station, slot: int, pose: FloatArray, task: Task) -> bool:
+        x, y, z = station.place.slots[slot]
+        off_m = float(np.hypot(pose[0] - x, pose[1] - y))
+        height_m = pose[2] - z
+        return off_m <= ON_SLOT_M and 0.0 < height_m <= max(task.order.size_m)
+
+    def _in_tray(self, car: int, pose: FloatArray) -> bool:
+        spec = self._desk.car
+        x, y, yaw = self._world.car_poses()[car]
+        dx, dy = pose[0] - x, pose[1] - y
+        ahead = np.cos(yaw) * dx + np.sin(yaw) * dy - spec.tray_x_m
+        left = -np.sin(yaw) * dx + np.cos(yaw) * dy
+        inside = abs(ahead) <= spec.tray_size_m[0] / 2 and abs(left) <= spec.tray_size_m[1] / 2
+        return bool(inside and pose[2] > spec.tray_floor_z_m - 0.02)
+
+    def _stock(self, now_s: float) -> None:
+        """Put the parcels of released orders on free pick slots."""
+        if not self._rack_changed and not self.board.count(TaskState.BACKLOG):
+            return
+        self._rack_changed = False
+        full: set[str] = set()
+        for task in self.board.in_state(TaskState.BACKLOG):
+            station = self._by_name[task.order.pick]
+            if station.name in full:
+                continue
+            slot = station.take_slot(task.index)
+            if slot is None:
+                full.add(station.name)
+                continue
+            task.pick_slot = slot
+            x, y, z = station.place.slots[slot]
+            size = task.order.size_m
+            pose = np.array([x, y, z + size[2] / 2 + 0.001, 0.0, 0.0, 0.0, 1.0])
+            self._world.add_parcel(
+                ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.order.mass_kg, pose=pose)
+            )
+            self.entered_n += 1
+            self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
+            self.board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
+            self._changed = True
+
+    def _collect(self, now_s: float) -> None:
+        for station in self.stations:
+            for slot in station.collect_due(now_s):
+                content = station.contents[slot]
+                task = self.board.tasks[content] if content is not None else None
+                if task is None or task.state is not TaskState.DELIVERED:
+                    continue
+                self._world.remove_parcel(task.parcel)
+                self.left_n += 1
+                station.free_slot(slot)
+                self._log("parcel_left", task=task.order.name, station=station.name, slot=slot)
+                self.board.move(task, TaskState.COLLECTED, now_s, "collected from its slot")
+
+    def _allocate(self, tick: int, now_s: float) -> None:
+        cars = [car for car, phase in enumerate(self.phase) if phase is CarPhase.IDLE]
+        tasks = self._candidates() if cars else []
+        if not tasks:
+            return
+        tails = self._executor.tail_states()[cars]
+        cost = np.empty((len(cars), len(tasks)))
+        for k, task in enumerate(tasks):
+            distance = self._traffic.tables.to(self._by_name[task.order.pick].dock_state)[tails].astype(np.float64)
+            reachable = distance < self._graph.n_states
+            waited_s = now_s - task.since_s[TaskState.READY]
+            cost[:, k] = np.where(reachable, distance - self._config.allocation.ageing_m_per_s * waited_s, np.inf)
+        for row, column in self._allocator(AllocationProblem(cost=cost)).pairs:
+            self._assign(cars[int(row)], tasks[int(column)], tick, now_s)
+
+    def _candidates(self) -> list[Task]:
+        """Ready tasks, oldest first, as many as the caps of their stations allow."""
+        cap = self._config.allocation.station_cap_n
+        bound: dict[str, int] = {}
+        for task in self.board.in_state(
+            TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING
+        ):
+            if task.state in (TaskState.ASSIGNED, TaskState.LOADING):
+                bound[task.order.pick] = bound.get(task.order.pick, 0) + 1
+            bound[task.order.drop] = bound.get(task.order.drop, 0) + 1
+        chosen = []
+        for task in self.board.in_state(TaskState.READY):
+            pick, drop = task.order.pick, task.order.drop
+            if bound.get(pick, 0) < cap and bound.get(drop, 0) < cap + 1:
+                bound[pick] = bound.get(pick, 0) + 1
+                bound[drop] = bound.get(drop, 0) + 1
+                chosen.append(task)
+        return chosen
+
+    def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        task.car = car
+        self.task_of[car] = task
+        self._enter(car, CarPhase.TO_PICK)
+        self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
+        self._send_to(car, self._by_name[task.order.pick], tick)
+
+    def _unassign(self, task: Task, now_s: float, reason: str) -> None:
+        if task.car is not None:
+            self.task_of[task.car] = None
+        task.car = None
+        self.board.move(task, TaskState.READY, now_s, reason)
+        self._changed = True
+
+    def _send_to(self, car: int, station: Station, tick: int) -> None:
+        self._traffic.rank[car] = LOADED_RANK_S if self.phase[car] is CarPhase.TO_DROP else 0.0
+        self._traffic.send(car, station.dock_state, stay=True, tick=tick)
+
+    def _park(self, tick: int) -> None:
+        """Send every idle car to the nearest parking place that no other idle car has."""
+        idle = [car for car, phase in enumerate(self.phase) if phase is CarPhase.IDLE]
+        taken = {int(self._traffic.goals[car]) for car in idle}
+        tails = self._executor.tail_states()
+        for car in idle:
+            if int(self._traffic.goals[car]) in self._parking:
+                continue
+            free = [state for state in self._parking if state not in taken]
+            if not free:
+                continue
+            goal = min(free, key=lambda state: (int(self._traffic.tables.to(state)[tails[car]]), state))
+            taken.add(goal)
+            self._traffic.rank[car] = 0.0
+            self._traffic.send(car, goal, stay=False, tick=tick)
+
+    def _start_services(self, tick: int, now_s: float) -> None:
+        for car, phase in enumerate(self.phase):
+            if phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP):
+                continue
+            task = self.task_of[car]
+            if task is None or not self._executor.idle(car):
+                continue
+            loading = phase is CarPhase.TO_PICK
+            station = self._by_name[task.order.pick if loading else task.order.drop]
+            if self._executor.tail_states()[car] != station.dock_state:
+                continue
+            if not self._desk.is_idle(station.arm):
+                continue
+            if not loading and task.drop_slot is None:
+                task.drop_slot = station.take_slot(task.index)
+                if task.drop_slot is None:
+                    continue
+            self._enter(car, CarPhase.LOADING if loading else CarPhase.UNLOADING)
+            state = TaskState.LOADING if loading else TaskState.UNLOADING
+            self.board.move(task, state, now_s, f"car_{car} stands at {station.name}")
+            self._traffic.set_fixed(car, True)
+            self._executor.close(self._dock_cell(station))
+            self._serving[station.arm] = car
+            self._world.set_serving(station.arm, car)
+            self._request(station, task, car, tick)
+
+    def _request(self, station: Station, task: Task, car: int, tick: int) -> None:
+        pose = self._world.parcel_poses()[int(np.searchsorted(self._world.parcel_ids(), task.parcel))]
+        loading = task.state is TaskState.LOADING
+        slot = task.pick_slot if loading else task.drop_slot
+        if slot is None:
+            raise AssertionError("a task in service has a slot")
+        self._attempts[task.index] = self._attempts.get(task.index, 0) + 1
+        self._desk.submit(
+            TransferRequest(
+                arm=station.arm,
+                parcel=task.parcel,
+                size_m=task.order.size_m,
+                pick_pose=pose,
+                pick_via=slot if loading else TRAY,
+                place_via=TRAY if loading else slot,
+                car_pose=self._executor.driver.estimate[car].copy(),
+                seed=self._config.seed * 1_000_003 + task.index * 16 + self._attempts[task.index],
+            ),
+            tick,
+        )
+
+    def _end_services(self, tick: int, now_s: float) -> None:
+        for arm, car in list(self._serving.items()):
+            station = self.stations[arm]
+            service = self._desk.services[arm]
+            task = self.task_of[car]
+            if task is not None and service.dock_is_clear and task.state in (TaskState.LOADING, TaskState.UNLOADING):
+                self._judge(station, task, car, service.state, tick, now_s)
+            if self._desk.is_idle(arm) and self.phase[car] not in (CarPhase.LOADING, CarPhase.UNLOADING):
+                del self._serving[arm]
+                self._world.set_serving(arm, -1)
+                self._executor.open(self._dock_cell(station))
+
+    def _judge(self, station: Station, task: Task, car: int, state: ServiceState, tick: int, now_s: float) -> None:
+        """Look where the parcel really is, now that the arm is clear of the car, and draw the consequence."""
+        loading = task.state is TaskState.LOADING
+        pose = self._world.parcel_poses()[int(np.searchsorted(self._world.parcel_ids(), task.parcel))]
+        if state in (ServiceState.DONE, ServiceState.MOVING, ServiceState.IDLE):
+            if loading and self._in_tray(car, pose):
+                self._loaded(station, task, car, tick, now_s)
+                return
+            if not loading and task.drop_slot is not None and self._on_slot(station, task.drop_slot, pose, task):
+                self._delivered(station, task, car, tick, now_s)
+                return
+        if not self._desk.is_idle(station.arm):
+            return
+        at_source = (
+            self._on_slot(station, task.pick_slot, pose, task)
+            if loading and task.pick_slot is not None
+            else self._in_tray(car, pose)
+        )
+        if at_source and self._attempts[task.index] < MAX_ATTEMPTS:
+            self._log("transfer_repeated", task=task.order.name, station=station.name, cause=self._desk.reason(arm=station.arm))
+            self._request(station, task, car, tick)
+            return
+        x, y, z = (round(float(v), 3) for v in pose[:3])
+        reason = f"{self._desk.reason(arm=station.arm)} at {station.name}; parcel lies at ({x}, {y}, {z})"
+        self.board.move(task, TaskState.FAILED, now_s, reason)
+        self._release_car(car)
+
+    def _loaded(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
+        if task.pick_slot is not None:
+            station.free_slot(task.pick_slot)
+        self._attempts[task.index] = 0
+        self._rack_changed = True
+        self.board.move(task, TaskState.CARRIED, now_s, f"measured in the tray of car_{car}")
+        self._enter(car, CarPhase.TO_DROP)
+        self._traffic.set_fixed(car, False)
+        self._send_to(car, self._by_name[task.order.drop], tick)
+        self._changed = True
+
+    def _delivered(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
+        self.board.move(task, TaskState.DELIVERED, now_s, f"measured on slot {task.drop_slot} of {station.name}")
+        if task.drop_slot is not None:
+            station.collect_at(now_s + self._config.collect_after_s, task.drop_slot)
+        self._release_car(car)
+
+    def _release_car(self, car: int) -> None:
+        self.task_of[car] = None
+        self._enter(car, CarPhase.IDLE)
+        self._traffic.set_fixed(car, False)
+        self._traffic.rank[car] = 0.0
+        self._changed = True
+
+    def _dock_cell(self, station: Station) -> int:
+        return int(self._graph.state_cell[station.dock_state])
+
+
+def _booked_in_world(task: Task) -> bool | None:
+    """Whether the books hold a parcel; None for a failed task, whose parcel may lie anywhere."""
+    if task.state is TaskState.FAILED:
+        return None
+    return task.state not in (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED)
+
+
+def _parking_states(site: Site, graph: LaneGraph) -> tuple[int, ...]:
+    """One state for each parking cell."""
+    return tuple(int(graph.states_of_cell(cell)[0]) for cell in site.parking)

@@ -1,0 +1,113 @@
+"""Disturbances: the scenario's seeded timeline of things that go wrong."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fleet.config import ScenarioEvent, require
+from fleet.dispatcher import CarPhase
+
+if TYPE_CHECKING:
+    from fleet.simulation import Simulation
+
+OBSTACLE_HALF_M = (0.25, 0.25, 0.2)
+"""Half size of the box that blocks a lane [m]."""
+
+
+class Disturbances:
+    """Applies events at their times.
+
+    Args:
+        simulation: The run they happen to.
+        events: In any order.
+
+    Raises:
+        ConfigError: An event's target does not exist.
+    """
+
+    def __init__(self, simulation: Simulation, events: Sequence[ScenarioEvent]) -> None:
+        self._simulation = simulation
+        for event in events:
+            self._target(event)
+        self._timeline = deque(sorted(events, key=lambda event: event.time_s))
+        self._ends: list[tuple[float, str, int]] = []
+
+    def tick(self, tick: int) -> None:
+        """Apply what is due and end what has lasted long enough."""
+        del tick
+        now_s = self._simulation.sim_s
+        while self._timeline and self._timeline[0].time_s <= now_s:
+            self._apply(self._timeline.popleft(), now_s)
+        for end in [end for end in self._ends if end[0] <= now_s]:
+            self._ends.remove(end)
+            self._end(end[1], end[2])
+
+    def _apply(self, event: ScenarioEvent, now_s: float) -> None:
+        simulation = self._simulation
+        target = self._target(event)
+        parameters = event.parameters
+        if event.kind == "car_dead":
+            simulation.recovery.abandon(target)
+            simulation.driver.stop(target)
+            simulation.executor.halt(target)
+            simulation.dispatcher.retire(target, CarPhase.DEAD, now_s, f"car_{target} is dead")
+            simulation.traffic.set_dead(target)
+        elif event.kind == "car_pushed":
+            simulation.world.push_car(
+                target, parameters.get("dx_m", 0.0), parameters.get("dy_m", 0.0), parameters.get("dyaw_rad", 0.0)
+            )
+        elif event.kind == "arm_slow":
+            simulation.desk.slow(target, parameters.get("factor", 0.5))
+            self._ends.append((now_s + parameters.get("duration_s", 60.0), event.kind, target))
+        elif not self._block(target):
+            # Somebody is in the cell: the obstacle falls as soon as it is free.
+            later = ScenarioEvent(
+                time_s=now_s + simulation.tick_s, kind=event.kind, target=event.target, parameters=parameters
+            )
+            self._timeline.append(later)
+            self._timeline = deque(sorted(self._timeline, key=lambda e: e.time_s))
+            return
+        else:
+            self._ends.append((now_s + parameters.get("duration_s", 60.0), event.kind, target))
+        simulation.log("disturbance", disturbance=event.kind, target=event.target, **parameters)
+
+    def _block(self, cell: int) -> bool:
+        simulation = self._simulation
+        if not simulation.executor.close_if_free(cell):
+            return False
+        x, y = simulation.site.grid.xy(*simulation.site.grid.row_col(cell))
+        simulation.world.add_obstacle(cell, np.array([x, y, OBSTACLE_HALF_M[2]]), np.array(OBSTACLE_HALF_M))
+        simulation.traffic.set_blocked(cell, True)
+        return True
+
+    def _end(self, kind: str, target: int) -> None:
+        simulation = self._simulation
+        if kind == "arm_slow":
+            simulation.desk.slow(target, 1.0)
+            simulation.log("disturbance_over", disturbance=kind, target=f"arm_{target}")
+        else:
+            simulation.world.remove_obstacle(target)
+            simulation.traffic.set_blocked(target, False)
+            simulation.executor.open(target)
+            row, col = simulation.site.grid.row_col(target)
+            simulation.log("disturbance_over", disturbance=kind, target=f"{row},{col}")
+
+    def _target(self, event: ScenarioEvent) -> int:
+        simulation = self._simulation
+        if event.kind == "lane_blocked":
+            grid = simulation.site.grid
+            parts = event.target.split(",")
+            numbers = [int(part) for part in parts if part.strip().isdigit()]
+            ok = len(parts) == len(numbers) == 2 and numbers[0] < grid.rows and numbers[1] < grid.cols  # noqa: PLR2004
+            ok = ok and bool(grid.free[numbers[0], numbers[1]])
+            require(ok, f"target of {event.kind}", event.target, "row,col of a free cell")
+            return int(grid.index(numbers[0], numbers[1]))
+        prefix, n = ("arm_", simulation.world.n_arms) if event.kind == "arm_slow" else ("car_", simulation.world.n_cars)
+        number = event.target.removeprefix(prefix)
+        ok = event.target.startswith(prefix) and number.isdigit() and int(number) < n
+        require(ok, f"target of {event.kind}", event.target, f"{prefix}0 to {prefix}{n - 1}")
+        return int(number)

@@ -1,0 +1,212 @@
+"""Drivers: granted moves become car commands, by path following in continuous worlds and by states on the grid."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import EstimateConfig
+from fleet.robots.estimator import PoseEstimator
+from fleet.robots.pursuit import Follower, PathBuffer
+from fleet.robots.spec import CarSpec
+from fleet.world.protocol import FloatArray, World
+from maps.lane_graph import LaneGraph, MoveKind
+
+RELEASE_M = 0.05
+"""A move counts as done, and what it swept is released, this far before its end [m] (docs/conventions.md)."""
+AT_REST_M, AT_REST_MPS = 0.02, 0.02
+"""A car stands at its stop when it is this close and this slow."""
+OFF_LANE_M, OFF_LANE_RAD = 0.20, 0.6
+"""Beyond this cross-track or heading error a car has left its lane; normal following stays below 0.05 m."""
+PASS_SPEED_MPS = 1.0
+"""Travel speed in aisles."""
+
+
+class Driver(Protocol):
+    """Moves cars along what they were granted."""
+
+    estimate: FloatArray
+    """Where the cars are believed to be, x, y, yaw, shape (n_cars, 3)."""
+
+    def append(self, car: int, move: int) -> None:
+        """Extend a car's path by a granted move of the lane graph."""
+
+    def commands(self, world: World) -> FloatArray:
+        """Sense, and say what every car does this tick; shape (n_cars, 2)."""
+
+    def finished(self) -> list[int]:
+        """Cars whose oldest granted move ended since the last call; a car may stand in it more than once."""
+
+    def at_rest(self, car: int) -> bool:
+        """True when a car stands at the end of what it was granted."""
+
+    def remaining(self, car: int) -> FloatArray:
+        """The granted path ahead of a car as points x, y, shape (k, 2)."""
+
+    def off_lane(self) -> list[int]:
+        """Cars that are not where their path is."""
+
+    def stop(self, car: int) -> None:
+        """Stand still from now on, whatever was granted."""
+
+
+class PathDriver:
+    """Pure pursuit along granted paths, on an estimated pose.
+
+    Args:
+        graph: Lane graph whose moves are driven.
+        spec: The car model.
+        start_poses: Rear-axle poses, shape (n_cars, 3); each on its start state.
+        tick_s: Control period [s].
+        config: Quality of the pose estimate.
+        rng: Source of measurement noise.
+    """
+
+    def __init__(
+        self,
+        graph: LaneGraph,
+        spec: CarSpec,
+        start_poses: FloatArray,
+        tick_s: float,
+        config: EstimateConfig,
+        rng: np.random.Generator,
+    ) -> None:
+        n_cars = len(start_poses)
+        self._graph = graph
+        self.paths = PathBuffer(n_cars)
+        for car in range(n_cars):
+            self.paths.reset(car, start_poses[car])
+        self.follower = Follower(spec, n_cars, tick_s)
+        self.estimator = PoseEstimator(
+            spec,
+            n_cars,
+            tick_s,
+            noise_m=config.noise_m,
+            noise_rad=config.noise_rad,
+            latency_ticks=config.latency_ticks,
+            rng=rng,
+        )
+        self._ends: list[deque[float]] = [deque() for _ in range(n_cars)]
+        self._next_end = np.full(n_cars, np.inf)
+        self._stop_s = np.array([self.paths.end_s(car) for car in range(n_cars)])
+        self._speed_cap = np.full(n_cars, PASS_SPEED_MPS)
+        self._speeds = np.zeros(n_cars)
+        self.estimate = start_poses.copy()
+
+    def append(self, car: int, move: int) -> None:
+        """See `Driver`."""
+        graph = self._graph
+        a, b = graph.path_ptr[move], graph.path_ptr[move + 1]
+        direction = -1 if graph.move_kind[move] == MoveKind.REVERSE else 1
+        self.append_points(car, graph.path_points[a:b], graph.path_s[a:b], direction)
+        self._ends[car].append(self._stop_s[car])
+        self._next_end[car] = self._ends[car][0]
+
+    def append_points(self, car: int, points: FloatArray, s_m: FloatArray, direction: int) -> None:
+        """Extend a car's path by free points (a manoeuvre), without a move of the lane graph."""
+        self.paths.trim(car)
+        self.paths.append(car, points, s_m, direction)
+        self._stop_s[car] = self.paths.end_s(car)
+
+    def restart(self, car: int) -> None:
+        """Forget a car's path and begin anew where it is believed to stand."""
+        self.paths.reset(car, self.estimate[car])
+        self.follower.reset(car)
+        self._ends[car].clear()
+        self._next_end[car] = np.inf
+        self._stop_s[car] = self.paths.end_s(car)
+        self._speed_cap[car] = PASS_SPEED_MPS
+
+    def commands(self, world: World) -> FloatArray:
+        """See `Driver`."""
+        self._speeds = world.car_speeds()
+        self.estimate = self.estimator.update(world.car_poses(), self._speeds, world.car_steering())
+        return self.follower.commands(self.paths, self.estimate, self._speeds, self._stop_s, self._speed_cap)
+
+    def finished(self) -> list[int]:
+        """See `Driver`."""
+        out = []
+        for car in np.nonzero(self.follower.progress >= self._next_end - RELEASE_M)[0].tolist():
+            ends = self._ends[car]
+            while ends and self.follower.progress[car] >= ends[0] - RELEASE_M:
+                ends.popleft()
+                out.append(car)
+            self._next_end[car] = ends[0] if ends else np.inf
+        return out
+
+    def at_rest(self, car: int) -> bool:
+        """See `Driver`."""
+        near = abs(self._stop_s[car] - self.follower.progress[car]) < AT_REST_M
+        return bool(near and abs(self._speeds[car]) < AT_REST_MPS)
+
+    def remaining(self, car: int) -> FloatArray:
+        """See `Driver`."""
+        count = int(self.paths.count[car])
+        ahead = self.paths.s[car, :count] >= self.follower.progress[car]
+        return self.paths.points[car, :count, :2][ahead]
+
+    def off_lane(self) -> list[int]:
+        """See `Driver`."""
+        off = (np.abs(self.follower.cross_track) > OFF_LANE_M) | (np.abs(self.follower.heading_error) > OFF_LANE_RAD)
+        return np.nonzero(off)[0].tolist()
+
+    def stop(self, car: int) -> None:
+        """See `Driver`."""
+        self._speed_cap[car] = 0.0
+
+
+class StateDriver:
+    """Steps from state to state on the grid.
+
+    Args:
+        graph: Lane graph whose moves are driven.
+        start_states: State ids, shape (n_cars,).
+    """
+
+    def __init__(self, graph: LaneGraph, start_states: npt.NDArray[np.int32]) -> None:
+        self._graph = graph
+        self._state = start_states.astype(np.int64)
+        self.estimate = graph.state_pose[start_states]
+        self._targets: list[deque[int]] = [deque() for _ in start_states]
+        self._done: list[int] = []
+        self._stopped = np.zeros(len(start_states), dtype=np.bool_)
+
+    def append(self, car: int, move: int) -> None:
+        """See `Driver`."""
+        self._targets[car].append(int(self._graph.move_to[move]))
+
+    def commands(self, world: World) -> FloatArray:
+        """See `Driver`."""
+        poses = self.estimate = world.car_poses()
+        commands = np.zeros((len(self._state), 2))
+        for car, targets in enumerate(self._targets):
+            if targets and np.array_equal(poses[car], self._graph.state_pose[targets[0]]):
+                self._state[car] = targets.popleft()
+                self._done.append(car)
+            go = targets and not self._stopped[car]
+            commands[car, 0] = targets[0] if go else self._state[car]
+        return commands
+
+    def finished(self) -> list[int]:
+        """See `Driver`."""
+        done, self._done = self._done, []
+        return done
+
+    def at_rest(self, car: int) -> bool:
+        """See `Driver`."""
+        return not self._targets[car]
+
+    def remaining(self, car: int) -> FloatArray:
+        """See `Driver`."""
+        return self._graph.state_pose[[int(self._state[car]), *self._targets[car]], :2]
+
+    def off_lane(self) -> list[int]:
+        """See `Driver`."""
+        return []
+
+    def stop(self, car: int) -> None:
+        """See `Driver`."""
+        self._stopped[car] = True

@@ -1,0 +1,112 @@
+"""Executor: a plan becomes grants, in the order its dependency graph allows; no grant, no motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import TrafficConfig
+from fleet.driving import Driver
+from fleet.world.protocol import FloatArray, World
+from maps.lane_graph import LaneGraph
+from planners.execution.dependency_graph import DependencyGraph
+from planners.mapf.problem import Plan
+
+
+class Executor:
+    """Grants moves and drives the cars through them.
+
+    Args:
+        graph: Lane graph the plans live on.
+        start_states: State of each car, shape (n_cars,); distinct cells.
+        driver: Turns granted moves into commands.
+        config: How many moves a car may hold at once.
+    """
+
+    def __init__(
+        self, graph: LaneGraph, start_states: npt.NDArray[np.int32], driver: Driver, config: TrafficConfig
+    ) -> None:
+        self.graph = graph
+        self.driver = driver
+        self.dependencies = DependencyGraph(graph, start_states)
+        self._config = config
+        self._n_cars = len(start_states)
+        self._closed: set[int] = set()
+        self._dirty = True
+
+    def accept(self, plan: Plan) -> None:
+        """Append a plan whose first row equals `tail_states`."""
+        self.dependencies.extend(plan)
+        self._dirty = True
+
+    def cut(self) -> npt.NDArray[np.int32]:
+        """Drop what is not needed until the next plan lands; returns the states plans start from, shape (n_cars,)."""
+        return self.dependencies.commit_cut(self._config.commit_moves_n)
+
+    def tail_states(self) -> npt.NDArray[np.int32]:
+        """State each car stands in when all it has is done, shape (n_cars,)."""
+        return self.dependencies.tail_states()
+
+    def close(self, cell: int) -> None:
+        """Grant nobody entry to a cell until `open`; cars that hold it keep it."""
+        self._closed.add(cell)
+
+    def open(self, cell: int) -> None:
+        """End a `close`."""
+        self._closed.discard(cell)
+        self._dirty = True
+
+    def close_if_free(self, cell: int) -> bool:
+        """Close a cell unless a car holds it; returns whether it was closed."""
+        if any(cell in self.dependencies.held_cells(car) for car in range(self._n_cars)):
+            return False
+        self._closed.add(cell)
+        return True
+
+    def halt(self, car: int) -> None:
+        """Drop a car's moves that are not granted, and whatever depends on them."""
+        self.dependencies.halt(car)
+        self._dirty = True
+
+    def planned_line(self, car: int) -> FloatArray:
+        """Centre line of a car's moves that are planned and not granted, points x, y, shape (k, 2)."""
+        graph = self.graph
+        moves = self.dependencies.next_moves(car)
+        if not moves:
+            return np.empty((0, 2))
+        return np.concatenate([graph.path_points[graph.path_ptr[m] : graph.path_ptr[m + 1], :2] for m in moves])
+
+    def relocate(self, car: int, state: int) -> None:
+        """Say that a car stands in another state after a manoeuvre off the lane graph."""
+        self.dependencies.relocate(car, state)
+        self._dirty = True
+
+    def idle(self, car: int) -> bool:
+        """True when a car has no move left and stands still."""
+        dependencies = self.dependencies
+        nothing = dependencies.n_queued(car) == 0 and dependencies.n_granted(car) == 0
+        return nothing and self.driver.at_rest(car)
+
+    def tick(self, world: World) -> FloatArray:
+        """Sense, release what was passed, grant what became free.
+
+        Returns:
+            Car commands, shape (n_cars, 2).
+        """
+        commands = self.driver.commands(world)
+        for car in self.driver.finished():
+            self.dependencies.finish(car)
+            self._dirty = True
+        if self._dirty:
+            self._grant()
+            self._dirty = False
+        return commands
+
+    def _grant(self) -> None:
+        dependencies = self.dependencies
+        for car in range(self._n_cars):
+            while dependencies.n_granted(car) < self._config.grant_moves_n and dependencies.grantable(car):
+                move = dependencies.next_moves(car)[0]
+                if self.graph.state_cell[self.graph.move_to[move]] in self._closed:
+                    break
+                self.driver.append(car, dependencies.grant(car))

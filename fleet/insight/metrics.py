@@ -1,0 +1,105 @@
+"""Metrics: what a run achieved, counted from what was executed, never from what was planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.tasks.board import TaskState
+from fleet.world.protocol import FloatArray
+
+if TYPE_CHECKING:
+    from fleet.simulation import Simulation
+
+STANDING_MPS = 0.05
+"""Below this speed a car stands."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """Figures of a run."""
+
+    tasks_total: int
+    tasks_done: int
+    tasks_failed: int
+    sim_s: float
+    throughput_per_h: float
+    task_time_mean_s: float | None
+    """From release to delivery [s]; None when nothing was delivered."""
+    task_time_p95_s: float | None
+    distance_loaded_m: float
+    distance_empty_m: float
+    waiting_s: float
+    """Time cars with a mission stood in the lanes, all cars together [s]."""
+    arm_utilisation: float
+    """Share of the time that arms planned or moved, mean over arms."""
+    robot_contacts: int
+    static_contacts: int
+    min_clearance_m: float | None
+    """None when no two robots ever came near each other."""
+    parcel_balance: int
+    parcels_misplaced: int
+    """Parcels that are not where the books say, looked up in the world."""
+    state_hash: str
+
+
+class Metrics:
+    """Sums per car, updated every tick.
+
+    Args:
+        n_cars: Number of cars.
+        tick_s: Length of a tick [s].
+    """
+
+    def __init__(self, n_cars: int, tick_s: float) -> None:
+        self._tick_s = tick_s
+        self._distance_m = np.zeros((2, n_cars))
+        self._waiting_s = np.zeros(n_cars)
+        self._cars = np.arange(n_cars)
+
+    def tick(self, speeds: FloatArray, loaded: npt.NDArray[np.int64], bound: npt.NDArray[np.bool_]) -> None:
+        """Add one tick.
+
+        Args:
+            speeds: Signed speeds [m/s], shape (n_cars,).
+            loaded: 1 for a car with a parcel, else 0, shape (n_cars,).
+            bound: True for a car on its way to a station, shape (n_cars,).
+        """
+        speed = np.abs(speeds)
+        self._distance_m[loaded, self._cars] += speed * self._tick_s
+        self._waiting_s += (bound & (speed < STANDING_MPS)) * self._tick_s
+
+    def summary(self, simulation: Simulation) -> Summary:
+        """Figures of the run so far."""
+        board, world = simulation.board, simulation.world
+        done = [
+            task
+            for task in board.in_state(TaskState.DELIVERED, TaskState.COLLECTED)
+            if TaskState.DELIVERED in task.since_s
+        ]
+        times = [task.since_s[TaskState.DELIVERED] - task.since_s[TaskState.BACKLOG] for task in done]
+        contacts = world.contacts()
+        clearance = world.min_clearance_m()
+        sim_s = simulation.sim_s
+        return Summary(
+            tasks_total=len(board.tasks),
+            tasks_done=len(done),
+            tasks_failed=board.count(TaskState.FAILED),
+            sim_s=round(sim_s, 3),
+            throughput_per_h=round(len(done) * 3600.0 / sim_s, 2) if sim_s > 0 else 0.0,
+            task_time_mean_s=round(float(np.mean(times)), 2) if times else None,
+            task_time_p95_s=round(float(np.percentile(times, 95)), 2) if times else None,
+            distance_loaded_m=round(float(self._distance_m[1].sum()), 2),
+            distance_empty_m=round(float(self._distance_m[0].sum()), 2),
+            waiting_s=round(float(self._waiting_s.sum()), 2),
+            arm_utilisation=round(float(np.mean(simulation.desk.busy_s())) / sim_s, 4) if sim_s > 0 else 0.0,
+            robot_contacts=contacts.robot,
+            static_contacts=contacts.static,
+            min_clearance_m=round(clearance, 4) if np.isfinite(clearance) else None,
+            parcel_balance=simulation.parcel_balance(),
+            parcels_misplaced=len(simulation.dispatcher.parcels_where_booked()),
+            state_hash=simulation.state_hash(),
+        )

@@ -1,0 +1,71 @@
+"""Palette: colours of the recording, as 0xRRGGBBAA integers."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+_GOLDEN = 0.6180339887498949
+"""Fraction of the hue circle between consecutive ids: neighbours differ most (golden angle)."""
+
+STATE_COLOURS = {
+    "idle": 0x6B7280FF,
+    "driving": 0x3B82F6FF,
+    "waiting": 0xF59E0BFF,
+    "docked": 0x8B5CF6FF,
+    "fault": 0xEF4444FF,
+    "dead": 0xEF4444FF,
+    "blocked": 0xDC6803FF,
+    "rejoining": 0xEC4899FF,
+    "charging": 0x14B8A6FF,
+    "planning": 0xFACC15FF,
+    "moving": 0x10B981FF,
+    "picking": 0x10B981FF,
+    "placing": 0x22C3E6FF,
+    "slow": 0xF97316FF,
+    "ordered": 0x4B5563FF,
+    "backlog": 0x9CA3AFFF,
+    "ready": 0xFACC15FF,
+    "assigned": 0x3B82F6FF,
+    "loading": 0x8B5CF6FF,
+    "carried": 0x22C3E6FF,
+    "unloading": 0xEC4899FF,
+    "delivered": 0x22C55EFF,
+    "collected": 0x166534FF,
+    "failed": 0xEF4444FF,
+}
+"""Colours of the states of cars, arms and tasks; an unknown state gets a colour of its own from its name."""
+
+BOX_COLOURS = {"wall": 0x64748BFF, "shelf": 0xA98357FF, "pedestal": 0xB8C0CCFF}
+BOX_DEFAULT = 0x808080FF
+FLOOR = 0x2A2F38FF
+LANE = 0x59647499
+PARKING = 0x3A4656FF
+DOCK = 0x4A3F6BFF
+LABEL = 0xE5E7EBFF
+
+
+def identity_colour(identity: int, *, value: float = 0.95, alpha: int = 255) -> int:
+    """A colour that stays with an id for the whole run."""
+    red, green, blue = colorsys.hsv_to_rgb((0.55 + identity * _GOLDEN) % 1.0, 0.7, value)
+    return (int(red * 255) << 24) | (int(green * 255) << 16) | (int(blue * 255) << 8) | alpha
+
+
+def identity_colours(identities: Iterable[int], *, value: float = 0.95, alpha: int = 255) -> npt.NDArray[np.uint32]:
+    """Colours of several ids, shape (k,)."""
+    return np.array([identity_colour(int(i), value=value, alpha=alpha) for i in identities], np.uint32)
+
+
+def state_colour(state: str) -> int:
+    """Colour of a state; the same name always gets the same colour."""
+    known = STATE_COLOURS.get(state)
+    return known if known is not None else identity_colour(sum(state.encode()), value=0.8)
+
+
+def packed(rgba: tuple[float, float, float, float]) -> int:
+    """Pack components in [0, 1] into one integer."""
+    red, green, blue, alpha = (round(255 * min(1.0, max(0.0, c))) for c in rgba)
+    return (red << 24) | (green << 16) | (blue << 8) | alpha

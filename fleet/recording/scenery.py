@@ -1,0 +1,155 @@
+"""Scenery: what a recording draws once, before the first frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from fleet.recording import palette
+from fleet.recording.frame import FloorPlan
+from fleet.recording.poses import Part
+from fleet.world.scene import Scene
+
+CAMERA = "world/top"
+_LABEL_Z = 1.45
+"""Above the reach of an arm at rest [m]."""
+_CAMERA_Z = 400.0
+"""So far up that the projection is nearly parallel [m]."""
+PIXELS_PER_M = 24.0
+"""Resolution of the top-down camera; labels have a fixed size in these pixels."""
+_LANE_SHARE = 0.55
+"""Part of a lane's length that its arrow covers."""
+_MEDIA = {".stl": rr.MediaType.STL, ".obj": rr.MediaType.OBJ}
+
+
+def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: FloorPlan) -> None:
+    """Log floor, boxes, lanes, parking, docks, station names and the top-down camera."""
+    width, depth = scene.size_m
+    rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    rec.log(
+        "world/floor/ground",
+        rr.Boxes3D(
+            centers=[(width / 2, depth / 2, -0.02)],
+            half_sizes=[(width / 2, depth / 2, 0.01)],
+            colors=_colours([palette.FLOOR]),
+            fill_mode="solid",
+        ),
+        static=True,
+    )
+    for kind in sorted({box.kind for box in scene.boxes}):
+        boxes = [box for box in scene.boxes if box.kind == kind]
+        rec.log(
+            f"world/boxes/{kind}",
+            rr.Boxes3D(
+                centers=[box.centre_m for box in boxes],
+                half_sizes=[box.half_m for box in boxes],
+                colors=_colours([palette.BOX_COLOURS.get(kind, palette.BOX_DEFAULT)] * len(boxes)),
+                fill_mode="solid",
+            ),
+            static=True,
+        )
+    _log_plates(rec, "world/floor/parking", floor.parking_xy, palette.PARKING)
+    _log_plates(rec, "world/floor/docks", floor.dock_xy, palette.DOCK)
+    if len(floor.lanes):
+        start, end = floor.lanes[:, 0], floor.lanes[:, 1]
+        middle, half = (start + end) / 2, (end - start) * (_LANE_SHARE / 2)
+        rec.log(
+            "world/floor/lanes",
+            rr.Arrows3D(
+                origins=_at_height(middle - half, 0.005),
+                vectors=_at_height(2 * half, 0.0),
+                colors=_colours([palette.LANE]),
+                radii=0.012,
+            ),
+            static=True,
+        )
+    if floor.station_names:
+        rec.log(
+            "world/labels",
+            rr.Points3D(
+                _at_height(floor.station_xy, _LABEL_Z),
+                labels=list(floor.station_names),
+                colors=_colours([palette.LABEL]),
+                radii=0.01,
+                show_labels=True,
+            ),
+            static=True,
+        )
+    rec.log(
+        CAMERA,
+        rr.Transform3D(translation=(width / 2, depth / 2, _CAMERA_Z), quaternion=(1.0, 0.0, 0.0, 0.0)),
+        rr.Pinhole(
+            resolution=(width * PIXELS_PER_M, depth * PIXELS_PER_M),
+            focal_length=_CAMERA_Z * PIXELS_PER_M,
+            camera_xyz=rr.ViewCoordinates.RDF,
+            image_plane_distance=1.0,
+        ),
+        static=True,
+    )
+
+
+def log_part(rec: rr.RecordingStream, path: str, part: Part, n_robots: int) -> None:
+    """Log the shape of a part; its instances come with the poses.
+
+    A mesh is stored once, without its texture (Asset3D reads none), tinted with the part's colour.
+    """
+    if part.mesh is not None:
+        rec.log(
+            path,
+            rr.Asset3D(
+                contents=part.mesh.read_bytes(),
+                media_type=_MEDIA[part.mesh.suffix.lower()],
+                albedo_factor=palette.packed(part.visuals[0].rgba),
+            ),
+            static=True,
+        )
+        return
+    rec.log(
+        path,
+        rr.Boxes3D(
+            half_sizes=np.repeat([np.asarray(v.size_m) / 2 for v in part.visuals], n_robots, axis=0),
+            colors=_colours(np.repeat([palette.packed(v.rgba) for v in part.visuals], n_robots).tolist()),
+            fill_mode="solid",
+        ),
+        static=True,
+    )
+
+
+def log_tags(rec: rr.RecordingStream, path: str, n_cars: int, size_m: tuple[float, float]) -> None:
+    """Log the coloured plates with the cars' names that lie under the cars."""
+    rec.log(
+        path,
+        rr.Boxes3D(
+            half_sizes=[(size_m[0] / 2, size_m[1] / 2, 0.004)] * n_cars,
+            colors=palette.identity_colours(range(n_cars)),
+            labels=[f"car_{i}" for i in range(n_cars)],
+            show_labels=True,
+            fill_mode="solid",
+        ),
+        static=True,
+    )
+
+
+def _log_plates(rec: rr.RecordingStream, path: str, xy: np.ndarray, colour: int) -> None:
+    if not len(xy):
+        return
+    rec.log(
+        path,
+        rr.Boxes3D(
+            centers=_at_height(xy, -0.008),
+            half_sizes=[(0.42, 0.42, 0.008)] * len(xy),
+            colors=_colours([colour] * len(xy)),
+            fill_mode="solid",
+        ),
+        static=True,
+    )
+
+
+def _at_height(xy: np.ndarray, z: float) -> np.ndarray:
+    """Append a height to points on the floor, (k, 2) -> (k, 3)."""
+    return np.column_stack([xy, np.full(len(xy), z)])
+
+
+def _colours(packed: list[int]) -> np.ndarray:
+    """An array, because rerun takes a list of integers for the components of one colour."""
+    return np.array(packed, np.uint32)

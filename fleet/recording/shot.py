@@ -1,0 +1,156 @@
+"""Shot: a picture of a recording without a display: ``python -m fleet.recording.shot RRD PNG --time 6``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fleet.recording.cli import quiet_environment, rerun_program
+from fleet.recording.errors import RecordingError
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
+
+_PACKAGES = "mesa-vulkan-drivers libvulkan1 libgl1 libegl1"
+_START_S = 20.0
+"""Wall time given to the viewer to answer [s]."""
+_LOAD_S = 120.0
+"""Wall time given to it to read the recording [s]."""
+_SETTLE_S = 6.5
+"""Messages of the viewer stay about 5 s of painted time; plots and labels settle within it [s]."""
+_SOFTWARE_VULKAN = Path("/usr/share/vulkan/icd.d")
+
+
+def screenshot(
+    rrd: Path,
+    png: Path,
+    *,
+    time_s: float | None = None,
+    size: tuple[int, int] = (1600, 900),
+    view: str | None = None,
+) -> tuple[str, ...]:
+    """Paint a recording at one time and save the picture.
+
+    Args:
+        rrd: Recording.
+        png: Picture to write.
+        time_s: Simulated time [s]; None = where the recording opens.
+        size: Width and height [px].
+        view: Name of the one view to paint; None = the whole window.
+
+    Returns:
+        Complaints of the viewer, none if all is well.
+
+    Raises:
+        RecordingError: The file or view is missing, or the viewer does not run here.
+
+    Source: the viewer paints on demand when headless and takes `--screenshot-to` before views have loaded, hence
+        the client and the repeated painting.
+    """
+    if not rrd.is_file():
+        raise RecordingError(f"no recording at {rrd}")
+    with _viewer(size) as client:
+        client.open(str(rrd.resolve()))
+        deadline = time.monotonic() + _LOAD_S
+        while client.get_state().loading:
+            if time.monotonic() > deadline:
+                raise RecordingError(f"the viewer did not load {rrd} within {_LOAD_S:.0f} s")
+            time.sleep(0.1)
+        if time_s is not None:
+            client.set_time("sim_time", duration=time_s, play_state="paused")
+        deadline = time.monotonic() + _SETTLE_S
+        while time.monotonic() < deadline:
+            client.take_screenshot(max_size=64)
+            time.sleep(0.05)
+        state = client.get_state()
+        ids = {v.name: v.view_id for v in state.views}
+        if view is not None and view not in ids:
+            raise RecordingError(f"no view {view!r} in {rrd}; valid: {', '.join(sorted(map(str, ids)))}")
+        png.write_bytes(client.take_screenshot(view_id=None if view is None else ids[view]))
+        complaints = [f"{v.name}: {r.severity}: {r.summary}" for v in state.views for r in v.reports]
+        complaints += [f"{e.level}: {e.message}" for e in client.get_logs() if e.level == "ERROR"]
+        return tuple(complaints)
+
+
+@contextmanager
+def _viewer(size: tuple[int, int]) -> Iterator[ViewerClient]:
+    """A headless viewer on a free loopback port."""
+    from rerun.experimental import ViewerClient  # noqa: PLC0415 - slow to load, and the part of rerun that may change
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [
+        rerun_program(),
+        *("--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)),
+        *("--window-size", f"{size[0]}x{size[1]}", "--memory-limit", "4GB"),
+    ]
+    with quiet_environment() as environment:
+        driver = next(iter(sorted(_SOFTWARE_VULKAN.glob("lvp_icd*.json"))), None)
+        if driver is not None and "VK_DRIVER_FILES" not in os.environ:
+            environment.update(VK_ICD_FILENAMES=str(driver), VK_DRIVER_FILES=str(driver))
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            yield _connect(ViewerClient, port, process)
+        finally:
+            process.terminate()
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _connect(client_type: type[ViewerClient], port: int, process: subprocess.Popen[bytes]) -> ViewerClient:
+    deadline = time.monotonic() + _START_S
+    while time.monotonic() < deadline:
+        if process.poll() is not None:
+            raise RecordingError(
+                f"the viewer ended at once (exit status {process.returncode}): no graphics driver found; "
+                f"on Debian or Ubuntu: apt-get install {_PACKAGES}"
+            )
+        try:
+            client = client_type.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            client.get_state()
+        except (ConnectionError, RuntimeError, TimeoutError):
+            time.sleep(0.1)
+        else:
+            return client
+    raise RecordingError(f"the viewer did not answer within {_START_S:.0f} s")
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise argparse.ArgumentTypeError(f"{text!r}; valid: WIDTHxHEIGHT, for example 1600x900")
+    return int(width), int(height)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point; exit status 1 if the viewer complained, 2 if there is no picture."""
+    parser = argparse.ArgumentParser(prog="python -m fleet.recording.shot", description=__doc__)
+    parser.add_argument("rrd", type=Path, help="recording")
+    parser.add_argument("png", type=Path, help="picture to write")
+    parser.add_argument("--time", type=float, help="simulated time in seconds")
+    parser.add_argument("--size", type=_size, default=(1600, 900), help="WIDTHxHEIGHT in pixels")
+    parser.add_argument("--view", help="name of one view; default: the whole window")
+    options = parser.parse_args(arguments)
+    try:
+        complaints = screenshot(options.rrd, options.png, time_s=options.time, size=options.size, view=options.view)
+    except (RecordingError, OSError) as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    sys.stderr.writelines(f"{complaint}\n" for complaint in complaints)
+    return 1 if complaints else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

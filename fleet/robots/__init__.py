@@ -1,0 +1,18 @@
+"""Robot models of the fleet; a new robot is one file here and one line in `ROBOTS`."""
+
+from fleet.robots.iiwa import iiwa_spec as iiwa_spec
+from fleet.robots.iiwa import iiwa_urdf as iiwa_urdf
+from fleet.robots.model import ArmModel as ArmModel
+from fleet.robots.model import CarModel as CarModel
+from fleet.robots.racecar import racecar_spec as racecar_spec
+from fleet.robots.racecar import racecar_urdf as racecar_urdf
+from fleet.robots.spec import ArmSpec as ArmSpec
+from fleet.robots.spec import CarSpec as CarSpec
+from fleet.robots.spec import Visual as Visual
+from fleet.robots.tools import TOOLS as TOOLS
+from fleet.robots.tools import Tool as Tool
+
+ROBOTS: dict[str, CarModel | ArmModel] = {
+    "racecar": CarModel(spec=racecar_spec, urdf=racecar_urdf),
+    "iiwa14": ArmModel(spec=iiwa_spec, urdf=iiwa_urdf),
+}

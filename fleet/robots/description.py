@@ -1,0 +1,29 @@
+"""Descriptions of our own: fills the numbers of a robot into the URDF texts of `fleet.assets`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import files
+from string import Template
+
+
+def fill(asset: str, **values: object) -> str:
+    """Fill in one description.
+
+    Args:
+        asset: File name in `fleet.assets` without ``.urdf.in``.
+        values: One for each ``$name`` in the file.
+
+    Returns:
+        URDF text.
+
+    Raises:
+        KeyError: A ``$name`` has no value.
+    """
+    text = files("fleet.assets").joinpath(f"{asset}.urdf.in").read_text(encoding="utf-8")
+    return Template(text).substitute({name: str(value) for name, value in values.items()})
+
+
+def spaced(numbers: Sequence[float]) -> str:
+    """Write numbers the way URDF attributes take vectors."""
+    return " ".join(f"{number:g}" for number in numbers)

@@ -1,0 +1,30 @@
+"""Robot models as entries of the `ROBOTS` table: where a specification and a description text come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from fleet.robots.spec import ArmSpec, CarSpec
+from fleet.robots.tools import Tool
+
+WheelShape = Literal["sphere", "cylinder"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarModel:
+    """A car that worlds can load."""
+
+    spec: Callable[[], CarSpec]
+    urdf: Callable[[WheelShape], str]
+    """URDF text for one collision shape of the wheels; links and joints are named as in `fleet.robots.racecar`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmModel:
+    """An arm that worlds can load with any tool."""
+
+    spec: Callable[[Tool], ArmSpec]
+    urdf: Callable[[Tool], str]
+    """URDF text of the arm with the tool merged into it."""

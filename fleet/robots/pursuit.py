@@ -1,0 +1,428 @@
+"""Pursuit: granted paths as rolling polylines, and the controller that drives cars along them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from fleet.errors import FleetError
+from fleet.robots.spec import CarSpec
+
+FloatArray = npt.NDArray[np.float64]
+
+FIRST_CAPACITY = 192
+"""Points a car's buffer starts with: about six moves of the lane graph; it doubles when a path needs more."""
+JOIN_TOLERANCE_M = 0.10
+"""A new piece of path begins at most this far from the end of the old one [m]."""
+BEHIND_M = 0.3
+"""Length of path kept behind a car [m]: the follower averages curvature around it."""
+ANGLE_EPS_RAD = 1e-9
+
+
+class PathError(FleetError):
+    """A piece of path does not begin where the path ends, or its arc length does not grow."""
+
+
+class PathBuffer:
+    """The path ahead of every car: one rolling polyline per car, in arrays of common width.
+
+    Arc length is absolute: 0 where the car started, growing for ever, in reverse too. `reset` continues at the
+    progress made so far, so a stop distance never points into an older path.
+
+    Attributes:
+        points: Rear-axle poses x, y, yaw [m, m, rad] in the world, shape (n_cars, capacity, 3).
+        s: Arc length of each point [m], ascending, shape (n_cars, capacity).
+        direction: How the car reaches each point from the one before, +1 forward, -1 reverse, shape (n_cars, capacity).
+        count: Points in use, shape (n_cars,).
+        cursor: Point that begins the segment the car is on, shape (n_cars,); moved by the follower.
+        progress: Arc length reached so far [m], shape (n_cars,); moved by the follower.
+
+    Args:
+        n_cars: Number of cars; every path starts as the single pose (0, 0, 0) until `reset`.
+    """
+
+    def __init__(self, n_cars: int) -> None:
+        self.points = np.zeros((n_cars, FIRST_CAPACITY, 3))
+        self.s = np.zeros((n_cars, FIRST_CAPACITY))
+        self.direction = np.ones((n_cars, FIRST_CAPACITY), dtype=np.int8)
+        self.count = np.ones(n_cars, dtype=np.int64)
+        self.cursor = np.zeros(n_cars, dtype=np.int64)
+        self.progress = np.zeros(n_cars)
+
+    def reset(self, car: int, pose: FloatArray) -> None:
+        """Forget a car's path; the new one is the single pose x, y, yaw at the arc length reached so far."""
+        self.points[car, 0] = pose
+        self.s[car, 0] = self.progress[car]
+        self.direction[car, 0] = 1
+        self.count[car] = 1
+        self.cursor[car] = 0
+
+    def append(self, car: int, points: FloatArray, s_m: FloatArray, direction: int = 1) -> None:
+        """Extend a car's path.
+
+        The first point stands for the present end of the path, which stays as it is.
+
+        Args:
+            car: Index of the car.
+            points: Poses x, y, yaw, shape (k, 3); yaw is where the car's nose points, also in reverse.
+            s_m: Arc length from the first point [m], strictly ascending from 0, shape (k,).
+            direction: +1 forward, -1 reverse. A change of direction is a cusp: the car stands there for a moment.
+
+        Raises:
+            PathError: The piece begins more than `JOIN_TOLERANCE_M` from the end of the path, or `s_m` does not ascend
+                from 0.
+        """
+        if s_m[0] != 0.0 or np.any(np.diff(s_m) <= 0.0):
+            raise PathError(f"path of car {car}: arc length of a new piece is {s_m.tolist()}; valid: ascending from 0")
+        last = int(self.count[car]) - 1
+        end = self.points[car, last]
+        gap = math.hypot(points[0, 0] - end[0], points[0, 1] - end[1])
+        if gap > JOIN_TOLERANCE_M:
+            raise PathError(
+                f"path of car {car} ends at ({end[0]:.3f}, {end[1]:.3f}) m but its next piece begins {gap:.3f} m away; "
+                f"valid: at most {JOIN_TOLERANCE_M} m"
+            )
+        n_new = len(points) - 1
+        if last + 1 + n_new > self.points.shape[1]:
+            self.trim(car)
+            last = int(self.count[car]) - 1
+            self._reserve(last + 1 + n_new)
+        a, b = last + 1, last + 1 + n_new
+        self.points[car, a:b] = points[1:]
+        self.s[car, a:b] = self.s[car, last] + s_m[1:]
+        self.direction[car, a:b] = direction
+        self.count[car] = b
+
+    def trim(self, car: int) -> None:
+        """Drop the points a car has left well behind; `append` does so by itself when it needs the room."""
+        cursor, count = int(self.cursor[car]), int(self.count[car])
+        first = int(np.searchsorted(self.s[car, : cursor + 1], self.progress[car] - BEHIND_M, side="right")) - 1
+        if first <= 0:
+            return
+        for rows in (self.points[car], self.s[car], self.direction[car]):
+            rows[: count - first] = rows[first:count].copy()
+        self.count[car] = count - first
+        self.cursor[car] = cursor - first
+
+    def end_s(self, car: int) -> float:
+        """Arc length at the end of a car's path [m]."""
+        return float(self.s[car, self.count[car] - 1])
+
+    def _reserve(self, n_points: int) -> None:
+        capacity = self.points.shape[1]
+        if n_points <= capacity:
+            return
+        extra = max(2 * capacity, n_points) - capacity
+        self.points = np.pad(self.points, ((0, 0), (0, extra), (0, 0)))
+        self.s = np.pad(self.s, ((0, 0), (0, extra)))
+        self.direction = np.pad(self.direction, ((0, 0), (0, extra)), constant_values=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowerConfig:
+    """Gains of the path follower."""
+
+    lookahead_min_m: float = 0.22
+    lookahead_base_m: float = 0.1
+    lookahead_per_speed_s: float = 0.25
+    """Look-ahead is max(lookahead_min_m, lookahead_base_m + lookahead_per_speed_s * speed): measured on the physical
+    car to follow arcs of 0.4 m radius within 3 cm at 1 m/s."""
+    feedforward_lag_s: float = 0.03
+    """Delay between a steering command and the front wheels that the path's own curvature is taken ahead by [s]."""
+    jump_window_m: float = 0.1
+    """Way over which a car may spread what its steering is too slow for where curvature jumps [m]."""
+    max_lateral_mps2: float = 2.6
+    """Sideways acceleration in curves [m/s^2]: 1.02 m/s on an arc of 0.4 m radius."""
+    brake_fraction: float = 0.6
+    """Share of the car's braking that planned stops use; the rest corrects what went wrong."""
+    actuator_lag_s: float = 0.02
+    """Delay assumed between a speed command and the wheels [s]."""
+    approach_per_s: float = 4.0
+    """Speed per metre left before a stop, which replaces hard braking in the last centimetres [1/s]."""
+    creep_mps: float = 0.02
+    """Least speed until the stop is reached [m/s]."""
+    stop_tolerance_m: float = 0.0015
+    """A car this close to its stop, or past it, stands."""
+    restart_m: float = 0.02
+    """A standing car ignores a stop nearer than this [m], so that noise does not wake it."""
+
+
+class _Gains(NamedTuple):
+    tick_s: float
+    wheelbase_m: float
+    max_speed_mps: float
+    max_accel_mps2: float
+    max_brake_mps2: float
+    max_steering_rad: float
+    max_steering_rate_radps: float
+    lookahead_min_m: float
+    lookahead_base_m: float
+    lookahead_per_speed_s: float
+    feedforward_lag_s: float
+    steering_ramp_s: float
+    jump_window_m: float
+    max_lateral_mps2: float
+    brake_fraction: float
+    actuator_lag_s: float
+    approach_per_s: float
+    creep_mps: float
+    stop_tolerance_m: float
+    restart_m: float
+
+
+SPEED_SLACK_MPS = 0.3
+"""Commands run at most this far ahead of the measured speed, so that a blocked car does not wind up [m/s]."""
+SLOW_MPS = 0.06
+"""Below this speed a car may be told to stand at its stop [m/s]."""
+
+
+class Follower:
+    """Drives all cars along their paths: pure pursuit for steering, a braking-distance profile for speed.
+
+    Pursuit alone cuts every corner by the look-ahead (4 cm at 1 m/s on a 0.4 m radius). So it only corrects here: a
+    car that is on its path steers by the path's curvature, taken ahead by what the steering needs to answer.
+
+    Speed obeys, at every point ahead, the cap, the sideways acceleration on the path's curvature, the steering rate
+    where curvature changes, and braking to the nearest of `stop_s`, the end of the path and the next cusp. At its
+    stop a car gets exactly 0 m/s until the stop moves on.
+
+    Attributes:
+        progress: Arc length reached [m]; never decreases, shape (n_cars,).
+        cross_track: Signed distance to the path, positive = car left of it as the nose points [m], shape (n_cars,).
+        heading_error: Estimated yaw minus the path's yaw [rad] in [-pi, pi], shape (n_cars,).
+        standing: True where the car was told to stand at its stop, shape (n_cars,).
+
+    Args:
+        spec: The car model.
+        n_cars: Number of cars.
+        tick_s: Control period [s].
+        config: Gains.
+
+    Source: R. C. Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01, 1992.
+    """
+
+    def __init__(self, spec: CarSpec, n_cars: int, tick_s: float, config: FollowerConfig | None = None) -> None:
+        config = config or FollowerConfig()
+        self.progress = np.zeros(n_cars)
+        self.cross_track = np.zeros(n_cars)
+        self.heading_error = np.zeros(n_cars)
+        self.standing = np.ones(n_cars, dtype=np.bool_)
+        self._last = np.zeros((n_cars, 2))
+        self._gains = _Gains(
+            tick_s=tick_s,
+            wheelbase_m=spec.wheelbase_m,
+            max_speed_mps=spec.max_speed_mps,
+            max_accel_mps2=spec.max_accel_mps2,
+            max_brake_mps2=spec.max_brake_mps2,
+            max_steering_rad=spec.max_steering_rad,
+            max_steering_rate_radps=spec.max_steering_rate_radps,
+            lookahead_min_m=config.lookahead_min_m,
+            lookahead_base_m=config.lookahead_base_m,
+            lookahead_per_speed_s=config.lookahead_per_speed_s,
+            feedforward_lag_s=config.feedforward_lag_s,
+            steering_ramp_s=spec.max_steering_rad / spec.max_steering_rate_radps,
+            jump_window_m=config.jump_window_m,
+            max_lateral_mps2=config.max_lateral_mps2,
+            brake_fraction=config.brake_fraction,
+            actuator_lag_s=config.actuator_lag_s,
+            approach_per_s=config.approach_per_s,
+            creep_mps=config.creep_mps,
+            stop_tolerance_m=config.stop_tolerance_m,
+            restart_m=config.restart_m,
+        )
+
+    def reset(self, car: int) -> None:
+        """Forget how a car moved; call it together with `PathBuffer.reset`."""
+        self.cross_track[car] = 0.0
+        self.heading_error[car] = 0.0
+        self.standing[car] = False
+        self._last[car, 1] = 0.0
+
+    def commands(
+        self, paths: PathBuffer, poses: FloatArray, speeds: FloatArray, stop_s: FloatArray, speed_cap: FloatArray
+    ) -> FloatArray:
+        """Say what every car does this tick.
+
+        Args:
+            paths: Paths ahead; cursor and progress in it move on.
+            poses: Estimated rear-axle poses x, y, yaw, shape (n_cars, 3).
+            speeds: Measured signed forward speeds [m/s], shape (n_cars,).
+            stop_s: Arc length where each car must stand [m], shape (n_cars,).
+            speed_cap: Greatest speed [m/s], >= 0, shape (n_cars,).
+
+        Returns:
+            Steering [rad] and signed speed [m/s], shape (n_cars, 2).
+        """
+        _follow(
+            paths.points,
+            paths.s,
+            paths.direction,
+            paths.count,
+            paths.cursor,
+            paths.progress,
+            poses,
+            speeds,
+            stop_s,
+            speed_cap,
+            self._gains,
+            self._last,
+            self.cross_track,
+            self.heading_error,
+            self.standing,
+        )
+        self.progress[:] = paths.progress
+        return self._last.copy()
+
+
+@njit(cache=True)
+def _wrap(angle: float) -> float:
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+@njit(cache=True)
+def _aim(points, s, direction, last, k, s_aim):
+    """Point of the path at arc length `s_aim` from segment `k` on; beyond `last` straight on along its yaw."""
+    while k + 1 < last and s[k + 1] < s_aim:
+        k += 1
+    if k + 1 > last or s[last] < s_aim:
+        ahead = direction * (s_aim - s[last])
+        return points[last, 0] + ahead * math.cos(points[last, 2]), points[last, 1] + ahead * math.sin(points[last, 2])
+    t = (s_aim - s[k]) / (s[k + 1] - s[k])
+    return points[k, 0] + t * (points[k + 1, 0] - points[k, 0]), points[k, 1] + t * (points[k + 1, 1] - points[k, 1])
+
+
+@njit(cache=True)
+def _yaw_at(points, s, first, last, k, s_at):
+    """Yaw of the path at arc length `s_at`, searched from segment `k`, constant outside points `first` to `last`."""
+    if s_at <= s[first]:
+        return points[first, 2]
+    if s_at >= s[last]:
+        return points[last, 2]
+    while s[k] > s_at:
+        k -= 1
+    while s[k + 1] < s_at:
+        k += 1
+    return points[k, 2] + (s_at - s[k]) / (s[k + 1] - s[k]) * _wrap(points[k + 1, 2] - points[k, 2])
+
+
+@njit(cache=True)
+def _pursuit(x, y, yaw, aim_x, aim_y):
+    """Curvature of the circle through (x, y), tangent to `yaw`, that hits the aim; the same in reverse."""
+    left = -(aim_x - x) * math.sin(yaw) + (aim_y - y) * math.cos(yaw)
+    return 2.0 * left / max((aim_x - x) ** 2 + (aim_y - y) ** 2, 1e-6)
+
+
+@njit(cache=True)
+def _curve_speed(points, s, last, k, s_here, speed, brake, g):
+    """Greatest speed now from which all curvature limits ahead, up to point `last`, can be met."""
+    horizon = s_here + speed * speed / (2.0 * brake) + 2.0 * speed * g.tick_s + 0.1
+    steering = 0.0
+    for j in range(k, last):
+        if s[j] > horizon:
+            break
+        curvature = _wrap(points[j + 1, 2] - points[j, 2]) / (s[j + 1] - s[j])
+        limit = g.max_speed_mps
+        if abs(curvature) > ANGLE_EPS_RAD:
+            limit = math.sqrt(g.max_lateral_mps2 / abs(curvature))
+        previous, steering = steering, math.atan(g.wheelbase_m * curvature)
+        jump = abs(steering - previous)
+        if j > k and jump > ANGLE_EPS_RAD:
+            slow_s = jump / g.max_steering_rate_radps - g.steering_ramp_s
+            if slow_s > 0.0:
+                limit = min(limit, g.jump_window_m / slow_s)
+        speed = min(speed, math.sqrt(limit * limit + 2.0 * brake * max(0.0, s[j] - s_here)))
+    return speed
+
+
+@njit(cache=True)
+def _follow(  # noqa: PLR0913, PLR0915 - one kernel for all cars, on flat arrays
+    points, s, direction, count, cursor, progress, poses, speeds, stop_s, speed_cap, g, last_command, cross_track,
+    heading_error, standing,
+):  # fmt: skip
+    for i in range(len(poses)):
+        x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
+        k, end = cursor[i], count[i] - 1
+        sign = float(direction[i, min(k + 1, end)])
+
+        # Where is the car on its path? Segments are left only forwards, and never across a cusp.
+        along = 0.0
+        while k < end:
+            dx, dy = points[i, k + 1, 0] - points[i, k, 0], points[i, k + 1, 1] - points[i, k, 1]
+            along = ((x - points[i, k, 0]) * dx + (y - points[i, k, 1]) * dy) / max(dx * dx + dy * dy, 1e-12)
+            if along <= 1.0 or k + 1 == end or direction[i, k + 2] != direction[i, k + 1]:
+                break
+            k += 1
+        cursor[i] = k
+        if k < end:
+            s_here = s[i, k] + along * (s[i, k + 1] - s[i, k])
+            t = min(max(along, 0.0), 1.0)
+            path_yaw = points[i, k, 2] + t * _wrap(points[i, k + 1, 2] - points[i, k, 2])
+            path_x = points[i, k, 0] + t * (points[i, k + 1, 0] - points[i, k, 0])
+            path_y = points[i, k, 1] + t * (points[i, k + 1, 1] - points[i, k, 1])
+        else:
+            path_x, path_y, path_yaw = points[i, k, 0], points[i, k, 1], points[i, k, 2]
+            s_here = s[i, k] + sign * ((x - path_x) * math.cos(path_yaw) + (y - path_y) * math.sin(path_yaw))
+        cross_track[i] = -(x - path_x) * math.sin(path_yaw) + (y - path_y) * math.cos(path_yaw)
+        heading_error[i] = _wrap(yaw - path_yaw)
+
+        # The piece up to the next cusp, or to the end.
+        piece = min(k + 1, end)
+        while piece < end and direction[i, piece + 1] == direction[i, piece]:
+            piece += 1
+        progress[i] = max(progress[i], min(s_here, s[i, piece]))
+        stop = min(stop_s[i], s[i, piece])
+        left = stop - s_here
+        speed = sign * speeds[i]
+
+        # Standing: the true car must be slow, and only a stop that moved on ends it.
+        if standing[i]:
+            standing[i] = left < g.restart_m
+        elif left <= g.stop_tolerance_m and abs(speed) < SLOW_MPS:
+            standing[i] = True
+        if standing[i] and piece < end and stop_s[i] > s[i, piece] and left <= g.restart_m:
+            cursor[i] = piece
+            progress[i] = s[i, piece]
+            standing[i] = False
+            last_command[i, 1] = 0.0
+            continue
+        if standing[i]:
+            last_command[i, 1] = 0.0
+            continue
+
+        # Speed along the path: the most that cap, curves, the stop and the drive allow.
+        brake = g.brake_fraction * g.max_brake_mps2
+        allowed = _curve_speed(points[i], s[i], piece, k, s_here, min(speed_cap[i], g.max_speed_mps), brake, g)
+        # Distance still free when this command has worked for a tick: v^2 / 2b + (v + now) tick / 2 = left.
+        free = left - max(speed, 0.0) * (0.5 * g.tick_s + g.actuator_lag_s)
+        reserve = 0.5 * brake * g.tick_s
+        braking = math.sqrt(max(0.0, reserve * reserve + 2.0 * brake * free)) - reserve
+        stopping = min(braking, g.approach_per_s * left)
+        allowed = min(allowed, max(stopping, min(g.creep_mps, left / g.tick_s)))
+        if left <= g.stop_tolerance_m:
+            allowed = 0.0
+        before = min(max(sign * last_command[i, 1], speed - SPEED_SLACK_MPS), speed + SPEED_SLACK_MPS)
+        target = min(allowed, before + g.max_accel_mps2 * g.tick_s)
+        target = max(target, before - g.max_brake_mps2 * g.tick_s, 0.0)
+        last_command[i, 1] = sign * target
+
+        # Steering: the path's own curvature about where the wheels will answer, spread over the time they need from
+        # straight to full lock, plus what pursuit from here adds to pursuit from the path.
+        first = k
+        while first > 0 and direction[i, first] == direction[i, k + 1] and s[i, first] > s_here - BEHIND_M:
+            first -= 1
+        half = max(0.5 * g.steering_ramp_s * abs(speed), 0.02)
+        middle = s_here + abs(speed) * (g.feedforward_lag_s + 0.5 * g.tick_s)
+        curvature = _yaw_at(points[i], s[i], first, piece, k, middle + half)
+        curvature = _wrap(curvature - _yaw_at(points[i], s[i], first, piece, k, middle - half)) / (2.0 * half * sign)
+        reach = max(g.lookahead_min_m, g.lookahead_base_m + g.lookahead_per_speed_s * abs(speed))
+        aim_x, aim_y = _aim(points[i], s[i], sign, piece, k, s_here + reach)
+        curvature += _pursuit(x, y, yaw, aim_x, aim_y) - _pursuit(path_x, path_y, path_yaw, aim_x, aim_y)
+        steering = math.atan(g.wheelbase_m * curvature)
+        steering = min(max(steering, -g.max_steering_rad), g.max_steering_rad)
+        turn = g.max_steering_rate_radps * g.tick_s
+        last_command[i, 0] = min(max(steering, last_command[i, 0] - turn), last_command[i, 0] + turn)

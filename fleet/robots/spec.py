@@ -1,0 +1,78 @@
+"""What the rest of the house needs to know about a robot model: sizes, limits with their source, visuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visual:
+    """One drawn part of a robot, rigid in one of its links."""
+
+    link: str
+    """Name of the link the part is fixed to."""
+    mesh: Path | None
+    """Mesh file (.stl or .obj); None for a box."""
+    size_m: tuple[float, float, float]
+    """Full box size [m]; ignored for a mesh."""
+    link_from_visual: npt.NDArray[np.float64]
+    """Pose of the part in its link, 4x4 matrix."""
+    rgba: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarSpec:
+    """An Ackermann car; the reference point of its pose is the centre of the rear axle, on the floor."""
+
+    name: str
+    wheelbase_m: float
+    track_m: float
+    wheel_radius_m: float
+    front_m: float
+    """Body reach ahead of the rear axle [m]."""
+    rear_m: float
+    """Body reach behind the rear axle [m]."""
+    half_width_m: float
+    height_m: float
+    """Top of the tray walls above the floor [m]."""
+    max_speed_mps: float
+    max_accel_mps2: float
+    max_brake_mps2: float
+    max_steering_rad: float
+    max_steering_rate_radps: float
+    tray_x_m: float
+    """Tray centre ahead of the rear axle [m]."""
+    tray_floor_z_m: float
+    """Top of the tray floor above the ground [m]."""
+    tray_size_m: tuple[float, float, float]
+    """Inner length, inner width, wall height of the tray [m]."""
+    tray_wall_m: float
+    max_payload_kg: float
+    visuals: tuple[Visual, ...]
+    """Links: 'chassis' (rear axle frame), 'rear_left', 'rear_right', 'front_left', 'front_right' (wheels), 'tray'."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmSpec:
+    """A fixed-base arm with a tool; joint order is base to tip."""
+
+    name: str
+    n_joints: int
+    urdf: Path
+    """Description of the bare arm, read at run time."""
+    base_from_joint: npt.NDArray[np.float64]
+    """Fixed transform before each joint's rotation about its own z, shape (n_joints, 4, 4)."""
+    lower_rad: npt.NDArray[np.float64]
+    upper_rad: npt.NDArray[np.float64]
+    max_velocity_radps: npt.NDArray[np.float64]
+    max_acceleration_radps2: npt.NDArray[np.float64]
+    max_torque_nm: npt.NDArray[np.float64]
+    tool_length_m: float
+    """From the flange (last link frame) to the tool tip along the flange's +z [m]."""
+    home_rad: npt.NDArray[np.float64]
+    visuals: tuple[Visual, ...]
+    """Links: 'link_0'..'link_7' (link i moves with joint i) and 'tool' (rigid in the last link)."""

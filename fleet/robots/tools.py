@@ -1,0 +1,124 @@
+"""Tools of the arms: descriptions that are merged into an arm's URDF text, so that arm and tool stay one body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.robots.description import fill, spaced
+from fleet.robots.spec import Visual
+
+_GREY = (0.2, 0.2, 0.2, 1.0)
+_LIGHT_GREY = (0.6, 0.6, 0.6, 1.0)
+
+# The housing of the iiwa's media flange ends 45 mm beyond the frame of its last link: tools start there.
+_FLANGE_FACE_M = 0.045
+
+_CUP_WIDTH_M = 0.04
+_CUP_TIP_M = 0.185
+
+_PALM_SIZE_M = (0.15, 0.06, 0.09)
+_FINGER_SIZE_M = (0.012, 0.03, 0.10)
+_FINGER_MOUNT_M = _FLANGE_FACE_M + _PALM_SIZE_M[2]
+_FINGER_TRAVEL_M = 0.055
+# Pads grip best a little above the finger ends: the tip is 13 mm inside them.
+_FRICTION_TIP_M = 0.222
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tool:
+    """What an arm holds parcels with."""
+
+    name: str
+    """Key in `TOOLS`: 'suction' or 'friction'."""
+    length_m: float
+    """From the arm's last link frame to the tool tip along its +z [m]."""
+    touch_links: tuple[str, ...]
+    """Links that hold the parcel: the cup, or both fingers."""
+    finger_joints: tuple[str, ...]
+    """Prismatic joints, each opening from 0 to `finger_travel_m`; empty for suction."""
+    finger_travel_m: float
+    """Way of one finger from closed to open [m]; the opening is twice that."""
+    half_width_m: float
+    """Half of the tool's largest extent across its axis, fingers open [m]."""
+    visuals: tuple[Visual, ...]
+    """Parts in the link 'tool', which is the arm's last link frame."""
+
+
+def tool_urdf(tool: Tool, flange: str) -> str:
+    """Give the links and joints of a tool as URDF text.
+
+    Args:
+        tool: A member of `TOOLS`.
+        flange: Name of the arm's last link, which the tool is fixed to.
+
+    Returns:
+        Text to stand before the arm's closing ``</robot>``.
+    """
+    if tool.name == "suction":
+        return fill(
+            "suction",
+            flange=flange,
+            width=_CUP_WIDTH_M,
+            span=_CUP_TIP_M - _FLANGE_FACE_M,
+            middle=(_CUP_TIP_M + _FLANGE_FACE_M) / 2,
+        )
+    fingers = "".join(
+        fill(
+            "friction_finger",
+            name=name,
+            direction=side,
+            offset=side * _FINGER_SIZE_M[0] / 2,
+            middle=_FINGER_SIZE_M[2] / 2,
+            size=spaced(_FINGER_SIZE_M),
+            mount=_FINGER_MOUNT_M,
+            opening=_FINGER_TRAVEL_M,
+        )
+        for name, side in zip(tool.touch_links, (1, -1), strict=True)
+    )
+    palm_z = _FLANGE_FACE_M + _PALM_SIZE_M[2] / 2
+    return fill("friction", flange=flange, palm_z=palm_z, palm_size=spaced(_PALM_SIZE_M), fingers=fingers)
+
+
+def _box(size: tuple[float, float, float], x: float, z: float, rgba: tuple[float, float, float, float]) -> Visual:
+    pose = np.eye(4)
+    pose[[0, 2], 3] = x, z
+    return Visual(link="tool", mesh=None, size_m=size, link_from_visual=pose, rgba=rgba)
+
+
+def _suction() -> Tool:
+    span = _CUP_TIP_M - _FLANGE_FACE_M
+    part = _box((_CUP_WIDTH_M, _CUP_WIDTH_M, span), 0.0, _FLANGE_FACE_M + span / 2, _GREY)
+    return Tool(
+        name="suction",
+        length_m=_CUP_TIP_M,
+        touch_links=("cup",),
+        finger_joints=(),
+        finger_travel_m=0.0,
+        half_width_m=_CUP_WIDTH_M / 2,
+        visuals=(part,),
+    )
+
+
+def _friction() -> Tool:
+    # Drawn half open: a recorder knows joint angles of the arm, not of the fingers.
+    finger_x = _FINGER_TRAVEL_M / 2 + _FINGER_SIZE_M[0] / 2
+    finger_z = _FINGER_MOUNT_M + _FINGER_SIZE_M[2] / 2
+    parts = (
+        _box(_PALM_SIZE_M, 0.0, _FLANGE_FACE_M + _PALM_SIZE_M[2] / 2, _GREY),
+        _box(_FINGER_SIZE_M, finger_x, finger_z, _LIGHT_GREY),
+        _box(_FINGER_SIZE_M, -finger_x, finger_z, _LIGHT_GREY),
+    )
+    return Tool(
+        name="friction",
+        length_m=_FRICTION_TIP_M,
+        touch_links=("finger_left", "finger_right"),
+        finger_joints=("finger_left_slide", "finger_right_slide"),
+        finger_travel_m=_FINGER_TRAVEL_M,
+        half_width_m=_PALM_SIZE_M[0] / 2,
+        visuals=parts,
+    )
+
+
+TOOLS: dict[str, Tool] = {"suction": _suction(), "friction": _friction()}

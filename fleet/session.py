@@ -1,0 +1,256 @@
+"""Session: one run with its files, its recording and its progress, from the first tick to the result."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from fleet.config import RunConfig
+from fleet.dispatcher import CarPhase
+from fleet.insight.metrics import Summary
+from fleet.progress import Progress
+from fleet.recording import Frame, LogLine, NullRecorder, Recorder
+from fleet.recording.frame import FloorPlan
+from fleet.recording.rerun_recorder import RerunRecorder
+from fleet.recording.run_file import RunFile, prepare_output
+from fleet.simulation import Event, Simulation
+from fleet.tasks.board import TaskState
+
+RECORDING = "recording.rrd"
+PACKAGES = ("pybullet", "ompl", "numpy", "numba", "scipy", "networkx", "pettingzoo", "rerun-sdk")
+LOUD = frozenset({"off_lane", "rejoin_impossible", "transfer_repeated", "disturbance"})
+"""Events that a person should notice in the log."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result(Summary):
+    """What `result.json` holds."""
+
+    wall_s: float
+    """Wall time from the first tick to the last [s]."""
+    real_time_factor: float
+    first_move_s: float | None
+    """Wall time from the start of the session to the first motion of a car [s]."""
+    seed: int
+    site: str
+    robots: int
+    fidelity: str
+    interrupted: bool
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionConfig:
+    """How a run is watched and kept."""
+
+    out: Path
+    """Directory for `recording.rrd`, `run.jsonl` and `result.json`."""
+    record: bool = True
+    serve: bool = False
+    """Host a live viewer on the loopback interface."""
+    port: int = 9876
+    speed: float = 0.0
+    """Simulated seconds per wall second at most; 0 = as fast as possible."""
+    progress: bool = True
+
+
+def versions() -> dict[str, str]:
+    """Python and the packages that decide a run's outcome."""
+    return {"python": platform.python_version(), **{name: importlib.metadata.version(name) for name in PACKAGES}}
+
+
+def run_session(config: RunConfig, session: SessionConfig) -> Result:
+    """Run to the end, or to an interrupt, and leave recording, run file and result behind.
+
+    Args:
+        config: What to run.
+        session: How to watch and keep it.
+
+    Returns:
+        The result, as written.
+
+    Raises:
+        FleetError: Bad settings, files or output directory; nothing was written then.
+    """
+    started = time.perf_counter()
+    with ExitStack() as stack:
+        events: list[Event] = []
+        sinks = [events.append]
+        simulation = stack.enter_context(Simulation(config, on_event=lambda event: [s(event) for s in sinks] and None))
+        prepare_output(session.out)
+        run_file = stack.enter_context(
+            RunFile(session.out, config=asdict(config), seed=config.seed, versions=versions())
+        )
+        recorder = stack.enter_context(_recorder(simulation, session))
+        watch = _Watch(simulation, recorder)
+
+        def emit(event: Event) -> None:
+            run_file.event(tick=event.tick, sim_s=event.sim_s, kind=event.kind, **event.facts)
+            watch.note(event)
+
+        for event in events:
+            emit(event)
+        sinks[:] = [emit]
+        progress = stack.enter_context(Progress(simulation, shown=session.progress))
+        interrupted, wall_s, first_move_s = _loop(simulation, session, watch, progress, started)
+        summary = simulation.summary()
+        result = Result(
+            **{field.name: getattr(summary, field.name) for field in fields(summary)},
+            wall_s=round(wall_s, 3),
+            real_time_factor=round(simulation.sim_s / wall_s, 3) if wall_s > 0 else 0.0,
+            first_move_s=first_move_s,
+            seed=config.seed,
+            site=simulation.site.name,
+            robots=config.robots,
+            fidelity=str(config.fidelity),
+            interrupted=interrupted,
+            versions=versions(),
+        )
+        run_file.result(asdict(result))
+    return result
+
+
+def _loop(
+    simulation: Simulation, session: SessionConfig, watch: _Watch, progress: Progress, started: float
+) -> tuple[bool, float, float | None]:
+    """Tick until finished; an interrupt lets the present tick end and stops there."""
+    first_move_s: float | None = None
+    with _interrupts() as interrupted:
+        begin = time.perf_counter()
+        while not simulation.finished and not interrupted:
+            simulation.tick()
+            watch.look()
+            progress.look()
+            if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):  # noqa: PLR2004
+                first_move_s = round(time.perf_counter() - started, 3)
+            if session.speed > 0:
+                ahead_s = simulation.sim_s / session.speed - (time.perf_counter() - begin)
+                if ahead_s > 0:
+                    time.sleep(ahead_s)
+        return bool(interrupted), time.perf_counter() - begin, first_move_s
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Collect SIGINT and SIGTERM in a list instead of raising in the middle of a tick; a second one raises."""
+    seen: list[int] = []
+
+    def handler(number: int, frame: object) -> None:
+        del frame
+        if seen:
+            raise KeyboardInterrupt
+        seen.append(number)
+
+    try:
+        before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    except ValueError:  # not in the main thread: the caller keeps its own handling
+        yield seen
+        return
+    try:
+        yield seen
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
+    if not session.record:
+        return NullRecorder()
+    site, graph = simulation.site, simulation.graph
+    centres = site.grid.cell_xy
+    floor = FloorPlan(
+        name=site.name,
+        lanes=centres(site.lanes),
+        station_names=tuple(station.name for station in site.stations),
+        station_xy=np.array([station.arm.pose[:2] for station in site.stations]),
+        dock_xy=centres([int(graph.state_cell[station.dock_state]) for station in simulation.stations]),
+        parking_xy=centres(list(site.parking)),
+    )
+    return RerunRecorder(
+        path=session.out / RECORDING,
+        scene=simulation.scene,
+        floor=floor,
+        about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
+        tick_s=simulation.tick_s,
+        plots={"tasks": ("done", "open"), "speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)},
+        serve=session.serve,
+        port=session.port,
+    )
+
+
+class _Watch:
+    """Turns the state of the run into frames for the recorder."""
+
+    def __init__(self, simulation: Simulation, recorder: Recorder) -> None:
+        self._simulation = simulation
+        self._recorder = recorder
+        self._wheel = np.zeros(simulation.world.n_cars)
+        self._sizes = {task.parcel: task.order.size_m for task in simulation.board.tasks}
+        self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in simulation.board.tasks}
+        self._epoch = -1
+
+    def note(self, event: Event) -> None:
+        """Take an event into the log and, if it is a task's, into its lane."""
+        facts = " ".join(f"{key}={value}" for key, value in event.facts.items() if value is not None)
+        level = "WARN" if event.kind in LOUD or event.facts.get("state") == TaskState.FAILED else "INFO"
+        self._recorder.log(LogLine(tick=event.tick, sim_s=event.sim_s, text=f"{event.kind} {facts}", level=level))
+        if event.kind == "task":
+            self._changed_tasks[str(event.facts["task"])] = str(event.facts["state"])
+
+    def look(self) -> None:
+        """Record the present tick if a frame is due."""
+        simulation = self._simulation
+        world = simulation.world
+        speeds = world.car_speeds()
+        self._wheel += speeds * simulation.tick_s / simulation.scene.car.wheel_radius_m
+        if not self._recorder.due(simulation.now):
+            return
+        ids = world.parcel_ids()
+        fresh = simulation.traffic.plans_n != self._epoch
+        self._epoch = simulation.traffic.plans_n
+        cars = range(world.n_cars)
+        done = simulation.board.count(TaskState.DELIVERED) + simulation.board.count(TaskState.COLLECTED)
+        clearance = world.min_clearance_m()
+        changed, self._changed_tasks = self._changed_tasks, {}
+        self._recorder.record(
+            Frame(
+                tick=simulation.now,
+                sim_s=simulation.sim_s,
+                car_poses=world.car_poses(),
+                car_steering=world.car_steering(),
+                wheel_angle=self._wheel,
+                arm_q=world.arm_positions(),
+                parcel_ids=ids,
+                parcel_poses=world.parcel_poses(),
+                parcel_size_m=np.array([self._sizes[int(k)] for k in ids]).reshape(-1, 3),
+                car_state=tuple(_car_word(simulation.dispatcher.phase[car], float(speeds[car])) for car in cars),
+                arm_state=tuple(str(service.state) for service in simulation.desk.services),
+                task_state=changed,
+                task_counts={str(state): simulation.board.count(state) for state in TaskState},
+                paths=tuple(simulation.driver.remaining(car) for car in cars) if fresh else None,
+                plans=tuple(simulation.executor.planned_line(car) for car in cars) if fresh else None,
+                plan_epoch=self._epoch,
+                metrics={
+                    "done": float(done),
+                    "open": float(len(simulation.board.tasks) - done),
+                    "mean_speed_mps": float(np.mean(np.abs(speeds))),
+                    "min_clearance_m": min(clearance, 2.0),
+                },
+            )
+        )
+
+
+def _car_word(phase: CarPhase, speed: float) -> str:
+    if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP):
+        return "driving" if abs(speed) > 0.05 else "waiting"  # noqa: PLR2004 - below, a car stands
+    if phase in (CarPhase.LOADING, CarPhase.UNLOADING):
+        return "docked"
+    return "fault" if phase in (CarPhase.DEAD, CarPhase.RECOVERING) else "idle"

@@ -1,0 +1,215 @@
+"""Simulation: the loop in which tasks, traffic, arms and the world meet."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.config import Fidelity, RunConfig, require
+from fleet.dispatcher import Dispatcher
+from fleet.disturbance import Disturbances
+from fleet.driving import Driver, PathDriver, StateDriver
+from fleet.executor import Executor
+from fleet.insight.metrics import Metrics, Summary
+from fleet.recovery import Recovery
+from fleet.stations.arm_desk import ArmDesk, ArmPlanner
+from fleet.stations.arm_planner import arm_cells, make_arm_planner
+from fleet.stations.station import Station
+from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.order import Order, generate_orders, read_orders
+from fleet.traffic import Traffic
+from fleet.world import make_world
+from fleet.world.protocol import FloatArray, World
+from fleet.world.scene import Scene
+from fleet.world.site_scene import scene_of
+from maps.lane_graph import LaneGraph, build_lane_graph
+from maps.site import Site, load_site
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that happened, as it goes into the run file."""
+
+    tick: int
+    sim_s: float
+    kind: str
+    facts: dict[str, object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Actions:
+    """What agents decide instead of the executor and the arm desk; None leaves it to them."""
+
+    cars: FloatArray | None = None
+    """Steering [rad] and speed [m/s], shape (n_cars, 2); rows of nan leave that car to the executor."""
+    arms: FloatArray | None = None
+    """Joint targets [rad], shape (n_arms, n_joints); rows of nan leave that arm to the desk."""
+    grip: np.ndarray | None = None
+    """Hold, shape (n_arms,); read only for arms that `arms` decides."""
+
+
+class Simulation:
+    """One run of a fleet.
+
+    Args:
+        config: Everything that decides the outcome.
+        on_event: Called with every event as it happens.
+
+    Raises:
+        ConfigError: The site has no room for that many robots.
+        SiteError: The site cannot be read or served.
+        OrdersError: The orders file is malformed.
+    """
+
+    def __init__(self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None) -> None:
+        self.config = config
+        self.site: Site = load_site(config.site)
+        require(
+            config.robots <= len(self.site.parking),
+            "--robots",
+            config.robots,
+            f"1 to {len(self.site.parking)} (parking cells of site {self.site.name})",
+        )
+        self._on_event = on_event
+        orders_seed, estimate_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(3)
+        self.orders = self._orders(np.random.default_rng(orders_seed))
+        self.graph: LaneGraph = build_lane_graph(self.site)
+        start_states = np.array(
+            [self.graph.states_of_cell(cell)[0] for cell in self.site.parking[: config.robots]], dtype=np.int32
+        )
+        self.scene: Scene = scene_of(self.site, self.graph.state_pose[start_states], config.grip)
+        self.arm_planner: ArmPlanner = make_arm_planner(arm_cells(self.site, self.scene), config)
+        self.world: World = make_world(self.scene, self.graph, config)
+        self.tick_s = self.world.tick_s
+        self.now = 0
+        self.driver: Driver = self._driver(start_states, np.random.default_rng(estimate_seed))
+        self.executor = Executor(self.graph, start_states, self.driver, config.traffic)
+        self.traffic = Traffic(
+            self.graph, self.executor, config.traffic, self.tick_s, int(traffic_seed.generate_state(1)[0])
+        )
+        self.board = TaskBoard(self.orders, self._task_moved)
+        self.stations = [
+            Station(arm, place, self.graph.state_at(place.dock.cell, place.dock.heading))
+            for arm, place in enumerate(self.site.stations)
+        ]
+        self.desk = ArmDesk(self.arm_planner, config.arms, self.scene.car, self.scene.arm_start, self.tick_s)
+        self.dispatcher = Dispatcher(
+            site=self.site,
+            graph=self.graph,
+            config=config,
+            board=self.board,
+            stations=self.stations,
+            desk=self.desk,
+            traffic=self.traffic,
+            executor=self.executor,
+            world=self.world,
+            log=self.log,
+        )
+        self.recovery = Recovery(self)
+        self.disturbances = Disturbances(self, config.events)
+        self.metrics = Metrics(self.world.n_cars, self.tick_s)
+        self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
+
+    @property
+    def sim_s(self) -> float:
+        """Simulated time [s]."""
+        return self.now * self.tick_s
+
+    @property
+    def finished(self) -> bool:
+        """True when every task has ended or the time is up."""
+        return self.board.finished or self.sim_s >= self.config.duration_s
+
+    def tick(self, actions: Actions | None = None) -> None:
+        """Advance the whole fleet by one tick."""
+        self.disturbances.tick(self.now)
+        self.dispatcher.tick(self.now, self.sim_s)
+        self.traffic.tick(self.now)
+        commands = self.executor.tick(self.world)
+        self.recovery.tick(self.now)
+        self.desk.tick(self.now, self.world.held())
+        self.world.step(*self._merged(commands, actions))
+        self.metrics.tick(self.world.car_speeds(), self.dispatcher.loaded, self.dispatcher.bound)
+        self.now += 1
+
+    def run(self, on_tick: Callable[[Simulation], None] | None = None) -> None:
+        """Tick until the run is finished; `on_tick` is called after every tick."""
+        while not self.finished:
+            self.tick()
+            if on_tick is not None:
+                on_tick(self)
+
+    def log(self, kind: str, **facts: object) -> None:
+        """Report an event at the present tick."""
+        if self._on_event is not None:
+            self._on_event(Event(tick=self.now, sim_s=round(self.sim_s, 6), kind=kind, facts=facts))
+
+    def state_hash(self) -> str:
+        """Hash of the physical state and of the task states: equal runs, equal hashes."""
+        digest = hashlib.sha256(self.world.state_bytes())
+        digest.update(",".join(task.state for task in self.board.tasks).encode())
+        digest.update(str(self.now).encode())
+        return digest.hexdigest()[:16]
+
+    def parcel_balance(self) -> int:
+        """Parcels that entered, less those that left, less those found in the world; zero unless one was lost."""
+        return self.dispatcher.entered_n - self.dispatcher.left_n - len(self.world.parcel_ids())
+
+    def summary(self) -> Summary:
+        """Figures of the run so far."""
+        return self.metrics.summary(self)
+
+    def close(self) -> None:
+        """Free the world and the planning process; calling twice is harmless."""
+        self.world.close()
+        self.arm_planner.close()
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _orders(self, rng: np.random.Generator) -> tuple[Order, ...]:
+        if self.config.orders is not None:
+            return read_orders(self.config.orders, self.site)
+        return generate_orders(self.site, self.config.n_tasks, self.config.robots, rng)
+
+    def _driver(self, start_states: np.ndarray, rng: np.random.Generator) -> Driver:
+        if self.config.fidelity is Fidelity.GRID:
+            return StateDriver(self.graph, start_states)
+        return PathDriver(
+            self.graph,
+            self.scene.car,
+            self.graph.state_pose[start_states],
+            self.tick_s,
+            self.config.estimate,
+            rng,
+        )
+
+    def _task_moved(self, task: Task, before: TaskState, now_s: float) -> None:
+        del now_s
+        car = f"car_{task.car}" if task.car is not None else None
+        self.log(
+            "task", task=task.order.name, before=before, state=task.state, car=car, cause=task.reason
+        )
+
+    def _merged(self, commands: FloatArray, actions: Actions | None) -> tuple[FloatArray, FloatArray, FloatArray, np.ndarray]:
+        desk = self.desk
+        if actions is None:
+            return commands, desk.q, desk.qd, desk.grip
+        q, qd, grip = desk.q, desk.qd, desk.grip
+        if actions.cars is not None:
+            commands = np.where(np.isnan(actions.cars), commands, actions.cars)
+        if actions.arms is not None:
+            decided = ~np.isnan(actions.arms[:, 0])
+            q = np.where(decided[:, None], actions.arms, q)
+            qd = np.where(decided[:, None], 0.0, qd)
+            if actions.grip is not None:
+                grip = np.where(decided, actions.grip, grip)
+        return commands, q, qd, grip
+
+

@@ -1,0 +1,137 @@
+"""ArmCell: what surrounds one arm, in its base frame: plain data that can cross a process border."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.robots.spec import CarSpec
+from fleet.tasks.order import MAX_EDGE_M
+from fleet.world.protocol import FloatArray
+from fleet.world.scene import Scene
+from maps.site import Site, StationPlace
+
+REACH_M = 1.4
+"""Boxes farther from the base than this cannot be touched [m]: iiwa reach 0.82 m plus tool, elbow and parcel."""
+PASSING_CAR_M = 0.45
+"""Height kept free over drivable cells: a car with the highest parcel is 0.31 m tall [m]."""
+FLOOR_FRAME = 2
+"""Links below this are bolted down and may touch the floor."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmCell:
+    """Obstacles and places of one arm.
+
+    Boxes are oriented about z; rows of the arrays belong together.
+    """
+
+    base_pose: FloatArray
+    """World pose of the base, x, y, z, yaw, shape (4,)."""
+    slots: FloatArray
+    """Centres of the slots' top surfaces in the base frame [m], shape (k, 3)."""
+    tray: FloatArray
+    """Centre of the tray's floor in the base frame for a car exactly at the dock [m], shape (3,)."""
+    box_centre: FloatArray
+    """Shape (b, 3)."""
+    box_half: FloatArray
+    """Shape (b, 3)."""
+    box_yaw: FloatArray
+    """Shape (b,)."""
+    box_min_frame: npt.NDArray[np.int64]
+    """Links below this number do not count against the box, shape (b,)."""
+
+    def base_from_world(self, points: FloatArray) -> FloatArray:
+        """World points (..., 3) in the base frame."""
+        x, y, z, yaw = self.base_pose
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        offset = points - np.array([x, y, z])
+        turned = offset.copy()
+        turned[..., 0] = cos * offset[..., 0] + sin * offset[..., 1]
+        turned[..., 1] = -sin * offset[..., 0] + cos * offset[..., 1]
+        return turned
+
+    def geometry_key(self) -> bytes:
+        """Equal for cells whose surroundings are the same in their base frames."""
+        arrays = (self.slots, self.tray, self.box_centre, self.box_half, self.box_yaw)
+        return b"".join(np.round(a, 6).tobytes() for a in arrays) + self.box_min_frame.tobytes()
+
+
+def arm_cells(site: Site, scene: Scene) -> tuple[ArmCell, ...]:
+    """Surroundings of every station's arm, in the order of the stations."""
+    return tuple(_arm_cell(site, scene, place) for place in site.stations)
+
+
+def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
+    base = np.asarray(place.arm.pose, dtype=np.float64)
+    boxes: list[tuple[FloatArray, FloatArray, float, int]] = [
+        (np.array([base[0], base[1], base[2] - 0.05]), np.array([3.0, 3.0, 0.05]), 0.0, FLOOR_FRAME)
+    ]
+    for box in scene.boxes:
+        boxes.append((np.array(box.centre_m), np.array(box.half_m), 0.0, 0))
+    for x, y, z in place.slots:
+        # Always as if the rack were full of the largest parcels, so that a plan holds whatever lies there.
+        half = MAX_EDGE_M / 2
+        boxes.append((np.array([x, y, z + half]), np.array([half, half, half]), 0.0, 0))
+    boxes += _car_boxes(scene.car, place)
+    grid = site.grid
+    for cell in np.flatnonzero(grid.free.ravel()).tolist():
+        if cell == place.dock.cell:
+            continue
+        x, y = grid.xy(*grid.row_col(cell))
+        half = np.array([grid.cell_m / 2, grid.cell_m / 2, PASSING_CAR_M / 2])
+        if np.hypot(x - base[0], y - base[1]) < REACH_M + grid.cell_m:
+            boxes.append((np.array([x, y, PASSING_CAR_M / 2]), half, 0.0, 0))
+    near = [box for box in boxes if _gap(box, base) < REACH_M]
+    cell = ArmCell(
+        base_pose=base,
+        slots=np.empty((0, 3)),
+        tray=np.empty(3),
+        box_centre=np.array([box[0] for box in near]),
+        box_half=np.array([box[1] for box in near]),
+        box_yaw=np.array([box[2] - base[3] for box in near]),
+        box_min_frame=np.array([box[3] for box in near], dtype=np.int64),
+    )
+    x, y, yaw = place.dock.pose
+    ahead = scene.car.tray_x_m
+    tray = np.array([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw), scene.car.tray_floor_z_m])
+    return ArmCell(
+        base_pose=base,
+        slots=cell.base_from_world(np.asarray(place.slots, dtype=np.float64)),
+        tray=cell.base_from_world(tray),
+        box_centre=cell.base_from_world(cell.box_centre),
+        box_half=cell.box_half,
+        box_yaw=cell.box_yaw,
+        box_min_frame=cell.box_min_frame,
+    )
+
+
+def _car_boxes(car: CarSpec, place: StationPlace) -> list[tuple[FloatArray, FloatArray, float, int]]:
+    """Body and tray walls of a car at the dock."""
+    x, y, yaw = place.dock.pose
+    length, width, wall_height = car.tray_size_m
+    middle = (car.front_m - car.rear_m) / 2
+    half_body = np.array([(car.front_m + car.rear_m) / 2, car.half_width_m, car.tray_floor_z_m / 2])
+    parts = [((middle, 0.0, car.tray_floor_z_m / 2), half_body)]
+    wall_z = car.tray_floor_z_m + wall_height / 2
+    thick = car.tray_wall_m / 2
+    for side in (-1.0, 1.0):
+        along = np.array([length / 2, thick, wall_height / 2])
+        across = np.array([thick, width / 2, wall_height / 2])
+        parts.append(((car.tray_x_m, side * width / 2, wall_z), along))
+        parts.append(((car.tray_x_m + side * length / 2, 0.0, wall_z), across))
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return [
+        (np.array([x + cos * dx - sin * dy, y + sin * dx + cos * dy, dz]), half, yaw, 0) for (dx, dy, dz), half in parts
+    ]
+
+
+def _gap(box: tuple[FloatArray, FloatArray, float, int], base: FloatArray) -> float:
+    """Horizontal distance from the base to a box's circumscribed rectangle [m]; at least that far."""
+    centre, half, yaw, _ = box
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    dx, dy = base[0] - centre[0], base[1] - centre[1]
+    u, v = abs(cos * dx + sin * dy) - half[0], abs(-sin * dx + cos * dy) - half[1]
+    return float(np.hypot(max(u, 0.0), max(v, 0.0)))

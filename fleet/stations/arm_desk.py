@@ -1,0 +1,101 @@
+"""ArmDesk: all arms of a site: asks for their plans, plays them when they are due, brings a failed arm home."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import ArmConfig
+from fleet.robots.spec import CarSpec
+from fleet.stations.service import ArmService, ServiceState
+from fleet.stations.transfer import HomeRequest, Transfer, TransferRequest
+from fleet.world.protocol import FloatArray, IntArray
+
+
+class ArmPlanner(Protocol):
+    """Answers requests in the order they were made; the answer depends on the request alone."""
+
+    def submit(self, request: TransferRequest | HomeRequest) -> int:
+        """Hand in a request; returns its ticket."""
+
+    def result(self, ticket: int) -> Transfer:
+        """The answer to a ticket; waits for it."""
+
+
+class ArmDesk:
+    """Requests and services of all arms.
+
+    Args:
+        planner: Answers requests.
+        config: Latency of an answer in simulated time.
+        car: Model of the cars that are served.
+        start_rad: Joint positions at the start, shape (n_arms, n_joints).
+        tick_s: Length of a tick [s].
+    """
+
+    def __init__(
+        self, planner: ArmPlanner, config: ArmConfig, car: CarSpec, start_rad: FloatArray, tick_s: float
+    ) -> None:
+        self.car = car
+        self.services = [ArmService(arm, q) for arm, q in enumerate(start_rad)]
+        self.q = start_rad.copy()
+        self.qd = np.zeros_like(start_rad)
+        self.grip = np.zeros(len(start_rad), dtype=np.bool_)
+        self._planner = planner
+        self._latency = round(config.latency_s / tick_s)
+        self._tick_s = tick_s
+        self._due: dict[int, tuple[int, int]] = {}
+        self._reasons = [""] * len(start_rad)
+
+    def is_idle(self, arm: int) -> bool:
+        """True when an arm is home and has nothing to do."""
+        return self.services[arm].state is ServiceState.IDLE
+
+    def reason(self, arm: int) -> str:
+        """Why the arm's last transfer failed; empty when it did not."""
+        return self._reasons[arm]
+
+    def submit(self, request: TransferRequest, tick: int) -> None:
+        """Ask for a transfer; it starts when the latency has passed."""
+        self._reasons[request.arm] = ""
+        self._ask(request.arm, self._planner.submit(request), tick)
+
+    def slow(self, arm: int, factor: float) -> None:
+        """Play an arm's motions at a fraction of their speed."""
+        self.services[arm].speed = factor
+
+    def tick(self, tick: int, held: IntArray) -> None:
+        """Land the answers that are due and advance every busy arm; fills `q`, `qd` and `grip`."""
+        for arm, (due_tick, ticket) in list(self._due.items()):
+            if due_tick <= tick:
+                del self._due[arm]
+                self._land(arm, self._planner.result(ticket))
+        for service in self.services:
+            if service.state is ServiceState.IDLE:
+                continue
+            service.tick(self._tick_s, int(held[service.arm]))
+            self.q[service.arm], self.qd[service.arm] = service.q, service.qd
+            self.grip[service.arm] = service.grip
+            if service.state is ServiceState.DONE:
+                service.reset()
+            elif service.state in (ServiceState.MISSED, ServiceState.DROPPED):
+                self._reasons[service.arm] = f"arm_{service.arm} {service.state} the parcel"
+                service.release()
+                self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
+
+    def busy_s(self) -> npt.NDArray[np.float64]:
+        """Time each arm has worked so far [s], shape (n_arms,)."""
+        return np.array([service.busy_s for service in self.services])
+
+    def _ask(self, arm: int, ticket: int, tick: int) -> None:
+        self.services[arm].request()
+        self._due[arm] = (tick + self._latency, ticket)
+
+    def _land(self, arm: int, transfer: Transfer) -> None:
+        if transfer.reason:
+            self._reasons[arm] = transfer.reason
+            self.services[arm].reset()
+        else:
+            self.services[arm].play(transfer)

@@ -1,0 +1,140 @@
+"""ArmService: plays a planned transfer on one arm, tick by tick, and watches its grip."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import numpy as np
+
+from fleet.stations.transfer import Step, StepKind, Transfer
+from fleet.world.protocol import FloatArray
+
+GRIP_TIMEOUT_S = 0.6
+"""A grip that does not hold after this long has missed; suction needs 1 tick, fingers 0.4 s."""
+SETTLE_S = 0.15
+"""Rest after a grip or release, for the parcel to come to rest."""
+
+
+class ServiceState(StrEnum):
+    """What an arm is doing."""
+
+    IDLE = "idle"
+    PLANNING = "planning"
+    MOVING = "moving"
+    DONE = "done"
+    """The transfer is complete; the arm is home."""
+    MISSED = "missed"
+    """The grip closed on nothing; the arm stands above the target."""
+    DROPPED = "dropped"
+    """A held parcel was lost."""
+
+
+class ArmService:
+    """One arm's transfer in progress.
+
+    Args:
+        arm: Index of the arm in the world.
+        start_rad: Joint positions at the start, shape (n_joints,).
+    """
+
+    def __init__(self, arm: int, start_rad: FloatArray) -> None:
+        self.arm = arm
+        self.state = ServiceState.IDLE
+        self.q = start_rad.copy()
+        self.qd = np.zeros_like(self.q)
+        self.grip = False
+        self.speed = 1.0
+        """Playback speed, below 1 when the arm is slow."""
+        self.busy_s = 0.0
+        """Time spent planning and moving [s]."""
+        self._steps: tuple[Step, ...] = ()
+        self._at = 0
+        self._elapsed_s = 0.0
+        self._carrying = False
+        self.parcel = -1
+
+    @property
+    def dock_is_clear(self) -> bool:
+        """True when the arm no longer needs the car to stand still."""
+        if self.state in (ServiceState.PLANNING, ServiceState.MOVING):
+            return self.state is ServiceState.MOVING and any(
+                step.kind is StepKind.CLEAR for step in self._steps[: self._at + 1]
+            )
+        return True
+
+    def request(self) -> None:
+        """Note that a plan was asked for."""
+        self.state = ServiceState.PLANNING
+
+    def play(self, transfer: Transfer) -> None:
+        """Start a planned transfer."""
+        self.state = ServiceState.MOVING
+        self.parcel = transfer.parcel
+        self._steps, self._at, self._elapsed_s, self._carrying = transfer.steps, 0, 0.0, False
+
+    def reset(self) -> None:
+        """Leave a final state and be ready for the next transfer."""
+        self.state = ServiceState.IDLE
+        self._steps, self._at = (), 0
+
+    def release(self) -> None:
+        """Let go of whatever the arm holds."""
+        self.grip = False
+
+    def tick(self, tick_s: float, held: int) -> None:
+        """Advance by one tick.
+
+        Args:
+            tick_s: Length of the tick [s].
+            held: Parcel in the arm's grip now, -1 for none.
+        """
+        self.qd[:] = 0.0
+        if self.state in (ServiceState.PLANNING, ServiceState.MOVING):
+            self.busy_s += tick_s
+        if self.state is not ServiceState.MOVING:
+            return
+        if self._carrying and held != self.parcel:
+            self._end(ServiceState.DROPPED)
+            return
+        left_s = tick_s * self.speed
+        while left_s > 0.0 and self.state is ServiceState.MOVING:
+            left_s = self._advance(self._steps[self._at], left_s, held)
+
+    def _advance(self, step: Step, left_s: float, held: int) -> float:
+        """Spend up to `left_s` on a step; returns what is left."""
+        if step.kind is StepKind.CLEAR:
+            self._next()
+            return left_s
+        if step.kind is StepKind.MOVE:
+            self._elapsed_s += left_s
+            over_s = self._elapsed_s - step.trajectory.duration_s
+            self.q, self.qd = step.trajectory.sample(min(self._elapsed_s, step.trajectory.duration_s))
+            self.qd = self.qd * self.speed
+            if over_s < 0.0:
+                return 0.0
+            self._next()
+            return over_s
+        # A grip or release is a command to the world: it takes effect with this tick, so the rest of the tick is spent.
+        self.grip = step.kind is StepKind.GRIP
+        self._elapsed_s += left_s
+        if self.grip and held == self.parcel and self._elapsed_s >= SETTLE_S:
+            self._carrying = True
+            self._next()
+        elif self.grip and self._elapsed_s >= GRIP_TIMEOUT_S:
+            self.grip = False
+            self._end(ServiceState.MISSED)
+        elif step.kind is StepKind.RELEASE:
+            self._carrying = False
+            if self._elapsed_s >= SETTLE_S and held != self.parcel:
+                self._next()
+        return 0.0
+
+    def _next(self) -> None:
+        self._at += 1
+        self._elapsed_s = 0.0
+        if self._at == len(self._steps):
+            self._end(ServiceState.DONE)
+
+    def _end(self, state: ServiceState) -> None:
+        self.state = state
+        self._carrying = False

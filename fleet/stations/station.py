@@ -1,0 +1,53 @@
+"""Station: a dock, an arm and a rack of slots, with the books of what lies where."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from maps.site import StationPlace
+
+
+class Station:
+    """Slots and collection of one station.
+
+    Args:
+        arm: Index of its arm in the world.
+        place: Where it stands.
+        dock_state: Lane-graph state of a car at its dock.
+    """
+
+    def __init__(self, arm: int, place: StationPlace, dock_state: int) -> None:
+        self.arm = arm
+        self.place = place
+        self.dock_state = dock_state
+        self.contents: list[int | None] = [None] * len(place.slots)
+        """Task whose parcel lies on, or is promised to, each slot."""
+        self._leaving: deque[tuple[float, int]] = deque()
+
+    @property
+    def name(self) -> str:
+        """Name in the site file."""
+        return self.place.name
+
+    def take_slot(self, task: int) -> int | None:
+        """Promise the first free slot to a task; None when all are taken."""
+        for slot, content in enumerate(self.contents):
+            if content is None:
+                self.contents[slot] = task
+                return slot
+        return None
+
+    def free_slot(self, slot: int) -> None:
+        """Give a slot back."""
+        self.contents[slot] = None
+
+    def collect_at(self, time_s: float, slot: int) -> None:
+        """Note that the parcel on a slot leaves at a given time; times must not decrease."""
+        self._leaving.append((time_s, slot))
+
+    def collect_due(self, now_s: float) -> list[int]:
+        """Slots whose parcels leave now."""
+        slots = []
+        while self._leaving and self._leaving[0][0] <= now_s:
+            slots.append(self._leaving.popleft()[1])
+        return slots

@@ -1,0 +1,147 @@
+"""TaskBoard: the life cycle of every task, each transition recorded with its cause."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from fleet.errors import FleetError
+from fleet.tasks.order import Order
+
+
+class TaskState(StrEnum):
+    """Where a delivery stands."""
+
+    ORDERED = "ordered"
+    """Known to the generator or file, not yet released."""
+    BACKLOG = "backlog"
+    """Released; waits for a free slot at its pick station."""
+    READY = "ready"
+    """Its parcel lies on a pick slot."""
+    ASSIGNED = "assigned"
+    """A car drives to the pick station."""
+    LOADING = "loading"
+    """The car stands at the pick dock; the arm works."""
+    CARRIED = "carried"
+    """The parcel rides in the car's tray."""
+    UNLOADING = "unloading"
+    """The car stands at the drop dock; the arm works."""
+    DELIVERED = "delivered"
+    """Measured on its drop slot."""
+    COLLECTED = "collected"
+    """Left the warehouse."""
+    FAILED = "failed"
+
+
+OPEN_STATES = frozenset(TaskState) - {TaskState.COLLECTED, TaskState.FAILED}
+_NEXT: dict[TaskState, frozenset[TaskState]] = {
+    TaskState.ORDERED: frozenset({TaskState.BACKLOG}),
+    TaskState.BACKLOG: frozenset({TaskState.READY}),
+    TaskState.READY: frozenset({TaskState.ASSIGNED, TaskState.FAILED}),
+    TaskState.ASSIGNED: frozenset({TaskState.LOADING, TaskState.READY, TaskState.FAILED}),
+    TaskState.LOADING: frozenset({TaskState.CARRIED, TaskState.READY, TaskState.FAILED}),
+    TaskState.CARRIED: frozenset({TaskState.UNLOADING, TaskState.FAILED}),
+    TaskState.UNLOADING: frozenset({TaskState.DELIVERED, TaskState.CARRIED, TaskState.FAILED}),
+    TaskState.DELIVERED: frozenset({TaskState.COLLECTED, TaskState.FAILED}),
+    TaskState.COLLECTED: frozenset(),
+    TaskState.FAILED: frozenset(),
+}
+
+
+class IllegalTransition(FleetError):
+    """A task was asked to make a step its life cycle does not have."""
+
+
+@dataclass(kw_only=True)
+class Task:
+    """One delivery in progress."""
+
+    index: int
+    """Identity in the run; also the parcel's."""
+    order: Order
+    state: TaskState = TaskState.ORDERED
+    car: int | None = None
+    pick_slot: int | None = None
+    drop_slot: int | None = None
+    reason: str = ""
+    """Cause of the last transition."""
+    since_s: dict[TaskState, float] = field(default_factory=dict)
+    """Time of the last entry into each state [s]."""
+
+    @property
+    def parcel(self) -> int:
+        """Identity of the task's parcel in the world."""
+        return self.index
+
+
+Listener = Callable[[Task, TaskState, float], None]
+
+
+class TaskBoard:
+    """All tasks of a run and their states.
+
+    Args:
+        orders: Ascending in release time.
+        listener: Called after every transition with the task, the former state and the time.
+    """
+
+    def __init__(self, orders: Iterable[Order], listener: Listener) -> None:
+        self.tasks = [Task(index=k, order=order) for k, order in enumerate(orders)]
+        self._unreleased = deque(self.tasks)
+        self._open = len(self.tasks)
+        self._listener = listener
+        self._by_state: dict[TaskState, dict[int, Task]] = {state: {} for state in TaskState}
+        for task in self.tasks:
+            self._by_state[TaskState.ORDERED][task.index] = task
+
+    @property
+    def finished(self) -> bool:
+        """True when no task is open any more."""
+        return self._open == 0
+
+    def in_state(self, *states: TaskState) -> list[Task]:
+        """Tasks in any of the given states, in the order they entered them."""
+        return [task for state in states for task in self._by_state[state].values()]
+
+    def count(self, state: TaskState) -> int:
+        """Number of tasks in a state."""
+        return len(self._by_state[state])
+
+    def of_car(self, car: int) -> Task | None:
+        """The task a car works on."""
+        for state in (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING):
+            for task in self._by_state[state].values():
+                if task.car == car:
+                    return task
+        return None
+
+    def release_due(self, now_s: float) -> None:
+        """Move every order whose release time has come to the backlog."""
+        while self._unreleased and self._unreleased[0].order.release_s <= now_s:
+            self.move(self._unreleased.popleft(), TaskState.BACKLOG, now_s, "release time reached")
+
+    def move(self, task: Task, state: TaskState, now_s: float, reason: str) -> None:
+        """Take a task to its next state.
+
+        Args:
+            task: The task.
+            state: The state to enter.
+            now_s: Simulated time [s].
+            reason: Why, in a few words; kept with the task and sent to the listener.
+
+        Raises:
+            IllegalTransition: The life cycle has no such step.
+        """
+        if state not in _NEXT[task.state]:
+            valid = ", ".join(sorted(_NEXT[task.state])) or "none"
+            raise IllegalTransition(f"task {task.order.name}: {task.state} -> {state}; valid next states: {valid}")
+        before = task.state
+        del self._by_state[before][task.index]
+        self._by_state[state][task.index] = task
+        task.state, task.reason = state, reason
+        task.since_s[state] = now_s
+        if state not in OPEN_STATES:
+            self._open -= 1
+        self._listener(task, before, now_s)

@@ -1,0 +1,125 @@
+"""Traffic: asks the planner for the next window of moves and hands it to the executor when its time has come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.config import TrafficConfig
+from fleet.executor import Executor
+from maps.lane_graph import LaneGraph
+from planners.mapf import PLANNERS
+from planners.mapf.distance_table import DistanceTable
+from planners.mapf.problem import Instance, Plan
+
+NO_GOAL = -1
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Pending:
+    due_tick: int
+    plan: Plan
+
+
+class Traffic:
+    """Goals of all cars, and the planning requests that serve them.
+
+    A request is answered at once and its plan is kept back until `latency_s` of simulated time has passed,
+    so that the outcome does not depend on how fast the machine is.
+
+    Args:
+        graph: Lane graph of the site.
+        executor: Receives the plans.
+        config: Planner, window, period and latency.
+        tick_s: Length of a tick [s].
+        seed: Seed of the planner's tie-breaking.
+    """
+
+    def __init__(self, graph: LaneGraph, executor: Executor, config: TrafficConfig, tick_s: float, seed: int) -> None:
+        n_cars = len(executor.tail_states())
+        self.graph = graph
+        self.executor = executor
+        self.goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
+        self.stay = np.zeros(n_cars, dtype=np.bool_)
+        """Cars that must not be pushed once they are at their goal (docks)."""
+        self.fixed = np.zeros(n_cars, dtype=np.bool_)
+        """Cars that cannot move (served, dead, recovering)."""
+        self.rank = np.zeros(n_cars)
+        """Added to a car's priority: loaded cars go first."""
+        self.blocked = np.zeros(graph.n_cells, dtype=np.bool_)
+        """Cells nobody may be sent into."""
+        self.tables = DistanceTable(graph, self.blocked)
+        self.plans_n = 0
+        self._planner = PLANNERS[config.planner](seed=seed)
+        self._config = config
+        self._period = max(1, round(config.period_s / tick_s))
+        self._latency = round(config.latency_s / tick_s)
+        self._tick_s = tick_s
+        self._goal_since = np.zeros(n_cars)
+        self._tie_break = np.arange(n_cars) * 1e-6
+        self._pending: _Pending | None = None
+        self._wanted = True
+
+    def send(self, car: int, goal: int, *, stay: bool, tick: int) -> None:
+        """Give a car a goal state; a new goal starts with no waiting time."""
+        if self.goals[car] != goal:
+            self.goals[car] = goal
+            self._goal_since[car] = tick
+            self._wanted = True
+        self.stay[car] = stay
+
+    def set_fixed(self, car: int, fixed: bool) -> None:
+        """Say that a car cannot move, or that it can again."""
+        self.fixed[car] = fixed
+        self._wanted = True
+
+    def set_dead(self, car: int) -> None:
+        """A car will never move again: what it holds is no longer a way."""
+        self.set_fixed(car, True)
+        self.goals[car] = NO_GOAL
+        for cell in self.executor.dependencies.held_cells(car):
+            self.set_blocked(cell, True)
+
+    def set_blocked(self, cell: int, blocked: bool) -> None:
+        """Take a cell out of the lanes, or give it back."""
+        self.blocked[cell] = blocked
+        self.tables = DistanceTable(self.graph, self.blocked)
+        self._wanted = True
+
+    def replan_soon(self) -> None:
+        """Ask for a plan at the next tick instead of at the next period."""
+        self._wanted = True
+
+    def tick(self, tick: int) -> bool:
+        """Land the plan that is due and make the request that is due.
+
+        Returns:
+            True when a plan landed.
+        """
+        landed = False
+        if self._pending is None and (self._wanted or tick % self._period == 0):
+            self._pending = _Pending(due_tick=tick + self._latency, plan=self._plan(tick))
+            self._wanted = False
+        if self._pending is not None and self._pending.due_tick <= tick:
+            self.executor.accept(self._pending.plan)
+            self._pending = None
+            self.plans_n += 1
+            landed = True
+        return landed
+
+    def _plan(self, tick: int) -> Plan:
+        starts = self.executor.cut()
+        waited_s = (tick - self._goal_since) * self._tick_s
+        instance = Instance(
+            graph=self.graph,
+            starts=starts,
+            goals=self.goals.copy(),
+            priorities=waited_s + self.rank + self._tie_break,
+            stay=self.stay.copy(),
+            fixed=self.fixed.copy(),
+            blocked=self.blocked.copy(),
+            allow_rotation=False,
+            horizon=self._config.horizon_n,
+        )
+        return self._planner.plan(instance, self.tables)

@@ -1,0 +1,251 @@
+"""Parcels without physics: each rides on the floor, a pedestal, a car's tray or an arm's tool."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+from scipy.spatial.transform import Rotation
+
+from fleet.errors import FleetError
+from fleet.robots.spec import CarSpec
+from fleet.world.protocol import FloatArray, IntArray, ParcelBody
+from fleet.world.scene import StaticBox
+
+SUCTION_REACH_M = 0.02
+"""An active tool takes the parcel whose top-face centre is this close to its tip [m]."""
+SINK_M = 0.02
+"""A parcel may be let go this deep inside what it comes to rest on [m]; a support higher than that is beside it."""
+
+
+class ParcelError(FleetError):
+    """A parcel is unknown, or known twice."""
+
+
+class Support(IntEnum):
+    """What a parcel rests on."""
+
+    GROUND = 0
+    """Something that never moves: the floor or a pedestal."""
+    TRAY = 1
+    TOOL = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParcelSnapshot:
+    """State of `Parcels` at one instant."""
+
+    ids: IntArray
+    size_m: FloatArray
+    poses: FloatArray
+    support: IntArray
+    carrier: IntArray
+    local: FloatArray
+    held: IntArray
+
+
+class Parcels:
+    """All parcels of a world and what carries them.
+
+    A carried parcel keeps its pose relative to its carrier, rigidly. A parcel that is put into the world or let go
+    drops straight down, within the tick, onto the highest support under its centre: floor, pedestal, tray floor or
+    another parcel (it then rides with whatever carries that one), and comes to rest flat, keeping its yaw. Nothing
+    slides, tips over or collides.
+
+    Attributes:
+        ids: Parcel ids, ascending, shape (p,).
+        poses: World poses x, y, z, qx, qy, qz, qw of the box centres in the order of `ids`, shape (p, 7).
+        held: Parcel id at each arm's tool, -1 for none, shape (n_arms,).
+
+    Args:
+        boxes: The scene's boxes; parcels rest on those of kind 'pedestal'.
+        car: Model of the cars whose trays carry parcels.
+        n_arms: Number of tools.
+    """
+
+    def __init__(self, boxes: tuple[StaticBox, ...], car: CarSpec, n_arms: int) -> None:
+        pedestals = [(*b.centre_m, *b.half_m) for b in boxes if b.kind == "pedestal"]
+        self._pedestals = np.array(pedestals, dtype=np.float64).reshape(-1, 6)
+        self._tray_x_m = car.tray_x_m
+        self._tray_half_m = np.array(car.tray_size_m[:2]) / 2.0
+        self._tray_floor_z_m = car.tray_floor_z_m
+        self.ids = np.zeros(0, dtype=np.int64)
+        self.poses = np.zeros((0, 7))
+        self.held = np.full(n_arms, -1, dtype=np.int64)
+        self._size_m = np.zeros((0, 3))
+        self._support = np.zeros(0, dtype=np.int64)
+        self._carrier = np.zeros(0, dtype=np.int64)
+        self._local = np.zeros((0, 7))
+
+    def add(self, body: ParcelBody, car_poses: FloatArray) -> None:
+        """Put a parcel into the world; it drops from the pose it is given.
+
+        Raises:
+            ParcelError: The id is in use.
+        """
+        row = int(np.searchsorted(self.ids, body.parcel))
+        if row < len(self.ids) and self.ids[row] == body.parcel:
+            raise ParcelError(f"parcel {body.parcel} is in the world already; valid: an id not in use")
+        self.ids = np.insert(self.ids, row, body.parcel)
+        self.poses = np.insert(self.poses, row, body.pose, axis=0)
+        self._size_m = np.insert(self._size_m, row, body.size_m, axis=0)
+        self._support = np.insert(self._support, row, Support.GROUND)
+        self._carrier = np.insert(self._carrier, row, -1)
+        self._local = np.insert(self._local, row, body.pose, axis=0)
+        self._drop(row, car_poses)
+
+    def remove(self, parcel: int) -> None:
+        """Take a parcel out of the world, out of a grip too.
+
+        Raises:
+            ParcelError: No such parcel.
+        """
+        row = int(np.searchsorted(self.ids, parcel))
+        if row == len(self.ids) or self.ids[row] != parcel:
+            raise ParcelError(f"parcel {parcel} is not in the world; valid: {self.ids.tolist()}")
+        self.held[self.held == parcel] = -1
+        for name in ("ids", "poses", "_size_m", "_support", "_carrier", "_local"):
+            setattr(self, name, np.delete(getattr(self, name), row, axis=0))
+
+    def update(self, car_poses: FloatArray, tips: FloatArray, grip: npt.NDArray[np.bool_]) -> None:
+        """Carry parcels to where their carriers are now, then let go and take hold.
+
+        An active tool that holds nothing takes a parcel in any tick, not only in the one in which it is switched on.
+
+        Args:
+            car_poses: Rear-axle poses x, y, yaw, shape (n_cars, 3).
+            tips: World poses of the tool tips, shape (n_arms, 7).
+            grip: True = hold, shape (n_arms,).
+        """
+        if len(self.ids) == 0:
+            return
+        _carry(self._support, self._carrier, self._local, car_poses, tips, self.poses)
+        holding = self.held >= 0
+        if np.array_equal(holding, grip):
+            return
+        for arm in np.nonzero(holding & ~grip)[0]:
+            row = int(np.searchsorted(self.ids, self.held[arm]))
+            self.held[arm] = -1
+            self._drop(row, car_poses)
+        for arm in np.nonzero(grip & ~holding)[0]:
+            self._take(int(arm), tips[arm])
+
+    def save(self) -> ParcelSnapshot:
+        """Copy of the state."""
+        return ParcelSnapshot(
+            ids=self.ids.copy(),
+            size_m=self._size_m.copy(),
+            poses=self.poses.copy(),
+            support=self._support.copy(),
+            carrier=self._carrier.copy(),
+            local=self._local.copy(),
+            held=self.held.copy(),
+        )
+
+    def load(self, snapshot: ParcelSnapshot) -> None:
+        """Return to a saved state."""
+        self.ids = snapshot.ids.copy()
+        self._size_m = snapshot.size_m.copy()
+        self.poses = snapshot.poses.copy()
+        self._support = snapshot.support.copy()
+        self._carrier = snapshot.carrier.copy()
+        self._local = snapshot.local.copy()
+        self.held = snapshot.held.copy()
+
+    def _take(self, arm: int, tip: FloatArray) -> None:
+        """Fix the parcel under the tool, if there is one that no other arm holds, to the tool."""
+        up = Rotation.from_quat(self.poses[:, 3:]).apply([0.0, 0.0, 1.0])
+        top = self.poses[:, :3] + up * self._size_m[:, 2:] / 2.0
+        distance = np.linalg.norm(top - tip[:3], axis=1)
+        distance[self._support == Support.TOOL] = np.inf
+        row = int(np.argmin(distance))
+        if distance[row] > SUCTION_REACH_M:
+            return
+        tip_from_world = Rotation.from_quat(tip[3:]).inv()
+        self._local[row, :3] = tip_from_world.apply(self.poses[row, :3] - tip[:3])
+        self._local[row, 3:] = (tip_from_world * Rotation.from_quat(self.poses[row, 3:])).as_quat()
+        self._support[row], self._carrier[row] = Support.TOOL, arm
+        self.held[arm] = self.ids[row]
+
+    def _drop(self, row: int, car_poses: FloatArray) -> None:
+        """Let a parcel fall onto the highest support under its centre."""
+        x, y, z = self.poses[row, :3]
+        half_z = self._size_m[row, 2] / 2.0
+        reachable = z - half_z + SINK_M
+        top, support, carrier = 0.0, Support.GROUND, -1
+
+        pedestals = self._pedestals
+        under = np.all(np.abs(pedestals[:, :2] - (x, y)) <= pedestals[:, 3:5], axis=1)
+        tops = pedestals[under, 2] + pedestals[under, 5]
+        top = max(top, float(tops[tops <= reachable].max(initial=0.0)))
+
+        if top < self._tray_floor_z_m <= reachable:
+            dx, dy = x - car_poses[:, 0], y - car_poses[:, 1]
+            cos, sin = np.cos(car_poses[:, 2]), np.sin(car_poses[:, 2])
+            ahead, left = cos * dx + sin * dy - self._tray_x_m, cos * dy - sin * dx
+            over = np.nonzero((np.abs(ahead) <= self._tray_half_m[0]) & (np.abs(left) <= self._tray_half_m[1]))[0]
+            if len(over):
+                top, support, carrier = self._tray_floor_z_m, Support.TRAY, int(over[0])
+
+        for other in range(len(self.ids)):
+            if other == row or self._support[other] == Support.TOOL:
+                continue
+            other_top = float(self.poses[other, 2] + self._size_m[other, 2] / 2.0)
+            offset = _turned(x - self.poses[other, 0], y - self.poses[other, 1], -_yaw(self.poses[other]))
+            inside = abs(offset[0]) <= self._size_m[other, 0] / 2.0 and abs(offset[1]) <= self._size_m[other, 1] / 2.0
+            if inside and top < other_top <= reachable:
+                top, support, carrier = other_top, Support(int(self._support[other])), int(self._carrier[other])
+
+        yaw = _yaw(self.poses[row])
+        self.poses[row] = _flat(x, y, top + half_z, yaw)
+        self._support[row], self._carrier[row] = support, carrier
+        if support == Support.TRAY:
+            car = car_poses[carrier]
+            u, v = _turned(x - car[0], y - car[1], -car[2])
+            self._local[row] = _flat(u, v, top + half_z, yaw - car[2])
+
+
+def _yaw(pose: FloatArray) -> float:
+    """Direction of a box's own x axis, seen from above [rad]."""
+    _, _, _, qx, qy, qz, qw = pose
+    return math.atan2(2.0 * (qx * qy + qw * qz), 1.0 - 2.0 * (qy * qy + qz * qz))
+
+
+def _flat(x: float, y: float, z: float, yaw: float) -> FloatArray:
+    return np.array([x, y, z, 0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)])
+
+
+def _turned(x: float, y: float, yaw: float) -> tuple[float, float]:
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return cos * x - sin * y, sin * x + cos * y
+
+
+@njit(cache=True)
+def _carry(support, carrier, local, car_poses, tips, poses):
+    """World poses of carried parcels: carrier pose times local pose, both as x, y, z, quat_xyzw."""
+    base = np.zeros(7)
+    for i in range(len(support)):
+        if support[i] == 0:
+            continue
+        if support[i] == 1:
+            x, y, yaw = car_poses[carrier[i]]
+            base[0], base[1], base[2] = x, y, 0.0
+            base[3], base[4], base[5], base[6] = 0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)
+        else:
+            base[:] = tips[carrier[i]]
+        ax, ay, az, aw = base[3], base[4], base[5], base[6]
+        px, py, pz = local[i, 0], local[i, 1], local[i, 2]
+        bx, by, bz, bw = local[i, 3], local[i, 4], local[i, 5], local[i, 6]
+        # v + 2 w (a x v) + 2 a x (a x v)
+        tx, ty, tz = 2.0 * (ay * pz - az * py), 2.0 * (az * px - ax * pz), 2.0 * (ax * py - ay * px)
+        poses[i, 0] = base[0] + px + aw * tx + ay * tz - az * ty
+        poses[i, 1] = base[1] + py + aw * ty + az * tx - ax * tz
+        poses[i, 2] = base[2] + pz + aw * tz + ax * ty - ay * tx
+        poses[i, 3] = aw * bx + ax * bw + ay * bz - az * by
+        poses[i, 4] = aw * by - ax * bz + ay * bw + az * bx
+        poses[i, 5] = aw * bz + ax * by - ay * bx + az * bw
+        poses[i, 6] = aw * bw - ax * bx - ay * by - az * bz

@@ -1,0 +1,120 @@
+"""World: the one interface of the three fidelities (physics, kinematic, grid); arrays with one row per robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParcelBody:
+    """A parcel as a physical box."""
+
+    parcel: int
+    """Identity, unique in a run."""
+    size_m: tuple[float, float, float]
+    mass_kg: float
+    pose: FloatArray
+    """World pose of the box centre, x, y, z, qx, qy, qz, qw, shape (7,)."""
+
+
+@dataclass(kw_only=True)
+class Contacts:
+    """Contacts that physics reported since the start of the run; a touch that lasts counts once until it ends."""
+
+    robot: int = 0
+    """Car-car, arm-arm, and arm-car outside the tray the arm serves."""
+    static: int = 0
+    """Robots against walls, shelves, pedestals (an arm's parcel on its pedestal is not one)."""
+
+
+class World(Protocol):
+    """What a simulation may ask of the place where robots move.
+
+    A car command is ``(steering_rad, speed_mps)`` in the continuous worlds. On the grid it is ``(next_state, 0)``:
+    the id of the lane-graph state to move to, or of the present state to stay.
+    """
+
+    tick_s: float
+    """Length of one tick [s]."""
+    n_cars: int
+    n_arms: int
+
+    def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]) -> None:
+        """Advance one tick.
+
+        Args:
+            car_commands: Shape (n_cars, 2).
+            arm_q: Joint targets [rad], shape (n_arms, n_joints).
+            arm_qd: Joint target velocities [rad/s], same shape.
+            grip: True = hold (suction on, fingers closed), shape (n_arms,).
+        """
+
+    def car_poses(self) -> FloatArray:
+        """Rear-axle poses x, y, yaw, shape (n_cars, 3)."""
+
+    def car_speeds(self) -> FloatArray:
+        """Signed forward speed [m/s], shape (n_cars,)."""
+
+    def car_steering(self) -> FloatArray:
+        """Measured steering angle (bicycle equivalent) [rad], shape (n_cars,)."""
+
+    def arm_positions(self) -> FloatArray:
+        """Joint positions [rad], shape (n_arms, n_joints)."""
+
+    def arm_velocities(self) -> FloatArray:
+        """Joint velocities [rad/s], shape (n_arms, n_joints)."""
+
+    def held(self) -> IntArray:
+        """Parcel id in each arm's grip, -1 for none, shape (n_arms,)."""
+
+    def parcel_ids(self) -> IntArray:
+        """Ids of the parcels in the world, ascending, shape (p,)."""
+
+    def parcel_poses(self) -> FloatArray:
+        """Poses in the order of `parcel_ids`, shape (p, 7)."""
+
+    def add_parcel(self, body: ParcelBody) -> None:
+        """Put a parcel into the world."""
+
+    def remove_parcel(self, parcel: int) -> None:
+        """Take a parcel out of the world."""
+
+    def set_serving(self, arm: int, car: int) -> None:
+        """Say which car's tray an arm may touch (-1: none); used to judge contacts only."""
+
+    def add_obstacle(self, obstacle: int, centre_m: FloatArray, half_m: FloatArray) -> None:
+        """Put a fixed box into the world at run time (a blocked lane)."""
+
+    def remove_obstacle(self, obstacle: int) -> None:
+        """Take such a box away."""
+
+    def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
+        """Shove a car sideways: what a careless human does. Physics applies an impulse towards it, others displace."""
+
+    def contacts(self) -> Contacts:
+        """Contacts so far."""
+
+    def min_clearance_m(self) -> float:
+        """Smallest clearance so far: car-car bodies, and arms against cars they do not serve [m]."""
+
+    def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
+        """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,)."""
+
+    def save(self) -> object:
+        """A snapshot for `load` in this process."""
+
+    def load(self, snapshot: object) -> None:
+        """Return to a snapshot of this world."""
+
+    def state_bytes(self) -> bytes:
+        """The physical state as bytes, equal for equal states: input of the state hash."""
+
+    def close(self) -> None:
+        """Free what the world holds; calling twice is harmless."""

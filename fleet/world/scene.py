@@ -1,0 +1,37 @@
+"""Scene: everything a world is built from, as plain arrays, so that every fidelity starts from the same place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.robots.spec import ArmSpec, CarSpec
+
+
+@dataclass(frozen=True, kw_only=True)
+class StaticBox:
+    """An immovable axis-aligned box."""
+
+    kind: str
+    """'wall', 'shelf' or 'pedestal'."""
+    centre_m: tuple[float, float, float]
+    half_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """Robots and fixed things at the start of a run."""
+
+    size_m: tuple[float, float]
+    """Extent of the floor along x and y [m]; the floor's corner is the origin."""
+    boxes: tuple[StaticBox, ...]
+    car: CarSpec
+    car_start: npt.NDArray[np.float64]
+    """Start poses x, y, yaw [m, m, rad], shape (n_cars, 3)."""
+    arm: ArmSpec
+    arm_base: npt.NDArray[np.float64]
+    """Base poses x, y, z, yaw, shape (n_arms, 4)."""
+    arm_start: npt.NDArray[np.float64]
+    """Start joint positions [rad], shape (n_arms, n_joints)."""

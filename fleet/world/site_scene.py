@@ -1,0 +1,79 @@
+"""Scene of a site: floor map and stations become boxes and robot poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import Grip
+from fleet.robots.iiwa import iiwa_spec
+from fleet.robots.racecar import racecar_spec
+from fleet.robots.tools import TOOLS
+from fleet.world.protocol import FloatArray
+from fleet.world.scene import Scene, StaticBox
+from maps.grid import GridMap
+from maps.site import Site
+
+WALL_HEIGHT_M = 0.6
+"""Low, so that a viewer looks over the walls; higher than a loaded car."""
+SHELF_HEIGHT_M = 2.0
+PEDESTAL_HALF_M = 0.08
+SHELF_GAP_M = 0.03
+"""Kept free around a shelf inside its cells [m]."""
+
+
+def scene_of(site: Site, car_start: FloatArray, grip: Grip) -> Scene:
+    """Build the scene of a site.
+
+    Args:
+        site: The site.
+        car_start: Rear-axle poses, shape (n_cars, 3).
+        grip: Decides the arms' tool.
+
+    Returns:
+        Walls and shelves merged into as few boxes as rectangles allow, a pedestal for every slot, robots at their
+        starts, arms at home.
+    """
+    boxes = [
+        *_merged_boxes(site.grid, site.walls, "wall", WALL_HEIGHT_M, 0.0),
+        *_merged_boxes(site.grid, site.shelves, "shelf", SHELF_HEIGHT_M, SHELF_GAP_M),
+    ]
+    for station in site.stations:
+        for x, y, z in station.slots:
+            half = (PEDESTAL_HALF_M, PEDESTAL_HALF_M, z / 2)
+            boxes.append(StaticBox(kind="pedestal", centre_m=(float(x), float(y), z / 2), half_m=half))
+    arm = iiwa_spec(TOOLS[grip])
+    return Scene(
+        size_m=(site.grid.cols * site.grid.cell_m, site.grid.rows * site.grid.cell_m),
+        boxes=tuple(boxes),
+        car=racecar_spec(),
+        car_start=car_start,
+        arm=arm,
+        arm_base=np.array([station.arm.pose for station in site.stations]).reshape(-1, 4),
+        arm_start=np.tile(arm.home_rad, (len(site.stations), 1)),
+    )
+
+
+def _merged_boxes(
+    grid: GridMap, mask: npt.NDArray[np.bool_], kind: str, height_m: float, gap_m: float
+) -> list[StaticBox]:
+    """Cover the marked cells with disjoint rectangles, each grown to the right, then down."""
+    left = mask.copy()
+    boxes = []
+    for row, col in np.argwhere(mask):
+        if not left[row, col]:
+            continue
+        end_col = col
+        while end_col + 1 < grid.cols and left[row, end_col + 1]:
+            end_col += 1
+        end_row = row
+        while end_row + 1 < grid.rows and left[end_row + 1, col : end_col + 1].all():
+            end_row += 1
+        left[row : end_row + 1, col : end_col + 1] = False
+        x0, y0 = grid.xy(int(row), int(col))
+        x1, y1 = grid.xy(int(end_row), int(end_col))
+        half_x = (x1 - x0 + grid.cell_m) / 2 - gap_m
+        half_y = (y0 - y1 + grid.cell_m) / 2 - gap_m
+        centre = ((x0 + x1) / 2, (y0 + y1) / 2, height_m / 2)
+        boxes.append(StaticBox(kind=kind, centre_m=centre, half_m=(half_x, half_y, height_m / 2)))
+    return boxes

@@ -1,0 +1,346 @@
+"""LaneGraph: the states a vehicle can wait in and the moves between them, as flat arrays, for one motion model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Literal
+
+import networkx as nx
+import numpy as np
+import numpy.typing as npt
+
+from maps.errors import MapsError
+from maps.grid import DCOL, DROW, GridMap
+from maps.site import Site
+from maps.vehicle import ENTRY_INSET_M, TURN_RADIUS_M
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int32]
+SmallInts = npt.NDArray[np.int8]
+
+SAMPLE_STEP_M = 0.05
+"""Largest distance between neighbouring path samples of a car-like move [m]."""
+
+
+class MoveKind(IntEnum):
+    """What a move does, seen from the vehicle."""
+
+    STRAIGHT = 0
+    LEFT = 1
+    RIGHT = 2
+    REVERSE = 3
+    TURN = 4
+
+
+STRAIGHT, LEFT, RIGHT, REVERSE, TURN = MoveKind
+
+
+class MotionError(MapsError):
+    """A motion model is unknown or does not fit the map."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneGraph:
+    """States and moves of one motion model on one floor; S states, M moves.
+
+    `carlike`: a state is (cell, heading the car entered with), one per lane; the car stands with its rear axle on the
+    centre line, 0.1 m inside the entry side, or at the stop pose of a dock. `pebble`: a state is a cell (heading 0).
+    `rotating`: a state is (cell, heading), turns are moves of their own. Nobody writes to the arrays; they are left
+    writable only because numba would otherwise compile every kernel a second time for read-only arrays.
+    """
+
+    motion: str
+    n_states: int
+    n_cells: int
+    """Cells of the whole floor, free or not, so that a cell index addresses arrays of this length."""
+    state_cell: Ints
+    """Shape (S,)."""
+    state_heading: SmallInts
+    """Shape (S,): 0 east, 1 north, 2 west, 3 south."""
+    state_pose: Floats
+    """x, y [m], yaw [rad] = heading * pi / 2, shape (S, 3)."""
+    state_index: Ints
+    """State of (cell, heading) or -1, shape (n_cells, 4)."""
+    move_from: Ints
+    move_to: Ints
+    """From and to states, shape (M,), sorted by from state."""
+    move_kind: SmallInts
+    """MoveKind, shape (M,)."""
+    move_length: Floats
+    """Length of the driven path [m], shape (M,)."""
+    out_ptr: Ints
+    out_move: Ints
+    """Moves leaving state s: out_move[out_ptr[s]:out_ptr[s + 1]]."""
+    in_ptr: Ints
+    in_move: Ints
+    """Moves entering state s: in_move[in_ptr[s]:in_ptr[s + 1]]."""
+    swept_ptr: Ints
+    swept_cell: Ints
+    """Cells the body touches during move m: swept_cell[swept_ptr[m]:swept_ptr[m + 1]], from cell first."""
+    path_ptr: Ints
+    path_points: Floats
+    """x, y [m], yaw [rad] along move m, both ends included; yaw is continuous from the from state's yaw."""
+    path_s: Floats
+    """Arc length from the start of the move [m], one per path point."""
+
+    @property
+    def n_moves(self) -> int:
+        return len(self.move_from)
+
+    def state_at(self, cell: int, heading: int) -> int:
+        """State of a cell and heading, or -1 if no lane enters the cell so."""
+        return int(self.state_index[cell, heading])
+
+    def states_of_cell(self, cell: int) -> Ints:
+        """All states in a cell, shape (k,), k may be 0."""
+        row = self.state_index[cell]
+        return row[row >= 0]
+
+    def to_networkx(self) -> nx.DiGraph:
+        """The same graph with nodes = state ids (cell, heading, pose) and edges (length [m], kind, move id)."""
+        graph: nx.DiGraph[int] = nx.DiGraph(motion=self.motion)
+        for state in range(self.n_states):
+            attributes: dict[str, Any] = {
+                "cell": int(self.state_cell[state]),
+                "heading": int(self.state_heading[state]),
+                "pose": tuple(self.state_pose[state].tolist()),
+            }
+            graph.add_node(state, **attributes)
+        for move in range(self.n_moves):
+            graph.add_edge(
+                int(self.move_from[move]),
+                int(self.move_to[move]),
+                length=float(self.move_length[move]),
+                kind=MoveKind(int(self.move_kind[move])),
+                move=move,
+            )
+        return graph
+
+
+def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> LaneGraph:
+    """Build the car-like graph of a site: one state per lane, moves straight, left, right (and reverse if allowed).
+
+    A turn is straight, quarter circle of 0.4 m radius, straight; it is left out where a straight part would be
+    negative, so a dock whose stop pose lies deeper in its cell has only its straight exit.
+
+    Args:
+        site: The site; `grid_lane_graph` serves bare grids.
+        motion: Only "carlike".
+
+    Raises:
+        MotionError: Another motion model is asked for, or the cells are too small for the turning circle.
+    """
+    if motion != "carlike":
+        raise MotionError(f"lane graph of a site: motion {motion!r} is unknown, must be 'carlike'")
+    grid = site.grid
+    cell_m = grid.cell_m
+    if cell_m / 2 - TURN_RADIUS_M - ENTRY_INSET_M < -1e-9:
+        raise MotionError(f"lane graph: cell_m {cell_m} is too small, must be at least 1.0")
+
+    lane_heading = _headings(site.lanes, grid.cols)
+    order = np.lexsort((lane_heading, site.lanes[:, 1]))
+    before = site.lanes[order, 0]
+    cell = site.lanes[order, 1]
+    heading = lane_heading[order]
+    n_states = len(cell)
+    index = _state_index(cell, heading, grid.n_cells)
+
+    offset = np.zeros(n_states)  # how much deeper than the usual 0.1 m the car stands
+    for station in site.stations:
+        state = index[station.dock.cell, station.dock.heading]
+        if state >= 0:
+            offset[state] = station.dock.stop_offset_m
+    yaw = heading * (math.pi / 2)
+    ahead = np.column_stack((np.cos(yaw), np.sin(yaw)))
+    pose = np.column_stack((grid.cell_xy(cell) + ahead * (ENTRY_INSET_M + offset - cell_m / 2)[:, None], yaw))
+
+    moves: list[npt.NDArray[np.int64]] = []  # rows (from, to, kind)
+    for kind, quarter in ((STRAIGHT, 0), (LEFT, 1), (RIGHT, 3)):
+        next_heading = (heading + quarter) % 4
+        next_cell = _step(cell, next_heading, grid)
+        to = np.where(next_cell >= 0, index[next_cell, next_heading], -1)
+        # A lane into the next cell counts only if it starts in this cell, and heading fixes that already.
+        possible = to >= 0
+        if kind is not STRAIGHT:
+            lead_in = cell_m / 2 - TURN_RADIUS_M - ENTRY_INSET_M - offset
+            possible &= lead_in >= -1e-9
+        source = np.flatnonzero(possible)
+        moves.append(np.column_stack((source, to[source], np.full(len(source), kind))))
+    if site.allow_reverse:
+        to = index[before, heading]
+        source = np.flatnonzero(to >= 0)
+        moves.append(np.column_stack((source, to[source], np.full(len(source), REVERSE))))
+    move = np.concatenate(moves)
+    move = move[np.lexsort((move[:, 2], move[:, 0]))]
+
+    length, path_ptr, path_points, path_s = _carlike_paths(move, pose, offset, cell_m)
+    swept = np.column_stack((cell[move[:, 0]], cell[move[:, 1]]))
+    return _assemble("carlike", grid.n_cells, cell, heading, pose, index, move, length, swept, path_ptr, path_points, path_s)
+
+
+def grid_lane_graph(grid: GridMap, motion: Literal["pebble", "rotating"]) -> LaneGraph:
+    """Build the graph of a bare grid for the motion models of the public benchmarks.
+
+    Paths hold their two end points only: these vehicles are never driven along a path.
+
+    Args:
+        grid: The floor; every pair of neighbouring free cells is connected both ways.
+        motion: "pebble" (four neighbours) or "rotating" (forward, turn left, turn right on the spot).
+
+    Raises:
+        MotionError: The motion model is unknown.
+    """
+    free = np.flatnonzero(grid.free).astype(np.int64)
+    if motion == "pebble":
+        cell, heading = free, np.zeros(len(free), dtype=np.int64)
+        index = _state_index(cell, heading, grid.n_cells)
+        moves = []
+        for direction in range(4):
+            next_cell = _step(cell, np.full(len(cell), direction), grid)
+            to = np.where(next_cell >= 0, index[next_cell, 0], -1)
+            source = np.flatnonzero(to >= 0)
+            moves.append(np.column_stack((source, to[source], np.full(len(source), STRAIGHT))))
+    elif motion == "rotating":
+        cell, heading = np.repeat(free, 4), np.tile(np.arange(4), len(free))
+        index = _state_index(cell, heading, grid.n_cells)
+        next_cell = _step(cell, heading, grid)
+        to = np.where(next_cell >= 0, index[next_cell, heading], -1)
+        source = np.flatnonzero(to >= 0)
+        moves = [np.column_stack((source, to[source], np.full(len(source), STRAIGHT)))]
+        every = np.arange(len(cell))
+        for quarter in (1, 3):
+            moves.append(np.column_stack((every, index[cell, (heading + quarter) % 4], np.full(len(cell), TURN))))
+    else:
+        raise MotionError(f"lane graph of a grid: motion {motion!r} is unknown, must be 'pebble' or 'rotating'")
+    move = np.concatenate(moves)
+    move = move[np.lexsort((move[:, 1], move[:, 2], move[:, 0]))]
+
+    pose = np.column_stack((grid.cell_xy(cell), heading * (math.pi / 2)))
+    length = np.where(move[:, 2] == TURN, 0.0, grid.cell_m)
+    swept = np.column_stack((cell[move[:, 0]], cell[move[:, 1]]))
+    path_ptr = np.arange(len(move) + 1) * 2
+    ends = pose[move[:, :2]]  # (M, 2, 3)
+    quarter_turn = (ends[:, 1, 2] - ends[:, 0, 2] + math.pi) % (2 * math.pi) - math.pi
+    ends[:, 1, 2] = ends[:, 0, 2] + quarter_turn
+    path_s = np.column_stack((np.zeros(len(move)), length)).ravel()
+    return _assemble(motion, grid.n_cells, cell, heading, pose, index, move, length, swept, path_ptr, ends.reshape(-1, 3), path_s)
+
+
+def _headings(lanes: Ints, cols: int) -> npt.NDArray[np.int64]:
+    """Heading of each lane (from, to)."""
+    step = lanes[:, 1].astype(np.int64) - lanes[:, 0]
+    return np.select([step == 1, step == -cols, step == -1], [0, 1, 2], default=3)
+
+
+def _state_index(cell: npt.NDArray[Any], heading: npt.NDArray[Any], n_cells: int) -> Ints:
+    index = np.full((n_cells, 4), -1, dtype=np.int32)
+    index[cell, heading] = np.arange(len(cell), dtype=np.int32)
+    return index
+
+
+def _step(cell: npt.NDArray[Any], heading: npt.NDArray[Any], grid: GridMap) -> npt.NDArray[np.int64]:
+    """Next cell in a heading, -1 beyond the border."""
+    row, col = np.divmod(cell.astype(np.int64), grid.cols)
+    row = row + np.asarray(DROW)[heading]
+    col = col + np.asarray(DCOL)[heading]
+    inside = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)
+    return np.where(inside, row * grid.cols + col, -1)
+
+
+def _carlike_paths(
+    move: npt.NDArray[np.int64], pose: Floats, offset: Floats, cell_m: float
+) -> tuple[Floats, npt.NDArray[np.int64], Floats, Floats]:
+    """Sample every move; moves of one kind between equal stop offsets share one template, moved rigidly."""
+    deep_from, deep_to = np.round(offset[move[:, 0]], 9), np.round(offset[move[:, 1]], 9)
+    keys, group = np.unique(np.column_stack((move[:, 2], deep_from, deep_to)), axis=0, return_inverse=True)
+    group = group.ravel()
+    templates = [_template(MoveKind(int(kind)), a, b, cell_m) for kind, a, b in keys]
+    count = np.array([len(s) for _, s in templates], dtype=np.int64)[group]
+    length = np.array([s[-1] for _, s in templates])[group]
+    ptr = np.concatenate(([0], np.cumsum(count)))
+    points = np.empty((ptr[-1], 3))
+    path_s = np.empty(ptr[-1])
+    for number, (local, s) in enumerate(templates):
+        members = np.flatnonzero(group == number)
+        start = pose[move[members, 0]]
+        cos, sin = np.round(np.cos(start[:, 2:])), np.round(np.sin(start[:, 2:]))  # headings: exactly -1, 0 or 1
+        rows = ptr[members][:, None] + np.arange(len(s))
+        points[rows, 0] = start[:, :1] + cos * local[:, 0] - sin * local[:, 1]
+        points[rows, 1] = start[:, 1:2] + sin * local[:, 0] + cos * local[:, 1]
+        points[rows, 2] = start[:, 2:] + local[:, 2]
+        path_s[rows] = s
+    return length, ptr, points, path_s
+
+
+def _template(kind: MoveKind, offset_from: float, offset_to: float, cell_m: float) -> tuple[Floats, Floats]:
+    """Samples (x, y, yaw) in the frame of the from pose and their arc length, for one kind of move."""
+    if kind in (STRAIGHT, REVERSE):
+        sign = 1.0 if kind is STRAIGHT else -1.0
+        length = cell_m + sign * (offset_to - offset_from)
+        s = np.linspace(0.0, length, max(2, math.ceil(length / SAMPLE_STEP_M - 1e-9) + 1))
+        return np.column_stack((sign * s, np.zeros_like(s), np.zeros_like(s))), s
+    radius = TURN_RADIUS_M
+    lead_in = cell_m / 2 - radius - ENTRY_INSET_M - offset_from
+    lead_out = cell_m / 2 - radius + ENTRY_INSET_M + offset_to
+    lead_in = max(lead_in, 0.0)
+    arc = radius * math.pi / 2
+    pieces = [
+        np.linspace(a, b, max(1, math.ceil((b - a) / SAMPLE_STEP_M - 1e-9)), endpoint=False)
+        for a, b in ((0.0, lead_in), (lead_in, lead_in + arc), (lead_in + arc, lead_in + arc + lead_out))
+        if b - a > 1e-9
+    ]
+    s = np.concatenate([*pieces, [lead_in + arc + lead_out]])
+    angle = np.clip((s - lead_in) / radius, 0.0, math.pi / 2)
+    x = np.minimum(s, lead_in) + radius * np.sin(angle)
+    y = radius * (1.0 - np.cos(angle)) + np.maximum(s - lead_in - arc, 0.0)
+    side = 1.0 if kind is LEFT else -1.0
+    return np.column_stack((x, side * y, side * angle)), s
+
+
+def _csr(key: npt.NDArray[Any], n_keys: int) -> tuple[Ints, Ints]:
+    order = np.argsort(key, kind="stable").astype(np.int32)
+    ptr = np.concatenate(([0], np.cumsum(np.bincount(key, minlength=n_keys)))).astype(np.int32)
+    return ptr, order
+
+
+def _assemble(  # noqa: PLR0913 - the one place that turns parts into the frozen record
+    motion: str,
+    n_cells: int,
+    cell: npt.NDArray[Any],
+    heading: npt.NDArray[Any],
+    pose: Floats,
+    index: Ints,
+    move: npt.NDArray[np.int64],
+    length: Floats,
+    swept: npt.NDArray[Any],
+    path_ptr: npt.NDArray[Any],
+    path_points: Floats,
+    path_s: Floats,
+) -> LaneGraph:
+    n_states = len(cell)
+    out_ptr, out_move = _csr(move[:, 0], n_states)
+    in_ptr, in_move = _csr(move[:, 1], n_states)
+    moved = swept[:, 0] != swept[:, 1]  # a turn on the spot sweeps one cell
+    keep = np.column_stack((np.ones(len(move), dtype=np.bool_), moved))
+    arrays: dict[str, npt.NDArray[Any]] = {
+        "state_cell": cell.astype(np.int32),
+        "state_heading": heading.astype(np.int8),
+        "state_pose": pose,
+        "state_index": index,
+        "move_from": move[:, 0].astype(np.int32),
+        "move_to": move[:, 1].astype(np.int32),
+        "move_kind": move[:, 2].astype(np.int8),
+        "move_length": length.astype(np.float64),
+        "out_ptr": out_ptr,
+        "out_move": out_move,
+        "in_ptr": in_ptr,
+        "in_move": in_move,
+        "swept_ptr": np.concatenate(([0], np.cumsum(keep.sum(axis=1)))).astype(np.int32),
+        "swept_cell": swept[keep].astype(np.int32),
+        "path_ptr": path_ptr.astype(np.int32),
+        "path_points": np.ascontiguousarray(path_points),
+        "path_s": path_s,
+    }
+    return LaneGraph(motion=motion, n_states=n_states, n_cells=n_cells, **arrays)

@@ -1,0 +1,395 @@
+"""Lane directions: every lane between two cells gets one direction, so that cars that cannot turn never meet head-on.
+
+Aisles and cross-aisles alternate, as streets of a grid city do; a few lanes are then reversed until every cell reaches
+every other. Alternating keeps mean paths near 1.3 times the two-way ones; a depth-first orientation gives 3 times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from maps.grid import BoolGrid, GridMap
+from maps.plan import FloorPlan
+
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+_REVERSAL_COST = 1000.0
+"""Reversing one lane counts as much as a detour of so many cells when a disconnected part is joined."""
+_REPAIR_ROUNDS = 5
+_LOOK_BACK_LINES = 12
+"""How many rows (columns) back a comparable aisle is looked for."""
+_SAMPLE_SOURCES = 64
+"""Path lengths are averaged from at most so many evenly spread cells while candidates are compared."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Orientation:
+    """Directed lanes of a floor plan."""
+
+    lanes: npt.NDArray[np.int32]
+    """(from cell, to cell), shape (n_lanes, 2), sorted."""
+    cut_cells: tuple[int, ...]
+    """Open cells outside the strongly connected part: no lane touches them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathLengths:
+    """Mean shortest path between two drivable cells [cells]."""
+
+    one_way: float
+    two_way: float
+
+    @property
+    def ratio(self) -> float:
+        """Price of one-way lanes: mean one-way path over mean two-way path."""
+        return self.one_way / self.two_way if self.two_way else 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Edges:
+    """Edges between neighbouring cells: tail (west or north end), head (east or south end), one row per edge."""
+
+    tail: Ints
+    head: Ints
+    horizontal: Bools
+    sign: npt.NDArray[np.int8]
+    """+1 the lane runs tail to head, -1 the other way; 0 still open."""
+    fixed: Bools
+    """The plan gives the direction."""
+    both: Bools
+    """Two-way: lanes run both ways."""
+
+    def select(self, keep: Bools) -> _Edges:
+        return _Edges(**{name: getattr(self, name)[keep] for name in self.__dataclass_fields__})
+
+    def arcs(self, sign: npt.NDArray[np.int8]) -> tuple[Ints, Ints]:
+        """Start and end of every lane if the edges had these signs."""
+        start = np.where(sign > 0, self.tail, self.head)
+        end = np.where(sign > 0, self.head, self.tail)
+        return np.concatenate((start, end[self.both])), np.concatenate((end, start[self.both]))
+
+
+def orient_lanes(plan: FloorPlan, arm_side: dict[int, int]) -> Orientation:
+    """Give every lane of a plan a direction.
+
+    An arrow fixes the lanes along its own axis; lanes across it are derived like those of plain floor. A bay (dock,
+    parking, charger) keeps one entry and one exit, straight through where possible, so that no bay is a dead end and
+    no car turns beside an arm. Strong connectivity: lanes are reversed along cheapest joining paths and the set of
+    reversals is then made minimal; a minimal such set (a dijoin) leaves a bridgeless graph strongly connected.
+
+    Args:
+        plan: The drawing.
+        arm_side: For each dock cell the heading in which its arm lies; its lane runs perpendicular to that.
+
+    Source: C. L. Lucchesi and D. H. Younger, A minimax theorem for directed graphs, J. London Math. Soc. 1978; the
+        reversal property: A. Frank, How to make a digraph strongly connected, Combinatorica 1981.
+    """
+    grid = GridMap(plan.open)
+    edges = _two_edge_connected(_pruned_at_bays(_edges_of(plan, grid), plan, grid, arm_side), grid.n_cells)
+    if len(edges.tail) == 0:
+        return Orientation(lanes=np.empty((0, 2), dtype=np.int32), cut_cells=tuple(plan.cells(_open_characters(plan))))
+
+    best: tuple[tuple[int, float], _Edges] | None = None
+    for start in _alternating_starts(edges, grid):
+        repaired = _repaired(replace(edges, sign=start), grid.n_cells)
+        candidate = _strong_part(repaired, grid.n_cells)
+        if len(candidate.tail) == 0:
+            continue
+        kept = np.unique(np.concatenate((candidate.tail, candidate.head)))
+        rank = (-len(kept), _mean_path(*candidate.arcs(candidate.sign), kept, _SAMPLE_SOURCES))
+        if best is None or rank < best[0]:
+            best = rank, candidate
+    lanes = np.empty((0, 2), dtype=np.int32)
+    if best is not None:
+        start, end = best[1].arcs(best[1].sign)
+        lanes = np.column_stack((start, end)).astype(np.int32)
+        lanes = lanes[np.lexsort((lanes[:, 1], lanes[:, 0]))]
+    cut = plan.open.ravel().copy()
+    cut[lanes.ravel()] = False
+    return Orientation(lanes=lanes, cut_cells=tuple(int(cell) for cell in np.flatnonzero(cut)))
+
+
+def path_lengths(lanes: npt.NDArray[np.int32], grid: GridMap, *, max_sources: int = 256) -> PathLengths:
+    """Mean path over the lanes, and over the same cells if every neighbouring pair were connected both ways.
+
+    Args:
+        lanes: Directed lanes (from cell, to cell), shape (n, 2), strongly connected.
+        grid: The floor the cells belong to.
+        max_sources: Paths start from at most so many evenly spread cells; all cells are used below that number.
+    """
+    kept = np.unique(lanes)
+    if len(kept) < 2:
+        return PathLengths(one_way=0.0, two_way=0.0)
+    one_way = _mean_path(lanes[:, 0].astype(np.int64), lanes[:, 1].astype(np.int64), kept, max_sources)
+    present = np.zeros(grid.n_cells, dtype=np.bool_)
+    present[kept] = True
+    tail, head, _ = _neighbour_pairs(present.reshape(grid.rows, grid.cols))
+    two_way = _mean_path(np.concatenate((tail, head)), np.concatenate((head, tail)), kept, max_sources)
+    return PathLengths(one_way=one_way, two_way=two_way)
+
+
+def lanes_in_strong_part(lanes: npt.NDArray[np.int32]) -> Bools:
+    """Which lanes belong to the largest strongly connected set of cells; both ends must be in it."""
+    part = _largest_part(lanes[:, 0].astype(np.int64), lanes[:, 1].astype(np.int64), strong=True)
+    return part[lanes[:, 0]] & part[lanes[:, 1]]
+
+
+def _open_characters(plan: FloorPlan) -> str:
+    return "".join(np.unique(plan.chars[plan.open]))
+
+
+def _neighbour_pairs(present: BoolGrid) -> tuple[Ints, Ints, Bools]:
+    """West-east and north-south pairs of present neighbours: tail, head, horizontal."""
+    cols = present.shape[1]
+    row, col = np.nonzero(present[:, :-1] & present[:, 1:])
+    west = row * cols + col
+    row, col = np.nonzero(present[:-1] & present[1:])
+    north = row * cols + col
+    tail = np.concatenate((west, north))
+    head = np.concatenate((west + 1, north + cols))
+    return tail, head, np.arange(len(tail)) < len(west)
+
+
+def _edges_of(plan: FloorPlan, grid: GridMap) -> _Edges:
+    """All edges of a plan with the directions its arrows give; edges with contradicting arrows are left out."""
+    tail, head, horizontal = _neighbour_pairs(plan.open)
+    arrows = plan.arrows.ravel()
+    # Value of an arrow for an edge of its own axis: east and south run tail to head.
+    along_row = np.array([1, 0, -1, 0, 0], dtype=np.int8)
+    along_col = np.array([0, -1, 0, 1, 0], dtype=np.int8)
+    at_tail = np.where(horizontal, along_row[arrows[tail]], along_col[arrows[tail]])
+    at_head = np.where(horizontal, along_row[arrows[head]], along_col[arrows[head]])
+    sign = np.where(at_tail != 0, at_tail, at_head).astype(np.int8)
+    contradicting = at_tail * at_head < 0
+    two_way = plan.mask("x").ravel()
+    both = (two_way[tail] | two_way[head]) & (sign == 0)
+    edges = _Edges(tail=tail, head=head, horizontal=horizontal, sign=sign, fixed=sign != 0, both=both)
+    return edges.select(~contradicting)
+
+
+def _pruned_at_bays(edges: _Edges, plan: FloorPlan, grid: GridMap, arm_side: dict[int, int]) -> _Edges:
+    """Leave every bay two edges, one in and one out; where the entry is certain its direction becomes fixed."""
+    at = {(int(t), int(h)): number for number, (t, h) in enumerate(zip(edges.tail, edges.head, strict=True))}
+    keep = np.ones(len(edges.tail), dtype=np.bool_)
+    sign, fixed = edges.sign.copy(), edges.fixed.copy()
+    bays = plan.bays.ravel()
+    done: set[int] = set()
+
+    def edge(cell: int, heading: int) -> int:
+        """Number of the edge that leaves a cell in a heading, -1 if there is none (any more)."""
+        other = grid.neighbour(cell, heading)
+        number = at.get((min(cell, other), max(cell, other)), -1) if other >= 0 else -1
+        return number if number >= 0 and keep[number] else -1
+
+    def outward(cell: int, number: int) -> int:
+        """+1 the edge must leave the cell, -1 it must enter, 0 open."""
+        return int(sign[number]) * (1 if edges.tail[number] == cell else -1)
+
+    def worth(cell: int, pair: tuple[int, int]) -> float:
+        """How well two headings serve as the way through a bay."""
+        score = 2.0 if (pair[0] + 2) % 4 == pair[1] else 0.0
+        for heading in pair:
+            number, other = edge(cell, heading), grid.neighbour(cell, heading)
+            score += 4.0 * (sign[number] != 0) + (3.0 if not bays[other] else 8.0 * (other in done))
+        return score
+
+    cells = [*arm_side, *(cell for cell in map(int, np.flatnonzero(bays)) if cell not in arm_side)]
+    for cell in cells:
+        sides = [heading for heading in range(4) if edge(cell, heading) >= 0]
+        pairs = [(a, b) for a in sides for b in sides if a < b]
+        if cell in arm_side:
+            axis = {(arm_side[cell] + 1) % 4, (arm_side[cell] + 3) % 4}
+            pairs = [pair for pair in pairs if axis & set(pair)]
+        # One of the two must be able to enter and the other to leave.
+        pairs = [p for p in pairs if outward(cell, edge(cell, p[0])) * outward(cell, edge(cell, p[1])) <= 0]
+        chosen = max(pairs, key=lambda pair: worth(cell, pair), default=None)
+        kept = set() if chosen is None else {edge(cell, heading) for heading in chosen}
+        if chosen is not None and cell in arm_side and not axis >= set(chosen):
+            # The car must arrive along the arm's front, so the one edge on the axis is the entry.
+            for heading in chosen:
+                number = edge(cell, heading)
+                leaves = heading not in axis
+                sign[number] = 1 if (edges.tail[number] == cell) == leaves else -1
+                fixed[number] = True
+        for heading in sides:
+            if edge(cell, heading) not in kept:
+                keep[edge(cell, heading)] = False
+        done.add(cell)
+    return replace(edges, sign=sign, fixed=fixed, both=edges.both & ~fixed).select(keep)
+
+
+def _two_edge_connected(edges: _Edges, n_cells: int) -> _Edges:
+    """The largest part that stays connected when any one edge is taken out: only that can be made one-way."""
+    graph: nx.Graph[int] = nx.Graph()
+    graph.add_edges_from(zip(edges.tail.tolist(), edges.head.tolist(), strict=True))
+    bridges = {(min(a, b), max(a, b)) for a, b in nx.bridges(graph)}
+    is_bridge = np.fromiter(
+        (pair in bridges for pair in zip(edges.tail.tolist(), edges.head.tolist(), strict=True)),
+        dtype=np.bool_,
+        count=len(edges.tail),
+    )
+    edges = edges.select(~is_bridge | edges.both)
+    if len(edges.tail) == 0:
+        return edges
+    part = _largest_part(edges.tail, edges.head, strong=False, n_cells=n_cells)
+    return edges.select(part[edges.tail])
+
+
+def _alternating_starts(edges: _Edges, grid: GridMap) -> list[npt.NDArray[np.int8]]:
+    """First guesses: directions alternate from aisle to aisle (or from line to line), cross-aisles in both phases."""
+    starts = []
+    for by_aisle in (True, False):
+        rows = _line_signs(edges, grid, horizontal=True, by_aisle=by_aisle)
+        columns = _line_signs(edges, grid, horizontal=False, by_aisle=by_aisle)
+        # Turning every lane round changes nothing unless arrows fix some, so two phases are enough without arrows.
+        for row_phase in (1, -1) if edges.fixed.any() else (1,):
+            for column_phase in (1, -1):
+                guess = np.where(edges.horizontal, rows * row_phase, columns * column_phase).astype(np.int8)
+                starts.append(np.where(edges.fixed, edges.sign, guess).astype(np.int8))
+    return starts
+
+
+def _line_signs(edges: _Edges, grid: GridMap, *, horizontal: bool, by_aisle: bool) -> npt.NDArray[np.int8]:
+    """One sign per straight run of edges: opposite to the nearest comparable run before it, or by line parity.
+
+    Comparable runs overlap by at least half of the longer one, so a long aisle is set against the next long aisle
+    and not against a stub beside a shelf.
+    """
+    sign = np.zeros(len(edges.tail), dtype=np.int8)
+    members = np.flatnonzero(edges.horizontal == horizontal)
+    if len(members) == 0:
+        return sign
+    row, col = np.divmod(edges.tail[members], grid.cols)
+    line, position = (row, col) if horizontal else (col, row)
+    order = np.lexsort((position, line))
+    members, line, position = members[order], line[order], position[order]
+    breaks = np.flatnonzero((np.diff(line) != 0) | (np.diff(position) != 1)) + 1
+    bounds = [0, *breaks.tolist(), len(members)]
+    runs_of_line: dict[int, list[tuple[int, int, int]]] = {}
+    for first, last in pairwise(bounds):
+        number, begin, end = int(line[first]), int(position[first]), int(position[last - 1]) + 1
+        direction = 1 if number % 2 else -1
+        given = int(edges.sign[members[first:last]].sum())
+        if given:
+            direction = 1 if given > 0 else -1
+        elif by_aisle:
+            direction = _against_previous(runs_of_line, number, begin, end, direction)
+        runs_of_line.setdefault(number, []).append((begin, end, direction))
+        sign[members[first:last]] = direction
+    return sign
+
+
+def _against_previous(
+    runs_of_line: dict[int, list[tuple[int, int, int]]], line: int, begin: int, end: int, otherwise: int
+) -> int:
+    for before in range(line - 1, line - 1 - _LOOK_BACK_LINES, -1):
+        for other_begin, other_end, direction in runs_of_line.get(before, ()):
+            overlap = min(end, other_end) - max(begin, other_begin)
+            if 2 * overlap >= max(end - begin, other_end - other_begin):
+                return -direction
+    return otherwise
+
+
+def _repaired(edges: _Edges, n_cells: int) -> _Edges:
+    """Reverse as few lanes as found necessary for strong connectivity; parts that fixed lanes keep apart stay apart."""
+    present = np.unique(np.concatenate((edges.tail, edges.head)))
+    compact = np.full(n_cells, -1, dtype=np.int64)
+    compact[present] = np.arange(len(present))
+    small = replace(edges, tail=compact[edges.tail], head=compact[edges.head])
+    n = len(present)
+    sign = small.sign
+    free = ~small.fixed & ~small.both
+    for _ in range(_REPAIR_ROUNDS):
+        start, end = small.arcs(sign)
+        if _n_strong(start, end, n) == 1:
+            break
+        reversals = _joining_reversals(small, sign, free, n)
+        if len(reversals) == 0:
+            break
+        needed = _minimal(reversals, small, start, end, n)
+        sign = sign.copy()
+        sign[needed] *= -1
+    return replace(edges, sign=sign)
+
+
+def _joining_reversals(edges: _Edges, sign: npt.NDArray[np.int8], free: Bools, n: int) -> Ints:
+    """Edges to open for the other direction so that a root cell reaches all and is reached from all."""
+    start, end = edges.arcs(sign)
+    root = int(np.argmax(_largest_part(start, end, strong=True, n_cells=n)))
+    back_start, back_end = end[: len(sign)][free], start[: len(sign)][free]
+    weight = np.concatenate((np.ones(len(start)), np.full(len(back_start), _REVERSAL_COST)))
+    tails, heads = np.concatenate((start, back_start)), np.concatenate((end, back_end))
+    number_of = dict(zip(zip(back_start.tolist(), back_end.tolist(), strict=True), np.flatnonzero(free).tolist(), strict=True))
+    opened: set[int] = set()
+    for outward in (True, False):
+        graph = csr_array((weight, (tails, heads) if outward else (heads, tails)), shape=(n, n))
+        _, parent = dijkstra(graph, indices=root, return_predecessors=True)
+        for child in np.flatnonzero(parent >= 0).tolist():
+            arc = (int(parent[child]), child) if outward else (child, int(parent[child]))
+            if arc in number_of:
+                opened.add(number_of[arc])
+    return np.array(sorted(opened), dtype=np.int64)
+
+
+def _minimal(opened: Ints, edges: _Edges, start: Ints, end: Ints, n: int) -> Ints:
+    """Drop opened edges, in halving blocks, while the number of strongly connected parts stays the same."""
+    target = _n_strong(*_with_opened(opened, start, end), n)
+    kept = opened
+    pending = [opened]
+    while pending:
+        block = pending.pop()
+        without = kept[~np.isin(kept, block)]
+        if _n_strong(*_with_opened(without, start, end), n) == target:
+            kept = without
+        elif len(block) > 1:
+            half = len(block) // 2
+            pending += [block[:half], block[half:]]
+    return kept
+
+
+def _with_opened(opened: Ints, start: Ints, end: Ints) -> tuple[Ints, Ints]:
+    return np.concatenate((start, end[opened])), np.concatenate((end, start[opened]))
+
+
+def _strong_part(edges: _Edges, n_cells: int) -> _Edges:
+    """Edges inside the largest strongly connected part."""
+    start, end = edges.arcs(edges.sign)
+    part = _largest_part(start, end, strong=True, n_cells=n_cells)
+    return edges.select(part[edges.tail] & part[edges.head])
+
+
+def _graph(start: Ints, end: Ints, n: int) -> Any:
+    return csr_array((np.ones(len(start), dtype=np.int8), (start, end)), shape=(n, n))
+
+
+def _n_strong(start: Ints, end: Ints, n: int) -> int:
+    return int(connected_components(_graph(start, end, n), directed=True, connection="strong")[0])
+
+
+def _largest_part(start: Ints, end: Ints, *, strong: bool, n_cells: int | None = None) -> Bools:
+    """Membership in the largest (strongly) connected part, one flag per cell; ties go to the lowest cell."""
+    n = n_cells if n_cells is not None else int(max(start.max(initial=-1), end.max(initial=-1))) + 1
+    _, label = connected_components(_graph(start, end, n), directed=True, connection="strong" if strong else "weak")
+    size = np.bincount(label)
+    first = np.full(len(size), n)
+    np.minimum.at(first, label, np.arange(n))
+    return label == np.lexsort((first, -size))[0]
+
+
+def _mean_path(start: Ints, end: Ints, kept: Ints, max_sources: int) -> float:
+    """Mean number of lanes of the shortest path from evenly spread cells to every other cell."""
+    compact = np.full(int(kept[-1]) + 1, -1, dtype=np.int64)
+    compact[kept] = np.arange(len(kept))
+    n = len(kept)
+    sources = np.unique(np.linspace(0, n - 1, min(n, max_sources)).round().astype(np.int64))
+    distance = dijkstra(_graph(compact[start], compact[end], n), unweighted=True, indices=sources)
+    return float(distance.sum() / (len(sources) * (n - 1)))

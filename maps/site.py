@@ -1,0 +1,287 @@
+"""Site: a floor plan with its lanes, stations, parking and chargers; reads and writes site files (TOML)."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from maps.errors import LaneError, PlanError, SiteFileError, UnknownSiteError
+from maps.grid import BoolGrid, GridMap
+from maps.orientation import orient_lanes
+from maps.plan import FloorPlan, parse_plan
+from maps.stations import StationOptions, StationPlace, match_arms, name_docks, place_stations
+
+_DATA = Path(__file__).parent / "data"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Site:
+    """Everything about a warehouse floor that does not move."""
+
+    name: str
+    grid: GridMap
+    """Cells a vehicle may stand on, cut cells included."""
+    walls: BoolGrid
+    """Wall cells, shape (rows, cols)."""
+    shelves: BoolGrid
+    """Shelf cells, shape (rows, cols)."""
+    lanes: npt.NDArray[np.int32]
+    """Directed lanes (from cell, to cell), shape (n_lanes, 2), sorted."""
+    stations: tuple[StationPlace, ...]
+    """Pick stations first, each kind in reading order of the docks."""
+    parking: tuple[int, ...]
+    """Parking cells in reading order."""
+    chargers: tuple[int, ...]
+    cut_cells: tuple[int, ...]
+    """Open cells no lane touches: they lie outside the largest strongly connected part."""
+    allow_reverse: bool
+    plan: tuple[str, ...]
+    """The drawing the site was made from."""
+    options: Mapping[str, StationOptions] = field(default_factory=dict)
+    """What the site file says about single stations, by name."""
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Site):
+            return NotImplemented
+        words = ("name", "stations", "parking", "chargers", "cut_cells", "allow_reverse", "plan", "grid")
+        arrays = ("walls", "shelves", "lanes")
+        return (
+            all(getattr(self, word) == getattr(other, word) for word in words)
+            and dict(self.options) == dict(other.options)
+            and all(np.array_equal(getattr(self, array), getattr(other, array)) for array in arrays)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def station(self, name: str) -> StationPlace:
+        """The station of this name.
+
+        Raises:
+            LaneError: There is none; lists the names.
+        """
+        for station in self.stations:
+            if station.name == name:
+                return station
+        raise LaneError(
+            f"site {self.name}: no station {name!r}, must be one of {', '.join(place.name for place in self.stations)}"
+        )
+
+
+class _StationTable(BaseModel):
+    """[stations.NAME] of a site file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    stop_offset_m: float | None = Field(default=None, ge=0.0, allow_inf_nan=False)
+    arm_xy: tuple[float, float] | None = None
+    arm_yaw_deg: float | None = Field(default=None, allow_inf_nan=False)
+    slots: tuple[tuple[float, float, float], ...] | None = None
+
+
+class _SiteTable(BaseModel):
+    """A site file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    name: str = Field(min_length=1)
+    allow_reverse: bool = False
+    plan: str
+    stations: dict[str, _StationTable] = {}
+
+
+def site_names() -> tuple[str, ...]:
+    """Names of the sites that ship, sorted."""
+    return tuple(sorted(path.stem for path in _DATA.glob("*.toml")))
+
+
+def load_site(name_or_path: str | os.PathLike[str]) -> Site:
+    """Read a site that ships (by name) or a site file (by path).
+
+    Raises:
+        UnknownSiteError: Neither a shipped site nor a file.
+        SiteFileError: The file cannot be read or its entries are wrong.
+        PlanError, StationError, LaneError: See `site_from_plan`.
+    """
+    text = os.fspath(name_or_path)
+    path = _DATA / f"{text}.toml" if text in site_names() else Path(text)
+    if not path.is_file():
+        raise UnknownSiteError(f"site {text!r} is unknown, must be one of {', '.join(site_names())} or a path to a site file")
+    where = f"site {text}"
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise SiteFileError(f"{where}: cannot be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SiteFileError(f"{where}: is not valid TOML: {error}") from error
+    content.setdefault("name", path.stem)
+    try:
+        table = _SiteTable.model_validate(content)
+    except ValidationError as error:
+        raise SiteFileError(f"{where}: {_first_problem(error)}") from error
+    options = {name: StationOptions(**entry.model_dump()) for name, entry in table.stations.items()}
+    lines = table.plan.strip("\n").split("\n")
+    return site_from_plan(lines, name=table.name, allow_reverse=table.allow_reverse, options=options, where=where)
+
+
+def save_site(site: Site, path: str | os.PathLike[str]) -> None:
+    """Write a site file that `load_site` reads back as an equal site; an existing file is replaced in one step.
+
+    Raises:
+        SiteFileError: The file cannot be written.
+    """
+    lines = [
+        f"name = {json.dumps(site.name)}",
+        f"allow_reverse = {'true' if site.allow_reverse else 'false'}",
+        "plan = '''",
+        *site.plan,
+        "'''",
+    ]
+    for name, given in site.options.items():
+        lines += ["", f"[stations.{name}]"]
+        for key, value in vars(given).items():
+            if value is not None:
+                lines.append(f"{key} = {json.dumps(value)}")
+    target = Path(path)
+    part = target.with_name(target.name + ".part")
+    try:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        part.replace(target)
+    except OSError as error:
+        raise SiteFileError(f"site {site.name}: cannot be written to {target}: {error.strerror or error}") from error
+
+
+def site_from_plan(
+    lines: Sequence[str],
+    *,
+    name: str,
+    allow_reverse: bool = False,
+    options: Mapping[str, StationOptions] | None = None,
+    where: str | None = None,
+) -> Site:
+    """Make a site of a drawing: derive lane directions, stop poses, arms and slots, and check that all of it works.
+
+    Args:
+        lines: Rows of the plan, see `maps.plan.LEGEND`.
+        name: Name of the site.
+        allow_reverse: Cars may drive backwards along the lane they came by; two-way cells need it.
+        options: Overrides by station name.
+        where: Opens every message; "site NAME" if not given.
+
+    Raises:
+        PlanError: Wrong shape or character, no pick or drop dock, or two-way cells without reverse or passing place.
+        StationError: A dock, its arm, slots and tray do not fit together, or arms stand too near each other.
+        LaneError: A station, parking or charging cell is a dead end or not connected to the rest.
+    """
+    where = where or f"site {name}"
+    options = dict(options or {})
+    plan = parse_plan(lines, where=where)
+    grid = GridMap(plan.open)
+    _check_two_way(plan, grid, allow_reverse, where)
+    arm_side = match_arms(plan, grid, where=where)
+    orientation = orient_lanes(plan, arm_side)
+    stations = place_stations(plan, grid, arm_side, orientation.lanes, options, where=where)
+    parking, chargers = tuple(plan.cells("K")), tuple(plan.cells("C"))
+    _check_bays(plan, grid, orientation.lanes, where)
+    if plan.mask("x").any():
+        _check_states(plan, grid, orientation.lanes, where)
+    return Site(
+        name=name,
+        grid=grid,
+        walls=plan.mask("#"),
+        shelves=plan.mask("="),
+        lanes=orientation.lanes,
+        stations=stations,
+        parking=parking,
+        chargers=chargers,
+        cut_cells=orientation.cut_cells,
+        allow_reverse=allow_reverse,
+        plan=plan.lines,
+        options=options,
+    )
+
+
+def _first_problem(error: ValidationError) -> str:
+    problem = error.errors()[0]
+    path = ".".join(str(part) for part in problem["loc"])
+    if problem["type"] == "extra_forbidden":
+        model = _StationTable if len(problem["loc"]) > 1 else _SiteTable
+        return f"{path} is not a known entry, must be one of {', '.join(model.model_fields)}"
+    if problem["type"] == "missing":
+        return f"{path} is missing"
+    return f"{path} is {problem['input']!r}: {problem['msg']}"
+
+
+def _place_name(grid: GridMap, cell: int) -> str:
+    row, col = grid.row_col(cell)
+    return f"row {row + 1}, column {col + 1}"
+
+
+def _check_two_way(plan: FloorPlan, grid: GridMap, allow_reverse: bool, where: str) -> None:
+    """Two cars can meet in a two-way part: one must be able to back out and step aside."""
+    cells = plan.cells("x")
+    if cells and not allow_reverse:
+        raise PlanError(
+            f"{where}: two-way cell 'x' at {_place_name(grid, cells[0])} needs allow_reverse = true; "
+            "or draw a one-way cell (one of . > < ^ v)"
+        )
+    open_cells = plan.open.ravel()
+    unseen = set(cells)
+    while unseen:
+        part, frontier = [], [min(unseen)]
+        unseen.discard(frontier[0])
+        while frontier:
+            cell = frontier.pop()
+            part.append(cell)
+            for heading in range(4):
+                other = grid.neighbour(cell, heading)
+                if other in unseen:
+                    unseen.discard(other)
+                    frontier.append(other)
+        ways = [sum(grid.neighbour(c, h) >= 0 and open_cells[grid.neighbour(c, h)] for h in range(4)) for c in part]
+        if max(ways) < 3:
+            raise PlanError(
+                f"{where}: the two-way part at {_place_name(grid, min(part))} has no passing place, must hold a cell with "
+                "at least three open neighbours so that a car can step aside"
+            )
+
+
+def _check_bays(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], where: str) -> None:
+    """Parking and charging cells can be entered and left by different lanes."""
+    entered, left = set(lanes[:, 1].tolist()), set(lanes[:, 0].tolist())
+    for character, what in (("K", "parking"), ("C", "charger")):
+        for cell in plan.cells(character):
+            if cell not in entered or cell not in left:
+                raise LaneError(
+                    f"{where}: {what} cell at {_place_name(grid, cell)} is a dead end or cut off from the largest connected "
+                    "part of the lanes; it needs one cell to come from and another to go on to"
+                )
+
+
+def _check_states(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], where: str) -> None:
+    """With two-way lanes, cells may be connected while cars, which cannot turn round, are not: check the cars' moves."""
+    pairs = [(int(a), int(b)) for a, b in lanes]
+    number = {lane: i for i, lane in enumerate(pairs)}
+    leaving: dict[int, list[int]] = {}
+    for a, b in pairs:
+        leaving.setdefault(a, []).append(b)
+    follow = [(number[a, b], number[b, c]) for a, b in pairs for c in leaving.get(b, ()) if c != a]
+    # Backing up ends in the state that lies one cell straight behind.
+    follow += [(number[a, b], number[2 * a - b, a]) for a, b in pairs if (2 * a - b, a) in number]
+    row, col = np.array(follow).T
+    graph = csr_array((np.ones(len(follow), dtype=np.int8), (row, col)), shape=(len(pairs), len(pairs)))
+    _, label = connected_components(graph, directed=True, connection="strong")
+    main = np.bincount(label).argmax()
+    reached = {b for (_, b), part in zip(pairs, label, strict=True) if part == main}
+    names = name_docks(plan)
+    for cell in [*names, *plan.cells("KC")]:
+        if cell not in reached:
+            what = names.get(cell, "parking or charger cell")
+            raise LaneError(f"{where}: {what} at {_place_name(grid, cell)} cannot be reached and left by a car that cannot turn round")

@@ -1,0 +1,290 @@
+"""Stations: where the car stops at a dock, where the arm stands beside it and where the parcel slots are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from maps.errors import LaneError, StationError
+from maps.grid import DCOL, DROW, HEADING_YAW, GridMap
+from maps.plan import FloorPlan
+from maps.vehicle import BODY_FRONT_M, ENTRY_INSET_M, TRAY_AHEAD_M, TURN_RADIUS_M
+
+Floats = npt.NDArray[np.float64]
+
+ARM_TO_LANE_M = 0.60
+"""Default distance of an arm's base from the centre line of its dock lane."""
+SLOT_RADIUS_M = 0.45
+SLOT_ANGLES_DEG = (-155.0, -115.0, 115.0, 155.0)
+"""Default slots: around the back of the base, measured from the direction to the lane."""
+SLOT_TOP_M = 0.25
+PEDESTAL_HALF_M = 0.08
+"""Half edge of the pedestal under a slot, seen from above."""
+REACH_M = (0.35, 0.65)
+"""The arm works well on points whose horizontal distance from its base lies in this range."""
+MIN_ARM_SPACING_M = 2.0
+ARM_BASE_RADIUS_M = 0.15
+_TOLERANCE_M = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class StationOptions:
+    """What a site file may say about one station; None means the default derived from the plan."""
+
+    stop_offset_m: float | None = None
+    """How much deeper than usual the car stops in the dock cell [m]."""
+    arm_xy: tuple[float, float] | None = None
+    """Arm base on the floor [m]."""
+    arm_yaw_deg: float | None = None
+    """Direction of the arm's +x, counter-clockwise from east."""
+    slots: tuple[tuple[float, float, float], ...] | None = None
+    """Slots x, y, z in the arm's base frame [m]; z is the height of the slot's top."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DockPlace:
+    """Where a car stops to be served."""
+
+    cell: int
+    heading: int
+    pose: tuple[float, float, float]
+    """Stop pose of the rear axle: x, y [m], yaw [rad]."""
+    stop_offset_m: float
+    """How much deeper than the usual 0.1 m behind the entry side the car stops."""
+
+    @property
+    def tray_xy(self) -> tuple[float, float]:
+        """Centre of the tray of a stopped car [m]."""
+        x, y, yaw = self.pose
+        return x + TRAY_AHEAD_M * math.cos(yaw), y + TRAY_AHEAD_M * math.sin(yaw)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmPlace:
+    """Where an arm stands."""
+
+    robot: str = "iiwa14"
+    pose: tuple[float, float, float, float]
+    """Base: x, y, z [m], yaw [rad]; +x points to the dock lane."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StationPlace:
+    """One arm, its rack of slots and its dock."""
+
+    name: str
+    kind: Literal["pick", "drop"]
+    dock: DockPlace
+    arm: ArmPlace
+    slots: Floats
+    """Centre of each slot's top surface in the world [m], shape (n_slots, 3)."""
+    pedestal_half_m: Floats
+    """Half extents of the axis-aligned pedestal under each slot, floor to top [m], shape (n_slots, 3)."""
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, StationPlace):
+            return NotImplemented
+        same_words = (self.name, self.kind, self.dock, self.arm) == (other.name, other.kind, other.dock, other.arm)
+        same_slots = np.array_equal(self.slots, other.slots)
+        return same_words and same_slots and np.array_equal(self.pedestal_half_m, other.pedestal_half_m)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def name_docks(plan: FloorPlan) -> dict[int, str]:
+    """Names of the dock cells, numbered in reading order: pick_1, pick_2, ..., drop_1, ..."""
+    names = {}
+    for character, kind in (("P", "pick"), ("D", "drop")):
+        for number, cell in enumerate(plan.cells(character), start=1):
+            names[cell] = f"{kind}_{number}"
+    return names
+
+
+def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, int]:
+    """Heading from each dock cell to its own arm cell.
+
+    Raises:
+        StationError: A dock has no arm beside it, or several, or an arm stands beside no dock or between two.
+    """
+    arms = set(plan.cells("A"))
+    names = name_docks(plan)
+    side: dict[int, int] = {}
+    owner: dict[int, int] = {}
+    for dock in names:
+        beside = [heading for heading in range(4) if grid.neighbour(dock, heading) in arms]
+        if len(beside) != 1:
+            raise StationError(
+                f"{where}: {names[dock]} at {_at(grid, dock)} has {len(beside)} arms beside it, must have exactly one 'A'"
+            )
+        arm = grid.neighbour(dock, beside[0])
+        if arm in owner:
+            raise StationError(
+                f"{where}: the arm at {_at(grid, arm)} stands beside {names[owner[arm]]} and {names[dock]}, "
+                "each dock must have its own arm"
+            )
+        side[dock], owner[arm] = beside[0], dock
+    for arm in sorted(arms - set(owner)):
+        raise StationError(f"{where}: the arm at {_at(grid, arm)} has no dock beside it, must touch one 'P' or 'D'")
+    return side
+
+
+def place_stations(
+    plan: FloorPlan,
+    grid: GridMap,
+    arm_side: Mapping[int, int],
+    lanes: npt.NDArray[np.int32],
+    options: Mapping[str, StationOptions],
+    *,
+    where: str,
+) -> tuple[StationPlace, ...]:
+    """Give every dock its stop pose, arm and slots, picks first, each kind in reading order.
+
+    A car in a dock with a straight exit stops so that its tray lies over the cell's centre; a dock whose exit is a
+    turn keeps the usual waiting pose, since a car that stands deeper could not turn out.
+
+    Args:
+        plan: The drawing.
+        grid: Its floor.
+        arm_side: Heading from each dock to its arm, from `match_arms`.
+        lanes: Directed lanes, shape (n, 2).
+        options: Entries of the site file by station name.
+        where: Name of the site, opens every message.
+
+    Raises:
+        LaneError: No lane serves a dock.
+        StationError: An entry names no station, or tray, slots, dock or other arms are too near or too far.
+    """
+    names = name_docks(plan)
+    for name in options:
+        if name not in names.values():
+            raise StationError(f"{where}: stations.{name} is not in the plan, must be one of {', '.join(names.values())}")
+    lane_set = {(int(a), int(b)) for a, b in lanes}
+    places = []
+    for cell, name in names.items():
+        entries = [h for h in range(4) if (grid.neighbour(cell, (h + 2) % 4), cell) in lane_set]
+        exits = [h for h in range(4) if (cell, grid.neighbour(cell, h)) in lane_set]
+        if len(entries) != 1 or not exits:
+            raise LaneError(
+                f"{where}: {name} at {_at(grid, cell)} is a dead end or cut off from the largest connected part of the "
+                "lanes; it needs a lane that leads past its arm and on to other cells"
+            )
+        places.append(
+            _place(name, cell, entries[0], arm_side[cell], entries[0] in exits, grid, options.get(name, StationOptions()), where)
+        )
+    _check_floor(places, plan, grid, where)
+    _check_spacing(places, where)
+    return tuple(places)
+
+
+def _place(  # noqa: PLR0913 - one dock's facts
+    name: str, cell: int, heading: int, arm_side: int, straight_exit: bool, grid: GridMap, given: StationOptions, where: str
+) -> StationPlace:
+    half = grid.cell_m / 2
+    deepest = grid.cell_m - ENTRY_INSET_M - BODY_FRONT_M
+    offset = half - ENTRY_INSET_M - TRAY_AHEAD_M if straight_exit else 0.0
+    if given.stop_offset_m is not None:
+        offset = given.stop_offset_m
+    if not 0.0 <= offset <= deepest + _TOLERANCE_M:
+        raise StationError(
+            f"{where}: stations.{name}.stop_offset_m is {offset:g}, must be 0..{deepest:.2f} so that the car stands in its cell"
+        )
+    if offset > half - ENTRY_INSET_M - TURN_RADIUS_M + _TOLERANCE_M and not straight_exit:
+        raise StationError(
+            f"{where}: stations.{name}.stop_offset_m is {offset:g}, must be 0: the dock at {_at(grid, cell)} is left by a "
+            "turn, which starts at the usual waiting pose"
+        )
+    ((centre_x, centre_y),) = grid.cell_xy(cell).tolist()
+    ahead_x, ahead_y = DCOL[heading], -DROW[heading]
+    along = ENTRY_INSET_M + offset - half
+    pose = (centre_x + along * ahead_x, centre_y + along * ahead_y, HEADING_YAW[heading])
+    dock = DockPlace(cell=cell, heading=heading, pose=pose, stop_offset_m=offset)
+
+    tray_x, tray_y = dock.tray_xy
+    arm_x = tray_x + ARM_TO_LANE_M * DCOL[arm_side]
+    arm_y = tray_y - ARM_TO_LANE_M * DROW[arm_side]
+    yaw = HEADING_YAW[(arm_side + 2) % 4]
+    if given.arm_xy is not None:
+        arm_x, arm_y = given.arm_xy
+    if given.arm_yaw_deg is not None:
+        yaw = math.radians(given.arm_yaw_deg)
+    local = given.slots
+    if local is None:
+        local = tuple(
+            (SLOT_RADIUS_M * math.cos(math.radians(a)), SLOT_RADIUS_M * math.sin(math.radians(a)), SLOT_TOP_M)
+            for a in SLOT_ANGLES_DEG
+        )
+    base_from_slot = np.asarray(local, dtype=np.float64).reshape(-1, 3)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    slots = np.column_stack(
+        (
+            arm_x + cos * base_from_slot[:, 0] - sin * base_from_slot[:, 1],
+            arm_y + sin * base_from_slot[:, 0] + cos * base_from_slot[:, 1],
+            base_from_slot[:, 2],
+        )
+    )
+    half_extents = np.column_stack((np.full((len(slots), 2), PEDESTAL_HALF_M), slots[:, 2] / 2))
+    station = StationPlace(
+        name=name,
+        kind="pick" if name.startswith("pick") else "drop",
+        dock=dock,
+        arm=ArmPlace(pose=(arm_x, arm_y, 0.0, yaw)),
+        slots=slots,
+        pedestal_half_m=half_extents,
+    )
+    _check_reach(station, where)
+    return station
+
+
+def _check_reach(station: StationPlace, where: str) -> None:
+    """Tray, dock and slots lie where the arm works well."""
+    if len(station.slots) == 0:
+        raise StationError(f"{where}: stations.{station.name}.slots is empty, must hold at least one slot")
+    base = np.array(station.arm.pose[:2])
+    points = {"the tray of a docked car": station.dock.tray_xy, "the dock's stop pose": station.dock.pose[:2]}
+    points |= {f"slot {number}": (slot[0], slot[1]) for number, slot in enumerate(station.slots, start=1)}
+    for what, point in points.items():
+        distance = float(np.hypot(*(np.array(point) - base)))
+        if not REACH_M[0] - _TOLERANCE_M <= distance <= REACH_M[1] + _TOLERANCE_M:
+            raise StationError(
+                f"{where}: {station.name}: the arm at ({base[0]:.2f}, {base[1]:.2f}) m cannot serve {what} "
+                f"at ({point[0]:.2f}, {point[1]:.2f}) m: {distance:.2f} m away, must be {REACH_M[0]}..{REACH_M[1]} m"
+            )
+
+
+def _check_floor(places: list[StationPlace], plan: FloorPlan, grid: GridMap, where: str) -> None:
+    """Arm bases and pedestals stand beside the lanes, not on them."""
+    for station in places:
+        base = np.array([station.arm.pose[:2]])
+        boxes = [("the arm's base", point, ARM_BASE_RADIUS_M) for point in base]
+        boxes += [(f"slot {number}", slot[:2], PEDESTAL_HALF_M) for number, slot in enumerate(station.slots, start=1)]
+        for what, centre, half in boxes:
+            # The base may lean out of its cell by less than a car's clearance: cars keep to the centre lines.
+            reach = half - _TOLERANCE_M if what.startswith("slot") else 0.0
+            for dx, dy in ((-reach, -reach), (-reach, reach), (reach, -reach), (reach, reach)):
+                row, col = grid.cell_at(float(centre[0]) + dx, float(centre[1]) + dy)
+                if plan.open[row, col]:
+                    raise StationError(
+                        f"{where}: {station.name}: {what} at ({centre[0]:.2f}, {centre[1]:.2f}) m stands on the lane cell "
+                        f"row {row + 1}, column {col + 1}, must stand on blocked cells (one of # = _ A)"
+                    )
+
+
+def _check_spacing(places: list[StationPlace], where: str) -> None:
+    bases = np.array([station.arm.pose[:2] for station in places])
+    distance = np.hypot(*(bases[:, None] - bases[None]).transpose(2, 0, 1))
+    near = np.argwhere(np.triu(distance < MIN_ARM_SPACING_M - _TOLERANCE_M, k=1))
+    for first, second in near:
+        raise StationError(
+            f"{where}: the arms of {places[first].name} and {places[second].name} stand {distance[first, second]:.2f} m "
+            f"apart, must be at least {MIN_ARM_SPACING_M} m"
+        )
+
+
+def _at(grid: GridMap, cell: int) -> str:
+    row, col = grid.row_col(cell)
+    return f"row {row + 1}, column {col + 1}"

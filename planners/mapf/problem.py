@@ -1,0 +1,100 @@
+"""Words of multi-agent path finding on a lane graph: the instance and the plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from maps.lane_graph import LaneGraph
+from planners.errors import PlanningError
+from planners.status import Status as Status
+
+NO_GOAL = -1
+
+IntArray = npt.NDArray[np.int32]
+BoolArray = npt.NDArray[np.bool_]
+
+
+class InstanceError(PlanningError):
+    """An instance contradicts itself or its graph."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Instance:
+    """One window of a lifelong problem: who stands where, who wants to go where.
+
+    A cell carries one agent at a time. Following into a cell that is vacated in the same timestep is legal,
+    swapping is not, and a closed ring of followers is legal only with `allow_rotation`.
+
+    Raises:
+        InstanceError: An array has the wrong length, a state does not exist, or two agents start in one cell.
+    """
+
+    graph: LaneGraph
+    starts: IntArray
+    """State of each agent at timestep 0, shape (n,)."""
+    goals: IntArray
+    """Goal state of each agent, shape (n,); `NO_GOAL` = rather stay where it is."""
+    priorities: npt.NDArray[np.float64]
+    """Larger goes first, shape (n,)."""
+    stay: BoolArray
+    """Once at its goal the agent is immovable; otherwise it is lowest in priority there and can be pushed on."""
+    fixed: BoolArray
+    """The agent never moves in this window, shape (n,)."""
+    blocked: BoolArray
+    """Cells nobody may enter, shape (n_cells,). An agent that starts in one may wait there and leave."""
+    allow_rotation: bool
+    """Whether a closed ring of followers is legal."""
+    horizon: int
+    """Timesteps to plan, >= 0."""
+
+    def __post_init__(self) -> None:
+        n, graph = len(self.starts), self.graph
+        for name in ("starts", "goals", "priorities", "stay", "fixed"):
+            shape = np.shape(getattr(self, name))
+            if shape != (n,):
+                raise InstanceError(f"instance: {name} has shape {shape}; valid: ({n},), one entry per agent")
+        if np.shape(self.blocked) != (graph.n_cells,):
+            raise InstanceError(f"instance: blocked has shape {np.shape(self.blocked)}; valid: ({graph.n_cells},)")
+        if self.horizon < 0:
+            raise InstanceError(f"instance: horizon = {self.horizon}; valid: an integer >= 0")
+        for name, states, least in (("starts", self.starts, 0), ("goals", self.goals, NO_GOAL)):
+            bad = np.flatnonzero((states < least) | (states >= graph.n_states))
+            if bad.size:
+                raise InstanceError(
+                    f"instance: {name}[{bad[0]}] = {states[bad[0]]}; valid: states {least}..{graph.n_states - 1}"
+                )
+        if np.isnan(self.priorities).any():
+            agent = int(np.flatnonzero(np.isnan(self.priorities))[0])
+            raise InstanceError(f"instance: priorities[{agent}] = nan; valid: a number")
+        cells = graph.state_cell[self.starts]
+        order = np.argsort(cells, kind="stable")
+        twice = np.flatnonzero(np.diff(cells[order]) == 0)
+        if twice.size:
+            a, b = order[twice[0]], order[twice[0] + 1]
+            raise InstanceError(f"instance: agents {a} and {b} both start in cell {cells[a]}; valid: distinct cells")
+
+    @property
+    def n_agents(self) -> int:
+        """Number of agents."""
+        return len(self.starts)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """A configuration per timestep."""
+
+    states: IntArray
+    """State of each agent at each timestep, shape (T + 1, n); row 0 = the starts."""
+    status: Status
+    """`feasible`: the whole horizon; `timeout`: a legal prefix; `infeasible`: an agent cannot reach its goal."""
+    iterations: int
+    """Work done, in the solver's own unit."""
+
+
+def reached(instance: Instance, plan: Plan) -> BoolArray:
+    """Which agents stand at their goal in some row of the plan, shape (n,); agents without a goal count as there."""
+    at_goal: BoolArray = (plan.states == instance.goals).any(axis=0)
+    return at_goal | (instance.goals == NO_GOAL)

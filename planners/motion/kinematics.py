@@ -1,0 +1,104 @@
+"""Forward kinematics of a serial arm whose joints all turn about their own z axis."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from planners.errors import PlanningError
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@njit(cache=True)
+def link_frames_into(joints, q, frames):  # type: ignore[no-untyped-def]
+    """Fill `frames` (n+1, 3, 4) from joint transforms (n, 3, 4) and q (n,); frame 0 is the identity."""
+    for a in range(3):
+        for b in range(4):
+            frames[0, a, b] = 1.0 if a == b else 0.0
+    for i in range(q.shape[0]):
+        c = np.cos(q[i])
+        s = np.sin(q[i])
+        for a in range(3):
+            r0 = 0.0
+            r1 = 0.0
+            r2 = 0.0
+            t = frames[i, a, 3]
+            for k in range(3):
+                f = frames[i, a, k]
+                r0 += f * joints[i, k, 0]
+                r1 += f * joints[i, k, 1]
+                r2 += f * joints[i, k, 2]
+                t += f * joints[i, k, 3]
+            frames[i + 1, a, 0] = r0 * c + r1 * s
+            frames[i + 1, a, 1] = r1 * c - r0 * s
+            frames[i + 1, a, 2] = r2
+            frames[i + 1, a, 3] = t
+
+
+@njit(cache=True)
+def _frames_batch(joints, q, frames):  # type: ignore[no-untyped-def]
+    for i in range(q.shape[0]):
+        link_frames_into(joints, q[i], frames[i])
+
+
+def joint_rows(base_from_joint: npt.ArrayLike) -> FloatArray:
+    """Check joint transforms and drop their constant last row.
+
+    Args:
+        base_from_joint: Transform before each joint's rotation, shape (n, 4, 4).
+
+    Returns:
+        The upper three rows, contiguous, shape (n, 3, 4).
+
+    Raises:
+        PlanningError: Wrong shape, or a rotation part that is not a rotation.
+    """
+    joints = np.asarray(base_from_joint, dtype=np.float64)
+    if joints.ndim != 3 or joints.shape[1:] != (4, 4) or len(joints) == 0:
+        raise PlanningError(f"base_from_joint: shape {joints.shape}, expected (n_joints, 4, 4) with n_joints > 0")
+    rotation = joints[:, :3, :3]
+    if not np.allclose(rotation @ rotation.transpose(0, 2, 1), np.eye(3), atol=1e-6):
+        raise PlanningError("base_from_joint: the upper left 3x3 parts must be rotations")
+    return np.ascontiguousarray(joints[:, :3, :])
+
+
+def link_frames(base_from_joint: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
+    """Poses of all links in the base frame.
+
+    Args:
+        base_from_joint: Fixed transform from the previous link to each joint, shape (n, 4, 4).
+        q: Joint angles [rad], shape (n,), or (m, n) for a batch.
+
+    Returns:
+        Shape (n+1, 4, 4), or (m, n+1, 4, 4) for a batch: frame 0 is the base, frame i moves with joint i.
+
+    Raises:
+        PlanningError: Shapes do not fit.
+    """
+    joints = joint_rows(base_from_joint)
+    angles = np.atleast_2d(np.asarray(q, dtype=np.float64))
+    if angles.ndim != 2 or angles.shape[1] != len(joints):
+        raise PlanningError(f"q: shape {np.shape(q)}, expected (..., {len(joints)}), one angle per joint")
+    rows = np.empty((len(angles), len(joints) + 1, 3, 4))
+    _frames_batch(joints, np.ascontiguousarray(angles), rows)
+    frames = np.zeros((*rows.shape[:2], 4, 4))
+    frames[..., :3, :] = rows
+    frames[..., 3, 3] = 1.0
+    return frames if np.ndim(q) == 2 else frames[0]
+
+
+def flange_from_tip(base_from_tip: npt.ArrayLike, tool_length_m: float) -> FloatArray:
+    """Pose of the last link frame that puts the tool tip, ahead on its +z, at a pose.
+
+    Args:
+        base_from_tip: Wanted tip pose, shape (4, 4).
+        tool_length_m: Distance from the last link frame to the tip [m].
+
+    Returns:
+        Pose of the last link frame in the base frame, shape (4, 4).
+    """
+    flange = np.array(base_from_tip, dtype=np.float64)
+    flange[:3, 3] -= tool_length_m * flange[:3, 2]
+    return flange

@@ -1,0 +1,112 @@
+"""The words of arm motion planning: a problem, its result and how it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from planners.errors import PlanningError
+from planners.motion.collision import CollisionChecker
+
+FloatArray = npt.NDArray[np.float64]
+
+_MAX_SEED = 2**32 - 2
+
+
+class MotionStatus(Enum):
+    """How a motion query ended."""
+
+    SOLVED = "solved"
+    NO_SOLUTION = "no_solution"
+    """The iteration budget is used up."""
+    INVALID_START = "invalid_start"
+    """The start is in collision or outside the joint limits."""
+    INVALID_GOAL = "invalid_goal"
+    """Every goal is in collision or outside the joint limits."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionProblem:
+    """Find a free path from one configuration to any of several goals."""
+
+    checker: CollisionChecker
+    """Arm, obstacles and held parcel."""
+    start: FloatArray
+    """Start [rad], shape (n,)."""
+    goals: FloatArray
+    """Goals, any of which will do [rad], shape (k, n), k >= 1."""
+    seed: int = 0
+    """The same problem and seed give the same bytes, in any process."""
+    max_iterations: int = 5000
+    """Tree extensions a planner may try; the only budget."""
+
+    def __post_init__(self) -> None:
+        n = self.checker.model.n_joints
+        if self.start.shape != (n,) or self.goals.ndim != 2 or self.goals.shape[1:] != (n,) or len(self.goals) == 0:
+            raise PlanningError(
+                f"MotionProblem: start {self.start.shape}, goals {self.goals.shape}; expected ({n},) and (k, {n}), k >= 1"
+            )
+        if not np.all(np.isfinite(self.start)) or not np.all(np.isfinite(self.goals)):
+            raise PlanningError("MotionProblem: start and goals must be finite")
+        if not 0 <= self.seed <= _MAX_SEED:
+            raise PlanningError(f"MotionProblem: seed {self.seed}, expected 0 to {_MAX_SEED}")
+        if self.max_iterations < 0:
+            raise PlanningError(f"MotionProblem: max_iterations {self.max_iterations}, expected >= 0")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionResult:
+    """Outcome of a motion query."""
+
+    path: FloatArray
+    """Corners of a piecewise straight path from start to goal [rad], shape (k, n); (0, n) if not solved."""
+    status: MotionStatus
+    iterations: int
+    """Tree extensions used; 0 when the straight line was free."""
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is a path."""
+        return self.status is MotionStatus.SOLVED
+
+    @property
+    def length_rad(self) -> float:
+        """Joint-space length of the path [rad]."""
+        return float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
+
+
+class MotionPlanner(Protocol):
+    """What every arm planner offers."""
+
+    def plan(self, problem: MotionProblem) -> MotionResult:
+        """Solve one problem; "no solution" is a status, not an error."""
+
+
+def settle_early(problem: MotionProblem) -> tuple[MotionResult | None, FloatArray]:
+    """What every planner does first: check both ends and try the straight lines.
+
+    Args:
+        problem: The query.
+
+    Returns:
+        A result if the query is settled (else None), and the valid goals, nearest first, shape (k, n).
+    """
+    checker = problem.checker
+    n = checker.model.n_joints
+    nothing = np.empty((0, n))
+    if not (checker.model.within_limits(problem.start) and checker.free(problem.start)):
+        return MotionResult(path=nothing, status=MotionStatus.INVALID_START, iterations=0), nothing
+    goals = problem.goals[checker.model.within_limits(problem.goals)]
+    goals = goals[checker.batch(goals)]
+    if len(goals) == 0:
+        return MotionResult(path=nothing, status=MotionStatus.INVALID_GOAL, iterations=0), nothing
+    goals = goals[np.argsort(np.linalg.norm(goals - problem.start, axis=1), kind="stable")]
+    for goal in goals:
+        if checker.edge(problem.start, goal):
+            path = np.stack([problem.start, goal])
+            return MotionResult(path=path, status=MotionStatus.SOLVED, iterations=0), goals
+    return None, goals

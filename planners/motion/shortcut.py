@@ -1,0 +1,107 @@
+"""Deterministic shortening of a free path by random shortcuts."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from planners.motion.collision import CollisionChecker, edge_free
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@njit(cache=True)
+def uniform(state):  # type: ignore[no-untyped-def]
+    """Next number in [0, 1) of a SplitMix64 stream (Steele, Lea, Flood, OOPSLA 2014); `state` is uint64 (1,)."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = state[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@njit(cache=True)
+def _gap(a, b):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for k in range(a.shape[0]):
+        total += (a[k] - b[k]) ** 2
+    return np.sqrt(total)
+
+
+@njit(cache=True)
+def _shorten(path, n, rounds, random, scene):  # type: ignore[no-untyped-def]
+    """Shorten `path` (capacity, dof) of n corners in place; returns the new number of corners."""
+    along = np.empty(path.shape[0])
+    a = np.empty(path.shape[1])
+    b = np.empty(path.shape[1])
+    for _ in range(rounds):
+        # Drop every corner that is not needed, then cut between two random points.
+        i = 1
+        while i < n - 1:
+            if edge_free(path[i - 1], path[i + 1], scene):
+                for k in range(i, n - 1):
+                    path[k] = path[k + 1]
+                n -= 1
+            else:
+                i += 1
+        if n < 3:
+            break
+        for _ in range(10):
+            along[0] = 0.0
+            for k in range(1, n):
+                along[k] = along[k - 1] + _gap(path[k - 1], path[k])
+            first = uniform(random) * along[n - 1]
+            last = uniform(random) * along[n - 1]
+            if first > last:
+                first, last = last, first
+            i = 0
+            while along[i + 1] < first:
+                i += 1
+            j = i
+            while along[j + 1] < last:
+                j += 1
+            if i == j or n + 1 > path.shape[0]:
+                continue
+            u = (first - along[i]) / (along[i + 1] - along[i])
+            v = (last - along[j]) / (along[j + 1] - along[j])
+            a[:] = path[i] + (path[i + 1] - path[i]) * u
+            b[:] = path[j] + (path[j + 1] - path[j]) * v
+            if _gap(a, b) > last - first - 1e-3 or not edge_free(a, b, scene):
+                continue
+            # Corners i+1..j give way to a and b.
+            if j - i == 1:
+                for k in range(n - 1, j - 1, -1):
+                    path[k + 1] = path[k]
+                n += 1
+            elif j - i > 2:
+                for k in range(j + 1, n):
+                    path[k - (j - i) + 2] = path[k]
+                n -= j - i - 2
+            path[i + 1] = a
+            path[i + 2] = b
+    return n
+
+
+def shorten(path: npt.ArrayLike, checker: CollisionChecker, *, rounds: int, seed: int) -> FloatArray:
+    """Shorten a free piecewise straight path; the ends stay.
+
+    Each round drops the corners that are not needed and tries ten cuts between random points of the path.
+
+    Args:
+        path: Corners [rad], shape (k, n), free.
+        checker: The scene the path was planned in.
+        rounds: Number of rounds, >= 0.
+        seed: Seed of the random points.
+
+    Returns:
+        A free path that is not longer, shape (m, n).
+
+    Source: Geraerts and Overmars, Creating high-quality paths for motion planning, IJRR 2007 (shortcuts).
+    """
+    corners = np.asarray(path, dtype=np.float64)
+    buffer = np.empty((len(corners) + 10 * rounds + 2, corners.shape[1]))
+    buffer[: len(corners)] = corners
+    n = _shorten(buffer, len(corners), rounds, np.array([seed], dtype=np.uint64), checker.scene)
+    return buffer[:n].copy()

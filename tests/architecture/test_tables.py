@@ -1,0 +1,65 @@
+"""Tables are complete: every member of a family has a file of its own, and no file is forgotten."""
+
+import importlib
+import inspect
+import pkgutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import benchmarks
+
+
+@dataclass(frozen=True)
+class Family:
+    """A package, its table, and the modules that are no members but serve them."""
+
+    package: str
+    table: str
+    support: frozenset[str]
+
+
+FAMILIES = [
+    Family("planners.mapf", "PLANNERS", frozenset({"distance_table", "problem", "validate"})),
+    Family("planners.allocation", "ALLOCATORS", frozenset({"problem", "validate"})),
+]
+
+
+def modules_of(package: str) -> set[str]:
+    return {module.name for module in pkgutil.iter_modules(importlib.import_module(package).__path__)}
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.table)
+def test_a_family_s_table_and_its_folder_agree(family: Family) -> None:
+    package = importlib.import_module(family.package)
+    members = {name: inspect.getmodule(member) for name, member in getattr(package, family.table).items()}
+    homes = [home.__name__.removeprefix(f"{family.package}.") for home in members.values() if home is not None]
+    assert len(homes) == len(members)
+    assert len(set(homes)) == len(homes), "two members share a file"
+    assert set(homes) | family.support == modules_of(family.package), "a file is neither in the table nor support"
+    assert set(homes).isdisjoint(family.support)
+
+
+def test_the_table_of_benchmarks_and_its_folder_agree() -> None:
+    assert set(benchmarks.BENCHMARKS) | {"__main__", "harness"} == modules_of("benchmarks")
+    for name in benchmarks.BENCHMARKS:
+        assert importlib.import_module(f"benchmarks.{name}").BENCHMARK.name == name
+
+
+def test_every_package_name_that_is_listed_exists() -> None:
+    """`__all__` drifts silently: it is read only by `import *`."""
+    for layer in ("maps", "planners", "fleet"):
+        root = importlib.import_module(layer)
+        for module in pkgutil.walk_packages(root.__path__, f"{layer}."):
+            if module.name.endswith("__main__"):
+                continue
+            loaded = importlib.import_module(module.name)
+            missing = [name for name in getattr(loaded, "__all__", []) if not hasattr(loaded, name)]
+            assert missing == [], module.name
+
+
+def test_no_module_is_called_utils(repository: Path) -> None:
+    """A module is named after its noun."""
+    for layer in ("maps", "planners", "fleet", "benchmarks", "tests"):
+        assert [path for path in (repository / layer).rglob("*.py") if path.stem in {"utils", "util", "misc"}] == []
