@@ -21,10 +21,14 @@ from maps.site import Site
 from planners.allocation import ALLOCATORS
 from planners.allocation.problem import AllocationProblem
 
+ALLOCATE_S = 1.0
+"""Longest time between two allocations; every change of tasks or cars asks for one at once [s]."""
 LOADED_RANK_S = 30.0
 """Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
 ON_SLOT_M = 0.05
 """A delivered parcel lies within this of its slot's centre [m]."""
+ON_SLOT_LIFT_M = 0.015
+"""And its lower side this close to the slot's surface [m]."""
 MAX_ATTEMPTS = 3
 """Transfers tried for one errand before its task fails."""
 
@@ -40,6 +44,8 @@ class CarPhase(StrEnum):
     TO_DROP = "to_drop"
     UNLOADING = "unloading"
     RECOVERING = "recovering"
+    RETIRED = "retired"
+    """Drives, but takes no task: a parcel that could not be unloaded lies in its tray."""
     DEAD = "dead"
 
 
@@ -91,19 +97,20 @@ class Dispatcher:
         self._world = world
         self._log = log
         self._by_name = {station.name: station for station in stations}
-        self._allocator = ALLOCATORS[config.allocation.allocator]
+        self._allocator = ALLOCATORS[config.allocation.allocator]()
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
         self._parking = _parking_states(site, graph)
         self._rack_changed = True
         self._changed = True
+        self._period = max(1, round(ALLOCATE_S / world.tick_s))
 
     def tick(self, tick: int, now_s: float) -> None:
         """Release, collect, allocate, and start or end services."""
         self.board.release_due(now_s)
         self._collect(now_s)
         self._stock(now_s)
-        if self._changed:
+        if self._changed or tick % self._period == 0:
             self._changed = False
             self._allocate(tick, now_s)
             self._park(tick)
@@ -165,8 +172,8 @@ class Dispatcher:
     def _on_slot(self, station: Station, slot: int, pose: FloatArray, task: Task) -> bool:
         x, y, z = station.place.slots[slot]
         off_m = float(np.hypot(pose[0] - x, pose[1] - y))
-        height_m = pose[2] - z
-        return off_m <= ON_SLOT_M and 0.0 < height_m <= max(task.order.size_m)
+        lift_m = pose[2] - z - _half_height(pose, task.order.size_m)
+        return off_m <= ON_SLOT_M and abs(lift_m) <= ON_SLOT_LIFT_M
 
     def _in_tray(self, car: int, pose: FloatArray) -> bool:
         spec = self._desk.car
@@ -228,7 +235,7 @@ class Dispatcher:
             reachable = distance < self._graph.n_states
             waited_s = now_s - task.since_s[TaskState.READY]
             cost[:, k] = np.where(reachable, distance - self._config.allocation.ageing_m_per_s * waited_s, np.inf)
-        for row, column in self._allocator(AllocationProblem(cost=cost)).pairs:
+        for row, column in self._allocator.allocate(AllocationProblem(cost=cost)).pairs:
             self._assign(cars[int(row)], tasks[int(column)], tick, now_s)
 
     def _candidates(self) -> list[Task]:
@@ -270,7 +277,7 @@ class Dispatcher:
 
     def _park(self, tick: int) -> None:
         """Send every idle car to the nearest parking place that no other idle car has."""
-        idle = [car for car, phase in enumerate(self.phase) if phase is CarPhase.IDLE]
+        idle = [car for car, phase in enumerate(self.phase) if phase in (CarPhase.IDLE, CarPhase.RETIRED)]
         taken = {int(self._traffic.goals[car]) for car in idle}
         tails = self._executor.tail_states()
         for car in idle:
@@ -368,7 +375,11 @@ class Dispatcher:
         x, y, z = (round(float(v), 3) for v in pose[:3])
         reason = f"{self._desk.reason(arm=station.arm)} at {station.name}; parcel lies at ({x}, {y}, {z})"
         self.board.move(task, TaskState.FAILED, now_s, reason)
-        self._release_car(car)
+        slot = task.pick_slot if loading else task.drop_slot
+        if slot is not None and not self._on_slot(station, slot, pose, task):
+            station.free_slot(slot)
+            self._rack_changed = True
+        self._release_car(car, CarPhase.RETIRED if self._in_tray(car, pose) else CarPhase.IDLE)
 
     def _loaded(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
         if task.pick_slot is not None:
@@ -387,9 +398,9 @@ class Dispatcher:
             station.collect_at(now_s + self._config.collect_after_s, task.drop_slot)
         self._release_car(car)
 
-    def _release_car(self, car: int) -> None:
+    def _release_car(self, car: int, phase: CarPhase = CarPhase.IDLE) -> None:
         self.task_of[car] = None
-        self._enter(car, CarPhase.IDLE)
+        self._enter(car, phase)
         self._traffic.set_fixed(car, False)
         self._traffic.rank[car] = 0.0
         self._changed = True
@@ -403,6 +414,13 @@ def _booked_in_world(task: Task) -> bool | None:
     if task.state is TaskState.FAILED:
         return None
     return task.state not in (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED)
+
+
+def _half_height(pose: FloatArray, size_m: tuple[float, float, float]) -> float:
+    """Half the vertical extent of a box in any orientation [m]."""
+    x, y, z, w = pose[3:]
+    up = np.abs([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+    return float(up @ np.asarray(size_m)) / 2
 
 
 def _parking_states(site: Site, graph: LaneGraph) -> tuple[int, ...]:

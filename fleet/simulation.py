@@ -16,7 +16,8 @@ from fleet.executor import Executor
 from fleet.insight.metrics import Metrics, Summary
 from fleet.recovery import Recovery
 from fleet.stations.arm_desk import ArmDesk, ArmPlanner
-from fleet.stations.arm_planner import arm_cells, make_arm_planner
+from fleet.stations.arm_cell import arm_cells
+from fleet.stations.arm_planner import make_arm_planner
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Order, generate_orders, read_orders
@@ -27,6 +28,10 @@ from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, load_site
+
+
+STALL_S = 300.0
+"""A run whose tasks have not changed for this long has come to a stand [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,10 +86,13 @@ class Simulation:
             [self.graph.states_of_cell(cell)[0] for cell in self.site.parking[: config.robots]], dtype=np.int32
         )
         self.scene: Scene = scene_of(self.site, self.graph.state_pose[start_states], config.grip)
-        self.arm_planner: ArmPlanner = make_arm_planner(arm_cells(self.site, self.scene), config)
+        self.arm_planner: ArmPlanner = make_arm_planner(
+            arm_cells(self.site, self.scene), tuple(station.name for station in self.site.stations), config
+        )
         self.world: World = make_world(self.scene, self.graph, config)
         self.tick_s = self.world.tick_s
         self.now = 0
+        self._progress_s = 0.0
         self.driver: Driver = self._driver(start_states, np.random.default_rng(estimate_seed))
         self.executor = Executor(self.graph, start_states, self.driver, config.traffic)
         self.traffic = Traffic(
@@ -111,6 +119,7 @@ class Simulation:
         self.recovery = Recovery(self)
         self.disturbances = Disturbances(self, config.events)
         self.metrics = Metrics(self.world.n_cars, self.tick_s)
+        self.arm_planner.wait_ready()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
 
     @property
@@ -120,8 +129,14 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """True when every task has ended or the time is up."""
-        return self.board.finished or self.sim_s >= self.config.duration_s
+        """True when every task has ended, the time is up, or nothing has moved for too long."""
+        return self.board.finished or self.sim_s >= self.config.duration_s or self.stalled
+
+    @property
+    def stalled(self) -> bool:
+        """True when work is open and for `STALL_S` no task has changed and no order was still to come."""
+        waiting = self.board.count(TaskState.ORDERED) > 0
+        return not waiting and self.sim_s - self._progress_s > STALL_S
 
     def tick(self, actions: Actions | None = None) -> None:
         """Advance the whole fleet by one tick."""
@@ -191,7 +206,7 @@ class Simulation:
         )
 
     def _task_moved(self, task: Task, before: TaskState, now_s: float) -> None:
-        del now_s
+        self._progress_s = now_s
         car = f"car_{task.car}" if task.car is not None else None
         self.log(
             "task", task=task.order.name, before=before, state=task.state, car=car, cause=task.reason

@@ -72,7 +72,7 @@ class Traffic:
     def set_fixed(self, car: int, fixed: bool) -> None:
         """Say that a car cannot move, or that it can again."""
         self.fixed[car] = fixed
-        self._wanted = True
+        self.discard()
 
     def set_dead(self, car: int) -> None:
         """A car will never move again: what it holds is no longer a way."""
@@ -85,10 +85,11 @@ class Traffic:
         """Take a cell out of the lanes, or give it back."""
         self.blocked[cell] = blocked
         self.tables = DistanceTable(self.graph, self.blocked)
-        self._wanted = True
+        self.discard()
 
-    def replan_soon(self) -> None:
-        """Ask for a plan at the next tick instead of at the next period."""
+    def discard(self) -> None:
+        """Throw away the plan that has not landed yet, because it rests on what is no longer so, and ask anew."""
+        self._pending = None
         self._wanted = True
 
     def tick(self, tick: int) -> bool:

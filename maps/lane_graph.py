@@ -18,8 +18,10 @@ from maps.vehicle import ENTRY_INSET_M, TURN_RADIUS_M
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
+_Paths = tuple[npt.NDArray[np.int64], Floats, Floats]  # path_ptr, path_points, path_s
 SmallInts = npt.NDArray[np.int8]
 
+_TOLERANCE_M = 1e-9
 SAMPLE_STEP_M = 0.05
 """Largest distance between neighbouring path samples of a car-like move [m]."""
 
@@ -96,7 +98,7 @@ class LaneGraph:
     def states_of_cell(self, cell: int) -> Ints:
         """All states in a cell, shape (k,), k may be 0."""
         row = self.state_index[cell]
-        return row[row >= 0]
+        return np.asarray(row[row >= 0])
 
     def to_networkx(self) -> nx.DiGraph:
         """The same graph with nodes = state ids (cell, heading, pose) and edges (length [m], kind, move id)."""
@@ -136,7 +138,7 @@ def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> Lane
         raise MotionError(f"lane graph of a site: motion {motion!r} is unknown, must be 'carlike'")
     grid = site.grid
     cell_m = grid.cell_m
-    if cell_m / 2 - TURN_RADIUS_M - ENTRY_INSET_M < -1e-9:
+    if cell_m / 2 - TURN_RADIUS_M - ENTRY_INSET_M < -_TOLERANCE_M:
         raise MotionError(f"lane graph: cell_m {cell_m} is too small, must be at least 1.0")
 
     lane_heading = _headings(site.lanes, grid.cols)
@@ -165,7 +167,7 @@ def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> Lane
         possible = to >= 0
         if kind is not STRAIGHT:
             lead_in = cell_m / 2 - TURN_RADIUS_M - ENTRY_INSET_M - offset
-            possible &= lead_in >= -1e-9
+            possible &= lead_in >= -_TOLERANCE_M
         source = np.flatnonzero(possible)
         moves.append(np.column_stack((source, to[source], np.full(len(source), kind))))
     if site.allow_reverse:
@@ -175,9 +177,8 @@ def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> Lane
     move = np.concatenate(moves)
     move = move[np.lexsort((move[:, 2], move[:, 0]))]
 
-    length, path_ptr, path_points, path_s = _carlike_paths(move, pose, offset, cell_m)
-    swept = np.column_stack((cell[move[:, 0]], cell[move[:, 1]]))
-    return _assemble("carlike", grid.n_cells, cell, heading, pose, index, move, length, swept, path_ptr, path_points, path_s)
+    length, paths = _carlike_paths(move, pose, offset, cell_m)
+    return _assemble("carlike", cell, heading, pose, index, move, length, paths)
 
 
 def grid_lane_graph(grid: GridMap, motion: Literal["pebble", "rotating"]) -> LaneGraph:
@@ -219,13 +220,12 @@ def grid_lane_graph(grid: GridMap, motion: Literal["pebble", "rotating"]) -> Lan
 
     pose = np.column_stack((grid.cell_xy(cell), heading * (math.pi / 2)))
     length = np.where(move[:, 2] == TURN, 0.0, grid.cell_m)
-    swept = np.column_stack((cell[move[:, 0]], cell[move[:, 1]]))
     path_ptr = np.arange(len(move) + 1) * 2
     ends = pose[move[:, :2]]  # (M, 2, 3)
     quarter_turn = (ends[:, 1, 2] - ends[:, 0, 2] + math.pi) % (2 * math.pi) - math.pi
     ends[:, 1, 2] = ends[:, 0, 2] + quarter_turn
     path_s = np.column_stack((np.zeros(len(move)), length)).ravel()
-    return _assemble(motion, grid.n_cells, cell, heading, pose, index, move, length, swept, path_ptr, ends.reshape(-1, 3), path_s)
+    return _assemble(motion, cell, heading, pose, index, move, length, (path_ptr, ends.reshape(-1, 3), path_s))
 
 
 def _headings(lanes: Ints, cols: int) -> npt.NDArray[np.int64]:
@@ -251,8 +251,8 @@ def _step(cell: npt.NDArray[Any], heading: npt.NDArray[Any], grid: GridMap) -> n
 
 def _carlike_paths(
     move: npt.NDArray[np.int64], pose: Floats, offset: Floats, cell_m: float
-) -> tuple[Floats, npt.NDArray[np.int64], Floats, Floats]:
-    """Sample every move; moves of one kind between equal stop offsets share one template, moved rigidly."""
+) -> tuple[Floats, _Paths]:
+    """Length and samples of every move; moves of one kind between equal stop offsets share one template, moved rigidly."""
     deep_from, deep_to = np.round(offset[move[:, 0]], 9), np.round(offset[move[:, 1]], 9)
     keys, group = np.unique(np.column_stack((move[:, 2], deep_from, deep_to)), axis=0, return_inverse=True)
     group = group.ravel()
@@ -271,7 +271,7 @@ def _carlike_paths(
         points[rows, 1] = start[:, 1:2] + sin * local[:, 0] + cos * local[:, 1]
         points[rows, 2] = start[:, 2:] + local[:, 2]
         path_s[rows] = s
-    return length, ptr, points, path_s
+    return length, (ptr, points, path_s)
 
 
 def _template(kind: MoveKind, offset_from: float, offset_to: float, cell_m: float) -> tuple[Floats, Floats]:
@@ -279,7 +279,7 @@ def _template(kind: MoveKind, offset_from: float, offset_to: float, cell_m: floa
     if kind in (STRAIGHT, REVERSE):
         sign = 1.0 if kind is STRAIGHT else -1.0
         length = cell_m + sign * (offset_to - offset_from)
-        s = np.linspace(0.0, length, max(2, math.ceil(length / SAMPLE_STEP_M - 1e-9) + 1))
+        s = np.linspace(0.0, length, max(2, math.ceil(length / SAMPLE_STEP_M - _TOLERANCE_M) + 1))
         return np.column_stack((sign * s, np.zeros_like(s), np.zeros_like(s))), s
     radius = TURN_RADIUS_M
     lead_in = cell_m / 2 - radius - ENTRY_INSET_M - offset_from
@@ -287,9 +287,9 @@ def _template(kind: MoveKind, offset_from: float, offset_to: float, cell_m: floa
     lead_in = max(lead_in, 0.0)
     arc = radius * math.pi / 2
     pieces = [
-        np.linspace(a, b, max(1, math.ceil((b - a) / SAMPLE_STEP_M - 1e-9)), endpoint=False)
+        np.linspace(a, b, max(1, math.ceil((b - a) / SAMPLE_STEP_M - _TOLERANCE_M)), endpoint=False)
         for a, b in ((0.0, lead_in), (lead_in, lead_in + arc), (lead_in + arc, lead_in + arc + lead_out))
-        if b - a > 1e-9
+        if b - a > _TOLERANCE_M
     ]
     s = np.concatenate([*pieces, [lead_in + arc + lead_out]])
     angle = np.clip((s - lead_in) / radius, 0.0, math.pi / 2)
@@ -305,21 +305,19 @@ def _csr(key: npt.NDArray[Any], n_keys: int) -> tuple[Ints, Ints]:
     return ptr, order
 
 
-def _assemble(  # noqa: PLR0913 - the one place that turns parts into the frozen record
+def _assemble(  # noqa: PLR0913, PLR0917 - the one place that turns parts into the frozen record
     motion: str,
-    n_cells: int,
     cell: npt.NDArray[Any],
     heading: npt.NDArray[Any],
     pose: Floats,
     index: Ints,
     move: npt.NDArray[np.int64],
     length: Floats,
-    swept: npt.NDArray[Any],
-    path_ptr: npt.NDArray[Any],
-    path_points: Floats,
-    path_s: Floats,
+    paths: _Paths,
 ) -> LaneGraph:
     n_states = len(cell)
+    path_ptr, path_points, path_s = paths
+    swept = np.column_stack((cell[move[:, 0]], cell[move[:, 1]]))
     out_ptr, out_move = _csr(move[:, 0], n_states)
     in_ptr, in_move = _csr(move[:, 1], n_states)
     moved = swept[:, 0] != swept[:, 1]  # a turn on the spot sweeps one cell
@@ -343,4 +341,4 @@ def _assemble(  # noqa: PLR0913 - the one place that turns parts into the frozen
         "path_points": np.ascontiguousarray(path_points),
         "path_s": path_s,
     }
-    return LaneGraph(motion=motion, n_states=n_states, n_cells=n_cells, **arrays)
+    return LaneGraph(motion=motion, n_states=n_states, n_cells=len(index), **arrays)

@@ -27,6 +27,8 @@ _REVERSAL_COST = 1000.0
 _REPAIR_ROUNDS = 5
 _LOOK_BACK_LINES = 12
 """How many rows (columns) back a comparable aisle is looked for."""
+_WAY_ROUND_CELLS = 3
+"""A way round a dock is looked for among the lanes this near to it."""
 _SAMPLE_SOURCES = 64
 """Path lengths are averaged from at most so many evenly spread cells while candidates are compared."""
 
@@ -99,8 +101,8 @@ def orient_lanes(plan: FloorPlan, arm_side: dict[int, int]) -> Orientation:
         return Orientation(lanes=np.empty((0, 2), dtype=np.int32), cut_cells=tuple(plan.cells(_open_characters(plan))))
 
     best: tuple[tuple[int, float], _Edges] | None = None
-    for start in _alternating_starts(edges, grid):
-        repaired = _repaired(replace(edges, sign=start), grid.n_cells)
+    for signs in _alternating_starts(edges, grid):
+        repaired = _repaired(replace(edges, sign=signs), grid.n_cells)
         candidate = _strong_part(repaired, grid.n_cells)
         if len(candidate.tail) == 0:
             continue
@@ -110,7 +112,8 @@ def orient_lanes(plan: FloorPlan, arm_side: dict[int, int]) -> Orientation:
             best = rank, candidate
     lanes = np.empty((0, 2), dtype=np.int32)
     if best is not None:
-        start, end = best[1].arcs(best[1].sign)
+        chosen = _with_ways_round(best[1], sorted(arm_side), np.flatnonzero(plan.bays.ravel()), grid)
+        start, end = chosen.arcs(chosen.sign)
         lanes = np.column_stack((start, end)).astype(np.int32)
         lanes = lanes[np.lexsort((lanes[:, 1], lanes[:, 0]))]
     cut = plan.open.ravel().copy()
@@ -126,9 +129,9 @@ def path_lengths(lanes: npt.NDArray[np.int32], grid: GridMap, *, max_sources: in
         grid: The floor the cells belong to.
         max_sources: Paths start from at most so many evenly spread cells; all cells are used below that number.
     """
-    kept = np.unique(lanes)
-    if len(kept) < 2:
+    if len(lanes) == 0:
         return PathLengths(one_way=0.0, two_way=0.0)
+    kept = np.unique(lanes).astype(np.int64)
     one_way = _mean_path(lanes[:, 0].astype(np.int64), lanes[:, 1].astype(np.int64), kept, max_sources)
     present = np.zeros(grid.n_cells, dtype=np.bool_)
     present[kept] = True
@@ -137,10 +140,19 @@ def path_lengths(lanes: npt.NDArray[np.int32], grid: GridMap, *, max_sources: in
     return PathLengths(one_way=one_way, two_way=two_way)
 
 
-def lanes_in_strong_part(lanes: npt.NDArray[np.int32]) -> Bools:
-    """Which lanes belong to the largest strongly connected set of cells; both ends must be in it."""
-    part = _largest_part(lanes[:, 0].astype(np.int64), lanes[:, 1].astype(np.int64), strong=True)
-    return part[lanes[:, 0]] & part[lanes[:, 1]]
+def n_separated(start: Ints, end: Ints, cell: int, places: Ints) -> int:
+    """How many other places fall out of the largest strongly connected part when a car stands in a cell.
+
+    Args:
+        start: First cell of every lane, shape (n_lanes,).
+        end: Second cell of every lane, shape (n_lanes,).
+        cell: Where the car stands.
+        places: Cells cars want to go to, shape (n_places,).
+    """
+    rest = (start != cell) & (end != cell)
+    n_cells = int(max(start.max(), end.max(), places.max())) + 1
+    part = _largest_part(start[rest], end[rest], strong=True, n_cells=n_cells)
+    return int((~part[places]).sum()) - int((places == cell).sum())
 
 
 def _open_characters(plan: FloorPlan) -> str:
@@ -328,11 +340,12 @@ def _joining_reversals(edges: _Edges, sign: npt.NDArray[np.int8], free: Bools, n
     back_start, back_end = end[: len(sign)][free], start[: len(sign)][free]
     weight = np.concatenate((np.ones(len(start)), np.full(len(back_start), _REVERSAL_COST)))
     tails, heads = np.concatenate((start, back_start)), np.concatenate((end, back_end))
-    number_of = dict(zip(zip(back_start.tolist(), back_end.tolist(), strict=True), np.flatnonzero(free).tolist(), strict=True))
+    back = zip(back_start.tolist(), back_end.tolist(), strict=True)
+    number_of = dict(zip(back, np.flatnonzero(free).tolist(), strict=True))
     opened: set[int] = set()
     for outward in (True, False):
         graph = csr_array((weight, (tails, heads) if outward else (heads, tails)), shape=(n, n))
-        _, parent = dijkstra(graph, indices=root, return_predecessors=True)
+        parent = dijkstra(graph, indices=root, return_predecessors=True)[1]
         for child in np.flatnonzero(parent >= 0).tolist():
             arc = (int(parent[child]), child) if outward else (child, int(parent[child]))
             if arc in number_of:
@@ -360,6 +373,35 @@ def _with_opened(opened: Ints, start: Ints, end: Ints) -> tuple[Ints, Ints]:
     return np.concatenate((start, end[opened])), np.concatenate((end, start[opened]))
 
 
+def _with_ways_round(edges: _Edges, docks: list[int], places: Ints, grid: GridMap) -> _Edges:
+    """Reverse single lanes near a dock where that gives cars a way round it to the other docks and bays."""
+    free = ~edges.fixed & ~edges.both
+    row, col = grid.row_col(edges.tail)
+
+    def n_blocked(sign: npt.NDArray[np.int8]) -> int:
+        start, end = edges.arcs(sign)
+        return sum(n_separated(start, end, dock, places) for dock in docks)
+
+    sign = edges.sign
+    blocked = n_blocked(sign)
+    for dock in docks:
+        if blocked == 0:
+            break
+        if n_separated(*edges.arcs(sign), dock, places) == 0:
+            continue
+        dock_row, dock_col = grid.row_col(dock)
+        near = abs(row - dock_row) + abs(col - dock_col) <= _WAY_ROUND_CELLS
+        for number in np.flatnonzero(near & free).tolist():
+            trial = sign.copy()
+            trial[number] *= -1
+            candidate = replace(edges, sign=trial)
+            if len(_strong_part(candidate, grid.n_cells).tail) == len(edges.tail) and n_blocked(trial) < blocked:
+                sign, blocked = trial, n_blocked(trial)
+                if n_separated(*edges.arcs(sign), dock, places) == 0:
+                    break
+    return replace(edges, sign=sign)
+
+
 def _strong_part(edges: _Edges, n_cells: int) -> _Edges:
     """Edges inside the largest strongly connected part."""
     start, end = edges.arcs(edges.sign)
@@ -382,7 +424,8 @@ def _largest_part(start: Ints, end: Ints, *, strong: bool, n_cells: int | None =
     size = np.bincount(label)
     first = np.full(len(size), n)
     np.minimum.at(first, label, np.arange(n))
-    return label == np.lexsort((first, -size))[0]
+    largest = int(np.lexsort((first, -size))[0])
+    return np.asarray(label == largest)
 
 
 def _mean_path(start: Ints, end: Ints, kept: Ints, max_sources: int) -> float:

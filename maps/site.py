@@ -21,6 +21,8 @@ from maps.orientation import orient_lanes
 from maps.plan import FloorPlan, parse_plan
 from maps.stations import StationOptions, StationPlace, match_arms, name_docks, place_stations
 
+_PASSING_WAYS = 3
+"""Open neighbours that make a two-way cell a passing place: two for the way, one to step aside."""
 _DATA = Path(__file__).parent / "data"
 
 
@@ -113,7 +115,9 @@ def load_site(name_or_path: str | os.PathLike[str]) -> Site:
     text = os.fspath(name_or_path)
     path = _DATA / f"{text}.toml" if text in site_names() else Path(text)
     if not path.is_file():
-        raise UnknownSiteError(f"site {text!r} is unknown, must be one of {', '.join(site_names())} or a path to a site file")
+        raise UnknownSiteError(
+            f"site {text!r} is unknown, must be one of {', '.join(site_names())} or a path to a site file"
+        )
     where = f"site {text}"
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -246,10 +250,10 @@ def _check_two_way(plan: FloorPlan, grid: GridMap, allow_reverse: bool, where: s
                     unseen.discard(other)
                     frontier.append(other)
         ways = [sum(grid.neighbour(c, h) >= 0 and open_cells[grid.neighbour(c, h)] for h in range(4)) for c in part]
-        if max(ways) < 3:
+        if max(ways) < _PASSING_WAYS:
             raise PlanError(
-                f"{where}: the two-way part at {_place_name(grid, min(part))} has no passing place, must hold a cell with "
-                "at least three open neighbours so that a car can step aside"
+                f"{where}: the two-way part at {_place_name(grid, min(part))} has no passing place, must hold a "
+                "cell with at least three open neighbours so that a car can step aside"
             )
 
 
@@ -260,13 +264,13 @@ def _check_bays(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], wh
         for cell in plan.cells(character):
             if cell not in entered or cell not in left:
                 raise LaneError(
-                    f"{where}: {what} cell at {_place_name(grid, cell)} is a dead end or cut off from the largest connected "
-                    "part of the lanes; it needs one cell to come from and another to go on to"
+                    f"{where}: {what} cell at {_place_name(grid, cell)} is a dead end or cut off from the largest "
+                    "connected part of the lanes; it needs one cell to come from and another to go on to"
                 )
 
 
 def _check_states(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], where: str) -> None:
-    """With two-way lanes, cells may be connected while cars, which cannot turn round, are not: check the cars' moves."""
+    """With two-way lanes, cells may be connected while cars, which cannot turn round, are not: check their moves."""
     pairs = [(int(a), int(b)) for a, b in lanes]
     number = {lane: i for i, lane in enumerate(pairs)}
     leaving: dict[int, list[int]] = {}
@@ -284,4 +288,7 @@ def _check_states(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], 
     for cell in [*names, *plan.cells("KC")]:
         if cell not in reached:
             what = names.get(cell, "parking or charger cell")
-            raise LaneError(f"{where}: {what} at {_place_name(grid, cell)} cannot be reached and left by a car that cannot turn round")
+            raise LaneError(
+                f"{where}: {what} at {_place_name(grid, cell)} cannot be reached and left by a car that cannot turn round; "
+                "it needs one-way lanes that lead to it and on"
+            )

@@ -119,7 +119,8 @@ def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, int]:
         beside = [heading for heading in range(4) if grid.neighbour(dock, heading) in arms]
         if len(beside) != 1:
             raise StationError(
-                f"{where}: {names[dock]} at {_at(grid, dock)} has {len(beside)} arms beside it, must have exactly one 'A'"
+                f"{where}: {names[dock]} at {_at(grid, dock)} has {len(beside)} arms beside it, "
+                "must have exactly one 'A'"
             )
         arm = grid.neighbour(dock, beside[0])
         if arm in owner:
@@ -133,7 +134,7 @@ def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, int]:
     return side
 
 
-def place_stations(
+def place_stations(  # noqa: PLR0913 - the parts of a site
     plan: FloorPlan,
     grid: GridMap,
     arm_side: Mapping[int, int],
@@ -162,7 +163,9 @@ def place_stations(
     names = name_docks(plan)
     for name in options:
         if name not in names.values():
-            raise StationError(f"{where}: stations.{name} is not in the plan, must be one of {', '.join(names.values())}")
+            raise StationError(
+                f"{where}: stations.{name} is not in the plan, must be one of {', '.join(names.values())}"
+            )
     lane_set = {(int(a), int(b)) for a, b in lanes}
     places = []
     for cell, name in names.items():
@@ -173,17 +176,19 @@ def place_stations(
                 f"{where}: {name} at {_at(grid, cell)} is a dead end or cut off from the largest connected part of the "
                 "lanes; it needs a lane that leads past its arm and on to other cells"
             )
-        places.append(
-            _place(name, cell, entries[0], arm_side[cell], entries[0] in exits, grid, options.get(name, StationOptions()), where)
-        )
+        given = options.get(name, StationOptions())
+        dock = _dock(name, cell, entries[0], entries[0] in exits, grid, given, where)
+        station = _station(name, dock, arm_side[cell], given)
+        _check_reach(station, where)
+        places.append(station)
     _check_floor(places, plan, grid, where)
     _check_spacing(places, where)
     return tuple(places)
 
 
-def _place(  # noqa: PLR0913 - one dock's facts
-    name: str, cell: int, heading: int, arm_side: int, straight_exit: bool, grid: GridMap, given: StationOptions, where: str
-) -> StationPlace:
+def _dock(  # noqa: PLR0913, PLR0917 - one dock's facts
+    name: str, cell: int, heading: int, straight_exit: bool, grid: GridMap, given: StationOptions, where: str
+) -> DockPlace:
     half = grid.cell_m / 2
     deepest = grid.cell_m - ENTRY_INSET_M - BODY_FRONT_M
     offset = half - ENTRY_INSET_M - TRAY_AHEAD_M if straight_exit else 0.0
@@ -191,19 +196,22 @@ def _place(  # noqa: PLR0913 - one dock's facts
         offset = given.stop_offset_m
     if not 0.0 <= offset <= deepest + _TOLERANCE_M:
         raise StationError(
-            f"{where}: stations.{name}.stop_offset_m is {offset:g}, must be 0..{deepest:.2f} so that the car stands in its cell"
+            f"{where}: stations.{name}.stop_offset_m is {offset:g}, must be 0..{deepest:.2f} so that the car stands "
+            "in its cell"
         )
     if offset > half - ENTRY_INSET_M - TURN_RADIUS_M + _TOLERANCE_M and not straight_exit:
         raise StationError(
-            f"{where}: stations.{name}.stop_offset_m is {offset:g}, must be 0: the dock at {_at(grid, cell)} is left by a "
-            "turn, which starts at the usual waiting pose"
+            f"{where}: stations.{name}.stop_offset_m is {offset:g}, must be 0: the dock at {_at(grid, cell)} is left "
+            "by a turn, which starts at the usual waiting pose"
         )
     ((centre_x, centre_y),) = grid.cell_xy(cell).tolist()
     ahead_x, ahead_y = DCOL[heading], -DROW[heading]
     along = ENTRY_INSET_M + offset - half
     pose = (centre_x + along * ahead_x, centre_y + along * ahead_y, HEADING_YAW[heading])
-    dock = DockPlace(cell=cell, heading=heading, pose=pose, stop_offset_m=offset)
+    return DockPlace(cell=cell, heading=heading, pose=pose, stop_offset_m=offset)
 
+
+def _station(name: str, dock: DockPlace, arm_side: int, given: StationOptions) -> StationPlace:
     tray_x, tray_y = dock.tray_xy
     arm_x = tray_x + ARM_TO_LANE_M * DCOL[arm_side]
     arm_y = tray_y - ARM_TO_LANE_M * DROW[arm_side]
@@ -228,7 +236,7 @@ def _place(  # noqa: PLR0913 - one dock's facts
         )
     )
     half_extents = np.column_stack((np.full((len(slots), 2), PEDESTAL_HALF_M), slots[:, 2] / 2))
-    station = StationPlace(
+    return StationPlace(
         name=name,
         kind="pick" if name.startswith("pick") else "drop",
         dock=dock,
@@ -236,8 +244,6 @@ def _place(  # noqa: PLR0913 - one dock's facts
         slots=slots,
         pedestal_half_m=half_extents,
     )
-    _check_reach(station, where)
-    return station
 
 
 def _check_reach(station: StationPlace, where: str) -> None:
@@ -269,8 +275,8 @@ def _check_floor(places: list[StationPlace], plan: FloorPlan, grid: GridMap, whe
                 row, col = grid.cell_at(float(centre[0]) + dx, float(centre[1]) + dy)
                 if plan.open[row, col]:
                     raise StationError(
-                        f"{where}: {station.name}: {what} at ({centre[0]:.2f}, {centre[1]:.2f}) m stands on the lane cell "
-                        f"row {row + 1}, column {col + 1}, must stand on blocked cells (one of # = _ A)"
+                        f"{where}: {station.name}: {what} at ({centre[0]:.2f}, {centre[1]:.2f}) m stands on the lane "
+                        f"cell row {row + 1}, column {col + 1}, must stand on blocked cells (one of # = _ A)"
                     )
 
 
@@ -280,8 +286,8 @@ def _check_spacing(places: list[StationPlace], where: str) -> None:
     near = np.argwhere(np.triu(distance < MIN_ARM_SPACING_M - _TOLERANCE_M, k=1))
     for first, second in near:
         raise StationError(
-            f"{where}: the arms of {places[first].name} and {places[second].name} stand {distance[first, second]:.2f} m "
-            f"apart, must be at least {MIN_ARM_SPACING_M} m"
+            f"{where}: the arms of {places[first].name} and {places[second].name} stand {distance[first, second]:.2f} "
+            f"m apart, must be at least {MIN_ARM_SPACING_M} m"
         )
 
 

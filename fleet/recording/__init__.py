@@ -1,0 +1,15 @@
+"""Recording: the stream a viewer shows, and the files a run leaves behind."""
+
+from fleet.recording.errors import OutputError as OutputError
+from fleet.recording.errors import RecordingError as RecordingError
+from fleet.recording.frame import FloorPlan as FloorPlan
+from fleet.recording.frame import Frame as Frame
+from fleet.recording.frame import LogLine as LogLine
+from fleet.recording.frame import NullRecorder as NullRecorder
+from fleet.recording.frame import Recorder as Recorder
+from fleet.recording.rerun_recorder import RerunRecorder as RerunRecorder
+from fleet.recording.run_file import RunFile as RunFile
+from fleet.recording.run_file import RunRecord as RunRecord
+from fleet.recording.run_file import prepare_output as prepare_output
+from fleet.recording.run_file import read_run as read_run
+from fleet.recording.run_file import versions as versions

@@ -5,74 +5,155 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
 from fleet.recording.frame import FloorPlan
-from fleet.recording.scenery import CAMERA, PIXELS_PER_M
+from fleet.recording.scenery import CAMERA, LABELS, PIXELS_PER_M
 from fleet.world.scene import Scene
 
-_LANES_N = 12
-"""State lanes that one view shows without scrolling."""
+_LANES_N = 10
+"""State lanes that fit beside the plots; more get a column of their own."""
+_LANE_PX = 40.0
+"""Height of a state lane with its name."""
+_WINDOW_S = (-15.0, 8.0)
+"""Part of the state lanes that is shown, about the time cursor [s]."""
+_FIELD_OF_VIEW_RAD = math.radians(55.0)
+"""Vertical field of view of the viewer's eye (its default)."""
+_ELEVATION_RAD = math.radians(52.0)
+"""Steep enough to look over shelves into the aisles behind them."""
+_MARGIN_M = 0.6
 
 
 def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str]) -> rrb.Blueprint:
-    """Views for a run: scene, top-down plan, state lanes, plots, log.
+    """Views for a run: scene, plan from above, one station close up, state lanes, plots, log.
 
     Args:
         scene: Gives the extent of the floor and the number of robots.
         floor: Gives the name of the site.
-        plots: Titles of the metric plots; their entities are `/metrics/<title>`.
+        plots: Titles of the metric plots; their entities are ``/metrics/<title>``.
     """
+    few = len(scene.car_start) + len(scene.arm_base) <= _LANES_N
+    site = _eye_view(f"Site {floor.name}", *_overview(scene.size_m, 2.0 if few else 2.8))
     width, depth = scene.size_m
-    window = rrb.TimeAxis(link="LinkToGlobal")
-    scene_view = rrb.Spatial3DView(
-        origin="/world",
-        name=f"Site {floor.name}",
-        contents=["$origin/**", f"- /{CAMERA}"],
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            position=(width / 2, -0.55 * depth - 1.0, 0.75 * max(width * 0.75, depth)),
-            look_target=(width / 2, depth * 0.46, 0.0),
-            eye_up=(0.0, 0.0, 1.0),
-        ),
-    )
-    top_view = rrb.Spatial2DView(
+    above = rrb.Spatial2DView(
         origin=f"/{CAMERA}",
         name="From above",
         contents=["/world/**"],
-        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, width * PIXELS_PER_M), y_range=(0.0, depth * PIXELS_PER_M)),
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=(-_MARGIN_M * PIXELS_PER_M, (width + _MARGIN_M) * PIXELS_PER_M),
+            y_range=(-(0.03 * depth + _MARGIN_M) * PIXELS_PER_M, (1.07 * depth + _MARGIN_M) * PIXELS_PER_M),
+        ),
     )
-    n_cars, n_arms = len(scene.car_start), len(scene.arm_base)
-    tasks = rrb.StateTimelineView(origin="/states/tasks", name="Tasks", time_view=window)
-    if n_cars + n_arms <= _LANES_N:
-        lanes = rrb.StateTimelineView(
-            origin="/states", name="Cars and arms", contents=["/states/cars/**", "/states/arms/**"], time_view=window
-        )
-        states = rrb.Tabs(lanes, tasks)
-    else:
-        cars = rrb.StateTimelineView(origin="/states/cars", name="Cars", time_view=window)
-        arms = rrb.StateTimelineView(origin="/states/arms", name="Arms", time_view=window)
-        states = rrb.Tabs(cars, arms, tasks)
-    counts = rrb.TimeSeriesView(origin="/counts", name="Tasks by state", axis_x=window)
-    metrics = [
-        rrb.TimeSeriesView(origin=f"/metrics/{title}", name=title, axis_x=window) for title in plots
-    ] or [rrb.TimeSeriesView(origin="/metrics", name="Metrics", axis_x=window)]
+    close = []
+    if len(scene.arm_base):
+        name = floor.station_names[0] if floor.station_names else "arm_0"
+        close.append(_eye_view(f"Close-up {name}", *_closeup(scene.arm_base[0]), hidden=(CAMERA, LABELS)))
+    plans = rrb.Horizontal(above, *close, column_shares=[3, 2][: 1 + len(close)])
+    plotted = _plots(plots)
     text = rrb.Tabs(
-        rrb.TextLogView(origin="/log", name="Log"), rrb.TextDocumentView(origin="/about", name="About")
+        rrb.TextLogView(
+            origin="/log",
+            name="Log",
+            columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["LogLevel", "Body"]),
+        ),
+        rrb.TextDocumentView(origin="/about", name="About"),
     )
-    share = min(0.62, max(0.5, 0.45 + 0.05 * math.log2(max(1, n_cars))))
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(scene_view, top_view, row_shares=[3, 2]),
+    if few:
+        n_lanes = len(scene.car_start) + len(scene.arm_base)
+        views = rrb.Horizontal(
+            rrb.Vertical(site, plans, row_shares=[4, 3]),
             rrb.Vertical(
-                states, rrb.Tabs(counts, *metrics), text, row_shares=[share, (1 - share) * 0.55, (1 - share) * 0.45]
+                _lanes("Robots", "cars", "arms"),
+                _lanes("Tasks", "tasks"),
+                rrb.Horizontal(plotted, text),
+                row_shares=[(n_lanes + 1.7) * _LANE_PX, 7.0 * _LANE_PX, 190.0],
             ),
             column_shares=[3, 2],
-        ),
+        )
+    else:
+        lanes = rrb.Tabs(_lanes("Cars", "cars"), _lanes("Arms", "arms"), _lanes("Tasks", "tasks"))
+        views = rrb.Horizontal(
+            rrb.Vertical(site, plans, rrb.Horizontal(plotted, text, column_shares=[3, 2]), row_shares=[8, 7, 5]),
+            lanes,
+            column_shares=[7, 4],
+        )
+    return rrb.Blueprint(
+        views,
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="paused"),
         auto_views=False,
     )
+
+
+def _lanes(name: str, *kinds: str) -> rrb.StateTimelineView:
+    window = rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rr.TimeRangeBoundary.cursor_relative(seconds=_WINDOW_S[0]),
+            end=rr.TimeRangeBoundary.cursor_relative(seconds=_WINDOW_S[1]),
+        )
+    )
+    contents = [f"$origin/{kind}/**" for kind in kinds]
+    return rrb.StateTimelineView(origin="/states", name=name, contents=contents, time_view=window)
+
+
+def _plots(titles: Sequence[str]) -> rrb.Tabs:
+    origins = {"Tasks by state": "/counts"} | {title: f"/metrics/{title}" for title in titles}
+    if not titles:
+        origins["Metrics"] = "/metrics"
+    return rrb.Tabs(
+        *(
+            rrb.TimeSeriesView(
+                origin=origin,
+                name=name,
+                axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+                plot_legend=rrb.PlotLegend(corner="LeftTop"),
+            )
+            for name, origin in origins.items()
+        )
+    )
+
+
+def _eye_view(
+    name: str, eye: npt.NDArray[np.float64], target: npt.NDArray[np.float64], *, hidden: tuple[str, ...] = (CAMERA,)
+) -> rrb.Spatial3DView:
+    return rrb.Spatial3DView(
+        origin="/world",
+        name=name,
+        contents=["$origin/**", *(f"- /{path}" for path in hidden)],
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
+    )
+
+
+def _overview(size_m: tuple[float, float], aspect: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Nearest eye south of the floor that sees all of it in a view of the given aspect, and its target.
+
+    With u and b the offsets of a corner from the centre along the eye's up and backward axes, and t the tangent of half
+    the field of view, an eye at (eu, eb) sees it if |u - eu| <= t (eb - b): the two tightest planes meet in the eye.
+    """
+    centre = np.array([size_m[0] / 2, size_m[1] / 2, 0.0])
+    back = np.array([0.0, -math.cos(_ELEVATION_RAD), math.sin(_ELEVATION_RAD)])
+    up = np.array([0.0, math.sin(_ELEVATION_RAD), math.cos(_ELEVATION_RAD)])
+    t = math.tan(_FIELD_OF_VIEW_RAD / 2)
+    corners = np.array([(x, y, z) for x in (0.0, size_m[0]) for y in (0.0, size_m[1]) for z in (0.0, 1.2)]) - centre
+    u, b = corners @ up, corners @ back
+    below, above = np.max(u + t * b), np.max(t * b - u)
+    distance = max((below + above) / (2 * t), np.max(b + np.abs(corners[:, 0]) / (t * aspect)))
+    target = centre + (below - above) / 2 * up
+    return target + 1.03 * distance * back, target
+
+
+def _closeup(base: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Eye across the lane from an arm, and a target between arm and tray."""
+    x, y, z, yaw = base
+    cos, sin = math.cos(yaw), math.sin(yaw)
+
+    def at(ahead: float, aside: float, height: float) -> npt.NDArray[np.float64]:
+        return np.array([x + cos * ahead - sin * aside, y + sin * ahead + cos * aside, z + height])
+
+    return at(2.1, 1.3, 1.55), at(0.25, 0.0, 0.4)

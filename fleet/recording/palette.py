@@ -42,19 +42,19 @@ STATE_COLOURS = {
 BOX_COLOURS = {"wall": 0x64748BFF, "shelf": 0xA98357FF, "pedestal": 0xB8C0CCFF}
 BOX_DEFAULT = 0x808080FF
 FLOOR = 0x2A2F38FF
-LANE = 0x59647499
+LANE = 0x7B879AFF
 PARKING = 0x3A4656FF
 DOCK = 0x4A3F6BFF
 LABEL = 0xE5E7EBFF
 
 
-def identity_colour(identity: int, *, value: float = 0.95, alpha: int = 255) -> int:
+def identity_colour(identity: int, *, value: float = 1.0, alpha: int = 255) -> int:
     """A colour that stays with an id for the whole run."""
-    red, green, blue = colorsys.hsv_to_rgb((0.55 + identity * _GOLDEN) % 1.0, 0.7, value)
+    red, green, blue = colorsys.hsv_to_rgb((0.55 + identity * _GOLDEN) % 1.0, 0.55, value)
     return (int(red * 255) << 24) | (int(green * 255) << 16) | (int(blue * 255) << 8) | alpha
 
 
-def identity_colours(identities: Iterable[int], *, value: float = 0.95, alpha: int = 255) -> npt.NDArray[np.uint32]:
+def identity_colours(identities: Iterable[int], *, value: float = 1.0, alpha: int = 255) -> npt.NDArray[np.uint32]:
     """Colours of several ids, shape (k,)."""
     return np.array([identity_colour(int(i), value=value, alpha=alpha) for i in identities], np.uint32)
 

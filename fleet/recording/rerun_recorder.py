@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -47,7 +49,7 @@ class RerunRecorder:
         RecordingError: The file cannot be opened, or the port is taken.
     """
 
-    def __init__(  # noqa: PLR0913 - one call, all by keyword
+    def __init__(
         self,
         *,
         path: Path,
@@ -61,7 +63,7 @@ class RerunRecorder:
         port: int = 9876,
     ) -> None:
         # rerun takes a second to load and is needed by recorded runs only
-        from fleet.recording.stream import Stream  # noqa: PLC0415
+        from fleet.recording.stream import Stream
 
         self._path = path
         self._every = max(1, round(1.0 / (rate_hz * tick_s)))
@@ -78,6 +80,8 @@ class RerunRecorder:
         self.cpu_s = 0.0
         """CPU time of the worker thread so far [s]."""
         try:
+            if serve:
+                _require_free(port)
             with path.open("wb"):
                 pass
             self._stream: Stream = Stream(
@@ -155,15 +159,24 @@ class RerunRecorder:
                 lines, self._lines = self._lines, []
                 self._changed.notify_all()
             if self._failure is None:
-                self._attempt(frames, lines, closing)
+                self._attempt(partial(self._stream.write, frames, lines))
+                self.written_n += len(frames) if self._failure is None else 0
+        self._attempt(self._stream.close)
 
-    def _attempt(self, frames: list[Frame], lines: list[LogLine], closing: bool) -> None:
+    def _attempt(self, write: Callable[[], None]) -> None:
         started = time.thread_time()
         try:
-            self._stream.write(frames, lines)
-            self.written_n += len(frames)
-            if closing:
-                self._stream.close()
-        except Exception as error:  # noqa: BLE001 - told by `close`: a broken recording must not end the run
-            self._failure = error
+            write()
+        except Exception as error:  # told by `close`: a broken recording must not end the run
+            self._failure = self._failure or error
         self.cpu_s += time.thread_time() - started
+
+
+def _require_free(port: int) -> None:
+    """Try the port: the server itself only logs that it could not listen."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except (OSError, OverflowError) as error:
+            raise RecordingError(f"port {port} for the live viewer: {error}; valid: a free port") from error

@@ -11,14 +11,17 @@ from fleet.recording.poses import Part
 from fleet.world.scene import Scene
 
 CAMERA = "world/top"
-_LABEL_Z = 1.45
-"""Above the reach of an arm at rest [m]."""
+LABELS = "world/labels"
+_LABEL_Z = 0.6
+"""Height of a station's name [m]; it stands behind the arm, so that a docked car's name has room."""
+_LABEL_SHARE = 0.045
+"""Its distance from the arm on a deep site, as a part of the depth: names keep their size in pixels."""
 _CAMERA_Z = 400.0
 """So far up that the projection is nearly parallel [m]."""
 PIXELS_PER_M = 24.0
 """Resolution of the top-down camera; labels have a fixed size in these pixels."""
-_LANE_SHARE = 0.55
-"""Part of a lane's length that its arrow covers."""
+_CHEVRON_M = 0.09
+"""Half length and half width of a lane's direction mark [m]."""
 _MEDIA = {".stl": rr.MediaType.STL, ".obj": rr.MediaType.OBJ}
 
 
@@ -51,23 +54,20 @@ def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: FloorPlan) -> None
     _log_plates(rec, "world/floor/parking", floor.parking_xy, palette.PARKING)
     _log_plates(rec, "world/floor/docks", floor.dock_xy, palette.DOCK)
     if len(floor.lanes):
-        start, end = floor.lanes[:, 0], floor.lanes[:, 1]
-        middle, half = (start + end) / 2, (end - start) * (_LANE_SHARE / 2)
         rec.log(
             "world/floor/lanes",
-            rr.Arrows3D(
-                origins=_at_height(middle - half, 0.005),
-                vectors=_at_height(2 * half, 0.0),
-                colors=_colours([palette.LANE]),
-                radii=0.012,
-            ),
+            rr.LineStrips3D(_chevrons(floor.lanes), colors=_colours([palette.LANE]), radii=0.018),
             static=True,
         )
     if floor.station_names:
+        away = floor.station_xy - floor.dock_xy
+        away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+        # text hangs below its point: north of an arm it needs more room
+        reach = np.maximum(0.9, depth * np.where(away[:, 1] > 0.5, 2 * _LABEL_SHARE, _LABEL_SHARE))
         rec.log(
-            "world/labels",
+            LABELS,
             rr.Points3D(
-                _at_height(floor.station_xy, _LABEL_Z),
+                _at_height(floor.station_xy + reach[:, None] * away, _LABEL_Z),
                 labels=list(floor.station_names),
                 colors=_colours([palette.LABEL]),
                 radii=0.01,
@@ -77,7 +77,9 @@ def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: FloorPlan) -> None
         )
     rec.log(
         CAMERA,
-        rr.Transform3D(translation=(width / 2, depth / 2, _CAMERA_Z), quaternion=(1.0, 0.0, 0.0, 0.0)),
+        rr.Transform3D(
+            translation=(width / 2, depth / 2, _CAMERA_Z), quaternion=rr.Quaternion(xyzw=(1.0, 0.0, 0.0, 0.0))
+        ),
         rr.Pinhole(
             resolution=(width * PIXELS_PER_M, depth * PIXELS_PER_M),
             focal_length=_CAMERA_Z * PIXELS_PER_M,
@@ -143,6 +145,16 @@ def _log_plates(rec: rr.RecordingStream, path: str, xy: np.ndarray, colour: int)
         ),
         static=True,
     )
+
+
+def _chevrons(lanes: np.ndarray) -> np.ndarray:
+    """A flat V in the middle of each lane that points along it, shape (k, 3, 3)."""
+    along = lanes[:, 1] - lanes[:, 0]
+    along = along * (_CHEVRON_M / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9))
+    aside = np.column_stack([-along[:, 1], along[:, 0]])
+    middle = lanes.mean(axis=1)
+    points = np.stack([middle - along + aside, middle + along, middle - along - aside], axis=1)
+    return np.concatenate([points, np.full((len(lanes), 3, 1), 0.005)], axis=2)
 
 
 def _at_height(xy: np.ndarray, z: float) -> np.ndarray:

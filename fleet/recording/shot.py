@@ -83,13 +83,13 @@ def screenshot(
 @contextmanager
 def _viewer(size: tuple[int, int]) -> Iterator[ViewerClient]:
     """A headless viewer on a free loopback port."""
-    from rerun.experimental import ViewerClient  # noqa: PLC0415 - slow to load, and the part of rerun that may change
+    from rerun.experimental import ViewerClient
 
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     command = [
-        rerun_program(),
+        str(rerun_program()),
         *("--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)),
         *("--window-size", f"{size[0]}x{size[1]}", "--memory-limit", "4GB"),
     ]

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import pyarrow as pa
+import pyarrow as pa  # type: ignore[import-untyped]
 import rerun as rr
 
 from fleet.recording import palette
-from fleet.recording.frame import FloorPlan, FloatArray, Frame, LogLine
+from fleet.recording.frame import FloatArray, FloorPlan, Frame, LogLine
 from fleet.recording.layout import layout
 from fleet.recording.poses import Array, Part, arm_link_poses, car_link_poses, parts
 from fleet.recording.scenery import log_part, log_scenery, log_tags
@@ -42,7 +42,7 @@ class Stream:
         port: Port of the live server; None = no server.
     """
 
-    def __init__(  # noqa: PLR0913 - one call, all by keyword
+    def __init__(
         self,
         *,
         path: Path,
@@ -186,7 +186,10 @@ class Stream:
 
     def _open_series(self, path: str, names: Sequence[str], colours: Sequence[int]) -> None:
         style = rr.SeriesLines(
-            names=list(names), colors=np.array(colours, np.uint32), widths=[1.5] * len(names), interpolation_mode="StepAfter"
+            names=list(names),
+            colors=np.array(colours, np.uint32),
+            widths=[1.5] * len(names),
+            interpolation_mode="StepAfter",
         )
         self._rec.log(path, style, static=True)
 

@@ -113,8 +113,9 @@ def _advance(pose, distance, turn):
 
 
 @njit(cache=True)
-def _estimate(  # noqa: PLR0913 - one kernel for all cars, on flat arrays
-    tick, true_poses, speeds, steering, noise, sigma, tick_s, wheelbase, truth, odometry, motion, past, variance, estimate
+def _estimate(  # one kernel for all cars, on flat arrays
+    tick, true_poses, speeds, steering, noise, sigma, tick_s, wheelbase, truth, odometry, motion, past, variance,
+    estimate,
 ):  # fmt: skip
     n_slots = len(truth)
     now, oldest = tick % n_slots, (tick + 1) % n_slots

@@ -131,9 +131,10 @@ class FollowerConfig:
     lookahead_base_m: float = 0.1
     lookahead_per_speed_s: float = 0.25
     """Look-ahead is max(lookahead_min_m, lookahead_base_m + lookahead_per_speed_s * speed): measured on the physical
-    car to follow arcs of 0.4 m radius within 3 cm at 1 m/s."""
+    car to follow arcs of 0.4 m radius within 1.5 cm at 1 m/s, noise of the estimate included."""
     feedforward_lag_s: float = 0.03
-    """Delay between a steering command and the front wheels that the path's own curvature is taken ahead by [s]."""
+    """Delay between a steering command and the front wheels, by which the path's own curvature is taken ahead [s]:
+    measured on the physical car, where 0 and 0.06 s track half as well."""
     jump_window_m: float = 0.1
     """Way over which a car may spread what its steering is too slow for where curvature jumps [m]."""
     max_lateral_mps2: float = 2.6
@@ -340,7 +341,7 @@ def _curve_speed(points, s, last, k, s_here, speed, brake, g):
 
 
 @njit(cache=True)
-def _follow(  # noqa: PLR0913, PLR0915 - one kernel for all cars, on flat arrays
+def _follow(  # one kernel for all cars, on flat arrays
     points, s, direction, count, cursor, progress, poses, speeds, stop_s, speed_cap, g, last_command, cross_track,
     heading_error, standing,
 ):  # fmt: skip

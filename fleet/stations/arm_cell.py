@@ -15,6 +15,8 @@ from maps.site import Site, StationPlace
 
 REACH_M = 1.4
 """Boxes farther from the base than this cannot be touched [m]: iiwa reach 0.82 m plus tool, elbow and parcel."""
+FENCE_M = 0.95
+"""An arm stays within this of its base along x and along y [m]; bases are at least twice as far apart."""
 PASSING_CAR_M = 0.45
 """Height kept free over drivable cells: a car with the highest parcel is 0.31 m tall [m]."""
 FLOOR_FRAME = 2
@@ -84,7 +86,7 @@ def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
         half = np.array([grid.cell_m / 2, grid.cell_m / 2, PASSING_CAR_M / 2])
         if np.hypot(x - base[0], y - base[1]) < REACH_M + grid.cell_m:
             boxes.append((np.array([x, y, PASSING_CAR_M / 2]), half, 0.0, 0))
-    near = [box for box in boxes if _gap(box, base) < REACH_M]
+    near = [box for box in boxes if _gap(box, base) < REACH_M] + _fence(base)
     cell = ArmCell(
         base_pose=base,
         slots=np.empty((0, 3)),
@@ -106,6 +108,15 @@ def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
         box_yaw=cell.box_yaw,
         box_min_frame=cell.box_min_frame,
     )
+
+
+def _fence(base: FloatArray) -> list[tuple[FloatArray, FloatArray, float, int]]:
+    """Imaginary walls around the cell, so that two arms can never meet."""
+    away = FENCE_M + 0.5
+    return [
+        (np.array([base[0] + away * dx, base[1] + away * dy, 1.0]), np.array([hx, hy, 1.0]), 0.0, 0)
+        for dx, dy, hx, hy in ((1, 0, 0.5, away), (-1, 0, 0.5, away), (0, 1, away, 0.5), (0, -1, away, 0.5))
+    ]
 
 
 def _car_boxes(car: CarSpec, place: StationPlace) -> list[tuple[FloatArray, FloatArray, float, int]]:

@@ -17,6 +17,12 @@ from fleet.world.protocol import FloatArray, IntArray
 class ArmPlanner(Protocol):
     """Answers requests in the order they were made; the answer depends on the request alone."""
 
+    def wait_ready(self) -> None:
+        """Wait until it can answer; raises UnreachableError if an arm cannot serve its station."""
+
+    def close(self) -> None:
+        """Free what it holds; calling twice is harmless."""
+
     def submit(self, request: TransferRequest | HomeRequest) -> int:
         """Hand in a request; returns its ticket."""
 

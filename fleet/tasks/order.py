@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -88,9 +89,12 @@ def read_orders(path: Path, site: Site) -> tuple[Order, ...]:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise OrdersError(f"orders file {path}: cannot be read ({error})") from error
-    reader = csv.reader(text.splitlines())
-    rows = ((reader.line_num, [field.strip() for field in row]) for row in reader)
-    rows = ((line, row) for line, row in rows if any(row))
+    reader = csv.reader(io.StringIO(text, newline=""))
+    try:
+        lines = [(reader.line_num, [field.strip() for field in row]) for row in reader]
+    except csv.Error as error:
+        raise OrdersError(f"orders file {path}, line {reader.line_num}: not CSV ({error})") from error
+    rows = iter([(line, row) for line, row in lines if any(row)])
     header = next(rows, None)
     if header is None or tuple(header[1]) != COLUMNS:
         found = ",".join(header[1]) if header else "an empty file"

@@ -1,0 +1,23 @@
+"""Worlds: where robots move, at three fidelities behind one protocol."""
+
+from __future__ import annotations
+
+from fleet.config import Fidelity, RunConfig
+from fleet.world.grid import GridWorld
+from fleet.world.kinematic import KinematicWorld
+from fleet.world.protocol import World
+from fleet.world.scene import Scene
+from maps.lane_graph import LaneGraph
+
+
+def make_world(scene: Scene, graph: LaneGraph, config: RunConfig) -> World:
+    """The world that the configuration asks for."""
+    if config.fidelity is Fidelity.PHYSICS:
+        # The engine takes a moment to load and is needed by this world alone.
+        from fleet.world.bullet.config import BulletConfig  # noqa: PLC0415
+        from fleet.world.bullet.world import BulletWorld  # noqa: PLC0415
+
+        return BulletWorld(scene, BulletConfig(connect=config.connect, grip=config.grip))
+    if config.fidelity is Fidelity.KINEMATIC:
+        return KinematicWorld(scene)
+    return GridWorld(scene, graph)

@@ -91,8 +91,8 @@ class GridCars:
         state = int(np.argmin(distance))
         if distance[state] > START_TOLERANCE_M:
             raise NotOnLaneError(
-                f"car {car} starts at x, y, yaw = {np.round(pose, 3).tolist()}; valid: within {START_TOLERANCE_M} m and "
-                f"{START_TOLERANCE_RAD} rad of the pose of a lane-graph state"
+                f"car {car} starts at x, y, yaw = {np.round(pose, 3).tolist()}; valid: within "
+                f"{START_TOLERANCE_M} m and {START_TOLERANCE_RAD} rad of the pose of a lane-graph state"
             )
         return state
 

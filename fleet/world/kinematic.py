@@ -50,7 +50,7 @@ class CarMotion(Protocol):
 
 
 class BicycleCars:
-    """Cars as bicycles whose speed and steering go to their commands steadily over each tick, within the limits; no slip.
+    """Cars as bicycles: speed and steering go to their commands steadily over each tick, within the limits; no slip.
 
     Args:
         spec: Car model with the limits.
@@ -161,6 +161,18 @@ class ServoArms:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class SurroundingsSnapshot:
+    """State of `Surroundings` at one instant."""
+
+    serving: IntArray
+    robot_contacts_n: int
+    static_contacts_n: int
+    min_clearance_m: float
+    touching: frozenset[int]
+    added: dict[int, tuple[float, float, float, float]]
+
+
 class Surroundings:
     """What touches what, how close robots came, and what rays hit; in the plane, except for arms above cars.
 
@@ -168,7 +180,8 @@ class Surroundings:
     spheres. Arms are not judged against boxes.
 
     Attributes:
-        contacts: Contacts so far; a touch that lasts counts once.
+        robot_contacts_n: Touches between robots so far; one that lasts counts once.
+        static_contacts_n: Touches of cars with boxes so far.
         min_clearance_m: Smallest clearance so far [m]; infinite until two robots were compared.
 
     Args:
@@ -187,7 +200,8 @@ class Surroundings:
         self._arms = arms
         self._arm_xy = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)[:, :2].copy()
         self.serving = np.full(len(self._arm_xy), -1, dtype=np.int64)
-        self.contacts = Contacts()
+        self.robot_contacts_n = 0
+        self.static_contacts_n = 0
         self.min_clearance_m = math.inf
         self._touching: frozenset[int] = frozenset()
         self._codes = np.zeros(256, dtype=np.int64)
@@ -237,7 +251,8 @@ class Surroundings:
             now = frozenset(self._codes[:n_codes].tolist())
             new = now - self._touching
             static = sum(code >> _KIND_SHIFT == _STATIC for code in new)
-            self.contacts = Contacts(robot=self.contacts.robot + len(new) - static, static=self.contacts.static + static)
+            self.robot_contacts_n += len(new) - static
+            self.static_contacts_n += static
             self._touching = now
 
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
@@ -246,16 +261,26 @@ class Surroundings:
         _cast(origins, ends, car_poses, self._body, self._boxes, self._bin_ptr, self._bin_box, self._n_bins, out)
         return out
 
-    def save(self) -> tuple[object, ...]:
-        """Everything that changes, in one tuple of copies."""
-        return self.serving.copy(), self.contacts, self.min_clearance_m, self._touching, dict(self._added)
+    def save(self) -> SurroundingsSnapshot:
+        """Copy of everything that changes."""
+        return SurroundingsSnapshot(
+            serving=self.serving.copy(),
+            robot_contacts_n=self.robot_contacts_n,
+            static_contacts_n=self.static_contacts_n,
+            min_clearance_m=self.min_clearance_m,
+            touching=self._touching,
+            added=self._added.copy(),
+        )
 
-    def load(self, snapshot: tuple[object, ...]) -> None:
+    def load(self, snapshot: SurroundingsSnapshot) -> None:
         """Return to a saved state."""
-        serving, self.contacts, self.min_clearance_m, self._touching, added = snapshot  # type: ignore[assignment]
-        self.serving[:] = serving
-        if added != self._added:
-            self._added = dict(added)  # type: ignore[call-overload]
+        self.serving[:] = snapshot.serving
+        self.robot_contacts_n = snapshot.robot_contacts_n
+        self.static_contacts_n = snapshot.static_contacts_n
+        self.min_clearance_m = snapshot.min_clearance_m
+        self._touching = snapshot.touching
+        if snapshot.added != self._added:
+            self._added = snapshot.added.copy()
             self._sort_boxes()
 
     def _sort_boxes(self) -> None:
@@ -284,7 +309,7 @@ class PlanarSnapshot:
     cars: tuple[npt.NDArray[np.generic], ...]
     arms: tuple[FloatArray, FloatArray]
     parcels: ParcelSnapshot
-    surroundings: tuple[object, ...]
+    surroundings: SurroundingsSnapshot
 
 
 class PlanarWorld:
@@ -307,16 +332,18 @@ class PlanarWorld:
         self._parcels = Parcels(scene.boxes, scene.car, self.n_arms)
         self._surroundings = Surroundings(scene, self._arms)
 
-    def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]) -> None:
+    def step(
+        self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]
+    ) -> None:
         """See `World`; joints are moved by position alone, `arm_qd` is not used.
 
         Raises:
             CommandError: An array has the wrong shape.
         """
         shapes = (car_commands.shape, arm_q.shape, grip.shape)
-        expected = ((self.n_cars, 2), self._arms.q.shape, (self.n_arms,))
-        if shapes != expected:
-            raise CommandError(f"step: car_commands, arm_q, grip have shapes {shapes}; valid: {expected}")
+        valid = ((self.n_cars, 2), self._arms.q.shape, (self.n_arms,))
+        if shapes != valid:
+            raise CommandError(f"step: car_commands, arm_q, grip have shapes {shapes}; valid: {valid}")
         self._cars.step(car_commands)
         self._arms.step(arm_q)
         self._parcels.update(self._cars.poses, self._arms.tips, grip)
@@ -380,7 +407,7 @@ class PlanarWorld:
 
     def contacts(self) -> Contacts:
         """See `World`."""
-        return Contacts(robot=self._surroundings.contacts.robot, static=self._surroundings.contacts.static)
+        return Contacts(robot=self._surroundings.robot_contacts_n, static=self._surroundings.static_contacts_n)
 
     def min_clearance_m(self) -> float:
         """See `World`; arms are spheres here, so theirs is a coarse figure."""
@@ -457,7 +484,7 @@ def _towards(value: float, target: float, step: float) -> float:
 
 
 @njit(cache=True)
-def _drive(  # noqa: PLR0913 - one kernel for all cars, on flat arrays
+def _drive(  # one kernel for all cars, on flat arrays
     poses, speeds, steering, commands, n_substeps, dt, wheelbase, max_speed, accel, brake, max_steering, steering_rate
 ):  # fmt: skip
     """Bicycle model by the midpoint rule; speed and steering reach what they can of the command at the tick's end."""
@@ -484,7 +511,7 @@ def _drive(  # noqa: PLR0913 - one kernel for all cars, on flat arrays
 
 
 @njit(cache=True)
-def _servo(  # noqa: PLR0913 - one kernel for all arms, on flat arrays
+def _servo(  # one kernel for all arms, on flat arrays
     q, qd, target, lower, upper, max_velocity, dt, everything, joints, tool_length, base, tips, points
 ):  # fmt: skip
     """Move joints, then place tips and spheres of the arms that moved (of all arms if `everything`)."""
@@ -502,23 +529,24 @@ def _servo(  # noqa: PLR0913 - one kernel for all arms, on flat arrays
             continue
         link_frames_into(joints, q[i], frames)
         cos, sin = math.cos(base[i, 3]), math.sin(base[i, 3])
-        for j in range(n_joints + 2):
-            x, y, z = frames[min(j, n_joints), :, 3]
-            if j > n_joints:
-                x, y, z = frames[n_joints, :, 3] + tool_length * frames[n_joints, :, 2]
-            k = 2 * j if j <= n_joints else 2 * j - 1
+        for k in range(2 * n_joints + 2):
+            # Even spheres sit on frames, odd ones half-way to the next frame; the last one is the tool tip.
+            a, b = k // 2, min((k + 1) // 2, n_joints)
+            ahead = tool_length if k > 2 * n_joints else 0.0
+            x = 0.5 * (frames[a, 0, 3] + frames[b, 0, 3]) + ahead * frames[b, 0, 2]
+            y = 0.5 * (frames[a, 1, 3] + frames[b, 1, 3]) + ahead * frames[b, 1, 2]
+            z = 0.5 * (frames[a, 2, 3] + frames[b, 2, 3]) + ahead * frames[b, 2, 2]
             points[i, k, 0] = base[i, 0] + cos * x - sin * y
             points[i, k, 1] = base[i, 1] + sin * x + cos * y
             points[i, k, 2] = base[i, 2] + z
-            if 0 < j <= n_joints:
-                points[i, k - 1] = 0.5 * (points[i, k - 2] + points[i, k])
-        tips[i, :3] = points[i, 2 * n_joints + 1]
-        _quaternion(frames[n_joints], base[i, 3], tips[i, 3:])
+        for axis in range(3):
+            tips[i, axis] = points[i, 2 * n_joints + 1, axis]
+        _quaternion(frames[n_joints], base[i, 3], tips[i])
 
 
 @njit(cache=True)
 def _quaternion(m, yaw, out):
-    """Quaternion x, y, z, w of a rotation about z by `yaw` times the rotation matrix in `m`.
+    """Fill `out[3:7]` with the quaternion x, y, z, w of a rotation about z by `yaw` times the rotation matrix in `m`.
 
     Source: S. W. Shepperd, "Quaternion from rotation matrix", J. Guidance and Control 1(3), 1978.
     """
@@ -533,7 +561,7 @@ def _quaternion(m, yaw, out):
         x, y, z, w = m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], 1.0 + 2.0 * m[2, 2] - trace, m[1, 0] - m[0, 1]
     norm = math.sqrt(x * x + y * y + z * z + w * w)
     c, s = math.cos(yaw / 2.0) / norm, math.sin(yaw / 2.0) / norm
-    out[0], out[1], out[2], out[3] = c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z
+    out[3], out[4], out[5], out[6] = c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z
 
 
 @njit(cache=True)
@@ -570,7 +598,7 @@ def _note(codes, n_codes, kind, a, b):
 
 
 @njit(cache=True)
-def _touches(  # noqa: PLR0912, PLR0913, PLR0915 - one kernel for all pairs, on flat arrays
+def _touches(  # one kernel for all pairs, on flat arrays
     cars, body, height, boxes, keys, bin_ptr, bin_box, n_bins, points, radii, arm_xy, reach, serving, clearance, codes
 ):  # fmt: skip
     """Codes of all pairs that touch now, and the smallest clearance so far."""
@@ -580,10 +608,11 @@ def _touches(  # noqa: PLR0912, PLR0913, PLR0915 - one kernel for all pairs, on 
     frame = np.empty((n_cars, 4))
     for i in range(n_cars):
         cos, sin = math.cos(cars[i, 2]), math.sin(cars[i, 2])
-        frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3] = cars[i, 0] + shift * cos, cars[i, 1] + shift * sin, cos, sin
+        frame[i, 0], frame[i, 1] = cars[i, 0] + shift * cos, cars[i, 1] + shift * sin
+        frame[i, 2], frame[i, 3] = cos, sin
 
     for i in range(n_cars):
-        x, y, cos, sin = frame[i]
+        x, y, cos, sin = frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3]
         for j in range(i + 1, n_cars):
             dx, dy = frame[j, 0] - x, frame[j, 1] - y
             near = 2.0 * circle + clearance
@@ -631,8 +660,9 @@ def _touches(  # noqa: PLR0912, PLR0913, PLR0915 - one kernel for all pairs, on 
             touch = False
             for k in range(len(radii)):
                 for m in range(len(radii)):
-                    d = points[a, k] - points[b, m]
-                    touch = touch or d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < (radii[k] + radii[m]) ** 2
+                    dx, dy = points[a, k, 0] - points[b, m, 0], points[a, k, 1] - points[b, m, 1]
+                    dz = points[a, k, 2] - points[b, m, 2]
+                    touch = touch or dx * dx + dy * dy + dz * dz < (radii[k] + radii[m]) ** 2
             if touch:
                 n_codes = _note(codes, n_codes, _ARM_ARM, a, b)
     return n_codes, clearance
@@ -672,9 +702,8 @@ def _cast(origins, ends, cars, body, boxes, bin_ptr, bin_box, n_bins, out):
             px, py = ox - cars[i, 0] - shift * cos, oy - cars[i, 1] - shift * sin
             t = min(max(-(px * dx + py * dy) / max(dx * dx + dy * dy, 1e-12), 0.0), 1.0)
             if (px + t * dx) ** 2 + (py + t * dy) ** 2 <= circle2:
-                best = _enter(
-                    cos * px + sin * py, cos * py - sin * px, cos * dx + sin * dy, cos * dy - sin * dx, length, width, best
-                )
+                ahead, left = cos * px + sin * py, cos * py - sin * px
+                best = _enter(ahead, left, cos * dx + sin * dy, cos * dy - sin * dx, length, width, best)
         ix, iy = math.floor(ox / BIN_M), math.floor(oy / BIN_M)
         step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
         next_x = ((ix + (dx > 0.0)) * BIN_M - ox) / dx if dx != 0.0 else math.inf

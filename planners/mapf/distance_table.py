@@ -53,10 +53,13 @@ class DistanceTable:
     def to(self, goal: int) -> IntArray:
         """Timesteps from each state to a goal state, shape (n_states,), read-only; `UNREACHABLE` = no way.
 
+        A view that holds until `capacity` other goals have been asked for.
+
         Raises:
             PlanningError: The goal is not a state of the graph.
         """
-        row = self._rows[self._row(int(goal), frozenset())]
+        index = self._row(int(goal), frozenset())
+        row = self._rows[index]
         row.flags.writeable = False
         return row
 

@@ -11,7 +11,8 @@ from numba import njit
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable, open_moves
-from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan, Status
+from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
+from planners.status import Status
 
 Floats = npt.NDArray[np.float64]
 
@@ -122,6 +123,37 @@ def _status(instance: Instance, distances: IntArray, row: IntArray, done: int) -
 
 
 @njit(cache=True)
+def _allowed(
+    agent: int,
+    home: int,
+    move: int,
+    move_to: IntArray,
+    state_cell: IntArray,
+    swept_ptr: IntArray,
+    swept_cell: IntArray,
+    allow_rotation: bool,
+    occupant: IntArray,
+    taken: IntArray,
+    crossed: IntArray,
+    after: IntArray,
+) -> bool:  # pragma: no cover - compiled
+    """Whether a move agrees with all that is decided so far."""
+    to = state_cell[move_to[move]]
+    if taken[to] != -1 or crossed[to] != -1:
+        return False
+    for k in range(swept_ptr[move], swept_ptr[move + 1]):
+        cell = swept_cell[k]
+        if cell not in (home, to) and (occupant[cell] != -1 or taken[cell] != -1 or crossed[cell] != -1):
+            return False
+    ahead = occupant[to]
+    if to == home or ahead < 0 or after[ahead] < 0:
+        return True
+    if state_cell[after[ahead]] == home:
+        return False  # swap
+    return allow_rotation or not _closes_ring(agent, ahead, occupant, after, state_cell)
+
+
+@njit(cache=True)
 def _closes_ring(
     agent: int, ahead: int, occupant: IntArray, after: IntArray, state_cell: IntArray
 ) -> bool:  # pragma: no cover - compiled
@@ -130,7 +162,7 @@ def _closes_ring(
         beyond = occupant[state_cell[after[ahead]]]
         if beyond == agent:
             return True
-        if beyond in (-1, ahead):
+        if beyond < 0 or beyond == ahead:
             return False
         ahead = beyond
     return False
@@ -212,22 +244,12 @@ def _step(
                         taken[home] = agent
                         moved = True
                     continue
+                if not _allowed(
+                    agent, home, move, move_to, state_cell, swept_ptr, swept_cell,
+                    allow_rotation, occupant, taken, crossed, after,
+                ):  # fmt: skip
+                    continue
                 to = state_cell[move_to[move]]
-                if taken[to] != -1 or crossed[to] != -1:
-                    continue
-                ahead = occupant[to]
-                if ahead not in (-1, agent) and after[ahead] >= 0:
-                    if state_cell[after[ahead]] == home:
-                        continue  # swap
-                    if not allow_rotation and _closes_ring(agent, ahead, occupant, after, state_cell):
-                        continue
-                free = True
-                for k in range(swept_ptr[move], swept_ptr[move + 1]):
-                    cell = swept_cell[k]
-                    if cell not in (home, to) and (occupant[cell] != -1 or taken[cell] != -1 or crossed[cell] != -1):
-                        free = False
-                if not free:
-                    continue
                 after[agent] = move_to[move]
                 taken[to] = agent
                 for k in range(swept_ptr[move], swept_ptr[move + 1]):
@@ -235,7 +257,8 @@ def _step(
                     if cell not in (home, to):
                         crossed[cell] = agent
                 moved = True
-                if ahead not in (-1, agent) and after[ahead] < 0:
+                ahead = occupant[to]
+                if to != home and ahead >= 0 and after[ahead] < 0:
                     pushed = ahead
 
             if pushed >= 0:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
-from planners.status import Status as Status
+from planners.status import Status
 
 NO_GOAL = -1
 

@@ -74,9 +74,7 @@ def breaches(instance: Instance, plan: Plan) -> list[Conflict]:
                 found.append(Conflict(kind="fixed", timestep=t, agents=(agent,), where=cell))
             if instance.stay[agent] and rows[t][agent] == instance.goals[agent]:
                 found.append(Conflict(kind="stay", timestep=t, agents=(agent,), where=cell))
-    return found + conflicts(
-        instance.graph, plan, allow_rotation=instance.allow_rotation, blocked=instance.blocked
-    )
+    return found + conflicts(instance.graph, plan, allow_rotation=instance.allow_rotation, blocked=instance.blocked)
 
 
 def _standing(graph: LaneGraph, t: int, row: list[int]) -> list[Conflict]:

@@ -52,7 +52,7 @@ def _product(a, b, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _canonical(pose, geometry, target):  # type: ignore[no-untyped-def]
+def wrist_target_into(pose, geometry, target):  # type: ignore[no-untyped-def]
     """Wanted wrist pose in the shoulder frame (3, 4) from the wanted last-link pose in the base frame (>=3, 4)."""
     for i in range(3):
         for j in range(3):
@@ -119,7 +119,7 @@ def branch_into(target, arm_angle, branch, geometry, q):  # type: ignore[no-unty
 @njit(cache=True)
 def _all_branches(pose, n_arm_angles, geometry, lower, upper, out):  # type: ignore[no-untyped-def]
     target = np.empty((3, 4))
-    _canonical(pose, geometry, target)
+    wrist_target_into(pose, geometry, target)
     q = np.empty(7)
     n = 0
     for a in range(n_arm_angles):
@@ -256,7 +256,7 @@ class SrsGeometry:
         if not 0 <= branch < N_BRANCHES:
             raise PlanningError(f"ik_branch: branch {branch}, expected 0 to {N_BRANCHES - 1}")
         target = np.empty((3, 4))
-        _canonical(_pose(base_from_flange), self.packed, target)
+        wrist_target_into(_pose(base_from_flange), self.packed, target)
         q = np.empty(_N_JOINTS)
         return q if branch_into(target, float(arm_angle), int(branch), self.packed, q) else None
 

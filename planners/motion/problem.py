@@ -41,7 +41,7 @@ class MotionProblem:
     """Goals, any of which will do [rad], shape (k, n), k >= 1."""
     seed: int = 0
     """The same problem and seed give the same bytes, in any process."""
-    max_iterations: int = 5000
+    max_iterations: int = 20000
     """Tree extensions a planner may try; the only budget."""
 
     def __post_init__(self) -> None:

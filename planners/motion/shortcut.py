@@ -70,6 +70,9 @@ def _shorten(path, n, rounds, random, scene):  # type: ignore[no-untyped-def]
             b[:] = path[j] + (path[j + 1] - path[j]) * v
             if _gap(a, b) > last - first - 1e-3 or not edge_free(a, b, scene):
                 continue
+            # The rests of the cut edges are checked anew, so that every edge of the result passes the edge check.
+            if not (edge_free(path[i], a, scene) and edge_free(b, path[j + 1], scene)):
+                continue
             # Corners i+1..j give way to a and b.
             if j - i == 1:
                 for k in range(n - 1, j - 1, -1):

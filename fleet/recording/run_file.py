@@ -1,0 +1,226 @@
+"""RunFile: what decided a run and what happened in it, line by line, beside the recording."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import platform
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from importlib import metadata
+from pathlib import Path, PurePath
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from fleet.recording.errors import OutputError
+
+RECORDING = "recording.rrd"
+EVENTS = "run.jsonl"
+RESULT = "result.json"
+_PACKAGES = (
+    "pybullet",
+    "ompl",
+    "numpy",
+    "numba",
+    "scipy",
+    "networkx",
+    "pettingzoo",
+    "pydantic",
+    "rerun-sdk",
+)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that can change a result; an absent package is left out."""
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def plain(value: object) -> Any:
+    """Turn a value into what JSON knows.
+
+    Dataclasses become objects, enumerations their values, paths text, arrays lists; a number that JSON has no word for
+    (infinite, not a number) becomes null.
+
+    Args:
+        value: Any tree of settings or results.
+
+    Returns:
+        Dicts, lists, text, numbers, booleans, None.
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        made: Any = {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    elif isinstance(value, Enum):
+        made = plain(value.value)
+    elif isinstance(value, Mapping):
+        made = {str(plain(key)): plain(item) for key, item in value.items()}
+    elif isinstance(value, np.ndarray | np.generic):
+        made = plain(value.tolist())
+    elif isinstance(value, list | tuple | set | frozenset):
+        made = [plain(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)]
+    elif isinstance(value, float):
+        made = value if math.isfinite(value) else None
+    elif value is None or isinstance(value, bool | int | str):
+        made = value
+    elif isinstance(value, PurePath):
+        made = value.as_posix()
+    else:
+        made = str(value)
+    return made
+
+
+def prepare_output(directory: Path) -> Path:
+    """Make sure that a run can write its files, and remove those of an earlier run.
+
+    Call it when everything else is known to be right: a run that is refused must leave earlier results alone.
+
+    Args:
+        directory: Created with its parents if it does not exist.
+
+    Returns:
+        The directory.
+
+    Raises:
+        OutputError: It cannot be created or written; then nothing was changed.
+    """
+    missing = [path for path in (directory, *directory.parents) if not path.exists()]
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            pass
+    except OSError as error:
+        for path in missing:
+            if path.is_dir():
+                path.rmdir()
+        reason = error.strerror or str(error)
+        raise OutputError(f"--out {directory}: {reason}; valid: a directory that can be written") from error
+    old = [directory / name for name in (RECORDING, EVENTS, RESULT)]
+    for path in old:
+        if path.is_dir():
+            raise OutputError(f"--out {directory}: {path.name} is a directory; valid: a file, or nothing there")
+    try:
+        for path in old:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(f"--out {directory}: the file of an earlier run cannot be replaced: {error}") from error
+    return directory
+
+
+class RunFile:
+    """Writes ``run.jsonl`` and ``result.json``; use as a context manager, or call `close`.
+
+    Every line is written out at once, so a killed process leaves all events that happened.
+
+    Args:
+        directory: As returned by `prepare_output`.
+        config: Resolved settings, a dataclass or a mapping.
+        seed: Seed of the run.
+
+    Raises:
+        OutputError: The file cannot be opened.
+    """
+
+    def __init__(self, directory: Path, *, config: object, seed: int) -> None:
+        self._directory = directory
+        try:
+            self._lines = (directory / EVENTS).open("w", encoding="utf-8", buffering=1)
+        except OSError as error:
+            raise OutputError(f"--out {directory}: {EVENTS} cannot be written: {error.strerror}") from error
+        self._write({"kind": "run", "config": config, "seed": seed, "versions": versions()})
+
+    def event(self, tick: int, sim_s: float, kind: str, **details: object) -> None:
+        """Append one event.
+
+        Args:
+            tick: When, in ticks.
+            sim_s: When, in simulated time [s].
+            kind: What, one word.
+            details: Whatever belongs to it.
+        """
+        self._write({"tick": tick, "sim_s": round(sim_s, 6), "kind": kind, **details})
+
+    def result(self, result: object) -> None:
+        """Write ``result.json`` in one step: readers see the whole of it or nothing."""
+        text = json.dumps(plain(result), indent=2, allow_nan=False) + "\n"
+        draft = self._directory / (RESULT + ".part")
+        with draft.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        draft.replace(self._directory / RESULT)
+
+    def close(self) -> None:
+        """Close the event file; calling twice is harmless."""
+        self._lines.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _write(self, item: Mapping[str, object]) -> None:
+        self._lines.write(json.dumps(plain(item), allow_nan=False, separators=(",", ":")) + "\n")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecord:
+    """A run as its files tell it."""
+
+    config: dict[str, Any]
+    seed: int
+    versions: dict[str, str]
+    events: tuple[dict[str, Any], ...]
+    result: dict[str, Any] | None
+    """None if the run did not come to its end."""
+
+
+def read_run(directory: Path) -> RunRecord:
+    """Read the files of a run; the half line of a killed process is skipped.
+
+    Args:
+        directory: The run's output directory.
+
+    Returns:
+        Header, events and result.
+
+    Raises:
+        OutputError: There is no run file, or it has no header; names the line.
+    """
+    path = directory / EVENTS
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise OutputError(f"no run in {directory}: {EVENTS}: {error.strerror}") from error
+    items: list[dict[str, Any]] = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            items.append(json.loads(line))
+        except json.JSONDecodeError as error:
+            if number == len(lines):
+                break
+            raise OutputError(f"{path}, line {number}: {error.msg}; valid: one JSON object per line") from error
+    if not items or items[0].get("kind") != "run":
+        raise OutputError(f"{path}, line 1: valid: the object of kind 'run' with config, seed and versions")
+    result = directory / RESULT
+    header = items[0]
+    return RunRecord(
+        config=header["config"],
+        seed=header["seed"],
+        versions=header["versions"],
+        events=tuple(items[1:]),
+        result=json.loads(result.read_text(encoding="utf-8")) if result.is_file() else None,
+    )

@@ -1,0 +1,270 @@
+"""Arm planners: answer transfer requests for all arms of a site, in this process or in one of their own."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fleet.config import Fidelity, RunConfig
+from fleet.errors import FleetError
+from fleet.robots import ROBOTS
+from fleet.robots.tools import TOOLS
+from fleet.stations.arm_cell import ArmCell
+from fleet.stations.arm_spheres import arm_spheres
+from fleet.stations.cell_planner import CellPlanner, Held, KnownWays, UnreachableError
+from fleet.stations.transfer import HomeRequest, Transfer, TransferRequest
+from fleet.world.protocol import FloatArray
+from planners.motion.collision import Boxes
+
+if TYPE_CHECKING:
+    from fleet.world.bullet.confirm import HeldBox, PathConfirmer
+
+TOUCH_M = 0.003
+"""Depth of a touch that is let pass: parcels rest on what they are taken from [m]."""
+
+
+class ArmWorkerError(FleetError):
+    """The arm planning process has died."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmSetup:
+    """What an arm planner is made from; plain data, so that it can cross a process border."""
+
+    cells: tuple[ArmCell, ...]
+    names: tuple[str, ...]
+    """Station of each cell, for messages."""
+    tool: str
+    planner: str
+    iterations_n: int
+    confirm: bool
+    """Whether the physics engine has the last word on every path."""
+
+
+class EngineConfirm:
+    """Asks the physics engine, and changes its boxes only when a path is among others than the last.
+
+    Args:
+        confirmer: The engine's client for checking.
+        tool_length_m: From the last link's frame to the tip [m].
+    """
+
+    def __init__(self, confirmer: PathConfirmer, tool_length_m: float) -> None:
+        self._confirmer = confirmer
+        self._tool_length_m = tool_length_m
+        self._boxes: Boxes | None = None
+
+    def __call__(self, boxes: Boxes, path: FloatArray, held: Held | None) -> str:
+        """See `Confirm`."""
+        if boxes is not self._boxes:
+            # The base may touch what it stands on: boxes that do not count for all links are left to the spheres.
+            solid = boxes.min_frame == 0
+            self._confirmer.set_boxes(boxes.centre[solid], boxes.half[solid], boxes.yaw[solid])
+            self._boxes = boxes
+        verdict = self._confirmer.confirm(path, self._box(held), allowance_m=TOUCH_M)
+        return "" if verdict.free else f"{verdict.what} at sample {verdict.first_index}"
+
+    def close(self) -> None:
+        """Free the engine's client."""
+        self._confirmer.close()
+
+    def _box(self, held: Held | None) -> HeldBox | None:
+        if held is None:
+            return None
+        from fleet.world.bullet.confirm import HeldBox  # noqa: PLC0415 - see LocalArmPlanner
+
+        link_from_box = np.eye(4)
+        link_from_box[2, 3] = self._tool_length_m + held.below_tip_m
+        return HeldBox(size_m=held.size_m, link_from_box=link_from_box)
+
+
+class LocalArmPlanner:
+    """Plans at once, in this process.
+
+    Args:
+        setup: Cells and settings.
+
+    Raises:
+        UnreachableError: An arm cannot serve its station.
+    """
+
+    def __init__(self, setup: ArmSetup) -> None:
+        tool = TOOLS[setup.tool]
+        arm, car = ROBOTS["iiwa14"], ROBOTS["racecar"]
+        spec = arm.spec(tool)
+        model = arm_spheres(spec, tool)
+        known: dict[bytes, KnownWays] = {}
+        self._answers: dict[int, Transfer] = {}
+        self._tickets = 0
+        self._planners = []
+        self._engine: EngineConfirm | None = None
+        if setup.confirm:
+            # Only here, so that worlds without physics never load the engine.
+            from fleet.world.bullet.confirm import PathConfirmer  # noqa: PLC0415
+
+            self._engine = EngineConfirm(PathConfirmer(spec, tool), tool.length_m)
+        for name, cell in zip(setup.names, setup.cells, strict=True):
+            planner = CellPlanner(
+                cell,
+                model=model,
+                spec=spec,
+                tool=tool,
+                car=car.spec(),
+                planner=setup.planner,
+                iterations_n=setup.iterations_n,
+                known=known.setdefault(cell.geometry_key(), KnownWays()),
+                confirm=self._engine,
+            )
+            try:
+                planner.prepare()
+            except UnreachableError as error:
+                raise UnreachableError(f"station {name}: {error}") from error
+            self._planners.append(planner)
+
+    def wait_ready(self) -> None:
+        """Nothing to wait for: see the constructor."""
+
+    def submit(self, request: TransferRequest | HomeRequest) -> int:
+        """See `ArmPlanner`."""
+        self._tickets += 1
+        self._answers[self._tickets] = self.answer(request)
+        return self._tickets
+
+    def answer(self, request: TransferRequest | HomeRequest) -> Transfer:
+        """Plan one request."""
+        planner = self._planners[request.arm]
+        return planner.home(request) if isinstance(request, HomeRequest) else planner.transfer(request)
+
+    def result(self, ticket: int) -> Transfer:
+        """See `ArmPlanner`."""
+        return self._answers.pop(ticket)
+
+    def close(self) -> None:
+        """Free the engine's client; calling twice is harmless."""
+        if self._engine is not None:
+            self._engine.close()
+            self._engine = None
+
+
+class WorkerArmPlanner:
+    """Plans in a process of its own, because OMPL holds Python's lock while it searches.
+
+    Args:
+        setup: Cells and settings.
+    """
+
+    def __init__(self, setup: ArmSetup) -> None:
+        # A session of its own: Ctrl-C reaches this process only, which then ends the worker in order.
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "fleet.stations.arm_worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            cwd=Path(__file__).resolve().parents[2],
+            start_new_session=True,
+        )
+        self._answers: dict[int, Transfer] = {}
+        self._arrived = threading.Condition()
+        self._failure: str | None = None
+        self._is_ready = False
+        self._tickets = 0
+        self._send(setup)
+        # Answers are larger than a pipe: somebody has to read while the simulation runs on.
+        self._reader = threading.Thread(target=self._read, name="arm-answers", daemon=True)
+        self._reader.start()
+
+    def wait_ready(self) -> None:
+        """Wait until the worker has planned its known ways.
+
+        Raises:
+            UnreachableError: An arm cannot serve its station.
+            ArmWorkerError: The process died.
+        """
+        with self._arrived:
+            self._arrived.wait_for(lambda: self._is_ready or self._failure is not None)
+            if self._failure is not None:
+                raise UnreachableError(self._failure)
+
+    def submit(self, request: TransferRequest | HomeRequest) -> int:
+        """See `ArmPlanner`."""
+        self._tickets += 1
+        self._send((self._tickets, request))
+        return self._tickets
+
+    def result(self, ticket: int) -> Transfer:
+        """See `ArmPlanner`.
+
+        Raises:
+            ArmWorkerError: The process died.
+        """
+        with self._arrived:
+            self._arrived.wait_for(lambda: ticket in self._answers or self._failure is not None)
+            if ticket not in self._answers:
+                raise ArmWorkerError(f"arm planning stopped: {self._failure}")
+            return self._answers.pop(ticket)
+
+    def close(self) -> None:
+        """End the process; calling twice is harmless."""
+        if self._process.poll() is None:
+            if self._process.stdin is not None:
+                self._process.stdin.close()
+            try:
+                self._process.wait(timeout=2.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._reader.join(timeout=2.0)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+    def _send(self, message: object) -> None:
+        pipe = self._process.stdin
+        if pipe is None:
+            raise ArmWorkerError("arm planning process has no input")
+        try:
+            pickle.dump(message, pipe)
+            pipe.flush()
+        except BrokenPipeError as error:
+            raise ArmWorkerError(f"arm planning process died (status {self._process.poll()})") from error
+
+    def _read(self) -> None:
+        pipe = self._process.stdout
+        try:
+            while pipe is not None:
+                ticket, answer = pickle.load(pipe)  # noqa: S301 - our own child process
+                with self._arrived:
+                    if ticket == READY:
+                        self._is_ready = True
+                    elif ticket == FAILED:
+                        self._failure = answer
+                    else:
+                        self._answers[ticket] = answer
+                    self._arrived.notify_all()
+        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+            with self._arrived:
+                self._failure = self._failure or "the process ended"
+                self._arrived.notify_all()
+
+
+READY, FAILED = 0, -1
+"""Tickets of the worker's own messages."""
+
+
+def make_arm_planner(cells: tuple[ArmCell, ...], names: tuple[str, ...], config: RunConfig) -> LocalArmPlanner | WorkerArmPlanner:
+    """The planner that the configuration asks for; a worker starts at once and works on while others set up."""
+    setup = ArmSetup(
+        cells=cells,
+        names=names,
+        tool=str(config.grip),
+        planner=config.arms.planner,
+        iterations_n=config.arms.iterations_n,
+        confirm=config.fidelity is Fidelity.PHYSICS,
+    )
+    return WorkerArmPlanner(setup) if config.arms.workers_n else LocalArmPlanner(setup)

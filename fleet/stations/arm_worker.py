@@ -1,0 +1,43 @@
+"""The arm planning process: reads requests from standard input, writes answers to standard output."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+
+from fleet.errors import FleetError
+
+
+def main() -> None:
+    """Answer until the input ends."""
+    # Libraries print from C to descriptor 1, which carries the answers: give it away first.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    from fleet.stations.arm_planner import FAILED, READY, LocalArmPlanner  # noqa: PLC0415
+
+    requests = sys.stdin.buffer
+    try:
+        planner = LocalArmPlanner(pickle.load(requests))  # noqa: S301 - our own parent process
+        _answer(answers, READY, None)
+        while True:
+            ticket, request = pickle.load(requests)  # noqa: S301
+            _answer(answers, ticket, planner.answer(request))
+    except (EOFError, BrokenPipeError):
+        pass
+    except FleetError as error:
+        _answer(answers, FAILED, str(error))
+    except Exception as error:  # noqa: BLE001 - whatever it is, the parent has to be told
+        _answer(answers, FAILED, f"{type(error).__name__}: {error}")
+    answers.flush()
+    # OMPL's binding complains on a normal exit.
+    os._exit(0)
+
+
+def _answer(pipe: object, ticket: int, answer: object) -> None:
+    pickle.dump((ticket, answer), pipe, protocol=pickle.HIGHEST_PROTOCOL)  # type: ignore[arg-type]
+    pipe.flush()  # type: ignore[attr-defined]
+
+
+if __name__ == "__main__":
+    main()

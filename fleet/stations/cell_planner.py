@@ -1,0 +1,398 @@
+"""CellPlanner: plans an arm's transfers: known ways between fixed via points, and straight lines to where parcels are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from fleet.errors import FleetError
+from fleet.robots.spec import ArmSpec, CarSpec
+from fleet.robots.tools import Tool
+from fleet.stations.arm_cell import ArmCell
+from fleet.stations.transfer import TRAY, HomeRequest, Step, StepKind, Transfer, TransferRequest
+from fleet.tasks.order import MAX_EDGE_M
+from fleet.world.protocol import FloatArray
+from planners.motion import MOTION_PLANNERS
+from planners.motion.arm_model import ArmModel
+from planners.motion.cartesian import cartesian_line
+from planners.motion.collision import Boxes, CollisionChecker
+from planners.motion.ik import SrsGeometry
+from planners.motion.kinematics import flange_from_tip
+from planners.motion.problem import MotionProblem, MotionResult
+from planners.motion.spheres import box_spheres
+from planners.motion.trajectory import Trajectory, retime
+
+HOME = -2
+"""Via index of the rest position."""
+LIFT_M = 0.14
+"""Via points lie this far above the top of the largest parcel [m]."""
+MARGIN_M = 0.015
+"""Distance kept from obstacles on the ways between via points [m]."""
+LINE_MARGIN_M = 0.002
+"""Distance kept on the straight lines, which end between tray walls and beside parcels [m]."""
+SUCTION_GAP_M = 0.003
+"""The cup stops this far above the parcel; suction bridges 10 mm."""
+RELEASE_M = 0.004
+"""A parcel is let go this far above its support [m]."""
+LINE_SPEED = 0.6
+"""Share of the joint speed limits used on straight lines."""
+LIMIT_MARGIN_RAD = 0.06
+"""Via points keep this far from joint limits, so that lines to parcels beside them stay inside."""
+TOOL_YAWS = 16
+"""Orientations about the vertical tried for a via point."""
+PROBE_M = {"suction": 0.03, "friction": 0.015}
+"""A via point must reach this far to the side of the nominal place [m]: parcels never lie exactly on it."""
+PICK_ABOVE_BOTTOM_M = 0.026
+"""Fingers close at least this far above a parcel's underside, clear of the support [m]."""
+CORNER_RAD = (0.1, 0.03, 0.01)
+"""How far corners may be cut, largest first [rad]."""
+CONFIRM_EVERY = 5
+"""One in this many samples of a motion is shown to the physics engine: 0.05 s apart."""
+LINE_STEP_M = 0.01
+"""Distance of the inverse-kinematics points of a straight line [m]."""
+SAMPLE_S = 0.01
+"""Sample period of trajectories; between samples they are interpolated [s]."""
+
+class Confirm(Protocol):
+    """The physics engine's last word on a motion."""
+
+    def __call__(self, boxes: Boxes, path: FloatArray, held: Held | None) -> str:
+        """Check a path (k, n) among boxes in the arm's base frame; returns what is wrong, empty if nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """A parcel in the grip."""
+
+    size_m: tuple[float, float, float]
+    below_tip_m: float
+    """Its centre lies this far beyond the tool tip [m]."""
+
+
+class UnreachableError(FleetError):
+    """An arm cannot serve a place of its station."""
+
+
+@dataclass(kw_only=True)
+class KnownWays:
+    """Via points and timed ways between them; cells with the same surroundings share them."""
+
+    vias: dict[int, FloatArray] = field(default_factory=dict)
+    """Configuration of each via point, shape (n,)."""
+    ways: dict[tuple[int, int, bool], Trajectory] = field(default_factory=dict)
+    """From, to, loaded -> the motion."""
+
+
+class CellPlanner:
+    """Plans for one arm in its cell; everything in the base frame.
+
+    Ways between via points (rest, above each slot, above the tray) do not depend on what lies where: they are planned
+    once, with the rack full, a car at the dock and, between slots and tray, the largest parcel in the grip.
+
+    Args:
+        cell: The surroundings.
+        model: The arm as spheres, with its tool.
+        spec: The arm's limits and rest position.
+        tool: Decides how a parcel is approached.
+        car: Gives the tray's orientation-free size.
+        planner: Name in `MOTION_PLANNERS`.
+        iterations_n: Budget of one search.
+        known: Ways of other cells with the same surroundings, shared.
+        confirm: The physics engine's last word, if there is an engine.
+    """
+
+    def __init__(
+        self,
+        cell: ArmCell,
+        *,
+        model: ArmModel,
+        spec: ArmSpec,
+        tool: Tool,
+        car: CarSpec,
+        planner: str,
+        iterations_n: int,
+        known: KnownWays | None = None,
+        confirm: Confirm | None = None,
+    ) -> None:
+        self.cell = cell
+        self._model, self._spec, self._tool, self._car = model, spec, tool, car
+        self._srs = SrsGeometry.from_joints(spec.base_from_joint, spec.lower_rad, spec.upper_rad)
+        self._planner = MOTION_PLANNERS[planner]()
+        self._iterations_n = iterations_n
+        self._confirm = confirm
+        boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)
+        held = box_spheres((MAX_EDGE_M / 2,) * 3)
+        below = np.array([0.0, 0.0, tool.length_m + MAX_EDGE_M / 2])
+        self._empty = CollisionChecker(model, boxes, margin=MARGIN_M)
+        self._loaded = CollisionChecker(model, boxes, held_spheres=(held[0] + below, held[1]), margin=MARGIN_M)
+        self._boxes = boxes
+        self._line_boxes = self._without_slots(boxes)
+        self._line = CollisionChecker(model, self._line_boxes, margin=LINE_MARGIN_M)
+        self._known = known if known is not None else KnownWays()
+        self._known.vias[HOME] = spec.home_rad
+
+    def prepare(self) -> None:
+        """Find all via points and the ways between them.
+
+        Raises:
+            UnreachableError: A slot or the tray cannot be served.
+        """
+        for place in (TRAY, *range(len(self.cell.slots))):
+            self._via(place)
+        for slot in range(len(self.cell.slots)):
+            for a, b, loaded in ((slot, TRAY, True), (HOME, slot, False)):
+                self._way(a, b, loaded=loaded)
+                self._way(b, a, loaded=loaded)
+        self._way(HOME, TRAY, loaded=False)
+        self._way(TRAY, HOME, loaded=False)
+
+    def transfer(self, request: TransferRequest) -> Transfer:
+        """Plan a transfer; a `reason` instead of steps when there is none."""
+        try:
+            return self._transfer(request)
+        except UnreachableError as error:
+            return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
+
+    def home(self, request: HomeRequest) -> Transfer:
+        """Plan the way home from anywhere."""
+        # A failed line ends low, beside things: first straight up, then home.
+        up = self._climb(request.q)
+        result = self._search(self._empty, up[-1], self._spec.home_rad)
+        if not result.solved:
+            return Transfer(arm=request.arm, parcel=-1, steps=(), reason=f"no way home ({result.status.value})")
+        moves = [] if len(up) == 1 else [self._timed(up, LINE_SPEED, self._line)]
+        moves.append(self._timed(result.path, 1.0, self._empty))
+        return Transfer(
+            arm=request.arm, parcel=-1, steps=tuple(Step(kind=StepKind.MOVE, trajectory=move) for move in moves)
+        )
+
+    def _transfer(self, request: TransferRequest) -> Transfer:
+        pick_tip, grip_height = self._pick_tip(request)
+        place_tip = self._place_tip(request, grip_height)
+        down = self._approach(request.pick_via, pick_tip)
+        lower = self._approach(request.place_via, place_tip)
+        held = Held(size_m=request.size_m, below_tip_m=grip_height - request.size_m[2] / 2)
+        lines = [
+            self._confirmed(self._timed(path, LINE_SPEED, self._line), self._line_boxes, load)
+            for path, load in ((down, None), (down[::-1], held), (lower, held), (lower[::-1], None))
+        ]
+        pick, place = request.pick_via, request.place_via
+        steps = (
+            _move(self._way(HOME, pick, loaded=False)),
+            _move(lines[0]),
+            Step(kind=StepKind.GRIP),
+            _move(lines[1]),
+            _move(self._way(pick, place, loaded=True)),
+            _move(lines[2]),
+            Step(kind=StepKind.RELEASE),
+            _move(lines[3]),
+            Step(kind=StepKind.CLEAR),
+            _move(self._way(place, HOME, loaded=False)),
+        )
+        return Transfer(arm=request.arm, parcel=request.parcel, steps=steps)
+
+    def _pick_tip(self, request: TransferRequest) -> tuple[FloatArray, float]:
+        """Tip pose that grips the parcel, and the tip's height over the parcel's underside."""
+        centre = self.cell.base_from_world(request.pick_pose[:3])
+        rotation = _matrix(request.pick_pose[3:])
+        half = np.asarray(request.size_m) / 2
+        half_height = float(np.abs(rotation[2]) @ half)
+        via_tip = self._via_tip(request.pick_via)
+        if not self._tool.finger_joints:
+            tip = via_tip.copy()
+            tip[:3, 3] = centre[0], centre[1], centre[2] + half_height + SUCTION_GAP_M
+            return tip, 2 * half_height + SUCTION_GAP_M
+        tip = _yawed(via_tip, self._finger_yaw(rotation, half, via_tip))
+        height = max(half_height, PICK_ABOVE_BOTTOM_M)
+        tip[:3, 3] = centre[0], centre[1], centre[2] - half_height + height
+        return tip, height
+
+    def _finger_yaw(self, rotation: FloatArray, half: FloatArray, via_tip: FloatArray) -> float:
+        """Turn that puts the fingers across the parcel's narrower side, as little as possible."""
+        horizontal = [k for k in range(3) if abs(rotation[2, k]) < 0.7]  # noqa: PLR2004 - 45 degrees
+        across = min(horizontal, key=lambda k: half[k])
+        axis = rotation[:2, across]
+        # The parcel's axes are in the world frame, the tip's in the base frame.
+        wanted = np.arctan2(axis[1], axis[0]) - self.cell.base_pose[3]
+        present = np.arctan2(via_tip[1, 0], via_tip[0, 0])
+        return float((wanted - present + np.pi / 2) % np.pi - np.pi / 2)
+
+    def _place_tip(self, request: TransferRequest, grip_height: float) -> FloatArray:
+        if request.place_via == TRAY:
+            x, y, yaw = request.car_pose
+            ahead = self._car.tray_x_m
+            world = np.array([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw), self._car.tray_floor_z_m])
+            support = self.cell.base_from_world(world)
+        else:
+            support = self.cell.slots[request.place_via]
+        tip = self._via_tip(request.place_via).copy()
+        tip[:3, 3] = support[0], support[1], support[2] + RELEASE_M + grip_height
+        return tip
+
+    def _approach(self, via: int, tip: FloatArray) -> FloatArray:
+        """Straight lines from a via point to above a tip pose and down to it, shape (k, n)."""
+        start = self._via(via)
+        above = tip.copy()
+        above[2, 3] = self._via_tip(via)[2, 3]
+        path = start[None]
+        for target in (above, tip):
+            line = self._straight(path[-1], target)
+            if line is None:
+                x, y, z = np.round(target[:3, 3], 3)
+                raise UnreachableError(f"no straight line to ({x}, {y}, {z}) in the arm's base frame")
+            path = np.concatenate((path, line[1:]))
+        return path
+
+    def _straight(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
+        line = self._cartesian(q, tip)
+        return line if line is not None and self._line.path_free(line) else None
+
+    def _cartesian(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
+        way_m = float(np.linalg.norm(tip[:3, 3] - self._tip(q)[:3, 3]))
+        steps = max(2, int(np.ceil(way_m / LINE_STEP_M)))
+        return cartesian_line(self._srs, q, tip, steps, tool_length_m=self._tool.length_m)
+
+    def _climb(self, q: FloatArray) -> FloatArray:
+        """As far up as it goes, at most `LIFT_M`; at least the present configuration, shape (k, n)."""
+        for lift in (LIFT_M, LIFT_M / 2):
+            tip = self._tip(q)
+            tip[2, 3] += lift
+            line = self._cartesian(q, tip)
+            if line is not None and self._empty.free(line[-1]):
+                return line
+        return q[None]
+
+    def _via(self, place: int) -> FloatArray:
+        vias = self._known.vias
+        if place not in vias:
+            vias[place] = self._find_via(place)
+        return vias[place]
+
+    def _via_tip(self, place: int) -> FloatArray:
+        return self._tip(self._via(place))
+
+    def _tip(self, q: FloatArray) -> FloatArray:
+        flange = self._srs.flange(q)
+        tip = flange.copy()
+        tip[:3, 3] += flange[:3, 2] * self._tool.length_m
+        return tip
+
+    def _find_via(self, place: int) -> FloatArray:
+        """The configuration above a place from which parcels around it can be reached, nearest to rest and tray."""
+        support = self.cell.tray if place == TRAY else self.cell.slots[place]
+        anchors = [self._spec.home_rad] + ([] if place == TRAY else [self._via(TRAY)])
+        candidates = []
+        for yaw in np.linspace(-np.pi, np.pi, TOOL_YAWS, endpoint=False):
+            tip = _down(yaw)
+            tip[:3, 3] = support[0], support[1], support[2] + MAX_EDGE_M + LIFT_M
+            candidates.append(self._srs.ik_all(flange_from_tip(tip, self._tool.length_m)))
+        q = np.concatenate(candidates)
+        inside = ((q > self._spec.lower_rad + LIMIT_MARGIN_RAD) & (q < self._spec.upper_rad - LIMIT_MARGIN_RAD)).all(1)
+        q = q[inside]
+        q = q[self._loaded.batch(q)] if len(q) else q
+        travel_s = sum(np.abs((q - anchor) / self._spec.max_velocity_radps).max(axis=1) for anchor in anchors)
+        for k in np.argsort(travel_s, kind="stable") if len(q) else ():
+            if self._serves(q[k], support):
+                return q[k]
+        name = "the tray at its dock" if place == TRAY else f"slot {place}"
+        x, y, z = np.round(support, 3)
+        raise UnreachableError(f"arm cannot reach {name} at ({x}, {y}, {z}) in its base frame")
+
+    def _serves(self, q: FloatArray, support: FloatArray) -> bool:
+        """Whether straight lines lead from a configuration to the lowest grips on and around a support."""
+        lowest = PICK_ABOVE_BOTTOM_M if self._tool.finger_joints else 0.04
+        r = PROBE_M[self._tool.name]
+        for dx, dy in ((0.0, 0.0), (r, r), (r, -r), (-r, r), (-r, -r)):
+            tip = self._tip(q)
+            tip[:3, 3] = support[0] + dx, support[1] + dy, tip[2, 3]
+            across = self._straight(q, tip)
+            if across is None:
+                return False
+            tip[2, 3] = support[2] + lowest
+            if self._straight(across[-1], tip) is None:
+                return False
+        return True
+
+    def _way(self, a: int, b: int, *, loaded: bool) -> Trajectory:
+        """The motion between two via points; the way back is the same path."""
+        ways = self._known.ways
+        if (a, b, loaded) not in ways:
+            checker = self._loaded if loaded else self._empty
+            low, high = min(a, b), max(a, b)
+            result = self._search(checker, self._via(low), self._via(high))
+            if not result.solved:
+                raise UnreachableError(f"no way between via points {low} and {high} ({result.status.value})")
+            path = result.path if a == low else result.path[::-1]
+            held = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2) if loaded else None
+            ways[a, b, loaded] = self._confirmed(self._timed(path, 1.0, checker), self._boxes, held)
+        return ways[a, b, loaded]
+
+    def _search(self, checker: CollisionChecker, start: FloatArray, goal: FloatArray) -> MotionResult:
+        problem = MotionProblem(checker=checker, start=start, goals=goal[None], max_iterations=self._iterations_n)
+        return self._planner.plan(problem)
+
+    def _timed(self, path: FloatArray, speed: float, checker: CollisionChecker) -> Trajectory:
+        """Fastest motion along a path; corners are cut less if cutting them would touch something."""
+        spec = self._spec
+        trajectory: Trajectory | None = None
+        for deviation in CORNER_RAD if speed == 1.0 else CORNER_RAD[-1:]:
+            trajectory = retime(
+                path,
+                spec.max_velocity_radps * speed,
+                spec.max_acceleration_radps2 * speed,
+                dt_s=SAMPLE_S,
+                max_deviation_rad=deviation,
+            )
+            if checker.batch(trajectory.q).all():
+                return trajectory
+        raise UnreachableError("a timed motion leaves its path too far")
+
+    def _confirmed(self, trajectory: Trajectory, boxes: Boxes, held: Held | None) -> Trajectory:
+        if self._confirm is not None:
+            wrong = self._confirm(boxes, trajectory.q[::CONFIRM_EVERY], held)
+            if wrong:
+                raise UnreachableError(f"the physics engine refuses a motion: {wrong}")
+        return trajectory
+
+    def _without_slots(self, boxes: Boxes) -> Boxes:
+        """The obstacles of straight lines: without the parcels assumed on the slots, whose places are the targets."""
+        half = MAX_EDGE_M / 2
+        tops = self.cell.slots + np.array([0.0, 0.0, half])
+        gap = np.linalg.norm(boxes.centre[:, None] - tops[None], axis=2).min(axis=1) if len(tops) else np.inf
+        keep = (gap > 1e-6) | (np.abs(boxes.half - half).max(axis=1) > 1e-6)  # noqa: PLR2004 - rounding
+        return Boxes(
+            centre=boxes.centre[keep], half=boxes.half[keep], yaw=boxes.yaw[keep], min_frame=boxes.min_frame[keep]
+        )
+
+
+def _move(trajectory: Trajectory) -> Step:
+    return Step(kind=StepKind.MOVE, trajectory=trajectory)
+
+
+def _down(yaw: float) -> FloatArray:
+    """Orientation of a tool that points down, x at `yaw`, as a 4x4 pose at the origin."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    pose = np.eye(4)
+    pose[:3, :3] = [[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]]
+    return pose
+
+
+def _yawed(tip: FloatArray, yaw: float) -> FloatArray:
+    """A tip pose turned about the vertical through it."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    turned = tip.copy()
+    turned[:3, :3] = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ tip[:3, :3]
+    return turned
+
+
+def _matrix(quat_xyzw: FloatArray) -> FloatArray:
+    x, y, z, w = quat_xyzw
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,149 @@
+"""Arms: loads the arms with their tools, holds them on their set-points by joint motors, and reads their joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.robots.iiwa import iiwa_urdf
+from fleet.robots.spec import ArmSpec
+from fleet.robots.tools import Tool
+from fleet.world.bullet.client import Client
+from fleet.world.bullet.frames import quaternion
+
+FloatArray = npt.NDArray[np.float64]
+
+# Share of the position error that the motors take back in one physics step: higher chatters at 10 solver iterations.
+_POSITION_GAIN = 0.3
+
+
+class Arms:
+    """The arms of one world.
+
+    Args:
+        client: Connection.
+        spec: Arm model.
+        base: Base poses x, y, z, yaw, shape (m, 4).
+        start: Joint positions [rad], shape (m, n_joints).
+        tool: What the arms hold.
+        substeps_n: Physics steps per tick.
+        substep_s: Length of a physics step [s].
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        spec: ArmSpec,
+        base: FloatArray,
+        start: FloatArray,
+        tool: Tool,
+        substeps_n: int,
+        substep_s: float,
+    ) -> None:
+        self._client = client
+        self._spec = spec
+        self._substeps_n = substeps_n
+        self._substep_s = substep_s
+        self._joints = list(range(spec.n_joints))
+        self._forces = spec.max_torque_nm.tolist()
+        self._gains = [_POSITION_GAIN] * spec.n_joints
+        self._unit = [1.0] * spec.n_joints
+        self.tool = tool
+        self.bodies: list[int] = []
+        self.names: dict[str, int] = {}
+        """Index of every link by its name; a joint has the index of its child link."""
+        self.joint_names: dict[str, int] = {}
+        urdf = iiwa_urdf(tool)
+        for (x, y, z, yaw), q in zip(base, start, strict=True):
+            body = client.load_urdf(
+                urdf,
+                basePosition=(float(x), float(y), float(z)),
+                baseOrientation=quaternion(yaw),
+                useFixedBase=True,
+                flags=client.URDF_USE_INERTIA_FROM_FILE,
+            )
+            for joint in self._joints:
+                client.resetJointState(body, joint, float(q[joint]))
+            self.bodies.append(body)
+        if self.bodies:
+            for joint in range(client.getNumJoints(self.bodies[0])):
+                info = client.getJointInfo(self.bodies[0], joint)
+                self.joint_names[info[1].decode()] = joint
+                self.names[info[12].decode()] = joint
+        n = len(self.bodies)
+        self.q = np.array(start, dtype=np.float64).reshape(n, spec.n_joints)
+        self.qd = np.zeros_like(self.q)
+        self._goal_q = np.full_like(self.q, np.nan)
+        self._goal_qd = np.zeros_like(self.q)
+        self._acceleration = np.zeros_like(self.q)
+        self._active: list[int] = []
+
+    def aim(self, q: FloatArray, qd: FloatArray) -> None:
+        """Take the set-points for the end of the coming tick.
+
+        Args:
+            q: Joint positions [rad], shape (m, n_joints).
+            qd: Joint velocities there [rad/s], same shape.
+        """
+        # A resting arm keeps its motors' targets: nothing to send once it was told to stand there.
+        moving = (q != self._goal_q).any(axis=1) | (qd != self._goal_qd).any(axis=1) | (qd != 0.0).any(axis=1)
+        self._active = np.flatnonzero(moving).tolist()
+        known = ~np.isnan(self._goal_q[:, :1])
+        self._acceleration = np.where(known, (qd - self._goal_qd) / (self._substeps_n * self._substep_s), 0.0)
+        self._goal_q = np.array(q, dtype=np.float64)
+        self._goal_qd = np.array(qd, dtype=np.float64)
+
+    def hold(self, substep: int) -> None:
+        """Set the motors of the moving arms for one physics step.
+
+        The motor law adds the target velocity to a share of the present error, so the position target is where the arm
+        should be when the step begins; between the set-points the acceleration is taken as constant.
+
+        Args:
+            substep: Index of the step in its tick.
+        """
+        left = (self._substeps_n - substep) * self._substep_s
+        client = self._client
+        for arm in self._active:
+            qd = self._goal_qd[arm] - self._acceleration[arm] * (left - self._substep_s / 2)
+            q = self._goal_q[arm] - self._goal_qd[arm] * left + self._acceleration[arm] * (left * left / 2)
+            client.setJointMotorControlArray(
+                self.bodies[arm],
+                self._joints,
+                client.POSITION_CONTROL,
+                targetPositions=q.tolist(),
+                targetVelocities=qd.tolist(),
+                forces=self._forces,
+                positionGains=self._gains,
+                velocityGains=self._unit,
+            )
+
+    def read(self) -> None:
+        """Fetch joint positions and velocities from the engine."""
+        if not self.bodies:
+            return
+        states = np.array([[s[:2] for s in self._client.getJointStates(b, self._joints)] for b in self.bodies])
+        self.q, self.qd = states[:, :, 0].copy(), states[:, :, 1].copy()
+
+    def state(self) -> list[float]:
+        """All joint positions and velocities of the arms, fingers included, one after the other."""
+        joints = self._all_joints()
+        return [x for body in self.bodies for s in self._client.getJointStates(body, joints) for x in s[:2]]
+
+    def place(self, state: list[float]) -> None:
+        """Set what `state` gives."""
+        joints = [(body, joint) for body in self.bodies for joint in self._all_joints()]
+        for k, (body, joint) in enumerate(joints):
+            self._client.resetJointState(body, joint, state[2 * k], state[2 * k + 1])
+
+    def memory(self) -> FloatArray:
+        """What the engine's own snapshot does not hold."""
+        return self._goal_qd.copy()
+
+    def recall(self, memory: FloatArray) -> None:
+        """Return to `memory`; every motor is set anew at the next command."""
+        self._goal_qd = memory.copy()
+        self._goal_q = np.full_like(memory, np.inf)  # no target equals it, so every arm counts as moving
+
+    def _all_joints(self) -> list[int]:
+        return self._joints + [self.joint_names[name] for name in self.tool.finger_joints]

@@ -1,0 +1,235 @@
+"""Cars: loads the racecars, drives them by their wheel and steering motors, and reads their poses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.robots.model import WheelShape
+from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf, wheel_places
+from fleet.robots.spec import CarSpec
+from fleet.world.bullet.client import Client
+from fleet.world.bullet.frames import quaternion, rotation
+
+FloatArray = npt.NDArray[np.float64]
+
+FLOOR_GROUP = 128
+"""Collision group of the floor: wheels touch nothing else, because the chassis box covers them on all sides."""
+
+# Torque of one wheel motor: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
+_DRIVE_NM = 0.6
+_BRAKE_NM = 4.0
+_STEER_NM = 10.0
+_STEER_GAIN = 0.4
+# A motor that holds zero velocity lets the wheels creep by 5 mrad/s at 10 solver iterations (2.5 mm in 10 s); one that holds
+# the angle does not. It takes over below this speed.
+_STILL_MPS = 0.005
+_LOCK_GAIN = 0.3
+# A person shoves for about half a second; the speed follows half a sine wave.
+_PUSH_S = 0.5
+
+
+@dataclass(kw_only=True)
+class _Push:
+    """A shove under way."""
+
+    start: FloatArray  # (3,) x, y, yaw
+    way: FloatArray  # (3,)
+    step: int
+    steps: int
+
+
+class Cars:
+    """The cars of one world.
+
+    Args:
+        client: Connection.
+        spec: Car model.
+        start: Poses x, y, yaw, shape (n, 3).
+        wheels: Collision shape of the wheels.
+        substep_s: Length of a physics step [s].
+    """
+
+    def __init__(self, client: Client, spec: CarSpec, start: FloatArray, wheels: WheelShape, substep_s: float) -> None:
+        self._client = client
+        self._spec = spec
+        self._substep_s = substep_s
+        self.bodies: list[int] = []
+        urdf = racecar_urdf(wheels)
+        for x, y, yaw in start:
+            body = client.load_urdf(
+                urdf,
+                basePosition=(float(x), float(y), 0.0),
+                baseOrientation=quaternion(yaw),
+                flags=client.URDF_USE_INERTIA_FROM_FILE,
+            )
+            self.bodies.append(body)
+        self.poses = np.array(start, dtype=np.float64).reshape(-1, 3)
+        self.speeds = np.zeros(len(self.bodies))
+        self.top_speed = 0.0
+        """Fastest motion of any car at the last reading [m/s], sideways included."""
+        self._sent = np.full((len(self.bodies), 2), np.nan)
+        self._locked = np.zeros(len(self.bodies), dtype=np.bool_)
+        self._pushes: dict[int, _Push] = {}
+        self._places = wheel_places(spec)
+        self._wheels: list[int] = []
+        self._hinges: list[int] = []
+        self._com = np.zeros(3)
+        if self.bodies:
+            joints = range(client.getNumJoints(self.bodies[0]))
+            names = {client.getJointInfo(self.bodies[0], joint)[1].decode(): joint for joint in joints}
+            self._wheels = [names[f"{wheel}_spin"] for wheel in WHEELS]
+            self._hinges = [names[hinge] for hinge in HINGES]
+            # Bullet reports the pose of the centre of mass; this is where it lies in the rear-axle frame.
+            self._com = np.array(client.getDynamicsInfo(self.bodies[0], -1)[3])
+        for body in self.bodies:
+            for wheel in self._wheels:
+                client.setCollisionFilterGroupMask(body, wheel, 1, FLOOR_GROUP)
+
+    def drive(self, commands: FloatArray) -> None:
+        """Set the motors; a command equal to the last one costs nothing.
+
+        The steering angle is split between the hinges, and every wheel gets the speed of its own circle (Ackermann).
+        A car that is told to stand still brakes.
+
+        Args:
+            commands: Steering angle [rad] and speed [m/s], limited to what the car can do, shape (n, 2).
+        """
+        spec = self._spec
+        limit = np.array([spec.max_steering_rad, spec.max_speed_mps])
+        commands = np.clip(commands, -limit, limit)
+        changed = np.flatnonzero((commands != self._sent).any(axis=1))
+        self._lock(np.flatnonzero((self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0) & ~self._locked))
+        if len(changed) == 0:
+            return
+        self._sent[changed] = commands[changed]
+        self._locked[changed] = False
+        steering, speed = commands[changed].T
+        curvature = np.tan(steering) / spec.wheelbase_m
+        ahead = curvature[:, None] * self._places[:, 0]  # (c, 4) motion of the wheel's point per metre of the rear axle
+        along = 1.0 - curvature[:, None] * self._places[:, 1]
+        spin = speed[:, None] / spec.wheel_radius_m * np.hypot(ahead, along)
+        angle = np.arctan2(ahead[:, 2:], along[:, 2:])  # (c, 2) front left, front right
+        motor, velocity, position = (
+            self._client.setJointMotorControl2,
+            self._client.VELOCITY_CONTROL,
+            self._client.POSITION_CONTROL,
+        )
+        rate = spec.max_steering_rate_radps
+        for row, car in enumerate(changed.tolist()):
+            body = self.bodies[car]
+            torque = _BRAKE_NM if speed[row] == 0.0 else _DRIVE_NM
+            for joint, target in zip(self._wheels, spin[row].tolist(), strict=True):
+                motor(body, joint, velocity, targetVelocity=target, force=torque)
+            for joint, target in zip(self._hinges, angle[row].tolist(), strict=True):
+                motor(body, joint, position, target, 0.0, _STEER_NM, _STEER_GAIN, 1.0, rate)
+
+    def push(self, car: int, way: FloatArray) -> None:
+        """Start a shove of half a second that displaces the car by about `way`, unless something stops it.
+
+        Args:
+            car: Index.
+            way: x, y, yaw in the world's frame [m, m, rad], shape (3,).
+        """
+        steps = max(1, round(_PUSH_S / self._substep_s))
+        self._pushes[car] = _Push(start=self.poses[car].copy(), way=np.array(way, dtype=np.float64), step=0, steps=steps)
+        self._sent[car] = np.nan  # unlocks the wheels, which would roll back otherwise
+
+    def shove(self) -> None:
+        """Give every pushed car its velocity for the coming physics step."""
+        for car, push in list(self._pushes.items()):
+            push.step += 1
+            share = (1.0 - math.cos(math.pi * push.step / push.steps)) / 2
+            peak = np.abs(push.way) * math.pi / (2 * _PUSH_S)
+            body = self.bodies[car]
+            place, quat = self._client.getBasePositionAndOrientation(body)
+            linear, angular = self._client.getBaseVelocity(body)
+            turn = rotation(np.array(quat))
+            arm = turn @ self._com
+            yaw = math.atan2(turn[1, 0], turn[0, 0])
+            gap = push.start + share * push.way - np.array([place[0] - arm[0], place[1] - arm[1], yaw])
+            gap[2] = math.remainder(gap[2], 2 * math.pi)
+            # Friction eats a little in every step, which the next makes up for; an obstacle is not pushed ever harder.
+            vx, vy, rate = np.clip(gap / self._substep_s, -2 * peak, 2 * peak)
+            self._client.resetBaseVelocity(
+                body, (vx - rate * arm[1], vy + rate * arm[0], linear[2]), (angular[0], angular[1], rate)
+            )
+            if push.step >= push.steps:
+                del self._pushes[car]
+
+    def read(self) -> None:
+        """Fetch poses and speeds from the engine."""
+        if not self.bodies:
+            return
+        client = self._client
+        states = np.array([(*p, *q) for p, q in map(client.getBasePositionAndOrientation, self.bodies)])
+        velocity = np.array([v for v, _ in map(client.getBaseVelocity, self.bodies)])
+        turn = rotation(states[:, 3:])
+        self.poses = np.empty((len(self.bodies), 3))
+        self.poses[:, :2] = (states[:, :3] - turn @ self._com)[:, :2]
+        self.poses[:, 2] = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
+        # A yaw rate moves the centre of mass sideways only: its forward speed is that of the rear axle.
+        self.speeds = (velocity * turn[:, :, 0]).sum(axis=1)
+        self.top_speed = float(np.hypot(velocity[:, 0], velocity[:, 1]).max())
+
+    def steering(self) -> FloatArray:
+        """Measure the steering angles of equivalent bicycles [rad], shape (n,)."""
+        angles = np.array([[s[0] for s in self._client.getJointStates(body, self._hinges)] for body in self.bodies])
+        if len(angles) == 0:
+            return np.zeros(0)
+        # Both hinges know the curvature: 1 / (L / tan(angle) -+ t/2), written so that straight ahead is no exception.
+        tangent = np.tan(angles)
+        half_track = self._places[2:, 1]
+        curvature = tangent / (self._spec.wheelbase_m + tangent * half_track)
+        return np.arctan(self._spec.wheelbase_m * curvature.mean(axis=1))
+
+    def state(self) -> list[float]:
+        """All positions and velocities of the cars, one after the other."""
+        client = self._client
+        numbers: list[float] = []
+        for body in self.bodies:
+            for part in (*client.getBasePositionAndOrientation(body), *client.getBaseVelocity(body)):
+                numbers.extend(part)
+            for joint in client.getJointStates(body, self._wheels + self._hinges):
+                numbers.extend(joint[:2])
+        return numbers
+
+    def place(self, state: list[float]) -> None:
+        """Set what `state` gives."""
+        client, joints = self._client, self._wheels + self._hinges
+        for body, numbers in zip(self.bodies, _split(state, 13 + 2 * len(joints)), strict=True):
+            client.resetBasePositionAndOrientation(body, numbers[:3], numbers[3:7])
+            client.resetBaseVelocity(body, numbers[7:10], numbers[10:13])
+            for joint, (position, velocity) in zip(joints, _split(numbers[13:], 2), strict=True):
+                client.resetJointState(body, joint, position, velocity)
+
+    def memory(self) -> object:
+        """What the engine's own snapshot does not hold."""
+        return [(car, push.start, push.way, push.step, push.steps) for car, push in self._pushes.items()]
+
+    def recall(self, memory: object) -> None:
+        """Return to `memory`; every motor is set anew at the next command."""
+        self._sent[:] = np.nan
+        self._locked[:] = False
+        rows: list[tuple[int, FloatArray, FloatArray, int, int]] = memory  # type: ignore[assignment]
+        self._pushes = {c: _Push(start=start, way=way, step=step, steps=n) for c, start, way, step, n in rows}
+
+    def _lock(self, cars: npt.NDArray[np.int64]) -> None:
+        """Hold the wheels of the cars that have come to rest at their angle."""
+        client = self._client
+        for car in cars.tolist():
+            if abs(self.speeds[car]) > _STILL_MPS or car in self._pushes:
+                continue
+            body = self.bodies[car]
+            for joint, state in zip(self._wheels, client.getJointStates(body, self._wheels), strict=True):
+                client.setJointMotorControl2(
+                    body, joint, client.POSITION_CONTROL, state[0], 0.0, _BRAKE_NM, _LOCK_GAIN, 1.0
+                )
+            self._locked[car] = True
+
+
+def _split(numbers: list[float], length: int) -> list[list[float]]:
+    return [numbers[first : first + length] for first in range(0, len(numbers), length)]

@@ -1,0 +1,171 @@
+"""Clearance: which bodies are near each other, and how far apart robots are, from geometry alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+@njit(cache=True)
+def _rectangle_gap(a, b, cutoff):
+    """Distance of two rectangles (x, y, yaw, half length, half width), 0 if they overlap; a lower bound above `cutoff`."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    ca, sa, cb, sb = math.cos(a[2]), math.sin(a[2]), math.cos(b[2]), math.sin(b[2])
+    cos, sin = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
+    # Separating axes of two boxes: the four edge directions.
+    separation = max(
+        max(
+            abs(dx * ca + dy * sa) - a[3] - b[3] * cos - b[4] * sin,
+            abs(dy * ca - dx * sa) - a[4] - b[3] * sin - b[4] * cos,
+        ),
+        max(
+            abs(dx * cb + dy * sb) - b[3] - a[3] * cos - a[4] * sin,
+            abs(dy * cb - dx * sb) - b[4] - a[3] * sin - a[4] * cos,
+        ),
+    )
+    if separation <= 0.0:
+        return 0.0
+    if separation > cutoff:
+        return separation
+    # The nearest points of two separate convex polygons include a corner of one of them.
+    least = np.inf
+    for swap in range(2):
+        p, q = (a, b) if swap == 0 else (b, a)
+        cp, sp, cq, sq = (ca, sa, cb, sb) if swap == 0 else (cb, sb, ca, sa)
+        for u in (-p[3], p[3]):
+            for v in (-p[4], p[4]):
+                x, y = p[0] + u * cp - v * sp - q[0], p[1] + u * sp + v * cp - q[1]
+                across = max(abs(x * cq + y * sq) - q[3], 0.0)
+                along = max(abs(y * cq - x * sq) - q[4], 0.0)
+                least = min(least, math.hypot(across, along))
+    return least
+
+
+@njit(cache=True)
+def near_cars(bodies, boxes, margin, best, car_pairs, box_pairs):
+    """Find what cars could touch within a tick, and their smallest distance from each other.
+
+    Args:
+        bodies: Car rectangles x, y, yaw, half length, half width, shape (n, 5).
+        boxes: Fixed rectangles in the same form, shape (k, 5).
+        margin: Distance up to which a pair counts as near [m].
+        best: Smallest distance found so far; only what is closer is measured exactly [m].
+        car_pairs: Out: indices of near cars, shape (>= n (n - 1) / 2 or fewer, 2).
+        box_pairs: Out: car and box of near pairs, shape (p, 2).
+
+    Returns:
+        Number of near car pairs, number of near car-box pairs, smallest distance between cars or `best`. A number larger
+        than the room in an output array says how much room is needed.
+    """
+    n_cars, n_boxes = 0, 0
+    for i in range(len(bodies)):
+        reach = math.hypot(bodies[i, 3], bodies[i, 4])
+        for j in range(i + 1, len(bodies)):
+            cutoff = max(margin, best)
+            gap = math.hypot(bodies[j, 0] - bodies[i, 0], bodies[j, 1] - bodies[i, 1]) - 2.0 * reach
+            if gap > cutoff:
+                continue
+            gap = _rectangle_gap(bodies[i], bodies[j], cutoff)
+            best = min(best, gap)
+            if gap <= margin:
+                if n_cars < len(car_pairs):
+                    car_pairs[n_cars, 0], car_pairs[n_cars, 1] = i, j
+                n_cars += 1
+        for j in range(len(boxes)):
+            dx = abs(boxes[j, 0] - bodies[i, 0]) - reach - boxes[j, 3]
+            dy = abs(boxes[j, 1] - bodies[i, 1]) - reach - boxes[j, 4]
+            if max(dx, dy) > margin:
+                continue
+            if _rectangle_gap(bodies[i], boxes[j], margin) <= margin:
+                if n_boxes < len(box_pairs):
+                    box_pairs[n_boxes, 0], box_pairs[n_boxes, 1] = i, j
+                n_boxes += 1
+    return n_cars, n_boxes, best
+
+
+@njit(cache=True)
+def arm_gap(base, base_from_joint, q, tool_length, radii, held, bodies, height, serving, best):
+    """Find the smallest distance between arms and the cars they do not serve.
+
+    An arm is a chain of spheres at its joints, half-way between them, and along its tool; a held parcel is the sphere
+    around it. Spheres enclose the links to about 2 cm, so the distance is rather too small than too large.
+
+    Args:
+        base: Base poses x, y, z, yaw, shape (m, 4).
+        base_from_joint: Fixed transforms before each joint, shape (j, 4, 4).
+        q: Joint positions [rad], shape (m, j).
+        tool_length: From the last joint frame to the tip [m].
+        radii: Radius at each joint and of the tool [m], shape (j + 1,).
+        held: Centre and radius of each arm's parcel, radius < 0 for none, shape (m, 4).
+        bodies: Car rectangles x, y, yaw, half length, half width, shape (n, 5).
+        height: Height of the cars [m].
+        serving: Car that each arm serves, -1 for none, shape (m,).
+        best: Smallest distance so far [m].
+
+    Returns:
+        Smallest distance, at most `best`, not below 0 [m].
+    """
+    m, n_joints = q.shape
+    n_points = 2 * n_joints + 4
+    points = np.empty((n_points, 4))
+    reach = tool_length
+    for j in range(n_joints):
+        t = base_from_joint[j]
+        reach += math.sqrt(t[0, 3] ** 2 + t[1, 3] ** 2 + t[2, 3] ** 2)
+    for arm in range(m):
+        bare = True
+        for car in range(len(bodies)):
+            if car == serving[arm]:
+                continue
+            flat = math.hypot(bodies[car, 0] - base[arm, 0], bodies[car, 1] - base[arm, 1])
+            if flat - reach - math.hypot(bodies[car, 3], bodies[car, 4]) - max(held[arm, 3], radii[0]) > best:
+                continue
+            if bare:
+                _chain(base[arm], base_from_joint, q[arm], tool_length, radii, points)
+                points[n_points - 1] = held[arm]
+                bare = False
+            x, y, yaw, half_length, half_width = bodies[car]
+            c, s = math.cos(yaw), math.sin(yaw)
+            for k in range(n_points):
+                if points[k, 3] < 0.0:
+                    continue
+                dx, dy = points[k, 0] - x, points[k, 1] - y
+                u = max(abs(dx * c + dy * s) - half_length, 0.0)
+                v = max(abs(dy * c - dx * s) - half_width, 0.0)
+                w = max(max(points[k, 2] - height, -points[k, 2]), 0.0)
+                best = min(best, max(math.sqrt(u * u + v * v + w * w) - points[k, 3], 0.0))
+    return best
+
+
+@njit(cache=True)
+def _chain(base, base_from_joint, q, tool_length, radii, points):
+    """Fill in the spheres of one arm (all rows but the last): x, y, z, radius."""
+    n_joints = len(q)
+    pose = np.eye(4)
+    pose[0, 0] = pose[1, 1] = math.cos(base[3])
+    pose[1, 0] = math.sin(base[3])
+    pose[0, 1] = -pose[1, 0]
+    pose[:3, 3] = base[:3]
+    before = base[:3].copy()
+    for j in range(n_joints):
+        pose = pose @ base_from_joint[j]
+        c, s = math.cos(q[j]), math.sin(q[j])
+        for r in range(3):
+            a, b = pose[r, 0], pose[r, 1]
+            pose[r, 0], pose[r, 1] = a * c + b * s, b * c - a * s
+        for r in range(3):
+            points[2 * j, r] = (before[r] + pose[r, 3]) / 2
+            points[2 * j + 1, r] = pose[r, 3]
+            before[r] = pose[r, 3]
+        points[2 * j, 3] = points[2 * j + 1, 3] = radii[j]
+    for k in range(3):
+        row = 2 * n_joints + k
+        for r in range(3):
+            points[row, r] = pose[r, 3] + pose[r, 2] * tool_length * (k + 1) / 3
+        points[row, 3] = radii[n_joints]

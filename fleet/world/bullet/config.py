@@ -1,0 +1,47 @@
+"""Settings of the physical world: how the engine is reached, how finely it steps, what the arms hold with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fleet.config import Connect, Grip, require
+from fleet.robots.model import WheelShape
+
+
+@dataclass(frozen=True, kw_only=True)
+class BulletConfig:
+    """Settings of a `BulletWorld`."""
+
+    connect: Connect = Connect.DIRECT
+    shared_memory_key: int = 12347
+    """Key of a running physics server; used with SHARED_MEMORY only."""
+    grip: Grip = Grip.SUCTION
+    wheels: WheelShape = "sphere"
+    """Collision shape of the wheels."""
+    tick_s: float = 1 / 60
+    """Length of one tick [s]."""
+    suction_limit_n: float = 100.0
+    """Most force a cup holds [N]; less for light parcels, see `SuctionGrip`."""
+    finger_force_n: float = 40.0
+    """Force limit of each finger [N]: holds 2 kg at these frictions, and more would squeeze light boxes out."""
+
+    def __post_init__(self) -> None:
+        require(self.tick_s > 0, "bullet.tick_s", self.tick_s, "a number > 0")
+        require(self.suction_limit_n > 0, "bullet.suction_limit_n", self.suction_limit_n, "a number > 0")
+        require(self.finger_force_n > 0, "bullet.finger_force_n", self.finger_force_n, "a number > 0")
+        require(self.wheels in ("sphere", "cylinder"), "bullet.wheels", self.wheels, "sphere, cylinder")
+
+    @property
+    def substeps_n(self) -> int:
+        """Physics steps per tick: friction lost 2 of 12 parcels at 1/60 s, suction and the cars are fine at 1/120 s."""
+        return 4 if self.grip is Grip.FRICTION else 2
+
+    @property
+    def iterations_n(self) -> int:
+        """Solver iterations: 10 lost 1 of 12 parcels held by friction; suction and the cars need no more."""
+        return 50 if self.grip is Grip.FRICTION else 10
+
+    @property
+    def substep_s(self) -> float:
+        """Length of one physics step [s]."""
+        return self.tick_s / self.substeps_n

@@ -1,0 +1,149 @@
+"""Contacts: judges after every physics step what robots touch, and counts every touch once.
+
+What counts as a robot contact: two cars; an arm (its tool and the parcel it holds included) and a car, unless the touch lies
+inside the tray of the car it serves; two arms, parcels they hold included. What counts as a static contact: a car against
+a wall, shelf, pedestal or obstacle; an arm against those or the floor; a held parcel against a wall, shelf or obstacle.
+
+What never counts: wheels on the floor; a parcel in a tray or on its slot, whoever put it there; a parcel that nobody holds.
+
+A touch is a contact point that lies inside both bodies (distance < 0) or carries force. It lasts until there was none for a
+quarter of a second, so that a rattle is one touch.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fleet.robots.spec import CarSpec
+from fleet.world.bullet.client import Client
+from fleet.world.bullet.frames import rotation
+from fleet.world.protocol import Contacts
+
+_PAUSE_S = 0.25
+# Contact points lie up to the solver's slop beside the surface.
+_SLOP_M = 0.002
+
+
+class ContactMonitor:
+    """The touches of one world.
+
+    Cars ask the engine only about bodies that are near them: the caller names the pairs that can touch within the tick.
+
+    Args:
+        client: Connection.
+        car: Car model.
+        cars: Bodies of the cars.
+        arms: Bodies of the arms.
+        substep_s: Length of a physics step [s].
+    """
+
+    def __init__(self, client: Client, car: CarSpec, cars: list[int], arms: list[int], substep_s: float) -> None:
+        self._client = client
+        self._spec = car
+        self._cars = {body: index for index, body in enumerate(cars)}
+        self._arms = {body: index for index, body in enumerate(arms)}
+        self._pause = max(1, round(_PAUSE_S / substep_s))
+        self._step = 0
+        self._last: dict[tuple[int, int], int] = {}
+        self.counts = Contacts()
+        self.fixed: set[int] = set()
+        """Bodies of walls, shelves and obstacles."""
+        self.pedestals: set[int] = set()
+        self.floor = -1
+        self.serving = [-1] * len(arms)
+        """Car whose tray each arm may touch, -1 for none."""
+        self.touched: list[dict[int, set[int]]] = [{} for _ in arms]
+        """Parcels that the links of each arm touch: ``touched[arm][link]``."""
+
+    def observe(self, near: list[tuple[int, int]], held: list[tuple[int, int]], parcels: dict[int, int]) -> None:
+        """Take in the contacts of the physics step that was just made.
+
+        Args:
+            near: Pairs of bodies that could touch, a car first.
+            held: Arm index and body of every held parcel.
+            parcels: Parcel id of every parcel's body.
+        """
+        self._step += 1
+        ask = self._client.getContactPoints
+        for body, arm in self._arms.items():
+            links = self.touched[arm]
+            if links:
+                links.clear()
+            for point in ask(body):
+                if _touches(point):
+                    self._arm(arm, body, point, parcels)
+        for arm, body in held:
+            for point in ask(body):
+                if _touches(point):
+                    self._load(arm, body, point)
+        for car, other in near:
+            if any(_touches(point) for point in ask(car, other)):
+                self._touch(car, other, robot=other in self._cars)
+
+    def memory(self) -> Any:
+        """State of the counting."""
+        return self._step, dict(self._last), self.counts.robot, self.counts.static, list(self.serving)
+
+    def recall(self, memory: Any) -> None:
+        """Return to `memory`."""
+        self._step, last, robot, static, serving = memory
+        self._last = dict(last)
+        self.counts = Contacts(robot=robot, static=static)
+        self.serving[:] = serving
+
+    def _arm(self, arm: int, body: int, point: Any, parcels: dict[int, int]) -> None:
+        other = point[2]
+        if other in parcels:
+            self.touched[arm].setdefault(point[3], set()).add(parcels[other])
+        elif other in self._cars:
+            if not self._in_tray(arm, other, point):
+                self._touch(body, other, robot=True)
+        elif other in self._arms:
+            if other != body:
+                self._touch(body, other, robot=True)
+        elif other in self.fixed or other in self.pedestals or other == self.floor:
+            self._touch(body, other, robot=False)
+
+    def _load(self, arm: int, body: int, point: Any) -> None:
+        """Judge a point of a held parcel: it is a part of the arm that holds it, `body` stays the key of its touches."""
+        other = point[2]
+        if other in self._cars:
+            if not self._in_tray(arm, other, point):
+                self._touch(body, other, robot=True)
+        elif other in self._arms:
+            if self._arms[other] != arm:
+                self._touch(body, other, robot=True)
+        elif other in self.fixed:
+            self._touch(body, other, robot=False)
+
+    def _touch(self, body: int, other: int, *, robot: bool) -> None:
+        key = (body, other) if body < other else (other, body)
+        last = self._last.get(key)
+        self._last[key] = self._step
+        if last is not None and self._step - last <= self._pause:
+            return
+        if robot:
+            self.counts.robot += 1
+        else:
+            self.counts.static += 1
+
+    def _in_tray(self, arm: int, car: int, point: Any) -> bool:
+        """Whether a point lies inside the tray of the car that the arm serves: above its floor, up to half into a wall."""
+        if self.serving[arm] != self._cars[car]:
+            return False
+        place, quat = self._client.getBasePositionAndOrientation(car)
+        com = np.array(self._client.getDynamicsInfo(car, -1)[3])
+        x, y, z = rotation(np.array(quat)).T @ (np.array(point[6]) - np.array(place)) + com
+        length, width, _ = self._spec.tray_size_m
+        wall = self._spec.tray_wall_m / 2 + _SLOP_M
+        return bool(
+            abs(x - self._spec.tray_x_m) <= length / 2 + wall
+            and abs(y) <= width / 2 + wall
+            and z >= self._spec.tray_floor_z_m - self._spec.tray_wall_m
+        )
+
+
+def _touches(point: Any) -> bool:
+    return point[8] < 0.0 or point[9] > 0.0

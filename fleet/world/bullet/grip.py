@@ -1,0 +1,291 @@
+"""Grip: how a tool holds a parcel, by suction (a breakable constraint) or by friction (two fingers)."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import Grip
+from fleet.world.bullet.arms import Arms
+from fleet.world.bullet.client import Client
+from fleet.world.bullet.frames import rotation
+from fleet.world.bullet.parcels import Parcels
+
+FloatArray = npt.NDArray[np.float64]
+
+_GRAVITY_MPS2 = 9.81
+_LAST_LINK = 6
+
+# A cup holds at least 20 N and five times the parcel's weight: enough for every acceleration of the arm.
+_LEAST_LIMIT_N = 20.0
+_WEIGHTS = 5.0
+# The constraint itself gives way only far above the limit; the limit is enforced by letting go.
+_CONSTRAINT_MARGIN = 10.0
+# One step above the limit can be the solver's noise, three cannot.
+_OVERLOAD_STEPS = 3
+_REACH_M = 0.01
+# The cup seals on a face it meets within 18 degrees of square.
+_SQUARE = 0.95
+
+_CLOSING_MPS = 0.15
+_MIMIC_GAIN = 1.0
+# The following finger must not be held up by the parcel it centres.
+_MIMIC_FORCE = 4.0
+
+
+class GripDevice(Protocol):
+    """The tools of all arms."""
+
+    held: list[int]
+    """Parcel in each arm's tool, -1 for none."""
+
+    def command(self, grip: npt.NDArray[np.bool_]) -> None:
+        """Take what each arm should do in the coming tick: hold (True) or let go."""
+
+    def before_step(self) -> None:
+        """Act before a physics step."""
+
+    def after_step(self) -> None:
+        """Act after a physics step, when contacts are known."""
+
+    def forget(self, parcel: int) -> None:
+        """Let go of a parcel that is about to leave the world."""
+
+    def memory(self) -> Any:
+        """What the engine's own snapshot does not hold."""
+
+    def recall(self, memory: Any) -> None:
+        """Return to `memory`."""
+
+
+class SuctionGrip:
+    """A cup that sticks to the face of a parcel.
+
+    A fixed constraint is made as soon as the cup should hold and a parcel's face lies within 1 cm of its lip, and removed
+    when it should let go, or when pull and shear together exceed the limit: five times the weight, at least 20 N and at
+    most `limit_n`. Pressing a parcel down does not break the seal. After a drop the cup stays empty until it was off.
+
+    Args:
+        client: Connection.
+        arms: The arms.
+        parcels: The parcels.
+        limit_n: Most force a cup holds [N].
+    """
+
+    def __init__(self, client: Client, arms: Arms, parcels: Parcels, limit_n: float) -> None:
+        self._client = client
+        self._arms = arms
+        self._parcels = parcels
+        self._limit_n = limit_n
+        n = len(arms.bodies)
+        self.held = [-1] * n
+        self._constraint = [-1] * n
+        self._limit = [0.0] * n
+        self._overload = [0] * n
+        self._dropped = [False] * n
+        self._cup = arms.names.get("cup", -1)
+
+    def command(self, grip: npt.NDArray[np.bool_]) -> None:
+        """Stick and let go as told."""
+        for arm, on in enumerate(grip.tolist()):
+            if not on:
+                self._dropped[arm] = False
+                if self.held[arm] >= 0:
+                    self._let_go(arm)
+            elif self.held[arm] < 0 and not self._dropped[arm]:
+                self._try(arm)
+
+    def before_step(self) -> None:
+        """Do nothing: the constraint acts by itself."""
+
+    def after_step(self) -> None:
+        """Drop what has become too heavy."""
+        for arm, parcel in enumerate(self.held):
+            if parcel < 0:
+                continue
+            force = np.array(self._client.getConstraintState(self._constraint[arm])[:3])
+            # Nearly always far below the limit, so the direction of the cup is asked for only when it matters.
+            if np.linalg.norm(force) > self._limit[arm]:
+                axis = rotation(np.array(self._link(arm)[5]))[:, 2]
+                pull = float(force @ axis)
+                shear = float(np.linalg.norm(force - pull * axis))
+                over = np.hypot(max(pull, 0.0), shear) > self._limit[arm]
+            else:
+                over = False
+            self._overload[arm] = self._overload[arm] + 1 if over else 0
+            if self._overload[arm] >= _OVERLOAD_STEPS:
+                self._let_go(arm)
+                self._dropped[arm] = True
+
+    def forget(self, parcel: int) -> None:
+        """Let go of a parcel that is about to leave the world."""
+        for arm, held in enumerate(self.held):
+            if held == parcel:
+                self._let_go(arm)
+
+    def memory(self) -> Any:
+        """Parcel and constraint of every cup."""
+        return list(self.held), list(self._constraint), list(self._limit), list(self._overload), list(self._dropped)
+
+    def recall(self, memory: Any) -> None:
+        """Return to `memory`: a constraint that was removed since is made again where the parcel is now."""
+        held, constraint, limit, overload, dropped = memory
+        for arm, parcel in enumerate(self.held):
+            if parcel >= 0 and self._constraint[arm] != constraint[arm]:
+                self._let_go(arm)
+        for arm, parcel in enumerate(held):
+            if parcel >= 0 and self._constraint[arm] != constraint[arm]:
+                self._stick(arm, parcel)
+        self._limit, self._overload, self._dropped = list(limit), list(overload), list(dropped)
+
+    def _link(self, arm: int) -> Any:
+        return self._client.getLinkState(self._arms.bodies[arm], self._cup, computeForwardKinematics=1)
+
+    def _try(self, arm: int) -> None:
+        """Stick to the nearest parcel within reach, if any."""
+        state = self._link(arm)
+        axis = rotation(np.array(state[5]))[:, 2]
+        tip = np.array(state[4]) + axis * self._arms.tool.length_m
+        best, best_gap = -1, _REACH_M
+        for parcel in self._parcels.ids():
+            pose = self._parcels.pose(parcel)
+            half = np.array(self._parcels.shapes[parcel].size_m) / 2
+            offset = tip - pose[:3]
+            if offset @ offset > (half @ half) * 1.5 + _REACH_M:
+                continue
+            gap = _gap(offset, axis, rotation(pose[3:]), half)
+            if gap < best_gap:
+                best, best_gap = parcel, gap
+        if best >= 0:
+            self._stick(arm, best)
+
+    def _stick(self, arm: int, parcel: int) -> None:
+        client, body, box = self._client, self._arms.bodies[arm], self._parcels.body(parcel)
+        state = self._link(arm)
+        place, quat = client.getBasePositionAndOrientation(box)
+        back = client.invertTransform(state[0], state[1])
+        at, turn = client.multiplyTransforms(back[0], back[1], place, quat)
+        constraint = client.createConstraint(
+            body, self._cup, box, -1, client.JOINT_FIXED, (0, 0, 0), at, (0, 0, 0), turn, (0, 0, 0, 1)
+        )
+        weight = self._parcels.shapes[parcel].mass_kg * _GRAVITY_MPS2
+        self._limit[arm] = min(self._limit_n, max(_LEAST_LIMIT_N, _WEIGHTS * weight))
+        client.changeConstraint(constraint, maxForce=_CONSTRAINT_MARGIN * self._limit[arm])
+        client.setCollisionFilterPair(body, box, self._cup, -1, 0)
+        self.held[arm], self._constraint[arm], self._overload[arm] = parcel, constraint, 0
+
+    def _let_go(self, arm: int) -> None:
+        self._client.removeConstraint(self._constraint[arm])
+        box = self._parcels.body(self.held[arm])
+        self._client.setCollisionFilterPair(self._arms.bodies[arm], box, self._cup, -1, 1)
+        self.held[arm], self._constraint[arm] = -1, -1
+
+
+def _gap(offset: FloatArray, axis: FloatArray, turn: FloatArray, half: FloatArray) -> float:
+    """Distance from the cup's lip to the face it looks at [m], infinite if it looks past the box or at an edge."""
+    local, look = turn.T @ offset, turn.T @ axis
+    face = int(np.abs(look).argmax())
+    others = [k for k in range(3) if k != face]
+    if abs(look[face]) < _SQUARE or any(abs(local[k]) > half[k] for k in others):
+        return np.inf
+    return abs(-np.sign(look[face]) * local[face] - half[face])
+
+
+class FrictionGrip:
+    """Two fingers that close with limited force; a parcel is held while both touch it.
+
+    The second finger follows the first one's measured position, which keeps the parcel centred: two independent fingers
+    push it to one side and lose it.
+
+    Args:
+        client: Connection.
+        arms: The arms.
+        force_n: Force limit of the leading finger [N].
+        touched: Parcels that each arm's links touch: ``touched[arm][link]`` is a set of parcel ids, kept by the caller.
+    """
+
+    def __init__(self, client: Client, arms: Arms, force_n: float, touched: list[dict[int, set[int]]]) -> None:
+        self._client = client
+        self._arms = arms
+        self._force_n = force_n
+        self._touched = touched
+        self._fingers = [arms.names[name] for name in arms.tool.touch_links] if arms.bodies else []
+        n = len(arms.bodies)
+        self.held = [-1] * n
+        self._closed: list[bool | None] = [None] * n
+        for body in arms.bodies:
+            for finger in self._fingers:
+                client.resetJointState(body, finger, arms.tool.finger_travel_m)
+
+    def command(self, grip: npt.NDArray[np.bool_]) -> None:
+        """Open and close as told."""
+        for arm, on in enumerate(grip.tolist()):
+            if on == self._closed[arm]:
+                continue
+            self._closed[arm] = on
+            target = 0.0 if on else self._arms.tool.finger_travel_m
+            for finger in self._fingers:
+                self._move(arm, finger, target)
+
+    def before_step(self) -> None:
+        """Let the second finger of each closed hand follow the first."""
+        for arm, closed in enumerate(self._closed):
+            if closed:
+                lead, follow = self._fingers
+                body = self._arms.bodies[arm]
+                self._client.setJointMotorControl2(
+                    body,
+                    follow,
+                    self._client.POSITION_CONTROL,
+                    self._client.getJointState(body, lead)[0],
+                    force=_MIMIC_FORCE * self._force_n,
+                    positionGain=_MIMIC_GAIN,
+                )
+
+    def after_step(self) -> None:
+        """See what is between the fingers."""
+        for arm, links in enumerate(self._touched):
+            left, right = (links.get(finger, set()) for finger in self._fingers)
+            both = left & right if self._closed[arm] else set()
+            self.held[arm] = min(both) if both else -1
+
+    def forget(self, parcel: int) -> None:
+        """Let go of a parcel that is about to leave the world."""
+        self.held = [-1 if held == parcel else held for held in self.held]
+
+    def memory(self) -> Any:
+        """Parcel of every hand."""
+        return list(self.held)
+
+    def recall(self, memory: Any) -> None:
+        """Return to `memory`."""
+        self.held = list(memory)
+        self._closed = [None] * len(self.held)  # the next command sets every finger anew
+
+    def _move(self, arm: int, finger: int, target: float) -> None:
+        self._client.setJointMotorControl2(
+            self._arms.bodies[arm],
+            finger,
+            self._client.POSITION_CONTROL,
+            target,
+            force=self._force_n,
+            maxVelocity=_CLOSING_MPS,
+        )
+
+
+def make_grip(
+    kind: Grip,
+    client: Client,
+    arms: Arms,
+    parcels: Parcels,
+    *,
+    limit_n: float,
+    force_n: float,
+    touched: list[dict[int, set[int]]],
+) -> GripDevice:
+    """Make the grip of a kind; see `SuctionGrip` and `FrictionGrip`."""
+    if kind is Grip.FRICTION:
+        return FrictionGrip(client, arms, force_n, touched)
+    return SuctionGrip(client, arms, parcels, limit_n)

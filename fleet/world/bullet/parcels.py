@@ -1,0 +1,103 @@
+"""Parcels: boxes with mass and friction, known by their id."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.world.bullet.client import Client, PhysicsError
+from fleet.world.protocol import ParcelBody
+
+FloatArray = npt.NDArray[np.float64]
+
+# Cardboard; Bullet multiplies the coefficients of both bodies.
+_FRICTION = 0.8
+_SPINNING_FRICTION = 0.05
+_RGBA = (0.72, 0.53, 0.34, 1.0)
+
+
+class Parcels:
+    """The parcels of one world.
+
+    Args:
+        client: Connection.
+    """
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._bodies: dict[int, int] = {}
+        self.shapes: dict[int, ParcelBody] = {}
+        """Size and mass of every parcel; the pose is that of its entry."""
+        self.by_body: dict[int, int] = {}
+        """Parcel id of every parcel's body."""
+
+    def body(self, parcel: int) -> int:
+        """Return the engine's id of a parcel.
+
+        Raises:
+            PhysicsError: Unknown parcel.
+        """
+        if parcel not in self._bodies:
+            raise PhysicsError(f"parcel {parcel} is not in the world; valid: {sorted(self._bodies)}")
+        return self._bodies[parcel]
+
+    def add(self, parcel: ParcelBody) -> None:
+        """Put a parcel into the world.
+
+        Raises:
+            PhysicsError: The id is taken.
+        """
+        if parcel.parcel in self._bodies:
+            raise PhysicsError(f"parcel {parcel.parcel} is in the world already")
+        client = self._client
+        half = [size / 2 for size in parcel.size_m]
+        pose = [float(x) for x in parcel.pose]
+        body = client.createMultiBody(
+            baseMass=parcel.mass_kg,
+            baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_BOX, halfExtents=half),
+            baseVisualShapeIndex=client.createVisualShape(client.GEOM_BOX, halfExtents=half, rgbaColor=_RGBA),
+            basePosition=pose[:3],
+            baseOrientation=pose[3:],
+        )
+        client.changeDynamics(body, -1, lateralFriction=_FRICTION, spinningFriction=_SPINNING_FRICTION)
+        self._bodies[parcel.parcel] = body
+        self.by_body[body] = parcel.parcel
+        self.shapes[parcel.parcel] = parcel
+
+    def remove(self, parcel: int) -> None:
+        """Take a parcel out of the world.
+
+        Raises:
+            PhysicsError: Unknown parcel.
+        """
+        body = self.body(parcel)
+        self._client.removeBody(body)
+        del self._bodies[parcel], self.by_body[body], self.shapes[parcel]
+
+    def ids(self) -> list[int]:
+        """Return the ids in the world, ascending."""
+        return sorted(self._bodies)
+
+    def pose(self, parcel: int) -> FloatArray:
+        """Measure x, y, z, qx, qy, qz, qw of a parcel, shape (7,)."""
+        position, quat = self._client.getBasePositionAndOrientation(self.body(parcel))
+        return np.array([*position, *quat])
+
+    def poses(self) -> FloatArray:
+        """Measure the poses in the order of `ids`, shape (p, 7)."""
+        return np.array([self.pose(parcel) for parcel in self.ids()]).reshape(-1, 7)
+
+    def motion(self, parcel: int) -> FloatArray:
+        """Measure pose and linear and angular velocity of a parcel, shape (13,)."""
+        linear, angular = self._client.getBaseVelocity(self.body(parcel))
+        return np.array([*self.pose(parcel), *linear, *angular])
+
+    def place(self, parcel: int, motion: FloatArray) -> None:
+        """Set what `motion` measures."""
+        numbers = motion.tolist()
+        self._client.resetBasePositionAndOrientation(self.body(parcel), numbers[:3], numbers[3:7])
+        self._client.resetBaseVelocity(self.body(parcel), numbers[7:10], numbers[10:13])
+
+    def state(self) -> list[float]:
+        """All ids, positions and velocities, one after the other."""
+        return [x for parcel in self.ids() for x in (float(parcel), *self.motion(parcel).tolist())]

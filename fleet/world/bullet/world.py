@@ -1,0 +1,418 @@
+"""BulletWorld: the shared physical world of cars, arms and parcels."""
+
+from __future__ import annotations
+
+import weakref
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.errors import ConfigError
+from fleet.robots.tools import TOOLS
+from fleet.world.bullet.arms import Arms
+from fleet.world.bullet.cars import FLOOR_GROUP, Cars
+from fleet.world.bullet.clearance import arm_gap, near_cars
+from fleet.world.bullet.client import Client, PhysicsError, quiet
+from fleet.world.bullet.config import BulletConfig
+from fleet.world.bullet.contacts import ContactMonitor
+from fleet.world.bullet.grip import make_grip
+from fleet.world.bullet.parcels import Parcels
+from fleet.world.protocol import Contacts, ParcelBody
+from fleet.world.scene import Scene
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_GRAVITY_MPS2 = 9.81
+# Contacts farther apart than this are dropped. The engine's 2 cm keep four points under every rolling wheel; 1 mm leaves one
+# and halves the cost of a car.
+_CONTACT_BREAKING_M = 0.001
+_FLOOR_FRICTION = 1.0
+# What a car may gain on top of its present speed within one tick, braking and shoves included.
+_NEAR_MARGIN_M = 0.05
+# Largest half widths of the iiwa's link meshes, read off their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
+_LINK_RADII_M = (0.12, 0.12, 0.12, 0.12, 0.10, 0.09, 0.06)
+_RAYS_PER_CALL = 16_000
+_COLOURS = {
+    "wall": (0.22, 0.24, 0.27, 1.0),
+    "shelf": (0.32, 0.25, 0.18, 1.0),
+    "pedestal": (0.28, 0.30, 0.32, 1.0),
+    "obstacle": (0.55, 0.20, 0.15, 1.0),
+    "floor": (0.45, 0.46, 0.48, 1.0),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Snapshot:
+    """A moment of one `BulletWorld`; the engine frees its part when the object dies."""
+
+    state: int
+    """The engine's own copy."""
+    cars: list[float]
+    arms: list[float]
+    memory: dict[str, Any]
+    """What the engine's copy does not hold."""
+    parcels: dict[int, tuple[ParcelBody, FloatArray]]
+    """Every parcel with position, orientation and velocities, shape (13,)."""
+    obstacles: dict[int, tuple[FloatArray, FloatArray]]
+    bodies: tuple[int, ...]
+    """The engine's ids of everything that can come and go."""
+
+
+class BulletWorld:
+    """Cars that drive on their wheels, arms that move by joint motors, parcels with mass and contact, in one world.
+
+    Arm set-points are meant for the end of the tick; the motors follow them with a lag of less than one physics step.
+
+    `save` and `load`: a world without a grip that was closed or opened in between returns exactly, so the same commands
+    give the same states to the last bit. A suction grip that was made or undone after the snapshot leaves differences of
+    up to 1e-2 in what follows. If parcels or obstacles came or went, what is missing is made anew and what is new is
+    removed; positions and velocities are restored, the solver's memory of contacts is not. Creating a new world and
+    repeating the same calls is always exact.
+
+    Args:
+        scene: Robots and fixed things.
+        config: Settings.
+
+    Raises:
+        PhysicsError: The engine cannot be reached or refuses a description.
+        ConfigError: The scene's arm was described with another tool than `config.grip` names.
+    """
+
+    def __init__(self, scene: Scene, config: BulletConfig | None = None) -> None:
+        config = config or BulletConfig()
+        tool = TOOLS[config.grip.value]
+        if abs(tool.length_m - scene.arm.tool_length_m) > 1e-9:
+            raise ConfigError(
+                f"scene.arm.tool_length_m is {scene.arm.tool_length_m!r}; valid: {tool.length_m} for grip {tool.name!r}"
+            )
+        self.tick_s = config.tick_s
+        self.n_cars = len(scene.car_start)
+        self.n_arms = len(scene.arm_base)
+        self._substeps_n = config.substeps_n
+        self._scene = scene
+        self._client = client = Client(config.connect, config.shared_memory_key)
+        self._obstacles: dict[int, tuple[int, FloatArray, FloatArray]] = {}
+        self._fixed: list[int] = []
+        try:
+            with quiet():
+                client.resetSimulation()
+                client.setGravity(0.0, 0.0, -_GRAVITY_MPS2)
+                client.setPhysicsEngineParameter(
+                    fixedTimeStep=config.substep_s,
+                    numSolverIterations=config.iterations_n,
+                    contactBreakingThreshold=_CONTACT_BREAKING_M,
+                    deterministicOverlappingPairs=1,
+                )
+            floor = self._add_floor()
+            self._cars = Cars(client, scene.car, scene.car_start, config.wheels, config.substep_s)
+            self._arms = Arms(
+                client, scene.arm, scene.arm_base, scene.arm_start, tool, config.substeps_n, config.substep_s
+            )
+            self._parcels = Parcels(client)
+            self._monitor = ContactMonitor(
+                client, scene.car, self._cars.bodies, self._arms.bodies, config.substep_s
+            )
+            self._monitor.floor = floor
+            for body in self._arms.bodies:
+                client.setCollisionFilterPair(body, floor, -1, -1, 0)  # the pedestal of the arm stands on the floor
+            for box in scene.boxes:
+                body = self._add_box(box.kind, np.array(box.centre_m), np.array(box.half_m))
+                self._fixed.append(body)
+                (self._monitor.pedestals if box.kind == "pedestal" else self._monitor.fixed).add(body)
+            self._grip = make_grip(
+                config.grip,
+                client,
+                self._arms,
+                self._parcels,
+                limit_n=config.suction_limit_n,
+                force_n=config.finger_force_n,
+                touched=self._monitor.touched,
+            )
+        except BaseException:
+            client.close()
+            raise
+        self._min_clearance_m = np.inf
+        self._radii = np.array([*_LINK_RADII_M, tool.half_width_m])
+        self._car_pairs = np.zeros((64, 2), dtype=np.int64)
+        self._box_pairs = np.zeros((256, 2), dtype=np.int64)
+        self._list_boxes()
+        self._near = self._measure()
+
+    def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]) -> None:
+        """Advance one tick; see `World.step`."""
+        self._cars.drive(np.asarray(car_commands, dtype=np.float64).reshape(self.n_cars, 2))
+        self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))
+        self._grip.command(np.asarray(grip, dtype=np.bool_))
+        parcels = self._parcels
+        for substep in range(self._substeps_n):
+            self._arms.hold(substep)
+            self._grip.before_step()
+            self._cars.shove()
+            self._client.stepSimulation()
+            held = [(arm, parcels.body(parcel)) for arm, parcel in enumerate(self._grip.held) if parcel >= 0]
+            self._monitor.observe(self._near, held, parcels.by_body)
+            self._grip.after_step()
+        self._cars.read()
+        self._arms.read()
+        self._near = self._measure()
+
+    def car_poses(self) -> FloatArray:
+        """Rear-axle poses x, y, yaw, shape (n_cars, 3)."""
+        return self._cars.poses.copy()
+
+    def car_speeds(self) -> FloatArray:
+        """Signed forward speed [m/s], shape (n_cars,)."""
+        return self._cars.speeds.copy()
+
+    def car_steering(self) -> FloatArray:
+        """Measured steering angle (bicycle equivalent) [rad], shape (n_cars,)."""
+        return self._cars.steering()
+
+    def arm_positions(self) -> FloatArray:
+        """Joint positions [rad], shape (n_arms, n_joints)."""
+        return self._arms.q.copy()
+
+    def arm_velocities(self) -> FloatArray:
+        """Joint velocities [rad/s], shape (n_arms, n_joints)."""
+        return self._arms.qd.copy()
+
+    def held(self) -> IntArray:
+        """Parcel id in each arm's grip, -1 for none, shape (n_arms,)."""
+        return np.array(self._grip.held, dtype=np.int64)
+
+    def parcel_ids(self) -> IntArray:
+        """Ids of the parcels in the world, ascending, shape (p,)."""
+        return np.array(self._parcels.ids(), dtype=np.int64)
+
+    def parcel_poses(self) -> FloatArray:
+        """Poses in the order of `parcel_ids`, shape (p, 7)."""
+        return self._parcels.poses()
+
+    def add_parcel(self, body: ParcelBody) -> None:
+        """Put a parcel into the world; raises `PhysicsError` if its id is taken."""
+        self._parcels.add(body)
+
+    def remove_parcel(self, parcel: int) -> None:
+        """Take a parcel out of the world; raises `PhysicsError` if it is not there."""
+        self._parcels.body(parcel)
+        self._grip.forget(parcel)
+        self._parcels.remove(parcel)
+
+    def set_serving(self, arm: int, car: int) -> None:
+        """Say which car's tray an arm may touch (-1: none); used to judge contacts and clearance only."""
+        self._monitor.serving[arm] = car
+
+    def add_obstacle(self, obstacle: int, centre_m: FloatArray, half_m: FloatArray) -> None:
+        """Put a fixed box into the world; raises `PhysicsError` if its id is taken."""
+        if obstacle in self._obstacles:
+            raise PhysicsError(f"obstacle {obstacle} is in the world already")
+        centre, half = np.array(centre_m, dtype=np.float64), np.array(half_m, dtype=np.float64)
+        body = self._add_box("obstacle", centre, half)
+        self._obstacles[obstacle] = (body, centre, half)
+        self._monitor.fixed.add(body)
+        self._list_boxes()
+        self._near = self._measure()
+
+    def remove_obstacle(self, obstacle: int) -> None:
+        """Take such a box away; raises `PhysicsError` if it is not there."""
+        if obstacle not in self._obstacles:
+            raise PhysicsError(f"obstacle {obstacle} is not in the world; valid: {sorted(self._obstacles)}")
+        body, _, _ = self._obstacles.pop(obstacle)
+        self._monitor.fixed.discard(body)
+        self._client.removeBody(body)
+        self._list_boxes()
+        self._near = self._measure()
+
+    def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
+        """Shove a car for half a second: by that much in the world's frame, unless something is in the way."""
+        self._cars.push(car, np.array([dx_m, dy_m, dyaw_rad]))
+
+    def contacts(self) -> Contacts:
+        """Contacts so far; `fleet.world.bullet.contacts` says what counts."""
+        return Contacts(robot=self._monitor.counts.robot, static=self._monitor.counts.static)
+
+    def min_clearance_m(self) -> float:
+        """Smallest clearance so far, infinite with fewer than two robots that can meet [m].
+
+        Read once per tick: cars are rectangles, arms chains of spheres, served cars are left out.
+        """
+        return float(self._min_clearance_m)
+
+    def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
+        """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,)."""
+        fractions: list[float] = []
+        for first in range(0, len(origins), _RAYS_PER_CALL):
+            part = slice(first, first + _RAYS_PER_CALL)
+            fractions.extend(hit[2] for hit in self._client.rayTestBatch(origins[part].tolist(), ends[part].tolist()))
+        return np.array(fractions)
+
+    def save(self) -> Snapshot:
+        """Remember this moment; see the class for how exact a return is."""
+        client = self._client
+        state = client.saveState()
+        parcels = {}
+        for parcel in self._parcels.ids():
+            parcels[parcel] = (self._parcels.shapes[parcel], self._parcels.motion(parcel))
+        snapshot = Snapshot(
+            state=state,
+            cars=self._cars.state(),
+            arms=self._arms.state(),
+            memory={
+                "cars": self._cars.memory(),
+                "arms": self._arms.memory(),
+                "grip": self._grip.memory(),
+                "contacts": self._monitor.memory(),
+                "clearance": self._min_clearance_m,
+            },
+            parcels=parcels,
+            obstacles={key: (centre, half) for key, (_, centre, half) in self._obstacles.items()},
+            bodies=self._visitors(),
+        )
+        weakref.finalize(snapshot, _remove_state, weakref.ref(client), state)
+        return snapshot
+
+    def load(self, snapshot: object) -> None:
+        """Return to a snapshot of this world.
+
+        Raises:
+            TypeError: Not a snapshot of a `BulletWorld`.
+        """
+        if not isinstance(snapshot, Snapshot):
+            raise TypeError(f"snapshot is a {type(snapshot).__name__}; valid: what BulletWorld.save returned")
+        client = self._client
+        for parcel in [p for p in self._parcels.ids() if p not in snapshot.parcels]:
+            self.remove_parcel(parcel)
+        for obstacle in [o for o in self._obstacles if o not in snapshot.obstacles]:
+            self.remove_obstacle(obstacle)
+        if self._visitors() == snapshot.bodies:
+            client.restoreState(snapshot.state)
+        else:
+            self._rebuild(snapshot)
+        client.performCollisionDetection()  # rays would see the old poses
+        self._cars.recall(snapshot.memory["cars"])
+        self._arms.recall(snapshot.memory["arms"])
+        self._grip.recall(snapshot.memory["grip"])
+        self._monitor.recall(snapshot.memory["contacts"])
+        self._min_clearance_m = snapshot.memory["clearance"]
+        self._cars.read()
+        self._arms.read()
+        self._near = self._measure()
+
+    def state_bytes(self) -> bytes:
+        """Positions, velocities and joint states of all bodies as float64, equal for equal states."""
+        numbers = self._cars.state() + self._arms.state() + self._parcels.state()
+        return (np.array(numbers, dtype=np.float64) + 0.0).tobytes()  # + 0.0: no negative zeros
+
+    def close(self) -> None:
+        """End the connection to the engine; calling twice is harmless."""
+        self._client.close()
+
+    def _add_floor(self) -> int:
+        client = self._client
+        x, y = (size / 2 for size in self._scene.size_m)
+        body = client.createMultiBody(
+            baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_PLANE),
+            baseVisualShapeIndex=client.createVisualShape(
+                client.GEOM_BOX,
+                halfExtents=(x, y, 0.005),
+                rgbaColor=_COLOURS["floor"],
+                visualFramePosition=(x, y, -0.005),
+            ),
+        )
+        client.changeDynamics(body, -1, lateralFriction=_FLOOR_FRICTION)
+        static_group = 2
+        client.setCollisionFilterGroupMask(body, -1, static_group | FLOOR_GROUP, -1)
+        return int(body)
+
+    def _add_box(self, kind: str, centre: FloatArray, half: FloatArray) -> int:
+        client = self._client
+        body = client.createMultiBody(
+            baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_BOX, halfExtents=half.tolist()),
+            baseVisualShapeIndex=client.createVisualShape(
+                client.GEOM_BOX, halfExtents=half.tolist(), rgbaColor=_COLOURS[kind]
+            ),
+            basePosition=centre.tolist(),
+        )
+        return int(body)
+
+    def _list_boxes(self) -> None:
+        """Gather the ground plans of everything fixed that a car can touch."""
+        rows = [(*box.centre_m, *box.half_m) for box in self._scene.boxes]
+        rows += [(*centre, *half) for _, centre, half in self._obstacles.values()]
+        solid = np.array(rows, dtype=np.float64).reshape(-1, 6)
+        bodies = np.array(self._fixed + [body for body, _, _ in self._obstacles.values()], dtype=np.int64)
+        low = solid[:, 2] - solid[:, 5] < self._scene.car.height_m
+        flat = np.zeros((len(solid), 5))
+        flat[:, :2], flat[:, 3:] = solid[:, :2], solid[:, 3:5]
+        self._boxes, self._box_bodies = flat[low], bodies[low].tolist()
+
+    def _measure(self) -> list[tuple[int, int]]:
+        """Update the smallest clearance and name the bodies that cars can touch within a tick."""
+        spec, poses = self._scene.car, self._cars.poses
+        rectangles = np.empty((self.n_cars, 5))
+        middle = (spec.front_m - spec.rear_m) / 2
+        rectangles[:, 0] = poses[:, 0] + middle * np.cos(poses[:, 2])
+        rectangles[:, 1] = poses[:, 1] + middle * np.sin(poses[:, 2])
+        rectangles[:, 2] = poses[:, 2]
+        rectangles[:, 3:] = (spec.front_m + spec.rear_m) / 2, spec.half_width_m
+        margin = _NEAR_MARGIN_M + 2 * self._cars.top_speed * self.tick_s
+        while True:
+            cars_n, boxes_n, gap = near_cars(
+                rectangles, self._boxes, margin, self._min_clearance_m, self._car_pairs, self._box_pairs
+            )
+            if cars_n <= len(self._car_pairs) and boxes_n <= len(self._box_pairs):
+                break
+            self._car_pairs = np.zeros((2 * max(cars_n, 32), 2), dtype=np.int64)
+            self._box_pairs = np.zeros((2 * max(boxes_n, 128), 2), dtype=np.int64)
+        if self.n_arms and self.n_cars:
+            gap = arm_gap(
+                self._scene.arm_base,
+                self._scene.arm.base_from_joint,
+                self._arms.q,
+                self._scene.arm.tool_length_m,
+                self._radii,
+                self._held_spheres(),
+                rectangles,
+                spec.height_m,
+                np.array(self._monitor.serving, dtype=np.int64),
+                gap,
+            )
+        self._min_clearance_m = gap
+        cars, bodies = self._cars.bodies, self._box_bodies
+        near = [(cars[i], cars[j]) for i, j in self._car_pairs[:cars_n].tolist()]
+        return near + [(cars[i], bodies[j]) for i, j in self._box_pairs[:boxes_n].tolist()]
+
+    def _held_spheres(self) -> FloatArray:
+        spheres = np.full((self.n_arms, 4), -1.0)
+        for arm, parcel in enumerate(self._grip.held):
+            if parcel >= 0:
+                spheres[arm, :3] = self._parcels.pose(parcel)[:3]
+                spheres[arm, 3] = np.linalg.norm(self._parcels.shapes[parcel].size_m) / 2
+        return spheres
+
+    def _visitors(self) -> tuple[int, ...]:
+        parcels = tuple(self._parcels.body(parcel) for parcel in self._parcels.ids())
+        return parcels + tuple(body for body, _, _ in self._obstacles.values())
+
+    def _rebuild(self, snapshot: Snapshot) -> None:
+        """Return to a snapshot whose parcels or obstacles are not all there any more."""
+        for obstacle, (centre, half) in snapshot.obstacles.items():
+            if obstacle not in self._obstacles:
+                self.add_obstacle(obstacle, centre, half)
+        for parcel, (shape, motion) in snapshot.parcels.items():
+            if parcel not in self._parcels.shapes:
+                self._parcels.add(shape)
+            self._parcels.place(parcel, motion)
+        self._cars.place(snapshot.cars)
+        self._arms.place(snapshot.arms)
+
+
+def _remove_state(client: weakref.ref[Client], state: int) -> None:
+    owner = client()
+    if owner is not None and owner.id >= 0:
+        with suppress(owner.engine.error):
+            owner.removeState(state)

@@ -1,0 +1,318 @@
+"""The MovingAI benchmark formats (.map, .scen), and sites made from published floor plans."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from maps.errors import MapsError, SiteError
+from maps.grid import DCOL, DROW, EAST, NORTH, SOUTH, WEST, GridMap
+from maps.orientation import orient_lanes
+from maps.plan import parse_plan
+from maps.site import Site, site_from_plan
+from maps.stations import MIN_ARM_SPACING_M, match_arms
+
+_PASSABLE = ".GS"
+_BLOCKED = "@OTW"
+_SHELVES = "T"
+"""Trees mark racks on the warehouse maps; they become shelves, other obstacles walls."""
+_STATION_SPACING = 4
+"""Smallest distance between two docks [cells], so that a queue at one does not reach the other at once."""
+_ATTEMPTS = 20
+_MAP_HEADER = 4
+_SCENARIO_FIELDS = 9
+
+
+class MovingAiError(MapsError):
+    """A .map or .scen file is malformed; the message names file and line."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenarioEntry:
+    """One start and goal of a .scen file."""
+
+    bucket: int
+    map_name: str
+    start: tuple[int, int]
+    """(row, col)."""
+    goal: tuple[int, int]
+    """(row, col)."""
+    length: float
+    """Published length of the shortest path with diagonal steps [cells]."""
+
+
+def read_map(path: str | os.PathLike[str]) -> GridMap:
+    """Read a .map file as free and blocked cells.
+
+    Raises:
+        MovingAiError: The file cannot be read or is malformed.
+
+    Source: N. Sturtevant, Benchmarks for grid-based pathfinding, IEEE TCIAIG 2012.
+    """
+    return GridMap(np.isin(_read_chars(path), list(_PASSABLE)))
+
+
+def read_scenario(path: str | os.PathLike[str]) -> tuple[ScenarioEntry, ...]:
+    """Read a .scen file.
+
+    Raises:
+        MovingAiError: The file cannot be read or a line is malformed.
+    """
+    lines = _read_lines(path)
+    if not lines or not lines[0].startswith("version"):
+        raise MovingAiError(f"{path}: line 1 must be 'version 1'")
+    entries = []
+    for number, line in enumerate(lines[1:], start=2):
+        if not line.strip():
+            continue
+        fields = line.split("\t") if "\t" in line else line.split()
+        try:
+            if len(fields) != _SCENARIO_FIELDS:
+                raise ValueError(f"{len(fields)} fields, must be {_SCENARIO_FIELDS}")
+            start_col, start_row, goal_col, goal_row = (int(value) for value in fields[4:8])
+            entries.append(
+                ScenarioEntry(
+                    bucket=int(fields[0]),
+                    map_name=fields[1],
+                    start=(start_row, start_col),
+                    goal=(goal_row, goal_col),
+                    length=float(fields[8]),
+                )
+            )
+        except ValueError as error:
+            raise MovingAiError(f"{path}: line {number}: {error}") from error
+    return tuple(entries)
+
+
+def site_from_map(  # noqa: PLR0913 - keyword-only numbers of places
+    path: str | os.PathLike[str], *, pick: int, drop: int, parking: int, chargers: int = 0, name: str | None = None
+) -> Site:
+    """Turn a published floor plan into a site with stations and parking.
+
+    Arms replace obstacle cells beside a straight lane: picks in the west, drops in the east, spread over the floor,
+    preferably where cars can pass the dock on a second lane. Obstacles beside an arm are left out (kept clear) to give
+    it room. Parking takes free cells in open areas. Free cells of the map stay free. The same file and numbers always
+    give the same site.
+
+    Args:
+        path: A .map file.
+        pick: Pick stations, at least 1.
+        drop: Drop stations, at least 1.
+        parking: Parking cells, at least 0.
+        chargers: Charging cells, at least 0.
+        name: Name of the site; by default the file's name without its ending.
+
+    Raises:
+        MovingAiError: The file cannot be read or is malformed, or a number is negative.
+        SiteError: The map has no room for so many stations or parking cells; tells how many fit.
+    """
+    name = name or Path(path).stem
+    numbers = {"pick": (pick, 1), "drop": (drop, 1), "parking": (parking, 0), "chargers": (chargers, 0)}
+    for what, (value, least) in numbers.items():
+        if value < least:
+            raise MovingAiError(f"{path}: {what} is {value}, must be at least {least}")
+    source = _read_chars(path)
+    chars = np.full(source.shape, "#")
+    chars[np.isin(source, list(_PASSABLE))] = "."
+    chars[np.isin(source, list(_SHELVES))] = "="
+    chars[[0, -1], :] = np.where(chars[[0, -1], :] == "=", "#", chars[[0, -1], :])
+    chars[:, [0, -1]] = np.where(chars[:, [0, -1]] == "=", "#", chars[:, [0, -1]])
+
+    refused: set[int] = set()
+    for _ in range(_ATTEMPTS):
+        drawn = _draw_places(chars, pick, drop, chargers, parking, refused, name)
+        bad = _unserved(drawn, name)
+        if not bad:
+            return site_from_plan(["".join(line) for line in drawn], name=name)
+        refused |= bad
+    raise SiteError(
+        f"site {name}: no room found for {pick} pick, {drop} drop, {parking} parking and {chargers} charger cells; "
+        "try smaller numbers"
+    )
+
+
+def _draw_places(  # noqa: PLR0913, PLR0917 - numbers of the four kinds
+    chars: npt.NDArray[np.str_], pick: int, drop: int, chargers: int, parking: int, refused: set[int], name: str
+) -> npt.NDArray[np.str_]:
+    """A copy of the plan with docks, arms and bays at the best cells not refused so far."""
+    drawn = chars.copy()
+    candidates = [place for place in _dock_candidates(chars) if place.row * chars.shape[1] + place.col not in refused]
+    taken: list[_DockCandidate] = []
+    for character, what, count, from_west in (("P", "pick", pick, True), ("D", "drop", drop, False)):
+        chosen = _spread(candidates, count, taken, chars.shape, from_west=from_west)
+        if len(chosen) < count:
+            raise SiteError(f"site {name}: {count} {what} stations asked for, only {len(chosen)} fit this map")
+        for place in chosen:
+            drawn[place.row, place.col] = character
+            _draw_arm(drawn, *place.arm)
+        taken += chosen
+    _draw_bays(drawn, ["C"] * chargers + ["K"] * parking, [(place.row, place.col) for place in taken], refused, name)
+    return drawn
+
+
+@dataclass(frozen=True, kw_only=True)
+class _DockCandidate:
+    """A cell of a straight lane beside an obstacle that an arm could replace."""
+
+    demerits: int
+    row: int
+    col: int
+    arm_side: int
+
+    @property
+    def arm(self) -> tuple[int, int]:
+        return self.row + DROW[self.arm_side], self.col + DCOL[self.arm_side]
+
+    def clear_of(self, other: _DockCandidate, spacing: int) -> bool:
+        """Docks at least `spacing` cells apart along the aisles, arms far enough for both to turn."""
+        docks = abs(self.row - other.row) + abs(self.col - other.col)
+        arms = abs(self.arm[0] - other.arm[0]) + abs(self.arm[1] - other.arm[1])
+        return docks >= spacing and arms > MIN_ARM_SPACING_M
+
+
+def _dock_candidates(chars: npt.NDArray[np.str_]) -> list[_DockCandidate]:
+    """Wherever a straight lane runs past an obstacle; demerits for what slows traffic or crowds the arm."""
+    rows, cols = chars.shape
+    free, blocked = np.pad(chars == ".", 2), np.pad(chars != ".", 2)  # neither, beyond the border
+    found = []
+    for arm_side in (EAST, NORTH, WEST, SOUTH):
+        to_arm = np.array((DROW[arm_side], DCOL[arm_side]))
+        along = to_arm[::-1]
+
+        def at(mask: npt.NDArray[np.bool_], offset: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+            """The mask seen from every cell at an offset (rows, cols) of at most two."""
+            return mask[2 + offset[0] : 2 + offset[0] + rows, 2 + offset[1] : 2 + offset[1] + cols]
+
+        fits = at(free, 0 * along) & at(blocked, to_arm) & at(free, along) & at(free, -along)
+        demerits = 4 * ~at(free, -to_arm)  # no second lane to pass the dock
+        for step in (along, -along):
+            demerits = demerits + 8 * ~at(blocked, to_arm + step)  # a lane beside the arm
+            demerits += 4 * ~at(free, step - to_arm)
+            demerits += 1 * ~at(free, 2 * step)  # a turn right before or after the dock
+        for row, col in np.argwhere(fits).tolist():
+            found.append(_DockCandidate(demerits=int(demerits[row, col]), row=row, col=col, arm_side=arm_side))
+    return found
+
+
+def _spread(
+    candidates: list[_DockCandidate],
+    count: int,
+    taken: list[_DockCandidate],
+    shape: tuple[int, ...],
+    *,
+    from_west: bool,
+) -> list[_DockCandidate]:
+    """Good candidates near one side, far from each other: spacing shrinks, then the region grows, until enough fit."""
+    width = shape[1]
+
+    def depth(place: _DockCandidate) -> int:
+        return place.col if from_west else width - 1 - place.col
+
+    ranked = sorted(candidates, key=lambda place: (place.demerits, depth(place), place.row, place.arm_side))
+    chosen: list[_DockCandidate] = []
+    for region in (0.25, 0.5, 1.0):
+        here = [place for place in ranked if depth(place) < region * width]
+        spacing = max(_STATION_SPACING, sum(shape) // count)
+        while True:
+            chosen = []
+            for place in here:
+                if all(place.clear_of(other, spacing) for other in chosen) and all(
+                    place.clear_of(other, _STATION_SPACING) for other in taken
+                ):
+                    chosen.append(place)
+                    if len(chosen) == count:
+                        return chosen
+            if spacing == _STATION_SPACING:
+                break
+            spacing = max(_STATION_SPACING, spacing * 3 // 4)
+    return chosen
+
+
+def _draw_arm(drawn: npt.NDArray[np.str_], row: int, col: int) -> None:
+    drawn[row, col] = "A"
+    for heading in range(4):
+        beside = (row + DROW[heading], col + DCOL[heading])
+        if 0 <= beside[0] < drawn.shape[0] and 0 <= beside[1] < drawn.shape[1] and drawn[beside] in "#=":
+            drawn[beside] = "_"
+
+
+def _draw_bays(
+    drawn: npt.NDArray[np.str_], wanted: list[str], docks: list[tuple[int, int]], refused: set[int], name: str
+) -> None:
+    """Put parking and chargers on cells with the most free floor around, not side by side and away from docks."""
+    free = np.pad(drawn == ".", 1)
+    cols = drawn.shape[1]
+    around = sum(
+        np.roll(free, shift, axis=(0, 1))[1:-1, 1:-1].astype(np.int64)
+        for shift in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
+    )
+    around = np.where(drawn == ".", around, -1)
+    # Lattice (odd row, odd column) first: bays there leave all lanes of even rows and columns whole.
+    row, col = np.indices(drawn.shape)
+    order = np.lexsort((col.ravel(), row.ravel(), ((row % 2 == 0) | (col % 2 == 0)).ravel(), -around.ravel()))
+    near_dock = np.zeros(drawn.shape, dtype=np.bool_)
+    for dock_row, dock_col in docks:
+        near_dock[max(0, dock_row - 3) : dock_row + 4, max(0, dock_col - 2) : dock_col + 3] = True
+    placed = 0
+    for cell in order.tolist():
+        if placed == len(wanted):
+            return
+        at = divmod(cell, cols)
+        if around.flat[cell] < 0 or near_dock[at] or cell in refused:
+            continue
+        block = drawn[max(0, at[0] - 1) : at[0] + 2, max(0, at[1] - 1) : at[1] + 2]
+        if np.isin(block, ["K", "C"]).any():
+            continue
+        drawn[at] = wanted[placed]
+        placed += 1
+    if placed < len(wanted):
+        raise SiteError(f"site {name}: {len(wanted)} parking and charger cells asked for, only {placed} fit this map")
+
+
+def _unserved(drawn: npt.NDArray[np.str_], name: str) -> set[int]:
+    """Docks and bays that the lanes of this drawing leave out."""
+    where = f"site {name}"
+    plan = parse_plan(["".join(line) for line in drawn], where=where)
+    lanes = orient_lanes(plan, match_arms(plan, GridMap(plan.open), where=where)).lanes
+    return set(plan.cells("PDKC")) - set(np.intersect1d(lanes[:, 0], lanes[:, 1]).tolist())
+
+
+def _read_lines(path: str | os.PathLike[str]) -> list[str]:
+    try:
+        return Path(path).read_text(encoding="ascii").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise MovingAiError(f"{path}: cannot be read: {error}") from error
+
+
+def _read_chars(path: str | os.PathLike[str]) -> npt.NDArray[np.str_]:
+    """The map's characters, shape (rows, cols)."""
+    lines = _read_lines(path)
+    size = {}
+    if len(lines) < _MAP_HEADER or not lines[0].startswith("type") or lines[3].strip() != "map":
+        raise MovingAiError(f"{path}: lines 1-4 must be 'type octile', 'height H', 'width W' and 'map'")
+    for number in (2, 3):
+        key, _, value = lines[number - 1].partition(" ")
+        if key not in ("height", "width") or not value.strip().isdigit() or int(value) < 1:
+            raise MovingAiError(
+                f"{path}: line {number} is {lines[number - 1]!r}, must be 'height' or 'width' and a number"
+            )
+        size[key] = int(value)
+    if size.keys() != {"height", "width"}:
+        raise MovingAiError(f"{path}: lines 2 and 3 must give both height and width")
+    body = lines[_MAP_HEADER : _MAP_HEADER + size["height"]]
+    if len(body) != size["height"]:
+        raise MovingAiError(f"{path}: {len(body)} map rows, must be {size['height']}")
+    known = _PASSABLE + _BLOCKED
+    for number, line in enumerate(body, start=_MAP_HEADER + 1):
+        if len(line) != size["width"]:
+            raise MovingAiError(f"{path}: line {number} has {len(line)} cells, must have {size['width']}")
+        unknown = set(line) - set(known)
+        if unknown:
+            raise MovingAiError(
+                f"{path}: line {number}: unknown cell {min(unknown)!r}, must be one of {' '.join(known)}"
+            )
+    return np.array([list(line) for line in body])

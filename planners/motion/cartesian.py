@@ -1,0 +1,126 @@
+"""Straight lines of the tool, followed in one inverse-kinematics branch with a slowly varying arm angle."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+from scipy.spatial.transform import Rotation, Slerp
+
+from planners.errors import PlanningError
+from planners.motion.ik import SrsGeometry, branch_into, wrist_target_into
+
+FloatArray = npt.NDArray[np.float64]
+
+_N_ARM_ANGLES = 72  # grid of 5 deg around the start's arm angle
+_MAX_TURN = 2  # grid steps the arm angle may change per way point
+
+
+@njit(cache=True)
+def _follow(poses, q_start, start_angle, branch, n_angles, max_turn, max_step, packed, lower, upper, path):  # type: ignore[no-untyped-def]
+    """Cheapest chain of solutions over way points x arm angles; fills `path` (m+1, 7); False if there is none."""
+    m = poses.shape[0]
+    cost = np.full((m + 1, n_angles), np.inf)
+    origin = np.zeros((m + 1, n_angles), dtype=np.int64)
+    solution = np.empty((m + 1, n_angles, 7))
+    cost[0, 0] = 0.0
+    solution[0, 0] = q_start
+    target = np.empty((3, 4))
+    q = np.empty(7)
+    for p in range(1, m + 1):
+        wrist_target_into(poses[p - 1], packed, target)
+        found = False
+        for a in range(n_angles):
+            solved = False
+            for turn in range(-max_turn, max_turn + 1):
+                before = (a - turn) % n_angles
+                if cost[p - 1, before] == np.inf:
+                    continue
+                if not solved:
+                    if not branch_into(target, start_angle + 2.0 * np.pi * a / n_angles, branch, packed, q):
+                        return False
+                    solved = True
+                step = 0.0
+                square = 0.0
+                inside = True
+                for k in range(7):
+                    change = q[k] - solution[p - 1, before, k]
+                    step = max(step, abs(change))
+                    square += change * change
+                    inside = inside and lower[k] <= q[k] <= upper[k]
+                if not inside or step > max_step:
+                    continue
+                if cost[p - 1, before] + square < cost[p, a]:
+                    cost[p, a] = cost[p - 1, before] + square
+                    origin[p, a] = before
+                    solution[p, a] = q
+                    found = True
+        if not found:
+            return False
+    a = np.argmin(cost[m])
+    for p in range(m, -1, -1):
+        path[p] = solution[p, a]
+        a = origin[p, a]
+    return True
+
+
+def cartesian_line(
+    srs: SrsGeometry,
+    q_start: npt.ArrayLike,
+    base_from_goal: npt.ArrayLike,
+    n_steps: int,
+    *,
+    tool_length_m: float = 0.0,
+    max_joint_step_rad: float = 0.25,
+) -> FloatArray | None:
+    """Joint path along which the tool tip moves on a straight line, turning at a constant rate.
+
+    The branch stays that of the start; the arm angle may drift by up to 10 deg per step, where this avoids joint
+    limits or shortens the joint motion (dynamic programming over a grid of arm angles).
+
+    Args:
+        srs: The arm.
+        q_start: Configuration at the start of the line [rad], shape (7,).
+        base_from_goal: Tip pose at the end of the line, shape (4, 4).
+        n_steps: Number of way points after the start, >= 1.
+        tool_length_m: From the last link frame to the tip along +z [m]; 0 moves the last link frame itself.
+        max_joint_step_rad: Largest change of any joint between way points [rad].
+
+    Returns:
+        Configurations [rad], shape (n_steps + 1, 7), the first being `q_start`; None if the line leaves the reach or the
+        joint limits, or needs a jump.
+
+    Raises:
+        PlanningError: Malformed input.
+    """
+    start = np.ascontiguousarray(q_start, dtype=np.float64)
+    goal = np.asarray(base_from_goal, dtype=np.float64)
+    if start.shape != (len(srs.lower),) or goal.shape != (4, 4):
+        raise PlanningError(f"cartesian_line: q_start {start.shape}, goal {goal.shape}; expected (7,) and (4, 4)")
+    if n_steps < 1:
+        raise PlanningError(f"cartesian_line: n_steps {n_steps}, expected >= 1")
+    if not srs.within_limits(start):
+        return None
+    first = srs.flange(start)
+    fraction = np.arange(1, n_steps + 1) / n_steps
+    turn = Slerp([0.0, 1.0], Rotation.from_matrix(np.stack([first[:3, :3], goal[:3, :3]])))
+    tip = first[:3, 3] + tool_length_m * first[:3, 2]
+    poses = np.zeros((n_steps, 3, 4))
+    poses[:, :, :3] = turn(fraction).as_matrix()
+    poses[:, :, 3] = tip + fraction[:, None] * (goal[:3, 3] - tip) - tool_length_m * poses[:, :, 2]
+    angle, branch = srs.arm_angle_and_branch(start)
+    path = np.empty((n_steps + 1, len(start)))
+    found = _follow(
+        poses,
+        start,
+        angle,
+        branch,
+        _N_ARM_ANGLES,
+        _MAX_TURN,
+        float(max_joint_step_rad),
+        srs.packed,
+        srs.lower,
+        srs.upper,
+        path,
+    )
+    return path if found else None

@@ -1,0 +1,103 @@
+"""Poses of drawn parts against hand-computed numbers and a plain product of 4x4 matrices."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fleet.recording.poses import (
+    ackermann_angles,
+    arm_link_poses,
+    car_link_poses,
+    parts,
+    quat_from_matrix,
+    quat_multiply,
+    quat_rotate,
+)
+from fleet.robots.iiwa import iiwa_spec
+from fleet.robots.racecar import racecar_spec
+
+
+def matrix_of(quat: np.ndarray) -> np.ndarray:
+    return np.column_stack([quat_rotate(quat, axis) for axis in np.eye(3)])
+
+
+def turn_z(angle: float) -> np.ndarray:
+    made = np.eye(4)
+    made[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    return made
+
+
+def test_a_quarter_turn_about_z_takes_x_to_y() -> None:
+    half = math.sqrt(0.5)
+    np.testing.assert_allclose(quat_rotate(np.array([0, 0, half, half]), np.array([1.0, 0, 0])), [0, 1, 0], atol=1e-15)
+
+
+@pytest.mark.parametrize("quat", [(0, 0, 0, 1), (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0.5, -0.5, 0.5, 0.5)])
+def test_quaternion_of_a_matrix_gives_the_matrix_back(quat: tuple[float, ...]) -> None:
+    matrix = matrix_of(np.array(quat, float))
+    np.testing.assert_allclose(matrix_of(quat_from_matrix(matrix)), matrix, atol=1e-15)
+
+
+def test_product_of_quaternions_applies_the_right_one_first() -> None:
+    a, b = np.array([0.5, -0.5, 0.5, 0.5]), np.array([0.6, 0.0, 0.0, 0.8])
+    np.testing.assert_allclose(matrix_of(quat_multiply(a, b)), matrix_of(a) @ matrix_of(b), atol=1e-15)
+
+
+def test_wheels_of_a_car_that_faces_north() -> None:
+    car = racecar_spec()
+    links = car_link_poses(car, np.array([[[2.0, 3.0, math.pi / 2]]]), np.zeros((1, 1)), np.zeros((1, 1)))
+    np.testing.assert_allclose(links["chassis"][0][0, 0], [2.0, 3.0, 0.0])
+    np.testing.assert_allclose(links["rear_left"][0][0, 0], [1.9, 3.0, 0.05])
+    np.testing.assert_allclose(links["front_right"][0][0, 0], [2.1, 3.325, 0.05])
+
+
+def test_a_wheel_rolls_forward_about_its_axle() -> None:
+    car = racecar_spec()
+    links = car_link_poses(car, np.zeros((1, 1, 3)), np.zeros((1, 1)), np.full((1, 1), math.pi / 2))
+    top = quat_rotate(links["rear_left"][1][0, 0], np.array([0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(top, [1.0, 0.0, 0.0], atol=1e-15)
+
+
+def test_steered_wheels_turn_about_one_centre() -> None:
+    car = racecar_spec()
+    left, right = ackermann_angles(car, np.array([0.3, -0.3, 0.0]))
+    radius = 0.325 / math.tan(0.3)
+    assert left[0] == pytest.approx(math.atan(0.325 / (radius - 0.1)))
+    assert right[0] == pytest.approx(math.atan(0.325 / (radius + 0.1)))
+    assert (left[1], right[1]) == (pytest.approx(-right[0]), pytest.approx(-left[0]))
+    assert (left[2], right[2]) == (0.0, 0.0)
+
+
+def test_arm_links_equal_the_product_of_matrices() -> None:
+    arm = iiwa_spec()
+    base = np.array([[0.0, 0.0, 0.0, 0.0], [3.0, 1.0, 0.1, 2.0]])
+    q = np.random.default_rng(0).uniform(-1.5, 1.5, (3, 2, 7))
+    links = arm_link_poses(arm, base, q)
+    for f, m in np.ndindex(3, 2):
+        world_from_link = turn_z(base[m, 3])
+        world_from_link[:3, 3] = base[m, :3]
+        for joint in range(7):
+            world_from_link = world_from_link @ arm.base_from_joint[joint] @ turn_z(q[f, m, joint])
+            position, quat = links[f"link_{joint + 1}"]
+            np.testing.assert_allclose(position[f, m], world_from_link[:3, 3], atol=1e-12)
+            np.testing.assert_allclose(matrix_of(quat[f, m]), world_from_link[:3, :3], atol=1e-12)
+
+
+def test_parts_cover_every_visual_once_and_have_names_of_their_own() -> None:
+    visuals = racecar_spec().visuals
+    made = parts(visuals)
+    assert sorted(id(v) for part in made for v in part.visuals) == sorted(id(v) for v in visuals)
+    assert len({part.name for part in made}) == len(made)
+    assert [part.name for part in made if part.mesh is None] == ["boxes"]
+
+
+def test_instances_of_a_part_are_ordered_by_visual_then_robot() -> None:
+    car = racecar_spec()
+    links = car_link_poses(car, np.array([[[0.0, 0, 0], [5.0, 0, 0]]]), np.zeros((1, 2)), np.zeros((1, 2)))
+    boxes = next(part for part in parts(car.visuals) if part.mesh is None)
+    position, quat = boxes.poses(links)
+    n_visuals = len(boxes.visuals)
+    assert position.shape == (1, 2 * n_visuals, 3)
+    assert quat.shape == (1, 2 * n_visuals, 4)
+    np.testing.assert_allclose(position[0, 1::2] - position[0, ::2], [[5.0, 0.0, 0.0]] * n_visuals, atol=1e-12)

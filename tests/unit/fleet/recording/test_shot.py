@@ -1,0 +1,47 @@
+"""Pictures without a display."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from fleet.recording import FloorPlan, Frame, RecordingError, RerunRecorder
+from fleet.recording.shot import main, screenshot
+from fleet.world.scene import Scene
+
+SOFTWARE_DRIVER = any(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"))
+
+
+def test_a_missing_recording_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="no recording at"):
+        screenshot(tmp_path / "a.rrd", tmp_path / "a.png")
+
+
+def test_a_malformed_size_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([str(tmp_path / "a.rrd"), str(tmp_path / "a.png"), "--size", "wide"])
+    assert "WIDTHxHEIGHT" in capsys.readouterr().err
+
+
+def test_without_a_graphics_driver_the_packages_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.rrd").write_bytes(b"")
+    for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        monkeypatch.setenv(name, str(tmp_path / "none.json"))
+    monkeypatch.setenv("LIBGL_DRIVERS_PATH", str(tmp_path))
+    assert main([str(tmp_path / "a.rrd"), str(tmp_path / "a.png")]) == 2
+    assert "mesa-vulkan-drivers" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not SOFTWARE_DRIVER, reason="needs the software Vulkan driver (mesa-vulkan-drivers)")
+def test_the_viewer_paints_a_recording_without_complaints(
+    tmp_path: Path, site: tuple[Scene, FloorPlan], frames: Callable[[int], Iterator[Frame]]
+) -> None:
+    path = tmp_path / "a.rrd"
+    with RerunRecorder(path=path, scene=site[0], floor=site[1], about={}, tick_s=1 / 60) as recorder:
+        for frame in frames(60):
+            recorder.record(frame)
+    assert screenshot(path, tmp_path / "a.png", time_s=1.0, size=(1200, 700)) == ()
+    assert len((tmp_path / "a.png").read_bytes()) > 50_000

@@ -1,0 +1,80 @@
+"""Pose estimator: exact without noise, millimetres with it, and awake when a car is moved."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from fleet.robots.estimator import PoseEstimator
+from fleet.robots.racecar import racecar_spec
+from fleet.world.kinematic import BicycleCars
+
+SPEC = racecar_spec()
+
+
+def errors(estimator: PoseEstimator, tick_s: float, n_cars: int, ticks: int) -> npt.NDArray[np.float64]:
+    """Weave at 1 m/s; returns estimate minus truth, shape (ticks, n_cars, 3)."""
+    cars = BicycleCars(SPEC, np.zeros((n_cars, 3)), tick_s, 0.0125)
+    out = []
+    for tick in range(ticks):
+        out.append(estimator.update(cars.poses.copy(), cars.speeds, cars.steering) - cars.poses)
+        cars.step(np.tile([0.6 * math.sin(2.0 * tick * tick_s), 1.0], (n_cars, 1)))
+    error = np.array(out)
+    error[..., 2] = (error[..., 2] + math.pi) % (2 * math.pi) - math.pi
+    return error
+
+
+@pytest.mark.parametrize("tick_s", [1 / 60, 0.05])
+def test_rms_error_while_driving(tick_s: float) -> None:
+    estimator = PoseEstimator(SPEC, 20, tick_s, rng=np.random.default_rng(0))
+    error = errors(estimator, tick_s, 20, 200)[40:]
+    assert np.sqrt(np.mean(np.sum(error[..., :2] ** 2, axis=-1))) < 0.0045
+    assert math.degrees(np.sqrt(np.mean(error[..., 2] ** 2))) < 0.17
+
+
+def test_without_noise_and_latency_the_estimate_is_the_truth() -> None:
+    estimator = PoseEstimator(SPEC, 3, 0.05, noise_m=0, noise_rad=0, latency_ticks=0, rng=np.random.default_rng(0))
+    assert np.all(errors(estimator, 0.05, 3, 100) == 0.0)
+
+
+def test_latency_alone_is_predicted_away() -> None:
+    estimator = PoseEstimator(SPEC, 1, 0.05, noise_m=0, noise_rad=0, latency_ticks=4, rng=np.random.default_rng(0))
+    assert np.abs(errors(estimator, 0.05, 1, 200)).max() < 1e-3  # 0.2 m are driven in the time of four ticks
+
+
+def test_standing_car_is_known_better_and_better() -> None:
+    estimator = PoseEstimator(SPEC, 50, 0.05, rng=np.random.default_rng(1))
+    truth, still = np.tile([3.0, 2.0, 1.0], (50, 1)), np.zeros(50)
+    spread = [float(np.std(estimator.update(truth, still, still)[:, 0] - 3.0)) for _ in range(200)]
+    assert spread[0] == 0.0
+    assert max(spread) < 0.003
+
+
+def test_pushed_car_is_noticed_within_a_second() -> None:
+    estimator = PoseEstimator(SPEC, 1, 0.05, rng=np.random.default_rng(2))
+    still = np.zeros(1)
+    for _ in range(200):
+        estimator.update(np.zeros((1, 3)), still, still)
+    pushed = np.array([[0.0, 0.3, 0.5]])
+    for _ in range(20):
+        estimate = estimator.update(pushed, still, still)
+    assert np.abs(estimate - pushed)[0, :2].max() < 0.02
+    assert abs(estimate[0, 2] - 0.5) < 0.02
+
+
+def test_yaw_across_pi_is_followed() -> None:
+    estimator = PoseEstimator(SPEC, 1, 0.05, rng=np.random.default_rng(3))
+    cars = BicycleCars(SPEC, np.array([[0.0, 0.0, math.pi - 0.1]]), 0.05, 0.0125)
+    for _ in range(100):
+        estimate = estimator.update(cars.poses.copy(), cars.speeds, cars.steering)
+        off = (estimate[0, 2] - cars.poses[0, 2] + math.pi) % (2 * math.pi) - math.pi
+        assert abs(off) < 0.03
+        cars.step(np.array([[0.5, 1.0]]))
+
+
+def test_same_seed_gives_the_same_estimates() -> None:
+    runs = [errors(PoseEstimator(SPEC, 2, 0.05, rng=np.random.default_rng(5)), 0.05, 2, 50) for _ in range(2)]
+    assert np.array_equal(*runs)
