@@ -94,10 +94,10 @@ class Recovery:
             result = plan_rejoin(
                 start,
                 simulation.graph.state_pose[state],
-                turning_radius_m=TURNING_RADIUS_M,
-                valid=lambda poses: self._inside(poses, usable),
+                TURNING_RADIUS_M,
+                lambda poses: self._inside(poses, usable),
                 seed=simulation.config.seed + tick,
-                iterations=ITERATIONS,
+                max_iterations=ITERATIONS,
             )
             if result.status is not RejoinStatus.SOLVED:
                 continue

@@ -249,10 +249,8 @@ def _step(cell: npt.NDArray[Any], heading: npt.NDArray[Any], grid: GridMap) -> n
     return np.where(inside, row * grid.cols + col, -1)
 
 
-def _carlike_paths(
-    move: npt.NDArray[np.int64], pose: Floats, offset: Floats, cell_m: float
-) -> tuple[Floats, _Paths]:
-    """Length and samples of every move; moves of one kind between equal stop offsets share one template, moved rigidly."""
+def _carlike_paths(move: npt.NDArray[np.int64], pose: Floats, offset: Floats, cell_m: float) -> tuple[Floats, _Paths]:
+    """Length and samples of every move; moves alike in kind and stop offsets share one template, moved rigidly."""
     deep_from, deep_to = np.round(offset[move[:, 0]], 9), np.round(offset[move[:, 1]], 9)
     keys, group = np.unique(np.column_stack((move[:, 2], deep_from, deep_to)), axis=0, return_inverse=True)
     group = group.ravel()
@@ -305,7 +303,7 @@ def _csr(key: npt.NDArray[Any], n_keys: int) -> tuple[Ints, Ints]:
     return ptr, order
 
 
-def _assemble(  # noqa: PLR0913, PLR0917 - the one place that turns parts into the frozen record
+def _assemble(
     motion: str,
     cell: npt.NDArray[Any],
     heading: npt.NDArray[Any],

@@ -88,7 +88,7 @@ def read_scenario(path: str | os.PathLike[str]) -> tuple[ScenarioEntry, ...]:
     return tuple(entries)
 
 
-def site_from_map(  # noqa: PLR0913 - keyword-only numbers of places
+def site_from_map(
     path: str | os.PathLike[str], *, pick: int, drop: int, parking: int, chargers: int = 0, name: str | None = None
 ) -> Site:
     """Turn a published floor plan into a site with stations and parking.
@@ -135,7 +135,7 @@ def site_from_map(  # noqa: PLR0913 - keyword-only numbers of places
     )
 
 
-def _draw_places(  # noqa: PLR0913, PLR0917 - numbers of the four kinds
+def _draw_places(
     chars: npt.NDArray[np.str_], pick: int, drop: int, chargers: int, parking: int, refused: set[int], name: str
 ) -> npt.NDArray[np.str_]:
     """A copy of the plan with docks, arms and bays at the best cells not refused so far."""

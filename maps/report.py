@@ -124,4 +124,3 @@ def _warnings(site: Site, ratio: float) -> tuple[str, ...]:
                     f"{blocker} other places"
                 )
     return tuple(found)
-

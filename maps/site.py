@@ -289,6 +289,6 @@ def _check_states(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], 
         if cell not in reached:
             what = names.get(cell, "parking or charger cell")
             raise LaneError(
-                f"{where}: {what} at {_place_name(grid, cell)} cannot be reached and left by a car that cannot turn round; "
-                "it needs one-way lanes that lead to it and on"
+                f"{where}: {what} at {_place_name(grid, cell)} cannot be reached and left by a car that cannot "
+                "turn round; it needs one-way lanes that lead to it and on"
             )

@@ -134,7 +134,7 @@ def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, int]:
     return side
 
 
-def place_stations(  # noqa: PLR0913 - the parts of a site
+def place_stations(
     plan: FloorPlan,
     grid: GridMap,
     arm_side: Mapping[int, int],
@@ -186,7 +186,7 @@ def place_stations(  # noqa: PLR0913 - the parts of a site
     return tuple(places)
 
 
-def _dock(  # noqa: PLR0913, PLR0917 - one dock's facts
+def _dock(
     name: str, cell: int, heading: int, straight_exit: bool, grid: GridMap, given: StationOptions, where: str
 ) -> DockPlace:
     half = grid.cell_m / 2

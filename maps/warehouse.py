@@ -18,7 +18,7 @@ _PARKING_RUN = 5
 """Parking cells between two gaps that join the lanes on either side."""
 
 
-def generate_warehouse(  # noqa: PLR0913 - keyword-only sizes
+def generate_warehouse(
     *,
     rows: int,
     cols: int,

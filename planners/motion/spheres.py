@@ -120,7 +120,9 @@ def box_spheres(
     half = np.asarray(half_extent, dtype=np.float64)
     count = np.asarray(per_axis)
     if half.shape != (3,) or np.any(half <= 0) or count.shape != (3,) or np.any(count < 1):
-        raise PlanningError(f"box_spheres: half extent {half}, per axis {per_axis}; expected three positive values each")
+        raise PlanningError(
+            f"box_spheres: half extent {half}, per axis {per_axis}; expected three positive values each"
+        )
     axes = [(np.arange(n) + 0.5) / n * 2.0 * h - h for n, h in zip(count, half, strict=True)]
     centre = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     return centre, np.full(len(centre), float(np.linalg.norm(half / count)))

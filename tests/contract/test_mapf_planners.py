@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,7 @@ from planners.status import Status
 from tests.unit.planners.mapf.lanes import (
     graph_of,
     instance_of,
+    king_grid,
     one_way_grid,
     one_way_loop,
     open_grid,
@@ -167,10 +169,13 @@ def nobody() -> Danger:
     return Danger(instance_of(open_grid(2, 2), [], []))
 
 
-def crowd(seed: int, share: float, *, one_way: bool = True, rotation: bool = False) -> Danger:
+GRIDS = {"one_way": one_way_grid, "two_way": open_grid, "diagonal": king_grid}
+
+
+def crowd(seed: int, share: float, grid: str = "one_way", *, rotation: bool = False) -> Danger:
     """Random starts and goals, some fixed, some that stay, some blocked cells."""
     rng = np.random.default_rng(seed)
-    graph = one_way_grid(6, 8) if one_way else open_grid(6, 8)
+    graph = GRIDS[grid](6, 8)
     n = int(share * graph.n_cells)
     starts = random_starts(graph, n, rng)
     taken = set(graph.state_cell[starts].tolist())
@@ -222,12 +227,10 @@ DANGERS: dict[str, Callable[[], Danger]] = {
         nobody,
     )
 }
-for share in (0.2, 0.5, 0.8, 0.95):
-    for seed in range(4):
-        DANGERS[f"crowd_{share}_{seed}"] = lambda share=share, seed=seed: crowd(seed, share)
-        DANGERS[f"crowd_two_way_{share}_{seed}"] = lambda share=share, seed=seed: crowd(
-            seed, share, one_way=False, rotation=seed % 2 == 0
-        )
+for case in itertools.product(GRIDS, (0.2, 0.5, 0.8, 0.95), range(4)):
+    DANGERS["crowd_{}_{}_{}".format(*case)] = lambda grid=case[0], share=case[1], seed=case[2]: crowd(
+        seed, share, grid, rotation=seed % 2 == 1
+    )
 
 planners = pytest.mark.parametrize("planner", PLANNERS)
 
@@ -316,7 +319,7 @@ def test_the_budget_says_whether_there_was_time(planner: str) -> None:
 
 
 @planners
-@pytest.mark.parametrize("danger", ["crowd_0.5_0", "wide_sweep", "ring_with_gap"])
+@pytest.mark.parametrize("danger", ["crowd_one_way_0.5_0", "wide_sweep", "ring_with_gap"])
 def test_the_input_is_not_changed(planner: str, danger: str) -> None:
     instance = DANGERS[danger]().instance
     before = copy.deepcopy(vars(instance))
@@ -340,7 +343,7 @@ def test_read_only_input_is_enough(planner: str) -> None:
 
 @planners
 def test_the_same_seed_gives_the_same_plan_and_another_one_does_not(planner: str) -> None:
-    instance = crowd(2, 0.5, one_way=False).instance
+    instance = crowd(2, 0.5, "two_way").instance
     plans = [plan_with(planner, instance, seed=seed).states for seed in (7, 7, 8)]
     assert (plans[0] == plans[1]).all()
     assert (plans[0] != plans[2]).any()

@@ -22,8 +22,7 @@ def reach_arm() -> ArmModel:
     """A 3-joint arm (turn, lift, elbow) with links of 0.5 m: small enough to see what the planner must do."""
     turn, lift, elbow = np.eye(4), np.eye(4), np.eye(4)
     turn[2, 3] = 0.4
-    lift[:3, :3] = [[0, 0, -1], [1, 0, 0], [0, -1, 0]]  # local z along -y, local x up: positive angles lean forward
-    lift[:3, :3] = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    lift[:3, :3] = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]  # local x up, local z along y: positive angles lean forward
     elbow[0, 3] = 0.5
     along = np.linspace(0.05, 0.45, 6)
     centre = np.concatenate([[[0, 0, -0.2]], np.tile([[a, 0, 0] for a in along], (2, 1))])
@@ -105,8 +104,9 @@ def test_invalid_ends_are_statuses(planner, checker, bad):  # type: ignore[no-un
 
 
 def test_spent_budget_is_a_status(planner, checker):  # type: ignore[no-untyped-def]
-    high = Boxes.one((0.7, 0.0, 2.0), (1.5, 0.02, 2.0))  # cannot be passed in front; behind is beyond the limits
-    closed = CollisionChecker(reach_arm(), Boxes.join(high, Boxes.one((-0.7, 0.0, 2.0), (0.6, 0.02, 2.0))))
+    # A plane with a hole around the shoulder that is too small for the folded arm.
+    sides = [Boxes.one((x, 0.0, 2.0), (0.7, 0.02, 2.0)) for x in (-1.0, 1.0)]
+    closed = CollisionChecker(reach_arm(), Boxes.join(*sides, Boxes.one((0.0, 0.0, 2.6), (0.3, 0.02, 2.0))))
     result = planner.plan(problem(closed, max_iterations=300))
     assert result.status is MotionStatus.NO_SOLUTION
     assert result.iterations == 300

@@ -90,6 +90,22 @@ def one_way_grid(rows: int, cols: int) -> LaneGraph:
     return graph_of(cells, moves)
 
 
+def king_grid(rows: int, cols: int) -> LaneGraph:
+    """Two-way grid with diagonals, state = cell; a diagonal sweeps the two cells beside it too."""
+    moves, sweeps = [], {}
+    for cell in range(rows * cols):
+        row, col = divmod(cell, cols)
+        for d_row in (-1, 0, 1):
+            for d_col in (-1, 0, 1):
+                to_row, to_col = row + d_row, col + d_col
+                if (d_row, d_col) != (0, 0) and 0 <= to_row < rows and 0 <= to_col < cols:
+                    move = cell, to_row * cols + to_col
+                    moves.append(move)
+                    if d_row and d_col:
+                        sweeps[move] = to_row * cols + col, row * cols + to_col
+    return graph_of(range(rows * cols), moves, sweeps=sweeps)
+
+
 def instance_of(
     graph: LaneGraph,
     starts: Sequence[int],

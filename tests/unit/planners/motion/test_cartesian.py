@@ -42,7 +42,8 @@ def test_every_nearby_solution_descends_straight(srs, place):  # type: ignore[no
 
 
 def test_rotation_turns_about_the_tip(srs):  # type: ignore[no-untyped-def]
-    start = srs.ik_all(flange_from_tip(_down(0.5, 0.1, 0.4, 0.0), TOOL), 8)[0]
+    solutions = srs.ik_all(flange_from_tip(_down(0.5, 0.1, 0.4, 0.0), TOOL), 8)
+    start = solutions[np.argmin(np.abs(solutions / srs.upper).max(1))]  # far from the limits
     goal = _down(0.5, 0.1, 0.4, 0.0)
     goal[:3, :3] = goal[:3, :3] @ Rotation.from_euler("x", 0.3).as_matrix()
     path = cartesian_line(srs, start, goal, 8, tool_length_m=TOOL)

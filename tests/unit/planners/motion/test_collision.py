@@ -31,7 +31,11 @@ def _reference(model, boxes, q, margin, held=None):  # type: ignore[no-untyped-d
         clearance = min(clearance, distance[frame >= boxes.min_frame[b]].min())
     pairs = model.self_pairs
     if held is not None:
-        extra = [(i, len(model.sphere_radius) + h) for i in np.flatnonzero(model.sphere_frame <= 5) for h in range(len(held[1]))]
+        extra = [
+            (i, len(model.sphere_radius) + h)
+            for i in np.flatnonzero(model.sphere_frame <= 5)
+            for h in range(len(held[1]))
+        ]
         pairs = np.concatenate([pairs, extra])
     gaps = np.linalg.norm(centre[pairs[:, 0]] - centre[pairs[:, 1]], axis=1) - radius[pairs].sum(1)
     return clearance, gaps.min()
@@ -82,7 +86,7 @@ def test_accepted_edges_are_free_everywhere(iiwa, station, held):  # type: ignor
 def test_thin_wall_is_not_jumped(iiwa):  # type: ignore[no-untyped-def]
     a, b = HOME.copy(), HOME.copy()
     a[0], b[0] = -0.6, 0.6
-    wall = Boxes.one((0.5, 0.0, 0.5), (0.4, 0.0005, 0.5))
+    wall = Boxes.one((0.55, 0.0, 0.5), (0.25, 0.0005, 0.5))
     checker = CollisionChecker(iiwa, wall, margin=0.0)
     assert checker.free(a)
     assert checker.free(b)

@@ -17,7 +17,9 @@ def test_all_solutions_reach_the_pose_inside_the_limits(srs):  # type: ignore[no
         solutions = srs.ik_all(pose)
         assert len(solutions) > 0
         assert np.all((solutions >= srs.lower) & (solutions <= srs.upper))
-        np.testing.assert_allclose(link_frames(srs.base_from_joint, solutions)[:, -1], np.tile(pose, (len(solutions), 1, 1)), atol=1e-8)
+        np.testing.assert_allclose(
+            link_frames(srs.base_from_joint, solutions)[:, -1], np.tile(pose, (len(solutions), 1, 1)), atol=1e-8
+        )
 
 
 def test_arm_angle_and_branch_invert_ik_branch(srs):  # type: ignore[no-untyped-def]
