@@ -140,7 +140,7 @@ class Dispatcher:
             self._enter(car, CarPhase.IDLE)
         self._changed = True
 
-    def parcels_where_booked(self) -> list[str]:
+    def misplaced_parcels(self) -> list[str]:
         """Compare the books with the world; returns one line for each parcel that is not where the books say."""
         poses = dict(zip(self._world.parcel_ids().tolist(), self._world.parcel_poses(), strict=True))
         wrong = []

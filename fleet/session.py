@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import platform
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -17,15 +15,21 @@ from fleet.config import RunConfig
 from fleet.dispatcher import CarPhase
 from fleet.insight.metrics import Summary
 from fleet.progress import Progress
-from fleet.recording import Frame, LogLine, NullRecorder, Recorder
-from fleet.recording.frame import FloorPlan
-from fleet.recording.rerun_recorder import RerunRecorder
-from fleet.recording.run_file import RunFile, prepare_output
+from fleet.recording import (
+    FloorPlan,
+    Frame,
+    LogLine,
+    NullRecorder,
+    Recorder,
+    RerunRecorder,
+    RunFile,
+    prepare_output,
+    versions,
+)
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import TaskState
 
 RECORDING = "recording.rrd"
-PACKAGES = ("pybullet", "ompl", "numpy", "numba", "scipy", "networkx", "pettingzoo", "rerun-sdk")
 LOUD = frozenset({"off_lane", "rejoin_impossible", "transfer_repeated", "disturbance"})
 """Events that a person should notice in the log."""
 
@@ -62,11 +66,6 @@ class SessionConfig:
     progress: bool = True
 
 
-def versions() -> dict[str, str]:
-    """Python and the packages that decide a run's outcome."""
-    return {"python": platform.python_version(), **{name: importlib.metadata.version(name) for name in PACKAGES}}
-
-
 def run_session(config: RunConfig, session: SessionConfig) -> Result:
     """Run to the end, or to an interrupt, and leave recording, run file and result behind.
 
@@ -83,12 +82,10 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
     started = time.perf_counter()
     with ExitStack() as stack:
         events: list[Event] = []
-        sinks = [events.append]
-        simulation = stack.enter_context(Simulation(config, on_event=lambda event: [s(event) for s in sinks] and None))
+        sink: list[Callable[[Event], None]] = [events.append]
+        simulation = stack.enter_context(Simulation(config, on_event=lambda event: sink[0](event)))
         prepare_output(session.out)
-        run_file = stack.enter_context(
-            RunFile(session.out, config=asdict(config), seed=config.seed, versions=versions())
-        )
+        run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
         recorder = stack.enter_context(_recorder(simulation, session))
         watch = _Watch(simulation, recorder)
 
@@ -98,7 +95,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
 
         for event in events:
             emit(event)
-        sinks[:] = [emit]
+        sink[0] = emit
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         interrupted, wall_s, first_move_s = _loop(simulation, session, watch, progress, started)
         summary = simulation.summary()
@@ -114,7 +111,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
             interrupted=interrupted,
             versions=versions(),
         )
-        run_file.result(asdict(result))
+        run_file.result(result)
     return result
 
 
@@ -168,7 +165,7 @@ def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
     centres = site.grid.cell_xy
     floor = FloorPlan(
         name=site.name,
-        lanes=centres(site.lanes),
+        lanes=centres(site.lanes.ravel()).reshape(-1, 2, 2),
         station_names=tuple(station.name for station in site.stations),
         station_xy=np.array([station.arm.pose[:2] for station in site.stations]),
         dock_xy=centres([int(graph.state_cell[station.dock_state]) for station in simulation.stations]),

@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -79,14 +80,17 @@ class Site:
         )
 
 
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
 class _StationTable(BaseModel):
     """[stations.NAME] of a site file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-    stop_offset_m: float | None = Field(default=None, ge=0.0, allow_inf_nan=False)
-    arm_xy: tuple[float, float] | None = None
-    arm_yaw_deg: float | None = Field(default=None, allow_inf_nan=False)
-    slots: tuple[tuple[float, float, float], ...] | None = None
+    stop_offset_m: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
+    arm_xy: tuple[_Finite, _Finite] | None = None
+    arm_yaw_deg: _Finite | None = None
+    slots: tuple[tuple[_Finite, _Finite, Annotated[float, Field(gt=0.0, allow_inf_nan=False)]], ...] | None = None
 
 
 class _SiteTable(BaseModel):

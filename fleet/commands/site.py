@@ -14,7 +14,8 @@ from rich.table import Table
 from fleet.config import require
 from fleet.errors import FleetError
 from maps.movingai import site_from_map
-from maps.site import Site, check_site, draw_site, load_site, save_site, site_names
+from maps.report import check_site, draw_site
+from maps.site import Site, load_site, save_site, site_names
 from maps.warehouse import generate_warehouse
 
 

@@ -29,6 +29,10 @@ class CommandError(FleetError):
     """A command does not fit the world's robots."""
 
 
+class SnapshotError(FleetError):
+    """A snapshot does not belong to the world that should return to it."""
+
+
 class CarMotion(Protocol):
     """How a world moves its cars."""
 
@@ -426,8 +430,14 @@ class PlanarWorld:
             surroundings=self._surroundings.save(),
         )
 
-    def load(self, snapshot: PlanarSnapshot) -> None:
-        """See `World`."""
+    def load(self, snapshot: object) -> None:
+        """See `World`.
+
+        Raises:
+            SnapshotError: The snapshot is not one of this kind of world.
+        """
+        if not isinstance(snapshot, PlanarSnapshot):
+            raise SnapshotError(f"load: snapshot is a {type(snapshot).__name__}; valid: what `save` of this world gave")
         self._cars.load(snapshot.cars)
         self._arms.load(snapshot.arms)
         self._parcels.load(snapshot.parcels)

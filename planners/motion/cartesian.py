@@ -57,7 +57,7 @@ def _follow(poses, q_start, start_angle, branch, n_angles, max_turn, max_step, p
                     found = True
         if not found:
             return False
-    a = np.argmin(cost[m])
+    a = int(np.argmin(cost[m]))
     for p in range(m, -1, -1):
         path[p] = solution[p, a]
         a = origin[p, a]
@@ -87,8 +87,8 @@ def cartesian_line(
         max_joint_step_rad: Largest change of any joint between way points [rad].
 
     Returns:
-        Configurations [rad], shape (n_steps + 1, 7), the first being `q_start`; None if the line leaves the reach or the
-        joint limits, or needs a jump.
+        Configurations [rad], shape (n_steps + 1, 7), the first being `q_start`; None if the line leaves the reach or
+        the joint limits, or needs a jump.
 
     Raises:
         PlanningError: Malformed input.

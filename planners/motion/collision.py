@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -378,7 +379,7 @@ class CollisionChecker:
         points = np.asarray(path, dtype=np.float64)
         if len(points) == 0 or not self.free(points[0]):
             return False
-        return all(self.edge(a, b) for a, b in zip(points[:-1], points[1:], strict=True))
+        return all(self.edge(a, b) for a, b in pairwise(points))
 
     def batch(self, q: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """`free` for many configurations (m, n), shape (m,)."""

@@ -48,7 +48,8 @@ class MotionProblem:
         n = self.checker.model.n_joints
         if self.start.shape != (n,) or self.goals.ndim != 2 or self.goals.shape[1:] != (n,) or len(self.goals) == 0:
             raise PlanningError(
-                f"MotionProblem: start {self.start.shape}, goals {self.goals.shape}; expected ({n},) and (k, {n}), k >= 1"
+                f"MotionProblem: start {self.start.shape}, goals {self.goals.shape}; "
+                f"expected ({n},) and (k, {n}), k >= 1"
             )
         if not np.all(np.isfinite(self.start)) or not np.all(np.isfinite(self.goals)):
             raise PlanningError("MotionProblem: start and goals must be finite")

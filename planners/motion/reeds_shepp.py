@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -103,7 +104,7 @@ def write_state(state: ob.State, pose: FloatArray) -> None:
     state.setYaw(float(np.arctan2(np.sin(pose[2]), np.cos(pose[2]))))
 
 
-class _CurveValidator(ob.MotionValidator):  # type: ignore[misc]
+class _CurveValidator(ob.MotionValidator):
     """Checks a whole curve by one call of the caller's validity function."""
 
     def __init__(self, si: ob.SpaceInformation, curves: _Curves, valid: Validity) -> None:
@@ -111,7 +112,7 @@ class _CurveValidator(ob.MotionValidator):  # type: ignore[misc]
         self._curves = curves
         self._valid = valid
 
-    def checkMotion(self, a: ob.State, b: ob.State) -> bool:  # noqa: N802  the name is OMPL's
+    def checkMotion(self, a: ob.State, b: ob.State) -> bool:
         start, goal = np.array(read_state(a)), np.array(read_state(b))
         return bool(np.all(self._valid(self._curves.spaced(start, goal, _STEP_M))))
 
@@ -148,7 +149,7 @@ def plan_rejoin(
     """
     a, b = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
     if a.shape != (3,) or b.shape != (3,) or not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
-        raise PlanningError(f"plan_rejoin: start {start}, goal {goal}; expected x, y, yaw each")
+        raise PlanningError(f"plan_rejoin: start {a.tolist()}, goal {b.tolist()}; expected x, y, yaw each")
     if not turning_radius_m > 0:
         raise PlanningError(f"plan_rejoin: turning_radius_m {turning_radius_m}, expected > 0")
     if not 0 <= seed < 2**32 - 1 or max_iterations < 0:
@@ -208,7 +209,7 @@ def _search(
 def _shorten(curves: _Curves, corners: FloatArray, valid: Validity, rng: np.random.Generator) -> FloatArray:
     """Replace stretches between random poses of the way by direct curves where those are shorter and valid."""
     for _ in range(_SHORTCUTS):
-        lengths = np.array([curves.length(p, q) for p, q in zip(corners[:-1], corners[1:], strict=True)])
+        lengths = np.array([curves.length(p, q) for p, q in pairwise(corners)])
         along = np.concatenate([[0.0], np.cumsum(lengths)])
         first, last = np.sort(rng.uniform(0.0, along[-1], 2))
         i, j = (int(np.clip(np.searchsorted(along, s) - 1, 0, len(lengths) - 1)) for s in (first, last))
@@ -228,7 +229,7 @@ def _shorten(curves: _Curves, corners: FloatArray, valid: Validity, rng: np.rand
 
 
 def _finished(curves: _Curves, corners: FloatArray, iterations: int) -> RejoinResult:
-    pieces = [_with_cusps(curves, a, b) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+    pieces = [_with_cusps(curves, a, b) for a, b in pairwise(corners)]
     poses = np.concatenate([p[:-1] for p, _ in pieces] + [corners[-1:]])
     directions = np.concatenate([d for _, d in pieces])
     poses[:, 2] = np.unwrap(poses[:, 2])
@@ -268,7 +269,7 @@ def _with_cusps(curves: _Curves, a: FloatArray, b: FloatArray) -> tuple[FloatArr
         cusps.append(0.5 * (low + high))
     borders = np.array([0.0, *cusps, 1.0])
     fractions, directions = [np.zeros(1)], []
-    for low, high in zip(borders[:-1], borders[1:], strict=True):
+    for low, high in pairwise(borders):
         m = max(1, int(np.ceil((high - low) * length / _STEP_M)))
         fractions.append(low + (high - low) * np.arange(1, m + 1) / m)
         middle_sign = sign[min(int(0.5 * (low + high) * n), n - 1)]

@@ -13,7 +13,7 @@ from planners.motion.rrt_connect_config import RrtConnectConfig
 from planners.motion.shortcut import shorten
 
 
-class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]
+class _EdgeValidator(ob.MotionValidator):
     """Hands an OMPL edge to the compiled check in one call."""
 
     def __init__(self, si: ob.SpaceInformation, checker: CollisionChecker) -> None:
@@ -21,7 +21,7 @@ class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]
         self._checker = checker
         self._n = checker.model.n_joints
 
-    def checkMotion(self, a: ob.State, b: ob.State) -> bool:  # noqa: N802  the name is OMPL's
+    def checkMotion(self, a: ob.State, b: ob.State) -> bool:
         # Slices copy: OMPL reuses the memory of states it shows to callbacks.
         return self._checker.edge(a[0 : self._n], b[0 : self._n])
 

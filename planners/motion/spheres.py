@@ -196,7 +196,9 @@ def _volume_samples(points: FloatArray, hull: ConvexHull, rng: np.random.Generat
 def _spread(surface: FloatArray, inside: FloatArray, k: int, rng: np.random.Generator) -> FloatArray:
     """Centres by Lloyd's iteration: assign, then move each centre into the ball around its points."""
     if k == 1:
-        return surface.mean(0, keepdims=True)
+        middle: FloatArray = surface.mean(0, keepdims=True)
+        return middle
+    centre: FloatArray
     centre, _ = kmeans2(inside, min(k, len(inside)), seed=rng, minit="++")
     for _ in range(_LLOYD_STEPS):
         nearest = np.argmin(np.linalg.norm(surface[:, None] - centre, axis=2), axis=1)

@@ -265,7 +265,8 @@ def retime(
             raise PlanningError(f"retime: {name} {limit}, expected {n} values > 0")
     if not (dt_s > 0 and max_deviation_rad > 0 and smoothing_s >= 0):
         raise PlanningError(
-            f"retime: dt_s {dt_s}, max_deviation_rad {max_deviation_rad}, smoothing_s {smoothing_s}; expected > 0, > 0, >= 0"
+            f"retime: dt_s {dt_s}, max_deviation_rad {max_deviation_rad}, smoothing_s {smoothing_s}; "
+            "expected > 0, > 0, >= 0"
         )
     moved = np.linalg.norm(np.diff(corners, axis=0), axis=1) > _SAME_RAD
     corners = np.ascontiguousarray(corners[np.concatenate([[True], moved])])

@@ -83,7 +83,7 @@ def test_straight_line_costs_no_iterations(planner):  # type: ignore[no-untyped-
 
 def test_any_goal_will_do_and_invalid_ones_are_dropped(planner, checker):  # type: ignore[no-untyped-def]
     inside_wall = np.array([0.0, 0.9, -1.0])
-    goals = np.stack([inside_wall, ACROSS, ACROSS + [0.3, 0, 0]])
+    goals = np.stack([inside_wall, ACROSS, ACROSS + np.array([0.3, 0, 0])])
     result = planner.plan(problem(checker, goals=goals))
     assert result.solved
     assert np.linalg.norm(goals[1:] - result.path[-1], axis=1).min() < 1e-12

@@ -128,7 +128,6 @@ def test_networkx_export_is_the_same_strongly_connected_graph(small):
 
 
 def test_dock_left_by_a_turn_keeps_the_waiting_pose():
-    plan = ["#######", "#.....#", "AP###.#", "_.....#", "#...##_", "#....DA", "#######"]
     plan = ["########", "AP....K#", "_.####.#", "#.####.#", "#......_", "#.####DA", "#......_", "########"]
     site = site_from_plan(plan, name="corner")
     graph = build_lane_graph(site)

@@ -37,14 +37,14 @@ def test_default_station_by_hand():
 def test_options_move_dock_arm_and_slots():
     options = {
         "pick_1": StationOptions(
-            stop_offset_m=0.2, arm_xy=(0.85, 2.5), arm_yaw_deg=10.0, slots=((-0.4, 0.0, 0.3), (0.0, 0.4, 0.2))
+            stop_offset_m=0.2, arm_xy=(0.9, 2.5), arm_yaw_deg=10.0, slots=((-0.4, 0.0, 0.3), (0.0, 0.4, 0.2))
         )
     }
     site = site_from_plan(PLAN, name="s", options=options)
     pick = site.station("pick_1")
     assert pick.dock.stop_offset_m == 0.2
-    assert pick.arm.pose == pytest.approx((0.85, 2.5, 0.0, math.radians(10)))
-    expected = (0.85 - 0.4 * math.cos(math.radians(10)), 2.5 - 0.4 * math.sin(math.radians(10)), 0.3)
+    assert pick.arm.pose == pytest.approx((0.9, 2.5, 0.0, math.radians(10)))
+    expected = (0.9 - 0.4 * math.cos(math.radians(10)), 2.5 - 0.4 * math.sin(math.radians(10)), 0.3)
     np.testing.assert_allclose(pick.slots[0], expected)
     assert pick.pedestal_half_m[:, 2].tolist() == [0.15, 0.1]
 
@@ -76,7 +76,7 @@ def test_unknown_site_lists_the_names():
         ("name = 'a'", "plan is missing"),
         (
             "plan = '''\n.\n'''\ncolour = 1",
-            "colour is not a known entry, must be one of name, allow_reverse, plan, stations",
+            "colour is not a known entry, must be one of name, allow_reverse, plan",
         ),
         ("plan = '.'\n[stations.pick_1]\narm = 1", "stations.pick_1.arm is not a known entry"),
         ("plan = '.'\n[stations.pick_1]\nstop_offset_m = -0.1", "stations.pick_1.stop_offset_m is -0.1"),
@@ -111,7 +111,7 @@ def test_undecodable_file_is_refused(tmp_path):
         (changed(1, 0, "#"), StationError, "pick_1 at row 2, column 2 has 0 arms beside it"),
         (changed(1, 2, "A"), StationError, "pick_1 at row 2, column 2 has 2 arms"),
         (changed(3, 0, "A"), StationError, "arm at row 4, column 1 has no dock beside it"),
-        (changed(0, 1, "#"), StationError, "stands on the lane cell"),
+        (["_#......_", "AP....DA", "......._", "#......#"], StationError, "stands on the lane cell"),
         (["_......_", "AP....DA", "_......_", "###..###", "###K####"], LaneError, "parking cell at row 5, column 4"),
         (["_......_", "AP....DA", "_......_", "###.####", "###C.###"], LaneError, "charger cell at row 5, column 4"),
         (
@@ -119,15 +119,12 @@ def test_undecodable_file_is_refused(tmp_path):
             LaneError,
             "drop_1 at row 5, column 7 is a dead end",
         ),
-        (["_......_", "AP....DA", "_.....DA", "_......_"], StationError, "1.00 m apart, must be at least 2.0 m"),
-        (["_....._", "AP...P_", "_....A_", "_....DA", "_......"], PlanError, "row 5 has 7"),
+        (["_......_", "AP....DA", "_.....DA", "_......_"], StationError, "1.48 m apart, must be at least 2.0 m"),
+        (["_....._", "AP...DA", "_......."], PlanError, "row 3 has 8 characters, must have 7"),
         (changed(1, 3, "x"), PlanError, "'x' at row 2, column 4 needs allow_reverse = true"),
     ],
 )
 def test_plan_that_cannot_work_is_refused(plan, error, message):
-    if error is PlanError and "row 5" in message:
-        plan = [*plan[:4], "_......."]
-        message = "row 5 has 8 characters, must have 7"
     with pytest.raises(error) as caught:
         site_from_plan(plan, name="s")
     assert message in str(caught.value)
@@ -162,7 +159,6 @@ def test_two_way_cells_need_a_passing_place():
     corridor = ["_.........._", "AP########DA", "_.###xx###._", "#...#xx#...#", "#..........#"]
     assert site_from_plan(corridor, name="s", allow_reverse=True).allow_reverse
     tight = ["_..........._", "AP####x####DA", "_.####x####._", "#...........#"]
-    tight[1], tight[2] = "AP###.x.###DA".replace(".", "#"), "_.####x####._"
     with pytest.raises(PlanError, match="has no passing place"):
         site_from_plan(tight, name="s", allow_reverse=True)
 
@@ -182,7 +178,7 @@ def test_report_warns_of_a_dock_in_the_only_lane_and_of_cut_floor():
     assert any("2 floor cells are cut off" in line for line in report.warnings)
     assert any("no parking" in line for line in report.warnings)
     assert any("pick_1: a car in the dock blocks the only lane to 1 other places" in line for line in report.warnings)
-    assert (report.picks, report.drops, report.parking, report.lanes) == (1, 1, 0, 18)
+    assert (report.picks, report.drops, report.parking, report.lanes) == (1, 1, 0, 20)
 
 
 def test_drawing_shows_every_lane_once():

@@ -77,4 +77,4 @@ def test_yaw_across_pi_is_followed() -> None:
 
 def test_same_seed_gives_the_same_estimates() -> None:
     runs = [errors(PoseEstimator(SPEC, 2, 0.05, rng=np.random.default_rng(5)), 0.05, 2, 50) for _ in range(2)]
-    assert np.array_equal(*runs)
+    assert np.array_equal(runs[0], runs[1])

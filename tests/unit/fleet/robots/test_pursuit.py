@@ -74,8 +74,10 @@ def drive(
     paths, follower = PathBuffer(n_cars), Follower(SPEC, n_cars, tick_s)
     fine = np.array([lay(paths, car, parts) for car in range(n_cars)])[0]
     cars = BicycleCars(SPEC, np.zeros((n_cars, 3)), tick_s, 0.0125)
-    quality = {} if noisy else {"noise_m": 0.0, "noise_rad": 0.0, "latency_ticks": 0}
-    estimator = PoseEstimator(SPEC, n_cars, tick_s, **quality, rng=np.random.default_rng(7))
+    rng = np.random.default_rng(7)
+    estimator = PoseEstimator(SPEC, n_cars, tick_s, rng=rng)
+    if not noisy:
+        estimator = PoseEstimator(SPEC, n_cars, tick_s, noise_m=0.0, noise_rad=0.0, latency_ticks=0, rng=rng)
     stop_s = np.array([paths.end_s(car) for car in range(n_cars)])
     log: list[tuple[FloatArray, ...]] = []
     for _ in range(int(30.0 / tick_s)):

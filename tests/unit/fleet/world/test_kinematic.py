@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fleet.errors import ConfigError, FleetError
-from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, KinematicWorld, ServoArms
+from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, KinematicWorld, ServoArms, SnapshotError
 from fleet.world.scene import Scene
 from planners.motion.kinematics import link_frames
 
@@ -206,6 +206,8 @@ def test_wrong_shapes_and_settings_are_refused(hall: Scene) -> None:
     world = KinematicWorld(hall)
     with pytest.raises(CommandError, match=r"shapes \(\(3, 2\)"):
         step(world, np.zeros((3, 2)))
+    with pytest.raises(SnapshotError, match="snapshot is a dict"):
+        world.load({})
     with pytest.raises(ConfigError, match="tick_s is 0"):
         KinematicConfig(tick_s=0.0)
     with pytest.raises(ConfigError, match="substep_s is nan"):

@@ -146,7 +146,7 @@ def test_breakdowns_and_recoveries_at_random_moments(grid: str, seed: int) -> No
             fleet.fixed[agent] = True
         elif turn % 4 == 1:
             cells = {int(cell) for cell in rng.integers(48, size=3)}
-            free = cells.isdisjoint(*(fleet.held(other) for other in range(fleet.n) if other != agent))
+            free = all(cells.isdisjoint(fleet.held(other)) for other in range(fleet.n) if other != agent)
             assert dependencies.reserve(agent, cells) == free
             if free:
                 fleet.extra[agent] |= cells

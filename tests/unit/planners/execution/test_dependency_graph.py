@@ -207,7 +207,7 @@ def test_the_cut_keeps_granted_moves_and_the_lookahead() -> None:
     assert ends_of(graph, dependencies.next_moves(0)) == [2]
 
 
-def test_the_cut_drops_moves_that_wait_for_dropped_ones(crossing: LaneGraph) -> None:
+def test_the_cut_drops_moves_that_wait_for_dropped_ones() -> None:
     """The agent that crosses second would keep two moves, but it waits for a third one of the first agent."""
     graph = graph_of([0, 1, 2, 3, 2, 4, 5], [(0, 1), (1, 2), (2, 6), (3, 4), (4, 5)])
     dependencies = with_plan(graph, [0, 3], [1, 3], [2, 3], [6, 4], [6, 5])
@@ -293,9 +293,9 @@ def test_a_relocated_agent_starts_afresh() -> None:
     dependencies.relocate(0, 4)
     dependencies.unreserve(0)
     assert dependencies.held_cells(0) == [4]
-    assert dependencies.tail_states().tolist() == [4, 0]
+    assert dependencies.tail_states().tolist() == [4, 1], "the follower's first move waited for nothing that is dropped"
     assert (dependencies.n_granted(0), dependencies.n_queued(0)) == (0, 0)
-    dependencies.extend(plan_of([4, 0], [5, 1]))
+    dependencies.extend(plan_of([4, 1], [5, 2]))
     assert dependencies.grantable(0)
     assert dependencies.grantable(1)
 

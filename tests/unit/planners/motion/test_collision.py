@@ -45,7 +45,7 @@ def _reference(model, boxes, q, margin, held=None):  # type: ignore[no-untyped-d
 def held():  # type: ignore[no-untyped-def]
     """A 10 cm parcel at the tip of the cup."""
     centre, radius = box_spheres((0.05, 0.05, 0.05))
-    return centre + [0, 0, 0.185 + 0.05], radius
+    return centre + np.array([0, 0, 0.185 + 0.05]), radius
 
 
 @pytest.mark.parametrize("carries", [False, True])
