@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from maps.errors import MapsError, SiteError
 from maps.grid import DCOL, DROW, EAST, NORTH, SOUTH, WEST, GridMap
-from maps.orientation import orient_lanes
+from maps.orientation import n_separated, orient_lanes
 from maps.plan import parse_plan
 from maps.site import Site, site_from_plan
 from maps.stations import MIN_ARM_SPACING_M, match_arms
@@ -274,11 +274,16 @@ def _draw_bays(
 
 
 def _unserved(drawn: npt.NDArray[np.str_], name: str) -> set[int]:
-    """Docks and bays that the lanes of this drawing leave out."""
+    """Docks and bays that the lanes of this drawing leave out, and bays where a standing car would shut others off."""
     where = f"site {name}"
     plan = parse_plan(["".join(line) for line in drawn], where=where)
     lanes = orient_lanes(plan, match_arms(plan, GridMap(plan.open), where=where)).lanes
-    return set(plan.cells("PDKC")) - set(np.intersect1d(lanes[:, 0], lanes[:, 1]).tolist())
+    places = plan.cells("PDKC")
+    left_out = set(places) - set(np.intersect1d(lanes[:, 0], lanes[:, 1]).tolist())
+    if left_out:
+        return left_out
+    start, end = lanes.astype(np.int64).T
+    return {cell for cell in plan.cells("KC") if n_separated(start, end, cell, np.array(places)) > 0}
 
 
 def _read_lines(path: str | os.PathLike[str]) -> list[str]:

@@ -27,6 +27,8 @@ _REVERSAL_COST = 1000.0
 _REPAIR_ROUNDS = 5
 _LOOK_BACK_LINES = 12
 """How many rows (columns) back a comparable aisle is looked for."""
+_LARGE_N_EDGES = 4000
+"""Above so many edges only the most connected first guess is repaired, to stay within seconds."""
 _WAY_ROUND_CELLS = 3
 """A way round a dock is looked for among the lanes this near to it."""
 _SAMPLE_SOURCES = 64
@@ -101,7 +103,10 @@ def orient_lanes(plan: FloorPlan, arm_side: dict[int, int]) -> Orientation:
         return Orientation(lanes=np.empty((0, 2), dtype=np.int32), cut_cells=tuple(plan.cells(_open_characters(plan))))
 
     best: tuple[tuple[int, float], _Edges] | None = None
-    for signs in _alternating_starts(edges, grid):
+    starts = _alternating_starts(edges, grid)
+    if len(edges.tail) > _LARGE_N_EDGES:
+        starts = [max(starts, key=lambda signs: len(_strong_part(replace(edges, sign=signs), grid.n_cells).tail))]
+    for signs in starts:
         repaired = _repaired(replace(edges, sign=signs), grid.n_cells)
         candidate = _strong_part(repaired, grid.n_cells)
         if len(candidate.tail) == 0:

@@ -22,7 +22,7 @@ _WINDOW_S = (-15.0, 8.0)
 """Part of the state lanes that is shown, about the time cursor [s]."""
 _FIELD_OF_VIEW_RAD = math.radians(55.0)
 """Vertical field of view of the viewer's eye (its default)."""
-_ELEVATION_RAD = math.radians(52.0)
+_ELEVATION_RAD = math.radians(60.0)
 """Steep enough to look over shelves into the aisles behind them."""
 _MARGIN_M = 0.6
 
@@ -43,8 +43,8 @@ def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str]) -> rrb.Blueprin
         name="From above",
         contents=["/world/**"],
         visual_bounds=rrb.VisualBounds2D(
-            x_range=(-_MARGIN_M * PIXELS_PER_M, (width + _MARGIN_M) * PIXELS_PER_M),
-            y_range=(-(0.03 * depth + _MARGIN_M) * PIXELS_PER_M, (1.07 * depth + _MARGIN_M) * PIXELS_PER_M),
+            x_range=(-(0.03 * width + _MARGIN_M) * PIXELS_PER_M, (1.03 * width + _MARGIN_M) * PIXELS_PER_M),
+            y_range=(-(0.05 * depth + _MARGIN_M) * PIXELS_PER_M, (1.07 * depth + _MARGIN_M) * PIXELS_PER_M),
         ),
     )
     close = []
@@ -68,7 +68,7 @@ def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str]) -> rrb.Blueprin
             rrb.Vertical(
                 _lanes("Robots", "cars", "arms"),
                 _lanes("Tasks", "tasks"),
-                rrb.Horizontal(plotted, text),
+                rrb.Horizontal(plotted, text, column_shares=[6, 5]),
                 row_shares=[(n_lanes + 1.7) * _LANE_PX, 7.0 * _LANE_PX, 190.0],
             ),
             column_shares=[3, 2],
@@ -102,7 +102,7 @@ def _lanes(name: str, *kinds: str) -> rrb.StateTimelineView:
 
 
 def _plots(titles: Sequence[str]) -> rrb.Tabs:
-    origins = {"Tasks by state": "/counts"} | {title: f"/metrics/{title}" for title in titles}
+    origins = {"States": "/counts"} | {title: f"/metrics/{title}" for title in titles}
     if not titles:
         origins["Metrics"] = "/metrics"
     return rrb.Tabs(

@@ -39,7 +39,7 @@ STATE_COLOURS = {
 }
 """Colours of the states of cars, arms and tasks; an unknown state gets a colour of its own from its name."""
 
-BOX_COLOURS = {"wall": 0x64748BFF, "shelf": 0xA98357FF, "pedestal": 0xB8C0CCFF}
+BOX_COLOURS = {"wall": 0x64748BFF, "shelf": 0xA9835760, "pedestal": 0xB8C0CCFF}
 BOX_DEFAULT = 0x808080FF
 FLOOR = 0x2A2F38FF
 LANE = 0x7B879AFF

@@ -15,6 +15,7 @@ Array = npt.NDArray[np.floating]
 LinkPoses = Mapping[str, tuple[Array, Array]]
 """Link -> positions (f, n, 3) [m] and quaternions xyzw (f, n, 4), both in the world."""
 
+_UPRIGHT = np.eye(3)
 _STRAIGHT_RAD = 1e-6
 """Below this steering angle the turning circle is taken as infinite."""
 
@@ -178,7 +179,7 @@ class Part:
             matrix = visual.link_from_visual
             if matrix[:3, 3].any():
                 position = position + quat_rotate(quat, matrix[:3, 3])
-            if not np.array_equal(matrix[:3, :3], np.eye(3)):
+            if not (matrix[:3, :3] == _UPRIGHT).all():
                 quat = quat_multiply(quat, quat_from_matrix(matrix))
             positions.append(position)
             quats.append(quat)

@@ -14,8 +14,6 @@ CAMERA = "world/top"
 LABELS = "world/labels"
 _LABEL_Z = 0.6
 """Height of a station's name [m]; it stands behind the arm, so that a docked car's name has room."""
-_LABEL_SHARE = 0.045
-"""Its distance from the arm on a deep site, as a part of the depth: names keep their size in pixels."""
 _CAMERA_Z = 400.0
 """So far up that the projection is nearly parallel [m]."""
 PIXELS_PER_M = 24.0
@@ -62,8 +60,9 @@ def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: FloorPlan) -> None
     if floor.station_names:
         away = floor.station_xy - floor.dock_xy
         away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
-        # text hangs below its point: north of an arm it needs more room
-        reach = np.maximum(0.9, depth * np.where(away[:, 1] > 0.5, 2 * _LABEL_SHARE, _LABEL_SHARE))
+        # text is centred below its point and keeps its size in pixels: it needs least room south of an arm
+        sideways, north = np.abs(away[:, 0]) > 0.5, away[:, 1] > 0.5
+        reach = np.select([sideways, north], [1.0 + 0.05 * width, 0.9 + 0.075 * depth], max(0.9, 0.045 * depth))
         rec.log(
             LABELS,
             rr.Points3D(

@@ -7,14 +7,14 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-import pyarrow as pa  # type: ignore[import-untyped]
 import rerun as rr
 
 from fleet.recording import palette
-from fleet.recording.frame import FloatArray, FloorPlan, Frame, LogLine
+from fleet.recording.columns import offsets_of, strips, vectors
+from fleet.recording.frame import FloorPlan, Frame, LogLine
 from fleet.recording.layout import layout
 from fleet.recording.poses import Array, Part, arm_link_poses, car_link_poses, parts
 from fleet.recording.scenery import log_part, log_scenery, log_tags
@@ -26,8 +26,6 @@ _FLUSH_TICK_S = 0.2
 """Period at which rerun writes to its sinks [s]; a killed process loses up to two of them (measured)."""
 _SERVER_MEMORY = "512MB"
 """What a viewer that joins late may still be sent; older frames are dropped, the scenery is kept."""
-_STRIPS = rr.LineStrips3D([]).as_component_batches()[0].component_descriptor()
-_STRIP_TYPE = rr.components.LineStrip3DBatch._ARROW_DATATYPE
 
 
 class Stream:
@@ -56,6 +54,7 @@ class Stream:
         self._plots = {title: tuple(names) for title, names in plots.items()}
         self._parcels: tuple[int, ...] | None = None
         self._seen: dict[str, str] = {}
+        self._words: tuple[object, ...] = ()
         self._states: dict[str, set[str]] = {}
         self._counts: tuple[str, ...] = ()
         self._rec = rr.RecordingStream("fleet", batcher_config=rr.ChunkBatcherConfig(flush_tick=_FLUSH_TICK_S))
@@ -146,16 +145,21 @@ class Stream:
 
     def _send_instances(self, path: str, index: list[rr.TimeColumn], position: Array, quat: Array) -> None:
         n_rows, n_instances = position.shape[:2]
-        columns = rr.InstancePoses3D.columns(
-            translations=position.reshape(-1, 3).astype(np.float32), quaternions=quat.reshape(-1, 4).astype(np.float32)
+        offsets = np.arange(n_rows + 1, dtype=np.int32) * np.int32(n_instances)
+        self._send(
+            path,
+            index,
+            [
+                vectors("InstancePoses3D:translations", position, offsets),
+                vectors("InstancePoses3D:quaternions", quat, offsets),
+            ],
         )
-        self._send(path, index, columns.partition([n_instances] * n_rows))
 
     def _write_parcels(self, frames: Sequence[Frame], index: list[rr.TimeColumn]) -> None:
-        poses = np.concatenate([frame.parcel_poses.reshape(-1, 7) for frame in frames]).astype(np.float32)
-        lengths = [len(frame.parcel_ids) for frame in frames]
-        columns = rr.Boxes3D.columns(centers=poses[:, :3], quaternions=poses[:, 3:])
-        self._send("world/parcels", index, columns.partition(lengths))
+        poses = np.concatenate([frame.parcel_poses.reshape(-1, 7) for frame in frames])
+        offsets = offsets_of([len(frame.parcel_ids) for frame in frames])
+        centres = vectors("Boxes3D:centers", poses[:, :3], offsets)
+        self._send("world/parcels", index, [centres, vectors("Boxes3D:quaternions", poses[:, 3:], offsets)])
         for frame in frames:
             ids = tuple(int(i) for i in frame.parcel_ids)
             if ids != self._parcels:
@@ -210,12 +214,15 @@ class Stream:
                 index = _index([frame.tick for frame, _ in changes], [frame.sim_s for frame, _ in changes])
                 index.append(rr.TimeColumn("plan_epoch", sequence=[frame.plan_epoch for frame, _ in changes]))
                 lines = [line for _, row in changes for line in row or ()]
-                lengths = [len(row or ()) for _, row in changes]
-                column = rr.ComponentColumn(_STRIPS, _strips(lines, height), lengths=lengths)
-                self._send(f"world/paths/{name}", index, [column])
+                rows = offsets_of([len(row or ()) for _, row in changes])
+                self._send(f"world/paths/{name}", index, [strips(lines, height, rows)])
 
     def _write_states(self, frames: Sequence[Frame]) -> None:
         for frame in frames:
+            words = (frame.car_state, frame.arm_state, frame.task_state)
+            if words == self._words:
+                continue
+            self._words = words
             named = itertools.chain(
                 ((f"states/cars/car_{i}", state) for i, state in enumerate(frame.car_state)),
                 ((f"states/arms/arm_{i}", state) for i, state in enumerate(frame.arm_state)),
@@ -242,25 +249,13 @@ class Stream:
         self._rec.set_time("sim_time", duration=frame.sim_s)
         self._rec.set_time("tick", sequence=frame.tick)
 
-    def _send(self, path: str, index: Iterable[rr.TimeColumn], columns: Iterable[rr.ComponentColumn]) -> None:
+    def _send(self, path: str, index: Iterable[rr.TimeColumn], columns: Iterable[Any]) -> None:
         self._rec.send_columns(path, indexes=index, columns=columns)
 
 
 def _index(ticks: Sequence[int], times_s: Sequence[float]) -> list[rr.TimeColumn]:
     nanoseconds = np.rint(np.asarray(times_s) * 1e9).astype("timedelta64[ns]")
     return [rr.TimeColumn("sim_time", duration=nanoseconds), rr.TimeColumn("tick", sequence=np.asarray(ticks))]
-
-
-def _strips(lines: Sequence[FloatArray], height: float) -> rr.components.LineStrip3DBatch:
-    """Arrow data of polylines, built in one piece: rerun's own conversion visits every point."""
-    lengths = [len(line) for line in lines]
-    points = np.empty((sum(lengths), 3), np.float32)
-    if len(points):
-        points[:, :2] = np.concatenate([line.reshape(-1, 2) for line in lines])
-    points[:, 2] = height
-    offsets: npt.NDArray[np.int32] = np.concatenate([[0], np.cumsum(lengths, dtype=np.int32)]).astype(np.int32)
-    values = pa.FixedSizeListArray.from_arrays(pa.array(points.reshape(-1)), type=_STRIP_TYPE.value_type)
-    return rr.components.LineStrip3DBatch(pa.ListArray.from_arrays(pa.array(offsets), values, type=_STRIP_TYPE))
 
 
 def _markdown(title: str, about: Mapping[str, object]) -> str:

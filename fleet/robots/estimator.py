@@ -119,8 +119,9 @@ def _estimate(  # one kernel for all cars, on flat arrays
 ):  # fmt: skip
     n_slots = len(truth)
     now, oldest = tick % n_slots, (tick + 1) % n_slots
-    truth[now] = true_poses
     for i in range(len(true_poses)):
+        for axis in range(3):
+            truth[now, i, axis] = true_poses[i, axis]
         # Odometry of the tick that just ended: speed and steering change linearly inside it.
         distance = 0.5 * (motion[i, 0] + speeds[i]) * tick_s
         odometry[now, i, 0] = distance
@@ -156,7 +157,7 @@ def _estimate(  # one kernel for all cars, on flat arrays
             pose[2] = truth[oldest, i, 2]
 
         ahead = estimate[i]
-        ahead[:] = pose
+        ahead[0], ahead[1], ahead[2] = pose[0], pose[1], pose[2]
         for age in range(1, n_slots):
             slot = (oldest + age) % n_slots
             _advance(ahead, odometry[slot, i, 0], odometry[slot, i, 1])

@@ -232,11 +232,12 @@ def _carry(support, carrier, local, car_poses, tips, poses):
         if support[i] == 0:
             continue
         if support[i] == 1:
-            x, y, yaw = car_poses[carrier[i]]
-            base[0], base[1], base[2] = x, y, 0.0
-            base[3], base[4], base[5], base[6] = 0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)
+            half = car_poses[carrier[i], 2] / 2.0
+            base[0], base[1], base[2] = car_poses[carrier[i], 0], car_poses[carrier[i], 1], 0.0
+            base[3], base[4], base[5], base[6] = 0.0, 0.0, math.sin(half), math.cos(half)
         else:
-            base[:] = tips[carrier[i]]
+            for axis in range(7):
+                base[axis] = tips[carrier[i], axis]
         ax, ay, az, aw = base[3], base[4], base[5], base[6]
         px, py, pz = local[i, 0], local[i, 1], local[i, 2]
         bx, by, bz, bw = local[i, 3], local[i, 4], local[i, 5], local[i, 6]

@@ -32,9 +32,8 @@ class AllocationProblem:
         bad = np.argwhere(np.isnan(self.cost) | np.isneginf(self.cost))
         if bad.size:
             vehicle, task = bad[0]
-            raise CostError(
-                f"allocation: cost[{vehicle}, {task}] = {self.cost[vehicle, task]}; valid: a number, or inf = not allowed"
-            )
+            value = self.cost[vehicle, task]
+            raise CostError(f"allocation: cost[{vehicle}, {task}] = {value}; valid: a number, or inf = not allowed")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

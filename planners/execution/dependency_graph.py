@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
-from planners.execution.errors import CyclicPlanError, ExecutionError, IllegalPlanError, StalePlanError
+from planners.execution.errors import ExecutionError, StalePlanError
+from planners.execution.steps import legal_steps
 
 IntArray = npt.NDArray[np.int32]
 
@@ -78,7 +79,7 @@ class DependencyGraph:
                 )
             self._hold(agent, cell)
 
-    # ------------------------------------------------------------------------------------------------------- plans
+    # --- plans
 
     def tail_states(self) -> IntArray:
         """State each agent stands in when all its moves are done, shape (n,)."""
@@ -98,13 +99,8 @@ class DependencyGraph:
         graph = self._graph
         states = np.asarray(plan.states)
         self._check_start(states)
-        cells = graph.state_cell[states]  # (T + 1, n)
-        self._check_cells(cells)
-        timestep, agent = np.nonzero(states[:-1] != states[1:])
-        if not timestep.size:
-            return
-        moves = self._moves(states, timestep, agent)
-        self._check_rings(cells, timestep, agent)
+        steps = legal_steps(graph, states)
+        timestep, agent, moves = steps.timestep, steps.agent, steps.move
 
         by_agent = np.argsort(agent, kind="stable")
         ends = np.flatnonzero(np.diff(agent[by_agent], append=-1)) + 1
@@ -118,7 +114,7 @@ class DependencyGraph:
         counts = graph.swept_ptr[moves + 1] - graph.swept_ptr[moves]
         use = np.repeat(np.arange(len(moves)), counts)
         swept = graph.swept_cell[_ranges(graph.swept_ptr[moves], counts)]
-        entering = swept != cells[timestep, agent][use]
+        entering = swept != graph.state_cell[graph.move_from[moves]][use]
         by_cell = np.argsort((swept * np.int64(len(states)) + timestep[use]) * 2 + entering, kind="stable")
         ends = np.flatnonzero(np.diff(swept[by_cell], append=-1)) + 1
         visitors = agent[use[by_cell]].tolist()
@@ -158,7 +154,7 @@ class DependencyGraph:
         kept, _ = self._executable([len(queue) for queue in self._queued], frozenset())
         return sum(kept) < sum(map(len, self._queued))
 
-    # ------------------------------------------------------------------------------------------------------ grants
+    # --- grants
 
     def n_queued(self, agent: int) -> int:
         """Moves the agent waits to be granted."""
@@ -255,7 +251,7 @@ class DependencyGraph:
         cells.update(dict.fromkeys(sorted(self._reserved[agent])))
         return list(cells)
 
-    # ---------------------------------------------------------------------------------------------------- exceptions
+    # --- exceptions
 
     def reserve(self, agent: int, cells: Iterable[int]) -> bool:
         """Give an agent extra cells, in addition to those it has reserved, for a manoeuvre beside the plan.
@@ -323,7 +319,7 @@ class DependencyGraph:
         limits[agent] = 0
         self._keep(limits, closed=frozenset((cell,)))
 
-    # ------------------------------------------------------------------------------------------------------ internals
+    # --- internals
 
     def _hold(self, agent: int, cell: int) -> None:
         self._holder[cell] = agent
@@ -394,70 +390,10 @@ class DependencyGraph:
                 f"dependency graph: the plan starts agent {agent} in state {states[0, agent]}; "
                 f"valid: {self._tail[agent]}, where its moves end"
             )
-        outside = np.argwhere((states < 0) | (states >= self._graph.n_states))
-        if outside.size:
-            t, agent = (int(i) for i in outside[0])
-            raise IllegalPlanError(
-                f"dependency graph: agent {agent} at timestep {t} in state {states[t, agent]}; "
-                f"valid: 0..{self._graph.n_states - 1}"
-            )
-
-    def _check_cells(self, cells: IntArray) -> None:
-        ordered = np.sort(cells, axis=1)
-        twice = np.argwhere(ordered[:, 1:] == ordered[:, :-1])
-        if twice.size:
-            t, k = (int(i) for i in twice[0])
-            cell = int(ordered[t, k])
-            agents = np.flatnonzero(cells[t] == cell).tolist()
-            raise IllegalPlanError(
-                f"dependency graph: agents {agents} at timestep {t} all in cell {cell}; valid: one agent per cell"
-            )
-
-    def _moves(
-        self, states: IntArray, timestep: npt.NDArray[np.intp], agent: npt.NDArray[np.intp]
-    ) -> npt.NDArray[np.int64]:
-        """The move of each step, shape (k,)."""
-        graph = self._graph
-        origin, target = states[timestep, agent], states[timestep + 1, agent]
-        first, last = graph.out_ptr[origin], graph.out_ptr[origin + 1]
-        moves = np.full(len(origin), -1, dtype=np.int64)
-        for k in range(int((last - first).max())):
-            tried = np.flatnonzero(first + k < last)
-            candidate = graph.out_move[first[tried] + k]
-            hit = graph.move_to[candidate] == target[tried]
-            moves[tried[hit]] = candidate[hit]
-        wrong = np.flatnonzero(moves < 0)
-        if wrong.size:
-            k = wrong[0]
-            raise IllegalPlanError(
-                f"dependency graph: agent {agent[k]} at timestep {timestep[k]} steps from state {origin[k]} to "
-                f"{target[k]}; valid: a move of the lane graph"
-            )
-        return moves
-
-    def _check_rings(self, cells: IntArray, timestep: npt.NDArray[np.intp], agent: npt.NDArray[np.intp]) -> None:
-        """Follow every step to the step it follows; whoever is never done stands in a ring."""
-        n_timesteps, n_cells = len(cells) - 1, self._graph.n_cells
-        step_at = np.full(n_timesteps * n_cells, -1, dtype=np.int64)  # the step that leaves (timestep, cell)
-        origin, target = cells[timestep, agent], cells[timestep + 1, agent]
-        changes = np.flatnonzero(origin != target)  # turning on the spot follows nobody
-        step_at[timestep[changes] * n_cells + origin[changes]] = changes
-        follows = np.where(origin != target, step_at[timestep * n_cells + target], -1)
-        far = np.append(follows, -1)
-        for _ in range(int(cells.shape[1]).bit_length()):
-            if (far < 0).all():
-                return
-            far = far[far]
-        ring = np.flatnonzero(far[:-1] >= 0)
-        if ring.size:
-            first = int(ring[np.argmin(timestep[ring])])
-            members = [first]
-            while follows[members[-1]] != first:
-                members.append(int(follows[members[-1]]))
-            raise CyclicPlanError(int(timestep[first]), agent[members].tolist())
 
 
-def _ranges(start: npt.NDArray[np.integer], count: npt.NDArray[np.integer]) -> npt.NDArray[np.int64]:
+def _ranges(start: npt.NDArray[np.integer], count: npt.NDArray[np.integer]) -> npt.NDArray[np.intp]:
     """All of start[i] .. start[i] + count[i] - 1, one after the other."""
     skipped = np.cumsum(count) - count
-    return np.arange(int(count.sum())) + np.repeat(start - skipped, count)
+    values: npt.NDArray[np.intp] = np.arange(int(count.sum())) + np.repeat(start - skipped, count)
+    return values

@@ -59,7 +59,7 @@ class DistanceTable:
             PlanningError: The goal is not a state of the graph.
         """
         index = self._row(int(goal), frozenset())
-        row = self._rows[index]
+        row: IntArray = self._rows[index]
         row.flags.writeable = False
         return row
 

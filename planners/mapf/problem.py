@@ -96,5 +96,6 @@ class Plan:
 
 def reached(instance: Instance, plan: Plan) -> BoolArray:
     """Which agents stand at their goal in some row of the plan, shape (n,); agents without a goal count as there."""
-    at_goal: BoolArray = (plan.states == instance.goals).any(axis=0)
-    return at_goal | (instance.goals == NO_GOAL)
+    at_goal = (plan.states == instance.goals).any(axis=0)
+    done: BoolArray = at_goal | (instance.goals == NO_GOAL)
+    return done

@@ -17,14 +17,13 @@ _MAX_TURN = 2  # grid steps the arm angle may change per way point
 
 
 @njit(cache=True)
-def _follow(poses, q_start, start_angle, branch, n_angles, max_turn, max_step, packed, lower, upper, path):  # type: ignore[no-untyped-def]
-    """Cheapest chain of solutions over way points x arm angles; fills `path` (m+1, 7); False if there is none."""
-    m = poses.shape[0]
-    cost = np.full((m + 1, n_angles), np.inf)
-    origin = np.zeros((m + 1, n_angles), dtype=np.int64)
-    solution = np.empty((m + 1, n_angles, 7))
-    cost[0, 0] = 0.0
-    solution[0, 0] = q_start
+def _follow(poses, start_angle, branch, max_turn, max_step, packed, lower, upper, cost, origin, solution):  # type: ignore[no-untyped-def]
+    """Cheapest chains of solutions over way points x arm angles; False if no chain reaches the last way point.
+
+    Fills `cost` (m+1, a), which comes with the start's row done and infinity elsewhere, `origin` (m+1, a) and
+    `solution` (m+1, a, 7).
+    """
+    m, n_angles = poses.shape[0], cost.shape[1]
     target = np.empty((3, 4))
     q = np.empty(7)
     for p in range(1, m + 1):
@@ -53,14 +52,11 @@ def _follow(poses, q_start, start_angle, branch, n_angles, max_turn, max_step, p
                 if cost[p - 1, before] + square < cost[p, a]:
                     cost[p, a] = cost[p - 1, before] + square
                     origin[p, a] = before
-                    solution[p, a] = q
+                    for k in range(7):
+                        solution[p, a, k] = q[k]
                     found = True
         if not found:
             return False
-    a = int(np.argmin(cost[m]))
-    for p in range(m, -1, -1):
-        path[p] = solution[p, a]
-        a = origin[p, a]
     return True
 
 
@@ -109,18 +105,19 @@ def cartesian_line(
     poses[:, :, :3] = turn(fraction).as_matrix()
     poses[:, :, 3] = tip + fraction[:, None] * (goal[:3, 3] - tip) - tool_length_m * poses[:, :, 2]
     angle, branch = srs.arm_angle_and_branch(start)
+    cost = np.full((n_steps + 1, _N_ARM_ANGLES), np.inf)
+    origin = np.zeros(cost.shape, dtype=np.int64)
+    solution = np.empty((*cost.shape, len(start)))
+    cost[0, 0] = 0.0
+    solution[0, 0] = start
+    step = float(max_joint_step_rad)
+    if not _follow(
+        poses, angle, branch, _MAX_TURN, step, srs.packed, srs.lower, srs.upper, cost, origin, solution
+    ):
+        return None
     path = np.empty((n_steps + 1, len(start)))
-    found = _follow(
-        poses,
-        start,
-        angle,
-        branch,
-        _N_ARM_ANGLES,
-        _MAX_TURN,
-        float(max_joint_step_rad),
-        srs.packed,
-        srs.lower,
-        srs.upper,
-        path,
-    )
-    return path if found else None
+    column = int(np.argmin(cost[-1]))
+    for p in range(n_steps, -1, -1):
+        path[p] = solution[p, column]
+        column = int(origin[p, column])
+    return path

@@ -17,38 +17,9 @@ N_BRANCHES = 8
 """Elbow, shoulder and wrist each have two postures."""
 
 _N_JOINTS = 7
+_UNLIMITED = np.full(_N_JOINTS, -np.inf)
 _FIT_TOLERANCE = 1e-6
 _STRAIGHT = 1e-9  # below this the shoulder-wrist line is vertical and the reference plane is free
-
-
-@njit(cache=True)
-def _reference(wrist, upper_arm, fore_arm, bend, rotation):  # type: ignore[no-untyped-def]
-    """Shoulder rotation (3, 3) that reaches the wrist point with joint 3 at zero; the elbow angle; reachable or not.
-
-    `rotation` takes the upper-arm frame after joint 3 to the shoulder frame.
-    """
-    wx, wy, wz = wrist[0], wrist[1], wrist[2]
-    square = wx * wx + wy * wy + wz * wz
-    cosine = (square - upper_arm * upper_arm - fore_arm * fore_arm) / (2.0 * upper_arm * fore_arm)
-    if cosine > 1.0 or cosine < -1.0 or square < _STRAIGHT:
-        return False, 0.0
-    elbow = bend * np.arccos(cosine)
-    radius = np.hypot(wx, wy)
-    turn = np.arctan2(wy, wx) if radius > _STRAIGHT else 0.0
-    # In the upper-arm frame the wrist is at (-fore_arm sin q4, 0, upper_arm + fore_arm cos q4).
-    lean = np.arctan2(radius, wz) - np.arctan2(-fore_arm * np.sin(elbow), upper_arm + fore_arm * cosine)
-    ct, st, cl, sl = np.cos(turn), np.sin(turn), np.cos(lean), np.sin(lean)
-    rotation[0, 0], rotation[0, 1], rotation[0, 2] = ct * cl, -st, ct * sl
-    rotation[1, 0], rotation[1, 1], rotation[1, 2] = st * cl, ct, st * sl
-    rotation[2, 0], rotation[2, 1], rotation[2, 2] = -sl, 0.0, cl
-    return True, elbow
-
-
-@njit(cache=True)
-def _product(a, b, out):  # type: ignore[no-untyped-def]
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
 @njit(cache=True)
@@ -75,101 +46,78 @@ def branch_into(target, arm_angle, branch, geometry, q):  # type: ignore[no-unty
     bend = 1.0 if branch & 1 else -1.0
     lean = 1.0 if branch & 2 else -1.0
     wrist_bend = 1.0 if branch & 4 else -1.0
-    reference = np.empty((3, 3))
-    reached, elbow = _reference(target[:, 3], geometry[2, 0, 0], geometry[2, 0, 1], bend, reference)
-    if not reached:
-        return False
+    upper_arm, fore_arm = geometry[2, 0, 0], geometry[2, 0, 1]
     x, y, z = target[0, 3], target[1, 3], target[2, 3]
-    length = np.sqrt(x * x + y * y + z * z)
+    square = x * x + y * y + z * z
+    ce = (square - upper_arm * upper_arm - fore_arm * fore_arm) / (2.0 * upper_arm * fore_arm)
+    if ce > 1.0 or ce < -1.0 or square < _STRAIGHT:
+        return False
+    elbow = bend * np.arccos(ce)
+    se = np.sin(elbow)
+    # The shoulder that reaches the wrist with joint 3 at zero is Rz(turn) Ry(tilt): in the frame after joint 3 the
+    # wrist is at (-fore_arm sin q4, 0, upper_arm + fore_arm cos q4).
+    radius = np.hypot(x, y)
+    turn = np.arctan2(y, x) if radius > _STRAIGHT else 0.0
+    tilt = np.arctan2(radius, z) - np.arctan2(-fore_arm * se, upper_arm + fore_arm * ce)
+    ct, st, cl, sl = np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)
+    # Columns of the shoulder rotation: those of the reference, swung by the arm angle about the shoulder-wrist line.
+    length = np.sqrt(square)
     x /= length
     y /= length
     z /= length
     c = np.cos(arm_angle)
     s = np.sin(arm_angle)
-    v = 1.0 - c
-    swing = np.empty((3, 3))  # Rodrigues: by the arm angle about the shoulder-wrist line
-    swing[0, 0], swing[0, 1], swing[0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
-    swing[1, 0], swing[1, 1], swing[1, 2] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
-    swing[2, 0], swing[2, 1], swing[2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
     shoulder = np.empty((3, 3))
-    _product(swing, reference, shoulder)
+    for j in range(3):
+        if j == 0:
+            ax, ay, az = ct * cl, st * cl, -sl
+        elif j == 1:
+            ax, ay, az = -st, ct, 0.0
+        else:
+            ax, ay, az = ct * sl, st * sl, cl
+        v = (1.0 - c) * (x * ax + y * ay + z * az)  # Rodrigues
+        shoulder[0, j] = c * ax + s * (y * az - z * ay) + v * x
+        shoulder[1, j] = c * ay + s * (z * ax - x * az) + v * y
+        shoulder[2, j] = c * az + s * (x * ay - y * ax) + v * z
     # Shoulder = Rz(q1) Ry(q2) Rz(q3)
     q[0] = np.arctan2(lean * shoulder[1, 2], lean * shoulder[0, 2])
     q[1] = lean * np.arccos(min(1.0, max(-1.0, shoulder[2, 2])))
     q[2] = np.arctan2(lean * shoulder[2, 1], -lean * shoulder[2, 0])
     q[3] = elbow
-    ce = np.cos(elbow)
-    se = np.sin(elbow)
-    for i in range(3):  # reuse: swing = shoulder Ry(-q4)
-        swing[i, 0] = shoulder[i, 0] * ce + shoulder[i, 2] * se
-        swing[i, 1] = shoulder[i, 1]
-        swing[i, 2] = shoulder[i, 2] * ce - shoulder[i, 0] * se
-    # Wrist = Rz(q5) Ry(q6) Rz(q7)
-    for i in range(3):
+    # Wrist = (shoulder Ry(-q4))^T target = Rz(q5) Ry(q6) Rz(q7)
+    wrist = np.zeros((3, 3))
+    for k in range(3):
+        first = shoulder[k, 0] * ce + shoulder[k, 2] * se
+        third = shoulder[k, 2] * ce - shoulder[k, 0] * se
         for j in range(3):
-            reference[i, j] = swing[0, i] * target[0, j] + swing[1, i] * target[1, j] + swing[2, i] * target[2, j]
-    q[4] = np.arctan2(wrist_bend * reference[1, 2], wrist_bend * reference[0, 2])
-    q[5] = wrist_bend * np.arccos(min(1.0, max(-1.0, reference[2, 2])))
-    q[6] = np.arctan2(wrist_bend * reference[2, 1], -wrist_bend * reference[2, 0])
+            wrist[0, j] += first * target[k, j]
+            wrist[1, j] += shoulder[k, 1] * target[k, j]
+            wrist[2, j] += third * target[k, j]
+    q[4] = np.arctan2(wrist_bend * wrist[1, 2], wrist_bend * wrist[0, 2])
+    q[5] = wrist_bend * np.arccos(min(1.0, max(-1.0, wrist[2, 2])))
+    q[6] = np.arctan2(wrist_bend * wrist[2, 1], -wrist_bend * wrist[2, 0])
     for i in range(7):
         q[i] *= geometry[3, i // 4, i % 4]
     return True
 
 
 @njit(cache=True)
-def _all_branches(pose, n_arm_angles, geometry, lower, upper, out):  # type: ignore[no-untyped-def]
+def _solutions(pose, arm_angles, first_branch, end_branch, geometry, lower, upper, out):  # type: ignore[no-untyped-def]
+    """Solutions inside the limits, for all given arm angles and a range of branches; returns their number."""
     target = np.empty((3, 4))
     wrist_target_into(pose, geometry, target)
-    q = np.empty(7)
     n = 0
-    for a in range(n_arm_angles):
-        for branch in range(8):
-            if not branch_into(target, -np.pi + 2.0 * np.pi * a / n_arm_angles, branch, geometry, q):
+    for a in range(arm_angles.shape[0]):
+        for branch in range(first_branch, end_branch):
+            q = out[n]  # overwritten by the next one unless it counts
+            if not branch_into(target, arm_angles[a], branch, geometry, q):
                 continue
             inside = True
             for i in range(7):
-                if q[i] < lower[i] or q[i] > upper[i]:
-                    inside = False
+                inside = inside and lower[i] <= q[i] <= upper[i]
             if inside:
-                out[n] = q
                 n += 1
     return n
-
-
-@njit(cache=True)
-def _arm_angle(q, geometry):  # type: ignore[no-untyped-def]
-    """Branch and arm angle of a configuration."""
-    t = np.empty(7)
-    for i in range(7):
-        t[i] = q[i] * geometry[3, i // 4, i % 4]
-    c1, s1, c2, s2, c3, s3 = np.cos(t[0]), np.sin(t[0]), np.cos(t[1]), np.sin(t[1]), np.cos(t[2]), np.sin(t[2])
-    shoulder = np.empty((3, 3))
-    shoulder[0, 0], shoulder[0, 1], shoulder[0, 2] = c1 * c2 * c3 - s1 * s3, -c1 * c2 * s3 - s1 * c3, c1 * s2
-    shoulder[1, 0], shoulder[1, 1], shoulder[1, 2] = s1 * c2 * c3 + c1 * s3, c1 * c3 - s1 * c2 * s3, s1 * s2
-    shoulder[2, 0], shoulder[2, 1], shoulder[2, 2] = -s2 * c3, s2 * s3, c2
-    upper_arm, fore_arm = geometry[2, 0, 0], geometry[2, 0, 1]
-    along = upper_arm + fore_arm * np.cos(t[3])
-    aside = -fore_arm * np.sin(t[3])
-    wrist = np.empty(3)
-    for i in range(3):
-        wrist[i] = shoulder[i, 0] * aside + shoulder[i, 2] * along
-    branch = (1 if t[3] > 0.0 else 0) + (2 if t[1] > 0.0 else 0) + (4 if t[5] > 0.0 else 0)
-    reference = np.empty((3, 3))
-    reached, _ = _reference(wrist, upper_arm, fore_arm, 1.0 if branch & 1 else -1.0, reference)
-    if not reached:
-        return branch, 0.0
-    swing = np.zeros((3, 3))  # shoulder * reference^T: a rotation about the shoulder-wrist line
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                swing[i, j] += shoulder[i, k] * reference[j, k]
-    length = np.sqrt(wrist[0] ** 2 + wrist[1] ** 2 + wrist[2] ** 2)
-    sine = (
-        (swing[2, 1] - swing[1, 2]) * wrist[0]
-        + (swing[0, 2] - swing[2, 0]) * wrist[1]
-        + (swing[1, 0] - swing[0, 1]) * wrist[2]
-    ) / length
-    return branch, np.arctan2(sine, swing[0, 0] + swing[1, 1] + swing[2, 2] - 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -255,10 +203,10 @@ class SrsGeometry:
         """
         if not 0 <= branch < N_BRANCHES:
             raise PlanningError(f"ik_branch: branch {branch}, expected 0 to {N_BRANCHES - 1}")
-        target = np.empty((3, 4))
-        wrist_target_into(_pose(base_from_flange), self.packed, target)
-        q = np.empty(_N_JOINTS)
-        return q if branch_into(target, float(arm_angle), int(branch), self.packed, q) else None
+        out = np.empty((2, _N_JOINTS))
+        angles = np.array([float(arm_angle)])
+        n = _solutions(_pose(base_from_flange), angles, branch, branch + 1, self.packed, _UNLIMITED, -_UNLIMITED, out)
+        return out[0] if n else None
 
     def ik_all(self, base_from_flange: npt.ArrayLike, n_arm_angles: int = 24) -> FloatArray:
         """All solutions inside the joint limits on a regular grid of arm angles.
@@ -270,14 +218,35 @@ class SrsGeometry:
         Returns:
             Solutions [rad], shape (m, 7), m >= 0, ordered by arm angle, then branch.
         """
-        out = np.empty((N_BRANCHES * n_arm_angles, _N_JOINTS))
-        n = _all_branches(_pose(base_from_flange), n_arm_angles, self.packed, self.lower, self.upper, out)
+        out = np.empty((N_BRANCHES * n_arm_angles + 1, _N_JOINTS))
+        angles = -np.pi + 2.0 * np.pi * np.arange(n_arm_angles) / n_arm_angles
+        n = _solutions(_pose(base_from_flange), angles, 0, N_BRANCHES, self.packed, self.lower, self.upper, out)
         return out[:n]
 
     def arm_angle_and_branch(self, q: npt.ArrayLike) -> tuple[float, int]:
         """Arm angle [rad] and branch (0 to 7) of a configuration: the inverse of `ik_branch`."""
-        branch, angle = _arm_angle(np.ascontiguousarray(q, dtype=np.float64), self.packed)
-        return float(angle), int(branch)
+        turned = np.asarray(q, dtype=np.float64) * self.packed[3].reshape(-1)[:_N_JOINTS]
+        branch = int(turned[3] > 0.0) + 2 * int(turned[1] > 0.0) + 4 * int(turned[5] > 0.0)
+        shoulder = _rz(turned[0]) @ _ry(turned[1]) @ _rz(turned[2])
+        upper_arm, fore_arm = self.packed[2, 0, :2]
+        aside, along = -fore_arm * np.sin(turned[3]), upper_arm + fore_arm * np.cos(turned[3])
+        wrist = shoulder @ np.array([aside, 0.0, along])
+        radius = np.hypot(wrist[0], wrist[1])
+        turn = np.arctan2(wrist[1], wrist[0]) if radius > _STRAIGHT else 0.0
+        reference = _rz(turn) @ _ry(np.arctan2(radius, wrist[2]) - np.arctan2(aside, along))
+        swing = shoulder @ reference.T  # a rotation about the shoulder-wrist line
+        sine = np.array([swing[2, 1] - swing[1, 2], swing[0, 2] - swing[2, 0], swing[1, 0] - swing[0, 1]]) @ wrist
+        return float(np.arctan2(sine / np.linalg.norm(wrist), np.trace(swing) - 1.0)), branch
+
+
+def _rz(angle: float) -> FloatArray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _ry(angle: float) -> FloatArray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def _pose(base_from_flange: npt.ArrayLike) -> FloatArray:

@@ -26,17 +26,22 @@ def _nearest(nodes, n, q):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _put(nodes, parent, tree, row, q, below):  # type: ignore[no-untyped-def]
+    for k in range(q.shape[0]):
+        nodes[tree, row, k] = q[k]
+    parent[tree, row] = below
+
+
+@njit(cache=True)
 def _search(start, goals, lower, upper, budget, reach, random, scene):  # type: ignore[no-untyped-def]
     """Grow trees from start (0) and goals (1) until they meet; returns the path (k, n) and the iterations used."""
     n = start.shape[0]
     nodes = np.empty((2, 4 * budget + goals.shape[0] + 1, n))
     parent = np.empty((2, nodes.shape[1]), dtype=np.int64)
     count = np.array([1, goals.shape[0]])
-    nodes[0, 0] = start
-    parent[0, 0] = -1
+    _put(nodes, parent, 0, 0, start, -1)
     for i in range(goals.shape[0]):
-        nodes[1, i] = goals[i]
-        parent[1, i] = -1
+        _put(nodes, parent, 1, i, goals[i], -1)
     q = np.empty(n)
     new = np.empty(n)
     for iteration in range(budget):
@@ -50,8 +55,7 @@ def _search(start, goals, lower, upper, budget, reach, random, scene):  # type: 
             new[k] = nodes[own, near, k] + (q[k] - nodes[own, near, k]) * part
         if not edge_free(nodes[own, near], new, scene):
             continue
-        nodes[own, count[own]] = new
-        parent[own, count[own]] = near
+        _put(nodes, parent, own, count[own], new, near)
         count[own] += 1
         near, gap = _nearest(nodes[other], count[other], new)
         while True:  # the other tree reaches for the new node as far as it can
@@ -66,8 +70,7 @@ def _search(start, goals, lower, upper, budget, reach, random, scene):  # type: 
                 return _joined(nodes, parent, first, last), iteration + 1
             if count[other] >= nodes.shape[1]:
                 break
-            nodes[other, count[other]] = q
-            parent[other, count[other]] = near
+            _put(nodes, parent, other, count[other], q, near)
             near = count[other]
             count[other] += 1
             gap -= reach
@@ -91,12 +94,14 @@ def _joined(nodes, parent, first, last):  # type: ignore[no-untyped-def]
         i = parent[1, i]
     path = np.empty((before + after, nodes.shape[2]))
     i = first
-    for k in range(before - 1, -1, -1):
-        path[k] = nodes[0, i]
+    for row in range(before - 1, -1, -1):
+        for k in range(path.shape[1]):
+            path[row, k] = nodes[0, i, k]
         i = parent[0, i]
     i = last
-    for k in range(after):
-        path[before + k] = nodes[1, i]
+    for row in range(before, before + after):
+        for k in range(path.shape[1]):
+            path[row, k] = nodes[1, i, k]
         i = parent[1, i]
     return path
 

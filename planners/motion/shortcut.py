@@ -31,6 +31,15 @@ def _gap(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _move(path, first, end, by):  # type: ignore[no-untyped-def]
+    """Move the corners first..end-1 by some rows, up or down."""
+    for h in range(end - first):
+        row = end - 1 - h if by > 0 else first + h
+        for k in range(path.shape[1]):
+            path[row + by, k] = path[row, k]
+
+
+@njit(cache=True)
 def _shorten(path, n, rounds, random, scene):  # type: ignore[no-untyped-def]
     """Shorten `path` (capacity, dof) of n corners in place; returns the new number of corners."""
     along = np.empty(path.shape[0])
@@ -41,8 +50,7 @@ def _shorten(path, n, rounds, random, scene):  # type: ignore[no-untyped-def]
         i = 1
         while i < n - 1:
             if edge_free(path[i - 1], path[i + 1], scene):
-                for k in range(i, n - 1):
-                    path[k] = path[k + 1]
+                _move(path, i + 1, n, -1)
                 n -= 1
             else:
                 i += 1
@@ -66,24 +74,21 @@ def _shorten(path, n, rounds, random, scene):  # type: ignore[no-untyped-def]
                 continue
             u = (first - along[i]) / (along[i + 1] - along[i])
             v = (last - along[j]) / (along[j + 1] - along[j])
-            a[:] = path[i] + (path[i + 1] - path[i]) * u
-            b[:] = path[j] + (path[j + 1] - path[j]) * v
+            for k in range(path.shape[1]):
+                a[k] = path[i, k] + (path[i + 1, k] - path[i, k]) * u
+                b[k] = path[j, k] + (path[j + 1, k] - path[j, k]) * v
             if _gap(a, b) > last - first - 1e-3 or not edge_free(a, b, scene):
                 continue
             # The rests of the cut edges are checked anew, so that every edge of the result passes the edge check.
             if not (edge_free(path[i], a, scene) and edge_free(b, path[j + 1], scene)):
                 continue
             # Corners i+1..j give way to a and b.
-            if j - i == 1:
-                for k in range(n - 1, j - 1, -1):
-                    path[k + 1] = path[k]
-                n += 1
-            elif j - i > 2:
-                for k in range(j + 1, n):
-                    path[k - (j - i) + 2] = path[k]
-                n -= j - i - 2
-            path[i + 1] = a
-            path[i + 2] = b
+            grow = 2 - (j - i)
+            _move(path, j + 1, n, grow)
+            n += grow
+            for k in range(path.shape[1]):
+                path[i + 1, k] = a[k]
+                path[i + 2, k] = b[k]
     return n
 
 

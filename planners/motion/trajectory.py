@@ -58,62 +58,36 @@ class Trajectory:
         return self.q[i] + u * (m0 + u * (c2 + u * c3)), (m0 + u * (2.0 * c2 + 3.0 * u * c3)) / dt
 
 
-@njit(cache=True)
-def _cells(path, deviation):  # type: ignore[no-untyped-def]
+def _cells(path: FloatArray, deviation: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Cut the rounded path into cells of constant curvature.
 
     Corners become quadratic Bezier arcs, parameterized so that dq/ds is continuous and d2q/ds2 constant on each arc.
-    Returns the cells' parameter lengths (m,), start points (m+1, n), start tangents (m, n) and curvatures (m, n).
+    Returns the cells' parameter lengths (m,), start points (m, n), start tangents (m, n) and curvatures (m, n).
     """
-    k, n = path.shape
-    length = np.empty(k - 1)
-    unit = np.empty((k - 1, n))
-    for i in range(k - 1):
-        total = 0.0
-        for j in range(n):
-            unit[i, j] = path[i + 1, j] - path[i, j]
-            total += unit[i, j] ** 2
-        length[i] = np.sqrt(total)
-        for j in range(n):
-            unit[i, j] /= length[i]
-    cut = np.zeros(k)  # half-length of the arc at each corner
-    n_cells = 0
-    for i in range(k - 1):
-        n_cells += max(_LINE_CELLS, int(np.ceil(length[i] / _CELL_RAD))) + _BLEND_CELLS
-    for i in range(1, k - 1):
-        bend = 0.0
-        for j in range(n):
-            bend += (unit[i, j] - unit[i - 1, j]) ** 2
-        bend = np.sqrt(bend)
-        # The arc passes the corner at a distance of cut * bend / 4.
-        cut[i] = min(0.5 * length[i - 1], 0.5 * length[i], 4.0 * deviation / max(bend, 1e-9))
-    size = np.empty(n_cells)
-    point = np.empty((n_cells + 1, n))
-    tangent = np.empty((n_cells, n))
-    curve = np.zeros((n_cells, n))
-    c = 0
-    for i in range(k - 1):
+    step = np.diff(path, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    unit = step / length[:, None]
+    bend = np.linalg.norm(np.diff(unit, axis=0), axis=1)
+    # Half-length of the arc at each corner: it passes the corner at a distance of cut * bend / 4.
+    cut = np.zeros(len(path))
+    cut[1:-1] = np.minimum(0.5 * np.minimum(length[:-1], length[1:]), 4.0 * deviation / np.maximum(bend, 1e-9))
+    sizes, points, tangents, curves = [], [], [], []
+    for i in range(len(length)):
         straight = length[i] - cut[i] - cut[i + 1]
-        if straight > 1e-9:
+        if straight > _SAME_RAD:
             m = max(_LINE_CELLS, int(np.ceil(straight / _CELL_RAD)))
-            for h in range(m):
-                size[c] = straight / m
-                for j in range(n):
-                    point[c, j] = path[i, j] + unit[i, j] * (cut[i] + straight * h / m)
-                    tangent[c, j] = unit[i, j]
-                c += 1
-        if i + 2 < k:
-            whole = 2.0 * cut[i + 1]
-            for h in range(_BLEND_CELLS):
-                s = whole * h / _BLEND_CELLS
-                size[c] = whole / _BLEND_CELLS
-                for j in range(n):
-                    curve[c, j] = (unit[i + 1, j] - unit[i, j]) / whole
-                    tangent[c, j] = unit[i, j] + curve[c, j] * s
-                    point[c, j] = path[i + 1, j] - unit[i, j] * (cut[i + 1] - s) + 0.5 * curve[c, j] * s * s
-                c += 1
-    point[c] = path[k - 1]
-    return size[:c], point[: c + 1], tangent[:c], curve[:c]
+            sizes.append(np.full(m, straight / m))
+            points.append(path[i] + unit[i] * (cut[i] + np.arange(m) * (straight / m))[:, None])
+            tangents.append(np.broadcast_to(unit[i], (m, path.shape[1])))
+            curves.append(np.zeros((m, path.shape[1])))
+        if i + 1 < len(length):
+            s = (np.arange(_BLEND_CELLS) * (2.0 * cut[i + 1] / _BLEND_CELLS))[:, None]
+            curve = (unit[i + 1] - unit[i]) / (2.0 * cut[i + 1])
+            sizes.append(np.full(_BLEND_CELLS, 2.0 * cut[i + 1] / _BLEND_CELLS))
+            points.append(path[i + 1] - unit[i] * (cut[i + 1] - s) + 0.5 * curve * s * s)
+            tangents.append(unit[i] + curve * s)
+            curves.append(np.broadcast_to(curve, (_BLEND_CELLS, path.shape[1])))
+    return np.concatenate(sizes), np.concatenate(points), np.concatenate(tangents), np.concatenate(curves)
 
 
 @njit(cache=True)
@@ -174,51 +148,42 @@ def _speeds(size, tangent, curve, max_velocity, max_acceleration):  # type: igno
     return speed
 
 
-@njit(cache=True)
-def _sampled(path, max_velocity, max_acceleration, deviation, fine_dt, per_sample, width):  # type: ignore[no-untyped-def]
-    """Positions and velocities every `per_sample` fine steps, averaged over `width` fine steps."""
-    size, point, tangent, curve = _cells(path, deviation)
-    speed = _speeds(size, tangent, curve, max_velocity, max_acceleration)
-    m, n = tangent.shape
-    time = np.zeros(m + 1)
-    for c in range(m):
-        time[c + 1] = time[c] + 2.0 * size[c] / (np.sqrt(speed[c]) + np.sqrt(speed[c + 1]))
+def _sampled(
+    path: FloatArray,
+    cells: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    speed: FloatArray,
+    fine_dt: float,
+    per_sample: int,
+    width: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Positions and velocities every `per_sample` fine steps, averaged over `width` fine steps; each (k, n)."""
+    size, point, tangent, curve = cells
+    pace = np.sqrt(speed)
+    time = np.concatenate([[0.0], np.cumsum(2.0 * size / (pace[:-1] + pace[1:]))])
     # Slow down a little, so that the end falls on a sample.
-    moving = int(np.ceil(time[m] / fine_dt - 1e-9))
-    total = moving + width - 1
-    total += (-total) % per_sample
+    total = int(np.ceil(time[-1] / fine_dt - 1e-9)) + width - 1
+    total += -total % per_sample
     moving = total - width + 1
-    stretch = moving * fine_dt / time[m]
-    fine = np.empty((moving + 1, 2, n))
-    c = 0
-    for i in range(moving + 1):
-        at = min(i * fine_dt / stretch, time[m])
-        while c < m - 1 and time[c + 1] < at:
-            c += 1
-        since = at - time[c]
-        push = (speed[c + 1] - speed[c]) / (2.0 * size[c])
-        pace = np.sqrt(speed[c])
-        s = min(size[c], max(0.0, since * (pace + 0.5 * push * since)))
-        rate = max(0.0, pace + push * since) / stretch
-        for j in range(n):
-            fine[i, 0, j] = point[c, j] + s * (tangent[c, j] + 0.5 * curve[c, j] * s)
-            fine[i, 1, j] = (tangent[c, j] + curve[c, j] * s) * rate
-    for j in range(n):
-        fine[0, 1, j] = 0.0
-        fine[moving, 0, j] = path[path.shape[0] - 1, j]
-        fine[moving, 1, j] = 0.0
-    count = total // per_sample + 1
-    out = np.zeros((2, count, n))
-    for i in range(count):
-        for h in range(width):
-            row = min(max(i * per_sample - h, 0), moving)
-            for j in range(n):
-                out[0, i, j] += fine[row, 0, j] / width
-                out[1, i, j] += fine[row, 1, j] / width
-    for j in range(n):
-        out[0, 0, j] = path[0, j]
-        out[0, count - 1, j] = path[path.shape[0] - 1, j]
-    return out
+    stretch = moving * fine_dt / time[-1]
+    at = np.minimum(np.arange(moving + 1) * (fine_dt / stretch), time[-1])
+    cell = np.minimum(np.searchsorted(time, at, side="right") - 1, len(size) - 1)
+    since = at - time[cell]
+    push = (speed[cell + 1] - speed[cell]) / (2.0 * size[cell])
+    s = np.clip(since * (pace[cell] + 0.5 * push * since), 0.0, size[cell])[:, None]
+    rate = (np.maximum(0.0, pace[cell] + push * since) / stretch)[:, None]
+    q = point[cell] + s * (tangent[cell] + 0.5 * curve[cell] * s)
+    qd = (tangent[cell] + curve[cell] * s) * rate
+    q[0], q[-1], qd[0], qd[-1] = path[0], path[-1], 0.0, 0.0
+    means = []
+    for fine in (q, qd):
+        rest = np.concatenate([np.repeat(fine[:1], width, axis=0), fine, np.repeat(fine[-1:], width - 1, axis=0)])
+        # Relative to the start, sums stay small and their rounding far below the limits.
+        sums = np.cumsum(rest - fine[0], axis=0)
+        ends = width - 1 + np.arange(total // per_sample + 1) * per_sample
+        means.append(fine[0] + (sums[ends + 1] - sums[ends + 1 - width]) / width)
+    q, qd = means
+    q[0], q[-1], qd[0], qd[-1] = path[0], path[-1], 0.0, 0.0
+    return q, qd
 
 
 def retime(
@@ -275,5 +240,7 @@ def retime(
     per_sample = max(1, int(np.ceil(dt_s / _FINE_DT_S)))
     fine_dt = dt_s / per_sample
     width = max(1, round(smoothing_s / fine_dt))
-    out = _sampled(corners, velocity, acceleration, float(max_deviation_rad), fine_dt, per_sample, width)
-    return Trajectory(t=np.arange(out.shape[1]) * dt_s, q=out[0], qd=out[1])
+    cells = _cells(corners, max_deviation_rad)
+    speed = _speeds(cells[0], cells[2], cells[3], velocity, acceleration)
+    q, qd = _sampled(corners, cells, speed, fine_dt, per_sample, width)
+    return Trajectory(t=np.arange(len(q)) * dt_s, q=q, qd=qd)

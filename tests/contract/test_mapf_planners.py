@@ -106,9 +106,7 @@ def fixed_goal() -> Danger:
 
 def stay_at_goal() -> Danger:
     """An agent that stays at its goal is not pushed on, however important the one behind it."""
-    return Danger(
-        instance_of(one_way_loop(8), [0, 2], [6, 3], stay=[False, True], priorities=[9.0, 0.0]), solved=False
-    )
+    return Danger(instance_of(one_way_loop(8), [0, 2], [6, 3], stay=[False, True], priorities=[9.0, 0.0]), solved=False)
 
 
 def pushed_on() -> Danger:
@@ -129,9 +127,7 @@ def unreachable_goal() -> Danger:
 
 def blocked_goal() -> Danger:
     """The goal lies in a closed cell."""
-    return Danger(
-        instance_of(open_grid(1, 4), [0], [3], blocked=[3]), solved=False, status=Status.INFEASIBLE
-    )
+    return Danger(instance_of(open_grid(1, 4), [0], [3], blocked=[3]), solved=False, status=Status.INFEASIBLE)
 
 
 def blocked_shortcut() -> Danger:
@@ -194,7 +190,9 @@ def crowd(seed: int, share: float, grid: str = "one_way", *, rotation: bool = Fa
         horizon=30,
     )
     possible = DistanceTable(graph, instance.blocked)
-    lost = any(goal >= 0 and possible.to(goal)[start] > graph.n_states for start, goal in zip(starts, goals, strict=True))
+    lost = any(
+        goal >= 0 and possible.to(goal)[start] > graph.n_states for start, goal in zip(starts, goals, strict=True)
+    )
     return Danger(instance, solved=False, status=Status.INFEASIBLE if lost else Status.FEASIBLE)
 
 

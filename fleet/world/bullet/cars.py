@@ -24,8 +24,8 @@ _DRIVE_NM = 0.6
 _BRAKE_NM = 4.0
 _STEER_NM = 10.0
 _STEER_GAIN = 0.4
-# A motor that holds zero velocity lets the wheels creep by 5 mrad/s at 10 solver iterations (2.5 mm in 10 s); one that holds
-# the angle does not. It takes over below this speed.
+# A motor that holds zero velocity lets the wheels creep by 5 mrad/s at 10 solver iterations (2.5 mm in 10 s); one that
+# holds the angle does not. It takes over below this speed.
 _STILL_MPS = 0.005
 _LOCK_GAIN = 0.3
 # A person shoves for about half a second; the speed follows half a sine wave.
@@ -135,7 +135,9 @@ class Cars:
             way: x, y, yaw in the world's frame [m, m, rad], shape (3,).
         """
         steps = max(1, round(_PUSH_S / self._substep_s))
-        self._pushes[car] = _Push(start=self.poses[car].copy(), way=np.array(way, dtype=np.float64), step=0, steps=steps)
+        self._pushes[car] = _Push(
+            start=self.poses[car].copy(), way=np.array(way, dtype=np.float64), step=0, steps=steps
+        )
         self._sent[car] = np.nan  # unlocks the wheels, which would roll back otherwise
 
     def shove(self) -> None:

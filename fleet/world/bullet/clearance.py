@@ -14,20 +14,16 @@ IntArray = npt.NDArray[np.int64]
 
 @njit(cache=True)
 def _rectangle_gap(a, b, cutoff):
-    """Distance of two rectangles (x, y, yaw, half length, half width), 0 if they overlap; a lower bound above `cutoff`."""
+    """Distance of rectangles (x, y, yaw, half length, half width), 0 if they overlap; a lower bound above `cutoff`."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     ca, sa, cb, sb = math.cos(a[2]), math.sin(a[2]), math.cos(b[2]), math.sin(b[2])
     cos, sin = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
     # Separating axes of two boxes: the four edge directions.
     separation = max(
-        max(
-            abs(dx * ca + dy * sa) - a[3] - b[3] * cos - b[4] * sin,
-            abs(dy * ca - dx * sa) - a[4] - b[3] * sin - b[4] * cos,
-        ),
-        max(
-            abs(dx * cb + dy * sb) - b[3] - a[3] * cos - a[4] * sin,
-            abs(dy * cb - dx * sb) - b[4] - a[3] * sin - a[4] * cos,
-        ),
+        abs(dx * ca + dy * sa) - a[3] - b[3] * cos - b[4] * sin,
+        abs(dy * ca - dx * sa) - a[4] - b[3] * sin - b[4] * cos,
+        abs(dx * cb + dy * sb) - b[3] - a[3] * cos - a[4] * sin,
+        abs(dy * cb - dx * sb) - b[4] - a[3] * sin - a[4] * cos,
     )
     if separation <= 0.0:
         return 0.0
@@ -60,8 +56,8 @@ def near_cars(bodies, boxes, margin, best, car_pairs, box_pairs):
         box_pairs: Out: car and box of near pairs, shape (p, 2).
 
     Returns:
-        Number of near car pairs, number of near car-box pairs, smallest distance between cars or `best`. A number larger
-        than the room in an output array says how much room is needed.
+        Number of near car pairs, number of near car-box pairs, smallest distance between cars or `best`. A number
+        larger than the room in an output array says how much room is needed.
     """
     n_cars, n_boxes = 0, 0
     for i in range(len(bodies)):
@@ -128,9 +124,11 @@ def arm_gap(base, base_from_joint, q, tool_length, radii, held, bodies, height, 
                 continue
             if bare:
                 _chain(base[arm], base_from_joint, q[arm], tool_length, radii, points)
-                points[n_points - 1] = held[arm]
+                for k in range(4):
+                    points[n_points - 1, k] = held[arm, k]
                 bare = False
-            x, y, yaw, half_length, half_width = bodies[car]
+            x, y, yaw = bodies[car, 0], bodies[car, 1], bodies[car, 2]
+            half_length, half_width = bodies[car, 3], bodies[car, 4]
             c, s = math.cos(yaw), math.sin(yaw)
             for k in range(n_points):
                 if points[k, 3] < 0.0:
@@ -138,7 +136,7 @@ def arm_gap(base, base_from_joint, q, tool_length, radii, held, bodies, height, 
                 dx, dy = points[k, 0] - x, points[k, 1] - y
                 u = max(abs(dx * c + dy * s) - half_length, 0.0)
                 v = max(abs(dy * c - dx * s) - half_width, 0.0)
-                w = max(max(points[k, 2] - height, -points[k, 2]), 0.0)
+                w = max(points[k, 2] - height, -points[k, 2], 0.0)
                 best = min(best, max(math.sqrt(u * u + v * v + w * w) - points[k, 3], 0.0))
     return best
 
@@ -147,22 +145,25 @@ def arm_gap(base, base_from_joint, q, tool_length, radii, held, bodies, height, 
 def _chain(base, base_from_joint, q, tool_length, radii, points):
     """Fill in the spheres of one arm (all rows but the last): x, y, z, radius."""
     n_joints = len(q)
-    pose = np.eye(4)
+    # Rows of the frame's matrix; products written out, because a library product takes seconds to compile.
+    pose, step = np.zeros((3, 4)), np.zeros((3, 4))
     pose[0, 0] = pose[1, 1] = math.cos(base[3])
     pose[1, 0] = math.sin(base[3])
     pose[0, 1] = -pose[1, 0]
-    pose[:3, 3] = base[:3]
-    before = base[:3].copy()
+    pose[2, 2] = 1.0
+    for r in range(3):
+        pose[r, 3] = base[r]
     for j in range(n_joints):
-        pose = pose @ base_from_joint[j]
+        t = base_from_joint[j]
         c, s = math.cos(q[j]), math.sin(q[j])
         for r in range(3):
-            a, b = pose[r, 0], pose[r, 1]
-            pose[r, 0], pose[r, 1] = a * c + b * s, b * c - a * s
+            for k in range(4):
+                step[r, k] = pose[r, 0] * t[0, k] + pose[r, 1] * t[1, k] + pose[r, 2] * t[2, k] + pose[r, 3] * t[3, k]
         for r in range(3):
-            points[2 * j, r] = (before[r] + pose[r, 3]) / 2
-            points[2 * j + 1, r] = pose[r, 3]
-            before[r] = pose[r, 3]
+            points[2 * j, r] = (pose[r, 3] + step[r, 3]) / 2
+            points[2 * j + 1, r] = step[r, 3]
+            pose[r, 0], pose[r, 1] = step[r, 0] * c + step[r, 1] * s, step[r, 1] * c - step[r, 0] * s
+            pose[r, 2], pose[r, 3] = step[r, 2], step[r, 3]
         points[2 * j, 3] = points[2 * j + 1, 3] = radii[j]
     for k in range(3):
         row = 2 * n_joints + k

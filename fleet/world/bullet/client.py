@@ -69,7 +69,6 @@ class Client:
         # Without a display the engine ends the whole process instead of reporting an error.
         if connect is Connect.GUI and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
             raise PhysicsError("connect GUI: no display (DISPLAY is not set); valid: DIRECT, or run under xvfb-run")
-        self.quiet_steps = connect is not Connect.DIRECT
         with quiet():
             if connect is Connect.SHARED_MEMORY:
                 self.id = pybullet.connect(pybullet.SHARED_MEMORY, shared_memory_key)

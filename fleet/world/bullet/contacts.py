@@ -1,13 +1,15 @@
 """Contacts: judges after every physics step what robots touch, and counts every touch once.
 
-What counts as a robot contact: two cars; an arm (its tool and the parcel it holds included) and a car, unless the touch lies
-inside the tray of the car it serves; two arms, parcels they hold included. What counts as a static contact: a car against
-a wall, shelf, pedestal or obstacle; an arm against those or the floor; a held parcel against a wall, shelf or obstacle.
+What counts as a robot contact: two cars; an arm (its tool and the parcel it holds included) and a car, unless the touch
+lies inside the tray of the car it serves; two arms, parcels they hold included. What counts as a static contact: a car
+against a wall, shelf, pedestal or obstacle; an arm against those or the floor; a held parcel against a wall, shelf or
+obstacle.
 
-What never counts: wheels on the floor; a parcel in a tray or on its slot, whoever put it there; a parcel that nobody holds.
+What never counts: wheels on the floor; a parcel in a tray or on its slot, whoever put it there; a parcel that nobody
+holds; an arm against itself, which planning keeps apart.
 
-A touch is a contact point that lies inside both bodies (distance < 0) or carries force. It lasts until there was none for a
-quarter of a second, so that a rattle is one touch.
+A touch is a contact point that lies inside both bodies (distance < 0) or carries force. It lasts until there was none
+for a quarter of a second, so that a rattle is one touch.
 """
 
 from __future__ import annotations
@@ -107,7 +109,7 @@ class ContactMonitor:
             self._touch(body, other, robot=False)
 
     def _load(self, arm: int, body: int, point: Any) -> None:
-        """Judge a point of a held parcel: it is a part of the arm that holds it, `body` stays the key of its touches."""
+        """Judge a point of a held parcel, which is a part of the arm that holds it; its touches are its own."""
         other = point[2]
         if other in self._cars:
             if not self._in_tray(arm, other, point):
@@ -130,7 +132,7 @@ class ContactMonitor:
             self.counts.static += 1
 
     def _in_tray(self, arm: int, car: int, point: Any) -> bool:
-        """Whether a point lies inside the tray of the car that the arm serves: above its floor, up to half into a wall."""
+        """Whether a point lies inside the tray of the served car: above its floor, up to half into a wall."""
         if self.serving[arm] != self._cars[car]:
             return False
         place, quat = self._client.getBasePositionAndOrientation(car)

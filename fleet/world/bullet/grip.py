@@ -63,9 +63,10 @@ class GripDevice(Protocol):
 class SuctionGrip:
     """A cup that sticks to the face of a parcel.
 
-    A fixed constraint is made as soon as the cup should hold and a parcel's face lies within 1 cm of its lip, and removed
-    when it should let go, or when pull and shear together exceed the limit: five times the weight, at least 20 N and at
-    most `limit_n`. Pressing a parcel down does not break the seal. After a drop the cup stays empty until it was off.
+    A fixed constraint is made as soon as the cup should hold and a parcel's face lies within 1 cm of its lip, and
+    removed when it should let go, or when pull and shear together exceed the limit: five times the weight, at least
+    20 N and at most `limit_n`. Pressing a parcel down does not break the seal. After a drop the cup stays empty until
+    it was off.
 
     Args:
         client: Connection.

@@ -27,13 +27,13 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _GRAVITY_MPS2 = 9.81
-# Contacts farther apart than this are dropped. The engine's 2 cm keep four points under every rolling wheel; 1 mm leaves one
-# and halves the cost of a car.
+# Contacts farther apart than this are dropped. The engine's 2 cm keep four points under every rolling wheel, 1 mm one,
+# which halves the cost of a car.
 _CONTACT_BREAKING_M = 0.001
 _FLOOR_FRICTION = 1.0
 # What a car may gain on top of its present speed within one tick, braking and shoves included.
 _NEAR_MARGIN_M = 0.05
-# Largest half widths of the iiwa's link meshes, read off their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
+# Largest half widths of the iiwa's link meshes, from their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
 _LINK_RADII_M = (0.12, 0.12, 0.12, 0.12, 0.10, 0.09, 0.06)
 _RAYS_PER_CALL = 16_000
 _COLOURS = {
@@ -67,11 +67,13 @@ class BulletWorld:
 
     Arm set-points are meant for the end of the tick; the motors follow them with a lag of less than one physics step.
 
-    `save` and `load`: a world without a grip that was closed or opened in between returns exactly, so the same commands
-    give the same states to the last bit. A suction grip that was made or undone after the snapshot leaves differences of
-    up to 1e-2 in what follows. If parcels or obstacles came or went, what is missing is made anew and what is new is
-    removed; positions and velocities are restored, the solver's memory of contacts is not. Creating a new world and
+    `save` and `load`: a world in which no suction grip was made or undone in between returns exactly, so the same
+    commands give the same states to the last bit. A grip that was made or undone after the snapshot leaves differences
+    of up to 1e-2 in what follows. If parcels or obstacles came or went, what is missing is made anew and what is new
+    is removed; positions and velocities are restored, the solver's memory of contacts is not. Creating a new world and
     repeating the same calls is always exact.
+
+    With SHARED_MEMORY the server's world is emptied first.
 
     Args:
         scene: Robots and fixed things.
@@ -113,9 +115,7 @@ class BulletWorld:
                 client, scene.arm, scene.arm_base, scene.arm_start, tool, config.substeps_n, config.substep_s
             )
             self._parcels = Parcels(client)
-            self._monitor = ContactMonitor(
-                client, scene.car, self._cars.bodies, self._arms.bodies, config.substep_s
-            )
+            self._monitor = ContactMonitor(client, scene.car, self._cars.bodies, self._arms.bodies, config.substep_s)
             self._monitor.floor = floor
             for body in self._arms.bodies:
                 client.setCollisionFilterPair(body, floor, -1, -1, 0)  # the pedestal of the arm stands on the floor
@@ -142,7 +142,9 @@ class BulletWorld:
         self._list_boxes()
         self._near = self._measure()
 
-    def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]) -> None:
+    def step(
+        self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]
+    ) -> None:
         """Advance one tick; see `World.step`."""
         self._cars.drive(np.asarray(car_commands, dtype=np.float64).reshape(self.n_cars, 2))
         self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))

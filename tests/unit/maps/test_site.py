@@ -111,7 +111,7 @@ def test_undecodable_file_is_refused(tmp_path):
         (changed(1, 0, "#"), StationError, "pick_1 at row 2, column 2 has 0 arms beside it"),
         (changed(1, 2, "A"), StationError, "pick_1 at row 2, column 2 has 2 arms"),
         (changed(3, 0, "A"), StationError, "arm at row 4, column 1 has no dock beside it"),
-        (["_#......_", "AP....DA", "......._", "#......#"], StationError, "stands on the lane cell"),
+        (["_#....._", "AP....DA", "......._", "#......#"], StationError, "stands on the lane cell"),
         (["_......_", "AP....DA", "_......_", "###..###", "###K####"], LaneError, "parking cell at row 5, column 4"),
         (["_......_", "AP....DA", "_......_", "###.####", "###C.###"], LaneError, "charger cell at row 5, column 4"),
         (

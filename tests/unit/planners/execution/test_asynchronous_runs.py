@@ -1,4 +1,4 @@
-"""Random asynchronous execution: whatever the speeds and the moments of replanning, nobody meets and nobody is stuck."""
+"""Random asynchronous execution: whatever the speeds and the moments of replanning, nobody meets, nobody is stuck."""
 
 from __future__ import annotations
 

@@ -17,7 +17,9 @@ def plan_of(*rows: Sequence[int]) -> Plan:
     return Plan(states=np.array(rows, dtype=np.int32), status=Status.FEASIBLE, iterations=0)
 
 
-def judge(graph: LaneGraph, *rows: Sequence[int], rotation: bool = False, blocked: Sequence[int] = ()) -> list[Conflict]:
+def judge(
+    graph: LaneGraph, *rows: Sequence[int], rotation: bool = False, blocked: Sequence[int] = ()
+) -> list[Conflict]:
     closed = np.zeros(graph.n_cells, dtype=np.bool_)
     closed[list(blocked)] = True
     return conflicts(graph, plan_of(*rows), allow_rotation=rotation, blocked=closed)

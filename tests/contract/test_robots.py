@@ -1,0 +1,100 @@
+"""Every robot in the table loads, has finite limits, and moves the way its specification says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fleet.robots import ROBOTS, TOOLS, ArmModel, CarModel
+from fleet.robots.spec import ArmSpec
+from fleet.world.bullet.client import Client
+
+CARS = {name: model for name, model in ROBOTS.items() if isinstance(model, CarModel)}
+ARMS = {name: model for name, model in ROBOTS.items() if isinstance(model, ArmModel)}
+
+pytestmark = pytest.mark.bullet
+
+
+def forward(spec: ArmSpec, q: np.ndarray) -> list[np.ndarray]:
+    """Return the frame of every joint after its rotation, in the base frame."""
+    pose, frames = np.eye(4), []
+    for fixed, angle in zip(spec.base_from_joint, q, strict=True):
+        turn = np.eye(4)
+        turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        pose = pose @ fixed @ turn
+        frames.append(pose)
+    return frames
+
+
+def test_every_robot_is_a_car_or_an_arm() -> None:
+    assert set(CARS) | set(ARMS) == set(ROBOTS)
+    for name, model in CARS.items():
+        assert model.spec().name == name
+    for name, arm in ARMS.items():
+        assert arm.spec(TOOLS["suction"]).name == name
+
+
+@pytest.mark.parametrize("name", CARS)
+@pytest.mark.parametrize("wheels", ["sphere", "cylinder"])
+def test_a_car_loads_with_either_wheel(name: str, wheels: str) -> None:
+    client = Client()
+    body = client.load_urdf(CARS[name].urdf(wheels), flags=client.URDF_USE_INERTIA_FROM_FILE)
+    assert client.getNumJoints(body) == 6
+    mass = sum(client.getDynamicsInfo(body, link)[0] for link in range(-1, 6))
+    assert mass == pytest.approx(4.2 + 0.13 + 0.4 + 4 * 0.34055 + 2 * 0.1)  # stock car, lidar, tray, wheels, hinges
+    client.close()
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_limits_of_a_car_are_finite_and_meshes_exist(name: str) -> None:
+    spec = CARS[name].spec()
+    numbers = [value for value in vars(spec).values() if isinstance(value, float)]
+    assert np.isfinite(numbers).all()
+    assert min(numbers) > 0
+    assert {"chassis", "tray", "rear_left", "rear_right", "front_left", "front_right"} == {v.link for v in spec.visuals}
+    assert all(v.mesh is None or v.mesh.is_file() for v in spec.visuals)
+
+
+@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("tool", TOOLS)
+def test_forward_kinematics_of_an_arm_is_that_of_the_engine(name: str, tool: str) -> None:
+    spec = ARMS[name].spec(TOOLS[tool])
+    client = Client()
+    body = client.load_urdf(ARMS[name].urdf(TOOLS[tool]), useFixedBase=True)
+    rng = np.random.default_rng(0)
+    for q in rng.uniform(spec.lower_rad, spec.upper_rad, (20, spec.n_joints)):
+        for joint, angle in enumerate(q):
+            client.resetJointState(body, joint, angle)
+        for link, frame in enumerate(forward(spec, q)):
+            state = client.getLinkState(body, link, computeForwardKinematics=1)
+            turn = np.array(client.getMatrixFromQuaternion(state[5])).reshape(3, 3)
+            np.testing.assert_allclose(frame[:3, 3], state[4], atol=1e-6)
+            np.testing.assert_allclose(frame[:3, :3], turn, atol=1e-6)
+    client.close()
+
+
+@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("tool", TOOLS)
+def test_limits_of_an_arm_are_finite_and_home_is_behind_the_base(name: str, tool: str) -> None:
+    spec = ARMS[name].spec(TOOLS[tool])
+    limits = (spec.lower_rad, spec.upper_rad, spec.max_velocity_radps, spec.max_acceleration_radps2, spec.max_torque_nm)
+    for values in limits:
+        assert values.shape == (spec.n_joints,)
+        assert np.isfinite(values).all()
+    assert (spec.lower_rad < spec.home_rad).all()
+    assert (spec.home_rad < spec.upper_rad).all()
+    flange = forward(spec, spec.home_rad)[-1]
+    tip = flange[:3, 3] + flange[:3, 2] * spec.tool_length_m
+    np.testing.assert_allclose(tip, [-0.40, 0.0, 0.62], atol=1e-9)
+    np.testing.assert_allclose(flange[:3, 2], [0.0, 0.0, -1.0], atol=1e-9)
+    assert {f"link_{i}" for i in range(8)} | {"tool"} == {v.link for v in spec.visuals}
+    assert all(v.mesh is None or v.mesh.is_file() for v in spec.visuals)
+
+
+def test_the_tip_of_the_gripper_lies_between_its_finger_ends() -> None:
+    tool = TOOLS["friction"]
+    fingers = [v for v in tool.visuals if v.link_from_visual[0, 3] != 0.0]
+    ends = [v.link_from_visual[2, 3] + v.size_m[2] / 2 for v in fingers]
+    assert len(fingers) == 2
+    assert all(end - v.size_m[2] / 2 < tool.length_m < end for end, v in zip(ends, fingers, strict=True))
+    assert 2 * tool.finger_travel_m == pytest.approx(0.11)
