@@ -16,6 +16,7 @@ from fleet.dispatcher import CarPhase
 from fleet.insight.metrics import Summary
 from fleet.progress import Progress
 from fleet.recording import (
+    RECORDING,
     FloorPlan,
     Frame,
     LogLine,
@@ -29,7 +30,13 @@ from fleet.recording import (
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import TaskState
 
-RECORDING = "recording.rrd"
+COUNTED = {
+    "waiting": (TaskState.ORDERED, TaskState.BACKLOG, TaskState.READY),
+    "under way": (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING),
+    "delivered": (TaskState.DELIVERED, TaskState.COLLECTED),
+    "failed": (TaskState.FAILED,),
+}
+"""Groups of task states that are counted over time."""
 LOUD = frozenset({"off_lane", "rejoin_impossible", "transfer_repeated", "disturbance"})
 """Events that a person should notice in the log."""
 
@@ -128,6 +135,7 @@ def _loop(
             progress.look()
             if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):  # noqa: PLR2004
                 first_move_s = round(time.perf_counter() - started, 3)
+                simulation.log("first_move")
             if session.speed > 0:
                 ahead_s = simulation.sim_s / session.speed - (time.perf_counter() - begin)
                 if ahead_s > 0:
@@ -177,7 +185,7 @@ def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
         floor=floor,
         about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
         tick_s=simulation.tick_s,
-        plots={"tasks": ("done", "open"), "speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)},
+        plots={"speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)},
         serve=session.serve,
         port=session.port,
     )
@@ -196,9 +204,8 @@ class _Watch:
 
     def note(self, event: Event) -> None:
         """Take an event into the log and, if it is a task's, into its lane."""
-        facts = " ".join(f"{key}={value}" for key, value in event.facts.items() if value is not None)
         level = "WARN" if event.kind in LOUD or event.facts.get("state") == TaskState.FAILED else "INFO"
-        self._recorder.log(LogLine(tick=event.tick, sim_s=event.sim_s, text=f"{event.kind} {facts}", level=level))
+        self._recorder.log(LogLine(tick=event.tick, sim_s=event.sim_s, text=_sentence(event), level=level))
         if event.kind == "task":
             self._changed_tasks[str(event.facts["task"])] = str(event.facts["state"])
 
@@ -214,7 +221,6 @@ class _Watch:
         fresh = simulation.traffic.plans_n != self._epoch
         self._epoch = simulation.traffic.plans_n
         cars = range(world.n_cars)
-        done = simulation.board.count(TaskState.DELIVERED) + simulation.board.count(TaskState.COLLECTED)
         clearance = world.min_clearance_m()
         changed, self._changed_tasks = self._changed_tasks, {}
         self._recorder.record(
@@ -231,18 +237,25 @@ class _Watch:
                 car_state=tuple(_car_word(simulation.dispatcher.phase[car], float(speeds[car])) for car in cars),
                 arm_state=tuple(str(service.state) for service in simulation.desk.services),
                 task_state=changed,
-                task_counts={str(state): simulation.board.count(state) for state in TaskState},
+                task_counts={name: sum(map(simulation.board.count, states)) for name, states in COUNTED.items()},
                 paths=tuple(simulation.driver.remaining(car) for car in cars) if fresh else None,
                 plans=tuple(simulation.executor.planned_line(car) for car in cars) if fresh else None,
                 plan_epoch=self._epoch,
                 metrics={
-                    "done": float(done),
-                    "open": float(len(simulation.board.tasks) - done),
                     "mean_speed_mps": float(np.mean(np.abs(speeds))),
                     "min_clearance_m": min(clearance, 2.0),
                 },
             )
         )
+
+
+def _sentence(event: Event) -> str:
+    """An event as a person would read it."""
+    facts = event.facts
+    if event.kind == "task":
+        car = f" ({facts['car']})" if facts["car"] else ""
+        return f"{facts['task']} is {facts['state']}{car}: {facts['cause']}"
+    return f"{event.kind.replace('_', ' ')}: " + ", ".join(f"{key} {value}" for key, value in facts.items())
 
 
 def _car_word(phase: CarPhase, speed: float) -> str:

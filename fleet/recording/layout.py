@@ -51,7 +51,7 @@ def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str]) -> rrb.Blueprin
     if len(scene.arm_base):
         name = floor.station_names[0] if floor.station_names else "arm_0"
         close.append(_eye_view(f"Close-up {name}", *_closeup(scene.arm_base[0]), hidden=(CAMERA, LABELS)))
-    plans = rrb.Horizontal(above, *close, column_shares=[3, 2][: 1 + len(close)])
+    plans = rrb.Horizontal(above, *close, column_shares=[5, 3][: 1 + len(close)])
     plotted = _plots(plots)
     text = rrb.Tabs(
         rrb.TextLogView(
@@ -76,7 +76,7 @@ def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str]) -> rrb.Blueprin
     else:
         lanes = rrb.Tabs(_lanes("Cars", "cars"), _lanes("Arms", "arms"), _lanes("Tasks", "tasks"))
         views = rrb.Horizontal(
-            rrb.Vertical(site, plans, rrb.Horizontal(plotted, text, column_shares=[3, 2]), row_shares=[8, 7, 5]),
+            rrb.Vertical(site, plans, rrb.Horizontal(plotted, text, column_shares=[3, 2]), row_shares=[7, 8, 4]),
             lanes,
             column_shares=[7, 4],
         )

@@ -16,6 +16,8 @@ _LABEL_Z = 0.6
 """Height of a station's name [m]; it stands behind the arm, so that a docked car's name has room."""
 _CAMERA_Z = 400.0
 """So far up that the projection is nearly parallel [m]."""
+_FEW_N = 8
+"""More cars than this are labelled by number alone, so that neighbours stay legible."""
 PIXELS_PER_M = 24.0
 """Resolution of the top-down camera; labels have a fixed size in these pixels."""
 _CHEVRON_M = 0.09
@@ -123,7 +125,7 @@ def log_tags(rec: rr.RecordingStream, path: str, n_cars: int, size_m: tuple[floa
         rr.Boxes3D(
             half_sizes=[(size_m[0] / 2, size_m[1] / 2, 0.004)] * n_cars,
             colors=palette.identity_colours(range(n_cars)),
-            labels=[f"car_{i}" for i in range(n_cars)],
+            labels=[f"car_{i}" if n_cars <= _FEW_N else str(i) for i in range(n_cars)],
             show_labels=True,
             fill_mode="solid",
         ),

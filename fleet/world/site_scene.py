@@ -16,7 +16,7 @@ from maps.site import Site
 
 WALL_HEIGHT_M = 0.6
 """Low, so that a viewer looks over the walls; higher than a loaded car."""
-SHELF_HEIGHT_M = 2.0
+SHELF_HEIGHT_M = 1.2
 PEDESTAL_HALF_M = 0.08
 SHELF_GAP_M = 0.03
 """Kept free around a shelf inside its cells [m]."""

@@ -111,9 +111,7 @@ def cartesian_line(
     cost[0, 0] = 0.0
     solution[0, 0] = start
     step = float(max_joint_step_rad)
-    if not _follow(
-        poses, angle, branch, _MAX_TURN, step, srs.packed, srs.lower, srs.upper, cost, origin, solution
-    ):
+    if not _follow(poses, angle, branch, _MAX_TURN, step, srs.packed, srs.lower, srs.upper, cost, origin, solution):
         return None
     path = np.empty((n_steps + 1, len(start)))
     column = int(np.argmin(cost[-1]))

@@ -243,4 +243,4 @@ def retime(
     cells = _cells(corners, max_deviation_rad)
     speed = _speeds(cells[0], cells[2], cells[3], velocity, acceleration)
     q, qd = _sampled(corners, cells, speed, fine_dt, per_sample, width)
-    return Trajectory(t=np.arange(len(q)) * dt_s, q=q, qd=qd)
+    return Trajectory(t=np.arange(len(q), dtype=np.float64) * float(dt_s), q=q, qd=qd)

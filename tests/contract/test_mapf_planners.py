@@ -47,6 +47,11 @@ def head_on_adjacent() -> Danger:
     return Danger(instance_of(open_grid(1, 2), [0, 1], [1, 0]), solved=False)
 
 
+def head_on_where_rings_are_legal() -> Danger:
+    """A ring of two is still a swap."""
+    return Danger(instance_of(open_grid(1, 2), [0, 1], [1, 0], allow_rotation=True), solved=False)
+
+
 def adjacent_swap() -> Danger:
     """Neighbours want each other's cell, and there is room beside them."""
     return Danger(instance_of(open_grid(3, 3), [4, 5], [5, 4]))
@@ -201,6 +206,7 @@ DANGERS: dict[str, Callable[[], Danger]] = {
     for make in (
         head_on,
         head_on_adjacent,
+        head_on_where_rings_are_legal,
         adjacent_swap,
         head_on_with_bay,
         ring,

@@ -31,6 +31,20 @@ SLOT_BOX = StaticBox(kind="pedestal", centre_m=(0.45, 0.0, 0.125), half_m=(0.08,
 MakeWorld = Callable[..., BulletWorld]
 
 
+def scene_of(**parts: object) -> Scene:
+    """Return an empty floor of 10 x 10 m with `parts` on it."""
+    empty = Scene(
+        size_m=(10.0, 10.0),
+        boxes=(),
+        car=racecar_spec(),
+        car_start=np.zeros((0, 3)),
+        arm=iiwa_spec(),
+        arm_base=np.zeros((0, 4)),
+        arm_start=np.zeros((0, 7)),
+    )
+    return dataclasses.replace(empty, **parts)  # type: ignore[arg-type]
+
+
 @pytest.fixture
 def make_world() -> Iterator[MakeWorld]:
     """Return a maker of worlds; all are closed at the end."""
@@ -46,10 +60,8 @@ def make_world() -> Iterator[MakeWorld]:
         settings = BulletConfig(**config)  # type: ignore[arg-type]
         arm = iiwa_spec(TOOLS[settings.grip.value])
         n_arms = len(arms or [])
-        scene = Scene(
-            size_m=(10.0, 10.0),
+        scene = scene_of(
             boxes=boxes,
-            car=racecar_spec(),
             car_start=np.array(cars or [], dtype=np.float64).reshape(-1, 3),
             arm=arm,
             arm_base=np.array(arms or [], dtype=np.float64).reshape(-1, 4),
@@ -304,9 +316,8 @@ def test_bad_worlds_are_refused(make_world: MakeWorld, monkeypatch: pytest.Monke
     world = make_world(cars=[(1.0, 1.0, 0.0)])
     with pytest.raises(PhysicsError, match="parcel 9"):
         world.remove_parcel(9)
-    scene = dataclasses.replace(world._scene, arm=iiwa_spec(TOOLS["friction"]))
     with pytest.raises(ConfigError, match="tool_length_m"):
-        BulletWorld(scene)
+        BulletWorld(scene_of(arm=iiwa_spec(TOOLS["friction"])))
 
 
 def test_the_engine_prints_nothing() -> None:
@@ -329,13 +340,13 @@ world.close()
 
 
 def test_clearance_of_an_arm_leaves_out_the_car_it_serves(make_world: MakeWorld) -> None:
-    reach = above(0.55, 0.45, "suction")  # tip 0.2 m above the tray walls
-    car = racecar_spec()
-    for serving, expected in ((-1, 0.2), (0, np.inf)):
-        world = make_world(cars=[(0.55, -car.tray_x_m, np.pi / 2)], arms=[(0.0, 0.0, 0.0, 0.0)], start=reach)
+    car, home = racecar_spec(), iiwa_spec().home_rad
+    over_tray = above(0.55, 0.45, "suction")  # tip 0.2 m above the tray walls
+    found = {}
+    for serving in (-1, 0):
+        world = make_world(cars=[(0.55, -car.tray_x_m, np.pi / 2)], arms=[(0.0, 0.0, 0.0, 0.0)])
         world.set_serving(0, serving)
-        snapshot = world._min_clearance_m  # the world measures once as it is built, before anybody serves
-        world._min_clearance_m = np.inf
-        run(world, 0.1)
-        assert snapshot == pytest.approx(0.18, abs=0.01)
-        assert world.min_clearance_m() == pytest.approx(expected, abs=0.03)
+        sweep(world, home, over_tray, 2.0, grip=False)
+        found[serving] = world.min_clearance_m()
+    assert found[-1] == pytest.approx(0.2 - TOOLS["suction"].half_width_m, abs=0.01)
+    assert found[0] == pytest.approx(0.55 - car.half_width_m - 0.12, abs=0.01)  # base of the arm, before it served

@@ -13,7 +13,7 @@ from planners.mapf.distance_table import DistanceTable
 from planners.mapf.pibt import Pibt, PibtConfig
 from planners.mapf.problem import Instance
 from planners.mapf.validate import breaches
-from tests.unit.planners.mapf.lanes import instance_of, one_way_grid, one_way_loop, random_starts
+from tests.unit.planners.mapf.lanes import graph_of, instance_of, one_way_grid, one_way_loop, random_starts
 
 STEPS_PER_WINDOW = 4
 HORIZON = 6
@@ -105,6 +105,13 @@ def test_impatience_lets_the_one_that_waits_longer_pass_first() -> None:
     """The agent that is not at its goal outgrows any priority difference inside the window."""
     instance = instance_of(one_way_loop(6), [0, 1], [3, 1], priorities=[0.0, 5.0], horizon=4)
     assert Pibt(PibtConfig(impatience=1.0)).plan(instance).states[-1, 0] == 3
+
+
+def test_a_move_that_came_to_nothing_leaves_its_swept_cells_to_others() -> None:
+    """Agent 0 would sweep cell 3 on its way to agent 1, who cannot move; agent 2 then enters cell 3."""
+    graph = graph_of(range(4), [(0, 1), (2, 3)], sweeps={(0, 1): (3,)})
+    instance = instance_of(graph, [0, 1, 2], [1, -1, 3], priorities=[3.0, 2.0, 1.0], horizon=1)
+    assert Pibt().plan(instance).states[1].tolist() == [0, 1, 3]
 
 
 def test_each_call_draws_on() -> None:
