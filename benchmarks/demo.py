@@ -41,7 +41,9 @@ def measure(trial: Trial) -> list[Row]:
             )
             for seed in medium_seeds
         ]
-        other = [_deliver(trial, out, ["--site", "small", "--robots", n]) for n in (("1",) if trial.quick else ("1", "8"))]
+        other = [
+            _deliver(trial, out, ["--site", "small", "--robots", n]) for n in (("1",) if trial.quick else ("1", "8"))
+        ]
         real = [_real_input(trial, out)] if WAREHOUSE.exists() and not trial.quick else []
         again = _run(out, ["--robots", "3", "--seed", str(trial.seeds[0])])
         trial.check(again["state_hash"] == three[0]["state_hash"], "the same seed ended in another state")

@@ -202,9 +202,7 @@ class Dispatcher:
             x, y, z = station.place.slots[slot]
             size = task.order.size_m
             pose = np.array([x, y, z + size[2] / 2 + 0.001, 0.0, 0.0, 0.0, 1.0])
-            self._world.add_parcel(
-                ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.order.mass_kg, pose=pose)
-            )
+            self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.order.mass_kg, pose=pose))
             self.entered_n += 1
             self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
             self.board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
@@ -242,9 +240,7 @@ class Dispatcher:
         """Ready tasks, oldest first, as many as the caps of their stations allow."""
         cap = self._config.allocation.station_cap_n
         bound: dict[str, int] = {}
-        for task in self.board.in_state(
-            TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING
-        ):
+        for task in self.board.in_state(TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING):
             if task.state in (TaskState.ASSIGNED, TaskState.LOADING):
                 bound[task.order.pick] = bound.get(task.order.pick, 0) + 1
             bound[task.order.drop] = bound.get(task.order.drop, 0) + 1
@@ -369,11 +365,16 @@ class Dispatcher:
             else self._in_tray(car, pose)
         )
         if at_source and self._attempts[task.index] < MAX_ATTEMPTS:
-            self._log("transfer_repeated", task=task.order.name, station=station.name, cause=self._desk.reason(arm=station.arm))
+            self._log(
+                "transfer_repeated",
+                task=task.order.name,
+                station=station.name,
+                cause=self._desk.reason(station.arm),
+            )
             self._request(station, task, car, tick)
             return
         x, y, z = (round(float(v), 3) for v in pose[:3])
-        reason = f"{self._desk.reason(arm=station.arm)} at {station.name}; parcel lies at ({x}, {y}, {z})"
+        reason = f"{self._desk.reason(station.arm)} at {station.name}; parcel lies at ({x}, {y}, {z})"
         self.board.move(task, TaskState.FAILED, now_s, reason)
         slot = task.pick_slot if loading else task.drop_slot
         if slot is not None and not self._on_slot(station, slot, pose, task):

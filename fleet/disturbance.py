@@ -102,7 +102,7 @@ class Disturbances:
             grid = simulation.site.grid
             parts = event.target.split(",")
             numbers = [int(part) for part in parts if part.strip().isdigit()]
-            ok = len(parts) == len(numbers) == 2 and numbers[0] < grid.rows and numbers[1] < grid.cols  # noqa: PLR2004
+            ok = len(parts) == len(numbers) == 2 and numbers[0] < grid.rows and numbers[1] < grid.cols
             ok = ok and bool(grid.free[numbers[0], numbers[1]])
             require(ok, f"target of {event.kind}", event.target, "row,col of a free cell")
             return int(grid.index(numbers[0], numbers[1]))

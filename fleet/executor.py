@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,6 +12,7 @@ from fleet.driving import Driver
 from fleet.world.protocol import FloatArray, World
 from maps.lane_graph import LaneGraph
 from planners.execution.dependency_graph import DependencyGraph
+from planners.execution.errors import CyclicPlanError
 from planners.mapf.problem import Plan
 
 
@@ -35,8 +38,11 @@ class Executor:
         self._dirty = True
 
     def accept(self, plan: Plan) -> None:
-        """Append a plan whose first row equals `tail_states`."""
-        self.dependencies.extend(plan)
+        """Append a plan whose first row equals `tail_states`; one that cannot be executed is cut before its cycle."""
+        try:
+            self.dependencies.extend(plan)
+        except CyclicPlanError as error:
+            self.dependencies.extend(replace(plan, states=plan.states[: error.timestep + 1]))
         self._dirty = True
 
     def cut(self) -> npt.NDArray[np.int32]:

@@ -83,7 +83,7 @@ class Recovery:
 
     def _try(self, driver: PathDriver, car: int, rejoin: _Rejoin, tick: int) -> None:
         simulation = self._simulation
-        if abs(float(simulation.world.car_speeds()[car])) > 0.05:  # noqa: PLR2004 - still rolling
+        if abs(float(simulation.world.car_speeds()[car])) > 0.05:
             rejoin.still_since = tick
         if (tick - rejoin.still_since) * simulation.tick_s < STILL_S or tick < rejoin.retry_tick:
             return
@@ -110,9 +110,7 @@ class Recovery:
             return
         simulation.log("rejoin_impossible", car=f"car_{car}", retry_s=RETRY_S)
 
-    def _drive(
-        self, driver: PathDriver, car: int, poses: FloatArray, directions: npt.NDArray[np.int8]
-    ) -> None:
+    def _drive(self, driver: PathDriver, car: int, poses: FloatArray, directions: npt.NDArray[np.int8]) -> None:
         driver.restart(car)
         cusps = np.nonzero(np.diff(directions))[0] + 1
         bounds = [0, *cusps.tolist(), len(poses) - 1]

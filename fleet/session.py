@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -89,8 +89,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
     started = time.perf_counter()
     with ExitStack() as stack:
         events: list[Event] = []
-        sink: list[Callable[[Event], None]] = [events.append]
-        simulation = stack.enter_context(Simulation(config, on_event=lambda event: sink[0](event)))
+        simulation = stack.enter_context(Simulation(config, on_event=events.append))
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
         recorder = stack.enter_context(_recorder(simulation, session))
@@ -102,7 +101,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
 
         for event in events:
             emit(event)
-        sink[0] = emit
+        simulation.on_event = emit
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         interrupted, wall_s, first_move_s = _loop(simulation, session, watch, progress, started)
         summary = simulation.summary()
@@ -133,7 +132,7 @@ def _loop(
             simulation.tick()
             watch.look()
             progress.look()
-            if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):  # noqa: PLR2004
+            if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
                 first_move_s = round(time.perf_counter() - started, 3)
                 simulation.log("first_move")
             if session.speed > 0:
@@ -260,7 +259,7 @@ def _sentence(event: Event) -> str:
 
 def _car_word(phase: CarPhase, speed: float) -> str:
     if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP):
-        return "driving" if abs(speed) > 0.05 else "waiting"  # noqa: PLR2004 - below, a car stands
+        return "driving" if abs(speed) > 0.05 else "waiting"
     if phase in (CarPhase.LOADING, CarPhase.UNLOADING):
         return "docked"
     return "fault" if phase in (CarPhase.DEAD, CarPhase.RECOVERING) else "idle"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from fleet.config import Fidelity, RunConfig, require
 from fleet.dispatcher import Dispatcher
@@ -15,8 +16,8 @@ from fleet.driving import Driver, PathDriver, StateDriver
 from fleet.executor import Executor
 from fleet.insight.metrics import Metrics, Summary
 from fleet.recovery import Recovery
-from fleet.stations.arm_desk import ArmDesk, ArmPlanner
 from fleet.stations.arm_cell import arm_cells
+from fleet.stations.arm_desk import ArmDesk, ArmPlanner
 from fleet.stations.arm_planner import make_arm_planner
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
@@ -28,7 +29,6 @@ from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, load_site
-
 
 STALL_S = 300.0
 """A run whose tasks have not changed for this long has come to a stand [s]."""
@@ -52,7 +52,7 @@ class Actions:
     """Steering [rad] and speed [m/s], shape (n_cars, 2); rows of nan leave that car to the executor."""
     arms: FloatArray | None = None
     """Joint targets [rad], shape (n_arms, n_joints); rows of nan leave that arm to the desk."""
-    grip: np.ndarray | None = None
+    grip: npt.NDArray[np.bool_] | None = None
     """Hold, shape (n_arms,); read only for arms that `arms` decides."""
 
 
@@ -78,7 +78,7 @@ class Simulation:
             config.robots,
             f"1 to {len(self.site.parking)} (parking cells of site {self.site.name})",
         )
-        self._on_event = on_event
+        self.on_event = on_event
         orders_seed, estimate_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(3)
         self.orders = self._orders(np.random.default_rng(orders_seed))
         self.graph: LaneGraph = build_lane_graph(self.site)
@@ -159,8 +159,8 @@ class Simulation:
 
     def log(self, kind: str, **facts: object) -> None:
         """Report an event at the present tick."""
-        if self._on_event is not None:
-            self._on_event(Event(tick=self.now, sim_s=round(self.sim_s, 6), kind=kind, facts=facts))
+        if self.on_event is not None:
+            self.on_event(Event(tick=self.now, sim_s=round(self.sim_s, 6), kind=kind, facts=facts))
 
     def state_hash(self) -> str:
         """Hash of the physical state and of the task states: equal runs, equal hashes."""
@@ -193,7 +193,7 @@ class Simulation:
             return read_orders(self.config.orders, self.site)
         return generate_orders(self.site, self.config.n_tasks, self.config.robots, rng)
 
-    def _driver(self, start_states: np.ndarray, rng: np.random.Generator) -> Driver:
+    def _driver(self, start_states: npt.NDArray[np.int32], rng: np.random.Generator) -> Driver:
         if self.config.fidelity is Fidelity.GRID:
             return StateDriver(self.graph, start_states)
         return PathDriver(
@@ -208,11 +208,11 @@ class Simulation:
     def _task_moved(self, task: Task, before: TaskState, now_s: float) -> None:
         self._progress_s = now_s
         car = f"car_{task.car}" if task.car is not None else None
-        self.log(
-            "task", task=task.order.name, before=before, state=task.state, car=car, cause=task.reason
-        )
+        self.log("task", task=task.order.name, before=before, state=task.state, car=car, cause=task.reason)
 
-    def _merged(self, commands: FloatArray, actions: Actions | None) -> tuple[FloatArray, FloatArray, FloatArray, np.ndarray]:
+    def _merged(
+        self, commands: FloatArray, actions: Actions | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
         desk = self.desk
         if actions is None:
             return commands, desk.q, desk.qd, desk.grip
@@ -226,5 +226,3 @@ class Simulation:
             if actions.grip is not None:
                 grip = np.where(decided, actions.grip, grip)
         return commands, q, qd, grip
-
-

@@ -59,7 +59,8 @@ class Demo:
     def run(self) -> int:
         """Run and print the result; returns the exit status."""
         # The engine, the planners and their compiled kernels take a second to load: only for runs, not for --help.
-        from fleet.session import RECORDING, SessionConfig, run_session  # noqa: PLC0415
+        from fleet.recording import RECORDING
+        from fleet.session import SessionConfig, run_session
 
         require(self.speed >= 0, "--speed", self.speed, "a number >= 0")
         require(not (self.gui and self.fidelity is not Fidelity.PHYSICS), "--gui", True, "only with --fidelity physics")
@@ -121,8 +122,12 @@ def _table(result: dict[str, object]) -> Table:
 def _show(console: Console, recording: Path, *, view: bool) -> None:
     viewer = Path(sys.executable).parent / "rerun"
     if view and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform in ("darwin", "win32")):
-        subprocess.Popen([viewer, "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.Popen(
+            [viewer, "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         console.print(f"viewer opened on {recording}", highlight=False, soft_wrap=True)
         return
     why = "no display to open the viewer on; " if view else ""
-    console.print(f"{why}recording: {recording} (look at it with: {viewer} {recording})", highlight=False, soft_wrap=True)
+    console.print(
+        f"{why}recording: {recording} (look at it with: {viewer} {recording})", highlight=False, soft_wrap=True
+    )

@@ -11,7 +11,8 @@ from fleet.robots.spec import CarSpec
 from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.protocol import FloatArray
 from fleet.world.scene import Scene
-from maps.site import Site, StationPlace
+from maps.site import Site
+from maps.stations import StationPlace
 
 REACH_M = 1.4
 """Boxes farther from the base than this cannot be touched [m]: iiwa reach 0.82 m plus tool, elbow and parcel."""
@@ -75,14 +76,13 @@ def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
         boxes.append((np.array(box.centre_m), np.array(box.half_m), 0.0, 0))
     for x, y, z in place.slots:
         # Always as if the rack were full of the largest parcels, so that a plan holds whatever lies there.
-        half = MAX_EDGE_M / 2
-        boxes.append((np.array([x, y, z + half]), np.array([half, half, half]), 0.0, 0))
+        boxes.append((np.array([x, y, z + MAX_EDGE_M / 2]), np.full(3, MAX_EDGE_M / 2), 0.0, 0))
     boxes += _car_boxes(scene.car, place)
     grid = site.grid
-    for cell in np.flatnonzero(grid.free.ravel()).tolist():
-        if cell == place.dock.cell:
+    for lane_cell in np.flatnonzero(grid.free.ravel()).tolist():
+        if lane_cell == place.dock.cell:
             continue
-        x, y = grid.xy(*grid.row_col(cell))
+        x, y = grid.xy(*grid.row_col(lane_cell))
         half = np.array([grid.cell_m / 2, grid.cell_m / 2, PASSING_CAR_M / 2])
         if np.hypot(x - base[0], y - base[1]) < REACH_M + grid.cell_m:
             boxes.append((np.array([x, y, PASSING_CAR_M / 2]), half, 0.0, 0))

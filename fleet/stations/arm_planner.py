@@ -14,7 +14,7 @@ import numpy as np
 
 from fleet.config import Fidelity, RunConfig
 from fleet.errors import FleetError
-from fleet.robots import ROBOTS
+from fleet.robots import iiwa_spec, racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arm_cell import ArmCell
 from fleet.stations.arm_spheres import arm_spheres
@@ -78,7 +78,7 @@ class EngineConfirm:
     def _box(self, held: Held | None) -> HeldBox | None:
         if held is None:
             return None
-        from fleet.world.bullet.confirm import HeldBox  # noqa: PLC0415 - see LocalArmPlanner
+        from fleet.world.bullet.confirm import HeldBox
 
         link_from_box = np.eye(4)
         link_from_box[2, 3] = self._tool_length_m + held.below_tip_m
@@ -97,8 +97,7 @@ class LocalArmPlanner:
 
     def __init__(self, setup: ArmSetup) -> None:
         tool = TOOLS[setup.tool]
-        arm, car = ROBOTS["iiwa14"], ROBOTS["racecar"]
-        spec = arm.spec(tool)
+        spec, car = iiwa_spec(tool), racecar_spec()
         model = arm_spheres(spec, tool)
         known: dict[bytes, KnownWays] = {}
         self._answers: dict[int, Transfer] = {}
@@ -107,7 +106,7 @@ class LocalArmPlanner:
         self._engine: EngineConfirm | None = None
         if setup.confirm:
             # Only here, so that worlds without physics never load the engine.
-            from fleet.world.bullet.confirm import PathConfirmer  # noqa: PLC0415
+            from fleet.world.bullet.confirm import PathConfirmer
 
             self._engine = EngineConfirm(PathConfirmer(spec, tool), tool.length_m)
         for name, cell in zip(setup.names, setup.cells, strict=True):
@@ -116,7 +115,7 @@ class LocalArmPlanner:
                 model=model,
                 spec=spec,
                 tool=tool,
-                car=car.spec(),
+                car=car,
                 planner=setup.planner,
                 iterations_n=setup.iterations_n,
                 known=known.setdefault(cell.geometry_key(), KnownWays()),
@@ -238,7 +237,7 @@ class WorkerArmPlanner:
         pipe = self._process.stdout
         try:
             while pipe is not None:
-                ticket, answer = pickle.load(pipe)  # noqa: S301 - our own child process
+                ticket, answer = pickle.load(pipe)
                 with self._arrived:
                     if ticket == READY:
                         self._is_ready = True
@@ -257,7 +256,9 @@ READY, FAILED = 0, -1
 """Tickets of the worker's own messages."""
 
 
-def make_arm_planner(cells: tuple[ArmCell, ...], names: tuple[str, ...], config: RunConfig) -> LocalArmPlanner | WorkerArmPlanner:
+def make_arm_planner(
+    cells: tuple[ArmCell, ...], names: tuple[str, ...], config: RunConfig
+) -> LocalArmPlanner | WorkerArmPlanner:
     """The planner that the configuration asks for; a worker starts at once and works on while others set up."""
     setup = ArmSetup(
         cells=cells,

@@ -14,20 +14,20 @@ def main() -> None:
     # Libraries print from C to descriptor 1, which carries the answers: give it away first.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    from fleet.stations.arm_planner import FAILED, READY, LocalArmPlanner  # noqa: PLC0415
+    from fleet.stations.arm_planner import FAILED, READY, LocalArmPlanner
 
     requests = sys.stdin.buffer
     try:
-        planner = LocalArmPlanner(pickle.load(requests))  # noqa: S301 - our own parent process
+        planner = LocalArmPlanner(pickle.load(requests))
         _answer(answers, READY, None)
         while True:
-            ticket, request = pickle.load(requests)  # noqa: S301
+            ticket, request = pickle.load(requests)
             _answer(answers, ticket, planner.answer(request))
     except (EOFError, BrokenPipeError):
         pass
     except FleetError as error:
         _answer(answers, FAILED, str(error))
-    except Exception as error:  # noqa: BLE001 - whatever it is, the parent has to be told
+    except Exception as error:
         _answer(answers, FAILED, f"{type(error).__name__}: {error}")
     answers.flush()
     # OMPL's binding complains on a normal exit.

@@ -1,4 +1,4 @@
-"""CellPlanner: plans an arm's transfers: known ways between fixed via points, and straight lines to where parcels are."""
+"""CellPlanner: an arm's transfers as known ways between fixed via points and straight lines to where parcels are."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fleet.errors import FleetError
 from fleet.robots.spec import ArmSpec, CarSpec
 from fleet.robots.tools import Tool
 from fleet.stations.arm_cell import ArmCell
-from fleet.stations.transfer import TRAY, HomeRequest, Step, StepKind, Transfer, TransferRequest
+from fleet.stations.transfer import TRAY, HomeRequest, Signal, Transfer, TransferRequest
 from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.protocol import FloatArray
 from planners.motion import MOTION_PLANNERS
@@ -54,6 +54,7 @@ LINE_STEP_M = 0.01
 """Distance of the inverse-kinematics points of a straight line [m]."""
 SAMPLE_S = 0.01
 """Sample period of trajectories; between samples they are interpolated [s]."""
+
 
 class Confirm(Protocol):
     """The physics engine's last word on a motion."""
@@ -164,9 +165,7 @@ class CellPlanner:
             return Transfer(arm=request.arm, parcel=-1, steps=(), reason=f"no way home ({result.status.value})")
         moves = [] if len(up) == 1 else [self._timed(up, LINE_SPEED, self._line)]
         moves.append(self._timed(result.path, 1.0, self._empty))
-        return Transfer(
-            arm=request.arm, parcel=-1, steps=tuple(Step(kind=StepKind.MOVE, trajectory=move) for move in moves)
-        )
+        return Transfer(arm=request.arm, parcel=-1, steps=tuple(moves))
 
     def _transfer(self, request: TransferRequest) -> Transfer:
         pick_tip, grip_height = self._pick_tip(request)
@@ -180,16 +179,16 @@ class CellPlanner:
         ]
         pick, place = request.pick_via, request.place_via
         steps = (
-            _move(self._way(HOME, pick, loaded=False)),
-            _move(lines[0]),
-            Step(kind=StepKind.GRIP),
-            _move(lines[1]),
-            _move(self._way(pick, place, loaded=True)),
-            _move(lines[2]),
-            Step(kind=StepKind.RELEASE),
-            _move(lines[3]),
-            Step(kind=StepKind.CLEAR),
-            _move(self._way(place, HOME, loaded=False)),
+            self._way(HOME, pick, loaded=False),
+            lines[0],
+            Signal.GRIP,
+            lines[1],
+            self._way(pick, place, loaded=True),
+            lines[2],
+            Signal.RELEASE,
+            lines[3],
+            Signal.CLEAR,
+            self._way(place, HOME, loaded=False),
         )
         return Transfer(arm=request.arm, parcel=request.parcel, steps=steps)
 
@@ -211,7 +210,7 @@ class CellPlanner:
 
     def _finger_yaw(self, rotation: FloatArray, half: FloatArray, via_tip: FloatArray) -> float:
         """Turn that puts the fingers across the parcel's narrower side, as little as possible."""
-        horizontal = [k for k in range(3) if abs(rotation[2, k]) < 0.7]  # noqa: PLR2004 - 45 degrees
+        horizontal = [k for k in range(3) if abs(rotation[2, k]) < 0.7]
         across = min(horizontal, key=lambda k: half[k])
         axis = rotation[:2, across]
         # The parcel's axes are in the world frame, the tip's in the base frame.
@@ -361,14 +360,10 @@ class CellPlanner:
         half = MAX_EDGE_M / 2
         tops = self.cell.slots + np.array([0.0, 0.0, half])
         gap = np.linalg.norm(boxes.centre[:, None] - tops[None], axis=2).min(axis=1) if len(tops) else np.inf
-        keep = (gap > 1e-6) | (np.abs(boxes.half - half).max(axis=1) > 1e-6)  # noqa: PLR2004 - rounding
+        keep = (gap > 1e-6) | (np.abs(boxes.half - half).max(axis=1) > 1e-6)
         return Boxes(
             centre=boxes.centre[keep], half=boxes.half[keep], yaw=boxes.yaw[keep], min_frame=boxes.min_frame[keep]
         )
-
-
-def _move(trajectory: Trajectory) -> Step:
-    return Step(kind=StepKind.MOVE, trajectory=trajectory)
 
 
 def _down(yaw: float) -> FloatArray:

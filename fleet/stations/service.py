@@ -6,8 +6,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from fleet.stations.transfer import Step, StepKind, Transfer
+from fleet.stations.transfer import Signal, Step, Transfer
 from fleet.world.protocol import FloatArray
+from planners.motion.trajectory import Trajectory
 
 GRIP_TIMEOUT_S = 0.6
 """A grip that does not hold after this long has missed; suction needs 1 tick, fingers 0.4 s."""
@@ -57,9 +58,7 @@ class ArmService:
     def dock_is_clear(self) -> bool:
         """True when the arm no longer needs the car to stand still."""
         if self.state in (ServiceState.PLANNING, ServiceState.MOVING):
-            return self.state is ServiceState.MOVING and any(
-                step.kind is StepKind.CLEAR for step in self._steps[: self._at + 1]
-            )
+            return self.state is ServiceState.MOVING and Signal.CLEAR in self._steps[: self._at + 1]
         return True
 
     def request(self) -> None:
@@ -102,20 +101,20 @@ class ArmService:
 
     def _advance(self, step: Step, left_s: float, held: int) -> float:
         """Spend up to `left_s` on a step; returns what is left."""
-        if step.kind is StepKind.CLEAR:
+        if step is Signal.CLEAR:
             self._next()
             return left_s
-        if step.kind is StepKind.MOVE:
+        if isinstance(step, Trajectory):
             self._elapsed_s += left_s
-            over_s = self._elapsed_s - step.trajectory.duration_s
-            self.q, self.qd = step.trajectory.sample(min(self._elapsed_s, step.trajectory.duration_s))
+            over_s = self._elapsed_s - step.duration_s
+            self.q, self.qd = step.sample(min(self._elapsed_s, step.duration_s))
             self.qd = self.qd * self.speed
             if over_s < 0.0:
                 return 0.0
             self._next()
             return over_s
         # A grip or release is a command to the world: it takes effect with this tick, so the rest of the tick is spent.
-        self.grip = step.kind is StepKind.GRIP
+        self.grip = step is Signal.GRIP
         self._elapsed_s += left_s
         if self.grip and held == self.parcel and self._elapsed_s >= SETTLE_S:
             self._carrying = True
@@ -123,7 +122,7 @@ class ArmService:
         elif self.grip and self._elapsed_s >= GRIP_TIMEOUT_S:
             self.grip = False
             self._end(ServiceState.MISSED)
-        elif step.kind is StepKind.RELEASE:
+        elif step is Signal.RELEASE:
             self._carrying = False
             if self._elapsed_s >= SETTLE_S and held != self.parcel:
                 self._next()

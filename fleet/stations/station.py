@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from maps.site import StationPlace
+from maps.stations import StationPlace
 
 
 class Station:

@@ -12,22 +12,17 @@ TRAY = -1
 """Via index of the dock's tray; slots are 0, 1, ..."""
 
 
-class StepKind(StrEnum):
-    """What a step of a transfer does."""
+class Signal(StrEnum):
+    """A step that is not a motion."""
 
-    MOVE = "move"
     GRIP = "grip"
     RELEASE = "release"
     CLEAR = "clear"
     """Takes no time: from here on the arm no longer needs the car."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Step:
-    """One step; only a move has a trajectory."""
-
-    kind: StepKind
-    trajectory: Trajectory | None = None
+Step = Trajectory | Signal
+"""One step of a transfer."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -126,7 +126,7 @@ def _parse_row(row: Sequence[str], site: Site, where: str) -> Order:
     edges = [_number(part, "size_m", where, MIN_EDGE_M, MAX_EDGE_M) for part in size.lower().split("x")]
     if len(edges) == 1:
         edges *= 3
-    if len(edges) != 3:  # noqa: PLR2004 - a box has three edges
+    if len(edges) != 3:
         raise OrdersError(f"{where}: size_m is {size!r}; valid: one edge (0.06) or three (0.06x0.05x0.08)")
     return Order(
         name=name,

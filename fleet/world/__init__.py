@@ -14,8 +14,8 @@ def make_world(scene: Scene, graph: LaneGraph, config: RunConfig) -> World:
     """The world that the configuration asks for."""
     if config.fidelity is Fidelity.PHYSICS:
         # The engine takes a moment to load and is needed by this world alone.
-        from fleet.world.bullet.config import BulletConfig  # noqa: PLC0415
-        from fleet.world.bullet.world import BulletWorld  # noqa: PLC0415
+        from fleet.world.bullet.config import BulletConfig
+        from fleet.world.bullet.world import BulletWorld
 
         return BulletWorld(scene, BulletConfig(connect=config.connect, grip=config.grip))
     if config.fidelity is Fidelity.KINEMATIC:

@@ -46,7 +46,9 @@ class World(Protocol):
     n_cars: int
     n_arms: int
 
-    def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]) -> None:
+    def step(
+        self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]
+    ) -> None:
         """Advance one tick.
 
         Args:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -55,3 +56,10 @@ def assignment(problem: AllocationProblem, pairs: npt.ArrayLike, status: Status)
     if not len(rows) and problem.cost.size:
         status = Status.INFEASIBLE
     return Assignment(pairs=rows, cost=float(problem.cost[rows[:, 0], rows[:, 1]].sum()), status=status)
+
+
+class Allocator(Protocol):
+    """What every allocator offers."""
+
+    def allocate(self, problem: AllocationProblem) -> Assignment:
+        """Choose pairs; an allocation with no pair is a result, not an error."""
