@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import difflib
 import io
+import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,7 +22,7 @@ from fleet.errors import FleetError
 from maps.errors import MapsError
 from planners.errors import PlanningError
 
-BAD_INPUT = 2
+BAD_INPUT, INTERRUPTED = 2, 130
 
 COMMANDS: dict[str, type[Any]] = {"demo": Demo}
 SITE_COMMANDS: dict[str, type[Any]] = {
@@ -26,24 +31,34 @@ SITE_COMMANDS: dict[str, type[Any]] = {
     "generate": SiteGenerate,
     "convert": SiteConvert,
 }
+OPTIONS = (tyro.conf.FlagCreatePairsOff, tyro.conf.EnumChoicesFromValues)
+NUMBERS = {"INT": "an integer", "FLOAT": "a number"}
+"""How tyro calls a kind of number, and how a user does."""
 
 
 def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet") -> None:
-    """Run a command and exit with its status: 0 success, 1 tasks failed, 2 bad input, 130 interrupted.
+    """Run a command and exit with its status: 0 success, 1 tasks failed or open, 2 bad input, 130 interrupted.
 
     Args:
         arguments: Words after the program's name; None reads them from the command line.
         prog: The program's name in messages.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        command = _parse(words, prog)
-        status = command.run()
+        status = _parse(words, prog).run()
+        sys.stdout.flush()
     except (FleetError, MapsError, PlanningError) as error:
         _fail(prog, " ".join(str(error).split()))
+    except BrokenPipeError:
+        # Whoever read our output has gone, as `head` does: that is no error, and nobody is left to tell.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except OSError as error:
+        _fail(prog, f"{error.filename or 'file system'}: {error.strerror or error}")
     except KeyboardInterrupt:
-        _fail(prog, "interrupted", status=130)
-    sys.stdout.flush()
+        _fail(prog, "interrupted", status=INTERRUPTED)
     sys.exit(status)
 
 
@@ -53,7 +68,7 @@ def _fail(prog: str, message: str, *, status: int = BAD_INPUT) -> None:
 
 
 def _parse(words: list[str], prog: str) -> Any:
-    """Choose the command and read its options; a complaint is folded into one line."""
+    """Choose the command and read its options."""
     table: dict[str, type[Any]] = COMMANDS
     name = prog
     if words and words[0] == "site":
@@ -70,12 +85,44 @@ def _parse(words: list[str], prog: str) -> Any:
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
-            return tyro.cli(table[chosen], args=words, prog=name, config=(tyro.conf.FlagCreatePairsOff,))
+            command, unknown = tyro.cli(
+                table[chosen], args=words, prog=name, config=OPTIONS, return_unknown_args=True
+            )
     except SystemExit as stop:
         if stop.code in (0, None):
             raise
-        text = re.sub(r"[─-╿]", " ", re.sub(r"\x1b\[[0-9;]*m", "", complaint.getvalue()))
-        _fail(name, " ".join(text.split()))
+        _fail(name, _one_line(complaint.getvalue(), words))
+    if unknown:
+        _fail(name, _unknown(unknown[0], table[chosen]))
+    return command
+
+
+def _unknown(word: str, command: type[Any]) -> str:
+    """What to say about a word that is no option of a command."""
+    if not word.startswith("-"):
+        return f"unexpected argument {word!r}; valid: options, each with one value"
+    options = [f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(command)]
+    near = difflib.get_close_matches(word, options, n=1)
+    hint = f" (did you mean {near[0]}?)" if near else ""
+    return f"unknown option {word}{hint}; valid: {', '.join(options)}"
+
+
+def _one_line(complaint: str, words: list[str]) -> str:
+    """Say what tyro says in a box in the form of all other messages: what, value, valid choices."""
+    text = " ".join(re.sub(r"[─-╿]", " ", re.sub(r"\x1b\[[0-9;]*m", "", complaint)).split())
+    if found := re.search(r"Invalid choice invalid choice (.+?) for argument '(\S+?)'. Expected one of \((.*?),?\)", text):
+        value, option, choices = found.groups()
+        return f"{option} is {value}; valid: {choices.replace(chr(39), '')}"
+    if found := re.search(r"Missing value for argument '(\S+?)'", text):
+        return f"{found[1]} has no value; valid: {found[1]} VALUE"
+    if found := re.search(r"Missing from .*?: ([A-Z]+ .*?) \(required\)", text):
+        return f"an argument is missing; valid: {found[1]}"
+    if found := re.search(r"Error parsing (\S+?): .*Argument helptext: \S+ (\S+)", text):
+        option, kind = found.groups()
+        value = next((word for before, word in zip(words, words[1:], strict=False) if before == option), None)
+        value = value or next((word.partition("=")[2] for word in words if word.startswith(f"{option}=")), "?")
+        return f"{option} is {value!r}; valid: {NUMBERS.get(kind.rpartition('|')[2], kind)}"
+    return text
 
 
 def _usage(prog: str, table: dict[str, type[Any]]) -> None:

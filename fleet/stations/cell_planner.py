@@ -52,6 +52,8 @@ CONFIRM_EVERY = 5
 """One in this many samples of a motion is shown to the physics engine: 0.05 s apart."""
 LINE_STEP_M = 0.01
 """Distance of the inverse-kinematics points of a straight line [m]."""
+LINE_TURN_RAD = 0.1
+"""And their turn."""
 SAMPLE_S = 0.01
 """Sample period of trajectories; between samples they are interpolated [s]."""
 
@@ -168,10 +170,8 @@ class CellPlanner:
         return Transfer(arm=request.arm, parcel=-1, steps=tuple(moves))
 
     def _transfer(self, request: TransferRequest) -> Transfer:
-        pick_tip, grip_height = self._pick_tip(request)
-        place_tip = self._place_tip(request, grip_height)
-        down = self._approach(request.pick_via, pick_tip)
-        lower = self._approach(request.place_via, place_tip)
+        down, grip_height = self._grasp(request)
+        lower = self._approach(request.place_via, self._place_tip(request, grip_height))
         held = Held(size_m=request.size_m, below_tip_m=grip_height - request.size_m[2] / 2)
         lines = [
             self._confirmed(self._timed(path, LINE_SPEED, self._line), self._line_boxes, load)
@@ -192,8 +192,18 @@ class CellPlanner:
         )
         return Transfer(arm=request.arm, parcel=request.parcel, steps=steps)
 
-    def _pick_tip(self, request: TransferRequest) -> tuple[FloatArray, float]:
-        """Tip pose that grips the parcel, and the tip's height over the parcel's underside."""
+    def _grasp(self, request: TransferRequest) -> tuple[FloatArray, float]:
+        """The way down to the first grip that can be reached, and the tip's height over the parcel's underside."""
+        refusal: UnreachableError | None = None
+        for tip, height in self._grips(request):
+            try:
+                return self._approach(request.pick_via, tip), height
+            except UnreachableError as error:
+                refusal = refusal or error
+        raise refusal or UnreachableError("the parcel cannot be gripped from above")
+
+    def _grips(self, request: TransferRequest) -> list[tuple[FloatArray, float]]:
+        """Tip poses that grip the parcel, best first, each with the tip's height over the parcel's underside."""
         centre = self.cell.base_from_world(request.pick_pose[:3])
         rotation = _matrix(request.pick_pose[3:])
         half = np.asarray(request.size_m) / 2
@@ -202,21 +212,26 @@ class CellPlanner:
         if not self._tool.finger_joints:
             tip = via_tip.copy()
             tip[:3, 3] = centre[0], centre[1], centre[2] + half_height + SUCTION_GAP_M
-            return tip, 2 * half_height + SUCTION_GAP_M
-        tip = _yawed(via_tip, self._finger_yaw(rotation, half, via_tip))
+            return [(tip, 2 * half_height + SUCTION_GAP_M)]
         height = max(half_height, PICK_ABOVE_BOTTOM_M)
-        tip[:3, 3] = centre[0], centre[1], centre[2] - half_height + height
-        return tip, height
+        grips = []
+        for turn in self._finger_turns(rotation, half, via_tip):
+            tip = _yawed(via_tip, turn)
+            tip[:3, 3] = centre[0], centre[1], centre[2] - half_height + height
+            grips.append((tip, height))
+        return grips
 
-    def _finger_yaw(self, rotation: FloatArray, half: FloatArray, via_tip: FloatArray) -> float:
-        """Turn that puts the fingers across the parcel's narrower side, as little as possible."""
-        horizontal = [k for k in range(3) if abs(rotation[2, k]) < 0.7]
-        across = min(horizontal, key=lambda k: half[k])
-        axis = rotation[:2, across]
-        # The parcel's axes are in the world frame, the tip's in the base frame.
-        wanted = np.arctan2(axis[1], axis[0]) - self.cell.base_pose[3]
+    def _finger_turns(self, rotation: FloatArray, half: FloatArray, via_tip: FloatArray) -> list[float]:
+        """Turns that put the fingers across two opposite sides, the narrower pair of sides first, small turns first."""
+        across = sorted((k for k in range(3) if abs(rotation[2, k]) < np.sqrt(0.5)), key=lambda k: half[k])
         present = np.arctan2(via_tip[1, 0], via_tip[0, 0])
-        return float((wanted - present + np.pi / 2) % np.pi - np.pi / 2)
+        turns = []
+        for k in across:
+            # The parcel's axes are in the world frame, the tip's in the base frame.
+            wanted = np.arctan2(rotation[1, k], rotation[0, k]) - self.cell.base_pose[3]
+            small = float((wanted - present + np.pi / 2) % np.pi - np.pi / 2)
+            turns += [small, small - np.pi if small > 0 else small + np.pi]
+        return turns
 
     def _place_tip(self, request: TransferRequest, grip_height: float) -> FloatArray:
         if request.place_via == TRAY:
@@ -249,8 +264,10 @@ class CellPlanner:
         return line if line is not None and self._line.path_free(line) else None
 
     def _cartesian(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
-        way_m = float(np.linalg.norm(tip[:3, 3] - self._tip(q)[:3, 3]))
-        steps = max(2, int(np.ceil(way_m / LINE_STEP_M)))
+        start = self._tip(q)
+        way_m = float(np.linalg.norm(tip[:3, 3] - start[:3, 3]))
+        turn_rad = float(np.arccos(np.clip((np.trace(start[:3, :3].T @ tip[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
+        steps = max(2, int(np.ceil(way_m / LINE_STEP_M)), int(np.ceil(turn_rad / LINE_TURN_RAD)))
         return cartesian_line(self._srs, q, tip, steps, tool_length_m=self._tool.length_m)
 
     def _climb(self, q: FloatArray) -> FloatArray:

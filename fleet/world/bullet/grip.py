@@ -35,6 +35,12 @@ _MIMIC_GAIN = 1.0
 _MIMIC_FORCE = 4.0
 
 
+_FIRM_STEPS = 24
+"""Substeps both fingers must touch a parcel before it counts as held: 0.1 s for the force to build up."""
+_LOST_STEPS = 24
+"""Substeps without touch after which a parcel counts as lost."""
+
+
 class GripDevice(Protocol):
     """The tools of all arms."""
 
@@ -216,6 +222,7 @@ class FrictionGrip:
         n = len(arms.bodies)
         self.held = [-1] * n
         self._closed: list[bool | None] = [None] * n
+        self._steady = [0] * n
         for body in arms.bodies:
             for finger in self._fingers:
                 client.resetJointState(body, finger, arms.tool.finger_travel_m)
@@ -250,19 +257,28 @@ class FrictionGrip:
         for arm, links in enumerate(self._touched):
             left, right = (links.get(finger, set()) for finger in self._fingers)
             both = left & right if self._closed[arm] else set()
-            self.held[arm] = min(both) if both else -1
+            if self.held[arm] in both:
+                self._steady[arm] = _LOST_STEPS
+            elif self.held[arm] >= 0 and self._closed[arm]:
+                # A rigid finger rattles: one substep without contact is not yet a lost parcel.
+                self._steady[arm] -= 1
+                if self._steady[arm] == 0:
+                    self.held[arm] = -1
+            else:
+                self._steady[arm] = self._steady[arm] + 1 if both else 0
+                self.held[arm] = min(both) if self._steady[arm] >= _FIRM_STEPS else -1
 
     def forget(self, parcel: int) -> None:
         """Let go of a parcel that is about to leave the world."""
         self.held = [-1 if held == parcel else held for held in self.held]
 
     def memory(self) -> Any:
-        """Parcel of every hand."""
-        return list(self.held)
+        """Parcel of every hand, and for how long it has been or can do without touch."""
+        return list(self.held), list(self._steady)
 
     def recall(self, memory: Any) -> None:
         """Return to `memory`."""
-        self.held = list(memory)
+        self.held, self._steady = (list(part) for part in memory)
         self._closed = [None] * len(self.held)  # the next command sets every finger anew
 
     def _move(self, arm: int, finger: int, target: float) -> None:
