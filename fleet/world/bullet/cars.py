@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 
@@ -24,10 +25,13 @@ _DRIVE_NM = 0.6
 _BRAKE_NM = 4.0
 _STEER_NM = 10.0
 _STEER_GAIN = 0.4
-# A motor that holds zero velocity lets the wheels creep by 5 mrad/s at 10 solver iterations (2.5 mm in 10 s); one that
-# holds the angle does not. It takes over below this speed.
+# A brake that only holds zero wheel speed creeps (0.35 mm/s at 10 solver iterations: the contact solver has no static
+# friction), and one that holds the wheels' angle turns a car with steered wheels by a radian a minute. A standing car is
+# therefore held where it is by a force-limited constraint: the grip of its tyres, 0.8 x 6.2 kg x 9.81 m/s^2.
 _STILL_MPS = 0.005
-_LOCK_GAIN = 0.3
+_TYRE_GRIP_N = 48.0
+# Shoved away by more than this, the tyres have slipped: they hold at the new place.
+_SLIPPED_M = 0.003
 # A person shoves for about half a second; the speed follows half a sine wave.
 _PUSH_S = 0.5
 
@@ -72,7 +76,8 @@ class Cars:
         self.top_speed = 0.0
         """Fastest motion of any car at the last reading [m/s], sideways included."""
         self._sent = np.full((len(self.bodies), 2), np.nan)
-        self._locked = np.zeros(len(self.bodies), dtype=np.bool_)
+        self._parked = np.zeros(len(self.bodies), dtype=np.bool_)
+        self._parked_at = np.zeros((len(self.bodies), 2))
         self._pushes: dict[int, _Push] = {}
         self._places = wheel_places(spec)
         self._wheels: list[int] = []
@@ -85,9 +90,17 @@ class Cars:
             self._hinges = [names[hinge] for hinge in HINGES]
             # Bullet reports the pose of the centre of mass; this is where it lies in the rear-axle frame.
             self._com = np.array(client.getDynamicsInfo(self.bodies[0], -1)[3])
+        # Made once and switched by their force: constraints that come and go would make snapshots inexact.
+        self._brakes: list[int] = []
         for body in self.bodies:
             for wheel in self._wheels:
                 client.setCollisionFilterGroupMask(body, wheel, 1, FLOOR_GROUP)
+            place, quat = client.getBasePositionAndOrientation(body)
+            brake = client.createConstraint(
+                body, -1, -1, -1, client.JOINT_FIXED, (0, 0, 0), (0, 0, 0), place, (0, 0, 0, 1), quat
+            )
+            client.changeConstraint(brake, maxForce=0.0)
+            self._brakes.append(brake)
 
     def drive(self, commands: FloatArray) -> None:
         """Set the motors; a command equal to the last one costs nothing.
@@ -102,11 +115,12 @@ class Cars:
         limit = np.array([spec.max_steering_rad, spec.max_speed_mps])
         commands = np.clip(commands, -limit, limit)
         changed = np.flatnonzero((commands != self._sent).any(axis=1))
-        self._lock(np.flatnonzero((self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0) & ~self._locked))
+        standing = (self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0)
+        self._release(np.flatnonzero(self._parked & (~standing | self._slipped())))
+        self._park(np.flatnonzero(standing & ~self._parked & (np.abs(self.speeds) < _STILL_MPS)))
         if len(changed) == 0:
             return
         self._sent[changed] = commands[changed]
-        self._locked[changed] = False
         steering, speed = commands[changed].T
         curvature = np.tan(steering) / spec.wheelbase_m
         ahead = curvature[:, None] * self._places[:, 0]  # (c, 4) motion of the wheel's point per metre of the rear axle
@@ -138,7 +152,9 @@ class Cars:
         self._pushes[car] = _Push(
             start=self.poses[car].copy(), way=np.array(way, dtype=np.float64), step=0, steps=steps
         )
-        self._sent[car] = np.nan  # unlocks the wheels, which would roll back otherwise
+        self._sent[car] = np.nan
+        if self._parked[car]:
+            self._release(np.array([car]))
 
     def shove(self) -> None:
         """Give every pushed car its velocity for the coming physics step."""
@@ -210,27 +226,39 @@ class Cars:
 
     def memory(self) -> object:
         """What the engine's own snapshot does not hold."""
-        return [(car, push.start, push.way, push.step, push.steps) for car, push in self._pushes.items()]
+        pushes = [(car, push.start, push.way, push.step, push.steps) for car, push in self._pushes.items()]
+        return pushes, self._parked.copy(), self._parked_at.copy()
 
     def recall(self, memory: object) -> None:
         """Return to `memory`; every motor is set anew at the next command."""
         self._sent[:] = np.nan
-        self._locked[:] = False
-        rows: list[tuple[int, FloatArray, FloatArray, int, int]] = memory  # type: ignore[assignment]
-        self._pushes = {c: _Push(start=start, way=way, step=step, steps=n) for c, start, way, step, n in rows}
+        pushes, parked, self._parked_at = copy.deepcopy(memory)  # type: ignore[misc]
+        self._pushes = {c: _Push(start=start, way=way, step=step, steps=n) for c, start, way, step, n in pushes}
+        self._release(np.flatnonzero(~parked))
+        self._park(np.flatnonzero(parked))
 
-    def _lock(self, cars: npt.NDArray[np.int64]) -> None:
-        """Hold the wheels of the cars that have come to rest at their angle."""
-        client = self._client
+    def _slipped(self) -> npt.NDArray[np.bool_]:
+        """Which cars are no longer where they were parked, shape (n,)."""
+        away: npt.NDArray[np.bool_] = np.hypot(*(self.poses[:, :2] - self._parked_at).T) > _SLIPPED_M
+        return away
+
+    def _park(self, cars: npt.NDArray[np.int64]) -> None:
+        """Hold cars where they stand."""
         for car in cars.tolist():
-            if abs(self.speeds[car]) > _STILL_MPS or car in self._pushes:
+            if car in self._pushes:
                 continue
-            body = self.bodies[car]
-            for joint, state in zip(self._wheels, client.getJointStates(body, self._wheels), strict=True):
-                client.setJointMotorControl2(
-                    body, joint, client.POSITION_CONTROL, state[0], 0.0, _BRAKE_NM, _LOCK_GAIN, 1.0
-                )
-            self._locked[car] = True
+            place, quat = self._client.getBasePositionAndOrientation(self.bodies[car])
+            self._client.changeConstraint(
+                self._brakes[car], jointChildPivot=place, jointChildFrameOrientation=quat, maxForce=_TYRE_GRIP_N
+            )
+            self._parked[car] = True
+            self._parked_at[car] = self.poses[car, :2]
+
+    def _release(self, cars: npt.NDArray[np.int64]) -> None:
+        """Let cars roll."""
+        for car in cars.tolist():
+            self._client.changeConstraint(self._brakes[car], maxForce=0.0)
+            self._parked[car] = False
 
 
 def _split(numbers: list[float], length: int) -> list[list[float]]:
