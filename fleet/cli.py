@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import difflib
 import io
 import os
@@ -12,7 +11,8 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
-from typing import Any
+from itertools import pairwise
+from typing import Any, NoReturn, get_type_hints
 
 import tyro
 
@@ -31,7 +31,12 @@ SITE_COMMANDS: dict[str, type[Any]] = {
     "generate": SiteGenerate,
     "convert": SiteConvert,
 }
-OPTIONS = (tyro.conf.FlagCreatePairsOff, tyro.conf.EnumChoicesFromValues)
+OPTIONS = (
+    tyro.conf.FlagCreatePairsOff,
+    tyro.conf.EnumChoicesFromValues,
+    tyro.conf.DisallowNone,
+    tyro.conf.PositionalMetavarFromFieldName,
+)
 NUMBERS = {"INT": "an integer", "FLOAT": "a number"}
 """How tyro calls a kind of number, and how a user does."""
 
@@ -62,7 +67,7 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet
     sys.exit(status)
 
 
-def _fail(prog: str, message: str, *, status: int = BAD_INPUT) -> None:
+def _fail(prog: str, message: str, *, status: int = BAD_INPUT) -> NoReturn:
     print(f"{prog}: {message}", file=sys.stderr)  # noqa: T201 - the one line a user gets
     sys.exit(status)
 
@@ -85,9 +90,7 @@ def _parse(words: list[str], prog: str) -> Any:
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
-            command, unknown = tyro.cli(
-                table[chosen], args=words, prog=name, config=OPTIONS, return_unknown_args=True
-            )
+            command, unknown = tyro.cli(table[chosen], args=words, prog=name, config=OPTIONS, return_unknown_args=True)
     except SystemExit as stop:
         if stop.code in (0, None):
             raise
@@ -100,8 +103,13 @@ def _parse(words: list[str], prog: str) -> Any:
 def _unknown(word: str, command: type[Any]) -> str:
     """What to say about a word that is no option of a command."""
     if not word.startswith("-"):
-        return f"unexpected argument {word!r}; valid: options, each with one value"
-    options = [f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(command)]
+        return f"unexpected argument {word!r}; valid: what --help shows"
+    hints = get_type_hints(command, include_extras=True)
+    options = [
+        f"--{name.replace('_', '-')}"
+        for name, hint in hints.items()
+        if tyro.conf.Positional not in getattr(hint, "__metadata__", ())
+    ]
     near = difflib.get_close_matches(word, options, n=1)
     hint = f" (did you mean {near[0]}?)" if near else ""
     return f"unknown option {word}{hint}; valid: {', '.join(options)}"
@@ -110,7 +118,7 @@ def _unknown(word: str, command: type[Any]) -> str:
 def _one_line(complaint: str, words: list[str]) -> str:
     """Say what tyro says in a box in the form of all other messages: what, value, valid choices."""
     text = " ".join(re.sub(r"[─-╿]", " ", re.sub(r"\x1b\[[0-9;]*m", "", complaint)).split())
-    if found := re.search(r"Invalid choice invalid choice (.+?) for argument '(\S+?)'. Expected one of \((.*?),?\)", text):
+    if found := re.search(r"invalid choice (.+?) for argument '(\S+?)'. Expected one of \((.*?),?\)", text):
         value, option, choices = found.groups()
         return f"{option} is {value}; valid: {choices.replace(chr(39), '')}"
     if found := re.search(r"Missing value for argument '(\S+?)'", text):
@@ -119,7 +127,7 @@ def _one_line(complaint: str, words: list[str]) -> str:
         return f"an argument is missing; valid: {found[1]}"
     if found := re.search(r"Error parsing (\S+?): .*Argument helptext: \S+ (\S+)", text):
         option, kind = found.groups()
-        value = next((word for before, word in zip(words, words[1:], strict=False) if before == option), None)
+        value = next((word for before, word in pairwise(words) if before == option), None)
         value = value or next((word.partition("=")[2] for word in words if word.startswith(f"{option}=")), "?")
         return f"{option} is {value!r}; valid: {NUMBERS.get(kind.rpartition('|')[2], kind)}"
     return text

@@ -134,7 +134,13 @@ class EstimateConfig:
         require(0 <= self.latency_ticks <= 30, "estimate.latency_ticks", self.latency_ticks, "an integer from 0 to 30")
 
 
-EVENT_KINDS = ("car_dead", "arm_slow", "lane_blocked", "car_pushed")
+EVENT_PARAMETERS: dict[str, dict[str, tuple[float, float]]] = {
+    "car_dead": {},
+    "arm_slow": {"factor": (0.01, 1.0), "duration_s": (0.0, 1e6)},
+    "lane_blocked": {"duration_s": (0.0, 1e6)},
+    "car_pushed": {"dx_m": (-2.0, 2.0), "dy_m": (-2.0, 2.0), "dyaw_rad": (-3.2, 3.2)},
+}
+"""What can be said of each kind of event, with the least and the greatest value."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,15 +149,20 @@ class ScenarioEvent:
 
     time_s: float
     kind: str
-    """One of `EVENT_KINDS`."""
+    """A name in `EVENT_PARAMETERS`."""
     target: str
     """`car_2`, `arm_0`, or a cell as `row,col`."""
     parameters: dict[str, float] = field(default_factory=dict)
-    """arm_slow: factor, duration_s; lane_blocked: duration_s; car_pushed: dx_m, dy_m, dyaw_rad."""
+    """See `EVENT_PARAMETERS`; each has a default."""
 
     def __post_init__(self) -> None:
-        _not_negative("event time_s", self.time_s)
-        require(self.kind in EVENT_KINDS, "event kind", self.kind, ", ".join(EVENT_KINDS))
+        _not_negative("time_s", self.time_s)
+        require(self.kind in EVENT_PARAMETERS, "kind", self.kind, ", ".join(EVENT_PARAMETERS))
+        ranges = EVENT_PARAMETERS[self.kind]
+        for name, value in self.parameters.items():
+            require(name in ranges, f"parameter of {self.kind}", name, ", ".join(ranges) or "none")
+            low, high = ranges[name]
+            require(low <= value <= high, f"{name} of {self.kind}", value, f"a number from {low:g} to {high:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,6 +183,8 @@ class RunConfig:
     fidelity: Fidelity = Fidelity.PHYSICS
     grip: Grip = Grip.SUCTION
     connect: Connect = Connect.DIRECT
+    shared_memory_key: int = 12347
+    """Key of a running physics server; used with SHARED_MEMORY only."""
     collect_after_s: float = 5.0
     """Time a delivered parcel stays on its slot before it is collected [s]."""
     events: tuple[ScenarioEvent, ...] = ()
@@ -184,6 +197,7 @@ class RunConfig:
         require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
         require(self.tasks is None or self.tasks >= 1, "--tasks", self.tasks, "an integer >= 1")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
         _positive("--duration", self.duration_s)
         _not_negative("collect_after_s", self.collect_after_s)
 

@@ -118,7 +118,10 @@ class Dispatcher:
         self._end_services(tick, now_s)
 
     def retire(self, car: int, phase: CarPhase, now_s: float, reason: str) -> None:
-        """Take a car out of service; a task whose parcel it has not got yet goes back to the pool."""
+        """Take a car out of service; a task whose parcel it has not got yet goes back to the pool.
+
+        An arm that is at work on the car goes on: what becomes of the task is judged when it is clear.
+        """
         task = self.task_of[car]
         self._enter(car, phase)
         if task is None:
@@ -126,9 +129,11 @@ class Dispatcher:
         if task.state is TaskState.ASSIGNED:
             self._unassign(task, now_s, reason)
         elif task.state is TaskState.CARRIED and phase is CarPhase.DEAD:
-            self.board.move(task, TaskState.FAILED, now_s, f"parcel stranded: {reason}")
-            self.task_of[car] = None
-            self._traffic.rank[car] = 0.0
+            self._strand(task, car, now_s, reason)
+
+    def is_served(self, car: int) -> bool:
+        """True while an arm is at work on a car, or still on its way home from it."""
+        return car in self._serving.values()
 
     def resume(self, car: int, tick: int) -> None:
         """Bring a recovered car back into service with what it was doing."""
@@ -137,7 +142,8 @@ class Dispatcher:
             self._enter(car, CarPhase.TO_DROP)
             self._send_to(car, self._by_name[task.order.drop], tick)
         else:
-            self._enter(car, CarPhase.IDLE)
+            loaded = any(self._in_tray(car, pose) for pose in self._world.parcel_poses())
+            self._enter(car, CarPhase.RETIRED if loaded else CarPhase.IDLE)
         self._changed = True
 
     def misplaced_parcels(self) -> list[str]:
@@ -364,6 +370,13 @@ class Dispatcher:
             if loading and task.pick_slot is not None
             else self._in_tray(car, pose)
         )
+        if at_source and self.phase[car] is CarPhase.RECOVERING:
+            # The car was pushed from under the arm: it comes back to the dock, or another does.
+            if loading:
+                self._unassign(task, now_s, f"car_{car} left its lane")
+            else:
+                self.board.move(task, TaskState.CARRIED, now_s, f"car_{car} left its lane")
+            return
         if at_source and self._attempts[task.index] < MAX_ATTEMPTS:
             self._log(
                 "transfer_repeated",
@@ -374,7 +387,8 @@ class Dispatcher:
             self._request(station, task, car, tick)
             return
         x, y, z = (round(float(v), 3) for v in pose[:3])
-        reason = f"{self._desk.reason(station.arm)} at {station.name}; parcel lies at ({x}, {y}, {z})"
+        cause = self._desk.reason(station.arm) or "the parcel is not where it was set down"
+        reason = f"{cause} at {station.name}; parcel lies at ({x}, {y}, {z})"
         self.board.move(task, TaskState.FAILED, now_s, reason)
         slot = task.pick_slot if loading else task.drop_slot
         if slot is not None and not self._on_slot(station, slot, pose, task):
@@ -388,10 +402,13 @@ class Dispatcher:
         self._attempts[task.index] = 0
         self._rack_changed = True
         self.board.move(task, TaskState.CARRIED, now_s, f"measured in the tray of car_{car}")
-        self._enter(car, CarPhase.TO_DROP)
-        self._traffic.set_fixed(car, False)
-        self._send_to(car, self._by_name[task.order.drop], tick)
         self._changed = True
+        if self.phase[car] is CarPhase.DEAD:
+            self._strand(task, car, now_s, f"car_{car} is dead")
+        elif self.phase[car] is not CarPhase.RECOVERING:
+            self._enter(car, CarPhase.TO_DROP)
+            self._traffic.set_fixed(car, False)
+            self._send_to(car, self._by_name[task.order.drop], tick)
 
     def _delivered(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
         self.board.move(task, TaskState.DELIVERED, now_s, f"measured on slot {task.drop_slot} of {station.name}")
@@ -401,10 +418,19 @@ class Dispatcher:
 
     def _release_car(self, car: int, phase: CarPhase = CarPhase.IDLE) -> None:
         self.task_of[car] = None
-        self._enter(car, phase)
-        self._traffic.set_fixed(car, False)
         self._traffic.rank[car] = 0.0
         self._changed = True
+        if self.phase[car] not in (CarPhase.DEAD, CarPhase.RECOVERING):
+            self._enter(car, phase)
+            self._traffic.set_fixed(car, False)
+
+    def _strand(self, task: Task, car: int, now_s: float, reason: str) -> None:
+        """Give up a task whose parcel rides in a car that will not move again."""
+        self.board.move(task, TaskState.FAILED, now_s, f"parcel stranded: {reason}")
+        if task.drop_slot is not None:
+            self._by_name[task.order.drop].free_slot(task.drop_slot)
+        self.task_of[car] = None
+        self._traffic.rank[car] = 0.0
 
     def _dock_cell(self, station: Station) -> int:
         return int(self._graph.state_cell[station.dock_state])

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 OBSTACLE_HALF_M = (0.25, 0.25, 0.2)
 """Half size of the box that blocks a lane [m]."""
+DURATION_S = 60.0
+"""How long a slow arm or a blocked lane lasts if the event does not say."""
+SLOW_FACTOR = 0.5
+"""Speed of a slow arm if the event does not say."""
 
 
 class Disturbances:
@@ -34,7 +38,7 @@ class Disturbances:
         for event in events:
             self._target(event)
         self._timeline = deque(sorted(events, key=lambda event: event.time_s))
-        self._ends: list[tuple[float, str, int]] = []
+        self._ends: dict[tuple[str, int], float] = {}
 
     def tick(self, tick: int) -> None:
         """Apply what is due and end what has lasted long enough."""
@@ -42,9 +46,9 @@ class Disturbances:
         now_s = self._simulation.sim_s
         while self._timeline and self._timeline[0].time_s <= now_s:
             self._apply(self._timeline.popleft(), now_s)
-        for end in [end for end in self._ends if end[0] <= now_s]:
-            self._ends.remove(end)
-            self._end(end[1], end[2])
+        for what in [what for what, end_s in self._ends.items() if end_s <= now_s]:
+            del self._ends[what]
+            self._end(*what)
 
     def _apply(self, event: ScenarioEvent, now_s: float) -> None:
         simulation = self._simulation
@@ -61,9 +65,9 @@ class Disturbances:
                 target, parameters.get("dx_m", 0.0), parameters.get("dy_m", 0.0), parameters.get("dyaw_rad", 0.0)
             )
         elif event.kind == "arm_slow":
-            simulation.desk.slow(target, parameters.get("factor", 0.5))
-            self._ends.append((now_s + parameters.get("duration_s", 60.0), event.kind, target))
-        elif not self._block(target):
+            simulation.desk.slow(target, parameters.get("factor", SLOW_FACTOR))
+            self._last(event, target, now_s)
+        elif (event.kind, target) not in self._ends and not self._block(target):
             # Somebody is in the cell: the obstacle falls as soon as it is free.
             later = ScenarioEvent(
                 time_s=now_s + simulation.tick_s, kind=event.kind, target=event.target, parameters=parameters
@@ -72,8 +76,13 @@ class Disturbances:
             self._timeline = deque(sorted(self._timeline, key=lambda e: e.time_s))
             return
         else:
-            self._ends.append((now_s + parameters.get("duration_s", 60.0), event.kind, target))
+            self._last(event, target, now_s)
         simulation.log("disturbance", disturbance=event.kind, target=event.target, **parameters)
+
+    def _last(self, event: ScenarioEvent, target: int, now_s: float) -> None:
+        """Note when an event is over; of two that overlap, the later end counts."""
+        end_s = now_s + event.parameters.get("duration_s", DURATION_S)
+        self._ends[event.kind, target] = max(end_s, self._ends.get((event.kind, target), 0.0))
 
     def _block(self, cell: int) -> bool:
         simulation = self._simulation

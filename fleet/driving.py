@@ -111,9 +111,9 @@ class PathDriver:
         self.paths.append(car, points, s_m, direction)
         self._stop_s[car] = self.paths.end_s(car)
 
-    def restart(self, car: int) -> None:
-        """Forget a car's path and begin anew where it is believed to stand."""
-        self.paths.reset(car, self.estimate[car])
+    def restart(self, car: int, pose: FloatArray | None = None) -> None:
+        """Forget a car's path and begin anew at a pose x, y, yaw; by default where it is believed to stand."""
+        self.paths.reset(car, self.estimate[car] if pose is None else pose)
         self.follower.reset(car)
         self._ends[car].clear()
         self._next_end[car] = np.inf
@@ -156,6 +156,10 @@ class PathDriver:
     def stop(self, car: int) -> None:
         """See `Driver`."""
         self._speed_cap[car] = 0.0
+
+    def go(self, car: int, speed_mps: float = PASS_SPEED_MPS) -> None:
+        """End a `stop`: drive on along what was granted, at most that fast."""
+        self._speed_cap[car] = speed_mps
 
 
 class StateDriver:

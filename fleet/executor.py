@@ -63,10 +63,11 @@ class Executor:
         self._dirty = True
 
     def close_if_free(self, cell: int) -> bool:
-        """Close a cell unless a car holds it; returns whether it was closed."""
+        """Close a cell unless a car holds it, and drop what leads through it; returns whether it was closed."""
         if any(cell in self.dependencies.held_cells(car) for car in range(self._n_cars)):
             return False
         self._closed.add(cell)
+        self.dependencies.avoid(cell)
         return True
 
     def halt(self, car: int) -> None:

@@ -30,7 +30,7 @@ class Progress:
 
     def __init__(self, simulation: Simulation, *, shown: bool) -> None:
         self._simulation = simulation
-        self._console = Console(file=sys.stdout)
+        self._console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
         self._shown = shown
         self._bar: RichProgress | None = None
         self._next = 0.0
@@ -44,6 +44,11 @@ class Progress:
             )
             self._task = self._bar.add_task("starting", total=len(simulation.board.tasks))
 
+    def say(self, text: str) -> None:
+        """Show a line that stays."""
+        if self._shown:
+            self._console.print(text, soft_wrap=True)
+
     def look(self) -> None:
         """Update what is shown if it is time."""
         now = time.perf_counter()
@@ -55,9 +60,7 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, completed=done, description=f"{self._simulation.sim_s:7.1f} s")
         else:
-            self._console.print(
-                f"{self._simulation.sim_s:8.1f} s simulated, {done} of {len(board.tasks)} tasks done", highlight=False
-            )
+            self._console.print(f"{self._simulation.sim_s:8.1f} s simulated, {done} of {len(board.tasks)} tasks done")
 
     def __enter__(self) -> Self:
         if self._bar is not None:

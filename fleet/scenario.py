@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 
 from fleet.config import ScenarioEvent
-from fleet.errors import FleetError
+from fleet.errors import ConfigError, FleetError
 
 REQUIRED = ("time_s", "kind", "target")
 
@@ -16,7 +16,7 @@ class ScenarioError(FleetError):
 
 
 def read_events(path: Path) -> tuple[ScenarioEvent, ...]:
-    """Read ``[[event]]`` tables: `time_s`, `kind`, `target`, and any further number as a parameter.
+    """Read ``[[event]]`` tables: `time_s`, `kind`, `target`, and the parameters of that kind.
 
     Args:
         path: The file.
@@ -25,20 +25,24 @@ def read_events(path: Path) -> tuple[ScenarioEvent, ...]:
         Events in the file's order.
 
     Raises:
-        ScenarioError: The file cannot be read or an event is malformed.
-        ConfigError: A value is outside its range.
+        ScenarioError: The file cannot be read, or an event is malformed; names the event.
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ScenarioError(f"events file {path}: cannot be read ({error})") from error
+    except OSError as error:
+        raise ScenarioError(f"events file {path}: cannot be read ({error.strerror}); valid: a TOML file") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ScenarioError(f"events file {path}: is not TOML ({error}); valid: [[event]] tables") from error
     tables = content.get("event")
     if set(content) != {"event"} or not isinstance(tables, list):
-        raise ScenarioError(f"events file {path}: top level has {sorted(content)}; valid: [[event]] tables only")
+        found = ", ".join(sorted(content)) or "nothing"
+        raise ScenarioError(f"events file {path}: top level has {found}; valid: [[event]] tables only")
     return tuple(_event(table, f"events file {path}, event {k + 1}") for k, table in enumerate(tables))
 
 
-def _event(table: dict[str, object], where: str) -> ScenarioEvent:
+def _event(table: object, where: str) -> ScenarioEvent:
+    if not isinstance(table, dict):
+        raise ScenarioError(f"{where}: is {table!r}; valid: an [[event]] table")
     for name in REQUIRED:
         if name not in table:
             raise ScenarioError(f"{where}: {name} is missing; valid: {', '.join(REQUIRED)} and parameters")
@@ -47,9 +51,12 @@ def _event(table: dict[str, object], where: str) -> ScenarioEvent:
     for name, value in [("time_s", time_s), *parameters.items()]:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ScenarioError(f"{where}: {name} is {value!r}; valid: a number")
-    return ScenarioEvent(
-        time_s=float(str(time_s)),
-        kind=str(kind),
-        target=str(target),
-        parameters={name: float(str(value)) for name, value in parameters.items()},
-    )
+    try:
+        return ScenarioEvent(
+            time_s=float(time_s),
+            kind=str(kind),
+            target=str(target),
+            parameters={name: float(value) for name, value in parameters.items()},
+        )
+    except ConfigError as error:
+        raise ScenarioError(f"{where}: {error}") from error

@@ -25,6 +25,7 @@ from fleet.recording import (
     RerunRecorder,
     RunFile,
     prepare_output,
+    require_free_port,
     versions,
 )
 from fleet.simulation import Event, Simulation
@@ -90,9 +91,16 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
     with ExitStack() as stack:
         events: list[Event] = []
         simulation = stack.enter_context(Simulation(config, on_event=events.append))
+        if session.serve:
+            require_free_port(session.port)
+        # From here on there are files: an interrupt ends the run, and the files are finished.
+        interrupted = stack.enter_context(_interrupts())
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
         recorder = stack.enter_context(_recorder(simulation, session))
+        progress = stack.enter_context(Progress(simulation, shown=session.progress))
+        if session.serve:
+            progress.say(f"live: rerun --connect rerun+http://127.0.0.1:{session.port}/proxy")
         watch = _Watch(simulation, recorder)
 
         def emit(event: Event) -> None:
@@ -102,8 +110,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         for event in events:
             emit(event)
         simulation.on_event = emit
-        progress = stack.enter_context(Progress(simulation, shown=session.progress))
-        interrupted, wall_s, first_move_s = _loop(simulation, session, watch, progress, started)
+        wall_s, first_move_s = _loop(simulation, session, watch, progress, started, interrupted)
         summary = simulation.summary()
         result = Result(
             **{field.name: getattr(summary, field.name) for field in fields(summary)},
@@ -114,7 +121,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
             site=simulation.site.name,
             robots=config.robots,
             fidelity=str(config.fidelity),
-            interrupted=interrupted,
+            interrupted=bool(interrupted),
             versions=versions(),
         )
         run_file.result(result)
@@ -122,24 +129,28 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
 
 
 def _loop(
-    simulation: Simulation, session: SessionConfig, watch: _Watch, progress: Progress, started: float
-) -> tuple[bool, float, float | None]:
+    simulation: Simulation,
+    session: SessionConfig,
+    watch: _Watch,
+    progress: Progress,
+    started: float,
+    interrupted: list[int],
+) -> tuple[float, float | None]:
     """Tick until finished; an interrupt lets the present tick end and stops there."""
     first_move_s: float | None = None
-    with _interrupts() as interrupted:
-        begin = time.perf_counter()
-        while not simulation.finished and not interrupted:
-            simulation.tick()
-            watch.look()
-            progress.look()
-            if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
-                first_move_s = round(time.perf_counter() - started, 3)
-                simulation.log("first_move")
-            if session.speed > 0:
-                ahead_s = simulation.sim_s / session.speed - (time.perf_counter() - begin)
-                if ahead_s > 0:
-                    time.sleep(ahead_s)
-        return bool(interrupted), time.perf_counter() - begin, first_move_s
+    begin = time.perf_counter()
+    while not simulation.finished and not interrupted:
+        simulation.tick()
+        watch.look()
+        progress.look()
+        if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
+            first_move_s = round(time.perf_counter() - started, 3)
+            simulation.log("first_move")
+        if session.speed > 0:
+            ahead_s = simulation.sim_s / session.speed - (time.perf_counter() - begin)
+            if ahead_s > 0:
+                time.sleep(ahead_s)
+    return time.perf_counter() - begin, first_move_s
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,8 @@ from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, load_site
+from planners.allocation import ALLOCATORS
+from planners.mapf import PLANNERS
 
 STALL_S = 300.0
 """A run whose tasks have not changed for this long has come to a stand [s]."""
@@ -46,12 +49,18 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class Actions:
-    """What agents decide instead of the executor and the arm desk; None leaves it to them."""
+    """What agents decide instead of the executor and the arm desk; None leaves it to them.
+
+    Made for a run whose driver and desk know which robots agents decide (`fleet.envs.agent_simulation`): in any other
+    run the executor takes for granted that a car follows its path, and recovery takes back a car that does not.
+    """
 
     cars: FloatArray | None = None
     """Steering [rad] and speed [m/s], shape (n_cars, 2); rows of nan leave that car to the executor."""
     arms: FloatArray | None = None
     """Joint targets [rad], shape (n_arms, n_joints); rows of nan leave that arm to the desk."""
+    arms_qd: FloatArray | None = None
+    """Joint velocities there [rad/s], same shape, read only for arms that `arms` decides; None = zero."""
     grip: npt.NDArray[np.bool_] | None = None
     """Hold, shape (n_arms,); read only for arms that `arms` decides."""
 
@@ -64,7 +73,7 @@ class Simulation:
         on_event: Called with every event as it happens.
 
     Raises:
-        ConfigError: The site has no room for that many robots.
+        ConfigError: The site has no room for that many robots, or no planner or allocator has that name.
         SiteError: The site cannot be read or served.
         OrdersError: The orders file is malformed.
     """
@@ -78,6 +87,9 @@ class Simulation:
             config.robots,
             f"1 to {len(self.site.parking)} (parking cells of site {self.site.name})",
         )
+        traffic, allocation = config.traffic, config.allocation
+        require(traffic.planner in PLANNERS, "--planner", traffic.planner, ", ".join(PLANNERS))
+        require(allocation.allocator in ALLOCATORS, "--allocator", allocation.allocator, ", ".join(ALLOCATORS))
         self.on_event = on_event
         orders_seed, estimate_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(3)
         self.orders = self._orders(np.random.default_rng(orders_seed))
@@ -86,40 +98,43 @@ class Simulation:
             [self.graph.states_of_cell(cell)[0] for cell in self.site.parking[: config.robots]], dtype=np.int32
         )
         self.scene: Scene = scene_of(self.site, self.graph.state_pose[start_states], config.grip)
-        self.arm_planner: ArmPlanner = make_arm_planner(
-            arm_cells(self.site, self.scene), tuple(station.name for station in self.site.stations), config
-        )
-        self.world: World = make_world(self.scene, self.graph, config)
-        self.tick_s = self.world.tick_s
-        self.now = 0
-        self._progress_s = 0.0
-        self.driver: Driver = self._driver(start_states, np.random.default_rng(estimate_seed))
-        self.executor = Executor(self.graph, start_states, self.driver, config.traffic)
-        self.traffic = Traffic(
-            self.graph, self.executor, config.traffic, self.tick_s, int(traffic_seed.generate_state(1)[0])
-        )
-        self.board = TaskBoard(self.orders, self._task_moved)
-        self.stations = [
-            Station(arm, place, self.graph.state_at(place.dock.cell, place.dock.heading))
-            for arm, place in enumerate(self.site.stations)
-        ]
-        self.desk = ArmDesk(self.arm_planner, config.arms, self.scene.car, self.scene.arm_start, self.tick_s)
-        self.dispatcher = Dispatcher(
-            site=self.site,
-            graph=self.graph,
-            config=config,
-            board=self.board,
-            stations=self.stations,
-            desk=self.desk,
-            traffic=self.traffic,
-            executor=self.executor,
-            world=self.world,
-            log=self.log,
-        )
-        self.recovery = Recovery(self)
-        self.disturbances = Disturbances(self, config.events)
-        self.metrics = Metrics(self.world.n_cars, self.tick_s)
-        self.arm_planner.wait_ready()
+        self.arm_planner: ArmPlanner = self._arm_planner()
+        with ExitStack() as undo:
+            # A run that is refused leaves no planning process behind.
+            undo.callback(self.arm_planner.close)
+            self.world: World = make_world(self.scene, self.graph, config)
+            undo.callback(self.world.close)
+            self.tick_s = self.world.tick_s
+            self.now = 0
+            self._progress_s = 0.0
+            self.driver: Driver = self._driver(start_states, np.random.default_rng(estimate_seed))
+            self.executor = Executor(self.graph, start_states, self.driver, config.traffic)
+            self.traffic = Traffic(
+                self.graph, self.executor, config.traffic, self.tick_s, int(traffic_seed.generate_state(1)[0])
+            )
+            self.board = TaskBoard(self.orders, self._task_moved)
+            self.stations = [
+                Station(arm, place, self.graph.state_at(place.dock.cell, place.dock.heading))
+                for arm, place in enumerate(self.site.stations)
+            ]
+            self.desk: ArmDesk = self._desk()
+            self.dispatcher = Dispatcher(
+                site=self.site,
+                graph=self.graph,
+                config=config,
+                board=self.board,
+                stations=self.stations,
+                desk=self.desk,
+                traffic=self.traffic,
+                executor=self.executor,
+                world=self.world,
+                log=self.log,
+            )
+            self.recovery = Recovery(self)
+            self.disturbances = Disturbances(self, config.events)
+            self.metrics = Metrics(self.world.n_cars, self.tick_s)
+            self.arm_planner.wait_ready()
+            undo.pop_all()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
 
     @property
@@ -193,6 +208,13 @@ class Simulation:
             return read_orders(self.config.orders, self.site)
         return generate_orders(self.site, self.config.n_tasks, self.config.robots, rng)
 
+    def _arm_planner(self) -> ArmPlanner:
+        names = tuple(station.name for station in self.site.stations)
+        return make_arm_planner(arm_cells(self.site, self.scene), names, self.config)
+
+    def _desk(self) -> ArmDesk:
+        return ArmDesk(self.arm_planner, self.config.arms, self.scene.car, self.scene.arm_start, self.tick_s)
+
     def _driver(self, start_states: npt.NDArray[np.int32], rng: np.random.Generator) -> Driver:
         if self.config.fidelity is Fidelity.GRID:
             return StateDriver(self.graph, start_states)
@@ -222,7 +244,7 @@ class Simulation:
         if actions.arms is not None:
             decided = ~np.isnan(actions.arms[:, 0])
             q = np.where(decided[:, None], actions.arms, q)
-            qd = np.where(decided[:, None], 0.0, qd)
+            qd = np.where(decided[:, None], 0.0 if actions.arms_qd is None else actions.arms_qd, qd)
             if actions.grip is not None:
                 grip = np.where(decided, actions.grip, grip)
         return commands, q, qd, grip

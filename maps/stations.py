@@ -29,6 +29,8 @@ REACH_M = (0.35, 0.65)
 """The arm works well on points whose horizontal distance from its base lies in this range."""
 MIN_ARM_SPACING_M = 2.0
 ARM_BASE_RADIUS_M = 0.15
+NOSE_GAP_M = 0.14
+"""A docked car's nose stays this far inside its cell [m]: release tolerance 0.05, following error 0.05, a margin."""
 _TOLERANCE_M = 1e-6
 
 
@@ -190,7 +192,8 @@ def _dock(
     name: str, cell: int, heading: int, straight_exit: bool, grid: GridMap, given: StationOptions, where: str
 ) -> DockPlace:
     half = grid.cell_m / 2
-    deepest = grid.cell_m - ENTRY_INSET_M - BODY_FRONT_M
+    # The car ahead gives its cell back a little before its tail has left it: stop short of the border.
+    deepest = grid.cell_m - ENTRY_INSET_M - BODY_FRONT_M - NOSE_GAP_M
     offset = half - ENTRY_INSET_M - TRAY_AHEAD_M if straight_exit else 0.0
     if given.stop_offset_m is not None:
         offset = given.stop_offset_m

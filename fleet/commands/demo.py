@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fleet.config import AllocationConfig, Connect, Fidelity, Grip, RunConfig, TrafficConfig, require
+from fleet.errors import ConfigError
 from fleet.scenario import read_events
 
 ALL_DONE, TASKS_FAILED, INTERRUPTED = 0, 1, 130
@@ -53,6 +55,8 @@ class Demo:
     """Open the viewer on the recording afterwards; without a display say how to look at it."""
     serve: bool = False
     """Stream to viewers on the loopback interface while it runs."""
+    port: int = 9876
+    """Port of --serve."""
     gui: bool = False
     """Show the physics engine's own window."""
 
@@ -62,8 +66,7 @@ class Demo:
         from fleet.recording import RECORDING
         from fleet.session import SessionConfig, run_session
 
-        require(self.speed >= 0, "--speed", self.speed, "a number >= 0")
-        require(not (self.gui and self.fidelity is not Fidelity.PHYSICS), "--gui", True, "only with --fidelity physics")
+        self._check()
         config = RunConfig(
             site=self.site,
             robots=self.robots,
@@ -78,16 +81,36 @@ class Demo:
             traffic=TrafficConfig(planner=self.planner),
             allocation=AllocationConfig(allocator=self.allocator),
         )
-        session = SessionConfig(out=self.out, record=not self.no_record, serve=self.serve, speed=self.speed)
+        session = SessionConfig(
+            out=self.out, record=not self.no_record, serve=self.serve, port=self.port, speed=self.speed
+        )
         result = run_session(config, session)
-        console = Console(file=sys.stdout)
+        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
         console.print(_table(vars(result)))
         if not self.no_record:
             _show(console, self.out / RECORDING, view=self.view)
         if result.interrupted:
-            console.print("interrupted: the files hold the run up to here", highlight=False)
+            console.print("interrupted: the files hold the run up to here")
             return INTERRUPTED
-        return TASKS_FAILED if result.tasks_failed else ALL_DONE
+        open_n = result.tasks_total - result.tasks_done - result.tasks_failed
+        timely = result.sim_s >= self.duration
+        if open_n:
+            why = "the time was up" if timely else "nothing went on any more"
+            console.print(f"{open_n} tasks were left open: {why}")
+        return TASKS_FAILED if result.tasks_failed or (open_n and not timely) else ALL_DONE
+
+    def _check(self) -> None:
+        """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
+        require(math.isfinite(self.speed) and self.speed >= 0, "--speed", self.speed, "a number >= 0")
+        require(0 < self.port < 1 << 16, "--port", self.port, f"an integer from 1 to {(1 << 16) - 1}")
+        for option, given, fits, valid in (
+            ("--gui", self.gui, self.fidelity is Fidelity.PHYSICS, "with --fidelity physics"),
+            ("--serve", self.serve, not self.no_record, "without --no-record"),
+            ("--view", self.view, not self.no_record, "without --no-record"),
+            ("--tasks", self.tasks is not None, self.orders is None, "without --orders"),
+        ):
+            if given and not fits:
+                raise ConfigError(f"{option} does not go with the other options; valid: {option} {valid}")
 
 
 def _table(result: dict[str, object]) -> Table:
@@ -125,9 +148,7 @@ def _show(console: Console, recording: Path, *, view: bool) -> None:
         subprocess.Popen(
             [viewer, "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
-        console.print(f"viewer opened on {recording}", highlight=False, soft_wrap=True)
+        console.print(f"viewer opened on {recording}", soft_wrap=True)
         return
     why = "no display to open the viewer on; " if view else ""
-    console.print(
-        f"{why}recording: {recording} (look at it with: {viewer} {recording})", highlight=False, soft_wrap=True
-    )
+    console.print(f"{why}recording: {recording} (look at it with: {viewer} {recording})", soft_wrap=True)

@@ -12,11 +12,13 @@ from rich.console import Console
 from rich.table import Table
 
 from fleet.config import require
-from fleet.errors import FleetError
 from maps.movingai import site_from_map
 from maps.report import check_site, draw_site
 from maps.site import Site, load_site, save_site, site_names
 from maps.warehouse import generate_warehouse
+
+MOST = 1000
+"""Greatest side of a generated floor [cells] and number of places on it; beyond it checks take minutes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,20 +27,19 @@ class SiteCheck:
 
     site: Annotated[str, tyro.conf.Positional]
     """Name of a shipped site or path of a site file."""
-    draw: bool = True
-    """Print the floor plan with lane directions."""
+    no_draw: bool = False
+    """Leave out the floor plan with its lane directions."""
 
     def run(self) -> int:
         """Print the report; a bad site raises."""
         site = load_site(self.site)
-        console = Console(file=sys.stdout)
-        if self.draw:
+        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        if not self.no_draw:
             sys.stdout.write(draw_site(site) + "\n")
         report = check_site(site)
         table = Table(title=f"site {site.name}", show_header=False)
         for name, value in vars(report).items():
-            text = f"{value:.2f}" if isinstance(value, float) else str(value)
-            table.add_row(name.replace("_", " "), text)
+            table.add_row(name.replace("_", " "), _text(value))
         console.print(table)
         return 0
 
@@ -80,7 +81,7 @@ class SiteGenerate:
         """Write the file."""
         for name in ("rows", "cols", "pick", "drop", "parking"):
             value = getattr(self, name)
-            require(value >= 1, f"--{name}", value, "an integer >= 1")
+            require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
         site = generate_warehouse(
             rows=self.rows, cols=self.cols, pick=self.pick, drop=self.drop, parking=self.parking, name=self.out.stem
         )
@@ -106,14 +107,20 @@ class SiteConvert:
         """Write the file."""
         for name in ("pick", "drop", "parking"):
             value = getattr(self, name)
-            require(value >= 1, f"--{name}", value, "an integer >= 1")
+            require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
         return _save(site_from_map(self.map, pick=self.pick, drop=self.drop, parking=self.parking), self.out)
 
 
+def _text(value: object) -> str:
+    """A figure of the report; lists one below the other."""
+    if isinstance(value, tuple):
+        # As in messages on site files, rows and columns count from 1.
+        items = [item if isinstance(item, str) else f"row {item[0] + 1}, column {item[1] + 1}" for item in value]
+        return "\n".join(items) or "none"
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
 def _save(site: Site, out: Path) -> int:
-    try:
-        save_site(site, out)
-    except OSError as error:
-        raise FleetError(f"site file {out}: cannot be written ({error.strerror}); valid: a writable path") from error
+    save_site(site, out)
     sys.stdout.write(f"{out}: {site.grid.cols} x {site.grid.rows} m, {len(site.stations)} stations\n")
     return 0

@@ -1,0 +1,6 @@
+"""Environments: PettingZoo faces on a simulation; importing this package makes them known to `pettingzoo.make`."""
+
+from pettingzoo import register
+
+register("parallel", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:parallel_env", max_cycles=600)
+register("aec", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:env", max_cycles=600)

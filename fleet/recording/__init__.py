@@ -8,6 +8,7 @@ from fleet.recording.frame import LogLine as LogLine
 from fleet.recording.frame import NullRecorder as NullRecorder
 from fleet.recording.frame import Recorder as Recorder
 from fleet.recording.rerun_recorder import RerunRecorder as RerunRecorder
+from fleet.recording.rerun_recorder import require_free_port as require_free_port
 from fleet.recording.run_file import RECORDING as RECORDING
 from fleet.recording.run_file import RunFile as RunFile
 from fleet.recording.run_file import RunRecord as RunRecord

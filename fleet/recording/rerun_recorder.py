@@ -81,7 +81,7 @@ class RerunRecorder:
         """CPU time of the worker thread so far [s]."""
         try:
             if serve:
-                _require_free(port)
+                require_free_port(port)
             with path.open("wb"):
                 pass
             self._stream: Stream = Stream(
@@ -172,8 +172,12 @@ class RerunRecorder:
         self.cpu_s += time.thread_time() - started
 
 
-def _require_free(port: int) -> None:
-    """Try the port: the server itself only logs that it could not listen."""
+def require_free_port(port: int) -> None:
+    """Try the port of a live viewer: the server itself only logs that it could not listen.
+
+    Raises:
+        RecordingError: It is taken, or no port of this machine.
+    """
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

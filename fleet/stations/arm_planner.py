@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import pickle
 import subprocess
 import sys
@@ -211,14 +212,15 @@ class WorkerArmPlanner:
 
     def close(self) -> None:
         """End the process; calling twice is harmless."""
-        if self._process.poll() is None:
-            if self._process.stdin is not None:
+        if self._process.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
                 self._process.stdin.close()
-            try:
-                self._process.wait(timeout=2.0)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+        try:
+            # It looks for the end of its input between two requests only; a start that is not wanted is not awaited.
+            self._process.wait(timeout=2.0 if self._is_ready else 0.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
         self._reader.join(timeout=2.0)
         if self._process.stdout is not None:
             self._process.stdout.close()

@@ -87,8 +87,10 @@ def read_orders(path: Path, site: Site) -> tuple[Order, ...]:
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise OrdersError(f"orders file {path}: cannot be read ({error})") from error
+    except OSError as error:
+        raise OrdersError(f"orders file {path}: cannot be read ({error.strerror}); valid: a CSV file") from error
+    except UnicodeDecodeError as error:
+        raise OrdersError(f"orders file {path}: is not text in UTF-8 ({error.reason}); valid: a CSV file") from error
     reader = csv.reader(io.StringIO(text, newline=""))
     try:
         lines = [(reader.line_num, [field.strip() for field in row]) for row in reader]

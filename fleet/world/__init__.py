@@ -17,7 +17,8 @@ def make_world(scene: Scene, graph: LaneGraph, config: RunConfig) -> World:
         from fleet.world.bullet.config import BulletConfig
         from fleet.world.bullet.world import BulletWorld
 
-        return BulletWorld(scene, BulletConfig(connect=config.connect, grip=config.grip))
+        settings = BulletConfig(connect=config.connect, shared_memory_key=config.shared_memory_key, grip=config.grip)
+        return BulletWorld(scene, settings)
     if config.fidelity is Fidelity.KINEMATIC:
         return KinematicWorld(scene)
     return GridWorld(scene, graph)

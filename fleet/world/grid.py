@@ -12,7 +12,7 @@ from fleet.errors import ConfigError, FleetError
 from fleet.world.kinematic import CommandError, PlanarWorld
 from fleet.world.protocol import FloatArray
 from fleet.world.scene import Scene
-from maps.lane_graph import LaneGraph
+from maps.lane_graph import LaneGraph, MoveKind
 
 START_TOLERANCE_M, START_TOLERANCE_RAD = 0.05, 0.05
 """A car may be put up this far from the pose of the state it starts in."""
@@ -20,81 +20,6 @@ START_TOLERANCE_M, START_TOLERANCE_RAD = 0.05, 0.05
 
 class NotOnLaneError(FleetError):
     """A car does not start on a state of the lane graph."""
-
-
-class GridCars:
-    """Cars that are always in one state of the lane graph.
-
-    All cars move together when a timestep ends: until then a car stands at its old state, then it is at the new one,
-    with no pose in between and no speed. The command of the last tick of a timestep decides.
-
-    Attributes:
-        states: State of each car, shape (n_cars,).
-
-    Args:
-        graph: The lane graph.
-        start: Poses x, y, yaw, each that of a state, shape (n_cars, 3).
-        ticks_n: Ticks in a timestep.
-
-    Raises:
-        NotOnLaneError: A start pose is nowhere near a state.
-    """
-
-    def __init__(self, graph: LaneGraph, start: FloatArray, ticks_n: int) -> None:
-        self._state_pose = np.asarray(graph.state_pose, dtype=np.float64)
-        self._n_states = len(self._state_pose)
-        self._moves = np.unique(graph.move_from.astype(np.int64) * self._n_states + graph.move_to)
-        self._ticks_n = ticks_n
-        self._tick = np.zeros(1, dtype=np.int64)
-        self.states = np.array([self._state_at(car, pose) for car, pose in enumerate(start)], dtype=np.int64)
-        self.poses = self._state_pose[self.states]
-        self.speeds = np.zeros(len(start))
-        self.steering = np.zeros(len(start))
-
-    def step(self, commands: FloatArray) -> None:
-        """See `CarMotion`; the first column of `commands` names each car's next state.
-
-        Raises:
-            CommandError: A car is sent to a state that no move leads to.
-        """
-        target = commands[:, 0].astype(np.int64)
-        move = target != self.states
-        legal = ~move | np.isin(self.states * self._n_states + target, self._moves)
-        legal &= (target >= 0) & (target < self._n_states)
-        if not legal.all():
-            car = int(np.argmin(legal))
-            here = int(self.states[car])
-            valid = [here, *(self._moves[self._moves // self._n_states == here] % self._n_states).tolist()]
-            raise CommandError(f"car {car} in state {here} is sent to state {target[car]}; valid: {valid}")
-        self._tick += 1
-        if self._tick[0] % self._ticks_n == 0 and move.any():
-            self.states[move] = target[move]
-            self.poses[move] = self._state_pose[target[move]]
-
-    def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
-        """See `CarMotion`; the car keeps its state, so its next move takes it back to the lane."""
-        self.poses[car] += (dx_m, dy_m, dyaw_rad)
-
-    def save(self) -> tuple[npt.NDArray[np.generic], ...]:
-        """See `CarMotion`."""
-        return self._tick.copy(), self.states.copy(), self.poses.copy()
-
-    def load(self, snapshot: tuple[npt.NDArray[np.generic], ...]) -> None:
-        """See `CarMotion`."""
-        self._tick[:], self.states[:], self.poses[:] = snapshot
-
-    def _state_at(self, car: int, pose: FloatArray) -> int:
-        offset = self._state_pose - pose
-        turn = np.abs((offset[:, 2] + math.pi) % (2.0 * math.pi) - math.pi)
-        distance = np.hypot(offset[:, 0], offset[:, 1])
-        distance[turn > START_TOLERANCE_RAD] = np.inf
-        state = int(np.argmin(distance))
-        if distance[state] > START_TOLERANCE_M:
-            raise NotOnLaneError(
-                f"car {car} starts at x, y, yaw = {np.round(pose, 3).tolist()}; valid: within "
-                f"{START_TOLERANCE_M} m and {START_TOLERANCE_RAD} rad of the pose of a lane-graph state"
-            )
-        return state
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +44,89 @@ class GridConfig:
         return round(self.timestep_s / self.tick_s)
 
 
+class GridCars:
+    """Cars that are always in one state of the lane graph.
+
+    All cars move together when a timestep ends: until then a car stands at its old state, then it is at the new one,
+    with no pose in between. The command of the last tick of a timestep decides. While a car is under way to its next
+    state its speed is the mean one, the length of the move by the timestep; it is negative in reverse.
+
+    Attributes:
+        states: State of each car, shape (n_cars,).
+
+    Args:
+        graph: The lane graph.
+        start: Poses x, y, yaw, each that of a state, shape (n_cars, 3).
+        config: Time steps.
+
+    Raises:
+        NotOnLaneError: A start pose is nowhere near a state.
+    """
+
+    def __init__(self, graph: LaneGraph, start: FloatArray, config: GridConfig) -> None:
+        self._state_pose = np.asarray(graph.state_pose, dtype=np.float64)
+        self._n_states = len(self._state_pose)
+        codes = graph.move_from.astype(np.int64) * self._n_states + graph.move_to
+        self._moves, first = np.unique(codes, return_index=True)
+        direction = np.where(graph.move_kind[first] == MoveKind.REVERSE, -1.0, 1.0)
+        self._move_speeds = direction * graph.move_length[first] / config.timestep_s
+        self._ticks_n = config.ticks_n
+        self._tick = np.zeros(1, dtype=np.int64)
+        self.states = np.array([self._state_at(car, pose) for car, pose in enumerate(start)], dtype=np.int64)
+        self.poses = self._state_pose[self.states]
+        self.speeds = np.zeros(len(start))
+        self.steering = np.zeros(len(start))
+
+    def step(self, commands: FloatArray) -> None:
+        """See `CarMotion`; the first column of `commands` names each car's next state.
+
+        Raises:
+            CommandError: A car is sent to a state that no move leads to.
+        """
+        target = commands[:, 0].astype(np.int64)
+        move = target != self.states
+        legal = ~move | np.isin(self.states * self._n_states + target, self._moves)
+        legal &= (target >= 0) & (target < self._n_states)
+        if not legal.all():
+            car = int(np.argmin(legal))
+            here = int(self.states[car])
+            valid = [here, *(self._moves[self._moves // self._n_states == here] % self._n_states).tolist()]
+            raise CommandError(f"car {car} in state {here} is sent to state {target[car]}; valid: {valid}")
+        self.speeds[:] = 0.0
+        if move.any():
+            codes = self.states[move] * self._n_states + target[move]
+            self.speeds[move] = self._move_speeds[np.searchsorted(self._moves, codes)]
+        self._tick += 1
+        if self._tick[0] % self._ticks_n == 0 and move.any():
+            self.states[move] = target[move]
+            self.poses[move] = self._state_pose[target[move]]
+
+    def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
+        """See `CarMotion`; the car keeps its state, so its next move takes it back to the lane."""
+        self.poses[car] += (dx_m, dy_m, dyaw_rad)
+
+    def save(self) -> tuple[npt.NDArray[np.generic], ...]:
+        """See `CarMotion`."""
+        return self._tick.copy(), self.states.copy(), self.poses.copy(), self.speeds.copy()
+
+    def load(self, snapshot: tuple[npt.NDArray[np.generic], ...]) -> None:
+        """See `CarMotion`."""
+        self._tick[:], self.states[:], self.poses[:], self.speeds[:] = snapshot
+
+    def _state_at(self, car: int, pose: FloatArray) -> int:
+        offset = self._state_pose - pose
+        turn = np.abs((offset[:, 2] + math.pi) % (2.0 * math.pi) - math.pi)
+        distance = np.hypot(offset[:, 0], offset[:, 1])
+        distance[turn > START_TOLERANCE_RAD] = np.inf
+        state = int(np.argmin(distance))
+        if distance[state] > START_TOLERANCE_M:
+            raise NotOnLaneError(
+                f"car {car} starts at x, y, yaw = {np.round(pose, 3).tolist()}; valid: within "
+                f"{START_TOLERANCE_M} m and {START_TOLERANCE_RAD} rad of the pose of a lane-graph state"
+            )
+        return state
+
+
 class GridWorld(PlanarWorld):
     """A `World` whose cars follow a lane graph in lock step; see `GridCars`.
 
@@ -135,4 +143,4 @@ class GridWorld(PlanarWorld):
 
     def __init__(self, scene: Scene, graph: LaneGraph, config: GridConfig | None = None) -> None:
         config = config or GridConfig()
-        super().__init__(scene, GridCars(graph, scene.car_start, config.ticks_n), config.tick_s)
+        super().__init__(scene, GridCars(graph, scene.car_start, config), config.tick_s)

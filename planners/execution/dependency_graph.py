@@ -290,6 +290,10 @@ class DependencyGraph:
         limits[agent] = 0
         self._keep(limits, closed=frozenset(self.held_cells(agent)))
 
+    def avoid(self, cell: int) -> None:
+        """Drop the queued moves that lead through a cell, and those that wait for them; granted moves stay."""
+        self._keep([len(queue) for queue in self._queued], closed=frozenset((cell,)))
+
     def relocate(self, agent: int, state: int) -> None:
         """Put an agent into another state: its moves are void, and it holds that state's cell (and reservations).
 

@@ -269,6 +269,23 @@ def test_two_fresh_worlds_agree_to_the_last_bit_and_a_snapshot_returns_exactly(m
     assert play(first) == after
 
 
+def test_a_snapshot_of_standing_robots_returns_exactly(make_world: MakeWorld) -> None:
+    def play(world: BulletWorld) -> bytes:
+        run(world, 0.5)
+        run(world, 0.5, (0.3, 0.7))
+        run(world, 1.0)
+        return world.state_bytes()
+
+    world = make_world(cars=[(1.0, 1.0, 0.0), (1.0, 3.0, 0.0)], arms=[(4.0, 4.0, 0.0, 1.0)])
+    run(world, 0.3, (0.5, 0.8))
+    run(world, 1.5)
+    snapshot, saved = world.save(), world.state_bytes()
+    after = play(world)
+    world.load(snapshot)
+    assert world.state_bytes() == saved
+    assert play(world) == after
+
+
 def test_a_snapshot_brings_back_what_left_and_removes_what_came(make_world: MakeWorld) -> None:
     world = make_world(cars=[(1.0, 1.0, 0.0)])
     world.add_parcel(parcel(1, at=(3.0, 3.0, 0.0)))
@@ -307,7 +324,7 @@ def test_a_path_is_confirmed_or_refused_with_its_first_bad_state() -> None:
 
 
 def test_bad_worlds_are_refused(make_world: MakeWorld, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(PhysicsError, match="no physics server"):
+    with pytest.raises(PhysicsError, match="physics server with key 98765 does not answer"):
         make_world(connect=Connect.SHARED_MEMORY, shared_memory_key=98765)
     monkeypatch.delenv("DISPLAY", raising=False)
     if sys.platform.startswith("linux"):

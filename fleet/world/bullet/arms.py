@@ -13,6 +13,8 @@ from fleet.world.bullet.frames import quaternion
 
 FloatArray = npt.NDArray[np.float64]
 
+# An arm comes to less than this within half a second of its last command.
+_STILL_RADPS = 1e-6
 # Share of the position error that the motors take back in one physics step: higher chatters at 10 solver iterations.
 _POSITION_GAIN = 0.3
 
@@ -77,6 +79,8 @@ class Arms:
         self._goal_qd = np.zeros_like(self.q)
         self._acceleration = np.zeros_like(self.q)
         self._active: list[int] = []
+        self.moving = np.ones(n, dtype=np.bool_)
+        """Whether each arm moves or is told to, shape (m,)."""
 
     def aim(self, q: FloatArray, qd: FloatArray) -> None:
         """Take the set-points for the end of the coming tick.
@@ -88,6 +92,7 @@ class Arms:
         # A resting arm keeps its motors' targets: nothing to send once it was told to stand there.
         moving = (q != self._goal_q).any(axis=1) | (qd != self._goal_qd).any(axis=1) | (qd != 0.0).any(axis=1)
         self._active = np.flatnonzero(moving).tolist()
+        self.moving = moving | (np.abs(self.qd) > _STILL_RADPS).any(axis=1)
         known = ~np.isnan(self._goal_q[:, :1])
         self._acceleration = np.where(known, (qd - self._goal_qd) / (self._substeps_n * self._substep_s), 0.0)
         self._goal_q = np.array(q, dtype=np.float64)
@@ -118,12 +123,15 @@ class Arms:
                 velocityGains=self._unit,
             )
 
-    def read(self) -> None:
-        """Fetch joint positions and velocities from the engine."""
-        if not self.bodies:
-            return
-        states = np.array([[s[:2] for s in self._client.getJointStates(b, self._joints)] for b in self.bodies])
-        self.q, self.qd = states[:, :, 0].copy(), states[:, :, 1].copy()
+    def read(self, arms: list[int]) -> None:
+        """Fetch joint positions and velocities from the engine.
+
+        Args:
+            arms: Indices of the arms that may have moved.
+        """
+        for arm in arms:
+            states = np.array([s[:2] for s in self._client.getJointStates(self.bodies[arm], self._joints)])
+            self.q[arm], self.qd[arm] = states.T
 
     def state(self) -> list[float]:
         """All joint positions and velocities of the arms, fingers included, one after the other."""
@@ -137,13 +145,13 @@ class Arms:
             self._client.resetJointState(body, joint, state[2 * k], state[2 * k + 1])
 
     def memory(self) -> FloatArray:
-        """What the engine's own snapshot does not hold."""
-        return self._goal_qd.copy()
+        """What the engine's own snapshot does not hold: last target velocities, last readings, shape (3, m, joints)."""
+        return np.array([self._goal_qd, self.q, self.qd])
 
     def recall(self, memory: FloatArray) -> None:
         """Return to `memory`; every motor is set anew at the next command."""
-        self._goal_qd = memory.copy()
-        self._goal_q = np.full_like(memory, np.inf)  # no target equals it, so every arm counts as moving
+        self._goal_qd, self.q, self.qd = memory.copy()
+        self._goal_q = np.full_like(self.q, np.inf)  # no target equals it, so every arm counts as moving
 
     def _all_joints(self) -> list[int]:
         return self._joints + [self.joint_names[name] for name in self.tool.finger_joints]

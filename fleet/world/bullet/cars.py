@@ -26,8 +26,8 @@ _BRAKE_NM = 4.0
 _STEER_NM = 10.0
 _STEER_GAIN = 0.4
 # A brake that only holds zero wheel speed creeps (0.35 mm/s at 10 solver iterations: the contact solver has no static
-# friction), and one that holds the wheels' angle turns a car with steered wheels by a radian a minute. A standing car is
-# therefore held where it is by a force-limited constraint: the grip of its tyres, 0.8 x 6.2 kg x 9.81 m/s^2.
+# friction), and one that holds the wheels' angle turns a car with steered wheels by a radian a minute. A standing car
+# is therefore held where it is by a force-limited constraint: the grip of its tyres, 0.8 x 6.2 kg x 9.81 m/s^2.
 _STILL_MPS = 0.005
 _TYRE_GRIP_N = 48.0
 # Shoved away by more than this, the tyres have slipped: they hold at the new place.
@@ -44,6 +44,16 @@ class _Push:
     way: FloatArray  # (3,)
     step: int
     steps: int
+
+
+@dataclass(kw_only=True)
+class _Memory:
+    """State of `Cars` beside that of the engine."""
+
+    sent: FloatArray
+    pushes: dict[int, _Push]
+    parked: npt.NDArray[np.bool_]
+    parked_at: FloatArray
 
 
 class Cars:
@@ -76,8 +86,10 @@ class Cars:
         self.top_speed = 0.0
         """Fastest motion of any car at the last reading [m/s], sideways included."""
         self._sent = np.full((len(self.bodies), 2), np.nan)
+        self._unset = np.ones(len(self.bodies), dtype=np.bool_)
         self._parked = np.zeros(len(self.bodies), dtype=np.bool_)
-        self._parked_at = np.zeros((len(self.bodies), 2))
+        self._parked_at = np.zeros((len(self.bodies), 7))
+        self._centres = np.zeros((len(self.bodies), 2))
         self._pushes: dict[int, _Push] = {}
         self._places = wheel_places(spec)
         self._wheels: list[int] = []
@@ -114,13 +126,14 @@ class Cars:
         spec = self._spec
         limit = np.array([spec.max_steering_rad, spec.max_speed_mps])
         commands = np.clip(commands, -limit, limit)
-        changed = np.flatnonzero((commands != self._sent).any(axis=1))
+        changed = np.flatnonzero((commands != self._sent).any(axis=1) | self._unset)
         standing = (self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0)
         self._release(np.flatnonzero(self._parked & (~standing | self._slipped())))
         self._park(np.flatnonzero(standing & ~self._parked & (np.abs(self.speeds) < _STILL_MPS)))
         if len(changed) == 0:
             return
         self._sent[changed] = commands[changed]
+        self._unset[:] = False
         steering, speed = commands[changed].T
         curvature = np.tan(steering) / spec.wheelbase_m
         ahead = curvature[:, None] * self._places[:, 0]  # (c, 4) motion of the wheel's point per metre of the rear axle
@@ -186,6 +199,7 @@ class Cars:
         states = np.array([(*p, *q) for p, q in map(client.getBasePositionAndOrientation, self.bodies)])
         velocity = np.array([v for v, _ in map(client.getBaseVelocity, self.bodies)])
         turn = rotation(states[:, 3:])
+        self._centres = states[:, :2]
         self.poses = np.empty((len(self.bodies), 3))
         self.poses[:, :2] = (states[:, :3] - turn @ self._com)[:, :2]
         self.poses[:, 2] = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
@@ -224,22 +238,23 @@ class Cars:
             for joint, (position, velocity) in zip(joints, _split(numbers[13:], 2), strict=True):
                 client.resetJointState(body, joint, position, velocity)
 
-    def memory(self) -> object:
+    def memory(self) -> _Memory:
         """What the engine's own snapshot does not hold."""
-        pushes = [(car, push.start, push.way, push.step, push.steps) for car, push in self._pushes.items()]
-        return pushes, self._parked.copy(), self._parked_at.copy()
+        memory = _Memory(sent=self._sent, pushes=self._pushes, parked=self._parked, parked_at=self._parked_at)
+        return copy.deepcopy(memory)
 
-    def recall(self, memory: object) -> None:
+    def recall(self, memory: _Memory) -> None:
         """Return to `memory`; every motor is set anew at the next command."""
-        self._sent[:] = np.nan
-        pushes, parked, self._parked_at = copy.deepcopy(memory)  # type: ignore[misc]
-        self._pushes = {c: _Push(start=start, way=way, step=step, steps=n) for c, start, way, step, n in pushes}
-        self._release(np.flatnonzero(~parked))
-        self._park(np.flatnonzero(parked))
+        memory = copy.deepcopy(memory)
+        self._sent, self._pushes = memory.sent, memory.pushes
+        self._parked, self._parked_at = memory.parked, memory.parked_at
+        self._unset[:] = True
+        for car, parked in enumerate(self._parked.tolist()):
+            self._hold(car, on=parked)
 
     def _slipped(self) -> npt.NDArray[np.bool_]:
         """Which cars are no longer where they were parked, shape (n,)."""
-        away: npt.NDArray[np.bool_] = np.hypot(*(self.poses[:, :2] - self._parked_at).T) > _SLIPPED_M
+        away: npt.NDArray[np.bool_] = np.hypot(*(self._centres - self._parked_at[:, :2]).T) > _SLIPPED_M
         return away
 
     def _park(self, cars: npt.NDArray[np.int64]) -> None:
@@ -248,17 +263,25 @@ class Cars:
             if car in self._pushes:
                 continue
             place, quat = self._client.getBasePositionAndOrientation(self.bodies[car])
-            self._client.changeConstraint(
-                self._brakes[car], jointChildPivot=place, jointChildFrameOrientation=quat, maxForce=_TYRE_GRIP_N
-            )
             self._parked[car] = True
-            self._parked_at[car] = self.poses[car, :2]
+            self._parked_at[car] = (*place, *quat)
+            self._hold(car, on=True)
 
     def _release(self, cars: npt.NDArray[np.int64]) -> None:
         """Let cars roll."""
         for car in cars.tolist():
-            self._client.changeConstraint(self._brakes[car], maxForce=0.0)
             self._parked[car] = False
+            self._hold(car, on=False)
+
+    def _hold(self, car: int, *, on: bool) -> None:
+        """Hold a car at the place where it was parked, or let it go."""
+        if not on:
+            self._client.changeConstraint(self._brakes[car], maxForce=0.0)
+            return
+        place, quat = self._parked_at[car, :3].tolist(), self._parked_at[car, 3:].tolist()
+        self._client.changeConstraint(
+            self._brakes[car], jointChildPivot=place, jointChildFrameOrientation=quat, maxForce=_TYRE_GRIP_N
+        )
 
 
 def _split(numbers: list[float], length: int) -> list[list[float]]:

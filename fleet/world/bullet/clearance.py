@@ -86,8 +86,10 @@ def near_cars(bodies, boxes, margin, best, car_pairs, box_pairs):
 
 
 @njit(cache=True)
-def arm_gap(base, base_from_joint, q, tool_length, radii, held, bodies, height, serving, best):
-    """Find the smallest distance between arms and the cars they do not serve.
+def arm_gap(  # one kernel for all arms, on flat arrays
+    base, base_from_joint, q, tool_length, radii, held, bodies, height, serving, best, margin, near
+):  # fmt: skip
+    """Find the smallest distance between arms and the cars they do not serve, and which arms cars are near to.
 
     An arm is a chain of spheres at its joints, half-way between them, and along its tool; a held parcel is the sphere
     around it. Spheres enclose the links to about 2 cm, so the distance is rather too small than too large.
@@ -103,6 +105,8 @@ def arm_gap(base, base_from_joint, q, tool_length, radii, held, bodies, height, 
         height: Height of the cars [m].
         serving: Car that each arm serves, -1 for none, shape (m,).
         best: Smallest distance so far [m].
+        margin: Distance from an arm's reach up to which a car counts as near [m].
+        near: Out: whether any car, served or not, is near each arm, shape (m,).
 
     Returns:
         Smallest distance, at most `best`, not below 0 [m].
@@ -116,11 +120,12 @@ def arm_gap(base, base_from_joint, q, tool_length, radii, held, bodies, height, 
         reach += math.sqrt(t[0, 3] ** 2 + t[1, 3] ** 2 + t[2, 3] ** 2)
     for arm in range(m):
         bare = True
+        near[arm] = False
         for car in range(len(bodies)):
-            if car == serving[arm]:
-                continue
-            flat = math.hypot(bodies[car, 0] - base[arm, 0], bodies[car, 1] - base[arm, 1])
-            if flat - reach - math.hypot(bodies[car, 3], bodies[car, 4]) - max(held[arm, 3], radii[0]) > best:
+            gap = math.hypot(bodies[car, 0] - base[arm, 0], bodies[car, 1] - base[arm, 1])
+            gap -= reach + math.hypot(bodies[car, 3], bodies[car, 4]) + max(held[arm, 3], radii[0])
+            near[arm] = near[arm] or gap <= margin
+            if car == serving[arm] or gap > best:
                 continue
             if bare:
                 _chain(base[arm], base_from_joint, q[arm], tool_length, radii, points)

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import ctypes
 import os
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fleet.config import Connect
 from fleet.errors import FleetError
+
+# A server that is silent for so long has ended; loading a mesh takes less than a second [s].
+_SERVER_TIMEOUT_S = 30.0
+# The window's thread prints while it draws its first two frames.
+_FIRST_FRAMES_N = 6
+_REHEARSAL = "import pybullet as p, sys; i = p.connect(p.GUI); i < 0 or p.disconnect(i); sys.exit(i < 0)"
+_REHEARSAL_S = 60.0
 
 
 class PhysicsError(FleetError):
@@ -62,28 +71,40 @@ class Client:
         shared_memory_key: Key of that server.
 
     Raises:
-        PhysicsError: No display for the window, or no server under the key.
+        PhysicsError: No window can be opened, or no server answers under the key; later also when the server has gone.
     """
 
     def __init__(self, connect: Connect = Connect.DIRECT, shared_memory_key: int = 12347) -> None:
-        # Without a display the engine ends the whole process instead of reporting an error.
-        if connect is Connect.GUI and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-            raise PhysicsError("connect GUI: no display (DISPLAY is not set); valid: DIRECT, or run under xvfb-run")
+        self.connect = connect
+        self._server = f"connect SHARED_MEMORY: the physics server with key {shared_memory_key}"
+        if connect is Connect.GUI:
+            _rehearse()
+        key = (shared_memory_key,) if connect is Connect.SHARED_MEMORY else ()
         with quiet():
-            if connect is Connect.SHARED_MEMORY:
-                self.id = pybullet.connect(pybullet.SHARED_MEMORY, shared_memory_key)
-            else:
-                self.id = pybullet.connect(getattr(pybullet, connect.value))
+            try:
+                self.id = pybullet.connect(getattr(pybullet, connect.value), *key)
+            except pybullet.error as reason:  # a second window in this process
+                raise PhysicsError(f"connect {connect.value}: {reason}") from reason
+            if self.id >= 0 and connect is Connect.GUI:
+                for _ in range(_FIRST_FRAMES_N):
+                    pybullet.removeAllUserDebugItems(physicsClientId=self.id)  # waits for a frame
         if self.id < 0:
-            raise PhysicsError(f"connect {connect.value} with key {shared_memory_key}: no physics server answers")
+            raise PhysicsError(
+                f"{self._server} does not answer; valid: the key of a running server, such as "
+                "python -m pybullet_utils.runServer starts with key 12347, or connect DIRECT"
+            )
         self.engine = pybullet
+        if connect is Connect.SHARED_MEMORY:
+            self.setTimeOut(_SERVER_TIMEOUT_S)
 
     def __getattr__(self, name: str) -> Any:
         """Return an engine function bound to this connection, or a constant of the engine."""
         value = getattr(pybullet, name)
         if not callable(value):
             return value
-        bound = _bind(value, self.id)
+        bound = partial(value, physicsClientId=self.id)
+        if self.connect is Connect.SHARED_MEMORY:
+            bound = partial(self._ask_server, bound)
         self.__dict__[name] = bound  # found without __getattr__ next time
         return bound
 
@@ -116,9 +137,39 @@ class Client:
                 pybullet.disconnect(self.id)
             self.id = -1
 
+    def _ask_server(self, function: Any, *args: Any, **kwargs: Any) -> Any:
+        try:
+            return function(*args, **kwargs)
+        except pybullet.error as reason:
+            if pybullet.isConnected(physicsClientId=self.id):
+                raise
+            raise PhysicsError(f"{self._server} has gone") from reason
 
-def _bind(function: Any, client_id: int) -> Any:
-    def call(*args: Any, **kwargs: Any) -> Any:
-        return function(*args, physicsClientId=client_id, **kwargs)
 
-    return call
+def _rehearse() -> None:
+    """Open and close a window in a process of its own: without a usable display the engine ends its whole process.
+
+    Raises:
+        PhysicsError: No window can be opened.
+    """
+    valid = "valid: a display with OpenGL (xvfb-run gives a virtual one), or connect DIRECT"
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        raise PhysicsError(f"connect GUI: no display (DISPLAY is not set); {valid}")
+    try:
+        child = subprocess.run(
+            [sys.executable, "-c", _REHEARSAL],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            timeout=_REHEARSAL_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as reason:
+        raise PhysicsError(f"connect GUI: the window did not open within {_REHEARSAL_S:.0f} s; {valid}") from reason
+    if child.returncode != 0:
+        said = [line.strip() for line in child.stdout.splitlines() if line.strip()]
+        why = said[-1] if said else f"the engine ended with status {child.returncode}"
+        display = os.environ.get("DISPLAY", "")
+        raise PhysicsError(f"connect GUI: no window on display {display!r}: {why}; {valid}")

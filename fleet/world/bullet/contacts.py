@@ -32,6 +32,8 @@ class ContactMonitor:
     """The touches of one world.
 
     Cars ask the engine only about bodies that are near them: the caller names the pairs that can touch within the tick.
+    An arm that rests with nothing near it is not asked about either, once it was found to touch nothing; another arm
+    that comes near asks for both.
 
     Args:
         client: Connection.
@@ -56,13 +58,21 @@ class ContactMonitor:
         self.floor = -1
         self.serving = [-1] * len(arms)
         """Car whose tray each arm may touch, -1 for none."""
+        self._free = [False] * len(arms)
         self.touched: list[dict[int, set[int]]] = [{} for _ in arms]
         """Parcels that the links of each arm touch: ``touched[arm][link]``."""
 
-    def observe(self, near: list[tuple[int, int]], held: list[tuple[int, int]], parcels: dict[int, int]) -> None:
+    def observe(
+        self,
+        watched: list[bool],
+        near: list[tuple[int, int]],
+        held: list[tuple[int, int]],
+        parcels: dict[int, int],
+    ) -> None:
         """Take in the contacts of the physics step that was just made.
 
         Args:
+            watched: Whether each arm moves, holds something or has a car near it.
             near: Pairs of bodies that could touch, a car first.
             held: Arm index and body of every held parcel.
             parcels: Parcel id of every parcel's body.
@@ -70,10 +80,14 @@ class ContactMonitor:
         self._step += 1
         ask = self._client.getContactPoints
         for body, arm in self._arms.items():
+            if self._free[arm] and not watched[arm]:
+                continue
             links = self.touched[arm]
             if links:
                 links.clear()
-            for point in ask(body):
+            points = ask(body)
+            self._free[arm] = not points
+            for point in points:
                 if _touches(point):
                     self._arm(arm, body, point, parcels)
         for arm, body in held:
@@ -83,6 +97,10 @@ class ContactMonitor:
         for car, other in near:
             if any(_touches(point) for point in ask(car, other)):
                 self._touch(car, other, robot=other in self._cars)
+
+    def look_again(self) -> None:
+        """Ask about every arm at the next step, since fixed things came or went."""
+        self._free = [False] * len(self._free)
 
     def memory(self) -> Any:
         """State of the counting."""
@@ -94,6 +112,7 @@ class ContactMonitor:
         self._last = dict(last)
         self.counts = Contacts(robot=robot, static=static)
         self.serving[:] = serving
+        self.look_again()
 
     def _arm(self, arm: int, body: int, point: Any, parcels: dict[int, int]) -> None:
         other = point[2]

@@ -17,13 +17,19 @@ def rotation(quat_xyzw: FloatArray) -> FloatArray:
     Returns:
         Rotation matrices, shape (..., 3, 3).
     """
-    x, y, z, w = np.moveaxis(np.asarray(quat_xyzw, dtype=np.float64), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    quat = np.asarray(quat_xyzw, dtype=np.float64)
+    x, y, z, w = quat[..., 0], quat[..., 1], quat[..., 2], quat[..., 3]
+    turn = np.empty((*quat.shape[:-1], 3, 3))
+    turn[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    turn[..., 0, 1] = 2 * (x * y - z * w)
+    turn[..., 0, 2] = 2 * (x * z + y * w)
+    turn[..., 1, 0] = 2 * (x * y + z * w)
+    turn[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    turn[..., 1, 2] = 2 * (y * z - x * w)
+    turn[..., 2, 0] = 2 * (x * z - y * w)
+    turn[..., 2, 1] = 2 * (y * z + x * w)
+    turn[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    return turn
 
 
 def quaternion(yaw: float) -> tuple[float, float, float, float]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fleet.config import Grip
 from fleet.errors import ConfigError
 from fleet.robots.tools import TOOLS
 from fleet.world.bullet.arms import Arms
@@ -20,6 +21,7 @@ from fleet.world.bullet.config import BulletConfig
 from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
+from fleet.world.bullet.window import arranged
 from fleet.world.protocol import Contacts, ParcelBody
 from fleet.world.scene import Scene
 
@@ -35,6 +37,8 @@ _FLOOR_FRICTION = 1.0
 _NEAR_MARGIN_M = 0.05
 # Largest half widths of the iiwa's link meshes, from their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
 _LINK_RADII_M = (0.12, 0.12, 0.12, 0.12, 0.10, 0.09, 0.06)
+# The iiwa's base stands on the floor, and its links up to the elbow cannot come nearer to it than 8 cm.
+_OFF_FLOOR_LINKS = 3
 _RAYS_PER_CALL = 16_000
 _COLOURS = {
     "wall": (0.22, 0.24, 0.27, 1.0),
@@ -100,38 +104,42 @@ class BulletWorld:
         self._obstacles: dict[int, tuple[int, FloatArray, FloatArray]] = {}
         self._fixed: list[int] = []
         try:
-            with quiet():
-                client.resetSimulation()
-                client.setGravity(0.0, 0.0, -_GRAVITY_MPS2)
-                client.setPhysicsEngineParameter(
-                    fixedTimeStep=config.substep_s,
-                    numSolverIterations=config.iterations_n,
-                    contactBreakingThreshold=_CONTACT_BREAKING_M,
-                    deterministicOverlappingPairs=1,
+            with arranged(client, scene.size_m):
+                with quiet():
+                    client.resetSimulation()
+                    client.setGravity(0.0, 0.0, -_GRAVITY_MPS2)
+                    client.setPhysicsEngineParameter(
+                        fixedTimeStep=config.substep_s,
+                        numSolverIterations=config.iterations_n,
+                        contactBreakingThreshold=_CONTACT_BREAKING_M,
+                        deterministicOverlappingPairs=1,
+                    )
+                floor = self._add_floor()
+                self._cars = Cars(client, scene.car, scene.car_start, config.wheels, config.substep_s)
+                self._arms = Arms(
+                    client, scene.arm, scene.arm_base, scene.arm_start, tool, config.substeps_n, config.substep_s
                 )
-            floor = self._add_floor()
-            self._cars = Cars(client, scene.car, scene.car_start, config.wheels, config.substep_s)
-            self._arms = Arms(
-                client, scene.arm, scene.arm_base, scene.arm_start, tool, config.substeps_n, config.substep_s
-            )
-            self._parcels = Parcels(client)
-            self._monitor = ContactMonitor(client, scene.car, self._cars.bodies, self._arms.bodies, config.substep_s)
-            self._monitor.floor = floor
-            for body in self._arms.bodies:
-                client.setCollisionFilterPair(body, floor, -1, -1, 0)  # the pedestal of the arm stands on the floor
-            for box in scene.boxes:
-                body = self._add_box(box.kind, np.array(box.centre_m), np.array(box.half_m))
-                self._fixed.append(body)
-                (self._monitor.pedestals if box.kind == "pedestal" else self._monitor.fixed).add(body)
-            self._grip = make_grip(
-                config.grip,
-                client,
-                self._arms,
-                self._parcels,
-                limit_n=config.suction_limit_n,
-                force_n=config.finger_force_n,
-                touched=self._monitor.touched,
-            )
+                self._parcels = Parcels(client)
+                self._monitor = ContactMonitor(
+                    client, scene.car, self._cars.bodies, self._arms.bodies, config.substep_s
+                )
+                self._monitor.floor = floor
+                for body in self._arms.bodies:
+                    for link in range(-1, _OFF_FLOOR_LINKS):
+                        client.setCollisionFilterPair(body, floor, link, -1, 0)
+                for box in scene.boxes:
+                    body = self._add_box(box.kind, np.array(box.centre_m), np.array(box.half_m))
+                    self._fixed.append(body)
+                    (self._monitor.pedestals if box.kind == "pedestal" else self._monitor.fixed).add(body)
+                self._grip = make_grip(
+                    config.grip,
+                    client,
+                    self._arms,
+                    self._parcels,
+                    limit_n=config.suction_limit_n,
+                    force_n=config.finger_force_n,
+                    touched=self._monitor.touched,
+                )
         except BaseException:
             client.close()
             raise
@@ -139,6 +147,8 @@ class BulletWorld:
         self._radii = np.array([*_LINK_RADII_M, tool.half_width_m])
         self._car_pairs = np.zeros((64, 2), dtype=np.int64)
         self._box_pairs = np.zeros((256, 2), dtype=np.int64)
+        self._near_arms = np.zeros(self.n_arms, dtype=np.bool_)
+        self._touch_tells = config.grip is Grip.FRICTION
         self._list_boxes()
         self._near = self._measure()
 
@@ -150,16 +160,17 @@ class BulletWorld:
         self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))
         self._grip.command(np.asarray(grip, dtype=np.bool_))
         parcels = self._parcels
+        watched = self._watched()
         for substep in range(self._substeps_n):
             self._arms.hold(substep)
             self._grip.before_step()
             self._cars.shove()
             self._client.stepSimulation()
             held = [(arm, parcels.body(parcel)) for arm, parcel in enumerate(self._grip.held) if parcel >= 0]
-            self._monitor.observe(self._near, held, parcels.by_body)
+            self._monitor.observe(watched, self._near, held, parcels.by_body)
             self._grip.after_step()
         self._cars.read()
-        self._arms.read()
+        self._arms.read(np.flatnonzero(watched).tolist())
         self._near = self._measure()
 
     def car_poses(self) -> FloatArray:
@@ -301,7 +312,6 @@ class BulletWorld:
         self._monitor.recall(snapshot.memory["contacts"])
         self._min_clearance_m = snapshot.memory["clearance"]
         self._cars.read()
-        self._arms.read()
         self._near = self._measure()
 
     def state_bytes(self) -> bytes:
@@ -351,6 +361,14 @@ class BulletWorld:
         flat = np.zeros((len(solid), 5))
         flat[:, :2], flat[:, 3:] = solid[:, :2], solid[:, 3:5]
         self._boxes, self._box_bodies = flat[low], bodies[low].tolist()
+        self._monitor.look_again()
+
+    def _watched(self) -> list[bool]:
+        """Arms that could touch something new in this tick, or whose fingers have to feel what they hold."""
+        if self._touch_tells:
+            return [True] * self.n_arms
+        watched = self._arms.moving | self._near_arms | (np.array(self._grip.held, dtype=np.int64) >= 0)
+        return watched.tolist()
 
     def _measure(self) -> list[tuple[int, int]]:
         """Update the smallest clearance and name the bodies that cars can touch within a tick."""
@@ -382,6 +400,8 @@ class BulletWorld:
                 spec.height_m,
                 np.array(self._monitor.serving, dtype=np.int64),
                 gap,
+                margin,
+                self._near_arms,
             )
         self._min_clearance_m = gap
         cars, bodies = self._cars.bodies, self._box_bodies

@@ -138,7 +138,7 @@ def test_plan_that_cannot_work_is_refused(plan, error, message):
         (StationOptions(slots=((0.0, -0.2, 0.25),)), "cannot serve slot 1"),
         (StationOptions(slots=((0.5, 0.0, 0.25),)), "slot 1 at (1.40, 2.50) m stands on the lane cell row 2, column 2"),
         (StationOptions(slots=()), "must hold at least one slot"),
-        (StationOptions(stop_offset_m=0.6), "must be 0..0.49"),
+        (StationOptions(stop_offset_m=0.6), "must be 0..0.35"),
     ],
 )
 def test_arm_that_cannot_reach_is_refused(given, message):

@@ -41,7 +41,22 @@ def test_car_stands_until_the_timestep_ends_then_is_there(hall: Scene) -> None:
     poses = step(world, [go, stay], 11)
     assert [pose[0, 0] for pose in poses] == [1.5] * 9 + [2.5] * 2
     assert np.array_equal(poses[-1][0], GRAPH.state_pose[go])
-    assert np.all(world.car_speeds() == 0.0)
+
+
+def test_speed_is_the_mean_of_the_move_under_way(hall: Scene) -> None:
+    world = GridWorld(hall, GRAPH, GridConfig(tick_s=0.1, timestep_s=2.0))
+    stay, here, go = state_at(GRAPH, 4, 4), state_at(GRAPH, 4, 1), state_at(GRAPH, 4, 2)
+    way_m = 0.0
+    for target in [here] * 20 + [go] * 20 + [go] * 20:
+        step(world, [target, stay], 1)
+        assert world.car_speeds()[1] == 0.0
+        way_m += world.car_speeds()[0] * world.tick_s
+    assert way_m == pytest.approx(world.car_poses()[0, 0] - hall.car_start[0, 0])
+    snapshot = world.save()
+    step(world, [state_at(GRAPH, 4, 3), stay], 1)
+    assert world.car_speeds().tolist() == [0.5, 0.0]
+    world.load(snapshot)
+    assert world.car_speeds().tolist() == [0.0, 0.0]
 
 
 def test_command_of_the_last_tick_decides(hall: Scene) -> None:

@@ -11,7 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fleet.errors import ConfigError, FleetError
-from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, KinematicWorld, ServoArms, SnapshotError
+from fleet.world.arms import ServoArms
+from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, KinematicWorld, SnapshotError
 from fleet.world.scene import Scene
 from planners.motion.kinematics import link_frames
 

@@ -253,6 +253,16 @@ def test_halting_keeps_granted_moves_and_sends_nobody_into_their_cells() -> None
     assert dependencies.held_cells(1) == [2]
 
 
+def test_what_leads_through_an_avoided_cell_is_dropped_and_what_waits_for_that() -> None:
+    graph = open_grid(2, 4)
+    dependencies = with_plan(graph, [1, 0, 4], [2, 1, 5], [3, 2, 6])
+    dependencies.avoid(3)
+    assert dependencies.tail_states().tolist() == [2, 1, 6], "agent 0 stops before the cell, agent 1 behind agent 0"
+    dependencies.grant(0)
+    dependencies.avoid(2)
+    assert dependencies.tail_states().tolist() == [2, 1, 6], "granted moves stay"
+
+
 def test_a_reservation_holds_up_others_until_it_is_given_back() -> None:
     dependencies = with_plan(open_grid(2, 3), [0, 4], [1, 4], [2, 4])
     assert dependencies.reserve(1, [1, 5])

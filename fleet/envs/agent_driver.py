@@ -1,0 +1,130 @@
+"""AgentDriver: watches cars that agents drive, and says which of their granted moves they have really made."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import EstimateConfig
+from fleet.driving import AT_REST_MPS, OFF_LANE_M, OFF_LANE_RAD, RELEASE_M, PathDriver
+from fleet.robots.spec import CarSpec
+from fleet.world.protocol import FloatArray, World
+from maps.lane_graph import LaneGraph, MoveKind
+
+GATE_M = 0.5
+"""Depth of a state's gate along its heading: at 2 m/s and 20 ticks per second no car jumps over it [m]."""
+STOP_M, STOP_RAD = 0.05, 0.1
+"""A standing car is at its stop when it is this close and this straight: planned arms served 118 of 120 such trays."""
+
+
+class AgentDriver(PathDriver):
+    """Leaves the cars of agents to their agents and drives the others.
+
+    Nothing is taken for granted about a car that an agent drives. Every state has a gate across its lane: a move
+    counts as made, and what it swept is released, when the car passes the gate of its end, roughly straight and near
+    the lane's centre. A car that drives elsewhere makes no progress, keeps what it holds, and may come back.
+
+    Args:
+        graph: Lane graph whose moves are driven.
+        spec: The car model.
+        start_states: State of each car, shape (n_cars,).
+        tick_s: Control period [s].
+        config: Quality of the pose estimate.
+        rng: Source of measurement noise.
+        by_agent: True for each car that an agent drives, shape (n_cars,).
+    """
+
+    def __init__(
+        self,
+        graph: LaneGraph,
+        spec: CarSpec,
+        start_states: npt.NDArray[np.int32],
+        tick_s: float,
+        config: EstimateConfig,
+        rng: np.random.Generator,
+        *,
+        by_agent: npt.NDArray[np.bool_],
+    ) -> None:
+        super().__init__(graph, spec, graph.state_pose[start_states], tick_s, config, rng)
+        self._wheelbase_m = spec.wheelbase_m
+        self._tick_s = tick_s
+        self._by_agent = by_agent
+        self._reached = start_states.tolist()
+        self._moves: list[deque[int]] = [deque() for _ in self._reached]
+
+    def append(self, car: int, move: int) -> None:
+        """See `Driver`."""
+        if self._by_agent[car]:
+            self._moves[car].append(move)
+        else:
+            super().append(car, move)
+
+    def commands(self, world: World) -> FloatArray:
+        """See `Driver`; the car of an agent that says nothing stands."""
+        commands = super().commands(world)
+        commands[self._by_agent] = 0.0
+        return commands
+
+    def finished(self) -> list[int]:
+        """See `Driver`."""
+        done = super().finished()
+        for car in np.flatnonzero(self._by_agent).tolist():
+            moves = self._moves[car]
+            # Whoever passes a later gate has cut a corner, and is through the earlier ones too.
+            passed = max((k for k, move in enumerate(moves, start=1) if self._passes(car, move)), default=0)
+            for _ in range(passed):
+                self._reached[car] = int(self._graph.move_to[moves.popleft()])
+                done.append(car)
+        return done
+
+    def at_rest(self, car: int) -> bool:
+        """See `Driver`."""
+        if not self._by_agent[car]:
+            return super().at_rest(car)
+        ahead, left, turn = self._offset(car, self._reached[car])
+        near = math.hypot(ahead, left) < STOP_M and abs(turn) < STOP_RAD
+        return bool(near and not self._moves[car] and abs(self._speeds[car]) < AT_REST_MPS)
+
+    def remaining(self, car: int) -> FloatArray:
+        """See `Driver`; from the last state reached, so that a car off its lane sees where to come back to."""
+        if not self._by_agent[car]:
+            return super().remaining(car)
+        graph = self._graph
+        if not self._moves[car]:
+            return graph.state_pose[self._reached[car], None, :2]
+        spans = [slice(graph.path_ptr[move], graph.path_ptr[move + 1]) for move in self._moves[car]]
+        return np.concatenate([graph.path_points[span, :2] for span in spans])
+
+    def off_lane(self) -> list[int]:
+        """See `Driver`; nobody brings back the car of an agent."""
+        return [car for car in super().off_lane() if not self._by_agent[car]]
+
+    def next_state(self, car: int) -> int:
+        """State at the end of an agent's car's current granted move; the last one reached if it holds no grant."""
+        moves = self._moves[car]
+        return int(self._graph.move_to[moves[0]]) if moves else self._reached[car]
+
+    def poses_now(self, world: World) -> FloatArray:
+        """Estimates at the end of the tick, shape (n_cars, 3): `estimate` is as old as the tick's beginning."""
+        speeds = world.car_speeds()
+        distance = 0.5 * (self._speeds + speeds) * self._tick_s
+        poses = self.estimate.copy()
+        poses[:, 0] += distance * np.cos(poses[:, 2])
+        poses[:, 1] += distance * np.sin(poses[:, 2])
+        poses[:, 2] += distance * np.tan(world.car_steering()) / self._wheelbase_m
+        return poses
+
+    def _passes(self, car: int, move: int) -> bool:
+        ahead, left, turn = self._offset(car, int(self._graph.move_to[move]))
+        beyond = -ahead if self._graph.move_kind[move] == MoveKind.REVERSE else ahead
+        return -RELEASE_M <= beyond <= GATE_M and abs(left) <= OFF_LANE_M and abs(turn) <= OFF_LANE_RAD
+
+    def _offset(self, car: int, state: int) -> tuple[float, float, float]:
+        """Where a car is believed to be in the frame of a state: metres ahead and to the left, turn [rad]."""
+        x, y, yaw = self._graph.state_pose[state]
+        dx, dy, turn = self.estimate[car] - (x, y, yaw)
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return cos * dx + sin * dy, cos * dy - sin * dx, math.remainder(turn, 2.0 * math.pi)

@@ -1,0 +1,323 @@
+"""Surroundings: what touches what in a world without physics, how close robots came, and what rays hit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from fleet.errors import FleetError
+from fleet.world.arms import ServoArms
+from fleet.world.protocol import FloatArray, IntArray
+from fleet.world.scene import Scene
+
+BIN_M = 1.0
+"""Edge of the square bins in which boxes are looked up [m]."""
+
+_KIND_SHIFT = 40
+_CAR_CAR, _CAR_ARM, _ARM_ARM, _STATIC = 0, 1, 2, 3
+_ADDED_KEY = 1 << 18
+"""Keys of run-time boxes begin here, so that they do not depend on how many there are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurroundingsSnapshot:
+    """State of `Surroundings` at one instant."""
+
+    serving: IntArray
+    robot_contacts_n: int
+    static_contacts_n: int
+    min_clearance_m: float
+    touching: frozenset[int]
+    added: dict[int, tuple[float, float, float, float]]
+
+
+class Surroundings:
+    """What touches what, how close robots came, and what rays hit; in the plane, except for arms above cars.
+
+    Cars are oriented rectangles, boxes are their footprints (only boxes that begin below the cars' height), arms are
+    spheres. Arms are not judged against boxes.
+
+    Attributes:
+        robot_contacts_n: Touches between robots so far; one that lasts counts once.
+        static_contacts_n: Touches of cars with boxes so far.
+        min_clearance_m: Smallest clearance so far [m]; infinite until two robots were compared.
+
+    Args:
+        scene: Boxes, floor and models.
+        arms: The arms to judge.
+    """
+
+    def __init__(self, scene: Scene, arms: ServoArms) -> None:
+        car = scene.car
+        low = [b for b in scene.boxes if b.centre_m[2] - b.half_m[2] < car.height_m]
+        self._fixed = [(*b.centre_m[:2], *b.half_m[:2]) for b in low]
+        self._added: dict[int, tuple[float, float, float, float]] = {}
+        self._n_bins = (max(1, math.ceil(scene.size_m[0] / BIN_M)), max(1, math.ceil(scene.size_m[1] / BIN_M)))
+        self._body = np.array([(car.front_m - car.rear_m) / 2, (car.front_m + car.rear_m) / 2, car.half_width_m])
+        self._height_m = car.height_m
+        self._arms = arms
+        self._arm_xy = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)[:, :2].copy()
+        self.serving = np.full(len(self._arm_xy), -1, dtype=np.int64)
+        self.robot_contacts_n = 0
+        self.static_contacts_n = 0
+        self.min_clearance_m = math.inf
+        self._touching: frozenset[int] = frozenset()
+        self._codes = np.zeros(256, dtype=np.int64)
+        self._sort_boxes()
+
+    def add_box(self, obstacle: int, centre_m: FloatArray, half_m: FloatArray) -> None:
+        """Put up a box at run time, in place of an earlier one of the same id."""
+        self._added[obstacle] = (float(centre_m[0]), float(centre_m[1]), float(half_m[0]), float(half_m[1]))
+        self._sort_boxes()
+
+    def remove_box(self, obstacle: int) -> None:
+        """Take down such a box.
+
+        Raises:
+            FleetError: No such box.
+        """
+        if obstacle not in self._added:
+            raise FleetError(f"obstacle {obstacle} does not exist; valid: {sorted(self._added)}")
+        del self._added[obstacle]
+        self._sort_boxes()
+
+    def observe(self, car_poses: FloatArray) -> None:
+        """Count new touches and note the smallest clearance."""
+        while True:
+            n_codes, clearance = _touches(
+                car_poses,
+                self._body,
+                self._height_m,
+                self._boxes,
+                self._keys,
+                self._bin_ptr,
+                self._bin_box,
+                self._n_bins,
+                self._arms.points,
+                self._arms.radii,
+                self._arm_xy,
+                self._arms.reach_m,
+                self.serving,
+                self.min_clearance_m,
+                self._codes,
+            )
+            if n_codes <= len(self._codes):
+                break
+            self._codes = np.zeros(2 * n_codes, dtype=np.int64)
+        self.min_clearance_m = clearance
+        if n_codes or self._touching:
+            now = frozenset(self._codes[:n_codes].tolist())
+            new = now - self._touching
+            static = sum(code >> _KIND_SHIFT == _STATIC for code in new)
+            self.robot_contacts_n += len(new) - static
+            self.static_contacts_n += static
+            self._touching = now
+
+    def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
+        """Hit fractions in the plane, shape (r,); a body that contains a ray's origin does not stop it."""
+        out = np.ones(len(origins))
+        _cast(origins, ends, car_poses, self._body, self._boxes, self._bin_ptr, self._bin_box, self._n_bins, out)
+        return out
+
+    def save(self) -> SurroundingsSnapshot:
+        """Copy of everything that changes."""
+        return SurroundingsSnapshot(
+            serving=self.serving.copy(),
+            robot_contacts_n=self.robot_contacts_n,
+            static_contacts_n=self.static_contacts_n,
+            min_clearance_m=self.min_clearance_m,
+            touching=self._touching,
+            added=self._added.copy(),
+        )
+
+    def load(self, snapshot: SurroundingsSnapshot) -> None:
+        """Return to a saved state."""
+        self.serving[:] = snapshot.serving
+        self.robot_contacts_n = snapshot.robot_contacts_n
+        self.static_contacts_n = snapshot.static_contacts_n
+        self.min_clearance_m = snapshot.min_clearance_m
+        self._touching = snapshot.touching
+        if snapshot.added != self._added:
+            self._added = snapshot.added.copy()
+            self._sort_boxes()
+
+    def _sort_boxes(self) -> None:
+        """Put box numbers into the bins that their footprints touch (compressed rows, bins along x first)."""
+        rows = self._fixed + [self._added[key] for key in sorted(self._added)]
+        self._boxes = np.array(rows, dtype=np.float64).reshape(-1, 4)
+        self._keys = np.array([*range(len(self._fixed)), *(_ADDED_KEY + key for key in sorted(self._added))], np.int64)
+        limit = np.array(self._n_bins) - 1
+        low = np.clip(np.floor((self._boxes[:, :2] - self._boxes[:, 2:]) / BIN_M).astype(np.int64), 0, limit)
+        high = np.clip(np.floor((self._boxes[:, :2] + self._boxes[:, 2:]) / BIN_M).astype(np.int64), 0, limit)
+        pairs = [
+            (iy * self._n_bins[0] + ix, box)
+            for box, ((x0, y0), (x1, y1)) in enumerate(zip(low.tolist(), high.tolist(), strict=True))
+            for iy in range(y0, y1 + 1)
+            for ix in range(x0, x1 + 1)
+        ]
+        entries = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
+        self._bin_ptr = np.searchsorted(entries[:, 0], np.arange(self._n_bins[0] * self._n_bins[1] + 1))
+        self._bin_box = entries[:, 1].copy()
+
+
+@njit(cache=True)
+def _corner_gap(ax, ay, ac, as_, al, aw, bx, by, bc, bs, bl, bw):
+    """Smallest distance from the corners of rectangle a to rectangle b, and whether an axis of b parts them."""
+    best, low_u, high_u, low_v, high_v = math.inf, math.inf, -math.inf, math.inf, -math.inf
+    for k in range(4):
+        du = al if k < 2 else -al
+        dv = aw if k % 2 == 0 else -aw
+        x, y = ax + ac * du - as_ * dv - bx, ay + as_ * du + ac * dv - by
+        u, v = bc * x + bs * y, bc * y - bs * x
+        low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
+        best = min(best, math.hypot(max(abs(u) - bl, 0.0), max(abs(v) - bw, 0.0)))
+    parted = low_u > bl or high_u < -bl or low_v > bw or high_v < -bw
+    return best, parted
+
+
+@njit(cache=True)
+def _rectangle_gap(ax, ay, ac, as_, al, aw, bx, by, bc, bs, bl, bw):
+    """Distance of two oriented rectangles (centre, cos, sin, half length, half width), 0 if they overlap.
+
+    Rectangles that no side of either parts overlap (separating axes); else a corner of one is nearest to the other.
+    """
+    gap_a, parted_a = _corner_gap(ax, ay, ac, as_, al, aw, bx, by, bc, bs, bl, bw)
+    gap_b, parted_b = _corner_gap(bx, by, bc, bs, bl, bw, ax, ay, ac, as_, al, aw)
+    return min(gap_a, gap_b) if parted_a or parted_b else 0.0
+
+
+@njit(cache=True)
+def _note(codes, n_codes, kind, a, b):
+    if n_codes < len(codes):
+        codes[n_codes] = (kind << _KIND_SHIFT) + (a << 20) + b
+    return n_codes + 1
+
+
+@njit(cache=True)
+def _touches(  # one kernel for all pairs, on flat arrays
+    cars, body, height, boxes, keys, bin_ptr, bin_box, n_bins, points, radii, arm_xy, reach, serving, clearance, codes
+):  # fmt: skip
+    """Codes of all pairs that touch now, and the smallest clearance so far."""
+    n_cars, n_arms, n_codes = len(cars), len(points), 0
+    shift, length, width = body
+    circle = math.hypot(length, width)
+    frame = np.empty((n_cars, 4))
+    for i in range(n_cars):
+        cos, sin = math.cos(cars[i, 2]), math.sin(cars[i, 2])
+        frame[i, 0], frame[i, 1] = cars[i, 0] + shift * cos, cars[i, 1] + shift * sin
+        frame[i, 2], frame[i, 3] = cos, sin
+
+    for i in range(n_cars):
+        x, y, cos, sin = frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3]
+        for j in range(i + 1, n_cars):
+            dx, dy = frame[j, 0] - x, frame[j, 1] - y
+            near = 2.0 * circle + clearance
+            if dx * dx + dy * dy > near * near:
+                continue
+            gap = _rectangle_gap(
+                x, y, cos, sin, length, width, frame[j, 0], frame[j, 1], frame[j, 2], frame[j, 3], length, width
+            )
+            clearance = min(clearance, gap)
+            if gap == 0.0:
+                n_codes = _note(codes, n_codes, _CAR_CAR, i, j)
+        x0, x1 = max(int((x - circle) / BIN_M), 0), min(int((x + circle) / BIN_M), n_bins[0] - 1)
+        y0, y1 = max(int((y - circle) / BIN_M), 0), min(int((y + circle) / BIN_M), n_bins[1] - 1)
+        for iy in range(y0, y1 + 1):
+            for ix in range(x0, x1 + 1):
+                for entry in range(bin_ptr[iy * n_bins[0] + ix], bin_ptr[iy * n_bins[0] + ix + 1]):
+                    b = bin_box[entry]
+                    if abs(boxes[b, 0] - x) > circle + boxes[b, 2] or abs(boxes[b, 1] - y) > circle + boxes[b, 3]:
+                        continue
+                    gap = _rectangle_gap(
+                        x, y, cos, sin, length, width, boxes[b, 0], boxes[b, 1], 1.0, 0.0, boxes[b, 2], boxes[b, 3]
+                    )
+                    if gap == 0.0:
+                        n_codes = _note(codes, n_codes, _STATIC, i, keys[b])
+
+    for a in range(n_arms):
+        for i in range(n_cars):
+            dx, dy = frame[i, 0] - arm_xy[a, 0], frame[i, 1] - arm_xy[a, 1]
+            near = reach + circle + clearance
+            if i == serving[a] or dx * dx + dy * dy > near * near:
+                continue
+            gap = math.inf
+            for k in range(len(radii)):
+                px, py = points[a, k, 0] - frame[i, 0], points[a, k, 1] - frame[i, 1]
+                u = max(abs(frame[i, 2] * px + frame[i, 3] * py) - length, 0.0)
+                v = max(abs(frame[i, 2] * py - frame[i, 3] * px) - width, 0.0)
+                w = max(points[a, k, 2] - height, 0.0)
+                gap = min(gap, max(math.sqrt(u * u + v * v + w * w) - radii[k], 0.0))
+            clearance = min(clearance, gap)
+            if gap == 0.0:
+                n_codes = _note(codes, n_codes, _CAR_ARM, i, a)
+        for b in range(a + 1, n_arms):
+            if math.hypot(arm_xy[a, 0] - arm_xy[b, 0], arm_xy[a, 1] - arm_xy[b, 1]) > 2.0 * reach:
+                continue
+            touch = False
+            for k in range(len(radii)):
+                for m in range(len(radii)):
+                    dx, dy = points[a, k, 0] - points[b, m, 0], points[a, k, 1] - points[b, m, 1]
+                    dz = points[a, k, 2] - points[b, m, 2]
+                    touch = touch or dx * dx + dy * dy + dz * dz < (radii[k] + radii[m]) ** 2
+            if touch:
+                n_codes = _note(codes, n_codes, _ARM_ARM, a, b)
+    return n_codes, clearance
+
+
+@njit(cache=True)
+def _enter(ox, oy, dx, dy, half_x, half_y, best):
+    """Fraction at which a ray enters an axis-aligned box round the origin, `best` if later, never, or from inside."""
+    first, last = 0.0, best
+    inside = True
+    for axis in range(2):
+        o, d, half = (ox, dx, half_x) if axis == 0 else (oy, dy, half_y)
+        inside = inside and abs(o) < half
+        if abs(d) < 1e-12:
+            if abs(o) > half:
+                return best
+            continue
+        t0, t1 = (-half - o) / d, (half - o) / d
+        first, last = max(first, min(t0, t1)), min(last, max(t0, t1))
+    return best if inside or first > last else first
+
+
+@njit(cache=True)
+def _cast(origins, ends, cars, body, boxes, bin_ptr, bin_box, n_bins, out):
+    """Walk each ray through the bins it crosses; cars are tried one by one.
+
+    Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
+    """
+    shift, length, width = body
+    circle2 = length * length + width * width
+    for r in range(len(origins)):
+        ox, oy = origins[r, 0], origins[r, 1]
+        dx, dy = ends[r, 0] - ox, ends[r, 1] - oy
+        best = 1.0
+        for i in range(len(cars)):
+            cos, sin = math.cos(cars[i, 2]), math.sin(cars[i, 2])
+            px, py = ox - cars[i, 0] - shift * cos, oy - cars[i, 1] - shift * sin
+            t = min(max(-(px * dx + py * dy) / max(dx * dx + dy * dy, 1e-12), 0.0), 1.0)
+            if (px + t * dx) ** 2 + (py + t * dy) ** 2 <= circle2:
+                ahead, left = cos * px + sin * py, cos * py - sin * px
+                best = _enter(ahead, left, cos * dx + sin * dy, cos * dy - sin * dx, length, width, best)
+        ix, iy = math.floor(ox / BIN_M), math.floor(oy / BIN_M)
+        step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
+        next_x = ((ix + (dx > 0.0)) * BIN_M - ox) / dx if dx != 0.0 else math.inf
+        next_y = ((iy + (dy > 0.0)) * BIN_M - oy) / dy if dy != 0.0 else math.inf
+        while True:
+            if 0 <= ix < n_bins[0] and 0 <= iy < n_bins[1]:
+                for entry in range(bin_ptr[iy * n_bins[0] + ix], bin_ptr[iy * n_bins[0] + ix + 1]):
+                    b = bin_box[entry]
+                    best = _enter(ox - boxes[b, 0], oy - boxes[b, 1], dx, dy, boxes[b, 2], boxes[b, 3], best)
+            if min(next_x, next_y) > best:
+                break
+            if next_x < next_y:
+                ix += step_x
+                next_x += BIN_M / abs(dx)
+            else:
+                iy += step_y
+                next_y += BIN_M / abs(dy)
+        out[r] = best

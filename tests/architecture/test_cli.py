@@ -1,0 +1,92 @@
+"""The command line and the settings agree: every command builds from its defaults, every choice parses, all is said."""
+
+import dataclasses
+from typing import Any
+
+import pytest
+import tyro
+
+from fleet.cli import COMMANDS, OPTIONS, SITE_COMMANDS, main
+from fleet.commands.demo import Demo
+from fleet.config import Fidelity, Grip, RunConfig
+
+ALL = {**COMMANDS, **{f"site {name}": command for name, command in SITE_COMMANDS.items()}}
+REQUIRED = {"site check": ["small"], "site generate": ["out.toml"], "site convert": ["in.map", "out.toml"]}
+"""Words without which a command has nothing to work on."""
+
+
+def parsed(name: str, *words: str) -> Any:
+    return tyro.cli(ALL[name], args=[*REQUIRED.get(name, []), *words], config=OPTIONS)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_command_builds_from_its_defaults(name: str) -> None:
+    command = parsed(name)
+    assert dataclasses.is_dataclass(command)
+    for field in dataclasses.fields(command):
+        if field.default is not dataclasses.MISSING:
+            assert getattr(command, field.name) == field.default
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_command_can_run(name: str) -> None:
+    assert callable(ALL[name].run)
+
+
+def test_the_demo_has_the_defaults_of_a_run() -> None:
+    command, config = parsed("demo"), RunConfig()
+    for name in ("site", "robots", "tasks", "orders", "seed", "grip", "fidelity"):
+        assert getattr(command, name) == getattr(config, name)
+    assert command.duration == config.duration_s
+    assert command.planner == config.traffic.planner
+    assert command.allocator == config.allocation.allocator
+
+
+@pytest.mark.parametrize("choice", [*Fidelity, *Grip])
+def test_every_choice_parses_as_it_is_written(choice: Fidelity | Grip) -> None:
+    option = type(choice).__name__.lower()
+    assert getattr(parsed("demo", f"--{option}", choice.value), option) is choice
+
+
+def test_every_option_of_the_demo_takes_another_value() -> None:
+    words = "--robots 2 --site cell --tasks 4 --seed 7 --duration 9.5 --speed 2 --out x --no-record --view --serve"
+    command = parsed("demo", *words.split(), "--port", "80", "--gui", "--orders", "o.csv", "--events", "e.toml")
+    changed = {
+        field.name for field in dataclasses.fields(Demo) if getattr(command, field.name) != getattr(Demo(), field.name)
+    }
+    # The others choose among names, which the test above and the test of bad input do.
+    assert {field.name for field in dataclasses.fields(Demo)} - changed == {
+        "grip",
+        "fidelity",
+        "planner",
+        "allocator",
+    }
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_help_names_and_explains_every_option_in_80_columns(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    with pytest.raises(SystemExit) as stop:
+        main([*name.split(), "--help"])
+    said = capsys.readouterr()
+    assert (stop.value.code, said.err) == (0, "")
+    assert f"usage: python -m fleet {name}" in said.out
+    assert (ALL[name].__doc__ or "").split(".")[0] in " ".join(said.out.split())
+    flat = " ".join(said.out.replace("│", " ").split())
+    for field in dataclasses.fields(ALL[name]):
+        assert field.name.replace("_", "-") in flat or f" {field.name.upper()} " in flat
+    assert "{None}" not in flat
+    body = [line for line in said.out.splitlines() if line.startswith(("│", "╭", "╰"))]
+    assert all(len(line) <= 80 for line in body)
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["site"], ["site", "--help"]])
+def test_without_a_command_the_commands_are_listed(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    said = capsys.readouterr()
+    assert (stop.value.code, said.err) == (0, "")
+    for name in SITE_COMMANDS if words[:1] == ["site"] else [*COMMANDS, "site"]:
+        assert f"\n  {name} " in said.out

@@ -1,0 +1,275 @@
+"""Whatever a user gets wrong: one line that says what and what is valid, exit status 2, and nothing written."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fleet.cli import main
+
+CSV = "id,release_s,pick,drop,mass_kg,size_m\n"
+GOOD = "a,0,pick_1,drop_1,0.3,0.06\n"
+EVENT = "[[event]]\ntime_s = 1.0\n"
+CELL_PLAN = """
+############
+#..........#
+_..KK..KC.._
+AP........DA
+_.........._
+#..==..==..#
+#..........#
+############
+""".strip()
+
+
+def complaint(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """Run a command that must be refused, and return its one line."""
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    said = capsys.readouterr()
+    assert stop.value.code == 2, said
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    return said.err.strip()
+
+
+def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Demand that the demo refuses, says the expected words, and neither creates nor touches an output directory."""
+    out = tmp_path / "runs" / "new"
+    said = complaint(["demo", "--out", str(out), *words], capsys)
+    assert said.startswith("python -m fleet")
+    for word in expected:
+        assert word in said
+    assert not out.parent.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--robots", "x"], ["--robots is 'x'", "an integer"]),
+        (["--robots=1.5"], ["--robots is '1.5'", "an integer"]),
+        (["--robots"], ["--robots has no value"]),
+        (["--robots", "0"], ["--robots is 0", "an integer >= 1"]),
+        (["--robots", "-3"], ["--robots is -3", "an integer >= 1"]),
+        (["--tasks", "0"], ["--tasks is 0", "an integer >= 1"]),
+        (["--tasks", "many"], ["--tasks is 'many'", "an integer"]),
+        (["--seed", "-1"], ["--seed is -1", "an integer >= 0"]),
+        (["--seed", "1e3"], ["--seed is '1e3'", "an integer"]),
+        (["--duration", "-5"], ["--duration is -5.0", "a number > 0"]),
+        (["--duration", "nan"], ["--duration is nan", "a number > 0"]),
+        (["--duration", "long"], ["--duration is 'long'", "a number"]),
+        (["--speed", "-1"], ["--speed is -1.0", "a number >= 0"]),
+        (["--speed", "inf"], ["--speed is inf", "a number >= 0"]),
+        (["--port", "70000"], ["--port is 70000", "1 to 65535"]),
+        (["--grip", "magnet"], ["--grip is 'magnet'", "suction, friction"]),
+        (["--fidelity", "real"], ["--fidelity is 'real'", "physics, kinematic, grid"]),
+        (["--robtos", "3"], ["--robtos", "did you mean --robots?", "--fidelity"]),
+        (["--no-record", "yes"], ["'yes'", "--help"]),
+        (["--gui", "--fidelity", "grid"], ["--gui", "--fidelity physics"]),
+        (["--serve", "--no-record"], ["--serve", "without --no-record"]),
+        (["--view", "--no-record"], ["--view", "without --no-record"]),
+        (["--tasks", "3", "--orders", "some.csv"], ["--tasks", "without --orders"]),
+        (["--planner", "nope"], ["--planner is 'nope'", "pibt"]),
+        (["--allocator", "nope"], ["--allocator is 'nope'", "greedy, hungarian"]),
+        (["--site", "nope"], ["'nope'", "cell, medium, small"]),
+        (["--site", "cell", "--robots", "4"], ["--robots is 4", "1 to 3", "site cell"]),
+        (["--orders", "nope.csv"], ["nope.csv", "No such file"]),
+        (["--events", "nope.toml"], ["nope.toml", "No such file"]),
+    ],
+    ids=lambda value: " ".join(value) if value[0].startswith("--") else "",
+)
+def test_wrong_options(
+    words: list[str], expected: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refuse(words, expected, tmp_path, capsys)
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ("", ["line 1", "an empty file", CSV.strip()]),
+        ("id,pick\n", ["line 1", "'id,pick'", CSV.strip()]),
+        (CSV, ["no orders"]),
+        (CSV + GOOD + "b,0,pick_1\n", ["line 3", "3 fields", "6"]),
+        (CSV + GOOD + "b,0,pick_9,drop_1,0.3,0.06\n", ["line 3", "pick is 'pick_9'", "pick_1, pick_2"]),
+        (CSV + GOOD + "b,0,drop_1,drop_1,0.3,0.06\n", ["line 3", "pick is 'drop_1'", "pick_1, pick_2"]),
+        (CSV + GOOD + "b,0,pick_1,drop_7,0.3,0.06\n", ["line 3", "drop is 'drop_7'", "drop_1, drop_2"]),
+        (CSV + GOOD + "b,-1,pick_1,drop_1,0.3,0.06\n", ["line 3", "release_s is '-1'", "a number from 0"]),
+        (CSV + GOOD + "b,soon,pick_1,drop_1,0.3,0.06\n", ["line 3", "release_s is 'soon'", "a number"]),
+        (CSV + GOOD + "b,0,pick_1,drop_1,-0.3,0.06\n", ["line 3", "mass_kg is '-0.3'", "0.05 to 2"]),
+        (CSV + GOOD + "b,0,pick_1,drop_1,nan,0.06\n", ["line 3", "mass_kg is 'nan'", "0.05 to 2"]),
+        (CSV + GOOD + "b,0,pick_1,drop_1,0.3,0.5\n", ["line 3", "size_m is '0.5'", "0.04 to 0.1"]),
+        (CSV + GOOD + "b,0,pick_1,drop_1,0.3,0.06x0.06\n", ["line 3", "size_m is '0.06x0.06'", "0.06x0.05x0.08"]),
+        (CSV + GOOD + "\n" + GOOD, ["line 4", "id 'a'", "each id once"]),
+        (CSV + GOOD + ",0,pick_1,drop_1,0.3,0.06\n", ["line 3", "id is empty"]),
+    ],
+)
+def test_wrong_orders_are_named_by_line(
+    content: str, expected: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    orders = tmp_path / "orders.csv"
+    orders.write_text(content, encoding="utf-8")
+    refuse(["--orders", str(orders)], ["orders file", "orders.csv", *expected], tmp_path, capsys)
+
+
+def test_orders_that_are_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    orders = tmp_path / "orders.csv"
+    orders.write_bytes(b"\xff\xfe\x00")
+    refuse(["--orders", str(orders)], ["orders.csv", "UTF-8"], tmp_path, capsys)
+    refuse(["--orders", str(tmp_path)], [tmp_path.name, "Is a directory"], tmp_path, capsys)
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ("what", ["is not TOML"]),
+        ("", ["nothing", "[[event]] tables only"]),
+        ("[other]\n", ["other", "[[event]] tables only"]),
+        ("event = [1]\n", ["event 1", "an [[event]] table"]),
+        ("[[event]]\n", ["event 1", "time_s is missing"]),
+        (EVENT + 'kind = "quake"\ntarget = "car_0"\n', ["event 1", "kind is 'quake'", "car_dead, arm_slow"]),
+        (EVENT.replace("1.0", "-1.0") + 'kind = "car_dead"\ntarget = "car_0"\n', ["time_s is -1.0", ">= 0"]),
+        (EVENT.replace("1.0", '"x"') + 'kind = "car_dead"\ntarget = "car_0"\n', ["time_s is 'x'", "a number"]),
+        (EVENT + 'kind = "arm_slow"\ntarget = "arm_0"\nfactor = 0\n', ["factor of arm_slow is 0.0", "0.01 to 1"]),
+        (EVENT + 'kind = "arm_slow"\ntarget = "arm_0"\nspeed = 1\n', ["arm_slow is 'speed'", "factor, duration_s"]),
+        (EVENT + 'kind = "lane_blocked"\ntarget = "6,6"\nduration_s = -1\n', ["duration_s", "-1.0"]),
+        (EVENT + 'kind = "car_pushed"\ntarget = "car_0"\ndx_m = nan\n', ["dx_m of car_pushed is nan", "-2 to 2"]),
+    ],
+)
+def test_wrong_events_are_named_by_number(
+    content: str, expected: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    events = tmp_path / "events.toml"
+    events.write_text(content, encoding="utf-8")
+    refuse(["--events", str(events)], ["events.toml", *expected], tmp_path, capsys)
+
+
+@pytest.mark.parametrize(
+    ("kind", "target", "expected"),
+    [
+        ("car_dead", "car_3", "car_0 to car_2"),
+        ("car_pushed", "truck", "car_0 to car_2"),
+        ("arm_slow", "arm_4", "arm_0 to arm_3"),
+        ("lane_blocked", "0,0", "row,col of a free cell"),
+        ("lane_blocked", "6", "row,col of a free cell"),
+        ("lane_blocked", "99,1", "row,col of a free cell"),
+    ],
+)
+def test_events_that_befall_nobody(
+    kind: str, target: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    events = tmp_path / "events.toml"
+    events.write_text(f'{EVENT}kind = "{kind}"\ntarget = "{target}"\n', encoding="utf-8")
+    refuse(
+        ["--fidelity", "grid", "--events", str(events)], [f"target of {kind} is '{target}'", expected], tmp_path, capsys
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ("plan = 3", ["plan is 3"]),
+        ("nonsense", ["not valid TOML"]),
+        ("name = 'a'", ["plan is missing"]),
+        ("plan = '''\n###\n#z#\n###\n'''", ["'z'"]),
+        ("plan = '''\n####\n#.#\n####\n'''", ["row 2"]),
+        (f"speed = 1\nplan = '''\n{CELL_PLAN}\n'''", ["speed is not a known entry"]),
+        (f"plan = '''\n{CELL_PLAN.replace('AP', '#P')}\n'''", ["arm"]),
+        (f"plan = '''\n{CELL_PLAN.replace('.........', '#########')}\n'''", ["pick_1 at row 4, column 2"]),
+        (f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_1]\narm_xy = [5.0, 5.0]\n", ["pick_1", "0.35"]),
+        (f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_1]\nslots = [[0.5, 3.5, 0.25]]\n", ["pick_1", "slot"]),
+        (f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_9]\nstop_offset_m = 0.1\n", ["pick_9"]),
+    ],
+)
+def test_sites_that_cannot_work(
+    content: str, expected: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = tmp_path / "mine.toml"
+    site.write_text(content, encoding="utf-8")
+    refuse(["--site", str(site)], ["mine", *expected], tmp_path, capsys)
+
+
+def test_an_arm_that_cannot_reach_its_rack(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    site = tmp_path / "mine.toml"
+    site.write_text(
+        f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_1]\nslots = [[-0.19, 0.41, 1.8]]\n", encoding="utf-8"
+    )
+    words = ["--site", str(site), "--robots", "1", "--fidelity", "kinematic"]
+    refuse(words, ["station pick_1", "arm cannot reach slot 0"], tmp_path, capsys)
+
+
+def test_an_output_path_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine", encoding="utf-8")
+    for out in (file, file / "below"):
+        said = complaint(["demo", "--fidelity", "grid", "--robots", "1", "--out", str(out)], capsys)
+        assert f"--out {out}" in said
+        assert "a directory that can be written" in said
+    assert file.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("result.json", "run.jsonl", "recording.rrd"):
+        (tmp_path / name).write_text("old", encoding="utf-8")
+    complaint(["demo", "--robots", "99", "--out", str(tmp_path)], capsys)
+    assert {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()} == dict.fromkeys(
+        ("result.json", "run.jsonl", "recording.rrd"), "old"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["frob"], ["'frob'", "demo, site"]),
+        (["site", "frob"], ["'frob'", "check, list, generate, convert"]),
+        (["site", "check"], ["SITE", "missing"]),
+        (["site", "check", "nope"], ["'nope'", "cell, medium, small"]),
+        (["site", "check", "small", "--plot"], ["--plot", "--no-draw"]),
+        (["site", "generate", "OUT", "--rows", "0"], ["--rows is 0", "1 to 1000"]),
+        (["site", "generate", "OUT", "--rows", "5"], ["rows is 5", "at least 7"]),
+        (["site", "generate", "OUT", "--cols", "wide"], ["--cols is 'wide'", "an integer"]),
+        (["site", "generate", "nowhere/x.toml"], ["nowhere/x.toml", "No such file"]),
+        (["site", "convert", "nope.map", "OUT"], ["nope.map", "No such file"]),
+        (["site", "convert", "nope.map", "OUT", "--pick", "-1"], ["--pick is -1", "1 to 1000"]),
+    ],
+    ids=lambda value: " ".join(value[:3]),
+)
+def test_wrong_words_for_other_commands(
+    words: list[str], expected: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.toml"
+    said = complaint([str(out) if word == "OUT" else word for word in words], capsys)
+    for word in expected:
+        assert word in said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--robots", "40"], "--robots is 40; valid: 1 to 18"),
+        (["--site", "nowhere"], "site 'nowhere' is unknown"),
+        (["--orders", "orders.csv"], "orders file orders.csv, line 3: mass_kg is '-1'"),
+        (["--fidelity", "grid", "--out", "orders.csv"], "--out orders.csv"),
+        (["--bogus"], "unknown option --bogus"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_the_process_itself_says_one_line_and_ends_with_2(
+    words: list[str], expected: str, tmp_path: Path, repository: Path
+) -> None:
+    (tmp_path / "orders.csv").write_text(CSV + GOOD + "b,0,pick_1,drop_1,-1,0.06\n", encoding="utf-8")
+    ended = subprocess.run(
+        [sys.executable, "-m", "fleet.demo", *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(repository)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith(f"python -m fleet.demo: {expected}")
+    assert ended.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir() if path.name != "orders.csv"] == []

@@ -1,0 +1,370 @@
+"""What goes wrong in a warehouse: the fleet goes on, and everything that still can be delivered is delivered.
+
+Runs repeat exactly up to a disturbance, so a first run finds the moment at which the second one is disturbed.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pytest
+
+from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.dispatcher import CarPhase
+from fleet.insight.metrics import Summary
+from fleet.simulation import Event, Simulation
+from fleet.tasks.board import TaskState
+from planners.mapf.distance_table import DistanceTable
+
+Look = Callable[[Simulation], None]
+
+
+def event(time_s: float, kind: str, target: str, **parameters: float) -> ScenarioEvent:
+    return ScenarioEvent(time_s=time_s, kind=kind, target=target, parameters=parameters)
+
+
+def made(events: Iterable[ScenarioEvent] = (), log: list[Event] | None = None, **settings: object) -> Simulation:
+    """Make a run of six tasks for three cars on the small site, unless the settings say otherwise."""
+    chosen = {"fidelity": Fidelity.KINEMATIC, "arms": ArmConfig(workers_n=0), "duration_s": 900.0} | settings
+    config = RunConfig(events=tuple(events), **chosen)  # type: ignore[arg-type]
+    return Simulation(config, on_event=None if log is None else log.append)
+
+
+def run(*events: ScenarioEvent, look: Look | None = None, **settings: object) -> tuple[Summary, list[Event]]:
+    log: list[Event] = []
+    with made(events, log, **settings) as simulation:
+        simulation.run(look)
+        return simulation.summary(), log
+
+
+def first(find: Callable[[Simulation], ScenarioEvent | None], **settings: object) -> ScenarioEvent:
+    """Run undisturbed until `find` knows what should happen now."""
+    with made(**settings) as simulation:
+        while not simulation.finished:
+            simulation.tick()
+            found = find(simulation)
+            if found is not None:
+                return found
+    raise AssertionError("the moment never came")
+
+
+def connected_without(simulation: Simulation, cells: Iterable[int]) -> bool:
+    """Whether every dock can be reached from every dock and parking place when some cells are closed."""
+    graph = simulation.graph
+    blocked = simulation.traffic.blocked.copy()
+    blocked[list(cells)] = True
+    docks = [station.dock_state for station in simulation.stations]
+    places = [*docks, *(int(graph.states_of_cell(cell)[0]) for cell in simulation.site.parking)]
+    here = [state for state in places if not blocked[graph.state_cell[state]]]
+    if any(blocked[graph.state_cell[dock]] for dock in docks):
+        return False
+    tables = DistanceTable(graph, blocked)
+    return all(int(tables.to(dock)[here].max()) < graph.n_states for dock in docks)
+
+
+def of_kind(log: list[Event], *kinds: str) -> list[Event]:
+    return [entry for entry in log if entry.kind in kinds]
+
+
+def states_of(log: list[Event], task: object) -> list[object]:
+    return [entry.facts["state"] for entry in of_kind(log, "task") if entry.facts["task"] == task]
+
+
+def check(summary: Summary, failed: int = 0) -> None:
+    """Nothing touched, nothing lost, and all but some tasks done."""
+    assert (summary.tasks_done, summary.tasks_failed) == (summary.tasks_total - failed, failed)
+    assert (summary.robot_contacts, summary.static_contacts) == (0, 0)
+    assert (summary.parcel_balance, summary.parcels_misplaced) == (0, 0)
+
+
+# --- car_dead
+
+
+def test_the_task_of_a_dead_car_goes_to_another() -> None:
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        for car in range(3):
+            held = simulation.executor.dependencies.held_cells(car)
+            bound = simulation.dispatcher.phase[car] is CarPhase.TO_PICK
+            if bound and simulation.sim_s > 0.5 and connected_without(simulation, held):
+                return event(simulation.sim_s, "car_dead", f"car_{car}")
+        return None
+
+    death = first(find)
+    summary, log = run(death)
+    check(summary)
+    given_back = next(e.facts for e in of_kind(log, "task") if e.facts["cause"] == f"{death.target} is dead")
+    assert (given_back["before"], given_back["state"]) == (TaskState.ASSIGNED, TaskState.READY)
+    carriers = [
+        entry.facts["car"]
+        for entry in of_kind(log, "task")
+        if entry.facts["task"] == given_back["task"] and entry.facts["state"] == TaskState.CARRIED
+    ]
+    assert len(carriers) == 1
+    assert carriers[0] not in (death.target, None)
+
+
+def test_a_dead_car_stays_where_it_is_and_its_parcel_with_it() -> None:
+    """It dies with a parcel, on a stretch that others can go round: its task fails, the others are done."""
+
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        for car in range(3):
+            held = simulation.executor.dependencies.held_cells(car)
+            loaded = simulation.dispatcher.phase[car] is CarPhase.TO_DROP
+            if loaded and simulation.world.car_speeds()[car] > 0.5 and connected_without(simulation, held):
+                return event(simulation.sim_s, "car_dead", f"car_{car}")
+        return None
+
+    death = first(find)
+    poses: list[np.ndarray] = []
+
+    def look(simulation: Simulation) -> None:
+        if simulation.sim_s > death.time_s:
+            poses.append(simulation.world.car_poses()[int(death.target[-1])].copy())
+
+    summary, log = run(death, look=look)
+    check(summary, failed=1)
+    failed = [entry.facts for entry in of_kind(log, "task") if entry.facts["state"] == TaskState.FAILED]
+    assert [facts["cause"] for facts in failed] == [f"parcel stranded: {death.target} is dead"]
+    assert np.hypot(*(poses[-1] - poses[0])[:2]) < 0.4, "it rolls out"
+    assert np.array_equal(poses[-1], poses[len(poses) // 2]), "and stands"
+
+
+@pytest.mark.parametrize("state", [TaskState.LOADING, TaskState.UNLOADING])
+def test_a_car_that_dies_at_a_dock_is_not_brought_back_by_the_arm(state: TaskState) -> None:
+    """The arm ends its work on the car that died under it, and the car stays dead."""
+    _, log = run(duration_s=60.0)
+    begun = next(entry for entry in of_kind(log, "task") if entry.facts["state"] == state)
+    car = str(begun.facts["car"])
+    dead: list[bool] = []
+
+    def look(simulation: Simulation) -> None:
+        if simulation.sim_s > begun.sim_s + 1.5:
+            dead.append(simulation.dispatcher.phase[int(car[-1])] is CarPhase.DEAD)
+
+    summary, log = run(event(begun.sim_s + 1.0, "car_dead", car), look=look, duration_s=begun.sim_s + 20.0)
+    assert all(dead)
+    assert (summary.robot_contacts, summary.static_contacts) == (0, 0)
+    assert (summary.parcel_balance, summary.parcels_misplaced) == (0, 0)
+    after = states_of(log, begun.facts["task"])
+    stranded, delivered = [TaskState.CARRIED, TaskState.FAILED], [TaskState.DELIVERED, TaskState.COLLECTED]
+    assert after[after.index(state) + 1 :] == (stranded if state is TaskState.LOADING else delivered)
+
+
+# --- arm_slow
+
+
+def test_a_slow_arm_takes_longer_and_recovers() -> None:
+    slow = event(0.0, "arm_slow", "arm_0", factor=0.2, duration_s=40.0)
+    plain, _ = run(site="cell", robots=1, tasks=3)
+    summary, log = run(slow, site="cell", robots=1, tasks=3)
+    check(summary)
+    over = of_kind(log, "disturbance_over")
+    assert [(entry.sim_s, entry.facts["target"]) for entry in over] == [(pytest.approx(40.0, abs=0.1), "arm_0")]
+    assert summary.sim_s > plain.sim_s + 10.0
+    tasks = of_kind(log, "task")
+    begin = {e.facts["task"]: e.sim_s for e in tasks if e.facts["state"] == TaskState.LOADING}
+    took_s = [e.sim_s - begin[e.facts["task"]] for e in tasks if e.facts["state"] == TaskState.CARRIED]
+    assert took_s[0] > 2.0 * took_s[-1]
+
+
+def test_of_two_slow_spells_the_later_end_counts() -> None:
+    slow = [
+        event(1.0, "arm_slow", "arm_0", factor=0.5, duration_s=20.0),
+        event(2.0, "arm_slow", "arm_0", factor=0.5, duration_s=5.0),
+    ]
+    _, log = run(*slow, duration_s=30.0, fidelity=Fidelity.GRID)
+    assert [entry.sim_s for entry in of_kind(log, "disturbance_over")] == [pytest.approx(21.0, abs=0.1)]
+
+
+# --- lane_blocked
+
+
+def cells_under_cars(simulation: Simulation) -> list[int]:
+    grid = simulation.site.grid
+    return [int(grid.index(*grid.cell_at(float(x), float(y)))) for x, y, _ in simulation.world.car_poses()]
+
+
+@pytest.mark.parametrize("fidelity", [Fidelity.KINEMATIC, Fidelity.GRID])
+def test_traffic_goes_round_a_blocked_lane_and_through_it_afterwards(fidelity: Fidelity) -> None:
+    """The busiest cell that can be gone round is blocked for a while."""
+    since_s, lasts_s = 20.0, 40.0
+    settings = {"fidelity": fidelity, "tasks": 12}
+    usual: Counter[int] = Counter()
+    later: set[int] = set()
+    with made(**settings) as simulation:
+
+        def count(simulation: Simulation) -> None:
+            cells = cells_under_cars(simulation)
+            if since_s < simulation.sim_s < since_s + lasts_s:
+                usual.update(cells)
+            elif simulation.sim_s > since_s + lasts_s:
+                later.update(cells)
+
+        simulation.run(count)
+        docks = {station.place.dock.cell for station in simulation.stations}
+        cell = next(
+            cell
+            for cell, _ in usual.most_common()
+            if cell in later - docks - set(simulation.site.parking) and connected_without(simulation, [cell])
+        )
+        row, col = simulation.site.grid.row_col(cell)
+    visits: list[float] = []
+
+    def look(simulation: Simulation) -> None:
+        if cell in cells_under_cars(simulation):
+            visits.append(simulation.sim_s)
+
+    summary, log = run(event(since_s, "lane_blocked", f"{row},{col}", duration_s=lasts_s), look=look, **settings)
+    check(summary)
+    fallen_s, over_s = (of_kind(log, kind)[0].sim_s for kind in ("disturbance", "disturbance_over"))
+    assert fallen_s >= since_s
+    assert over_s == pytest.approx(fallen_s + lasts_s, abs=0.1)
+    assert not any(fallen_s < time_s < over_s for time_s in visits)
+    assert any(time_s > over_s for time_s in visits)
+
+
+def test_a_lane_that_is_blocked_for_good_right_before_a_car() -> None:
+    """What was planned through the cell is dropped: the car, which was about to enter it, turns off before it."""
+    planned: list[int] = []
+
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        executor, graph = simulation.executor, simulation.graph
+        held = {cell for car in range(3) for cell in executor.dependencies.held_cells(car)}
+        for car in range(3):
+            for move in executor.dependencies.next_moves(car)[:2]:
+                cell = int(graph.state_cell[graph.move_to[move]])
+                if cell not in held and simulation.sim_s > 5.0 and connected_without(simulation, [cell]):
+                    planned.append(car)
+                    row, col = simulation.site.grid.row_col(cell)
+                    return event(simulation.sim_s, "lane_blocked", f"{row},{col}", duration_s=1e6)
+        return None
+
+    block = first(find)
+    row, col = (int(word) for word in block.target.split(","))
+
+    def look(simulation: Simulation) -> None:
+        if simulation.sim_s > block.time_s:
+            assert int(simulation.site.grid.index(row, col)) not in cells_under_cars(simulation)
+
+    summary, log = run(block, look=look)
+    check(summary)
+    assert of_kind(log, "disturbance")[0].sim_s == pytest.approx(block.time_s, abs=0.1)
+
+
+# --- car_pushed
+
+
+def shoved(simulation: Simulation, car: int) -> ScenarioEvent | None:
+    """A push by 0.35 m to the side and a turn, where there is room for it and nobody is near."""
+    grid, poses = simulation.site.grid, simulation.world.car_poses()
+    x, y, yaw = poses[car]
+    others = np.delete(poses, car, axis=0)
+    if np.hypot(others[:, 0] - x, others[:, 1] - y).min() < 2.5:
+        return None
+    for side in (1.0, -1.0):
+        aside = np.array([-np.sin(yaw), np.cos(yaw)]) * side
+        ahead = np.array([np.cos(yaw), np.sin(yaw)])
+        around = [np.array([x, y]) + aside * a + ahead * b for a in (0.0, 0.5, 0.9) for b in (-0.6, 0.0, 0.8)]
+        if all(grid.free[grid.cell_at(float(px), float(py))] for px, py in around):
+            dx, dy = (round(float(v), 3) for v in 0.35 * aside)
+            return event(simulation.sim_s, "car_pushed", f"car_{car}", dx_m=dx, dy_m=dy, dyaw_rad=0.4 * side)
+    return None
+
+
+def on_the_way(phase: CarPhase) -> Callable[[Simulation], ScenarioEvent | None]:
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        speeds = simulation.world.car_speeds()
+        for car in range(simulation.world.n_cars):
+            if simulation.dispatcher.phase[car] is phase and speeds[car] > 0.5:
+                return shoved(simulation, car)
+        return None
+
+    return find
+
+
+def check_rejoined(log: list[Event], car: str) -> None:
+    kinds = [entry.kind for entry in of_kind(log, "off_lane", "rejoin", "rejoined") if entry.facts["car"] == car]
+    assert kinds[0] == "off_lane"
+    assert kinds[-2:] == ["rejoin", "rejoined"]
+    assert kinds.count("off_lane") == 1
+
+
+@pytest.mark.parametrize("phase", [CarPhase.TO_PICK, CarPhase.TO_DROP])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_pushed_car_finds_back_and_all_is_delivered(phase: CarPhase, seed: int) -> None:
+    push = first(on_the_way(phase), seed=seed)
+    summary, log = run(push, seed=seed)
+    check(summary)
+    check_rejoined(log, push.target)
+
+
+@pytest.mark.parametrize("turn_rad", [-0.9, 0.9])
+def test_a_car_is_turned_in_its_parking_place(turn_rad: float) -> None:
+    summary, log = run(event(0.1, "car_pushed", "car_2", dyaw_rad=turn_rad))
+    check(summary)
+    check_rejoined(log, "car_2")
+
+
+@pytest.mark.bullet
+def test_a_car_is_pushed_in_the_physical_world() -> None:
+    settings = {"fidelity": Fidelity.PHYSICS, "tasks": 2}
+    push = first(on_the_way(CarPhase.TO_DROP), **settings)
+    summary, log = run(push, **settings)
+    check(summary)
+    check_rejoined(log, push.target)
+
+
+def test_a_small_push_is_steered_out() -> None:
+    push = first(on_the_way(CarPhase.TO_PICK))
+    small = {name: value * 0.3 for name, value in push.parameters.items()}
+    summary, log = run(event(push.time_s, "car_pushed", push.target, **small))
+    check(summary)
+    assert not of_kind(log, "off_lane")
+
+
+def test_a_car_pushed_away_from_the_arm_that_serves_it() -> None:
+    """The arm ends its work; the task goes back and is done, unless its parcel fell in between."""
+    _, log = run(duration_s=40.0)
+    begun = next(entry for entry in of_kind(log, "task") if entry.facts["state"] == TaskState.LOADING)
+    car = str(begun.facts["car"])
+
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        if simulation.sim_s < begun.sim_s + 0.3:
+            return None
+        station = next(s for s in simulation.stations if simulation.board.of_car(int(car[-1])).order.pick == s.name)
+        away = station.place.dock.pose[:2] - np.array(station.place.arm.pose[:2])
+        away *= 0.35 / np.hypot(*away)
+        return event(simulation.sim_s, "car_pushed", car, dx_m=float(away[0]), dy_m=float(away[1]), dyaw_rad=0.3)
+
+    push = first(find)
+    summary, log = run(push)
+    assert summary.tasks_done + summary.tasks_failed == summary.tasks_total
+    assert summary.tasks_failed <= 1
+    assert (summary.robot_contacts, summary.static_contacts) == (0, 0)
+    assert (summary.parcel_balance, summary.parcels_misplaced) == (0, 0)
+    check_rejoined(log, car)
+
+
+# --- all of them
+
+
+def test_everything_at_once() -> None:
+    events = [
+        event(3.0, "arm_slow", "arm_1", factor=0.3, duration_s=50.0),
+        event(8.0, "car_pushed", "car_2", dyaw_rad=1.2),
+        event(30.0, "lane_blocked", "6,7", duration_s=30.0),
+        event(40.0, "car_pushed", "car_4", dy_m=0.3, dx_m=0.3),
+        event(50.0, "car_pushed", "car_1", dx_m=-0.2, dyaw_rad=-0.9),
+    ]
+    summary, log = run(*events, robots=5, tasks=12)
+    assert len(of_kind(log, "disturbance")) == 5
+    assert summary.tasks_done + summary.tasks_failed == 12
+    assert summary.tasks_failed <= 1
+    assert summary.parcel_balance == 0
+
+
+@pytest.mark.parametrize("fidelity", [Fidelity.KINEMATIC, pytest.param(Fidelity.PHYSICS, marks=pytest.mark.bullet)])
+def test_a_disturbed_run_repeats_exactly(fidelity: Fidelity) -> None:
+    push = event(5.0, "car_pushed", "car_2", dx_m=-0.08, dy_m=0.35, dyaw_rad=0.54)
+    hashes = {run(push, duration_s=12.0, fidelity=fidelity)[0].state_hash for _ in range(2)}
+    assert len(hashes) == 1
