@@ -44,6 +44,10 @@ $(STAMP): pyproject.toml
 	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes."; \
 	if ! $(BIN)/python -c '' >/dev/null 2>&1; then "$$python" -m venv --clear $(VENV); fi; \
 	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,notebook]'; \
+	echo "Compiling the kernels once, about half a minute."; \
+	out=$$(mktemp -d); \
+	$(BIN)/python -m fleet.demo --site cell --robots 1 --tasks 1 --duration 8 --out "$$out" >/dev/null; \
+	rm -rf "$$out"; \
 	touch $@
 
 demo: $(STAMP) ## Three cars and the arms of a site deliver parcels; ARGS adds options.

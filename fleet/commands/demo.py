@@ -32,7 +32,8 @@ class Demo:
     orders: Path | None = None
     """CSV file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m."""
     events: Path | None = None
-    """TOML file of disturbances: [[event]] time_s, kind, target and parameters."""
+    """TOML file of disturbances: [[event]] tables of time_s, kind (car_dead, arm_slow, lane_blocked, car_pushed),
+    target and parameters."""
     seed: int = 0
     """Seed of everything random; the same seed gives the same run."""
     duration: float = 3600.0
@@ -44,9 +45,9 @@ class Demo:
     fidelity: Fidelity = Fidelity.PHYSICS
     """How robots are moved."""
     planner: str = "pibt"
-    """Path planner of the fleet."""
+    """Path planner of the fleet: pibt."""
     allocator: str = "hungarian"
-    """Who gets which task."""
+    """Who gets which task: hungarian or greedy."""
     out: Path = Path("runs/demo")
     """Directory for recording.rrd, run.jsonl and result.json."""
     no_record: bool = False

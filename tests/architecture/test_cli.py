@@ -8,7 +8,9 @@ import tyro
 
 from fleet.cli import COMMANDS, OPTIONS, SITE_COMMANDS, main
 from fleet.commands.demo import Demo
-from fleet.config import Fidelity, Grip, RunConfig
+from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, RunConfig
+from planners.allocation import ALLOCATORS
+from planners.mapf import PLANNERS
 
 ALL = {**COMMANDS, **{f"site {name}": command for name, command in SITE_COMMANDS.items()}}
 REQUIRED = {"site check": ["small"], "site generate": ["out.toml"], "site convert": ["in.map", "out.toml"]}
@@ -80,6 +82,14 @@ def test_help_names_and_explains_every_option_in_80_columns(
     assert "{None}" not in flat
     body = [line for line in said.out.splitlines() if line.startswith(("│", "╭", "╰"))]
     assert all(len(line) <= 80 for line in body)
+
+
+def test_the_demo_s_help_names_every_choice(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["demo", "--help"])
+    said = capsys.readouterr().out
+    for name in (*PLANNERS, *ALLOCATORS, *EVENT_PARAMETERS, *Grip, *Fidelity):
+        assert name in said
 
 
 @pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["site"], ["site", "--help"]])
