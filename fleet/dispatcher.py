@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import StrEnum
 
 import numpy as np
 
+from fleet.allotment import Allotment
 from fleet.config import RunConfig
 from fleet.executor import Executor
 from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.service import ServiceState
 from fleet.stations.station import Station
 from fleet.stations.transfer import TRAY, TransferRequest
+from fleet.stock import Log, Stock
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.traffic import Traffic
-from fleet.world.protocol import FloatArray, ParcelBody, World
+from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
 from maps.site import Site
-from planners.allocation import ALLOCATORS
-from planners.allocation.problem import AllocationProblem
 
 ALLOCATE_S = 1.0
 """Longest time between two allocations; every change of tasks or cars asks for one at once [s]."""
 LOADED_RANK_S = 30.0
 """Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
-ON_SLOT_M = 0.05
-"""A delivered parcel lies within this of its slot's centre [m]."""
-ON_SLOT_LIFT_M = 0.015
-"""And its lower side this close to the slot's surface [m]."""
 MAX_ATTEMPTS = 3
 """Transfers tried for one errand before its task fails."""
-
-Log = Callable[..., None]
 
 
 class CarPhase(StrEnum):
@@ -87,8 +80,7 @@ class Dispatcher:
         """1 for a car with a parcel, else 0."""
         self.bound = np.zeros(world.n_cars, dtype=np.bool_)
         """True for a car on its way to a station."""
-        self.entered_n = 0
-        self.left_n = 0
+        self.stock = Stock(board, stations, desk.car, world, log)
         self._graph = graph
         self._config = config
         self._desk = desk
@@ -97,22 +89,22 @@ class Dispatcher:
         self._world = world
         self._log = log
         self._by_name = {station.name: station for station in stations}
-        self._allocator = ALLOCATORS[config.allocation.allocator]()
+        self._allotment = Allotment(config.allocation, board, stations, traffic, executor)
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
         self._parking = _parking_states(site, graph)
-        self._rack_changed = True
         self._changed = True
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
 
     def tick(self, tick: int, now_s: float) -> None:
         """Release, collect, allocate, and start or end services."""
         self.board.release_due(now_s)
-        self._collect(now_s)
-        self._stock(now_s)
+        self._changed |= self.stock.tick(now_s)
         if self._changed or tick % self._period == 0:
             self._changed = False
-            self._allocate(tick, now_s)
+            idle = [car for car, phase in enumerate(self.phase) if phase is CarPhase.IDLE]
+            for car, task in self._allotment.choose(idle, now_s):
+                self._assign(car, task, tick, now_s)
             self._park(tick)
         self._start_services(tick, now_s)
         self._end_services(tick, now_s)
@@ -142,122 +134,13 @@ class Dispatcher:
             self._enter(car, CarPhase.TO_DROP)
             self._send_to(car, self._by_name[task.order.drop], tick)
         else:
-            loaded = any(self._in_tray(car, pose) for pose in self._world.parcel_poses())
-            self._enter(car, CarPhase.RETIRED if loaded else CarPhase.IDLE)
+            self._enter(car, CarPhase.RETIRED if self.stock.tray_is_loaded(car) else CarPhase.IDLE)
         self._changed = True
-
-    def misplaced_parcels(self) -> list[str]:
-        """Compare the books with the world; returns one line for each parcel that is not where the books say."""
-        poses = dict(zip(self._world.parcel_ids().tolist(), self._world.parcel_poses(), strict=True))
-        wrong = []
-        for task in self.board.tasks:
-            booked = _booked_in_world(task)
-            if booked is False and task.parcel in poses:
-                wrong.append(f"{task.order.name}: in the world, booked as {task.state}")
-            elif booked and task.parcel not in poses:
-                wrong.append(f"{task.order.name}: not in the world, booked as {task.state}")
-            elif booked and not self._is_where_booked(task, poses[task.parcel]):
-                x, y, z = poses[task.parcel][:3]
-                wrong.append(f"{task.order.name}: booked as {task.state}, lies at ({x:.2f}, {y:.2f}, {z:.2f})")
-        return wrong
 
     def _enter(self, car: int, phase: CarPhase) -> None:
         self.phase[car] = phase
         self.loaded[car] = phase in (CarPhase.TO_DROP, CarPhase.UNLOADING)
         self.bound[car] = phase in (CarPhase.TO_PICK, CarPhase.TO_DROP)
-
-    def _is_where_booked(self, task: Task, pose: FloatArray) -> bool:
-        if task.state in (TaskState.READY, TaskState.ASSIGNED) and task.pick_slot is not None:
-            return self._on_slot(self._by_name[task.order.pick], task.pick_slot, pose, task)
-        if task.state is TaskState.DELIVERED and task.drop_slot is not None:
-            return self._on_slot(self._by_name[task.order.drop], task.drop_slot, pose, task)
-        if task.state is TaskState.CARRIED and task.car is not None:
-            return self._in_tray(task.car, pose)
-        return True
-
-    def _on_slot(self, station: Station, slot: int, pose: FloatArray, task: Task) -> bool:
-        x, y, z = station.place.slots[slot]
-        off_m = float(np.hypot(pose[0] - x, pose[1] - y))
-        lift_m = pose[2] - z - _half_height(pose, task.order.size_m)
-        return off_m <= ON_SLOT_M and abs(lift_m) <= ON_SLOT_LIFT_M
-
-    def _in_tray(self, car: int, pose: FloatArray) -> bool:
-        spec = self._desk.car
-        x, y, yaw = self._world.car_poses()[car]
-        dx, dy = pose[0] - x, pose[1] - y
-        ahead = np.cos(yaw) * dx + np.sin(yaw) * dy - spec.tray_x_m
-        left = -np.sin(yaw) * dx + np.cos(yaw) * dy
-        inside = abs(ahead) <= spec.tray_size_m[0] / 2 and abs(left) <= spec.tray_size_m[1] / 2
-        return bool(inside and pose[2] > spec.tray_floor_z_m - 0.02)
-
-    def _stock(self, now_s: float) -> None:
-        """Put the parcels of released orders on free pick slots."""
-        if not self._rack_changed and not self.board.count(TaskState.BACKLOG):
-            return
-        self._rack_changed = False
-        full: set[str] = set()
-        for task in self.board.in_state(TaskState.BACKLOG):
-            station = self._by_name[task.order.pick]
-            if station.name in full:
-                continue
-            slot = station.take_slot(task.index)
-            if slot is None:
-                full.add(station.name)
-                continue
-            task.pick_slot = slot
-            x, y, z = station.place.slots[slot]
-            size = task.order.size_m
-            pose = np.array([x, y, z + size[2] / 2 + 0.001, 0.0, 0.0, 0.0, 1.0])
-            self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.order.mass_kg, pose=pose))
-            self.entered_n += 1
-            self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
-            self.board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
-            self._changed = True
-
-    def _collect(self, now_s: float) -> None:
-        for station in self.stations:
-            for slot in station.collect_due(now_s):
-                content = station.contents[slot]
-                task = self.board.tasks[content] if content is not None else None
-                if task is None or task.state is not TaskState.DELIVERED:
-                    continue
-                self._world.remove_parcel(task.parcel)
-                self.left_n += 1
-                station.free_slot(slot)
-                self._log("parcel_left", task=task.order.name, station=station.name, slot=slot)
-                self.board.move(task, TaskState.COLLECTED, now_s, "collected from its slot")
-
-    def _allocate(self, tick: int, now_s: float) -> None:
-        cars = [car for car, phase in enumerate(self.phase) if phase is CarPhase.IDLE]
-        tasks = self._candidates() if cars else []
-        if not tasks:
-            return
-        tails = self._executor.tail_states()[cars]
-        cost = np.empty((len(cars), len(tasks)))
-        for k, task in enumerate(tasks):
-            distance = self._traffic.tables.to(self._by_name[task.order.pick].dock_state)[tails].astype(np.float64)
-            reachable = distance < self._graph.n_states
-            waited_s = now_s - task.since_s[TaskState.READY]
-            cost[:, k] = np.where(reachable, distance - self._config.allocation.ageing_m_per_s * waited_s, np.inf)
-        for row, column in self._allocator.allocate(AllocationProblem(cost=cost)).pairs:
-            self._assign(cars[int(row)], tasks[int(column)], tick, now_s)
-
-    def _candidates(self) -> list[Task]:
-        """Ready tasks, oldest first, as many as the caps of their stations allow."""
-        cap = self._config.allocation.station_cap_n
-        bound: dict[str, int] = {}
-        for task in self.board.in_state(TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING):
-            if task.state in (TaskState.ASSIGNED, TaskState.LOADING):
-                bound[task.order.pick] = bound.get(task.order.pick, 0) + 1
-            bound[task.order.drop] = bound.get(task.order.drop, 0) + 1
-        chosen = []
-        for task in self.board.in_state(TaskState.READY):
-            pick, drop = task.order.pick, task.order.drop
-            if bound.get(pick, 0) < cap and bound.get(drop, 0) < cap + 1:
-                bound[pick] = bound.get(pick, 0) + 1
-                bound[drop] = bound.get(drop, 0) + 1
-                chosen.append(task)
-        return chosen
 
     def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
         task.car = car
@@ -320,7 +203,6 @@ class Dispatcher:
             self._request(station, task, car, tick)
 
     def _request(self, station: Station, task: Task, car: int, tick: int) -> None:
-        pose = self._world.parcel_poses()[int(np.searchsorted(self._world.parcel_ids(), task.parcel))]
         loading = task.state is TaskState.LOADING
         slot = task.pick_slot if loading else task.drop_slot
         if slot is None:
@@ -331,11 +213,10 @@ class Dispatcher:
                 arm=station.arm,
                 parcel=task.parcel,
                 size_m=task.order.size_m,
-                pick_pose=pose,
+                pick_pose=self.stock.pose(task),
                 pick_via=slot if loading else TRAY,
                 place_via=TRAY if loading else slot,
                 car_pose=self._executor.driver.estimate[car].copy(),
-                seed=self._config.seed * 1_000_003 + task.index * 16 + self._attempts[task.index],
             ),
             tick,
         )
@@ -355,21 +236,17 @@ class Dispatcher:
     def _judge(self, station: Station, task: Task, car: int, state: ServiceState, tick: int, now_s: float) -> None:
         """Look where the parcel really is, now that the arm is clear of the car, and draw the consequence."""
         loading = task.state is TaskState.LOADING
-        pose = self._world.parcel_poses()[int(np.searchsorted(self._world.parcel_ids(), task.parcel))]
-        if state in (ServiceState.DONE, ServiceState.MOVING, ServiceState.IDLE):
-            if loading and self._in_tray(car, pose):
+        slot = task.pick_slot if loading else task.drop_slot
+        on_slot, in_tray = self.stock.on_slot(task, slot, station), self.stock.in_tray(task, car)
+        if state in (ServiceState.DONE, ServiceState.MOVING, ServiceState.IDLE) and (in_tray if loading else on_slot):
+            if loading:
                 self._loaded(station, task, car, tick, now_s)
-                return
-            if not loading and task.drop_slot is not None and self._on_slot(station, task.drop_slot, pose, task):
+            else:
                 self._delivered(station, task, car, tick, now_s)
-                return
+            return
         if not self._desk.is_idle(station.arm):
             return
-        at_source = (
-            self._on_slot(station, task.pick_slot, pose, task)
-            if loading and task.pick_slot is not None
-            else self._in_tray(car, pose)
-        )
+        at_source = on_slot if loading else in_tray
         if at_source and self.phase[car] is CarPhase.RECOVERING:
             # The car was pushed from under the arm: it comes back to the dock, or another does.
             if loading:
@@ -386,21 +263,18 @@ class Dispatcher:
             )
             self._request(station, task, car, tick)
             return
-        x, y, z = (round(float(v), 3) for v in pose[:3])
+        x, y, z = (round(float(v), 3) for v in self.stock.pose(task)[:3])
         cause = self._desk.reason(station.arm) or "the parcel is not where it was set down"
         reason = f"{cause} at {station.name}; parcel lies at ({x}, {y}, {z})"
         self.board.move(task, TaskState.FAILED, now_s, reason)
-        slot = task.pick_slot if loading else task.drop_slot
-        if slot is not None and not self._on_slot(station, slot, pose, task):
+        if slot is not None and not on_slot:
             station.free_slot(slot)
-            self._rack_changed = True
-        self._release_car(car, CarPhase.RETIRED if self._in_tray(car, pose) else CarPhase.IDLE)
+        self._release_car(car, CarPhase.RETIRED if in_tray else CarPhase.IDLE)
 
     def _loaded(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
         if task.pick_slot is not None:
             station.free_slot(task.pick_slot)
         self._attempts[task.index] = 0
-        self._rack_changed = True
         self.board.move(task, TaskState.CARRIED, now_s, f"measured in the tray of car_{car}")
         self._changed = True
         if self.phase[car] is CarPhase.DEAD:
@@ -434,20 +308,6 @@ class Dispatcher:
 
     def _dock_cell(self, station: Station) -> int:
         return int(self._graph.state_cell[station.dock_state])
-
-
-def _booked_in_world(task: Task) -> bool | None:
-    """Whether the books hold a parcel; None for a failed task, whose parcel may lie anywhere."""
-    if task.state is TaskState.FAILED:
-        return None
-    return task.state not in (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED)
-
-
-def _half_height(pose: FloatArray, size_m: tuple[float, float, float]) -> float:
-    """Half the vertical extent of a box in any orientation [m]."""
-    x, y, z, w = pose[3:]
-    up = np.abs([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
-    return float(up @ np.asarray(size_m)) / 2
 
 
 def _parking_states(site: Site, graph: LaneGraph) -> tuple[int, ...]:

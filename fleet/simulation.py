@@ -186,7 +186,7 @@ class Simulation:
 
     def parcel_balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world; zero unless one was lost."""
-        return self.dispatcher.entered_n - self.dispatcher.left_n - len(self.world.parcel_ids())
+        return self.dispatcher.stock.balance()
 
     def summary(self) -> Summary:
         """Figures of the run so far."""

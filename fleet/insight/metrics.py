@@ -100,6 +100,6 @@ class Metrics:
             static_contacts=contacts.static,
             min_clearance_m=round(clearance, 4) if np.isfinite(clearance) else None,
             parcel_balance=simulation.parcel_balance(),
-            parcels_misplaced=len(simulation.dispatcher.misplaced_parcels()),
+            parcels_misplaced=len(simulation.dispatcher.stock.misplaced()),
             state_hash=simulation.state_hash(),
         )

@@ -40,7 +40,6 @@ class TransferRequest:
     """Slot index or `TRAY`."""
     car_pose: FloatArray
     """Estimated pose x, y, yaw of the car at the dock."""
-    seed: int
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -321,7 +321,7 @@ def delivered(env: WarehouseEnv, n_steps: int, *, cars: bool, arms: bool, seed: 
     assert env.simulation is not None
     tasks = env.simulation.board.tasks
     assert {task.state for task in tasks} <= {TaskState.DELIVERED, TaskState.COLLECTED}, [task.reason for task in tasks]
-    assert env.simulation.dispatcher.misplaced_parcels() == []
+    assert env.simulation.dispatcher.stock.misplaced() == []
     return sums
 
 
