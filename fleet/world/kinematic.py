@@ -141,7 +141,7 @@ class PlanarWorld:
         self._cars.step(car_commands)
         self._arms.step(arm_q)
         self._parcels.update(self._cars.poses, self._arms.tips, grip)
-        self._surroundings.observe(self._cars.poses)
+        self._surroundings.observe(self._cars.poses, self._parcels.held_spheres())
 
     def car_poses(self) -> FloatArray:
         """See `World`."""

@@ -134,6 +134,16 @@ class Parcels:
         for arm in np.nonzero(grip & ~holding)[0]:
             self._take(int(arm), tips[arm])
 
+    def held_spheres(self) -> FloatArray:
+        """Centre x, y, z and radius of a sphere round each tool's parcel, radius -1 for none, shape (n_arms, 4)."""
+        spheres = np.full((len(self.held), 4), -1.0)
+        arms = np.flatnonzero(self.held >= 0)
+        if len(arms):
+            rows = np.searchsorted(self.ids, self.held[arms])
+            spheres[arms, :3] = self.poses[rows, :3]
+            spheres[arms, 3] = np.linalg.norm(self._size_m[rows], axis=1) / 2.0
+        return spheres
+
     def save(self) -> ParcelSnapshot:
         """Copy of the state."""
         return ParcelSnapshot(

@@ -37,8 +37,8 @@ class SurroundingsSnapshot:
 class Surroundings:
     """What touches what, how close robots came, and what rays hit; in the plane, except for arms above cars.
 
-    Cars are oriented rectangles, boxes are their footprints (only boxes that begin below the cars' height), arms are
-    spheres. Arms are not judged against boxes.
+    Cars are oriented rectangles, boxes are their footprints (only boxes that begin below the cars' height), arms and
+    the parcels they hold are spheres. Arms are not judged against boxes, nor against the car they serve.
 
     Attributes:
         robot_contacts_n: Touches between robots so far; one that lasts counts once.
@@ -60,6 +60,8 @@ class Surroundings:
         self._height_m = car.height_m
         self._arms = arms
         self._arm_xy = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)[:, :2].copy()
+        self._spheres = np.empty((len(self._arm_xy), len(arms.radii) + 1, 4))
+        self._spheres[:, :-1, 3] = arms.radii
         self.serving = np.full(len(self._arm_xy), -1, dtype=np.int64)
         self.robot_contacts_n = 0
         self.static_contacts_n = 0
@@ -84,8 +86,15 @@ class Surroundings:
         del self._added[obstacle]
         self._sort_boxes()
 
-    def observe(self, car_poses: FloatArray) -> None:
-        """Count new touches and note the smallest clearance."""
+    def observe(self, car_poses: FloatArray, held: FloatArray) -> None:
+        """Count new touches and note the smallest clearance.
+
+        Args:
+            car_poses: Rear-axle poses x, y, yaw, shape (n_cars, 3).
+            held: Spheres x, y, z, radius round the held parcels, radius < 0 for none, shape (n_arms, 4).
+        """
+        self._spheres[:, :-1, :3] = self._arms.points
+        self._spheres[:, -1] = held
         while True:
             n_codes, clearance = _touches(
                 car_poses,
@@ -96,8 +105,7 @@ class Surroundings:
                 self._bin_ptr,
                 self._bin_box,
                 self._n_bins,
-                self._arms.points,
-                self._arms.radii,
+                self._spheres,
                 self._arm_xy,
                 self._arms.reach_m,
                 self.serving,
@@ -197,11 +205,39 @@ def _note(codes, n_codes, kind, a, b):
 
 
 @njit(cache=True)
+def _arm_gap(spheres, frame, length, width, height):
+    """Distance of an arm's spheres from a car (centre, cos, sin) that stands on the floor, 0 if they overlap."""
+    gap = math.inf
+    for k in range(len(spheres)):
+        radius = spheres[k, 3]
+        if radius < 0.0:
+            continue
+        px, py = spheres[k, 0] - frame[0], spheres[k, 1] - frame[1]
+        u = max(abs(frame[2] * px + frame[3] * py) - length, 0.0)
+        v = max(abs(frame[2] * py - frame[3] * px) - width, 0.0)
+        w = max(spheres[k, 2] - height, 0.0)
+        gap = min(gap, max(math.sqrt(u * u + v * v + w * w) - radius, 0.0))
+    return gap
+
+
+@njit(cache=True)
+def _arms_touch(a, b):
+    for k in range(len(a)):
+        for m in range(len(b)):
+            if a[k, 3] < 0.0 or b[m, 3] < 0.0:
+                continue
+            dx, dy, dz = a[k, 0] - b[m, 0], a[k, 1] - b[m, 1], a[k, 2] - b[m, 2]
+            if dx * dx + dy * dy + dz * dz < (a[k, 3] + b[m, 3]) ** 2:
+                return True
+    return False
+
+
+@njit(cache=True)
 def _touches(  # one kernel for all pairs, on flat arrays
-    cars, body, height, boxes, keys, bin_ptr, bin_box, n_bins, points, radii, arm_xy, reach, serving, clearance, codes
+    cars, body, height, boxes, keys, bin_ptr, bin_box, n_bins, spheres, arm_xy, reach, serving, clearance, codes
 ):  # fmt: skip
     """Codes of all pairs that touch now, and the smallest clearance so far."""
-    n_cars, n_arms, n_codes = len(cars), len(points), 0
+    n_cars, n_arms, n_codes = len(cars), len(spheres), 0
     shift, length, width = body
     circle = math.hypot(length, width)
     frame = np.empty((n_cars, 4))
@@ -240,29 +276,18 @@ def _touches(  # one kernel for all pairs, on flat arrays
     for a in range(n_arms):
         for i in range(n_cars):
             dx, dy = frame[i, 0] - arm_xy[a, 0], frame[i, 1] - arm_xy[a, 1]
-            near = reach + circle + clearance
+            near = reach + 2.0 * max(spheres[a, -1, 3], 0.0) + circle + clearance
             if i == serving[a] or dx * dx + dy * dy > near * near:
                 continue
-            gap = math.inf
-            for k in range(len(radii)):
-                px, py = points[a, k, 0] - frame[i, 0], points[a, k, 1] - frame[i, 1]
-                u = max(abs(frame[i, 2] * px + frame[i, 3] * py) - length, 0.0)
-                v = max(abs(frame[i, 2] * py - frame[i, 3] * px) - width, 0.0)
-                w = max(points[a, k, 2] - height, 0.0)
-                gap = min(gap, max(math.sqrt(u * u + v * v + w * w) - radii[k], 0.0))
+            gap = _arm_gap(spheres[a], frame[i], length, width, height)
             clearance = min(clearance, gap)
             if gap == 0.0:
                 n_codes = _note(codes, n_codes, _CAR_ARM, i, a)
         for b in range(a + 1, n_arms):
-            if math.hypot(arm_xy[a, 0] - arm_xy[b, 0], arm_xy[a, 1] - arm_xy[b, 1]) > 2.0 * reach:
+            near = 2.0 * (reach + max(spheres[a, -1, 3], 0.0) + max(spheres[b, -1, 3], 0.0))
+            if math.hypot(arm_xy[a, 0] - arm_xy[b, 0], arm_xy[a, 1] - arm_xy[b, 1]) > near:
                 continue
-            touch = False
-            for k in range(len(radii)):
-                for m in range(len(radii)):
-                    dx, dy = points[a, k, 0] - points[b, m, 0], points[a, k, 1] - points[b, m, 1]
-                    dz = points[a, k, 2] - points[b, m, 2]
-                    touch = touch or dx * dx + dy * dy + dz * dz < (radii[k] + radii[m]) ** 2
-            if touch:
+            if _arms_touch(spheres[a], spheres[b]):
                 n_codes = _note(codes, n_codes, _ARM_ARM, a, b)
     return n_codes, clearance
 

@@ -244,6 +244,45 @@ def test_an_arm_may_touch_the_tray_it_serves_only(make_world: MakeWorld) -> None
         assert world.contacts().robot == expected
 
 
+@pytest.mark.parametrize(
+    ("serving", "tip_z", "carries", "touches"),
+    [
+        pytest.param(-1, 0.45, False, False, id="hovers"),
+        pytest.param(-1, 0.20, False, True, id="dips"),
+        pytest.param(1, 0.20, False, True, id="dips while it serves another"),
+        pytest.param(0, 0.09, False, True, id="dips before the tray it serves"),
+        pytest.param(-1, 0.45, True, False, id="carries high"),
+        pytest.param(-1, 0.30, True, True, id="carries low"),
+    ],
+)
+def test_an_arm_that_dips_before_a_passing_car_touches_it(
+    make_world: MakeWorld, serving: int, tip_z: float, carries: bool, touches: bool
+) -> None:
+    on_slot, off_slot = above(0.45, SLOT[2] + 0.083, "suction"), above(0.45, 0.50, "suction")
+    aside = np.array([np.pi / 2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    high, low = above(0.55, 0.45, "suction") + aside, above(0.55, tip_z, "suction") + aside
+    world = make_world(
+        cars=[(-1.6, 0.55, 0.0), (3.0, 3.0, 0.0)],
+        arms=[(0.0, 0.0, 0.0, 0.0)],
+        boxes=(SLOT_BOX,),
+        start=on_slot if carries else high,
+    )
+    world.set_serving(0, serving)
+    if carries:
+        world.add_parcel(parcel(1))
+        run(world, 0.2, q=on_slot, grip=True)
+        sweep(world, on_slot, off_slot, 1.0, grip=True)
+        sweep(world, off_slot, high, 2.0, grip=True)
+        assert world.held()[0] == 1
+    for tick in range(round(3.5 / world.tick_s)):
+        q = high + (low - high) * np.clip(tick * world.tick_s - 1.0, 0.0, 1.0)
+        command = np.array([[0.0, 0.5], [0.0, 0.0]])
+        world.step(command, q[None], np.zeros((1, 7)), np.array([carries]))
+    assert (world.contacts().robot > 0) == touches
+    assert world.contacts().static == 0
+    assert (world.min_clearance_m() == 0.0) == (touches and serving != 0)
+
+
 def test_two_fresh_worlds_agree_to_the_last_bit_and_a_snapshot_returns_exactly(make_world: MakeWorld) -> None:
     def play(world: BulletWorld) -> bytes:
         home = world.arm_positions()

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from fleet.errors import ConfigError, FleetError
 from fleet.world.arms import ServoArms
 from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, KinematicWorld, SnapshotError
-from fleet.world.scene import Scene
+from fleet.world.protocol import ParcelBody
+from fleet.world.scene import Scene, StaticBox
 from planners.motion.kinematics import link_frames
 
 FloatArray = npt.NDArray[np.float64]
@@ -165,6 +166,27 @@ def test_arm_is_judged_against_cars_it_does_not_serve(hall: Scene) -> None:
             step(world, arm_q=reach_down)
         counts.append((world.contacts().robot, world.min_clearance_m()))
     assert counts == [(0, math.inf), (1, 0.0)]
+
+
+def test_arm_that_dips_into_a_passing_car_touches_it(hall: Scene) -> None:
+    # The car passes below the arm, whose tip is 0.36 m above the floor: the car is 0.25 m high, a held parcel 0.1 m.
+    plate = StaticBox(kind="pedestal", centre_m=(2.0, 4.0, 0.255), half_m=(0.05, 0.05, 0.005))
+    hover = np.array([[0.0, 0.299, 0.0, -1.617, 0.0, 1.225, 0.0]])
+    car_start = np.array([[0.5, 4.0, 0.0], [0.5, 1.5, 0.0]])
+    scene = dataclasses.replace(hall, boxes=(*hall.boxes, plate), car_start=car_start, arm_start=hover)
+    seen = []
+    for dip_rad, held in ((0.0, False), (0.4, False), (0.0, True)):
+        world = KinematicWorld(scene)
+        world.set_serving(0, 1)
+        if held:
+            pose = np.array([2.0, 4.0, 0.4, 0.0, 0.0, 0.0, 1.0])
+            world.add_parcel(ParcelBody(parcel=1, size_m=(0.1, 0.1, 0.1), mass_kg=1.0, pose=pose))
+        for tick in range(80):
+            q = hover.copy()
+            q[0, 1] += dip_rad * (20 < tick < 60)
+            world.step(np.array([[0.0, 1.0], [0.0, 0.0]]), q, np.zeros_like(q), np.array([held]))
+        seen.append((world.contacts().robot, round(world.min_clearance_m(), 2)))
+    assert seen == [(0, 0.08), (1, 0.0), (1, 0.0)]
 
 
 def test_arms_that_cross_touch_each_other(hall: Scene) -> None:
