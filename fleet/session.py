@@ -31,6 +31,8 @@ from fleet.recording import (
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import TaskState
 
+NAP_S = 0.1
+"""Longest single sleep of a run that is held back to a given speed [s]."""
 COUNTED = {
     "waiting": (TaskState.ORDERED, TaskState.BACKLOG, TaskState.READY),
     "under way": (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING),
@@ -147,10 +149,14 @@ def _loop(
             first_move_s = round(time.perf_counter() - started, 3)
             simulation.log("first_move")
         if session.speed > 0:
-            ahead_s = simulation.sim_s / session.speed - (time.perf_counter() - begin)
-            if ahead_s > 0:
-                time.sleep(ahead_s)
+            _wait_until(begin + simulation.sim_s / session.speed, interrupted)
     return time.perf_counter() - begin, first_move_s
+
+
+def _wait_until(time_s: float, interrupted: list[int]) -> None:
+    """Sleep, in short naps: an interrupt only fills the list, and must not have to wait for the end of a long one."""
+    while not interrupted and (left_s := time_s - time.perf_counter()) > 0:
+        time.sleep(min(left_s, NAP_S))
 
 
 @contextmanager
