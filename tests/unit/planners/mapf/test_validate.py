@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from maps.lane_graph import LaneGraph
+from planners.mapf.pibt import Pibt
 from planners.mapf.problem import Plan
-from planners.mapf.validate import Conflict, breaches, conflicts
+from planners.mapf.validate import Conflict, _moving, _standing, breaches, conflicts, suspicious
 from planners.status import Status
-from tests.unit.planners.mapf.lanes import graph_of, instance_of, one_way_loop, open_grid
+from tests.unit.planners.mapf.lanes import (
+    graph_of,
+    instance_of,
+    king_grid,
+    one_way_grid,
+    one_way_loop,
+    open_grid,
+    random_starts,
+)
 
 
 def plan_of(*rows: Sequence[int]) -> Plan:
@@ -94,3 +106,60 @@ def test_breaches_names_what_the_instance_forbids() -> None:
     instance = instance_of(graph, [0, 2, 4, 6], [0, 2, 4, 6], stay=[False, True, False, False], fixed=[0, 0, 1, 0])
     found = breaches(instance, plan_of((0, 2, 4, 7), (0, 3, 5, 7)))
     assert [(breach.kind, breach.agents) for breach in found] == [("stay", (1,)), ("fixed", (2,)), ("start", (3,))]
+
+
+def everything_wrong(graph: LaneGraph, states: np.ndarray, rotation: bool, blocked: np.ndarray) -> list[int]:
+    """Rows with something wrong, each row judged alone by the explicit rules."""
+    sweeps = {}
+    for move in range(graph.n_moves):
+        ends = int(graph.move_from[move]), int(graph.move_to[move])
+        sweeps[ends] = set(graph.swept_cell[graph.swept_ptr[move] : graph.swept_ptr[move + 1]].tolist())
+    closed = set(np.flatnonzero(blocked).tolist())
+    rows = []
+    for t in range(len(states)):
+        found = _standing(graph, t, states[t].tolist())
+        if t + 1 < len(states):
+            found += _moving(graph, t, states[t].tolist(), states[t + 1].tolist(), sweeps, closed, rotation)
+        if found:
+            rows.append(t)
+    return rows
+
+
+@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("grid", [open_grid, king_grid, one_way_grid])
+def test_the_quick_look_overlooks_nothing(grid: Callable[[int, int], LaneGraph], seed: int) -> None:
+    """Random steps, most of them legal one by one: every kind of conflict turns up in some row."""
+    rng = np.random.default_rng(seed)
+    graph = grid(4, 6)
+    n, rows = int(rng.integers(1, 10)), 60
+    states = np.empty((rows, n), dtype=np.int32)
+    states[0] = random_starts(graph, n, rng)
+    for t in range(1, rows):
+        for agent in range(n):
+            state = int(states[t - 1, agent])
+            choices = [state, *graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]].tolist()]
+            states[t, agent] = rng.choice(choices) if rng.random() < 0.99 else rng.integers(graph.n_states)
+        if rng.random() < 0.7 and len(set(graph.state_cell[states[t]].tolist())) < n:
+            states[t] = states[t - 1]
+    blocked = rng.random(graph.n_cells) < 0.05
+    rotation = bool(seed % 2)
+    expected = everything_wrong(graph, states, rotation, blocked)
+    looked_at = suspicious(graph, states, allow_rotation=rotation, blocked=blocked).tolist()
+    assert set(expected) <= set(looked_at)
+    assert len(looked_at) <= len(expected) + 2
+    judged = conflicts(graph, plan_of(*states.tolist()), allow_rotation=rotation, blocked=blocked)
+    assert sorted({conflict.timestep for conflict in judged}) == expected
+
+
+@pytest.mark.parametrize("rotation", [False, True])
+def test_a_thousand_agents_for_a_thousand_timesteps_take_seconds(rotation: bool) -> None:
+    graph = one_way_grid(60, 60)
+    rng = np.random.default_rng(0)
+    instance = replace(
+        instance_of(graph, random_starts(graph, 1000, rng), allow_rotation=rotation, horizon=1000),
+        goals=rng.integers(graph.n_states, size=1000).astype(np.int32),
+    )
+    plan = Pibt().plan(instance)
+    begin = time.process_time()
+    assert breaches(instance, plan) == []
+    assert time.process_time() - begin < 5.0
