@@ -101,8 +101,8 @@ def read_graphml(path: str | os.PathLike[str]) -> LaneGraph:
         length[move] = _field(where, data, "length", float)
         try:
             swept[move] = [int(word) for word in str(_field(where, data, "swept", str)).split()]
-            rows = [[float(word) for word in point.split()] for point in str(_field(where, data, "path", str)).split(",")]
-            points[move] = np.array(rows).reshape(-1, 4)
+            rows = str(_field(where, data, "path", str)).split(",")
+            points[move] = np.array([[float(word) for word in row.split()] for row in rows]).reshape(-1, 4)
         except ValueError as error:
             raise GraphmlError(f"{where}: swept or path: {error}") from error
         for crossed in swept[move]:

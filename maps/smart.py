@@ -46,7 +46,7 @@ def read_paths(path: str | os.PathLike[str], *, order: Order = "xy") -> Cells:
         lines = Path(path).read_text(encoding="ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise SmartError(f"{path}: cannot be read: {error}") from error
-    agents = []
+    agents: list[list[tuple[int, int]]] = []
     for number, line in enumerate(lines, start=1):
         if line.strip():
             agents.append(_agent(f"{path}: line {number}", line.strip(), len(agents), order))

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from maps.lane_graph import LaneGraph
 from planners.mapf.problem import Instance, Plan
 
-
 Ints = npt.NDArray[np.int32]
 
 
