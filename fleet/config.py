@@ -194,6 +194,11 @@ class RunConfig:
     estimate: EstimateConfig = field(default_factory=EstimateConfig)
 
     def __post_init__(self) -> None:
+        for name, kind in (("fidelity", Fidelity), ("grip", Grip), ("connect", Connect)):
+            # Plain words are welcome from Python; what follows compares members.
+            value = getattr(self, name)
+            require(value in list(kind), name, value, ", ".join(kind))
+            object.__setattr__(self, name, kind(value))
         require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
         require(self.tasks is None or self.tasks >= 1, "--tasks", self.tasks, "an integer >= 1")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")

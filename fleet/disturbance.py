@@ -110,13 +110,13 @@ class Disturbances:
         if event.kind == "lane_blocked":
             grid = simulation.site.grid
             parts = event.target.split(",")
-            numbers = [int(part) for part in parts if part.strip().isdigit()]
+            numbers = [int(part) for part in parts if part.strip().isdecimal()]
             ok = len(parts) == len(numbers) == 2 and numbers[0] < grid.rows and numbers[1] < grid.cols
             ok = ok and bool(grid.free[numbers[0], numbers[1]])
             require(ok, f"target of {event.kind}", event.target, "row,col of a free cell")
             return int(grid.index(numbers[0], numbers[1]))
         prefix, n = ("arm_", simulation.world.n_arms) if event.kind == "arm_slow" else ("car_", simulation.world.n_cars)
         number = event.target.removeprefix(prefix)
-        ok = event.target.startswith(prefix) and number.isdigit() and int(number) < n
+        ok = event.target.startswith(prefix) and number.isdecimal() and int(number) < n
         require(ok, f"target of {event.kind}", event.target, f"{prefix}0 to {prefix}{n - 1}")
         return int(number)

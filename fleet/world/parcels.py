@@ -168,9 +168,10 @@ class Parcels:
 
     def _take(self, arm: int, tip: FloatArray) -> None:
         """Fix the parcel under the tool, if there is one that no other arm holds, to the tool."""
-        up = Rotation.from_quat(self.poses[:, 3:]).apply([0.0, 0.0, 1.0])
-        top = self.poses[:, :3] + up * self._size_m[:, 2:] / 2.0
-        distance = np.linalg.norm(top - tip[:3], axis=1)
+        # A cup stops at the top face, fingers close beside the middle: what counts is the way to the upright axis.
+        offset = Rotation.from_quat(self.poses[:, 3:]).inv().apply(tip[:3] - self.poses[:, :3])
+        offset[:, 2] = np.maximum(np.abs(offset[:, 2]) - self._size_m[:, 2] / 2.0, 0.0)
+        distance = np.linalg.norm(offset, axis=1)
         distance[self._support == Support.TOOL] = np.inf
         row = int(np.argmin(distance))
         if distance[row] > SUCTION_REACH_M:

@@ -6,7 +6,9 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -36,14 +38,15 @@ def cached_arrays(
         digest.update(f"{array.dtype.str}{array.shape}".encode())
         digest.update(array.tobytes())
     path = Path(directory) / f"{name}-{digest.hexdigest()[:32]}.npz"
-    if path.exists():
-        with np.load(path) as stored:
-            return dict(stored)
+    # A cache that is absent, damaged or read-only costs time and nothing else.
+    with suppress(OSError, ValueError, EOFError, BadZipFile), np.load(path) as stored:
+        return dict(stored)
     arrays = compute()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # Written aside and renamed: several worker processes may fill the cache at once.
-    handle, aside = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    with os.fdopen(handle, "wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
-    Path(aside).replace(path)
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # Written aside and renamed: several worker processes may fill the cache at once.
+        handle, aside = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, **arrays)  # type: ignore[arg-type]
+        Path(aside).replace(path)
     return arrays
