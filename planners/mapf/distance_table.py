@@ -161,42 +161,52 @@ class DistanceTable:
         self._free = np.concatenate((self._free, gone))
 
 
-def _states_before(graph: LaneGraph, is_open: BoolArray) -> IntArray:
+def _states_before(graph: LaneGraph, is_open: BoolArray) -> npt.NDArray[np.uint32]:
     """States from which an open move leads to each state, shape (n_states, widest), filled up with the state itself."""
     move = graph.in_move[is_open[graph.in_move]]
     to = graph.move_to[move]
     counts = np.bincount(to, minlength=graph.n_states)
     place = np.arange(len(to)) - np.repeat(np.cumsum(counts) - counts, counts)
-    before = np.repeat(np.arange(graph.n_states, dtype=np.int32)[:, None], max(counts.max(initial=0), 1), axis=1)
+    before = np.repeat(np.arange(graph.n_states, dtype=np.uint32)[:, None], max(counts.max(initial=0), 1), axis=1)
     before[to, place] = graph.move_from[move]
     return before
 
 
 @njit(cache=True, nogil=True)
-def _fill(goals: IntArray, rows: IntArray, before: IntArray, table: Distances) -> int:  # pragma: no cover - compiled
-    """Breadth-first search against the moves from each goal, level by level; returns the longest distance found."""
+def _fill(
+    goals: IntArray, rows: IntArray, before: npt.NDArray[np.uint32], table: Distances
+) -> int:  # pragma: no cover - compiled
+    """Breadth-first search against the moves from each goal, level by level; returns the longest distance found.
+
+    The innermost loop has no branch to guess wrong: each state is written behind the queue, which grows only if it was
+    new. Unsigned indices spare numba the question whether they are negative.
+    """
     n, widest = before.shape
-    queue = np.empty(n, dtype=np.int32)
+    queue = np.empty(n + 1, dtype=np.uint32)
     furthest = 0
     for k in range(len(goals)):
         distance = table[rows[k]]
         distance[:] = UNREACHABLE
         distance[goals[k]] = 0
         queue[0] = goals[k]
-        head, tail, level = 0, 1, 0
+        head, tail = np.uint64(0), np.uint64(1)
+        level = np.uint16(0)
         while head < tail:
-            level += 1
             end = tail
+            if level == UNREACHABLE - 1:
+                for i in range(head, end):
+                    for j in range(widest):
+                        if distance[before[queue[i], j]] == UNREACHABLE:
+                            return UNREACHABLE
+            level = np.uint16(level + np.uint16(1))
             while head < end:
                 state = queue[head]
-                head += 1
+                head += np.uint64(1)
                 for j in range(widest):
-                    other = before[state, j]
-                    if distance[other] == UNREACHABLE:
-                        distance[other] = level
-                        queue[tail] = other
-                        tail += 1
-            if tail > end and level >= UNREACHABLE:
-                return level
+                    other = before[state, np.uint64(j)]
+                    known = distance[other]
+                    queue[tail] = other
+                    tail += np.uint64(known > level)
+                    distance[other] = min(known, level)
         furthest = max(furthest, level - 1)
     return furthest

@@ -10,6 +10,15 @@ import numpy.typing as npt
 from maps.lane_graph import LaneGraph
 from planners.mapf.problem import BoolArray, IntArray
 
+AIM = 0
+"""Column of the state that is aimed at."""
+CELL = 1
+"""Column of its cell."""
+FIRST = 2
+"""Column of the state after the first timestep."""
+TURNS = 3
+"""Column of the timesteps spent turning before the cell is left."""
+
 _Longs = npt.NDArray[np.int64]
 
 
@@ -34,13 +43,9 @@ class Options:
     """
 
     ptr: IntArray
-    """Options of state s: rows ptr[s]:ptr[s + 1] of the other arrays; shape (n_states + 1,)."""
-    aim: IntArray
-    """State that is aimed at, and its cell, shape (K, 2)."""
-    first: IntArray
-    """State after the first timestep, shape (K,)."""
-    turns: IntArray
-    """Timesteps spent turning before the cell is left, shape (K,)."""
+    """Options of state s: rows ptr[s]:ptr[s + 1] of `table` and `sweep`; shape (n_states + 1,)."""
+    table: IntArray
+    """Columns `AIM`, `CELL`, `FIRST` and `TURNS`, shape (K, 4): one option is read from one piece of memory."""
     sweep: IntArray
     """The move, if it touches cells besides its two ends and is made at once; else -1. Shape (K,)."""
     widest: int
@@ -87,9 +92,7 @@ def options_of(graph: LaneGraph, blocked: BoolArray) -> Options:
     counts = np.bincount(rows[:, 0], minlength=graph.n_states)
     return Options(
         ptr=np.concatenate(([0], np.cumsum(counts))).astype(np.int32),
-        aim=np.column_stack((rows[:, 2], graph.state_cell[rows[:, 2]])).astype(np.int32),
-        first=rows[:, 1].astype(np.int32),
-        turns=rows[:, 3].astype(np.int32),
+        table=np.column_stack((rows[:, 2], graph.state_cell[rows[:, 2]], rows[:, 1], rows[:, 3])).astype(np.int32),
         sweep=sweep,
         widest=int(counts.max(initial=0)),
         has_turns=bool(rows[:, 3].any()),

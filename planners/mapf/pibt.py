@@ -12,7 +12,7 @@ from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
-from planners.mapf.options import Options, options_of
+from planners.mapf.options import AIM, CELL, FIRST, TURNS, Options, options_of
 from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
 from planners.status import Status
 
@@ -172,9 +172,7 @@ class Stepper:
         options, graph = self.options, self.graph
         _step(
             options.ptr,
-            options.aim,
-            options.first,
-            options.turns,
+            options.table,
             options.sweep,
             options.has_turns,
             options.has_sweeps,
@@ -199,9 +197,7 @@ class Stepper:
 @njit(cache=True, nogil=True)
 def _step(
     ptr: IntArray,
-    aim: IntArray,
-    first: IntArray,
-    turns: IntArray,
+    table: IntArray,
     sweep: IntArray,
     has_turns: bool,
     has_sweeps: bool,
@@ -229,7 +225,7 @@ def _step(
     n = len(now)
     home, goes, stack = chain[0], chain[1], chain[2]
     _place(state_cell, locked, now, after, home, goes, floor)
-    _rank(ptr, aim, turns, distances, row, locked, salt, now, home, floor, keys)
+    _rank(ptr, table, distances, row, locked, salt, now, home, floor, keys)
 
     for leader in order:
         if goes[leader] >= 0:
@@ -254,7 +250,7 @@ def _step(
                     agent = stack[depth]
                     goes[agent] = -1
                     if has_sweeps:
-                        _sweep_back(agent, now[agent], after[agent], ptr, first, sweep, swept_ptr, swept_cell, crossed)
+                        _sweep_back(agent, now[agent], after[agent], ptr, table, sweep, swept_ptr, swept_cell, crossed)
                 continue
             number = best & _NUMBER
             keys[agent, number] = _NO_KEY
@@ -266,7 +262,7 @@ def _step(
                 floor[here, 1] = agent
                 break
             option = begin + number - 1
-            to = aim[option, 1]
+            to = table[option, CELL]
             if floor[to, 1] != -1:
                 continue
             ahead = floor[to, 0]
@@ -282,7 +278,7 @@ def _step(
                     continue
                 _sweep_over(agent, sweep[option], here, to, swept_ptr, swept_cell, crossed)
             goes[agent] = to
-            after[agent] = first[option]
+            after[agent] = table[option, FIRST]
             floor[to, 1] = agent
             if ahead < 0 or goes[ahead] >= 0:
                 break  # the whole chain moves
@@ -295,7 +291,7 @@ def _step(
         floor[home[agent], 0] = -1
         floor[goes[agent], 1] = -1
         if has_sweeps:
-            _sweep_back(agent, now[agent], after[agent], ptr, first, sweep, swept_ptr, swept_cell, crossed)
+            _sweep_back(agent, now[agent], after[agent], ptr, table, sweep, swept_ptr, swept_cell, crossed)
 
 
 @njit(cache=True, nogil=True)
@@ -323,8 +319,7 @@ def _place(
 @njit(cache=True, nogil=True)
 def _rank(
     ptr: IntArray,
-    aim: IntArray,
-    turns: IntArray,
+    table: IntArray,
     distances: npt.NDArray[np.uint16],
     row: IntArray,
     locked: BoolArray,
@@ -357,14 +352,14 @@ def _rank(
             noise ^= noise << 17
             number = option - begin + 1
             key = (noise & _CHANCE) | number
-            to = aim[option, 1]
+            to = table[option, CELL]
             if to == here:
                 key |= _TURN
             elif floor[to, 0] != -1:
                 key |= _OCCUPIED
-            left = 1 + turns[option]
+            left = 1 + table[option, TURNS]
             if goal_row >= 0:
-                left += np.int64(distances[goal_row, aim[option, 0]])
+                left += np.int64(distances[goal_row, table[option, AIM]])
             keys[agent, number] = key | (left << _DISTANCE_BIT)
 
 
@@ -413,7 +408,7 @@ def _sweep_back(
     now: int,
     after: int,
     ptr: IntArray,
-    first: IntArray,
+    table: IntArray,
     sweep: IntArray,
     swept_ptr: IntArray,
     swept_cell: IntArray,
@@ -421,7 +416,7 @@ def _sweep_back(
 ) -> None:  # pragma: no cover - compiled
     """Give back what an agent's move swept over."""
     for option in range(ptr[now], ptr[now + 1]):
-        if first[option] == after and sweep[option] >= 0:
+        if table[option, FIRST] == after and sweep[option] >= 0:
             for k in range(swept_ptr[sweep[option]], swept_ptr[sweep[option] + 1]):
                 if crossed[swept_cell[k]] == agent:
                     crossed[swept_cell[k]] = -1

@@ -6,7 +6,7 @@ import numpy as np
 
 from maps.grid import EAST, GridMap
 from maps.lane_graph import grid_lane_graph
-from planners.mapf.options import options_of
+from planners.mapf.options import AIM, CELL, FIRST, TURNS, options_of
 from tests.unit.planners.mapf.lanes import king_grid, one_way_grid
 
 
@@ -17,9 +17,9 @@ def nothing_blocked(n: int) -> np.ndarray:
 def test_without_turns_options_are_the_moves() -> None:
     graph = one_way_grid(6, 8)
     options = options_of(graph, nothing_blocked(graph.n_cells))
-    assert options.aim[:, 0].tolist() == graph.move_to.tolist()
+    assert options.table[:, AIM].tolist() == graph.move_to.tolist()
     assert options.ptr.tolist() == graph.out_ptr.tolist()
-    assert (options.first == options.aim[:, 0]).all()
+    assert (options.table[:, FIRST] == options.table[:, AIM]).all()
     assert not options.has_turns
     assert not options.has_sweeps
 
@@ -30,10 +30,12 @@ def test_a_cell_behind_a_turn_is_an_option() -> None:
     options = options_of(graph, nothing_blocked(9))
     state = graph.state_at(4, EAST)
     own = slice(options.ptr[state], options.ptr[state + 1])
-    turns = dict(zip(options.aim[own, 1].tolist(), options.turns[own].tolist(), strict=True))
+    turns = dict(zip(options.table[own, CELL].tolist(), options.table[own, TURNS].tolist(), strict=True))
     assert turns == {5: 0, 1: 1, 7: 1, 3: 2, 4: 0}
     assert options.widest == 6, "four cells and two turns"
-    for first, cell, delay in zip(options.first[own], options.aim[own, 1], options.turns[own], strict=True):
+    for first, cell, delay in zip(
+        options.table[own, FIRST], options.table[own, CELL], options.table[own, TURNS], strict=True
+    ):
         assert (graph.state_cell[first] == cell) == (delay == 0)
 
 
@@ -43,7 +45,7 @@ def test_blocked_cells_are_no_options() -> None:
     blocked[[3, 5]] = True
     options = options_of(graph, blocked)
     state = graph.state_at(4, EAST)
-    assert set(options.aim[options.ptr[state] : options.ptr[state + 1], 1].tolist()) == {1, 4, 7}
+    assert set(options.table[options.ptr[state] : options.ptr[state + 1], CELL].tolist()) == {1, 4, 7}
 
 
 def test_moves_that_sweep_beside_are_named() -> None:
@@ -52,4 +54,4 @@ def test_moves_that_sweep_beside_are_named() -> None:
     wide = options.sweep >= 0
     assert options.has_sweeps
     assert np.count_nonzero(wide) == 16, "two diagonals in each of four squares, both ways"
-    assert (graph.move_to[options.sweep[wide]] == options.aim[wide, 0]).all()
+    assert (graph.move_to[options.sweep[wide]] == options.table[wide, AIM]).all()
