@@ -22,7 +22,11 @@ class Family:
 
 
 FAMILIES = [
-    Family(package="planners.mapf", table="PLANNERS", support=frozenset({"distance_table", "problem", "validate"})),
+    Family(
+        package="planners.mapf",
+        table="PLANNERS",
+        support=frozenset({"distance_table", "one_shot", "problem", "safe_intervals", "sipp", "validate"}),
+    ),
     Family(package="planners.allocation", table="ALLOCATORS", support=frozenset({"problem", "validate"})),
     Family(
         package="planners.motion",
