@@ -25,7 +25,9 @@ FAMILIES = [
     Family(
         package="planners.mapf",
         table="PLANNERS",
-        support=frozenset({"distance_table", "one_shot", "problem", "safe_intervals", "sipp", "validate"}),
+        support=frozenset(
+            {"cbs", "decision_diagram", "distance_table", "one_shot", "problem", "safe_intervals", "sipp", "validate"}
+        ),
     ),
     Family(package="planners.allocation", table="ALLOCATORS", support=frozenset({"problem", "validate"})),
     Family(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Sequence
 
 from maps.lane_graph import LaneGraph
 from planners.mapf.problem import NO_GOAL, Instance
@@ -47,62 +48,66 @@ class Rules:
                 return False
         return True
 
+    def steps(self, row: Row) -> list[Row]:
+        """Everything that the agents can do next."""
+        return [after for after in itertools.product(*(self.options[s] for s in row)) if self.agree(row, after)]
+
+    def distances(self, goal: int) -> list[float]:
+        """Timesteps to a goal from each state, for an agent that is alone."""
+        left = [0.0 if goal in (NO_GOAL, state) else math.inf for state in range(len(self.cell))]
+        for _ in left:
+            left = [
+                min(left[state], 1 + min(left[after] for after in self.options[state])) for state in range(len(left))
+            ]
+        return left
+
 
 def rules_of(instance: Instance) -> Rules:
     blocked = [cell for cell in range(instance.graph.n_cells) if instance.blocked[cell]]
     return Rules(instance.graph, blocked=blocked, allow_rotation=instance.allow_rotation)
 
 
-def least_sum_of_costs(instance: Instance, *, most: int = 10**9) -> int | None:
+def least_sum_of_costs(instance: Instance) -> int | None:
     """Least sum over the agents of the timesteps until each stands at its goal for good; None = there is no solution.
 
-    Dijkstra over what all agents do and who has finished: an agent costs 1 a timestep until it finishes, which it may
-    do in its goal, or anywhere without one, and stands still from then on.
-
-    Args:
-        instance: A tiny problem.
-        most: Configurations to look at before the search is given up.
-
-    Raises:
-        RuntimeError: The problem is too big.
+    Dijkstra over where all agents are and who has finished, ordered by the cost so far and the sum of what each
+    would still need alone: an agent costs 1 a timestep until it finishes, which it may do in its goal, or anywhere
+    without one, and stands still from then on.
     """
     rules = rules_of(instance)
     starts, goals = tuple(instance.starts.tolist()), instance.goals.tolist()
     stay, fixed = instance.stay.tolist(), instance.fixed.tolist()
     agents = range(len(starts))
+    left = [rules.distances(goal) for goal in goals]
+    steps: dict[Row, list[Row]] = {}
+    queue: list[tuple[float, float, Row, tuple[bool, ...]]] = []
+    best: dict[tuple[Row, tuple[bool, ...]], float] = {}
 
-    def finishes(row: Row, done: tuple[bool, ...]) -> Iterator[tuple[bool, ...]]:
-        """Every choice of who finishes now; whoever stays, or never moves, has none."""
+    def offer(cost: float, row: Row, done: tuple[bool, ...]) -> None:
+        """Queue every choice of who finishes now; whoever stays, or never moves, has none."""
         choices = []
         for a in agents:
             there = goals[a] in (NO_GOAL, row[a])
             must = fixed[a] or (stay[a] and row[a] == goals[a])
-            choices.append([True] if done[a] or (there and must) else [False, True] if there and not must else [False])
-        return itertools.product(*choices)
-
-    queue: list[tuple[int, Row, tuple[bool, ...]]] = []
-    best: dict[tuple[Row, tuple[bool, ...]], int] = {}
-
-    def offer(cost: int, row: Row, done: tuple[bool, ...]) -> None:
-        for finished in finishes(row, done):
-            if cost < best.get((row, finished), 10**9):
+            choices.append([True] if done[a] or (there and must) else [False, True] if there else [False])
+        need = cost + sum(left[a][row[a]] for a in agents)
+        for finished in itertools.product(*choices):
+            if need < math.inf and cost < best.get((row, finished), math.inf):
                 best[row, finished] = cost
-                heapq.heappush(queue, (cost, row, finished))
+                heapq.heappush(queue, (need, cost, row, finished))
 
     offer(0, starts, (False,) * len(starts))
-    looked = 0
     while queue:
-        cost, row, done = heapq.heappop(queue)
+        _, cost, row, done = heapq.heappop(queue)
         if cost > best[row, done]:
             continue
         if all(done):
-            return cost
-        looked += 1
-        if looked > most:
-            raise RuntimeError(f"more than {most} configurations")
-        steps = [[row[a]] if done[a] or fixed[a] else rules.options[row[a]] for a in agents]
-        for after in itertools.product(*steps):
-            if rules.agree(row, after):
+            return int(cost)
+        if row not in steps:
+            steps[row] = rules.steps(row)
+        still = [a for a in agents if done[a] or fixed[a]]
+        for after in steps[row]:
+            if all(after[a] == row[a] for a in still):
                 offer(cost + done.count(False), after, done)
     return None
 
