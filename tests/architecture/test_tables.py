@@ -33,6 +33,8 @@ FAMILIES = [
                 "distance_table",
                 "kernel",
                 "metrics",
+                "multi_step_kernel",
+                "operations",
                 "one_shot",
                 "options",
                 "priorities",
