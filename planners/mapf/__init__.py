@@ -1,6 +1,10 @@
 """Multi-agent path finding: the problem, the referee, and one file per planner."""
 
+from planners.mapf.lacam import Lacam as Lacam
 from planners.mapf.pibt import Pibt as Pibt
 
 PLANNERS = {"pibt": Pibt}
-"""Planner by name; each is made with `seed=` and has `plan(instance, tables, deadline) -> Plan`."""
+"""Planner of one window by name; each is made with `seed=` and has `plan(instance, tables, deadline) -> Plan`."""
+
+ONE_SHOT_PLANNERS = {"lacam": Lacam}
+"""Planner from start to goal by name, made and called in the same way: it ends when all agents are at their goals."""
