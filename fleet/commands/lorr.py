@@ -95,7 +95,7 @@ class Lorr:
         taken = {self.problem.resolve()}
         for option, path in (("--output", self.output), ("--json", self.json)):
             if path is not None:
-                require(path.resolve() not in taken, option, path, "a file of its own")
+                require(path.resolve() not in taken, option, str(path), "a file of its own")
                 taken.add(path.resolve())
 
     def _summary(self, problem: LeagueProblem, played: Played) -> dict[str, object]:
