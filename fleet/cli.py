@@ -17,6 +17,7 @@ from typing import Any, NoReturn, get_type_hints
 import tyro
 
 from fleet.commands.demo import Demo
+from fleet.commands.lorr import Lorr
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
 from fleet.errors import FleetError
 from maps.errors import MapsError
@@ -24,7 +25,7 @@ from planners.errors import PlanningError
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
-COMMANDS: dict[str, type[Any]] = {"demo": Demo}
+COMMANDS: dict[str, type[Any]] = {"demo": Demo, "lorr": Lorr}
 SITE_COMMANDS: dict[str, type[Any]] = {
     "check": SiteCheck,
     "list": SiteList,

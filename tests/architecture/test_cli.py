@@ -13,7 +13,12 @@ from planners.allocation import ALLOCATORS
 from planners.mapf import PLANNERS
 
 ALL = {**COMMANDS, **{f"site {name}": command for name, command in SITE_COMMANDS.items()}}
-REQUIRED = {"site check": ["small"], "site generate": ["out.toml"], "site convert": ["in.map", "out.toml"]}
+REQUIRED = {
+    "lorr": ["problem.json"],
+    "site check": ["small"],
+    "site generate": ["out.toml"],
+    "site convert": ["in.map", "out.toml"],
+}
 """Words without which a command has nothing to work on."""
 
 
