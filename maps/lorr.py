@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from maps.errors import MapsError
 from maps.grid import EAST, GridMap
-from maps.movingai import read_map
+from maps.movingai import read_map, read_marks
 
 Ints = npt.NDArray[np.int32]
 Actions = npt.NDArray[np.int8]
@@ -52,6 +52,8 @@ class LeagueProblem:
     """Tasks that are known and unfinished at any time."""
     round_robin: bool
     """Rule of 2023: robot k is given tasks k, k + n, k + 2 n, ... one after the other. Otherwise tasks are chosen."""
+    marks: npt.NDArray[np.str_] | None = None
+    """The map's own character for each cell, shape (n_cells,); the League marks stations and shelves. None = no map."""
 
     @property
     def n_robots(self) -> int:
@@ -149,6 +151,7 @@ def read_problem(path: str | os.PathLike[str]) -> LeagueProblem:
     return LeagueProblem(
         name=Path(path).stem,
         grid=grid,
+        marks=read_marks(map_path).ravel(),
         start_cell=start_cell,
         errand_ptr=errand_ptr,
         errand_cell=errand_cell,

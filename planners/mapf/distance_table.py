@@ -68,6 +68,11 @@ class DistanceTable:
         self._call = 0
 
     @property
+    def capacity(self) -> int:
+        """Goals whose distances can be held at once."""
+        return len(self._rows)
+
+    @property
     def n_goals(self) -> int:
         """Goals whose distances are held."""
         return len(self._rows) - len(self._free)

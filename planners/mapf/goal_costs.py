@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from maps.lane_graph import TURN, LaneGraph
+from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import DistanceTable
-from planners.mapf.kernel import Whole, kernel
+from planners.mapf.kernel import kernel
 from planners.mapf.multi_step_kernel import Costs, Table
 from planners.mapf.problem import IntArray
 
@@ -16,8 +16,6 @@ EXACT_BYTES = 64 * 2**20
 """Floors whose costs between all states and cells take no more are kept whole, with weighted moves and turns."""
 UNREACHABLE = 65_535
 """Cost of a state that has no way to the goal."""
-
-Longs = npt.NDArray[np.int64]
 
 
 class GoalCosts:
@@ -84,6 +82,26 @@ class GoalCosts:
             return goals
         self._table, rows = self._tables.rows(goals)
         return rows
+
+    def expect(self, cells: IntArray, deadline: Deadline) -> int:
+        """Fill the table with goals that may be asked for, as far as time and memory go.
+
+        Args:
+            cells: Goal cells, the likeliest first, shape (n,).
+            deadline: Budget; an iteration is a batch of goals.
+
+        Returns:
+            How many of them are there.
+        """
+        if self._tables is None:
+            return len(cells)
+        ready = 0
+        room = self._tables.capacity
+        while ready < min(len(cells), room) and deadline.spend():
+            batch = cells[ready : min(ready + 256, room)]
+            self._tables.rows(self._pebble.state_index[batch, 0])
+            ready += len(batch)
+        return ready
 
     def between(self, rows: IntArray, cells: IntArray) -> IntArray:
         """Cost from each cell, in the best heading there, to the goal of each row, both of shape (n,)."""
@@ -191,31 +209,3 @@ def left(costs: Costs, states: IntArray, rows: IntArray) -> IntArray:
     out = np.empty(len(states), dtype=np.int32)
     left_of(costs, states, rows, out)
     return out
-
-
-@kernel
-def nearest_tasks(
-    costs: Costs, states: IntArray, rows: IntArray, extra: IntArray, haste: Whole, best: IntArray, key: Longs
-) -> None:  # pragma: no cover - compiled
-    """The tasks that each robot had best begin, cheapest first, shape (robots, k), and their keys.
-
-    The key of task t for a robot is `haste` times what is left to its first errand, whose row is rows[t], plus extra[t].
-    """
-    width = best.shape[1]
-    for robot in range(len(states)):
-        filled = 0
-        for task in range(len(rows)):
-            left_there = UNREACHABLE
-            for j in range(costs.ptr[states[robot]], costs.ptr[states[robot] + 1]):
-                left_there = min(left_there, costs.ahead[j] + np.int64(costs.table[rows[task], costs.key[j]]))
-            value = haste * left_there + extra[task]
-            if filled == width and value >= key[robot, width - 1]:
-                continue
-            place = filled if filled < width else width - 1
-            while place > 0 and key[robot, place - 1] > value:
-                key[robot, place], best[robot, place] = key[robot, place - 1], best[robot, place - 1]
-                place -= 1
-            key[robot, place], best[robot, place] = value, task
-            filled = min(filled + 1, width)
-        for place in range(filled, width):
-            key[robot, place], best[robot, place] = 2**40, -1

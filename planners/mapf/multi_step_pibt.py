@@ -173,7 +173,8 @@ class Mover:
         self._blocked = blocked.copy()
         cost = np.ones(graph.n_moves, dtype=np.int32) if move_cost is None else move_cost
         self.operations = operations_of(graph, length, open_moves(graph, blocked), cost, wait_cost)
-        self._chance = chance_of(np.random.default_rng(seed))
+        self.chance = chance_of(np.random.default_rng(seed))
+        """Stream of the tie-breaking; whoever puts an earlier copy back repeats what followed."""
         widest = int(np.diff(self.operations.ptr).max(initial=1))
 
         def ints(*shape: int) -> IntArray:
@@ -246,11 +247,11 @@ class Mover:
             choices.stamp[0] = 0
         choices.place[sequence] = np.arange(n, dtype=np.int32)
         choices.weight[:] = weight
-        kernels.rank(ops, choices, costs, wishes, self._chance)
+        kernels.rank(ops, choices, costs, wishes, self.chance)
         kernels.sweep(ops, choices, sequence, most_tries, cell, allow_rotation)
         done = 0
         while (rounds is None or done < rounds) and polish():
-            kernels.polish(ops, choices, n, min(most_tries, 100), cell, allow_rotation, self._chance)
+            kernels.polish(ops, choices, n, min(most_tries, 100), cell, allow_rotation, self.chance)
             done += 1
         after = np.empty(n, dtype=np.int32)
         kernels.first_states(ops, choices, costs, wishes, after)
