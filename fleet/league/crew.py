@@ -19,6 +19,8 @@ from planners.mapf.multi_step_kernel import Wishes
 from planners.mapf.multi_step_pibt import Mover, rank_weights
 from planners.mapf.priorities import dead_ends
 
+_STEEPNESS = 24.0
+"""Fall of the weights with rank on a full floor, as the exponent of e."""
 _LARGE = 2**20
 """More than any way costs."""
 
@@ -87,6 +89,9 @@ class Crew:
             seed=self._rng,
         )
         self._urgent = dead_ends(graph)
+        # The fuller the floor, the more robots a push moves, and the less each of them may count against it.
+        density = n / np.count_nonzero(arena.problem.grid.free)
+        self._steepness = float(np.clip(_STEEPNESS * density, 2.0, _STEEPNESS))
         self._schedule = Schedule(arena, self._costs)
         self._expect_goals(arena, deadline)
         first = self._assign(arena, everybody=True)
@@ -137,7 +142,7 @@ class Crew:
             costs,
             wishes,
             sequence,
-            weight=rank_weights(sequence),
+            weight=rank_weights(sequence, self._steepness),
             most_tries=self.config.most_tries,
             allow_rotation=True,
             polish=deadline.spend,

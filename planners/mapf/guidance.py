@@ -30,10 +30,12 @@ class GuidanceConfig:
     """Times the fleet drives with the costs of the round before."""
     timesteps: int = 200
     """Timesteps of a round."""
-    against: float = 3.0
-    """Units that a move against all traffic costs more; against half of it, half as much."""
-    waiting: float = 0.2
-    """Units that a move into a cell of average waiting costs more, and so on up to four times that."""
+    meeting: float = 30.0
+    """Units that a move costs more for each robot a timestep that makes it the other way."""
+    most: float = 6.0
+    """Most units that meeting others adds to a move."""
+    waiting: float = 1.0
+    """Units that a move costs more into a cell somebody waits in all the time."""
     memory: float = 0.7
     """Share of the traffic seen before that counts on in each round."""
     length: int = 3
@@ -43,9 +45,9 @@ class GuidanceConfig:
         for name, least in (("rounds", 0), ("timesteps", 1), ("length", 1)):
             if getattr(self, name) < least:
                 raise PlanningError(f"guidance: {name} = {getattr(self, name)}; valid: an integer >= {least}")
-        for name, value in (("against", self.against), ("waiting", self.waiting)):
-            if not 0 <= value <= 100:
-                raise PlanningError(f"guidance: {name} = {value}; valid: 0 to 100")
+        for name in ("meeting", "most", "waiting"):
+            if not 0 <= getattr(self, name) <= 1000:
+                raise PlanningError(f"guidance: {name} = {getattr(self, name)}; valid: 0 to 1000")
         if not 0 <= self.memory < 1:
             raise PlanningError(f"guidance: memory = {self.memory}; valid: 0 <= memory < 1")
 
@@ -103,11 +105,9 @@ def learn_guidance(
         seen_traffic, seen_waiting = _drive(graph, costs, move_cost, starts, errands, config, rng)
         traffic = config.memory * traffic + (1 - config.memory) * seen_traffic[drives]
         waiting = config.memory * waiting + (1 - config.memory) * seen_waiting
-        opposing = np.where(back >= 0, traffic[back], 0.0)
-        few = 0.2 * traffic.mean() + 1e-9  # a handful of robots make no traffic
-        extra = 2.0 * config.against * opposing / (traffic + opposing + few)
-        crowd = waiting[target] / (waiting[waiting > 0].mean() if waiting.any() else 1.0)
-        extra += config.waiting * np.minimum(crowd, 4.0)
+        opposing = np.where(back >= 0, traffic[back], 0.0) / config.timesteps
+        extra = np.minimum(config.meeting * opposing, config.most)
+        extra += config.waiting * waiting[target] / config.timesteps
         move_cost[drives] = np.round(UNIT * (1.0 + extra)).astype(np.int32)
         costs.weigh(move_cost)
     return move_cost
