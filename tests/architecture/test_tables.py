@@ -29,13 +29,16 @@ FAMILIES = [
             {
                 "chance",
                 "configuration_tree",
+                "decision_diagram",
                 "distance_table",
                 "kernel",
                 "metrics",
+                "one_shot",
                 "options",
                 "priorities",
                 "problem",
                 "roads",
+                "safe_intervals",
                 "successors",
                 "validate",
             }
