@@ -92,17 +92,19 @@ class Pibt:
         states[0] = instance.starts
         content = instance.goals == NO_GOAL
         priority = np.array(instance.priorities, dtype=np.float64)
+        order = np.lexsort((-priority, content)).astype(np.int32)
         done = 0
         while done < instance.horizon and deadline.spend():
-            now = states[done]
-            at_goal = now == instance.goals
-            content |= at_goal
+            at_goal = states[done] == instance.goals
+            if (at_goal & ~content).any():  # the order of the others does not change while all gain alike
+                content |= at_goal
+                order = np.lexsort((-priority, content)).astype(np.int32)
             self._stepper.step(
-                now,
+                states[done],
                 states[done + 1],
                 distances=distances,
                 row=row,
-                order=np.lexsort((-priority, content)).astype(np.int32),
+                order=order,
                 locked=instance.fixed | (instance.stay & at_goal),
                 allow_rotation=instance.allow_rotation,
             )
@@ -342,24 +344,25 @@ def _rank(
         noise = (salt ^ (agent * 0x9E3779B97F4A7C1)) * 0x2545F4914F6CDD1D
         noise ^= noise >> 29
         keys[agent, 0] = 0
+        own = np.int64(0)
         if goal_row >= 0:
-            left = np.int64(distances[goal_row, state])
-            if left < UNREACHABLE:
-                keys[agent, 0] = ((left + 1) << _DISTANCE_BIT) | _WAIT
+            own = np.int64(distances[goal_row, state]) + 1
+            if own <= UNREACHABLE:
+                keys[agent, 0] = (own << _DISTANCE_BIT) | _WAIT
         for option in range(begin, end):
             noise ^= noise << 13
             noise ^= noise >> 7
             noise ^= noise << 17
             number = option - begin + 1
             key = (noise & _CHANCE) | number
+            left = 1 + np.int64(table[option, TURNS])
+            if goal_row >= 0:
+                left += np.int64(distances[goal_row, table[option, AIM]])
             to = table[option, CELL]
             if to == here:
                 key |= _TURN
-            elif floor[to, 0] != -1:
+            elif left == own and floor[to, 0] != -1:
                 key |= _OCCUPIED
-            left = 1 + table[option, TURNS]
-            if goal_row >= 0:
-                left += np.int64(distances[goal_row, table[option, AIM]])
             keys[agent, number] = key | (left << _DISTANCE_BIT)
 
 
