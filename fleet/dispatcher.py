@@ -177,15 +177,16 @@ class Dispatcher:
             self._traffic.send(car, goal, stay=False, tick=tick)
 
     def _start_services(self, tick: int, now_s: float) -> None:
+        tails = self._executor.tail_states()
         for car, phase in enumerate(self.phase):
             if phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP):
                 continue
             task = self.task_of[car]
-            if task is None or not self._executor.idle(car):
+            if task is None:
                 continue
             loading = phase is CarPhase.TO_PICK
             station = self._by_name[task.order.pick if loading else task.order.drop]
-            if self._executor.tail_states()[car] != station.dock_state:
+            if tails[car] != station.dock_state or not self._executor.idle(car):
                 continue
             if not self._desk.is_idle(station.arm):
                 continue

@@ -34,7 +34,7 @@ class Executor:
         self.dependencies = DependencyGraph(graph, start_states)
         self._config = config
         self._n_cars = len(start_states)
-        self._closed: set[int] = set()
+        self._closed_n = np.zeros(graph.n_cells, dtype=np.int64)
         self._dirty = True
 
     def accept(self, plan: Plan) -> None:
@@ -54,19 +54,19 @@ class Executor:
         return self.dependencies.tail_states()
 
     def close(self, cell: int) -> None:
-        """Grant nobody entry to a cell until `open`; cars that hold it keep it."""
-        self._closed.add(cell)
+        """Grant nobody entry to a cell until as many calls of `open`; cars that hold it keep it."""
+        self._closed_n[cell] += 1
 
     def open(self, cell: int) -> None:
-        """End a `close`."""
-        self._closed.discard(cell)
+        """End a `close`; the cell stays closed while there are others."""
+        self._closed_n[cell] -= 1
         self._dirty = True
 
     def close_if_free(self, cell: int) -> bool:
         """Close a cell unless a car holds it, and drop what leads through it; returns whether it was closed."""
         if any(cell in self.dependencies.held_cells(car) for car in range(self._n_cars)):
             return False
-        self._closed.add(cell)
+        self.close(cell)
         self.dependencies.avoid(cell)
         return True
 
@@ -101,19 +101,13 @@ class Executor:
             Car commands, shape (n_cars, 2).
         """
         commands = self.driver.commands(world)
-        for car in self.driver.finished():
-            self.dependencies.finish(car)
+        finished = self.driver.finished()
+        if finished:
+            self.dependencies.finish_all(finished)
             self._dirty = True
         if self._dirty:
-            self._grant()
+            granted = self.dependencies.grant_all(self._config.grant_moves_n, self._closed_n > 0)
+            for car, move in zip(*granted, strict=True):
+                self.driver.append(car, move)
             self._dirty = False
         return commands
-
-    def _grant(self) -> None:
-        dependencies = self.dependencies
-        for car in range(self._n_cars):
-            while dependencies.n_granted(car) < self._config.grant_moves_n and dependencies.grantable(car):
-                move = dependencies.next_moves(car)[0]
-                if self.graph.state_cell[self.graph.move_to[move]] in self._closed:
-                    break
-                self.driver.append(car, dependencies.grant(car))

@@ -105,7 +105,7 @@ class Fleet:
         assert [dependencies.n_queued(agent) for agent in range(self.n)] == [0] * self.n, "frozen"
         moving = ~self.fixed
         assert (dependencies.tail_states()[moving] == np.array(self.state)[moving]).all()
-        assert dependencies._coming == {}, "finished moves leave nothing behind"
+        assert dependencies.n_visits == 0, "finished moves leave nothing behind"
 
 
 GRIDS = {"one_way": one_way_grid(6, 8), "two_way": open_grid(6, 8), "diagonal": king_grid(6, 8)}
@@ -125,7 +125,7 @@ def test_replans_at_random_moments(grid: str, share: float, seed: int) -> None:
         fleet.run(int(fleet.rng.integers(0, 4 * fleet.n)))
         queued = sum(fleet.dependencies.n_queued(agent) for agent in range(fleet.n))
         assert queued <= fleet.n * (HORIZON + 3)
-        assert sum(map(len, fleet.dependencies._coming.values())) <= 4 * queued, "memory grows"
+        assert fleet.dependencies.n_visits <= 4 * queued, "memory grows"
     fleet.drain()
     assert fleet.finished_n > 0
 

@@ -114,6 +114,35 @@ def test_nothing_is_finished_that_was_not_granted() -> None:
         with_plan(open_grid(1, 3), [0], [1]).finish(0)
 
 
+def test_all_that_is_grantable_is_granted_but_not_into_closed_cells() -> None:
+    graph = open_grid(2, 4)
+    dependencies = with_plan(graph, [0, 4], [1, 5], [2, 6], [3, 7])
+    closed = np.zeros(graph.n_cells, dtype=np.bool_)
+    closed[6] = True
+    agents, moves = dependencies.grant_all(2, closed)
+    assert agents == [0, 0, 1]
+    assert ends_of(graph, moves) == [1, 2, 5]
+    dependencies.finish_all([0, 1, 0])
+    assert [dependencies.held_cells(agent) for agent in (0, 1)] == [[2], [5]]
+    assert dependencies.grant_all(2, ~closed | closed) == ([], [])
+    with pytest.raises(ExecutionError, match="agent 1 has no granted move"):
+        dependencies.finish_all([1])
+
+
+def test_memory_is_used_again() -> None:
+    """A thousand moves of two agents that follow each other take no more room than the first few."""
+    graph = one_way_loop(6)
+    dependencies = DependencyGraph(graph, [0, 3])
+    for k in range(500):
+        dependencies.extend(plan_of([k % 6, (k + 3) % 6], [(k + 1) % 6, (k + 4) % 6]))
+        assert dependencies.n_visits == 4
+        dependencies.grant_all(1, np.zeros(6, dtype=np.bool_))
+        dependencies.finish_all([0, 1])
+        assert dependencies.n_visits == 0
+    assert len(dependencies._q.visit_next) == 4
+    assert dependencies._q.moves.shape == (2, 1)
+
+
 # --------------------------------------------------------------------------------------------------------------- extend
 
 

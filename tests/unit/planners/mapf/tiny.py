@@ -11,7 +11,7 @@ from planners.mapf.problem import Instance
 from tests.unit.planners.mapf.lanes import instance_of, king_grid, one_way_grid, one_way_loop, random_starts
 
 _SIZES = [(2, 2), (2, 3), (3, 3), (1, 5), (2, 4), (3, 4)]
-_FILL = {"pebble": 0.5, "rotating": 0.34}
+_FILL = {"pebble": 0.5, "rotating": 0.4}
 """Greatest share of the cells that agents start in; beyond it a search for the optimum can take minutes."""
 MODELS = ("pebble", "rotating", "carlike", "diagonal")
 
