@@ -108,7 +108,7 @@ class Simulation:
             self.now = 0
             self._progress_s = 0.0
             self.driver: Driver = self._driver(start_states, np.random.default_rng(estimate_seed))
-            self.executor = Executor(self.graph, start_states, self.driver, config.traffic)
+            self.executor = Executor(self.graph, start_states, self.driver, config.traffic, self.log)
             self.traffic = Traffic(
                 self.graph, self.executor, config.traffic, self.tick_s, int(traffic_seed.generate_state(1)[0])
             )

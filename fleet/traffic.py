@@ -9,6 +9,7 @@ import numpy as np
 from fleet.config import TrafficConfig
 from fleet.executor import Executor
 from maps.lane_graph import LaneGraph
+from planners.deadline import Deadline
 from planners.mapf import PLANNERS
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.problem import Instance, Plan
@@ -26,12 +27,12 @@ class Traffic:
     """Goals of all cars, and the planning requests that serve them.
 
     A request is answered at once and its plan is kept back until `latency_s` of simulated time has passed,
-    so that the outcome does not depend on how fast the machine is.
+    so that the outcome does not depend on how fast the machine is; its budget is one of iterations for the same reason.
 
     Args:
         graph: Lane graph of the site.
         executor: Receives the plans.
-        config: Planner, window, period and latency.
+        config: Planner, window, period, latency and budget.
         tick_s: Length of a tick [s].
         seed: Seed of the planner's tie-breaking.
     """
@@ -123,4 +124,4 @@ class Traffic:
             allow_rotation=False,
             horizon=self._config.horizon_n,
         )
-        return self._planner.plan(instance, self.tables)
+        return self._planner.plan(instance, self.tables, Deadline(self._config.iterations_n))
