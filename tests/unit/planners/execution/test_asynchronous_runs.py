@@ -187,8 +187,8 @@ def test_breakdowns_and_recoveries_at_random_moments(grid: str, seed: int) -> No
     fleet.drain()
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("share", [0.3, 0.7])
 @pytest.mark.parametrize("grid", GRIDS)
 def test_exchanged_turns_at_random_moments(grid: str, share: float, seed: int) -> None:
     """Agents go first at random, among replans and with some agents slower than others; nobody is stuck."""
@@ -197,23 +197,21 @@ def test_exchanged_turns_at_random_moments(grid: str, share: float, seed: int) -
     for _ in range(12):
         plan = fleet.plan(dependencies.commit_cut(int(rng.integers(0, 6))))
         for what in ("late", "landed"):
-            for _ in range(int(rng.integers(1, 30))):
-                fleet.run(int(rng.integers(0, 6)))
+            for _ in range(int(rng.integers(1, 20))):
+                fleet.run(int(rng.integers(0, 8)))
                 slow = rng.random(fleet.n) < rng.random()
                 for agent in rng.permutation(np.flatnonzero(dependencies.held_up())).tolist():
-                    before = [dependencies.line(cell) for cell in range(fleet.graph.n_cells)]
+                    before = dependencies.next_moves(agent)
                     if dependencies.go_first(agent, slow):
                         fleet.exchanged_n += 1
                         assert dependencies.grantable(agent)
-                    else:
-                        assert before == [dependencies.line(cell) for cell in range(fleet.graph.n_cells)]
-                    fleet.check_lines()
-                    assert not dependencies.has_cycle()
+                        assert dependencies.next_moves(agent) == before
+                        fleet.check_lines()
+                        assert not dependencies.has_cycle()
             if what == "late":
                 fleet.extend(plan)
     fleet.drain()
-    if share < 0.8:
-        assert fleet.exchanged_n > 0
+    assert fleet.exchanged_n > 0
 
 
 def test_every_agent_gets_on_when_replanned_for_a_long_time() -> None:
