@@ -52,6 +52,9 @@ class Driver(Protocol):
     def stop(self, car: int) -> None:
         """Stand still from now on, whatever was granted."""
 
+    def give_up(self, car: int) -> None:
+        """Stand still for good: what was granted is void."""
+
 
 class PathDriver:
     """Pure pursuit along granted paths, on an estimated pose.
@@ -157,6 +160,11 @@ class PathDriver:
         """See `Driver`."""
         self._speed_cap[car] = 0.0
 
+    def give_up(self, car: int) -> None:
+        """See `Driver`."""
+        self.restart(car)
+        self.stop(car)
+
     def go(self, car: int, speed_mps: float = PASS_SPEED_MPS) -> None:
         """End a `stop`: drive on along what was granted, at most that fast."""
         self._speed_cap[car] = speed_mps
@@ -214,3 +222,8 @@ class StateDriver:
     def stop(self, car: int) -> None:
         """See `Driver`."""
         self._stopped[car] = True
+
+    def give_up(self, car: int) -> None:
+        """See `Driver`."""
+        self._targets[car].clear()
+        self.stop(car)

@@ -155,11 +155,14 @@ class Recovery:
         states = np.flatnonzero(np.isin(graph.state_cell, own))
         if states.size:
             offset = graph.state_pose[states, :2] - pose[:2]
+            simulation.driver.give_up(car)
             simulation.executor.relocate(car, int(states[np.argmin(np.hypot(*offset.T))]))
-        for cell in ground:
+        # Pushed off all lanes it keeps its last cell there: the graph knows no other place for it.
+        taken = sorted({*ground, *dependencies.held_cells(car)})
+        for cell in taken:
             dependencies.avoid(cell)
-        simulation.traffic.set_dead(car, ground)
-        simulation.log("wreck", car=f"car_{car}", cells=ground)
+        simulation.traffic.set_dead(car, taken)
+        simulation.log("wreck", car=f"car_{car}", cells=taken)
 
     def _hold_ground(self, driver: PathDriver, car: int, stopped: _Rejoin | _Wreck) -> None:
         """Let nobody into the cells a car has come to stand in; those who were granted one already have to wait."""

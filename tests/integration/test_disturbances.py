@@ -188,14 +188,17 @@ def test_a_dead_car_takes_only_the_cells_it_stands_in(fidelity: Fidelity) -> Non
     assert (summary.robot_contacts, summary.static_contacts) == (0, 0)
 
 
-def test_a_dead_car_that_is_pushed_is_seen_where_it_stands_then() -> None:
+@pytest.mark.parametrize("ahead_m", [-1.0, 1.0])
+def test_a_dead_car_that_is_pushed_is_seen_where_it_stands_then(ahead_m: float) -> None:
+    """Pushed along the way it had been granted, too: that is no progress any more."""
     death = first(dies_on_the_way)
     car = int(death.target[-1])
     with made([death]) as simulation:
         while simulation.sim_s < death.time_s + 4.0:
             simulation.tick()
         yaw = simulation.world.car_poses()[car, 2]
-    push = event(death.time_s + 5.0, "car_pushed", death.target, dx_m=-1.0 * np.cos(yaw), dy_m=-1.0 * np.sin(yaw))
+    dx_m, dy_m = float(ahead_m * np.cos(yaw)), float(ahead_m * np.sin(yaw))
+    push = event(death.time_s + 5.0, "car_pushed", death.target, dx_m=dx_m, dy_m=dy_m)
     log: list[Event] = []
     with made([death, push], log) as simulation:
         while simulation.sim_s < push.time_s + 4.0:
