@@ -16,7 +16,8 @@ from maps.plan import parse_plan
 from maps.site import Site, site_from_plan
 from maps.stations import MIN_ARM_SPACING_M, match_arms
 
-_PASSABLE = ".GS"
+_PASSABLE = ".GSE"
+"""`E` marks the stations on maps of the League of Robot Runners."""
 _BLOCKED = "@OTW"
 _SHELVES = "T"
 """Trees mark racks on the warehouse maps; they become shelves, other obstacles walls."""

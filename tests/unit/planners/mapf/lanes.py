@@ -63,6 +63,11 @@ def open_grid(rows: int, cols: int) -> LaneGraph:
     return grid_lane_graph(GridMap(np.ones((rows, cols), dtype=np.bool_)), "pebble")
 
 
+def rotating_grid(rows: int, cols: int) -> LaneGraph:
+    """Two-way grid of vehicles that turn on the spot, four states per cell."""
+    return grid_lane_graph(GridMap(np.ones((rows, cols), dtype=np.bool_)), "rotating")
+
+
 def one_way_loop(n: int) -> LaneGraph:
     """Cells 0 -> 1 -> ... -> n - 1 -> 0, state = cell."""
     return graph_of(range(n), [(k, (k + 1) % n) for k in range(n)])
