@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import Fidelity, RunConfig, require
+from fleet.config import RunConfig, require
 from fleet.dispatcher import Dispatcher
 from fleet.disturbance import Disturbances
 from fleet.driving import Driver, PathDriver, StateDriver
@@ -25,6 +25,7 @@ from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Order, generate_orders, read_orders
 from fleet.traffic import Traffic
 from fleet.world import make_world
+from fleet.world.grid import GridWorld
 from fleet.world.protocol import FloatArray, World
 from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
@@ -216,8 +217,8 @@ class Simulation:
         return ArmDesk(self.arm_planner, self.config.arms, self.scene.car, self.scene.arm_start, self.tick_s)
 
     def _driver(self, start_states: npt.NDArray[np.int32], rng: np.random.Generator) -> Driver:
-        if self.config.fidelity is Fidelity.GRID:
-            return StateDriver(self.graph, start_states)
+        if isinstance(self.world, GridWorld):
+            return StateDriver(self.graph, start_states, self.world.car_states)
         return PathDriver(
             self.graph,
             self.scene.car,

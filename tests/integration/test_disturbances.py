@@ -410,6 +410,21 @@ def test_a_car_is_pushed_in_the_physical_world() -> None:
     check_rejoined(log, push.target)
 
 
+def test_a_push_in_the_very_tick_of_arrival_on_the_grid() -> None:
+    """The car is in its next state, though not at its pose; it drives on from there."""
+
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        arrives = simulation.now % 20 == 0 and simulation.sim_s > 5.0
+        moving = np.flatnonzero(simulation.world.car_speeds() > 0.5)
+        if arrives and moving.size:
+            return event(simulation.sim_s, "car_pushed", f"car_{moving[0]}", dx_m=0.05, dyaw_rad=0.1)
+        return None
+
+    push = first(find, fidelity=Fidelity.GRID)
+    summary, _ = run(push, fidelity=Fidelity.GRID)
+    check(summary)
+
+
 def test_a_small_push_is_steered_out() -> None:
     push = first(on_the_way(CarPhase.TO_PICK))
     small = {name: value * 0.3 for name, value in push.parameters.items()}
