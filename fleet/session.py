@@ -39,7 +39,7 @@ COUNTED = {
     "failed": (TaskState.FAILED,),
 }
 """Groups of task states that are counted over time."""
-LOUD = frozenset({"off_lane", "rejoin_impossible", "transfer_repeated", "disturbance"})
+LOUD = frozenset({"off_lane", "plan_cut", "rejoin_impossible", "transfer_repeated", "disturbance"})
 """Events that a person should notice in the log."""
 
 

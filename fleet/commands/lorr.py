@@ -136,7 +136,8 @@ def _table(summary: dict[str, object]) -> Table:
         ("schedule errors", "{schedule_errors}"),
         ("conflicts found by the referee", "{conflicts}"),
     )
-    table = Table(title="{problem}: {robots} robots, {steps} steps, seed {seed}".format_map(summary), show_header=False)
+    title = "{problem}: {robots} robots, {steps} steps, seed {seed}".format_map(summary)
+    table = Table(title=title, show_header=False, min_width=len(title))
     table.add_column("figure")
     table.add_column("value", justify="right")
     for name, form in rows:
