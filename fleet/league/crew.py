@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from planners.mapf.goal_costs import GoalCosts, left
 from planners.mapf.guidance import UNIT, Errands, GuidanceConfig, learn_guidance
 from planners.mapf.multi_step_kernel import Wishes
 from planners.mapf.multi_step_pibt import Mover, rank_weights
-from planners.mapf.priorities import dead_ends
+from planners.mapf.priorities import pocket_depth
 
 _STEEPNESS = 24.0
 """Fall of the weights with rank on a full floor, as the exponent of e."""
@@ -39,7 +39,7 @@ class CrewConfig:
     """Share of a step's budget after which no further round of improvement begins."""
     active_share: float = 1.0
     """Share of the robots, those with least left to do first, that push on; the others only make room."""
-    guidance: GuidanceConfig = GuidanceConfig()
+    guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
     startup_s: float = 40.0
     """Wall time for preparations [s]."""
 
@@ -88,7 +88,7 @@ class Crew:
             wait_cost=unit,
             seed=self._rng,
         )
-        self._urgent = dead_ends(graph)
+        self._depth = pocket_depth(graph)
         # The fuller the floor, the more robots a push moves, and the less each of them may count against it.
         density = n / np.count_nonzero(arena.problem.grid.free)
         self._steepness = float(np.clip(_STEEPNESS * density, 2.0, _STEEPNESS))
@@ -135,8 +135,8 @@ class Crew:
             leg=np.where(further, self._schedule.leg_of[place], np.int32(0)).astype(np.int32),
         )
         to_go = left(costs, arena.states, wishes.row) + np.where(busy, self._schedule.rest_of[place], _LARGE)
-        urgent = self._urgent[arena.graph.state_cell[arena.states]]
-        sequence = np.argsort(to_go - urgent * (2 * _LARGE), kind="stable").astype(np.int32)
+        depth = self._depth[arena.graph.state_cell[arena.states]]
+        sequence = np.argsort(to_go.astype(np.int64) - depth * (2 * _LARGE), kind="stable").astype(np.int32)
         wishes.row[sequence[int(np.ceil(self.config.active_share * n)) :]] = -1
         return self._mover.step(
             costs,

@@ -38,8 +38,10 @@ class GoalCosts:
         self._rotating, self._pebble = rotating, pebble
         self.exact = 2 * rotating.n_states * pebble.n_states <= EXACT_BYTES
         """Whether the floor is kept whole."""
-        self._tables = None if self.exact else DistanceTable(
-            pebble, np.zeros(pebble.n_cells, dtype=np.bool_), memory_cap=memory_cap
+        self._tables = (
+            None
+            if self.exact
+            else DistanceTable(pebble, np.zeros(pebble.n_cells, dtype=np.bool_), memory_cap=memory_cap)
         )
         self._table: Table = np.empty((0, 0), dtype=np.uint16)
         self._ptr, self._key, self._ahead = _exact_look(rotating) if self.exact else _look_ahead(rotating, pebble)
@@ -106,7 +108,8 @@ class GoalCosts:
     def between(self, rows: IntArray, cells: IntArray) -> IntArray:
         """Cost from each cell, in the best heading there, to the goal of each row, both of shape (n,)."""
         if self._tables is not None:
-            return self._table[rows, self._pebble.state_index[cells, 0]].astype(np.int32)
+            direct: IntArray = self._table[rows, self._pebble.state_index[cells, 0]].astype(np.int32)
+            return direct
         states = self._rotating.state_index[cells]
         least: IntArray = self._table[rows[:, None], states].min(axis=1).astype(np.int32)
         return least

@@ -13,7 +13,7 @@ from planners.errors import PlanningError
 from planners.mapf.goal_costs import GoalCosts, left
 from planners.mapf.multi_step_kernel import Wishes
 from planners.mapf.multi_step_pibt import Mover, rank_weights
-from planners.mapf.priorities import dead_ends
+from planners.mapf.priorities import pocket_depth
 from planners.mapf.problem import IntArray
 
 Floats = npt.NDArray[np.float64]
@@ -142,7 +142,7 @@ def _drive(
         wait_cost=UNIT,
         seed=rng,
     )
-    urgent = dead_ends(graph)
+    depth = pocket_depth(graph)
     place = errands.ptr[rng.integers(len(errands.ptr) - 1, size=n)].astype(np.int64)
     end = np.zeros(len(errands.cell), dtype=np.bool_)
     end[errands.ptr[1:] - 1] = True
@@ -154,7 +154,7 @@ def _drive(
         cell = errands.cell[place]
         row = costs.rows(cell)
         to_go = left(costs.costs, states[-1], row)
-        sequence = np.argsort(to_go - urgent[graph.state_cell[states[-1]]] * 2**20, kind="stable").astype(np.int32)
+        sequence = np.argsort(to_go - depth[graph.state_cell[states[-1]]] * 2**20, kind="stable").astype(np.int32)
         after = mover.step(
             costs.costs,
             Wishes(row=row, cell=nothing, next_row=nothing, leg=no_leg),

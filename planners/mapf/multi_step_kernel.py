@@ -260,7 +260,7 @@ def _closes_ring(
         at = cell
         for _ in range(len(choices.state)):
             ahead = choices.at[t, at]
-            if cell == before or ahead == NOBODY or ahead == agent:  # noqa: PLR1714
+            if cell == before or ahead == NOBODY or ahead == agent:  # noqa: PLR1714, SIM109
                 break
             to = ops.cell[choices.chosen[ahead], t]
             if to == at or choices.at[t + 1, to] != ahead:

@@ -1,4 +1,4 @@
-"""Multi-step PIBT: every agent holds an operation of a few timesteps and pushes whoever is in the way of a better one."""
+"""Multi-step PIBT: agents hold operations of a few timesteps and push whoever is in the way of a better one."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Operations(NamedTuple):
     first: IntArray
     """State after the first timestep, -1 where that is left open, shape (O,)."""
     then: IntArray
-    """The operation that goes on where the first timestep ended, and stays at the end; -1 where left open, shape (O,)."""
+    """The operation that is left after the first timestep, with a wait at its end; -1 where left open, shape (O,)."""
     turn_ptr: IntArray
     """States that state s can turn into without leaving its cell: turn_ptr[s] .. turn_ptr[s + 1] - 1, itself first."""
     turn_state: IntArray
@@ -54,9 +54,7 @@ class Operations(NamedTuple):
     """Timestep at whose beginning the sweep begins."""
 
 
-def operations_of(
-    graph: LaneGraph, length: int, is_open: BoolArray, move_cost: IntArray, wait_cost: int
-) -> Operations:
+def operations_of(graph: LaneGraph, length: int, is_open: BoolArray, move_cost: IntArray, wait_cost: int) -> Operations:
     """List the operations of every state.
 
     Args:
@@ -206,7 +204,9 @@ def _list(
     turn_steps: SmallInts,
     turn_first: IntArray,
     length: int,
-) -> tuple[IntArray, IntArray, IntArray, SmallInts, IntArray, IntArray, IntArray, IntArray]:  # pragma: no cover - compiled
+) -> tuple[
+    IntArray, IntArray, IntArray, SmallInts, IntArray, IntArray, IntArray, IntArray
+]:  # pragma: no cover - compiled
     """Fill the arrays of `Operations`; a state's list is its own queue, each entry followed by its continuations.
 
     The last two arrays tell which operation each one continues, and by which move; -1 for staying.

@@ -31,6 +31,8 @@ FAMILIES = [
                 "configuration_tree",
                 "decision_diagram",
                 "distance_table",
+                "goal_costs",
+                "guidance",
                 "kernel",
                 "metrics",
                 "multi_step_kernel",
