@@ -206,6 +206,17 @@ def test_what_was_handed_out_does_not_change_later() -> None:
     assert [array.tolist() for array in held] == before
 
 
+def test_scribbling_over_what_was_handed_out_changes_nothing() -> None:
+    """Robot 0 has opened task 0: an arena that trusted its readers would let it go."""
+    arena = Arena(problem_of(CORRIDOR, [0, 3], [[1, 2], [3]]))
+    arena.apply(at(arena, (1, EAST), (3, EAST)), np.array([0, NO_TASK]))
+    for array in (arena.states, arena.task_of, arena.errand_of, arena.pool(), arena.next_cell()):
+        array[:] = 0
+    arena.apply(at(arena, (2, EAST), (3, EAST)), np.array([NO_TASK, 1]))
+    assert arena.schedule_errors == [(NO_TASK, 0, 0, 2, "task is already opened by the second agent")]
+    assert (arena.planner_errors, arena.n_finished) == ([], 1)
+
+
 def test_what_was_handed_in_is_neither_kept_nor_changed() -> None:
     arena = Arena(problem_of(CORRIDOR, [0], [[1, 2]]))
     states, tasks = at(arena, (1, EAST)), np.array([0])
