@@ -90,11 +90,11 @@ class Arena:
         """Tasks that are known and not opened by anybody, ascending, those included that a robot is on its way to."""
         return self._pool.copy()
 
-    def next_cell(self) -> Ints:
-        """Cell of the next errand of each robot, -1 without a task, shape (n,)."""
-        row = self._task_of % self.problem.n_tasks
+    def next_cell(self, task_of: Tasks) -> Ints:
+        """Cell of the next errand of each robot under a schedule, -1 without a task, shape (n,)."""
+        row = task_of % self.problem.n_tasks
         place = np.minimum(self.errand_ptr[row] + self._errand_of, len(self.errand_cell) - 1)
-        cells: Ints = np.where(self._task_of == NO_TASK, np.int32(-1), self.errand_cell[place])
+        cells: Ints = np.where(task_of == NO_TASK, np.int32(-1), self.errand_cell[place])
         return cells
 
     def apply(self, next_states: npt.NDArray[np.integer[Any]], task_of: npt.NDArray[np.integer[Any]]) -> None:
