@@ -87,6 +87,15 @@ def test_an_unopened_task_may_change_hands() -> None:
     assert arena.result(np.zeros(3)).schedule.tolist() == [[1, 0, 0], [1, 1, 1], [2, 0, 1], [2, 1, 0], [3, 0, -1]]
 
 
+def test_every_robot_s_schedule_begins_even_if_it_gets_nothing() -> None:
+    """The League's viewer reads no empty schedule."""
+    arena = Arena(problem_of(ROOM, [0, 5], [[35]]))
+    for _ in range(2):
+        arena.apply(arena.states, np.full(2, NO_TASK))
+    result = arena.result(np.zeros(2))
+    assert result.schedule.tolist() == result.proposed.tolist() == [[1, 0, NO_TASK], [1, 1, NO_TASK]]
+
+
 @pytest.mark.parametrize(
     ("schedule", "error"),
     [
