@@ -57,12 +57,11 @@ class PibtController:
 
     def step(self, arena: Arena) -> tuple[Ints, Tasks]:
         """Decide a timestep."""
-        graph, problem = arena.graph, arena.problem
+        graph = arena.graph
         task_of = _with_nearest(arena)
-        row = task_of % problem.n_tasks
-        place = np.minimum(arena.errand_ptr[row] + arena.errand_of, len(arena.errand_cell) - 1)
+        cells = arena.next_cell(task_of)
         # An errand is done in any heading, so which one the goal has hardly matters.
-        goals = np.where(task_of == NO_TASK, np.int32(NO_GOAL), graph.state_index[arena.errand_cell[place], EAST])
+        goals = np.where(cells < 0, np.int32(NO_GOAL), graph.state_index[cells, EAST])
         self._waited = np.where(goals == self._goals, self._waited + 1.0, 0.0)
         self._goals = goals
         plan = self._pibt.plan(

@@ -74,7 +74,7 @@ def play(
             wall_s.append(time.perf_counter() - begin)
             late += wall_s[-1] > budget_s
             if strict_time:
-                arena.idle(min(int(wall_s[-1] / budget_s), steps - arena.timestep))
+                arena.idle(int(min(wall_s[-1] / budget_s, steps - arena.timestep)))
             if arena.timestep < steps:
                 arena.apply(next_states, task_of)
             if progress is not None:

@@ -147,8 +147,8 @@ def test_a_run_with_conflicts_is_no_success(
         graph = arena.graph
         return graph.move_to[graph.out_move[graph.out_ptr[arena.states]]], arena.task_of
 
-    judge = arena_module._judge_moves
-    monkeypatch.setattr(arena_module, "_judge_moves", lax)
+    judge = arena_module.judge_moves
+    monkeypatch.setattr(arena_module, "judge_moves", lax)
     monkeypatch.setattr(PibtController, "step", first_move)
     assert end(problem, "--steps", 60, "--json", tmp_path / "summary.json") == 1
     assert "illegal: " in capsys.readouterr().out

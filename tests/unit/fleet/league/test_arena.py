@@ -28,7 +28,7 @@ def test_robots_start_heading_east_without_a_task() -> None:
     assert arena.states.tolist() == at(arena, (0, EAST), (3, EAST)).tolist()
     assert arena.task_of.tolist() == [NO_TASK, NO_TASK]
     assert arena.errand_of.tolist() == [0, 0]
-    assert arena.next_cell().tolist() == [-1, -1]
+    assert arena.next_cell(arena.task_of).tolist() == [-1, -1]
     assert (arena.timestep, arena.n_finished) == (0, 0)
 
 
@@ -37,7 +37,7 @@ def test_errands_are_done_in_order_and_a_finished_task_makes_room_for_the_next()
     assert arena.pool().tolist() == [0, 1]
     arena.apply(at(arena, (1, EAST)), np.array([0]))
     assert (arena.task_of.tolist(), arena.errand_of.tolist()) == ([0], [1])
-    assert arena.next_cell().tolist() == [3]
+    assert arena.next_cell(arena.task_of).tolist() == [3]
     assert arena.pool().tolist() == [1]
     arena.apply(at(arena, (2, EAST)), np.array([0]))
     assert arena.n_finished == 0
@@ -85,6 +85,15 @@ def test_an_unopened_task_may_change_hands() -> None:
     assert arena.task_of.tolist() == [NO_TASK, 0]
     assert arena.schedule_errors == []
     assert arena.result(np.zeros(3)).schedule.tolist() == [[1, 0, 0], [1, 1, 1], [2, 0, 1], [2, 1, 0], [3, 0, -1]]
+
+
+def test_every_robot_s_schedule_begins_even_if_it_gets_nothing() -> None:
+    """The League's viewer reads no empty schedule."""
+    arena = Arena(problem_of(ROOM, [0, 5], [[35]]))
+    for _ in range(2):
+        arena.apply(arena.states, np.full(2, NO_TASK))
+    result = arena.result(np.zeros(2))
+    assert result.schedule.tolist() == result.proposed.tolist() == [[1, 0, NO_TASK], [1, 1, NO_TASK]]
 
 
 @pytest.mark.parametrize(
@@ -206,6 +215,17 @@ def test_what_was_handed_out_does_not_change_later() -> None:
     assert [array.tolist() for array in held] == before
 
 
+def test_scribbling_over_what_was_handed_out_changes_nothing() -> None:
+    """Robot 0 has opened task 0: an arena that trusted its readers would let it go."""
+    arena = Arena(problem_of(CORRIDOR, [0, 3], [[1, 2], [3]]))
+    arena.apply(at(arena, (1, EAST), (3, EAST)), np.array([0, NO_TASK]))
+    for array in (arena.states, arena.task_of, arena.errand_of, arena.pool(), arena.next_cell(arena.task_of)):
+        array[:] = 0
+    arena.apply(at(arena, (2, EAST), (3, EAST)), np.array([NO_TASK, 1]))
+    assert arena.schedule_errors == [(NO_TASK, 0, 0, 2, "task is already opened by the second agent")]
+    assert (arena.planner_errors, arena.n_finished) == ([], 1)
+
+
 def test_what_was_handed_in_is_neither_kept_nor_changed() -> None:
     arena = Arena(problem_of(CORRIDOR, [0], [[1, 2]]))
     states, tasks = at(arena, (1, EAST)), np.array([0])
@@ -218,11 +238,11 @@ def test_what_was_handed_in_is_neither_kept_nor_changed() -> None:
 def test_in_2023_the_league_hands_out_the_tasks_in_turn() -> None:
     arena = Arena(problem_of(ROOM, [0, 5], [[1], [5], [2]], round_robin=True))
     assert arena.task_of.tolist() == [0, 1]
-    assert arena.next_cell().tolist() == [1, 5]
+    assert arena.next_cell(arena.task_of).tolist() == [1, 5]
     nonsense = np.array([77, 77])
     arena.apply(at(arena, (1, EAST), (5, EAST)), nonsense)
     assert arena.task_of.tolist() == [2, 3]
-    assert arena.next_cell().tolist() == [2, 1]
+    assert arena.next_cell(arena.task_of).tolist() == [2, 1]
     arena.apply(at(arena, (2, EAST), (5, EAST)), nonsense)
     assert arena.task_of.tolist() == [4, 3]
     assert (arena.n_finished, arena.schedule_errors) == (3, [])

@@ -151,7 +151,10 @@ def test_with_strict_time_robots_wait_for_a_late_planner(tmp_path: Path) -> None
     played = play(problem_of(CORRIDOR, [0], [[4]]), Puppet(dawdle), 8, 0.2, strict_time=True)
     assert played.result.n_timeouts >= 2
     assert played.timesteps == 8
-    assert "".join("WFRCT"[action] for action in played.result.actual[:3, 0]) == "TTF"
+    letters = "".join("WFRCT"[action] for action in played.result.actual[:, 0])
+    assert letters.startswith("TT")
+    assert letters.count("T") == played.result.n_timeouts
+    assert letters.replace("T", "").startswith("F")
     assert replayed(tmp_path, played).complaints == []
 
 
