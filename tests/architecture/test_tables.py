@@ -31,10 +31,12 @@ FAMILIES = [
                 "configuration_tree",
                 "distance_table",
                 "kernel",
+                "lns",
                 "metrics",
                 "problem",
                 "roads",
                 "successors",
+                "timetable",
                 "validate",
             }
         ),
