@@ -55,7 +55,7 @@ def crowd(make: Callable[[int, int], LaneGraph], seed: int, *, rotation: bool) -
 @pytest.mark.parametrize("graph", GRAPHS)
 @pytest.mark.parametrize("rotation", [False, True])
 def test_a_plan_stays_legal_and_gets_cheaper(graph: str, rotation: bool) -> None:
-    n_improved = 0
+    n_improved = saved = 0
     for seed in range(4):
         instance = crowd(GRAPHS[graph], seed, rotation=rotation)
         plan = first_plan(instance)
@@ -69,10 +69,10 @@ def test_a_plan_stays_legal_and_gets_cheaper(graph: str, rotation: bool) -> None
             arrived = (better.states[-1] == instance.goals) | (instance.goals == NO_GOAL)
             assert arrived.all()
             costs.append(sum_of_loss(instance, better))
-        assert costs[1] <= costs[0]
-        assert costs[2] <= costs[0]
-        assert costs[3] < costs[0]
+        assert max(costs) == costs[0]
+        saved += costs[0] - costs[-1]
     assert n_improved >= 2
+    assert saved > 0
 
 
 def test_an_aimless_plan_becomes_the_best_one() -> None:
