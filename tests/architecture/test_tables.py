@@ -34,6 +34,7 @@ FAMILIES = [
                 "goal_costs",
                 "guidance",
                 "kernel",
+                "lns",
                 "metrics",
                 "multi_step_kernel",
                 "operations",
@@ -44,6 +45,7 @@ FAMILIES = [
                 "roads",
                 "safe_intervals",
                 "successors",
+                "timetable",
                 "validate",
             }
         ),
