@@ -14,8 +14,9 @@ from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.decision_diagram import ENTER, STAND, SWEEP, Diagram, Fact, Seeker, draw
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable, open_moves
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.one_shot import hopeless, plan_of_paths, start_only, tables_for
+from planners.mapf.options import open_moves
 from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
 from planners.status import Status
 
@@ -24,8 +25,8 @@ from planners.status import Status
 class CbsConfig:
     """Settings of `Cbs`."""
 
-    nodes: int = 100_000
-    """Nodes of the search to open before giving up."""
+    nodes: int = 5000
+    """Without a deadline: nodes of the search to open before giving up."""
 
     def __post_init__(self) -> None:
         if not self.nodes >= 1:
@@ -40,7 +41,7 @@ class Cbs:
     take part must not do its part. Every conflict is a set of things that cannot all be done: two agents in a cell,
     two that swap, a move over a used cell, a closed ring of followers.
 
-    A problem without a solution is rarely recognised: most end at the limit of nodes, with status timeout.
+    A problem without a solution is rarely recognised: most end with the budget, as a timeout.
 
     Args:
         config: Settings.
@@ -72,28 +73,30 @@ class Cbs:
             PlanningError: `tables` belong to another graph.
         """
         tables = tables_for(instance, tables, "cbs")
-        deadline = Deadline() if deadline is None else deadline
+        budget = Deadline(self.config.nodes) if deadline is None else deadline
         if hopeless(instance, tables):
             return start_only(instance, Status.INFEASIBLE, 0)
+        if not budget.spend():
+            return start_only(instance, Status.TIMEOUT, 0)
         search = _Search(instance, tables)
         root = search.root()
         if root is None:
-            return start_only(instance, Status.INFEASIBLE, 0)
+            return start_only(instance, Status.INFEASIBLE, 1)
         numbers = itertools.count()
         queue = [(root.key, next(numbers), root)]
         closest = root
-        opened = 0
+        opened = 1
         while queue:
-            if opened == self.config.nodes or not deadline.spend():
-                return _legal_part(instance, closest, opened)
-            opened += 1
             node = heapq.heappop(queue)[2]
-            closest = min(closest, node, key=lambda either: len(either.clashes))
             if not node.clashes:
                 paths = [diagram.states for diagram in node.diagrams]
                 return plan_of_paths(instance, paths, Status.OPTIMAL, opened)
+            closest = min(closest, node, key=lambda either: len(either.clashes))
             for child in search.branch(node):
                 heapq.heappush(queue, (child.key, next(numbers), child))
+            if not budget.spend():
+                return _legal_part(instance, closest, opened)
+            opened += 1
         return start_only(instance, Status.INFEASIBLE, opened)
 
 
@@ -205,7 +208,7 @@ def _replaced(diagrams: tuple[Diagram, ...], agent: int, diagram: Diagram) -> tu
 def _legal_part(instance: Instance, node: _Node, opened: int) -> Plan:
     """The plan of a node up to its first clash."""
     rows = [max(fact.timestep + (fact.does != STAND), 1) for clash in node.clashes for _, fact in clash]
-    paths = [diagram.states[: min(rows, default=None)] for diagram in node.diagrams]
+    paths = [diagram.states[: min(rows)] for diagram in node.diagrams]
     return plan_of_paths(instance, paths, Status.TIMEOUT, opened)
 
 

@@ -126,7 +126,7 @@ class DistanceTable:
 
         def fill(part: int) -> int:
             of_part = slice(len(goals) * part // parts, len(goals) * (part + 1) // parts)
-            return _fill(goals[of_part], rows[of_part], self._before, self._rows)
+            return int(_fill(goals[of_part], rows[of_part], self._before, self._rows))
 
         if parts == 1:
             furthest = fill(0)
@@ -208,5 +208,5 @@ def _fill(
                     queue[tail] = other
                     tail += np.uint64(known > level)
                     distance[other] = min(known, level)
-        furthest = max(furthest, level - 1)
+        furthest = max(furthest, int(level) - 1)
     return furthest

