@@ -56,9 +56,8 @@ class Allotment:
         cost = np.empty((len(cars), len(tasks)))
         for k, task in enumerate(tasks):
             pick, drop = (self._by_name[name].dock_state for name in (task.order.pick, task.order.drop))
-            tables = self._traffic.tables
-            distance = tables.to(pick)[tails].astype(np.float64)
-            if tables.to(drop)[pick] >= UNREACHABLE:
+            distance = self._traffic.tables.to(pick)[tails].astype(np.float64)
+            if not self._traffic.reachable(pick, drop):
                 distance[:] = UNREACHABLE
             waited_s = now_s - task.since_s[TaskState.READY]
             cost[:, k] = distance - self._config.ageing_m_per_s * waited_s

@@ -159,12 +159,15 @@ class Dispatcher:
 
     def _take_back(self, now_s: float) -> None:
         """Free cars of tasks that they have no way to go on with."""
+        if not self._traffic.blocked.any():
+            return
+        tails = self._executor.tail_states()
         for car, phase in enumerate(self.phase):
             task = self.task_of[car]
             if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP):
                 continue
             name = task.order.pick if phase is CarPhase.TO_PICK else task.order.drop
-            if self._traffic.reachable(car, self._by_name[name].dock_state):
+            if self._traffic.reachable(int(tails[car]), self._by_name[name].dock_state):
                 continue
             if phase is CarPhase.TO_PICK:
                 self._unassign(task, now_s, f"car_{car} has no way to {name}")

@@ -94,9 +94,9 @@ class Traffic:
         """True when nothing but dead cars blocks cells."""
         return int(self._blocked_n.sum()) == sum(map(len, self._dead_cells.values()))
 
-    def reachable(self, car: int, goal: int) -> bool:
-        """Whether a car finds a way to a state past all that is blocked, from where its moves end."""
-        return int(self.tables.to(goal)[self.executor.tail_states()[car]]) < UNREACHABLE
+    def reachable(self, state: int, goal: int) -> bool:
+        """Whether there is a way from a state to another past all that is blocked."""
+        return int(self.tables.to(goal)[state]) < UNREACHABLE
 
     def _count_blocked(self, cells: list[int], change: int) -> None:
         self._blocked_n[cells] += change
