@@ -71,6 +71,11 @@ class DistanceTable:
         ]  # one for each thread of the largest search so far
 
     @property
+    def capacity(self) -> int:
+        """Goals whose distances can be held at once."""
+        return len(self._rows)
+
+    @property
     def n_goals(self) -> int:
         """Goals whose distances are held."""
         return len(self._rows) - len(self._free)
