@@ -84,6 +84,7 @@ class Crew:
             np.zeros(graph.n_cells, dtype=np.bool_),
             n,
             length=self.config.length if self._costs.exact else min(self.config.length, 3),
+            look=self._costs.look,
             move_cost=move_cost,
             wait_cost=unit,
             seed=self._rng,

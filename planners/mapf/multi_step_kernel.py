@@ -24,16 +24,23 @@ _COST_BIT = 10
 _LATE_BIT = 6
 
 
-class Costs(NamedTuple):
-    """What is left to do from each state, for many goals.
+class Look(NamedTuple):
+    """Where to look up what is left to do; S states.
 
     The cost from state s to the goal of row r is the least `ahead[k] + table[r, key[k]]` over ptr[s] <= k < ptr[s + 1].
     """
 
-    table: Table
     ptr: IntArray
     key: IntArray
     ahead: IntArray
+
+
+class Costs(NamedTuple):
+    """What is left to do from each state, for many goals."""
+
+    table: Table
+    """Shape (goals, keys)."""
+    look: Look
 
 
 class Wishes(NamedTuple):
@@ -115,15 +122,22 @@ def go_on(ops: Operations, choices: Choices, state_cell: IntArray, after: IntArr
 def left(costs: Costs, state: Whole, row: Whole) -> Whole:  # pragma: no cover - compiled
     """What is left to do from a state."""
     best = FAR
-    for k in range(costs.ptr[state], costs.ptr[state + 1]):
-        best = min(best, costs.ahead[k] + np.int64(costs.table[row, costs.key[k]]))
+    for k in range(costs.look.ptr[state], costs.look.ptr[state + 1]):
+        best = min(best, costs.look.ahead[k] + np.int64(costs.table[row, costs.look.key[k]]))
     return best
 
 
 @kernel
-def rank(ops: Operations, choices: Choices, costs: Costs, wishes: Wishes, chance: Chance) -> None:  # pragma: no cover
-    """Compute the keys of all operations: what each costs, and what is left to do behind it."""
+def rank(
+    ops: Operations, choices: Choices, table: Table, rested: Look, wishes: Wishes, chance: Chance
+) -> None:  # pragma: no cover - compiled
+    """Compute the keys of all operations: what each costs, and what is left to do behind it.
+
+    `rested` tells where to look after a rest in which the robot may turn: entry r * S + s for r timesteps in state s.
+    """
     length = ops.cell.shape[1]
+    n_states = len(ops.ptr) - 1
+    longest_rest = (len(rested.ptr) - 1) // n_states - 1
     for agent in range(len(choices.state)):
         begin_op = ops.ptr[choices.state[agent]]
         row = wishes.row[agent]
@@ -139,11 +153,9 @@ def rank(ops: Operations, choices: Choices, costs: Costs, wishes: Wishes, chance
                         break
             if at_row >= 0:
                 best = FAR
-                entry = ops.entry[op]
-                for turn in range(ops.turn_ptr[entry], ops.turn_ptr[entry + 1]):
-                    if ops.turn_steps[turn] > ops.rest[op]:
-                        break
-                    best = min(best, left(costs, ops.turn_state[turn], at_row))
+                at = min(np.int64(ops.rest[op]), longest_rest) * n_states + ops.entry[op]
+                for k in range(rested.ptr[at], rested.ptr[at + 1]):
+                    best = min(best, rested.ahead[k] + np.int64(table[at_row, rested.key[k]]))
                 total += best
             total += extra
             k = op - begin_op
