@@ -14,7 +14,7 @@ from planners.errors import PlanningError
 from planners.mapf import multi_step_kernel as kernels
 from planners.mapf.chance import chance_of
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
-from planners.mapf.multi_step_kernel import Choices, Costs, Look, Wishes
+from planners.mapf.multi_step_kernel import Aims, Choices, Costs, Look, Wishes
 from planners.mapf.operations import LONGEST, Operations, operations_of
 from planners.mapf.options import open_moves
 from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
@@ -136,7 +136,7 @@ def look_of_states(n_states: int) -> Look:
 
 
 def rested_look(look: Look, operations: Operations) -> Look:
-    """Where to look after a rest of r timesteps, spent turning: entry r * S + s for state s, r up to the longest turn."""
+    """Where to look after r timesteps of rest, spent turning: entry r * S + s for state s; r up to the longest turn."""
     n_states = len(look.ptr) - 1
     state = np.arange(n_states, dtype=np.int64).repeat(np.diff(operations.turn_ptr))
     counts = np.diff(look.ptr)[operations.turn_state]
@@ -179,6 +179,8 @@ class Mover:
         look: Where costs are looked up; None = every state has its own entry.
         move_cost: Cost of each move, shape (n_moves,); None = 1.
         wait_cost: Cost of a timestep without a move.
+        patience: Agents look for another operation when theirs has come to its last `patience` timesteps, which it
+            rests; with 1 in every timestep, with more those whom nobody hinders decide less often.
         seed: Seed of the tie-breaking.
     """
 
@@ -192,12 +194,14 @@ class Mover:
         look: Look | None = None,
         move_cost: IntArray | None = None,
         wait_cost: int = 1,
+        patience: int = 1,
         seed: int | np.random.Generator = 0,
     ) -> None:
         self.graph = graph
         self._blocked = blocked.copy()
         cost = np.ones(graph.n_moves, dtype=np.int32) if move_cost is None else move_cost
         self.operations = operations_of(graph, length, open_moves(graph, blocked), cost, wait_cost)
+        self._patience = patience
         self.chance = chance_of(np.random.default_rng(seed))
         """Stream of the tie-breaking; whoever puts an earlier copy back repeats what followed."""
         self._rested = rested_look(look_of_states(graph.n_states) if look is None else look, self.operations)
@@ -216,6 +220,7 @@ class Mover:
             place=ints(n),
             weight=np.ones(n),
             locked=np.zeros(n, dtype=np.bool_),
+            eager=np.zeros(n, dtype=np.bool_),
             stack=ints(n + 1),
             tried=ints(n + 1),
             before=ints(n + 1),
@@ -273,11 +278,12 @@ class Mover:
             choices.stamp[0] = 0
         choices.place[sequence] = np.arange(n, dtype=np.int32)
         choices.weight[:] = weight
-        kernels.rank(ops, choices, costs.table, self._rested, wishes, self.chance)
-        kernels.sweep(ops, choices, sequence, most_tries, cell, allow_rotation)
+        aims = Aims(table=costs.table, rested=self._rested, wishes=wishes, chance=self.chance)
+        kernels.reconsider(ops, choices, self._patience)
+        kernels.sweep(ops, choices, aims, sequence, most_tries, cell, allow_rotation)
         done = 0
         while (rounds is None or done < rounds) and polish():
-            kernels.polish(ops, choices, n, min(most_tries, 100), cell, allow_rotation, self.chance)
+            kernels.polish(ops, choices, aims, n, min(most_tries, 100), cell, allow_rotation)
             done += 1
         after = np.empty(n, dtype=np.int32)
         kernels.first_states(ops, choices, costs, wishes, after)
