@@ -55,7 +55,8 @@ class Reservations:
     Args:
         graph: Lane graph.
         is_open: Moves that may be used, shape (M,).
-        starts: States in which agents stand at timestep 0, whether planned yet or not: nobody sweeps over those then.
+        starts: States in which agents stand at timestep 0. The cell of one that is not planned yet is left to it for as
+            long as it takes to turn and leave, or those that come late would be overrun.
         allow_rotation: Whether a closed ring of followers is legal.
     """
 
@@ -76,8 +77,8 @@ class Reservations:
         )
         self._n_slots = int(slot.max(initial=0)) + 1
         self._n_cells = graph.n_cells
-        self._held_at_first = np.zeros(graph.n_cells, dtype=np.bool_)
-        self._held_at_first[graph.state_cell[starts]] = True
+        self._start_cells = graph.state_cell[starts]
+        self._grace = _longest_turn(graph)
         self._allow_rotation = allow_rotation
         self._widest = int(np.diff(graph.swept_ptr).max(initial=0))
         self.clear()
@@ -85,6 +86,8 @@ class Reservations:
     def clear(self) -> None:
         """Forget all paths."""
         n = self._n_cells
+        self._waiting = np.zeros(n, dtype=np.bool_)  # cells of agents that are not planned yet
+        self._waiting[self._start_cells] = True
         self._used = n
         self._latest = 0
         self._book = _empty_book(2 * n)
@@ -101,6 +104,7 @@ class Reservations:
             for column, grown in zip(old, self._book, strict=True):
                 grown[: len(column)] = column
             self._soonest = np.full(2 * room * self._n_slots, FOREVER, dtype=np.int32)
+        self._waiting[self._lanes.state_cell[states[0]]] = False
         self._used = _reserve(self._lanes, self._book, self._used, states, moves)
         self._latest = max(self._latest, len(moves) + 1)
 
@@ -118,12 +122,14 @@ class Reservations:
         Returns:
             States at timesteps 0..T, shape (T + 1,), and moves, shape (T,), -1 = wait; None if there is no path.
         """
+        self._waiting[self._lanes.state_cell[start]] = False
         found, states, moves = _search(
             self._lanes,
             self._book,
             self._soonest,
             self._n_slots,
-            self._held_at_first,
+            self._waiting,
+            self._grace,
             self._allow_rotation,
             self._latest,
             start,
@@ -138,6 +144,20 @@ def _empty_book(room: int) -> Book:
     """Heads of lists that end before timestep 0."""
     begin, end, cell, following, onward = np.full((5, room), _NONE, dtype=np.int32)
     return Book(begin, end, cell, following, onward, np.zeros(room, dtype=np.bool_))
+
+
+def _longest_turn(graph: LaneGraph) -> int:
+    """Timesteps that it takes at most before the cell can be left; 0 where nobody turns on the spot."""
+    leaves = graph.state_cell[graph.move_from] != graph.state_cell[graph.move_to]
+    ready = np.zeros(graph.n_states, dtype=np.bool_)
+    ready[graph.move_from[leaves]] = True
+    turns = 0
+    while True:
+        more = ready.copy()
+        more[graph.move_from[ready[graph.move_to]]] = True
+        if (more == ready).all():
+            return turns
+        ready, turns = more, turns + 1
 
 
 @njit(cache=True, nogil=True)
@@ -209,14 +229,14 @@ def _ring(book: Book, home: int, cell: int, t: int) -> int:  # pragma: no cover 
 
 @njit(cache=True, nogil=True)
 def _may_cross(
-    lanes: Lanes, book: Book, held_at_first: BoolArray, move: int, home: int, to: int, t: int
+    lanes: Lanes, book: Book, waiting: BoolArray, grace: int, move: int, home: int, to: int, t: int
 ) -> bool:  # pragma: no cover - compiled
     """Whether nobody uses the cells that a move sweeps on its way, in the timestep after t."""
     for k in range(lanes.swept_ptr[move], lanes.swept_ptr[move + 1]):
         cell = lanes.swept_cell[k]
         if cell in (home, to):
             continue
-        if t == 0 and held_at_first[cell]:
+        if waiting[cell] and t <= grace:
             return False
         entry = book.following[cell]
         while entry >= 0 and book.begin[entry] <= t + 1:
@@ -287,7 +307,8 @@ def _search(
     book: Book,
     soonest: IntArray,
     n_slots: int,
-    held_at_first: BoolArray,
+    waiting: BoolArray,
+    grace: int,
     allow_rotation: bool,
     latest: int,
     start: int,
@@ -351,14 +372,14 @@ def _search(
                 next_entry = book.following[before]
                 opens = book.end[before] + 1
                 shuts = FOREVER if next_entry < 0 else book.begin[next_entry] - 1
-                t = max(t0, opens - 1)
+                t = max(t0, opens - 1, grace if waiting[to] else 0)
                 until = min(free_until, shuts - 1, max(t0, latest) + 1)
                 if to != home and t <= until and t == free_until and t == opens - 1:
                     # Somebody comes in as this agent leaves, and somebody leaves as it comes in.
                     ring = _ring(book, home, to, t)
                     if ring == 2 or (ring > 2 and not allow_rotation):
                         t += 1
-                while t <= until and not _may_cross(lanes, book, held_at_first, move, home, to, t):
+                while t <= until and not _may_cross(lanes, book, waiting, grace, move, home, to, t):
                     t += 1
                 place = before * n_slots + lanes.slot[after]
                 if opens <= shuts and t <= until and t + 1 < soonest[place]:

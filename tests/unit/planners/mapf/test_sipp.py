@@ -190,6 +190,18 @@ def test_many_paths_grow_the_book() -> None:
     assert len(found[1]) == 60  # in as the other one leaves for the last time
 
 
+@pytest.mark.parametrize(("graph", "arrival"), [(open_grid(1, 3), 2), (turning_grid(1, 3), 4)], ids=["step", "turn"])
+def test_who_is_not_planned_yet_has_time_to_turn_and_leave(graph: LaneGraph, arrival: int) -> None:
+    """Two turns and the way is free; the one behind follows in the third timestep."""
+    start, other, goal = (int(graph.state_index[cell, 0]) for cell in range(3))
+    starts = np.array([start, other])
+    reservations = Reservations(graph, np.ones(graph.n_moves, dtype=np.bool_), starts, allow_rotation=False)
+    distance = DistanceTable(graph, np.zeros(3, dtype=np.bool_)).to(goal)
+    found = reservations.earliest_path(start, goal, distance, stay=False)
+    assert found is not None
+    assert len(found[1]) == arrival
+
+
 @pytest.mark.parametrize("orders", [0, -1])
 def test_no_orders_at_all_are_refused(orders: int) -> None:
     with pytest.raises(PlanningError, match=f"orders = {orders}; valid: an integer >= 1"):
