@@ -373,7 +373,7 @@ def _search(
                 opens = book.end[before] + 1
                 shuts = FOREVER if next_entry < 0 else book.begin[next_entry] - 1
                 t = max(t0, opens - 1, grace if waiting[to] else 0)
-                until = min(free_until, shuts - 1, max(t0, latest) + 1)
+                until = min(free_until, shuts - 1, max(t0, latest, grace) + 1)
                 if to != home and t <= until and t == free_until and t == opens - 1:
                     # Somebody comes in as this agent leaves, and somebody leaves as it comes in.
                     ring = _ring(book, home, to, t)
