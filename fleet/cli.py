@@ -17,6 +17,7 @@ from typing import Any, NoReturn, get_type_hints
 import tyro
 
 from fleet.commands.demo import Demo
+from fleet.commands.lorr import Lorr
 from fleet.commands.plan import Plan
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
 from fleet.errors import FleetError
@@ -25,7 +26,7 @@ from planners.errors import PlanningError
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
-COMMANDS: dict[str, type[Any]] = {"demo": Demo, "plan": Plan}
+COMMANDS: dict[str, type[Any]] = {"demo": Demo, "lorr": Lorr, "plan": Plan}
 SITE_COMMANDS: dict[str, type[Any]] = {
     "check": SiteCheck,
     "list": SiteList,

@@ -71,6 +71,15 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     return GridMap(np.isin(_read_chars(path), list(_PASSABLE)))
 
 
+def read_marks(path: str | os.PathLike[str]) -> npt.NDArray[np.str_]:
+    """Read the characters of a .map file, shape (rows, cols).
+
+    Raises:
+        MovingAiError: The file cannot be read or is malformed.
+    """
+    return _read_chars(path)
+
+
 def read_scenario(path: str | os.PathLike[str]) -> tuple[ScenarioEntry, ...]:
     """Read a .scen file.
 

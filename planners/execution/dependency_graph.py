@@ -12,6 +12,7 @@ from maps.lane_graph import LaneGraph
 from planners.execution.errors import ExecutionError, StalePlanError
 from planners.execution.queues import (
     NOBODY,
+    NONE,
     BoolArray,
     IntArray,
     Longs,
@@ -23,11 +24,13 @@ from planners.execution.queues import (
     hold,
     let_go,
     may_start,
+    move_at,
     run_through,
     start,
     start_all,
     with_room,
 )
+from planners.execution.reorder import go_first, held_up
 from planners.execution.steps import legal_steps
 
 
@@ -46,6 +49,8 @@ class DependencyGraph:
     these cells has been there. So the plan's order per cell is kept while its timing is not, and two agents never
     hold one cell. The order per cell is a line of the visits that are still to come; a cell's last user is
     its line's end, a finished move leaves nothing behind, and memory is bounded by the moves in flight.
+
+    The order at a cell may be exchanged where somebody is late (`go_first`).
 
     A plan without rotation closes no cycle: its moves come after all earlier ones, and in one timestep followers
     form chains. Every queued move can therefore be granted sooner or later, whatever the speeds.
@@ -229,6 +234,35 @@ class DependencyGraph:
                     if other not in (NOBODY, agent) and (other, cell) not in found:
                         found.append((other, cell))
         return found
+
+    def line(self, cell: int) -> list[tuple[int, int]]:
+        """Queued moves that sweep a cell, in the order in which they may: pairs (agent, move)."""
+        q = self._q
+        found: list[tuple[int, int]] = []
+        visit = int(q.line_first[cell])
+        while visit != NONE:
+            agent = int(q.visit_agent[visit])
+            found.append((agent, int(move_at(q, agent, q.visit_number[visit]))))
+            visit = int(q.visit_next[visit])
+        return found
+
+    def held_up(self) -> BoolArray:
+        """Agents without a grant whose next cells are all free, but it is not their turn, shape (n,)."""
+        waiting: BoolArray = held_up(self._q)
+        return waiting
+
+    def go_first(self, agent: int, late: BoolArray) -> bool:
+        """Let an agent go before those it waits for, if nobody is there yet and everybody still comes through.
+
+        Args:
+            agent: A `held_up` agent.
+            late: Agents that will not move for a while, shape (n,); the others are overtaken only if they are so far
+                away that they need not wait.
+
+        Returns:
+            Whether the agent's next move is grantable now; if not, nothing is changed.
+        """
+        return self.n_queued(agent) > 0 and go_first(self._q, agent, late)
 
     def held_cells(self, agent: int) -> list[int]:
         """Cells that are the agent's now, its own first: where it stands, granted moves, reservations."""

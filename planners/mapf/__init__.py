@@ -2,10 +2,11 @@
 
 from planners.mapf.cbs import Cbs as Cbs
 from planners.mapf.lacam import Lacam as Lacam
+from planners.mapf.multi_step_pibt import MultiStepPibt as MultiStepPibt
 from planners.mapf.pibt import Pibt as Pibt
 from planners.mapf.sipp import Sipp as Sipp
 
-PLANNERS = {"pibt": Pibt}
+PLANNERS = {"pibt": Pibt, "multi_step_pibt": MultiStepPibt}
 """Planner of one window by name; each is made with `seed=` and has `plan(instance, tables, deadline) -> Plan`."""
 
 ONE_SHOT_PLANNERS = {"lacam": Lacam, "sipp": Sipp, "cbs": Cbs}

@@ -66,6 +66,14 @@ class DistanceTable:
         self._goal_of = np.full(len(self._rows), -1, dtype=np.int32)
         self._asked = np.zeros(len(self._rows), dtype=np.int64)  # number of the call that last asked for the row
         self._call = 0
+        self._queues = [
+            np.empty(graph.n_states + 1, dtype=np.uint32)
+        ]  # one for each thread of the largest search so far
+
+    @property
+    def capacity(self) -> int:
+        """Goals whose distances can be held at once."""
+        return len(self._rows)
 
     @property
     def n_goals(self) -> int:
@@ -124,9 +132,12 @@ class DistanceTable:
         if len(goals) * self.graph.n_states >= _WORTH_THREADS:
             parts = min(len(goals), os.cpu_count() or 1)
 
+        while len(self._queues) < parts:
+            self._queues.append(np.empty_like(self._queues[0]))
+
         def fill(part: int) -> int:
             of_part = slice(len(goals) * part // parts, len(goals) * (part + 1) // parts)
-            return _fill(goals[of_part], rows[of_part], self._before, self._rows)
+            return int(_fill(goals[of_part], rows[of_part], self._before, self._rows, self._queues[part]))
 
         if parts == 1:
             furthest = fill(0)
@@ -174,15 +185,14 @@ def _states_before(graph: LaneGraph, is_open: BoolArray) -> npt.NDArray[np.uint3
 
 @njit(cache=True, nogil=True)
 def _fill(
-    goals: IntArray, rows: IntArray, before: npt.NDArray[np.uint32], table: Distances
+    goals: IntArray, rows: IntArray, before: npt.NDArray[np.uint32], table: Distances, queue: npt.NDArray[np.uint32]
 ) -> int:  # pragma: no cover - compiled
     """Breadth-first search against the moves from each goal, level by level; returns the longest distance found.
 
     The innermost loop has no branch to guess wrong: each state is written behind the queue, which grows only if it was
     new. Unsigned indices spare numba the question whether they are negative.
     """
-    n, widest = before.shape
-    queue = np.empty(n + 1, dtype=np.uint32)
+    widest = before.shape[1]
     furthest = 0
     for k in range(len(goals)):
         distance = table[rows[k]]
@@ -208,5 +218,5 @@ def _fill(
                     queue[tail] = other
                     tail += np.uint64(known > level)
                     distance[other] = min(known, level)
-        furthest = max(furthest, level - 1)
+        furthest = max(furthest, int(level) - 1)
     return furthest

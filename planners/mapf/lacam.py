@@ -5,18 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.configuration_tree import ConfigurationTree
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.lns import LargeNeighbourhoodSearch
 from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
-from planners.mapf.roads import roads_of
-from planners.mapf.successors import Guide
+from planners.mapf.roads import Roads, closed_cells, roads_of
+from planners.mapf.successors import Guide, guide_of
 from planners.status import Status
 
 _STRIDE = 16
 """Iterations between two looks at the deadline."""
+_TREE_SHARE = 4
+"""Expansions of the tree after every stride of refining."""
+_TREE_BYTES = 2**30
+"""Memory at which the tree grows no further once there is a solution."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +31,8 @@ class LacamConfig:
 
     samples: int = 1
     """Next configurations to draw in one expansion; the one closest to the goals is taken."""
+    refine: bool = True
+    """Whether a large-neighbourhood search works on the best plan, beside the search itself."""
     patience: int = 1000
     """Without a deadline: iterations without improvement after which the best plan is handed back."""
 
@@ -46,7 +54,8 @@ class Lacam:
         seed: Seed of the tie-breaking. Each call draws on: the same sequence of calls gives the same plans.
 
     Source: Okumura, "Improving LaCAM for scalable eventually optimal multi-agent pathfinding", IJCAI 2023,
-    https://arxiv.org/abs/2305.03632.
+    https://arxiv.org/abs/2305.03632; the refining: Okumura, "Engineering LaCAM*: towards real-time, large-scale, and
+    near-optimal multi-agent pathfinding", AAMAS 2024, https://arxiv.org/abs/2308.04292.
     """
 
     def __init__(self, config: LacamConfig | None = None, *, seed: int | np.random.Generator = 0) -> None:
@@ -59,7 +68,8 @@ class Lacam:
         Args:
             instance: Who stands where and goes where. Larger `priorities` choose first at the beginning.
             tables: Distances on the same graph, kept from call to call; None = built here.
-            deadline: Budget; an iteration is one expansion of the search.
+            deadline: Budget; an iteration is one expansion of the search or one step of the refining. None = until
+                `patience` is used up.
 
         Returns:
             A legal plan. `timeout`: none was found in time; the rows lead to the configuration that came closest.
@@ -71,59 +81,71 @@ class Lacam:
         graph = instance.graph
         if tables is not None and tables.graph is not graph:
             raise PlanningError("lacam: the distance table is of another graph than the instance; valid: the same one")
-        closed = np.array(instance.blocked)
-        closed[graph.state_cell[instance.starts[instance.fixed]]] = True
+        closed = closed_cells(instance)
         if tables is None or instance.fixed.any():
             tables = DistanceTable(graph, closed)
-        guide = _guide(instance, tables)
+        guide = guide_of(instance, tables)
         if _hopeless(instance, guide):
             return Plan(states=np.array(instance.starts)[None], status=Status.INFEASIBLE, iterations=0)
 
+        roads = roads_of(graph, closed)
+        budget = _Budget(deadline)
         tree = ConfigurationTree(
-            roads_of(graph, closed),
+            roads,
             guide,
             np.array(instance.starts),
             _urgency(instance, guide),
             samples=self.config.samples,
             rng=self._rng,
         )
-        budget = Deadline() if deadline is None else deadline
-        spent, improved = 0, 0
-        while not tree.exhausted and (
-            deadline is not None or not tree.found or spent < improved + self.config.patience
-        ):
-            granted = _take(budget, _STRIDE)
+        while not tree.found and not tree.exhausted and (granted := budget.take(_STRIDE)):
+            tree.search(granted)
+        if tree.found:
+            states, proved = self._refined(roads, guide, tree, budget)
+            status = Status.OPTIMAL if proved else Status.FEASIBLE
+        else:
+            states, status = tree.solution(), Status.INFEASIBLE if tree.exhausted else Status.TIMEOUT
+        return Plan(states=states[: instance.horizon + 1], status=status, iterations=budget.spent)
+
+    def _refined(self, roads: Roads, guide: Guide, tree: ConfigurationTree, budget: _Budget) -> tuple[IntArray, bool]:
+        """The best plan that refining and further search find, and whether it is proved to be the best."""
+        best = LargeNeighbourhoodSearch(roads, guide, tree.solution(), self._rng)
+        if self.config.refine:
+            best.start_over(lambda: budget.take(1) > 0)
+        improved, cost = budget.spent, best.cost
+        while not tree.exhausted and not best.at_bound:
+            if not budget.limited and budget.spent >= improved + self.config.patience:
+                break
+            if self.config.refine:
+                best.run(budget.take(_STRIDE))
+            granted = budget.take(_TREE_SHARE)
             if not granted:
                 break
-            before = tree.cost if tree.found else None
-            spent += tree.search(granted)
-            if tree.found and tree.cost != before:
-                improved = spent
-        states = tree.solution()[: instance.horizon + 1]
-        if tree.exhausted:
-            status = Status.OPTIMAL if tree.found else Status.INFEASIBLE
-        else:
-            status = Status.FEASIBLE if tree.found else Status.TIMEOUT
-        return Plan(states=states, status=status, iterations=spent)
+            if tree.n_bytes < _TREE_BYTES:
+                tree.search(granted, best.cost)
+                if tree.cost < best.cost:
+                    best = LargeNeighbourhoodSearch(roads, guide, tree.solution(), self._rng)
+            elif not self.config.refine:
+                break
+            if best.cost < cost:
+                improved, cost = budget.spent, best.cost
+        return best.states(), tree.exhausted or best.at_bound
 
 
-def _take(deadline: Deadline, iterations: int) -> int:
-    """Take as much of a number of iterations as the budget covers."""
-    while iterations and not deadline.spend(iterations):
-        iterations //= 2
-    return iterations
+class _Budget:
+    """A deadline, or none, and what has been spent of it."""
 
+    def __init__(self, deadline: Deadline | None) -> None:
+        self.limited = deadline is not None
+        self.spent = 0
+        self._deadline = Deadline() if deadline is None else deadline
 
-def _guide(instance: Instance, tables: DistanceTable) -> Guide:
-    distances, row = tables.rows(instance.goals)
-    return Guide(
-        distances=distances,
-        row=row,
-        goals=np.array(instance.goals),
-        fixed=np.array(instance.fixed),
-        stay=np.array(instance.stay),
-        allow_rotation=instance.allow_rotation,
-    )
+    def take(self, iterations: int) -> int:
+        """Take as much of a number of iterations as the budget covers."""
+        while iterations and not self._deadline.spend(iterations):
+            iterations //= 2
+        self.spent += iterations
+        return iterations
 
 
 def _hopeless(instance: Instance, guide: Guide) -> bool:
@@ -136,7 +158,7 @@ def _hopeless(instance: Instance, guide: Guide) -> bool:
     return bool((guide.distances[guide.row[has_goal], instance.starts[has_goal]] >= UNREACHABLE).any())
 
 
-def _urgency(instance: Instance, guide: Guide) -> np.typing.NDArray[np.float64]:
+def _urgency(instance: Instance, guide: Guide) -> npt.NDArray[np.float64]:
     """Rank by priority, then by distance, in [0, 1)."""
     away: IntArray = np.where(guide.row < 0, 0, guide.distances[guide.row, instance.starts])
     urgency = np.empty(instance.n_agents)

@@ -10,15 +10,6 @@ import numpy.typing as npt
 from maps.lane_graph import LaneGraph
 from planners.mapf.problem import BoolArray, IntArray
 
-AIM = 0
-"""Column of the state that is aimed at."""
-CELL = 1
-"""Column of its cell."""
-FIRST = 2
-"""Column of the state after the first timestep."""
-TURNS = 3
-"""Column of the timesteps spent turning before the cell is left."""
-
 _Longs = npt.NDArray[np.int64]
 
 
@@ -36,18 +27,18 @@ def open_moves(graph: LaneGraph, blocked: BoolArray) -> BoolArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Options:
-    """What an agent can aim at: a neighbouring cell, or another state of its own cell; K options.
+    """What an agent can aim at: a neighbouring cell, or another state of its own cell.
 
     Where vehicles turn on the spot, a neighbouring cell may be one or more turns away. An agent that aims there turns
     now and counts as leaving, so that whoever stands in the way learns of it; on all other graphs an option is a move.
     """
 
-    ptr: IntArray
-    """Options of state s: rows ptr[s]:ptr[s + 1] of `table` and `sweep`; shape (n_states + 1,)."""
-    table: IntArray
-    """Columns `AIM`, `CELL`, `FIRST` and `TURNS`, shape (K, 4): one option is read from one piece of memory."""
+    aim: IntArray
+    """State that is aimed at, or -1 behind the last option, and its cell; shape (n_states, widest, 2)."""
+    start: IntArray
+    """State after the first timestep, and timesteps spent turning before the cell is left; shape like `aim`."""
     sweep: IntArray
-    """The move, if it touches cells besides its two ends and is made at once; else -1. Shape (K,)."""
+    """The move, if it touches cells besides its two ends and is made at once; else -1; shape (n_states, widest)."""
     widest: int
     """Most options of a state."""
     has_turns: bool
@@ -67,7 +58,6 @@ def options_of(graph: LaneGraph, blocked: BoolArray) -> Options:
     to_cell = graph.state_cell[graph.move_to]
     leaves = graph.state_cell[graph.move_from[move]] != to_cell[move]
     exits, turns = move[leaves], move[~leaves]
-    wide = np.diff(graph.swept_ptr) > 2
 
     # Rows (state, first state, state now, turns): agents that turned on the spot, then those that left after it.
     turned = _rows(graph.move_from[turns], graph.move_to[turns], graph.move_to[turns], 1)
@@ -82,21 +72,28 @@ def options_of(graph: LaneGraph, blocked: BoolArray) -> Options:
     rows = np.concatenate(found)
     rows = rows[np.unique(rows[:, 0] * graph.n_states + rows[:, 2], return_index=True)[1]]
 
-    sweep = np.full(len(rows), -1, dtype=np.int32)
+    counts = np.bincount(rows[:, 0], minlength=graph.n_states)
+    widest = int(counts.max(initial=1))
+    place = rows[:, 0], np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+    aim = np.full((graph.n_states, widest, 2), -1, dtype=np.int32)
+    aim[place] = np.column_stack((rows[:, 2], graph.state_cell[rows[:, 2]]))
+    start = np.zeros_like(aim)
+    start[place] = rows[:, [1, 3]]
+    sweep = np.full((graph.n_states, widest), -1, dtype=np.int32)
+    wide = np.diff(graph.swept_ptr) > 2
     if wide.any():
         ends = graph.move_from.astype(np.int64) * graph.n_states + graph.move_to
         order = np.argsort(ends, kind="stable")
-        at_once = np.flatnonzero(rows[:, 1] == rows[:, 2])
-        made = order[np.searchsorted(ends[order], rows[at_once, 0] * graph.n_states + rows[at_once, 2])]
-        sweep[at_once] = np.where(wide[made], made, -1)
-    counts = np.bincount(rows[:, 0], minlength=graph.n_states)
+        at_once = rows[:, 1] == rows[:, 2]
+        made = order[np.searchsorted(ends[order], (rows[:, 0] * graph.n_states + rows[:, 2])[at_once])]
+        sweep[place[0][at_once], place[1][at_once]] = np.where(wide[made], made, -1)
     return Options(
-        ptr=np.concatenate(([0], np.cumsum(counts))).astype(np.int32),
-        table=np.column_stack((rows[:, 2], graph.state_cell[rows[:, 2]], rows[:, 1], rows[:, 3])).astype(np.int32),
+        aim=aim,
+        start=start,
         sweep=sweep,
-        widest=int(counts.max(initial=0)),
+        widest=widest,
         has_turns=bool(rows[:, 3].any()),
-        has_sweeps=bool((sweep >= 0).any()),
+        has_sweeps=bool(wide.any()),
     )
 
 

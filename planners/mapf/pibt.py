@@ -12,7 +12,7 @@ from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
-from planners.mapf.options import AIM, CELL, FIRST, TURNS, Options, options_of
+from planners.mapf.options import Options, options_of
 from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
 from planners.status import Status
 
@@ -92,17 +92,19 @@ class Pibt:
         states[0] = instance.starts
         content = instance.goals == NO_GOAL
         priority = np.array(instance.priorities, dtype=np.float64)
+        order = np.lexsort((-priority, content)).astype(np.int32)
         done = 0
         while done < instance.horizon and deadline.spend():
-            now = states[done]
-            at_goal = now == instance.goals
-            content |= at_goal
+            at_goal = states[done] == instance.goals
+            if (at_goal & ~content).any():  # the order of the others does not change while all gain alike
+                content |= at_goal
+                order = np.lexsort((-priority, content)).astype(np.int32)
             self._stepper.step(
-                now,
+                states[done],
                 states[done + 1],
                 distances=distances,
                 row=row,
-                order=np.lexsort((-priority, content)).astype(np.int32),
+                order=order,
                 locked=instance.fixed | (instance.stay & at_goal),
                 allow_rotation=instance.allow_rotation,
             )
@@ -171,8 +173,8 @@ class Stepper:
         self._salt += 1
         options, graph = self.options, self.graph
         _step(
-            options.ptr,
-            options.table,
+            options.aim,
+            options.start,
             options.sweep,
             options.has_turns,
             options.has_sweeps,
@@ -196,8 +198,8 @@ class Stepper:
 
 @njit(cache=True, nogil=True)
 def _step(
-    ptr: IntArray,
-    table: IntArray,
+    aim: IntArray,
+    start: IntArray,
     sweep: IntArray,
     has_turns: bool,
     has_sweeps: bool,
@@ -222,10 +224,10 @@ def _step(
     `floor` holds who stands in each cell now and who after the timestep, `crossed` who sweeps over it on the way;
     all are -1 before and after the call. An agent is undecided while goes[agent], the cell it aims at, is -1.
     """
-    n = len(now)
+    n, n_keys = len(now), keys.shape[1]
     home, goes, stack = chain[0], chain[1], chain[2]
     _place(state_cell, locked, now, after, home, goes, floor)
-    _rank(ptr, table, distances, row, locked, salt, now, home, floor, keys)
+    _rank(aim, start, has_turns, distances, row, locked, salt, now, home, floor, keys)
 
     for leader in order:
         if goes[leader] >= 0:
@@ -236,10 +238,8 @@ def _step(
         while depth >= 0:
             agent = stack[depth]
             here = home[agent]
-            begin = ptr[now[agent]]
-            count = ptr[now[agent] + 1] - begin + 1
             best = _NO_KEY
-            for k in range(count):
+            for k in range(n_keys):
                 best = min(best, keys[agent, k])
             if best == _NO_KEY:  # nowhere to go: stay, and the agent behind takes its step back
                 goes[agent] = here
@@ -250,7 +250,7 @@ def _step(
                     agent = stack[depth]
                     goes[agent] = -1
                     if has_sweeps:
-                        _sweep_back(agent, now[agent], after[agent], ptr, table, sweep, swept_ptr, swept_cell, crossed)
+                        _sweep_back(agent, now[agent], after[agent], aim, sweep, swept_ptr, swept_cell, crossed)
                 continue
             number = best & _NUMBER
             keys[agent, number] = _NO_KEY
@@ -261,8 +261,8 @@ def _step(
                 after[agent] = now[agent]
                 floor[here, 1] = agent
                 break
-            option = begin + number - 1
-            to = table[option, CELL]
+            option = number - 1
+            to = aim[now[agent], option, 1]
             if floor[to, 1] != -1:
                 continue
             ahead = floor[to, 0]
@@ -274,11 +274,13 @@ def _step(
                 if not allow_rotation and _closes_ring(agent, ahead, floor, goes):
                     continue
             if has_sweeps:
-                if crossed[to] != -1 or not _is_clear(sweep[option], here, to, swept_ptr, swept_cell, floor, crossed):
+                if crossed[to] != -1 or not _is_clear(
+                    sweep[now[agent], option], here, to, swept_ptr, swept_cell, floor, crossed
+                ):
                     continue
-                _sweep_over(agent, sweep[option], here, to, swept_ptr, swept_cell, crossed)
+                _sweep_over(agent, sweep[now[agent], option], here, to, swept_ptr, swept_cell, crossed)
             goes[agent] = to
-            after[agent] = table[option, FIRST]
+            after[agent] = start[now[agent], option, 0] if has_turns else aim[now[agent], option, 0]
             floor[to, 1] = agent
             if ahead < 0 or goes[ahead] >= 0:
                 break  # the whole chain moves
@@ -291,7 +293,7 @@ def _step(
         floor[home[agent], 0] = -1
         floor[goes[agent], 1] = -1
         if has_sweeps:
-            _sweep_back(agent, now[agent], after[agent], ptr, table, sweep, swept_ptr, swept_cell, crossed)
+            _sweep_back(agent, now[agent], after[agent], aim, sweep, swept_ptr, swept_cell, crossed)
 
 
 @njit(cache=True, nogil=True)
@@ -318,8 +320,9 @@ def _place(
 
 @njit(cache=True, nogil=True)
 def _rank(
-    ptr: IntArray,
-    table: IntArray,
+    aim: IntArray,
+    start: IntArray,
+    has_turns: bool,
     distances: npt.NDArray[np.uint16],
     row: IntArray,
     locked: BoolArray,
@@ -338,29 +341,33 @@ def _rank(
         if locked[agent]:
             continue
         state, here, goal_row = now[agent], home[agent], row[agent]
-        begin, end = ptr[state], ptr[state + 1]
         noise = (salt ^ (agent * 0x9E3779B97F4A7C1)) * 0x2545F4914F6CDD1D
         noise ^= noise >> 29
         keys[agent, 0] = 0
+        own = np.int64(0)
         if goal_row >= 0:
-            left = np.int64(distances[goal_row, state])
-            if left < UNREACHABLE:
-                keys[agent, 0] = ((left + 1) << _DISTANCE_BIT) | _WAIT
-        for option in range(begin, end):
+            own = np.int64(distances[goal_row, state]) + 1
+            if own <= UNREACHABLE:
+                keys[agent, 0] = (own << _DISTANCE_BIT) | _WAIT
+        for option in range(aim.shape[1]):
+            target, to = aim[state, option, 0], aim[state, option, 1]
+            if target < 0:
+                keys[agent, option + 1 :] = _NO_KEY
+                break
             noise ^= noise << 13
             noise ^= noise >> 7
             noise ^= noise << 17
-            number = option - begin + 1
-            key = (noise & _CHANCE) | number
-            to = table[option, CELL]
+            key = (noise & _CHANCE) | (option + 1)
+            left = np.int64(1)
+            if has_turns:
+                left += start[state, option, 1]
+            if goal_row >= 0:
+                left += np.int64(distances[goal_row, target])
             if to == here:
                 key |= _TURN
-            elif floor[to, 0] != -1:
+            elif left == own and floor[to, 0] != -1:
                 key |= _OCCUPIED
-            left = 1 + table[option, TURNS]
-            if goal_row >= 0:
-                left += np.int64(distances[goal_row, table[option, AIM]])
-            keys[agent, number] = key | (left << _DISTANCE_BIT)
+            keys[agent, option + 1] = key | (left << _DISTANCE_BIT)
 
 
 @njit(cache=True, nogil=True)
@@ -407,17 +414,17 @@ def _sweep_back(
     agent: int,
     now: int,
     after: int,
-    ptr: IntArray,
-    table: IntArray,
+    aim: IntArray,
     sweep: IntArray,
     swept_ptr: IntArray,
     swept_cell: IntArray,
     crossed: IntArray,
 ) -> None:  # pragma: no cover - compiled
     """Give back what an agent's move swept over."""
-    for option in range(ptr[now], ptr[now + 1]):
-        if table[option, FIRST] == after and sweep[option] >= 0:
-            for k in range(swept_ptr[sweep[option]], swept_ptr[sweep[option] + 1]):
+    for option in range(aim.shape[1]):
+        move = sweep[now, option]
+        if aim[now, option, 0] == after and move >= 0:
+            for k in range(swept_ptr[move], swept_ptr[move + 1]):
                 if crossed[swept_cell[k]] == agent:
                     crossed[swept_cell[k]] = -1
 

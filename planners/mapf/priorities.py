@@ -1,4 +1,4 @@
-"""Priorities that outlive a window: they grow until the goal is reached, and faster where only others can help."""
+"""Priorities that outlive a window: they grow until the goal is reached, faster behind bottlenecks."""
 
 from __future__ import annotations
 
@@ -6,31 +6,45 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
-from planners.mapf.problem import BoolArray, IntArray
+from planners.mapf.problem import IntArray
 
-_DEAD_END_HASTE = 10.0
+Floats = npt.NDArray[np.float64]
+
+_PER_BOTTLENECK = 10.0
+"""Times that waiting counts more behind a bottleneck. With 3 some full floors froze, with 100 they worked less."""
+_LONGEST = 50.0
+"""What waiting comes to in the end, so that those inside need no longer to outrank those who have waited for ages."""
+_DEEPEST = 200
+"""Bottlenecks that count; beyond them the numbers would grow out of a float."""
+_KEPT = 0.9
+"""Share of its priority that an agent keeps with each timestep outside the pocket that it has left."""
 
 
 class Priorities:
     """Priority of each agent over a lifelong run.
 
-    An agent gains 1 with each timestep away from its goal and falls back to its own fraction of 1 when it is there.
-    In a dead end it gains 10 more: whoever waits outside for its cell cannot help it, but it can push its way out.
+    Priority grows with the time since the agent was last at a goal, ever more slowly and to 50 at most; a fraction of
+    its own breaks ties. In a pocket it counts tenfold for each bottleneck between the agent and the open floor, so that
+    an agent inside soon outranks all who wait outside; else the first in front of a full pocket would stay there for
+    ever, and nobody inside could make room. Whoever has left a pocket keeps its priority for a moment, so as not to be
+    pushed back.
 
     Args:
         graph: Lane graph.
         n: Number of agents.
-        seed: Seed of the fractions, which order agents that have waited equally long.
+        seed: Seed of the fractions.
 
     Source: Okumura et al., "Priority Inheritance with Backtracking for Iterative Multi-agent Path Finding", Artificial
-    Intelligence 310, 2022, section 4.2 (growth until the goal); the League of Robot Runners' start kit (dead ends).
+    Intelligence 310, 2022, section 4.2, https://doi.org/10.1016/j.artint.2022.103752 (growth until the goal). The
+    start kit of the League of Robot Runners adds a constant in dead ends, which cures only those; pockets are our own.
     """
 
     def __init__(self, graph: LaneGraph, n: int, *, seed: int | np.random.Generator = 0) -> None:
         self._state_cell = graph.state_cell
-        self._gain = np.where(dead_ends(graph), 1.0 + _DEAD_END_HASTE, 1.0)
+        self._weight = _PER_BOTTLENECK ** np.minimum(pocket_depth(graph), _DEEPEST)
         self._fraction = np.random.default_rng(seed).random(n)
-        self.values: npt.NDArray[np.float64] = self._fraction.copy()
+        self._waited = self._fraction.copy()
+        self.values: Floats = self._fraction.copy()
         """Larger goes first, shape (n,)."""
 
     def order(self) -> IntArray:
@@ -39,23 +53,29 @@ class Priorities:
 
     def advance(self, states: IntArray, goals: IntArray) -> None:
         """Count one timestep that has brought the agents to these states, each array of shape (n,)."""
-        gained = self.values + self._gain[self._state_cell[states]]
-        self.values = np.where((states == goals) | (goals < 0), self._fraction, gained)
+        there = (states == goals) | (goals < 0)
+        self._waited = np.where(there, self._fraction, self._waited + 1.0)
+        here = self._waited / (1.0 + self._waited / _LONGEST) * self._weight[self._state_cell[states]]
+        self.values = np.where(there, self._fraction, np.maximum(here, _KEPT * self.values + (1.0 - _KEPT) * here))
 
 
-def dead_ends(graph: LaneGraph) -> BoolArray:
-    """Cells on ways that lead nowhere else, shape (n_cells,): what is left over when cells with one neighbour go.
+def pocket_depth(graph: LaneGraph) -> IntArray:
+    """Bottlenecks between each cell and the open floor, shape (n_cells,).
 
-    A cell that no vehicle can stand in is none.
+    A bottleneck is a cell without which the floor falls apart. The open floor is the largest part that holds together
+    without any one of its cells, and every part beyond a bottleneck is a pocket, such as a dead end or a bay with one
+    entrance. The bottleneck itself belongs to the outer side. Directions of lanes do not matter.
     """
+    import networkx as nx
+
     ends = np.column_stack((graph.state_cell[graph.move_from], graph.state_cell[graph.move_to]))
-    ends = np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
-    alive = np.zeros(graph.n_cells, dtype=np.bool_)
-    alive[graph.state_cell] = True
-    dead = np.zeros(graph.n_cells, dtype=np.bool_)
-    while True:
-        peeled = alive & ~dead & (np.bincount(ends.ravel(), minlength=graph.n_cells) <= 1)
-        if not peeled.any():
-            return dead
-        dead |= peeled
-        ends = ends[~dead[ends].any(axis=1)]
+    blocks = list(nx.biconnected_components(nx.Graph(np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0).tolist())))
+    # Blocks, as numbers below zero, and the cells they consist of: a tree for each connected part of the floor.
+    tree = nx.Graph((~k, cell) for k, block in enumerate(blocks) for cell in block)
+    depth = np.zeros(graph.n_cells, dtype=np.int32)
+    for part in list(nx.connected_components(tree)):
+        core = max((node for node in part if node < 0), key=lambda node: len(blocks[~node]))
+        for node, steps in nx.single_source_shortest_path_length(tree, core).items():
+            if node >= 0:
+                depth[node] = (steps - 1) // 2
+    return depth

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from maps.lane_graph import LaneGraph
-from planners.mapf.distance_table import open_moves
-from planners.mapf.problem import BoolArray, IntArray
+from planners.mapf.options import open_moves
+from planners.mapf.problem import BoolArray, Instance, IntArray
 
 
 class Roads(NamedTuple):
@@ -26,6 +26,13 @@ class Roads(NamedTuple):
     n_cells: int
     two_way: bool
     """Every cell has one state, and whoever drives somewhere can drive back: vehicles can trade places."""
+
+
+def closed_cells(instance: Instance) -> BoolArray:
+    """Cells nobody can enter: blocked ones, and those of agents that do not move, shape (n_cells,)."""
+    closed = np.array(instance.blocked)
+    closed[instance.graph.state_cell[instance.starts[instance.fixed]]] = True
+    return closed
 
 
 def roads_of(graph: LaneGraph, blocked: BoolArray) -> Roads:

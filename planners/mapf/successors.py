@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.mapf.chance import Chance, draw
+from planners.mapf.distance_table import Distances, DistanceTable
 from planners.mapf.kernel import Whole, kernel
-from planners.mapf.problem import BoolArray, IntArray
+from planners.mapf.problem import BoolArray, Instance, IntArray
 from planners.mapf.roads import Roads
 
 _WAIT_KEY = 0.4
@@ -20,7 +21,7 @@ _NOISE_KEY = 0.4
 class Guide(NamedTuple):
     """Who wants to go where, and how far it is."""
 
-    distances: IntArray
+    distances: Distances
     """Timesteps to each goal, shape (n_rows, n_states)."""
     row: IntArray
     """Row of `distances` of each agent, -1 = no goal, shape (n,)."""
@@ -29,6 +30,19 @@ class Guide(NamedTuple):
     fixed: BoolArray
     stay: BoolArray
     allow_rotation: bool
+
+
+def guide_of(instance: Instance, tables: DistanceTable) -> Guide:
+    """Goals and distances of an instance."""
+    distances, row = tables.rows(instance.goals)
+    return Guide(
+        distances=distances,
+        row=row,
+        goals=np.array(instance.goals),
+        fixed=np.array(instance.fixed),
+        stay=np.array(instance.stay),
+        allow_rotation=instance.allow_rotation,
+    )
 
 
 class Board(NamedTuple):

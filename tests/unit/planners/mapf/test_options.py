@@ -6,7 +6,7 @@ import numpy as np
 
 from maps.grid import EAST, GridMap
 from maps.lane_graph import grid_lane_graph
-from planners.mapf.options import AIM, CELL, FIRST, TURNS, options_of
+from planners.mapf.options import Options, options_of
 from tests.unit.planners.mapf.lanes import king_grid, one_way_grid
 
 
@@ -14,12 +14,19 @@ def nothing_blocked(n: int) -> np.ndarray:
     return np.zeros(n, dtype=np.bool_)
 
 
+def listed(options: Options, state: int) -> np.ndarray:
+    """Rows (state aimed at, its cell, state after the first timestep, turns) of the options of a state."""
+    rows = np.concatenate((options.aim[state], options.start[state]), axis=1)
+    return rows[rows[:, 0] >= 0]
+
+
 def test_without_turns_options_are_the_moves() -> None:
     graph = one_way_grid(6, 8)
     options = options_of(graph, nothing_blocked(graph.n_cells))
-    assert options.table[:, AIM].tolist() == graph.move_to.tolist()
-    assert options.ptr.tolist() == graph.out_ptr.tolist()
-    assert (options.table[:, FIRST] == options.table[:, AIM]).all()
+    for state in range(graph.n_states):
+        moves = graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]
+        assert listed(options, state)[:, 0].tolist() == graph.move_to[moves].tolist()
+        assert listed(options, state)[:, 2].tolist() == graph.move_to[moves].tolist()
     assert not options.has_turns
     assert not options.has_sweeps
 
@@ -29,13 +36,10 @@ def test_a_cell_behind_a_turn_is_an_option() -> None:
     graph = grid_lane_graph(GridMap(np.ones((3, 3), dtype=np.bool_)), "rotating")
     options = options_of(graph, nothing_blocked(9))
     state = graph.state_at(4, EAST)
-    own = slice(options.ptr[state], options.ptr[state + 1])
-    turns = dict(zip(options.table[own, CELL].tolist(), options.table[own, TURNS].tolist(), strict=True))
+    turns = {cell: delay for _, cell, _, delay in listed(options, state).tolist()}
     assert turns == {5: 0, 1: 1, 7: 1, 3: 2, 4: 0}
     assert options.widest == 6, "four cells and two turns"
-    for first, cell, delay in zip(
-        options.table[own, FIRST], options.table[own, CELL], options.table[own, TURNS], strict=True
-    ):
+    for _, cell, first, delay in listed(options, state).tolist():
         assert (graph.state_cell[first] == cell) == (delay == 0)
 
 
@@ -45,7 +49,7 @@ def test_blocked_cells_are_no_options() -> None:
     blocked[[3, 5]] = True
     options = options_of(graph, blocked)
     state = graph.state_at(4, EAST)
-    assert set(options.table[options.ptr[state] : options.ptr[state + 1], CELL].tolist()) == {1, 4, 7}
+    assert set(listed(options, state)[:, 1].tolist()) == {1, 4, 7}
 
 
 def test_moves_that_sweep_beside_are_named() -> None:
@@ -54,4 +58,4 @@ def test_moves_that_sweep_beside_are_named() -> None:
     wide = options.sweep >= 0
     assert options.has_sweeps
     assert np.count_nonzero(wide) == 16, "two diagonals in each of four squares, both ways"
-    assert (graph.move_to[options.sweep[wide]] == options.table[wide, AIM]).all()
+    assert (graph.move_to[options.sweep[wide]] == options.aim[wide, 0]).all()
