@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from maps.lane_graph import LaneGraph
 from planners.mapf.distance_table import UNREACHABLE
+from planners.mapf.kernel import kernel
 from planners.mapf.problem import BoolArray, IntArray
 
 Longs = npt.NDArray[np.int64]
 
 FOREVER = 2**30
 """End of a reservation that is never given back: later than any timestep of a path."""
+FIRST_ROOM = 1024
+"""Nodes of a search that memory is kept for at first."""
 _NONE = -1
+_FULL = -2
 
 
 class Lanes(NamedTuple):
@@ -47,6 +50,24 @@ class Book(NamedTuple):
     """Entry of the cell where the agent stands afterwards; -1 = nowhere else, or a move over the cell."""
     crossing: BoolArray
     """The agent only moves over the cell."""
+
+
+class Nodes(NamedTuple):
+    """Memory of a search."""
+
+    state: IntArray
+    gap: IntArray
+    """Entry before the safe interval."""
+    time: IntArray
+    """Timestep of arrival."""
+    via: IntArray
+    """Move of the last timestep, -1 at the start."""
+    parent: IntArray
+    """-1 at the start."""
+    heap: IntArray
+    """Nodes that are open."""
+    keys: Longs
+    """Their keys."""
 
 
 class Reservations:
@@ -80,6 +101,7 @@ class Reservations:
         self._start_cells = graph.state_cell[starts]
         self._grace = _longest_turn(graph)
         self._allow_rotation = allow_rotation
+        self._nodes = _empty_nodes(FIRST_ROOM)
         self._widest = int(np.diff(graph.swept_ptr).max(initial=0))
         self.clear()
 
@@ -123,27 +145,48 @@ class Reservations:
             States at timesteps 0..T, shape (T + 1,), and moves, shape (T,), -1 = wait; None if there is no path.
         """
         self._waiting[self._lanes.state_cell[start]] = False
-        found, states, moves = _search(
-            self._lanes,
-            self._book,
-            self._soonest,
-            self._n_slots,
-            self._waiting,
-            self._grace,
-            self._allow_rotation,
-            self._latest,
-            start,
-            goal,
-            distance,
-            stay,
-        )
-        return (states, moves) if found else None
+        while True:
+            node = _search(
+                self._lanes,
+                self._book,
+                self._soonest,
+                self._nodes,
+                self._n_slots,
+                self._waiting,
+                self._grace,
+                self._allow_rotation,
+                self._latest,
+                start,
+                goal,
+                distance,
+                stay,
+            )
+            if node != _FULL:
+                return None if node < 0 else self._trace(node)
+            self._nodes = _empty_nodes(2 * len(self._nodes.state))
+
+    def _trace(self, node: int) -> tuple[IntArray, IntArray]:
+        """States and moves from the start to a node."""
+        nodes = self._nodes
+        moves = np.full(nodes.time[node], _NONE, dtype=np.int32)
+        states = np.full(len(moves) + 1, nodes.state[node], dtype=np.int32)
+        while nodes.parent[node] >= 0:
+            arrival = nodes.time[node]
+            moves[arrival - 1] = nodes.via[node]
+            node = int(nodes.parent[node])
+            states[:arrival] = nodes.state[node]
+        return states, moves
 
 
 def _empty_book(room: int) -> Book:
     """Heads of lists that end before timestep 0."""
     begin, end, cell, following, onward = np.full((5, room), _NONE, dtype=np.int32)
     return Book(begin, end, cell, following, onward, np.zeros(room, dtype=np.bool_))
+
+
+def _empty_nodes(room: int) -> Nodes:
+    state, gap, time, via, parent, heap = np.empty((6, room), dtype=np.int32)
+    return Nodes(state, gap, time, via, parent, heap, np.empty(room, dtype=np.int64))
 
 
 def _longest_turn(graph: LaneGraph) -> int:
@@ -160,7 +203,7 @@ def _longest_turn(graph: LaneGraph) -> int:
         ready, turns = more, turns + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _insert(
     book: Book, used: int, cell: int, begin: int, end: int, crossing: bool
 ) -> None:  # pragma: no cover - compiled
@@ -177,7 +220,7 @@ def _insert(
     book.following[before] = used
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _reserve(
     lanes: Lanes, book: Book, used: int, states: IntArray, moves: IntArray
 ) -> int:  # pragma: no cover - compiled
@@ -202,7 +245,7 @@ def _reserve(
     return used
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _standing(book: Book, cell: int, t: int) -> int:  # pragma: no cover - compiled
     """Entry of the agent that stands in a cell at a timestep, or -1."""
     entry = book.following[cell]
@@ -213,7 +256,7 @@ def _standing(book: Book, cell: int, t: int) -> int:  # pragma: no cover - compi
     return _NONE
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ring(book: Book, home: int, cell: int, t: int) -> int:  # pragma: no cover - compiled
     """Agents in the ring that going from `home` to `cell` after timestep t would close, 0 = none."""
     size = 1
@@ -227,7 +270,7 @@ def _ring(book: Book, home: int, cell: int, t: int) -> int:  # pragma: no cover 
             return size
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _may_cross(
     lanes: Lanes, book: Book, waiting: BoolArray, grace: int, move: int, home: int, to: int, t: int
 ) -> bool:  # pragma: no cover - compiled
@@ -249,7 +292,7 @@ def _may_cross(
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _push(keys: Longs, heap: IntArray, size: int, key: np.int64, node: int) -> None:  # pragma: no cover - compiled
     """Put a node on the heap of `size` nodes."""
     k = size
@@ -259,7 +302,7 @@ def _push(keys: Longs, heap: IntArray, size: int, key: np.int64, node: int) -> N
     keys[k], heap[k] = key, node
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pop(keys: Longs, heap: IntArray, size: int) -> int:  # pragma: no cover - compiled
     """Take the node with the least key off the heap of `size` nodes."""
     top = int(heap[0])
@@ -277,35 +320,12 @@ def _pop(keys: Longs, heap: IntArray, size: int) -> int:  # pragma: no cover - c
     return top
 
 
-@njit(cache=True, nogil=True)
-def _grown(column: npt.NDArray[Any]) -> npt.NDArray[Any]:  # pragma: no cover - compiled
-    """The same with room for twice as many."""
-    more = np.empty(2 * len(column), dtype=column.dtype)
-    more[: len(column)] = column
-    return more
-
-
-@njit(cache=True, nogil=True)
-def _trace(
-    lanes: Lanes, node: int, time: IntArray, via: IntArray, parent: IntArray, start: int
-) -> tuple[IntArray, IntArray]:  # pragma: no cover - compiled
-    """States and moves from the start to a node."""
-    moves = np.full(time[node], _NONE, dtype=np.int32)
-    while parent[node] >= 0:
-        moves[time[node] - 1] = via[node]
-        node = parent[node]
-    states = np.empty(len(moves) + 1, dtype=np.int32)
-    states[0] = start
-    for t in range(len(moves)):
-        states[t + 1] = states[t] if moves[t] < 0 else lanes.move_to[moves[t]]
-    return states, moves
-
-
-@njit(cache=True, nogil=True)
+@kernel
 def _search(
     lanes: Lanes,
     book: Book,
     soonest: IntArray,
+    nodes: Nodes,
     n_slots: int,
     waiting: BoolArray,
     grace: int,
@@ -315,49 +335,40 @@ def _search(
     goal: int,
     distance: npt.NDArray[np.integer],
     stay: bool,
-) -> tuple[bool, IntArray, IntArray]:  # pragma: no cover - compiled
-    """A* over (state, safe interval); an interval is named by the entry before it.
+) -> int:  # pragma: no cover - compiled
+    """A* over (state, safe interval); returns the node at the goal, -1 for none, -2 for not enough memory.
 
-    Keys order nodes by arrival at the goal, no earlier than it is free for good, and equal ones by what is left.
-
-    Within an interval the earliest arrival is the best one: whatever can be done later can be waited for.
-    `soonest` holds the best arrival per (entry, slot of the state), FOREVER where there is none, also on return.
+    An interval is named by the entry before it. Within it the earliest arrival is the best one: whatever can be done
+    later can be waited for. Keys order nodes by arrival at the goal, no earlier than it is free for good, and equal
+    ones by what is left. `soonest` holds the best arrival per (entry, slot of the state), FOREVER where there is none,
+    as everywhere before and after a search.
     """
-    nothing = np.empty(0, dtype=np.int32)
     goal_from = 0  # first timestep from which the goal is free for good
     if goal >= 0:
         if distance[start] >= UNREACHABLE:
-            return False, nothing, nothing
+            return _NONE
         entry = book.following[lanes.state_cell[goal]]
         while entry >= 0:
             goal_from = max(goal_from, book.end[entry] + 1)
             entry = book.following[entry]
         if goal_from > FOREVER:
-            return False, nothing, nothing
+            return _NONE
 
-    room = 256
-    state = np.empty(room, dtype=np.int32)
-    gap = np.empty(room, dtype=np.int32)
-    time = np.empty(room, dtype=np.int32)
-    via = np.empty(room, dtype=np.int32)
-    parent = np.empty(room, dtype=np.int32)
-    heap = np.empty(room, dtype=np.int32)
-    keys = np.empty(room, dtype=np.int64)
-
-    state[0], gap[0], time[0], via[0], parent[0] = start, lanes.state_cell[start], 0, _NONE, _NONE
-    soonest[gap[0] * n_slots + lanes.slot[start]] = 0
-    n_nodes, size, goal_node = 1, 1, _NONE
-    keys[0], heap[0] = 0, 0
-    while size > 0:
-        node = _pop(keys, heap, size)
+    nodes.state[0], nodes.gap[0], nodes.time[0] = start, lanes.state_cell[start], 0
+    nodes.via[0], nodes.parent[0] = _NONE, _NONE
+    soonest[nodes.gap[0] * n_slots + lanes.slot[start]] = 0
+    n_nodes, size, found = 1, 1, _NONE
+    nodes.keys[0], nodes.heap[0] = 0, 0
+    while size > 0 and found == _NONE:
+        node = _pop(nodes.keys, nodes.heap, size)
         size -= 1
-        s, p, t0 = state[node], gap[node], time[node]
+        s, p, t0 = nodes.state[node], nodes.gap[node], nodes.time[node]
         if soonest[p * n_slots + lanes.slot[s]] < t0:
             continue
         free_until = FOREVER if book.following[p] < 0 else book.begin[book.following[p]] - 1
         if free_until == FOREVER and (goal < 0 or s == goal):
-            goal_node = node
-            break
+            found = node
+            continue
         if stay and s == goal:
             continue
         home = lanes.state_cell[s]
@@ -383,24 +394,19 @@ def _search(
                     t += 1
                 place = before * n_slots + lanes.slot[after]
                 if opens <= shuts and t <= until and t + 1 < soonest[place]:
+                    if n_nodes == len(nodes.state):
+                        found = _FULL
+                        break
                     soonest[place] = t + 1
-                    if n_nodes == len(state):
-                        state, gap, time = _grown(state), _grown(gap), _grown(time)
-                        via, parent = _grown(via), _grown(parent)
-                    if size == len(heap):
-                        heap, keys = _grown(heap), _grown(keys)
-                    state[n_nodes], gap[n_nodes], time[n_nodes] = after, before, t + 1
-                    via[n_nodes], parent[n_nodes] = move, node
+                    nodes.state[n_nodes], nodes.gap[n_nodes], nodes.time[n_nodes] = after, before, t + 1
+                    nodes.via[n_nodes], nodes.parent[n_nodes] = move, node
                     left = np.int64(distance[after]) if goal >= 0 else np.int64(0)
                     key = max(np.int64(t + 1) + left, np.int64(goal_from)) * FOREVER + left
-                    _push(keys, heap, size, key, n_nodes)
+                    _push(nodes.keys, nodes.heap, size, key, n_nodes)
                     n_nodes += 1
                     size += 1
                 before = next_entry
 
     for node in range(n_nodes):
-        soonest[gap[node] * n_slots + lanes.slot[state[node]]] = FOREVER
-    if goal_node < 0:
-        return False, nothing, nothing
-    states, moves = _trace(lanes, goal_node, time, via, parent, start)
-    return True, states, moves
+        soonest[nodes.gap[node] * n_slots + lanes.slot[nodes.state[node]]] = FOREVER
+    return found

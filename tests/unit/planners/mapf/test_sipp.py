@@ -12,6 +12,7 @@ from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf import safe_intervals
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.safe_intervals import Reservations
@@ -188,6 +189,13 @@ def test_many_paths_grow_the_book() -> None:
     assert found is not None
     assert found[0].tolist()[-1] == 1
     assert len(found[1]) == 60  # in as the other one leaves for the last time
+
+
+def test_a_search_that_runs_out_of_memory_gets_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    instance = crowd(1, 8, "rotating")
+    expected = Sipp().plan(instance)
+    monkeypatch.setattr(safe_intervals, "FIRST_ROOM", 2)
+    np.testing.assert_array_equal(Sipp().plan(instance).states, expected.states)
 
 
 @pytest.mark.parametrize(("graph", "arrival"), [(open_grid(1, 3), 2), (turning_grid(1, 3), 4)], ids=["step", "turn"])
