@@ -37,6 +37,7 @@ FAMILIES = [
                 "roads",
                 "successors",
                 "timetable",
+                "turning",
                 "validate",
             }
         ),
