@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-BENCHMARKS: tuple[str, ...] = ("demo", "tracking")
-"""Names of the benchmark modules, in the order `python -m benchmarks` runs them; one file each in this folder."""
+BENCHMARKS: tuple[str, ...] = ("demo", "mapf", "mapf_lanes", "tracking")
+"""Names of the benchmark modules, in the order `python -m benchmarks` runs them; one module each in this folder."""

@@ -70,7 +70,11 @@ class Trial:
     quick: bool
     """Shrink the repetitions, keep every row."""
     seeds: tuple[int, ...]
+    groups: tuple[str, ...] = ()
+    """Groups of rows that are wanted, of a benchmark that has groups."""
     failures: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    """Said below the table, such as rows that are left out and why."""
 
     def check(self, ok: bool, what: str) -> None:
         """Note a wrong result; figures measured on wrong results are not shown.
@@ -93,6 +97,8 @@ class Benchmark:
     """Runs the cases, calls `Trial.check` on each result, and returns the figures."""
     seeds: tuple[int, ...] = (0,)
     quick_seeds: tuple[int, ...] = (0,)
+    groups: tuple[str, ...] = ()
+    """Names of groups of rows that can be run alone, in the order of the table."""
 
 
 def main(benchmark: Benchmark, argv: Sequence[str] | None = None, console: Console | None = None) -> int:
@@ -110,14 +116,23 @@ def main(benchmark: Benchmark, argv: Sequence[str] | None = None, console: Conso
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{benchmark.name}", description=benchmark.summary)
     parser.add_argument("--quick", action="store_true", help="the same rows from few repetitions, in about a minute")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write rows, machine, commit and seeds to FILE")
+    if benchmark.groups:
+        parser.add_argument(
+            "--only", nargs="+", metavar="GROUP", help=f"of {', '.join(benchmark.groups)}; default: all"
+        )
     options = parser.parse_args(argv)
+    groups = tuple(getattr(options, "only", None) or benchmark.groups)
+    unknown = [group for group in groups if group not in benchmark.groups]
+    if unknown:
+        parser.error(f"--only: no group {unknown[0]!r}; valid: {', '.join(benchmark.groups)}")
     console = console or plain_console()
 
     if options.json is not None and (problem := write_problem(options.json)):
         console.print(f"--json {options.json}: {problem}", highlight=False, markup=False, soft_wrap=True)
         return EXIT_BAD_INPUT
 
-    trial = Trial(quick=options.quick, seeds=benchmark.quick_seeds if options.quick else benchmark.seeds)
+    seeds = benchmark.quick_seeds if options.quick else benchmark.seeds
+    trial = Trial(quick=options.quick, seeds=seeds, groups=groups)
     rows = list(benchmark.measure(trial))
     if trial.failures:
         for failure in trial.failures:
@@ -125,6 +140,8 @@ def main(benchmark: Benchmark, argv: Sequence[str] | None = None, console: Conso
         return EXIT_WRONG_RESULT
 
     console.print(_table(benchmark, rows))
+    for note in trial.notes:
+        console.print(note, highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
         write_json(options.json, report(benchmark, trial, rows))
     return EXIT_OK
@@ -139,6 +156,7 @@ def report(benchmark: Benchmark, trial: Trial, rows: Sequence[Row]) -> dict[str,
         "machine": machine(),
         "commit": commit(),
         "seeds": list(trial.seeds),
+        "notes": trial.notes,
     }
 
 

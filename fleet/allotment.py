@@ -55,7 +55,10 @@ class Allotment:
         tails = self._executor.tail_states()[cars]
         cost = np.empty((len(cars), len(tasks)))
         for k, task in enumerate(tasks):
-            distance = self._traffic.tables.to(self._by_name[task.order.pick].dock_state)[tails].astype(np.float64)
+            pick, drop = (self._by_name[name].dock_state for name in (task.order.pick, task.order.drop))
+            distance = self._traffic.tables.to(pick)[tails].astype(np.float64)
+            if not self._traffic.reachable(pick, drop):
+                distance[:] = UNREACHABLE
             waited_s = now_s - task.since_s[TaskState.READY]
             cost[:, k] = distance - self._config.ageing_m_per_s * waited_s
             cost[distance >= UNREACHABLE, k] = np.inf

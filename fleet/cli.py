@@ -17,6 +17,8 @@ from typing import Any, NoReturn, get_type_hints
 import tyro
 
 from fleet.commands.demo import Demo
+from fleet.commands.lorr import Lorr
+from fleet.commands.plan import Plan
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
 from fleet.errors import FleetError
 from maps.errors import MapsError
@@ -24,7 +26,7 @@ from planners.errors import PlanningError
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
-COMMANDS: dict[str, type[Any]] = {"demo": Demo}
+COMMANDS: dict[str, type[Any]] = {"demo": Demo, "lorr": Lorr, "plan": Plan}
 SITE_COMMANDS: dict[str, type[Any]] = {
     "check": SiteCheck,
     "list": SiteList,
@@ -42,7 +44,7 @@ NUMBERS = {"INT": "an integer", "FLOAT": "a number"}
 
 
 def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet") -> None:
-    """Run a command and exit with its status: 0 success, 1 tasks failed or open, 2 bad input, 130 interrupted.
+    """Run a command and exit with its status: 0 success, 1 tasks or plans failed, 2 bad input, 130 interrupted.
 
     Args:
         arguments: Words after the program's name; None reads them from the command line.
@@ -123,6 +125,8 @@ def _one_line(complaint: str, words: list[str]) -> str:
         return f"{option} is {value}; valid: {choices.replace(chr(39), '')}"
     if found := re.search(r"Missing value for argument '(\S+?)'", text):
         return f"{found[1]} has no value; valid: {found[1]} VALUE"
+    if found := re.search(r"Missing from .*?: (--\S+) ([A-Z]+) ", text):
+        return f"{found[1]} is missing; valid: {found[1]} {found[2]}"
     if found := re.search(r"Missing from .*?: ([A-Z]+ .*?) \(required\)", text):
         return f"an argument is missing; valid: {found[1]}"
     if found := re.search(r"Error parsing (\S+?): .*Argument helptext: \S+ (\S+)", text):

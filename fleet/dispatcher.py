@@ -102,6 +102,7 @@ class Dispatcher:
         self._changed |= self.stock.tick(now_s)
         if self._changed or tick % self._period == 0:
             self._changed = False
+            self._take_back(now_s)
             idle = [car for car, phase in enumerate(self.phase) if phase is CarPhase.IDLE]
             for car, task in self._allotment.choose(idle, now_s):
                 self._assign(car, task, tick, now_s)
@@ -156,6 +157,25 @@ class Dispatcher:
         self.board.move(task, TaskState.READY, now_s, reason)
         self._changed = True
 
+    def _take_back(self, now_s: float) -> None:
+        """Free cars of tasks that they have no way to go on with."""
+        if not self._traffic.blocked.any():
+            return
+        tails = self._executor.tail_states()
+        for car, phase in enumerate(self.phase):
+            task = self.task_of[car]
+            if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP):
+                continue
+            name = task.order.pick if phase is CarPhase.TO_PICK else task.order.drop
+            if self._traffic.reachable(int(tails[car]), self._by_name[name].dock_state):
+                continue
+            if phase is CarPhase.TO_PICK:
+                self._unassign(task, now_s, f"car_{car} has no way to {name}")
+                self._release_car(car)
+            elif self._traffic.blocked_for_good:
+                self._fail(task, now_s, f"car_{car} has no way to {name}; its parcel stays in the tray")
+                self._release_car(car, CarPhase.RETIRED)
+
     def _send_to(self, car: int, station: Station, tick: int) -> None:
         self._traffic.rank[car] = LOADED_RANK_S if self.phase[car] is CarPhase.TO_DROP else 0.0
         self._traffic.send(car, station.dock_state, stay=True, tick=tick)
@@ -177,15 +197,16 @@ class Dispatcher:
             self._traffic.send(car, goal, stay=False, tick=tick)
 
     def _start_services(self, tick: int, now_s: float) -> None:
+        tails = self._executor.tail_states()
         for car, phase in enumerate(self.phase):
             if phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP):
                 continue
             task = self.task_of[car]
-            if task is None or not self._executor.idle(car):
+            if task is None:
                 continue
             loading = phase is CarPhase.TO_PICK
             station = self._by_name[task.order.pick if loading else task.order.drop]
-            if self._executor.tail_states()[car] != station.dock_state:
+            if tails[car] != station.dock_state or not self._executor.idle(car):
                 continue
             if not self._desk.is_idle(station.arm):
                 continue
@@ -300,11 +321,15 @@ class Dispatcher:
 
     def _strand(self, task: Task, car: int, now_s: float, reason: str) -> None:
         """Give up a task whose parcel rides in a car that will not move again."""
-        self.board.move(task, TaskState.FAILED, now_s, f"parcel stranded: {reason}")
-        if task.drop_slot is not None:
-            self._by_name[task.order.drop].free_slot(task.drop_slot)
+        self._fail(task, now_s, f"parcel stranded: {reason}")
         self.task_of[car] = None
         self._traffic.rank[car] = 0.0
+
+    def _fail(self, task: Task, now_s: float, reason: str) -> None:
+        """Give up a task whose parcel is in a car, and the slot that waits for it."""
+        self.board.move(task, TaskState.FAILED, now_s, reason)
+        if task.drop_slot is not None:
+            self._by_name[task.order.drop].free_slot(task.drop_slot)
 
     def _dock_cell(self, station: Station) -> int:
         return int(self._graph.state_cell[station.dock_state])

@@ -55,11 +55,10 @@ class Disturbances:
         target = self._target(event)
         parameters = event.parameters
         if event.kind == "car_dead":
-            simulation.recovery.abandon(target)
             simulation.driver.stop(target)
             simulation.executor.halt(target)
             simulation.dispatcher.retire(target, CarPhase.DEAD, now_s, f"car_{target} is dead")
-            simulation.traffic.set_dead(target)
+            simulation.recovery.abandon(target)
         elif event.kind == "car_pushed":
             simulation.world.push_car(
                 target, parameters.get("dx_m", 0.0), parameters.get("dy_m", 0.0), parameters.get("dyaw_rad", 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -51,6 +52,9 @@ class Driver(Protocol):
 
     def stop(self, car: int) -> None:
         """Stand still from now on, whatever was granted."""
+
+    def give_up(self, car: int) -> None:
+        """Stand still for good: what was granted is void."""
 
 
 class PathDriver:
@@ -157,6 +161,11 @@ class PathDriver:
         """See `Driver`."""
         self._speed_cap[car] = 0.0
 
+    def give_up(self, car: int) -> None:
+        """See `Driver`."""
+        self.restart(car)
+        self.stop(car)
+
     def go(self, car: int, speed_mps: float = PASS_SPEED_MPS) -> None:
         """End a `stop`: drive on along what was granted, at most that fast."""
         self._speed_cap[car] = speed_mps
@@ -168,10 +177,17 @@ class StateDriver:
     Args:
         graph: Lane graph whose moves are driven.
         start_states: State ids, shape (n_cars,).
+        states: Tells the state of each car, shape (n_cars,); a car that was pushed is still in its state.
     """
 
-    def __init__(self, graph: LaneGraph, start_states: npt.NDArray[np.int32]) -> None:
+    def __init__(
+        self,
+        graph: LaneGraph,
+        start_states: npt.NDArray[np.int32],
+        states: Callable[[], npt.NDArray[np.int64]],
+    ) -> None:
         self._graph = graph
+        self._reached = states
         self._state = start_states.astype(np.int64)
         self.estimate = graph.state_pose[start_states]
         self._targets: list[deque[int]] = [deque() for _ in start_states]
@@ -184,10 +200,11 @@ class StateDriver:
 
     def commands(self, world: World) -> FloatArray:
         """See `Driver`."""
-        poses = self.estimate = world.car_poses()
+        self.estimate = world.car_poses()
+        reached = self._reached().tolist()
         commands = np.zeros((len(self._state), 2))
         for car, targets in enumerate(self._targets):
-            if targets and np.array_equal(poses[car], self._graph.state_pose[targets[0]]):
+            if targets and reached[car] == targets[0]:
                 self._state[car] = targets.popleft()
                 self._done.append(car)
             go = targets and not self._stopped[car]
@@ -214,3 +231,8 @@ class StateDriver:
     def stop(self, car: int) -> None:
         """See `Driver`."""
         self._stopped[car] = True
+
+    def give_up(self, car: int) -> None:
+        """See `Driver`."""
+        self._targets[car].clear()
+        self.stop(car)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +13,11 @@ from fleet.driving import Driver
 from fleet.world.protocol import FloatArray, World
 from maps.lane_graph import LaneGraph
 from planners.execution.dependency_graph import DependencyGraph
-from planners.execution.errors import CyclicPlanError
+from planners.execution.errors import UnexecutablePlanError
 from planners.mapf.problem import Plan
+
+RETRY_S = 0.5
+"""Time after which a car that could not go first asks again [s]."""
 
 
 class Executor:
@@ -23,26 +27,41 @@ class Executor:
         graph: Lane graph the plans live on.
         start_states: State of each car, shape (n_cars,); distinct cells.
         driver: Turns granted moves into commands.
-        config: How many moves a car may hold at once.
+        config: How many moves a car may hold at once, and when the order at a crossing may change.
+        log: Called as ``log(kind, **facts)`` when a plan cannot be executed as it is.
     """
 
     def __init__(
-        self, graph: LaneGraph, start_states: npt.NDArray[np.int32], driver: Driver, config: TrafficConfig
+        self,
+        graph: LaneGraph,
+        start_states: npt.NDArray[np.int32],
+        driver: Driver,
+        config: TrafficConfig,
+        log: Callable[..., None],
     ) -> None:
         self.graph = graph
         self.driver = driver
         self.dependencies = DependencyGraph(graph, start_states)
+        self.reordered_n = 0
+        """How often a car went before one that was late."""
         self._config = config
+        self._log = log
         self._n_cars = len(start_states)
-        self._closed: set[int] = set()
+        self._waited_s = np.zeros(self._n_cars)  # held up by nothing but the order
+        self._still_s = np.zeros(self._n_cars)  # since the last grant or finish
+        self._closed_n = np.zeros(graph.n_cells, dtype=np.int64)
         self._dirty = True
 
     def accept(self, plan: Plan) -> None:
-        """Append a plan whose first row equals `tail_states`; one that cannot be executed is cut before its cycle."""
-        try:
-            self.dependencies.extend(plan)
-        except CyclicPlanError as error:
-            self.dependencies.extend(replace(plan, states=plan.states[: error.timestep + 1]))
+        """Append a plan whose first row equals `tail_states`; of one that cannot be executed, the part that can."""
+        while True:
+            try:
+                self.dependencies.extend(plan)
+                break
+            except UnexecutablePlanError as fault:
+                # A bug of the planner: the cars drive on by what is right, and the log tells.
+                self._log("plan_cut", timestep=fault.timestep, of=len(plan.states) - 1, cause=str(fault))
+                plan = replace(plan, states=plan.states[: fault.timestep + 1])
         self._dirty = True
 
     def cut(self) -> npt.NDArray[np.int32]:
@@ -54,19 +73,19 @@ class Executor:
         return self.dependencies.tail_states()
 
     def close(self, cell: int) -> None:
-        """Grant nobody entry to a cell until `open`; cars that hold it keep it."""
-        self._closed.add(cell)
+        """Grant nobody entry to a cell until as many calls of `open`; cars that hold it keep it."""
+        self._closed_n[cell] += 1
 
     def open(self, cell: int) -> None:
-        """End a `close`."""
-        self._closed.discard(cell)
+        """End a `close`; the cell stays closed while there are others."""
+        self._closed_n[cell] -= 1
         self._dirty = True
 
     def close_if_free(self, cell: int) -> bool:
         """Close a cell unless a car holds it, and drop what leads through it; returns whether it was closed."""
         if any(cell in self.dependencies.held_cells(car) for car in range(self._n_cars)):
             return False
-        self._closed.add(cell)
+        self.close(cell)
         self.dependencies.avoid(cell)
         return True
 
@@ -101,19 +120,28 @@ class Executor:
             Car commands, shape (n_cars, 2).
         """
         commands = self.driver.commands(world)
-        for car in self.driver.finished():
-            self.dependencies.finish(car)
+        self._still_s += world.tick_s
+        finished = self.driver.finished()
+        if finished:
+            self.dependencies.finish_all(finished)
+            self._still_s[finished] = 0.0
             self._dirty = True
+        self._reorder(world.tick_s)
         if self._dirty:
-            self._grant()
+            cars, moves = self.dependencies.grant_all(self._config.grant_moves_n, self._closed_n > 0)
+            for car, move in zip(cars, moves, strict=True):
+                self.driver.append(car, move)
+            self._still_s[cars] = 0.0
             self._dirty = False
         return commands
 
-    def _grant(self) -> None:
-        dependencies = self.dependencies
-        for car in range(self._n_cars):
-            while dependencies.n_granted(car) < self._config.grant_moves_n and dependencies.grantable(car):
-                move = dependencies.next_moves(car)[0]
-                if self.graph.state_cell[self.graph.move_to[move]] in self._closed:
-                    break
-                self.driver.append(car, dependencies.grant(car))
+    def _reorder(self, tick_s: float) -> None:
+        """Let the car that has waited longest for a late one go first; if it cannot, it asks again later."""
+        after_s = self._config.reorder_after_s
+        self._waited_s = np.where(self.dependencies.held_up(), self._waited_s + tick_s, 0.0)
+        car = int(np.argmax(self._waited_s))
+        if self._waited_s[car] >= after_s:
+            self._waited_s[car] -= RETRY_S
+            if self.dependencies.go_first(car, self._still_s >= after_s):
+                self.reordered_n += 1
+                self._dirty = True

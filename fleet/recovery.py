@@ -1,4 +1,4 @@
-"""Recovery: a car that has left its lane stops, and rejoins a free state nearby on a Reeds-Shepp path."""
+"""Recovery: a car that has left its lane stops and rejoins a free state nearby; a dead one keeps only its ground."""
 
 from __future__ import annotations
 
@@ -36,6 +36,8 @@ STILL_MPS, STILL_S = 0.05, 0.5
 MANOEUVRE_MPS = 0.5
 JOIN_M = 0.08
 """A manoeuvre that ends farther than this from its state is repeated."""
+SHIFTED_M, SHIFTED_RAD = 0.06, 0.2
+"""A dead car that is farther than this from where it came to rest was pushed; noise of the estimate stays below."""
 RETRY_S, RETRY_MAX_S = 2.0, 30.0
 """Wait before the next attempt when there is no way back yet; doubles with every attempt."""
 
@@ -56,6 +58,15 @@ class _Rejoin:
     """Cars that stand because their granted way leads through this one."""
 
 
+@dataclass(kw_only=True)
+class _Wreck:
+    still_since: int
+    pose: FloatArray | None = None
+    """Where it came to rest; None while it rolls."""
+    halted: set[int] = field(default_factory=set)
+    """Cars that stand because their granted way leads through it."""
+
+
 class Recovery:
     """Brings cars back onto the lane graph.
 
@@ -66,17 +77,22 @@ class Recovery:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._rejoining: dict[int, _Rejoin] = {}
+        self._wrecks: dict[int, _Wreck] = {}
 
     def abandon(self, car: int) -> None:
-        """Stop caring for a car (it died); it keeps the cells it stands in."""
+        """A car died: it rolls out, and then only the cells it stands in are lost, wherever it is pushed later."""
         rejoin = self._rejoining.pop(car, None)
         driver = self._simulation.driver
         if rejoin is not None and isinstance(driver, PathDriver):
-            self._let_go(driver, rejoin, set())
+            self._let_go(driver, rejoin.halted)
+        self._simulation.traffic.set_dead(car, [])
+        self._wrecks.setdefault(car, _Wreck(still_since=self._simulation.now))
 
     def tick(self, tick: int) -> None:
         """Notice cars that are off their lane, and move those that are being recovered on by one step."""
         driver = self._simulation.driver
+        for car, wreck in self._wrecks.items():
+            self._watch(car, wreck, tick)
         if not isinstance(driver, PathDriver):
             return
         for car in driver.off_lane():
@@ -105,26 +121,66 @@ class Recovery:
         simulation.log("off_lane", car=f"car_{car}", x=x, y=y, yaw=yaw)
         self._rejoining[car] = _Rejoin(stage=_Stage.STOPPING, still_since=tick)
 
-    def _hold_ground(self, driver: PathDriver, car: int, rejoin: _Rejoin) -> None:
-        """Let nobody into the cells the car has come to stand in; who was granted one already has to wait."""
+    def _watch(self, car: int, wreck: _Wreck, tick: int) -> None:
+        """Let a dead car roll out, or slide after a push, and then give back all cells but those under it."""
+        simulation = self._simulation
+        driver, pose = simulation.driver, simulation.driver.estimate[car]
+        if wreck.pose is not None:
+            turned = abs(np.arctan2(np.sin(pose[2] - wreck.pose[2]), np.cos(pose[2] - wreck.pose[2])))
+            if np.hypot(*(pose - wreck.pose)[:2]) < SHIFTED_M and turned < SHIFTED_RAD:
+                return
+            wreck.pose, wreck.still_since = None, tick
+        if isinstance(driver, PathDriver):
+            self._hold_ground(driver, car, wreck)
+        if np.abs(simulation.world.car_speeds()[car]) > STILL_MPS:
+            wreck.still_since = tick
+        if (tick - wreck.still_since) * simulation.tick_s < STILL_S or simulation.dispatcher.is_served(car):
+            return
+        wreck.pose = pose.copy()
+        self._settle(car)
+        if isinstance(driver, PathDriver):
+            # Their way leads through the wreck: they have to find another.
+            for other in wreck.halted - self._rejoining.keys():
+                self._begin(driver, other, tick)
+            wreck.halted = set()
+
+    def _settle(self, car: int) -> None:
+        """Make the cells under a dead car that nobody else holds all that it has."""
+        simulation = self._simulation
+        dependencies, graph = simulation.executor.dependencies, simulation.graph
+        pose = simulation.driver.estimate[car]
+        ground = self._cells_of(pose[None])
+        dependencies.unreserve(car)
+        own = [cell for cell in ground if dependencies.reserve(car, (cell,))]
+        states = np.flatnonzero(np.isin(graph.state_cell, own))
+        if states.size:
+            offset = graph.state_pose[states, :2] - pose[:2]
+            simulation.driver.give_up(car)
+            simulation.executor.relocate(car, int(states[np.argmin(np.hypot(*offset.T))]))
+        # Pushed off all lanes it keeps its last cell there: the graph knows no other place for it.
+        taken = sorted({*ground, *dependencies.held_cells(car)})
+        for cell in taken:
+            dependencies.avoid(cell)
+        simulation.traffic.set_dead(car, taken)
+        simulation.log("wreck", car=f"car_{car}", cells=taken)
+
+    def _hold_ground(self, driver: PathDriver, car: int, stopped: _Rejoin | _Wreck) -> None:
+        """Let nobody into the cells a car has come to stand in; those who were granted one already have to wait."""
         dependencies = self._simulation.executor.dependencies
-        ground = self._cells_of(driver.estimate[car][None])
         halted = set()
-        for cell in ground:
+        for cell in self._cells_of(driver.estimate[car][None]):
             if not dependencies.reserve(car, (cell,)):
                 halted |= {other for other in self._others(car) if cell in dependencies.held_cells(other)}
-        halted -= self._rejoining.keys()
-        for other in halted - rejoin.halted:
+        before, stopped.halted = stopped.halted, halted - self._rejoining.keys() - self._wrecks.keys()
+        for other in stopped.halted - before:
             driver.stop(other)
-        self._let_go(driver, rejoin, halted)
-        rejoin.halted = halted
+        self._let_go(driver, before - stopped.halted)
 
-    def _let_go(self, driver: PathDriver, rejoin: _Rejoin, halted: set[int]) -> None:
-        """Let cars go on that waited for this one only."""
-        phase = self._simulation.dispatcher.phase
-        waiting = set().union(*(other.halted for other in self._rejoining.values() if other is not rejoin), halted)
-        for other in rejoin.halted - waiting:
-            if phase[other] is not CarPhase.DEAD and other not in self._rejoining:
+    def _let_go(self, driver: PathDriver, cars: set[int]) -> None:
+        """Let cars go on, but for those that are in trouble themselves or wait for yet another."""
+        stopped: list[_Rejoin | _Wreck] = [*self._rejoining.values(), *self._wrecks.values()]
+        for other in cars - self._rejoining.keys() - self._wrecks.keys():
+            if not any(other in obstacle.halted for obstacle in stopped):
                 driver.go(other)
 
     def _try(self, driver: PathDriver, car: int, rejoin: _Rejoin, tick: int) -> None:
@@ -188,7 +244,7 @@ class Recovery:
             rejoin.stage, rejoin.still_since = _Stage.STOPPING, tick
             return
         del self._rejoining[car]
-        self._let_go(driver, rejoin, set())
+        self._let_go(driver, rejoin.halted)
         driver.restart(car, goal)
         simulation.executor.relocate(car, rejoin.target)
         simulation.executor.dependencies.unreserve(car)

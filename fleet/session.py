@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import signal
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -14,6 +12,7 @@ import numpy as np
 from fleet.config import RunConfig
 from fleet.dispatcher import CarPhase
 from fleet.insight.metrics import Summary
+from fleet.interrupts import interrupts
 from fleet.progress import Progress
 from fleet.recording import (
     RECORDING,
@@ -40,7 +39,7 @@ COUNTED = {
     "failed": (TaskState.FAILED,),
 }
 """Groups of task states that are counted over time."""
-LOUD = frozenset({"off_lane", "rejoin_impossible", "transfer_repeated", "disturbance"})
+LOUD = frozenset({"off_lane", "plan_cut", "rejoin_impossible", "transfer_repeated", "disturbance"})
 """Events that a person should notice in the log."""
 
 
@@ -96,7 +95,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         if session.serve:
             require_free_port(session.port)
         # From here on there are files: an interrupt ends the run, and the files are finished.
-        interrupted = stack.enter_context(_interrupts())
+        interrupted = stack.enter_context(interrupts())
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
         recorder = stack.enter_context(_recorder(simulation, session))
@@ -157,29 +156,6 @@ def _wait_until(time_s: float, interrupted: list[int]) -> None:
     """Sleep, in short naps: an interrupt only fills the list, and must not have to wait for the end of a long one."""
     while not interrupted and (left_s := time_s - time.perf_counter()) > 0:
         time.sleep(min(left_s, NAP_S))
-
-
-@contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """Collect SIGINT and SIGTERM in a list instead of raising in the middle of a tick; a second one raises."""
-    seen: list[int] = []
-
-    def handler(number: int, frame: object) -> None:
-        del frame
-        if seen:
-            raise KeyboardInterrupt
-        seen.append(number)
-
-    try:
-        before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
-    except ValueError:  # not in the main thread: the caller keeps its own handling
-        yield seen
-        return
-    try:
-        yield seen
-    finally:
-        for number, old in before.items():
-            signal.signal(number, old)
 
 
 def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:

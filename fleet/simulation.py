@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import Fidelity, RunConfig, require
+from fleet.config import RunConfig, require
 from fleet.dispatcher import Dispatcher
 from fleet.disturbance import Disturbances
 from fleet.driving import Driver, PathDriver, StateDriver
@@ -25,6 +25,7 @@ from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Order, generate_orders, read_orders
 from fleet.traffic import Traffic
 from fleet.world import make_world
+from fleet.world.grid import GridWorld
 from fleet.world.protocol import FloatArray, World
 from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
@@ -108,7 +109,7 @@ class Simulation:
             self.now = 0
             self._progress_s = 0.0
             self.driver: Driver = self._driver(start_states, np.random.default_rng(estimate_seed))
-            self.executor = Executor(self.graph, start_states, self.driver, config.traffic)
+            self.executor = Executor(self.graph, start_states, self.driver, config.traffic, self.log)
             self.traffic = Traffic(
                 self.graph, self.executor, config.traffic, self.tick_s, int(traffic_seed.generate_state(1)[0])
             )
@@ -216,8 +217,8 @@ class Simulation:
         return ArmDesk(self.arm_planner, self.config.arms, self.scene.car, self.scene.arm_start, self.tick_s)
 
     def _driver(self, start_states: npt.NDArray[np.int32], rng: np.random.Generator) -> Driver:
-        if self.config.fidelity is Fidelity.GRID:
-            return StateDriver(self.graph, start_states)
+        if isinstance(self.world, GridWorld):
+            return StateDriver(self.graph, start_states, self.world.car_states)
         return PathDriver(
             self.graph,
             self.scene.car,

@@ -38,6 +38,7 @@ class Stock:
         self._board = board
         self._stations = stations
         self._by_name = {station.name: station for station in stations}
+        self._left_waiting = (0, 0)
         self._car = car
         self._world = world
         self._log = log
@@ -51,7 +52,11 @@ class Stock:
         for station in self._stations:
             for slot in station.collect_due(now_s):
                 self._collect(station, slot, now_s)
-        return bool(self._board.count(TaskState.BACKLOG)) and self._fill(now_s)
+        if not self._board.count(TaskState.BACKLOG) or self._waiting() == self._left_waiting:
+            return False
+        filled = self._fill(now_s)
+        self._left_waiting = self._waiting()
+        return filled
 
     def balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world."""
@@ -92,6 +97,11 @@ class Stock:
                 x, y, z = self.pose(task)[:3]
                 wrong.append(f"{task.order.name}: booked as {task.state}, lies at ({x:.2f}, {y:.2f}, {z:.2f})")
         return wrong
+
+    def _waiting(self) -> tuple[int, int]:
+        """Parcels that wait for a slot, and free pick slots: while these stay the same, there is nothing to fill."""
+        free = sum(station.free_n for station in self._stations if station.place.kind == "pick")
+        return self._board.count(TaskState.BACKLOG), free
 
     def _fill(self, now_s: float) -> bool:
         full: set[str] = set()

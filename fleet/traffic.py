@@ -9,8 +9,9 @@ import numpy as np
 from fleet.config import TrafficConfig
 from fleet.executor import Executor
 from maps.lane_graph import LaneGraph
+from planners.deadline import Deadline
 from planners.mapf import PLANNERS
-from planners.mapf.distance_table import DistanceTable
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.problem import Instance, Plan
 
 NO_GOAL = -1
@@ -26,12 +27,12 @@ class Traffic:
     """Goals of all cars, and the planning requests that serve them.
 
     A request is answered at once and its plan is kept back until `latency_s` of simulated time has passed,
-    so that the outcome does not depend on how fast the machine is.
+    so that the outcome does not depend on how fast the machine is; its budget is one of iterations for the same reason.
 
     Args:
         graph: Lane graph of the site.
         executor: Receives the plans.
-        config: Planner, window, period and latency.
+        config: Planner, window, period, latency and budget.
         tick_s: Length of a tick [s].
         seed: Seed of the planner's tie-breaking.
     """
@@ -49,6 +50,8 @@ class Traffic:
         """Added to a car's priority: loaded cars go first."""
         self.blocked = np.zeros(graph.n_cells, dtype=np.bool_)
         """Cells nobody may be sent into."""
+        self._blocked_n = np.zeros(graph.n_cells, dtype=np.int64)
+        self._dead_cells: dict[int, list[int]] = {}
         self.tables = DistanceTable(graph, self.blocked)
         self.plans_n = 0
         self._planner = PLANNERS[config.planner](seed=seed)
@@ -74,16 +77,30 @@ class Traffic:
         self.fixed[car] = fixed
         self.discard()
 
-    def set_dead(self, car: int) -> None:
-        """A car will never move again: what it holds is no longer a way."""
-        self.set_fixed(car, True)
+    def set_dead(self, car: int, cells: list[int]) -> None:
+        """A car will never move again, and these cells are no longer a way; called again, others take their place."""
+        self.fixed[car] = True
         self.goals[car] = NO_GOAL
-        for cell in self.executor.dependencies.held_cells(car):
-            self.set_blocked(cell, True)
+        self._count_blocked(self._dead_cells.get(car, []), -1)
+        self._dead_cells[car] = cells
+        self._count_blocked(cells, 1)
 
     def set_blocked(self, cell: int, blocked: bool) -> None:
-        """Take a cell out of the lanes, or give it back."""
-        self.blocked[cell] = blocked
+        """Take a cell out of the lanes, or give it back; it is open again when all that blocked it is over."""
+        self._count_blocked([cell], 1 if blocked else -1)
+
+    @property
+    def blocked_for_good(self) -> bool:
+        """True when nothing but dead cars blocks cells."""
+        return int(self._blocked_n.sum()) == sum(map(len, self._dead_cells.values()))
+
+    def reachable(self, state: int, goal: int) -> bool:
+        """Whether there is a way from a state to another past all that is blocked."""
+        return int(self.tables.to(goal)[state]) < UNREACHABLE
+
+    def _count_blocked(self, cells: list[int], change: int) -> None:
+        self._blocked_n[cells] += change
+        self.blocked = self._blocked_n > 0
         self.tables = DistanceTable(self.graph, self.blocked)
         self.discard()
 
@@ -123,4 +140,4 @@ class Traffic:
             allow_rotation=False,
             horizon=self._config.horizon_n,
         )
-        return self._planner.plan(instance, self.tables)
+        return self._planner.plan(instance, self.tables, Deadline(self._config.iterations_n))

@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
 from maps.errors import MapsError
 from maps.grid import DCOL, DROW, GridMap
-from maps.site import Site
 from maps.vehicle import ENTRY_INSET_M, TURN_RADIUS_M
+
+if TYPE_CHECKING:  # heavy, and most users of a lane graph need neither
+    import networkx as nx
+
+    from maps.site import Site
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
@@ -102,6 +105,8 @@ class LaneGraph:
 
     def to_networkx(self) -> nx.DiGraph:
         """The same graph with nodes = state ids (cell, heading, pose) and edges (length [m], kind, move id)."""
+        import networkx as nx
+
         graph: nx.DiGraph[int] = nx.DiGraph(motion=self.motion)
         for state in range(self.n_states):
             attributes: dict[str, Any] = {

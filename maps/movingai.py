@@ -25,19 +25,33 @@ _STATION_SPACING = 4
 """Smallest distance between two docks [cells], so that a queue at one does not reach the other at once."""
 _ATTEMPTS = 20
 _MAP_HEADER = 4
-_SCENARIO_FIELDS = 9
+_SCENARIO_FIELDS = (
+    "bucket",
+    "map",
+    "map width",
+    "map height",
+    "start column",
+    "start row",
+    "goal column",
+    "goal row",
+    "length",
+)
 
 
 class MovingAiError(MapsError):
-    """A .map or .scen file is malformed; the message names file and line."""
+    """A .map or .scen file is malformed; the message names file, line and field."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioEntry:
     """One start and goal of a .scen file."""
 
+    line: int
+    """Line of the file, from 1."""
     bucket: int
     map_name: str
+    map_size: tuple[int, int]
+    """(rows, cols)."""
     start: tuple[int, int]
     """(row, col)."""
     goal: tuple[int, int]
@@ -57,6 +71,15 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     return GridMap(np.isin(_read_chars(path), list(_PASSABLE)))
 
 
+def read_marks(path: str | os.PathLike[str]) -> npt.NDArray[np.str_]:
+    """Read the characters of a .map file, shape (rows, cols).
+
+    Raises:
+        MovingAiError: The file cannot be read or is malformed.
+    """
+    return _read_chars(path)
+
+
 def read_scenario(path: str | os.PathLike[str]) -> tuple[ScenarioEntry, ...]:
     """Read a .scen file.
 
@@ -66,27 +89,96 @@ def read_scenario(path: str | os.PathLike[str]) -> tuple[ScenarioEntry, ...]:
     lines = _read_lines(path)
     if not lines or not lines[0].startswith("version"):
         raise MovingAiError(f"{path}: line 1 must be 'version 1'")
-    entries = []
-    for number, line in enumerate(lines[1:], start=2):
-        if not line.strip():
-            continue
-        fields = line.split("\t") if "\t" in line else line.split()
-        try:
-            if len(fields) != _SCENARIO_FIELDS:
-                raise ValueError(f"{len(fields)} fields, must be {_SCENARIO_FIELDS}")
-            start_col, start_row, goal_col, goal_row = (int(value) for value in fields[4:8])
-            entries.append(
-                ScenarioEntry(
-                    bucket=int(fields[0]),
-                    map_name=fields[1],
-                    start=(start_row, start_col),
-                    goal=(goal_row, goal_col),
-                    length=float(fields[8]),
-                )
+    return tuple(
+        _entry(f"{path}: line {number}", number, line) for number, line in enumerate(lines[1:], start=2) if line.strip()
+    )
+
+
+def starts_and_goals(
+    path: str | os.PathLike[str], grid: GridMap, *, agents: int | None = None
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Read a .scen file as a problem on a map: everybody starts, and ends, in a cell of its own that it can get to.
+
+    Args:
+        path: A .scen file.
+        grid: The map.
+        agents: How many entries to take, from the first on; None = all.
+
+    Returns:
+        Start cell and goal cell of each agent, shape (n,) each.
+
+    Raises:
+        MovingAiError: The file cannot be read, is malformed or empty; there are fewer entries, or free cells, than
+            agents; an entry is of a map of another size, starts or ends on an obstacle, outside the map or where an
+            earlier one does, or has no way from start to goal.
+    """
+    from scipy.ndimage import label
+
+    entries = read_scenario(path)
+    if not entries:
+        raise MovingAiError(f"{path}: no entries, must be at least one")
+    if agents is not None:
+        if not 1 <= agents <= len(entries):
+            raise MovingAiError(f"{path}: {agents} agents asked for, must be 1 to {len(entries)}, one per entry")
+        entries = entries[:agents]
+    if len(entries) > grid.free.sum():
+        raise MovingAiError(f"{path}: {len(entries)} agents, must be at most {grid.free.sum()}, the map's free cells")
+    region, _ = label(grid.free)
+    first: dict[tuple[str, tuple[int, int]], int] = {}
+    for entry in entries:
+        where = f"{path}: line {entry.line}"
+        if entry.map_size != grid.free.shape:
+            raise MovingAiError(
+                f"{where}: map height and width are {entry.map_size}, must be {grid.free.shape} as in the map"
             )
-        except ValueError as error:
-            raise MovingAiError(f"{path}: line {number}: {error}") from error
-    return tuple(entries)
+        for what, cell in (("start", entry.start), ("goal", entry.goal)):
+            at = f"{where}: {what} row {cell[0]}, column {cell[1]}"
+            if not (0 <= cell[0] < grid.rows and 0 <= cell[1] < grid.cols):
+                raise MovingAiError(
+                    f"{at} is outside the map, must be row 0 to {grid.rows - 1}, column 0 to {grid.cols - 1}"
+                )
+            if not grid.free[cell]:
+                raise MovingAiError(f"{at} is an obstacle, must be a free cell")
+            before = first.setdefault((what, cell), entry.line)
+            if before != entry.line:
+                raise MovingAiError(f"{at} is that of line {before} too, must be a cell of its own")
+        if region[entry.start] != region[entry.goal]:
+            raise MovingAiError(
+                f"{where}: goal row {entry.goal[0]}, column {entry.goal[1]} has no way from the start, "
+                "must be in the same part of the map"
+            )
+    return (
+        np.array([grid.index(*entry.start) for entry in entries], dtype=np.int32),
+        np.array([grid.index(*entry.goal) for entry in entries], dtype=np.int32),
+    )
+
+
+def _entry(where: str, number: int, line: str) -> ScenarioEntry:
+    """One line of a .scen file."""
+    fields = line.split("\t") if "\t" in line else line.split()
+    if len(fields) != len(_SCENARIO_FIELDS):
+        raise MovingAiError(f"{where}: {len(fields)} fields, must be {len(_SCENARIO_FIELDS)}")
+    whole = []
+    for name, value in zip(_SCENARIO_FIELDS, fields, strict=True):
+        if name not in ("map", "length"):
+            try:
+                whole.append(int(value))
+            except ValueError:
+                raise MovingAiError(f"{where}: {name} is {value!r}, must be a whole number") from None
+    try:
+        length = float(fields[-1])
+    except ValueError:
+        raise MovingAiError(f"{where}: length is {fields[-1]!r}, must be a number") from None
+    bucket, map_cols, map_rows, start_col, start_row, goal_col, goal_row = whole
+    return ScenarioEntry(
+        line=number,
+        bucket=bucket,
+        map_name=fields[1],
+        map_size=(map_rows, map_cols),
+        start=(start_row, start_col),
+        goal=(goal_row, goal_col),
+        length=length,
+    )
 
 
 def site_from_map(

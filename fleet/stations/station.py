@@ -29,6 +29,11 @@ class Station:
         """Name in the site file."""
         return self.place.name
 
+    @property
+    def free_n(self) -> int:
+        """Slots that are neither taken nor promised."""
+        return self.contents.count(None)
+
     def take_slot(self, task: int) -> int | None:
         """Promise the first free slot to a task; None when all are taken."""
         for slot, content in enumerate(self.contents):

@@ -143,4 +143,9 @@ class GridWorld(PlanarWorld):
 
     def __init__(self, scene: Scene, graph: LaneGraph, config: GridConfig | None = None) -> None:
         config = config or GridConfig()
-        super().__init__(scene, GridCars(graph, scene.car_start, config), config.tick_s)
+        self._grid_cars = GridCars(graph, scene.car_start, config)
+        super().__init__(scene, self._grid_cars, config.tick_s)
+
+    def car_states(self) -> npt.NDArray[np.int64]:
+        """State of each car, shape (n_cars,); a push does not change it."""
+        return self._grid_cars.states.copy()

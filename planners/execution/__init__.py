@@ -5,3 +5,4 @@ from planners.execution.errors import CyclicPlanError as CyclicPlanError
 from planners.execution.errors import ExecutionError as ExecutionError
 from planners.execution.errors import IllegalPlanError as IllegalPlanError
 from planners.execution.errors import StalePlanError as StalePlanError
+from planners.execution.errors import UnexecutablePlanError as UnexecutablePlanError

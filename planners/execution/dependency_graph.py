@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable
-from itertools import islice, pairwise
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -12,11 +10,28 @@ import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
 from planners.execution.errors import ExecutionError, StalePlanError
+from planners.execution.queues import (
+    NOBODY,
+    NONE,
+    BoolArray,
+    IntArray,
+    Longs,
+    append,
+    cut_off,
+    empty_queues,
+    end,
+    end_all,
+    hold,
+    let_go,
+    may_start,
+    move_at,
+    run_through,
+    start,
+    start_all,
+    with_room,
+)
+from planners.execution.reorder import go_first, held_up
 from planners.execution.steps import legal_steps
-
-IntArray = npt.NDArray[np.int32]
-
-FREE = -1
 
 
 class StatePlan(Protocol):
@@ -32,8 +47,10 @@ class DependencyGraph:
 
     A move may start when every cell it sweeps is free or its agent's own, and everybody who comes before it in one of
     these cells has been there. So the plan's order per cell is kept while its timing is not, and two agents never
-    hold one cell. The order per cell is stored as a queue of the agents that are still to come; a cell's last user is
-    its queue's end, a finished move leaves nothing behind, and memory is bounded by the queued moves.
+    hold one cell. The order per cell is a line of the visits that are still to come; a cell's last user is
+    its line's end, a finished move leaves nothing behind, and memory is bounded by the moves in flight.
+
+    The order at a cell may be exchanged where somebody is late (`go_first`).
 
     A plan without rotation closes no cycle: its moves come after all earlier ones, and in one timestep followers
     form chains. Every queued move can therefore be granted sooner or later, whatever the speeds.
@@ -50,40 +67,45 @@ class DependencyGraph:
     """
 
     def __init__(self, graph: LaneGraph, start_states: npt.ArrayLike) -> None:
-        states = [int(state) for state in np.asarray(start_states)]
+        states = np.array(start_states, dtype=np.int32)
         self._graph = graph
-        self._state_cell: list[int] = graph.state_cell.tolist()
-        self._move_to: list[int] = graph.move_to.tolist()
-        swept, ptr = graph.swept_cell.tolist(), graph.swept_ptr.tolist()
-        self._swept = [tuple(swept[a:b]) for a, b in pairwise(ptr)]
-
-        self._state = states  # the last state reached
-        self._tail = list(states)  # the state after all granted and queued moves
-        self._queued: list[deque[int]] = [deque() for _ in states]  # moves in order
-        self._granted: list[deque[int]] = [deque() for _ in states]
+        self._q = empty_queues(graph, states)
         self._reserved: list[set[int]] = [set() for _ in states]
-        self._holder = [FREE] * graph.n_cells
-        self._holds = [0] * graph.n_cells  # reasons to hold: the agent's position, granted moves, a reservation
-        self._coming: dict[int, deque[int]] = {}  # agents whose queued moves sweep the cell, in order
+        self._all = np.full(len(states), np.iinfo(np.int64).max)
+        self._nowhere = np.zeros(graph.n_cells, dtype=np.bool_)
 
-        for agent, state in enumerate(states):
+        for agent, state in enumerate(states.tolist()):
             if not 0 <= state < graph.n_states:
                 raise ExecutionError(
                     f"dependency graph: start_states[{agent}] = {state}; valid: states 0..{graph.n_states - 1}"
                 )
-            cell = self._state_cell[state]
-            if self._holder[cell] != FREE:
+            cell = int(graph.state_cell[state])
+            if self._q.holder[cell] != NOBODY:
                 raise ExecutionError(
-                    f"dependency graph: agents {self._holder[cell]} and {agent} both start in cell {cell}; "
+                    f"dependency graph: agents {self._q.holder[cell]} and {agent} both start in cell {cell}; "
                     "valid: distinct cells"
                 )
-            self._hold(agent, cell)
+            hold(self._q, agent, cell)
 
     # --- plans
 
+    @property
+    def n_agents(self) -> int:
+        """Number of agents."""
+        return len(self._q.state)
+
+    @property
+    def n_visits(self) -> int:
+        """Visits that wait in the lines of all cells: what the memory grows with."""
+        return len(self._q.visit_next) - int(self._q.pool[1])
+
     def tail_states(self) -> IntArray:
         """State each agent stands in when all its moves are done, shape (n,)."""
-        return np.array(self._tail, dtype=np.int32)
+        q = self._q
+        agents = np.arange(self.n_agents)
+        last = q.moves[agents, (q.queued - 1) % q.moves.shape[1]]
+        tails: IntArray = np.where(q.queued > q.finished, q.move_to[last], q.state)
+        return tails
 
     def extend(self, plan: StatePlan) -> None:
         """Queue the moves of a plan behind those there are; a refused plan changes nothing.
@@ -96,38 +118,14 @@ class DependencyGraph:
             IllegalPlanError: A step is no move of the graph, or two agents share a cell.
             CyclicPlanError: A closed ring of followers, two agents that swap included.
         """
-        graph = self._graph
         states = np.asarray(plan.states)
         self._check_start(states)
-        steps = legal_steps(graph, states)
-        timestep, agent, moves = steps.timestep, steps.agent, steps.move
-
-        by_agent = np.argsort(agent, kind="stable")
-        ends = np.flatnonzero(np.diff(agent[by_agent], append=-1)) + 1
-        ordered = moves[by_agent].tolist()
-        begin = 0
-        for who, end in zip(agent[by_agent][ends - 1].tolist(), ends.tolist(), strict=True):
-            self._queued[who].extend(ordered[begin:end])
-            begin = end
-
-        # Order per cell: by timestep, and in one timestep whoever leaves before whoever enters.
-        counts = graph.swept_ptr[moves + 1] - graph.swept_ptr[moves]
-        use = np.repeat(np.arange(len(moves)), counts)
-        swept = graph.swept_cell[_ranges(graph.swept_ptr[moves], counts)]
-        entering = swept != graph.state_cell[graph.move_from[moves]][use]
-        by_cell = np.argsort((swept * np.int64(len(states)) + timestep[use]) * 2 + entering, kind="stable")
-        ends = np.flatnonzero(np.diff(swept[by_cell], append=-1)) + 1
-        visitors = agent[use[by_cell]].tolist()
-        coming = self._coming
-        begin = 0
-        for cell, end in zip(swept[by_cell][ends - 1].tolist(), ends.tolist(), strict=True):
-            line = coming.get(cell)
-            if line is None:
-                coming[cell] = deque(visitors[begin:end])
-            else:
-                line.extend(visitors[begin:end])
-            begin = end
-        self._tail = states[-1].tolist()
+        steps = legal_steps(self._graph, states)
+        q, move = self._q, steps.move
+        new = np.bincount(steps.agent, minlength=self.n_agents)
+        n_visits = int((q.swept_ptr[move + 1] - q.swept_ptr[move]).sum())
+        self._q = with_room(q, int((q.queued - q.finished + new).max(initial=0)), n_visits)
+        append(self._q, steps.timestep, steps.agent, move)
 
     def commit_cut(self, lookahead: int) -> IntArray:
         """Keep the next few moves of each agent and drop the rest, to plan anew from where they end.
@@ -146,41 +144,31 @@ class DependencyGraph:
         """
         if lookahead < 0:
             raise ExecutionError(f"dependency graph: lookahead = {lookahead}; valid: an integer >= 0")
-        self._keep([lookahead] * len(self._state))
+        self._keep(np.full(self.n_agents, lookahead), ())
         return self.tail_states()
 
     def has_cycle(self) -> bool:
         """True when some queued moves wait for each other and can never be granted."""
-        kept, _ = self._executable([len(queue) for queue in self._queued], frozenset())
-        return sum(kept) < sum(map(len, self._queued))
+        q = self._q
+        return bool((run_through(q, self._all, self._nowhere) < q.queued - q.granted).any())
 
     # --- grants
 
     def n_queued(self, agent: int) -> int:
         """Moves the agent waits to be granted."""
-        return len(self._queued[agent])
+        return int(self._q.queued[agent] - self._q.granted[agent])
 
     def n_granted(self, agent: int) -> int:
         """Moves the agent was granted and has not finished."""
-        return len(self._granted[agent])
+        return int(self._q.granted[agent] - self._q.finished[agent])
 
     def next_moves(self, agent: int) -> list[int]:
         """Queued moves in order."""
-        return list(self._queued[agent])
+        return self._numbered(agent, self._q.granted[agent], self._q.queued[agent])
 
     def grantable(self, agent: int) -> bool:
         """True when the agent's next queued move may start."""
-        queue = self._queued[agent]
-        if not queue:
-            return False
-        holder, coming = self._holder, self._coming
-        for cell in self._swept[queue[0]]:
-            if coming[cell][0] != agent:
-                return False
-            held_by = holder[cell]
-            if held_by not in (FREE, agent):
-                return False
-        return True
+        return bool(may_start(self._q, agent))
 
     def grant(self, agent: int) -> int:
         """Let the agent start its next queued move, and give it the cells of that move.
@@ -191,22 +179,27 @@ class DependencyGraph:
         Raises:
             ExecutionError: The move is not grantable.
         """
-        if not self.grantable(agent):
+        if not may_start(self._q, agent):
             raise ExecutionError(
                 f"dependency graph: the next move of agent {agent} must not start, it waits for (agent, cell) "
                 f"{self.blockers(agent)}; valid: only a grantable agent"
             )
-        move = self._queued[agent].popleft()
-        self._granted[agent].append(move)
-        coming, holder, holds = self._coming, self._holder, self._holds
-        for cell in self._swept[move]:
-            line = coming[cell]
-            line.popleft()
-            if not line:
-                del coming[cell]
-            holder[cell] = agent
-            holds[cell] += 1
-        return move
+        return int(start(self._q, agent))
+
+    def grant_all(self, most: int, closed: BoolArray) -> tuple[list[int], list[int]]:
+        """Grant everything that is grantable, agent by agent.
+
+        Args:
+            most: Moves an agent may hold a grant for at once.
+            closed: Cells into which nobody is let, shape (n_cells,).
+
+        Returns:
+            Agents and their moves, in the order of the grants.
+        """
+        agents = np.empty(self.n_agents * most, dtype=np.int32)
+        moves = np.empty_like(agents)
+        count = start_all(self._q, most, closed, agents, moves)
+        return agents[:count].tolist(), moves[:count].tolist()
 
     def finish(self, agent: int) -> int:
         """Take note that the agent's oldest granted move has reached its end, and free what it left.
@@ -217,37 +210,66 @@ class DependencyGraph:
         Raises:
             ExecutionError: No move is granted.
         """
-        if not self._granted[agent]:
+        if self._q.finished[agent] == self._q.granted[agent]:
             raise ExecutionError(f"dependency graph: agent {agent} has no granted move; valid: finish what was granted")
-        move = self._granted[agent].popleft()
-        before, state = self._state[agent], self._move_to[move]
-        self._state[agent] = state
-        self._holds[self._state_cell[state]] += 1
-        holder, holds = self._holder, self._holds
-        for cell in self._swept[move]:
-            holds[cell] -= 1
-            if not holds[cell]:
-                holder[cell] = FREE
-        self._release(self._state_cell[before])
-        return move
+        return int(end(self._q, agent))
+
+    def finish_all(self, agents: Sequence[int]) -> None:
+        """Do `finish` for each agent in turn; one may stand there more than once.
+
+        Raises:
+            ExecutionError: No move is granted; the agents before are done.
+        """
+        done = end_all(self._q, np.array(agents, dtype=np.int32))
+        if done < len(agents):
+            self.finish(agents[done])
 
     def blockers(self, agent: int) -> list[tuple[int, int]]:
         """What the agent's next move waits for: pairs (agent, cell) of whoever holds the cell or comes before."""
-        queue = self._queued[agent]
+        q = self._q
         found: list[tuple[int, int]] = []
-        if not queue:
-            return found
-        for cell in self._swept[queue[0]]:
-            for other in (self._holder[cell], self._coming[cell][0]):
-                if other not in (FREE, agent) and (other, cell) not in found:
-                    found.append((other, cell))
+        for move in self.next_moves(agent)[:1]:
+            for cell in self._swept(move):
+                for other in (int(q.holder[cell]), int(q.visit_agent[q.line_first[cell]])):
+                    if other not in (NOBODY, agent) and (other, cell) not in found:
+                        found.append((other, cell))
         return found
+
+    def line(self, cell: int) -> list[tuple[int, int]]:
+        """Queued moves that sweep a cell, in the order in which they may: pairs (agent, move)."""
+        q = self._q
+        found: list[tuple[int, int]] = []
+        visit = int(q.line_first[cell])
+        while visit != NONE:
+            agent = int(q.visit_agent[visit])
+            found.append((agent, int(move_at(q, agent, q.visit_number[visit]))))
+            visit = int(q.visit_next[visit])
+        return found
+
+    def held_up(self) -> BoolArray:
+        """Agents without a grant whose next cells are all free, but it is not their turn, shape (n,)."""
+        waiting: BoolArray = held_up(self._q)
+        return waiting
+
+    def go_first(self, agent: int, late: BoolArray) -> bool:
+        """Let an agent go before those it waits for, if nobody is there yet and everybody still comes through.
+
+        Args:
+            agent: A `held_up` agent.
+            late: Agents that will not move for a while, shape (n,); the others are overtaken only if they are so far
+                away that they need not wait.
+
+        Returns:
+            Whether the agent's next move is grantable now; if not, nothing is changed.
+        """
+        return self.n_queued(agent) > 0 and go_first(self._q, agent, late)
 
     def held_cells(self, agent: int) -> list[int]:
         """Cells that are the agent's now, its own first: where it stands, granted moves, reservations."""
-        cells = {self._state_cell[self._state[agent]]: None}
-        for move in self._granted[agent]:
-            cells.update(dict.fromkeys(self._swept[move]))
+        q = self._q
+        cells = {int(q.state_cell[q.state[agent]]): None}
+        for move in self._granted(agent):
+            cells.update(dict.fromkeys(self._swept(move)))
         cells.update(dict.fromkeys(sorted(self._reserved[agent])))
         return list(cells)
 
@@ -266,19 +288,19 @@ class DependencyGraph:
         """
         wanted = set(cells)
         for cell in wanted:
-            if not 0 <= cell < len(self._holder):
-                raise ExecutionError(f"dependency graph: cell {cell}; valid: 0..{len(self._holder) - 1}")
-        if any(self._holder[cell] not in (FREE, agent) for cell in wanted):
+            if not 0 <= cell < self._graph.n_cells:
+                raise ExecutionError(f"dependency graph: cell {cell}; valid: 0..{self._graph.n_cells - 1}")
+        if any(self._q.holder[cell] not in (NOBODY, agent) for cell in wanted):
             return False
         for cell in wanted - self._reserved[agent]:
-            self._hold(agent, cell)
+            hold(self._q, agent, cell)
         self._reserved[agent] |= wanted
         return True
 
     def unreserve(self, agent: int) -> None:
         """Give back all that the agent has reserved."""
         for cell in self._reserved[agent]:
-            self._release(cell)
+            let_go(self._q, cell)
         self._reserved[agent] = set()
 
     def halt(self, agent: int) -> None:
@@ -286,13 +308,13 @@ class DependencyGraph:
 
         It keeps what it holds, its granted moves included; a plan for the others treats `held_cells` as blocked.
         """
-        limits = [len(queue) for queue in self._queued]
+        limits = self._all.copy()
         limits[agent] = 0
-        self._keep(limits, closed=frozenset(self.held_cells(agent)))
+        self._keep(limits, self.held_cells(agent))
 
     def avoid(self, cell: int) -> None:
         """Drop the queued moves that lead through a cell, and those that wait for them; granted moves stay."""
-        self._keep([len(queue) for queue in self._queued], closed=frozenset((cell,)))
+        self._keep(self._all, (cell,))
 
     def relocate(self, agent: int, state: int) -> None:
         """Put an agent into another state: its moves are void, and it holds that state's cell (and reservations).
@@ -306,98 +328,54 @@ class DependencyGraph:
             raise ExecutionError(
                 f"dependency graph: relocate agent {agent} to state {state}; valid: 0..{self._graph.n_states - 1}"
             )
-        cell = self._state_cell[state]
-        if self._holder[cell] not in (FREE, agent):
+        q = self._q
+        cell = int(q.state_cell[state])
+        if q.holder[cell] not in (NOBODY, agent):
             raise ExecutionError(
                 f"dependency graph: relocate agent {agent} to state {state}, whose cell {cell} is held by agent "
-                f"{self._holder[cell]}; valid: a free cell or its own"
+                f"{q.holder[cell]}; valid: a free cell or its own"
             )
-        self._hold(agent, cell)
-        for move in self._granted[agent]:
-            for swept in self._swept[move]:
-                self._release(swept)
-        self._granted[agent].clear()
-        self._release(self._state_cell[self._state[agent]])
-        self._state[agent] = state
-        limits = [len(queue) for queue in self._queued]
+        limits = self._all.copy()
         limits[agent] = 0
-        self._keep(limits, closed=frozenset((cell,)))
+        self._keep(limits, (cell,))
+        hold(q, agent, cell)
+        for move in self._granted(agent):
+            for swept in self._swept(move):
+                let_go(q, swept)
+        q.finished[agent] = q.granted[agent]
+        let_go(q, q.state_cell[q.state[agent]])
+        q.state[agent] = state
 
     # --- internals
 
-    def _hold(self, agent: int, cell: int) -> None:
-        self._holder[cell] = agent
-        self._holds[cell] += 1
-
-    def _release(self, cell: int) -> None:
-        self._holds[cell] -= 1
-        if not self._holds[cell]:
-            self._holder[cell] = FREE
-
-    def _keep(self, limits: list[int], closed: frozenset[int] = frozenset()) -> None:
+    def _keep(self, limits: Longs, closed: Iterable[int]) -> None:
         """Keep the queued moves that need nothing beyond `limits` and no `closed` cell; drop the others."""
-        kept, self._coming = self._executable(limits, closed)
-        for agent, queue in enumerate(self._queued):
-            for _ in range(len(queue) - kept[agent]):
-                queue.pop()
-            last = queue or self._granted[agent]
-            self._tail[agent] = self._move_to[last[-1]] if last else self._state[agent]
+        shut = self._nowhere.copy()
+        shut[list(closed)] = True
+        cut_off(self._q, run_through(self._q, limits, shut))
 
-    def _executable(self, limits: list[int], closed: frozenset[int]) -> tuple[list[int], dict[int, deque[int]]]:
-        """Run the queues without their timing: which moves come through when each agent does at most `limits`.
+    def _granted(self, agent: int) -> list[int]:
+        """Granted moves in order."""
+        return self._numbered(agent, self._q.finished[agent], self._q.granted[agent])
 
-        The order in which they are tried does not matter: a move that can be executed stays so.
+    def _numbered(self, agent: int, first: int, last: int) -> list[int]:
+        """Moves of an agent with the numbers from `first` to before `last`."""
+        moves: list[int] = self._q.moves[agent, np.arange(first, last) % self._q.moves.shape[1]].tolist()
+        return moves
 
-        Returns:
-            Moves executed per agent, and the order per cell of these moves alone.
-        """
-        kept = [0] * len(self._queued)
-        passed: dict[int, int] = {}  # visitors of the cell that are through
-        order: dict[int, deque[int]] = {}
-        upcoming = [
-            list(islice(queue, limit)) if limit > 0 else [] for queue, limit in zip(self._queued, limits, strict=True)
-        ]
-        lines: dict[int, list[int]] = {}
-        todo = [agent for agent, moves in enumerate(upcoming) if moves]
-        while todo:
-            agent = todo.pop()
-            moves = upcoming[agent]
-            while kept[agent] < len(moves):
-                swept = self._swept[moves[kept[agent]]]
-                if not closed.isdisjoint(swept):
-                    break
-                for cell in swept:
-                    if cell not in lines:
-                        lines[cell] = list(self._coming[cell])
-                    if lines[cell][passed.get(cell, 0)] != agent:
-                        break
-                else:
-                    kept[agent] += 1
-                    for cell in swept:
-                        through = passed[cell] = passed.get(cell, 0) + 1
-                        order.setdefault(cell, deque()).append(agent)
-                        line = lines[cell]
-                        if through < len(line) and line[through] != agent:
-                            todo.append(line[through])
-                    continue
-                break
-        return kept, order
+    def _swept(self, move: int) -> list[int]:
+        cells: list[int] = self._q.swept_cell[self._q.swept_ptr[move] : self._q.swept_ptr[move + 1]].tolist()
+        return cells
 
     def _check_start(self, states: npt.NDArray[np.int32]) -> None:
-        n = len(self._tail)
+        n = self.n_agents
         if states.ndim != 2 or states.shape[1] != n or not len(states):
             raise StalePlanError(f"dependency graph: plan of shape {states.shape}; valid: (timesteps + 1, {n})")
-        wrong = np.flatnonzero(states[0] != self._tail)
+        tails = self.tail_states()
+        wrong = np.flatnonzero(states[0] != tails)
         if wrong.size:
             agent = int(wrong[0])
             raise StalePlanError(
                 f"dependency graph: the plan starts agent {agent} in state {states[0, agent]}; "
-                f"valid: {self._tail[agent]}, where its moves end"
+                f"valid: {tails[agent]}, where its moves end"
             )
-
-
-def _ranges(start: npt.NDArray[np.integer], count: npt.NDArray[np.integer]) -> npt.NDArray[np.intp]:
-    """All of start[i] .. start[i] + count[i] - 1, one after the other."""
-    skipped = np.cumsum(count) - count
-    values: npt.NDArray[np.intp] = np.arange(int(count.sum())) + np.repeat(start - skipped, count)
-    return values

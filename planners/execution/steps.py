@@ -51,7 +51,7 @@ def _check_states(graph: LaneGraph, states: IntArray) -> None:
     if outside.size:
         t, agent = (int(i) for i in outside[0])
         raise IllegalPlanError(
-            f"plan: agent {agent} at timestep {t} in state {states[t, agent]}; valid: 0..{graph.n_states - 1}"
+            t - 1, f"plan: agent {agent} at timestep {t} in state {states[t, agent]}; valid: 0..{graph.n_states - 1}"
         )
 
 
@@ -62,7 +62,9 @@ def _check_cells(cells: IntArray) -> None:
         t, k = (int(i) for i in twice[0])
         cell = int(ordered[t, k])
         agents = np.flatnonzero(cells[t] == cell).tolist()
-        raise IllegalPlanError(f"plan: agents {agents} at timestep {t} all in cell {cell}; valid: one agent per cell")
+        raise IllegalPlanError(
+            t - 1, f"plan: agents {agents} at timestep {t} all in cell {cell}; valid: one agent per cell"
+        )
 
 
 def _moves(graph: LaneGraph, states: IntArray, timestep: IndexArray, agent: IndexArray) -> IndexArray:
@@ -79,8 +81,9 @@ def _moves(graph: LaneGraph, states: IntArray, timestep: IndexArray, agent: Inde
     if wrong.size:
         k = int(wrong[0])
         raise IllegalPlanError(
+            int(timestep[k]),
             f"plan: agent {agent[k]} at timestep {timestep[k]} steps from state {origin[k]} to {target[k]}; "
-            "valid: a move of the lane graph"
+            "valid: a move of the lane graph",
         )
     return moves
 

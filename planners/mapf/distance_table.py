@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
+import os
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
@@ -10,121 +11,212 @@ from numba import njit
 
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
+from planners.mapf.options import open_moves
 from planners.mapf.problem import BoolArray, IntArray
 
-UNREACHABLE = 2**30
-"""Distance of a state that has no way to the goal; a few of them still add up inside an int32."""
+Distances = npt.NDArray[np.uint16]
+
+UNREACHABLE = 65_535
+"""Distance of a state that has no way to the goal; every real distance is smaller."""
+MEMORY_CAP_BYTES = 2 * 2**30
+"""What a table may hold unless it is told otherwise."""
+_EVICTED_AT_ONCE = 16
+"""A full table gives up one part in so many of its rows, so that not every new goal looks for the oldest row."""
+_WORTH_THREADS = 4_000_000
+"""States to search from which on threads pay."""
 
 
-def open_moves(graph: LaneGraph, blocked: BoolArray) -> BoolArray:
-    """Which moves enter no blocked cell, shape (n_moves,); leaving a blocked cell is open."""
-    counts = np.diff(graph.swept_ptr)
-    of_move = np.repeat(np.arange(len(counts)), counts)
-    entered = graph.swept_cell != graph.state_cell[graph.move_from][of_move]
-    is_open = np.ones(len(counts), dtype=np.bool_)
-    is_open[of_move[entered & blocked[graph.swept_cell]]] = False
-    return is_open
+class DistanceTableFull(PlanningError):
+    """One call asks for more goals than the memory cap has room for."""
+
+
+class DistanceTooLong(PlanningError):
+    """A goal is further from a state than a row can hold."""
 
 
 class DistanceTable:
-    """Exact distances to the goals that were asked for, kept until others are needed more.
+    """Exact distances to the goals that were asked for, kept until others need their memory more.
+
+    A distance takes two bytes. Rows are searched when their goal is first asked for, many at once on all cores, and
+    the ones not asked for longest go when the cap is reached.
 
     Args:
         graph: Lane graph.
         blocked: Cells nobody may enter, shape (n_cells,).
-        capacity: Goals to keep; beyond it the one that was not asked for longest makes room. One goal costs
-            4 bytes per state.
+        memory_cap: Memory for distances [bytes]; a goal costs two per state.
 
     Raises:
-        PlanningError: `blocked` has the wrong length or `capacity` is not positive.
+        PlanningError: `blocked` has the wrong length or `memory_cap` does not hold one goal.
     """
 
-    def __init__(self, graph: LaneGraph, blocked: BoolArray, *, capacity: int = 4096) -> None:
+    def __init__(self, graph: LaneGraph, blocked: BoolArray, *, memory_cap: int = MEMORY_CAP_BYTES) -> None:
         if np.shape(blocked) != (graph.n_cells,):
             raise PlanningError(f"distance table: blocked has shape {np.shape(blocked)}; valid: ({graph.n_cells},)")
-        if capacity < 1:
-            raise PlanningError(f"distance table: capacity = {capacity}; valid: an integer >= 1")
+        row_bytes = 2 * max(graph.n_states, 1)
+        if memory_cap < row_bytes:
+            raise PlanningError(
+                f"distance table: memory_cap = {memory_cap}; valid: at least {row_bytes} bytes, one goal of this graph"
+            )
         self.graph = graph
-        self._open = open_moves(graph, blocked)
-        self._capacity = capacity
-        self._row_of: OrderedDict[int, int] = OrderedDict()
-        self._rows = np.empty((min(capacity, 8), graph.n_states), dtype=np.int32)
+        self._before = _states_before(graph, open_moves(graph, blocked))
+        # The system hands out memory when it is first written to, so rows that are never filled cost nothing.
+        self._rows: Distances = np.empty((min(graph.n_states, memory_cap // row_bytes), graph.n_states), np.uint16)
+        self._free = np.arange(len(self._rows) - 1, -1, -1, dtype=np.int32)  # a stack, its top at the end
+        self._row_of = np.full(graph.n_states, -1, dtype=np.int32)
+        self._goal_of = np.full(len(self._rows), -1, dtype=np.int32)
+        self._asked = np.zeros(len(self._rows), dtype=np.int64)  # number of the call that last asked for the row
+        self._call = 0
+        self._queues = [
+            np.empty(graph.n_states + 1, dtype=np.uint32)
+        ]  # one for each thread of the largest search so far
 
-    def to(self, goal: int) -> IntArray:
+    @property
+    def capacity(self) -> int:
+        """Goals whose distances can be held at once."""
+        return len(self._rows)
+
+    @property
+    def n_goals(self) -> int:
+        """Goals whose distances are held."""
+        return len(self._rows) - len(self._free)
+
+    def to(self, goal: int) -> Distances:
         """Timesteps from each state to a goal state, shape (n_states,), read-only; `UNREACHABLE` = no way.
 
-        A view that holds until `capacity` other goals have been asked for.
+        A view that holds until its goal has to make room for others.
 
         Raises:
             PlanningError: The goal is not a state of the graph.
+            DistanceTooLong: A way to the goal takes more than 65,534 timesteps.
         """
-        index = self._row(int(goal), frozenset())
-        row: IntArray = self._rows[index]
+        if goal < 0:
+            raise PlanningError(f"distance table: goal {goal}; valid: states 0..{self.graph.n_states - 1}")
+        _, index = self.rows(np.array([goal], dtype=np.int32))
+        row: Distances = self._rows[index[0]]
         row.flags.writeable = False
         return row
 
-    def rows(self, goals: IntArray) -> tuple[IntArray, IntArray]:
+    def rows(self, goals: IntArray) -> tuple[Distances, IntArray]:
         """All distances that an instance needs, without copying them.
 
         Args:
             goals: Goal states, shape (n,); negative = none.
 
         Returns:
-            The table, shape (n_rows, n_states), and the row of each goal, shape (n,), -1 for none. Both hold
-            until the next call.
+            The table, shape (n_rows, n_states), and the row of each goal, shape (n,), -1 for none. Rows stay where
+            they are until their goal has to make room.
+
+        Raises:
+            PlanningError: A goal is not a state of the graph.
+            DistanceTableFull: The distinct goals of this call alone need more memory than the cap.
+            DistanceTooLong: A way to a goal takes more than 65,534 timesteps.
         """
-        wanted = {int(goal) for goal in goals if goal >= 0}
-        row_of = {goal: self._row(goal, wanted) for goal in sorted(wanted)}
-        index = np.array([row_of.get(int(goal), -1) for goal in goals], dtype=np.int32)
+        if goals.size and goals.max() >= self.graph.n_states:
+            raise PlanningError(f"distance table: goal {goals.max()}; valid: states 0..{self.graph.n_states - 1}")
+        self._call += 1
+        has_goal = goals >= 0
+        index: IntArray = np.where(has_goal, self._row_of[goals], np.int32(-1))
+        self._asked[index[index >= 0]] = self._call
+        missing = has_goal & (index < 0)
+        if missing.any():
+            self._search(np.unique(goals[missing]))
+            index = np.where(has_goal, self._row_of[goals], np.int32(-1))
         return self._rows, index
 
-    def _row(self, goal: int, keep: frozenset[int] | set[int]) -> int:
-        row = self._row_of.get(goal)
-        if row is None:
-            if not 0 <= goal < self.graph.n_states:
-                raise PlanningError(f"distance table: goal {goal}; valid: states 0..{self.graph.n_states - 1}")
-            row = self._free_row(keep)
-            graph = self.graph
-            _fill(goal, graph.in_ptr, graph.in_move, graph.move_from, self._open, self._rows[row])
-            self._row_of[goal] = row
-        self._row_of.move_to_end(goal)
-        return row
+    def _search(self, goals: IntArray) -> None:
+        """Fill a row for each of these goals, which are distinct and have none yet."""
+        if len(goals) > len(self._free):
+            self._make_room(len(goals))
+        rows = self._free[len(self._free) - len(goals) :].copy()
+        parts = 1
+        if len(goals) * self.graph.n_states >= _WORTH_THREADS:
+            parts = min(len(goals), os.cpu_count() or 1)
 
-    def _free_row(self, keep: frozenset[int] | set[int]) -> int:
-        used = len(self._row_of)
-        if used >= self._capacity:
-            for goal in self._row_of:
-                if goal not in keep:
-                    return self._row_of.pop(goal)
-        if used == len(self._rows):
-            grown = np.empty((2 * used, self.graph.n_states), dtype=np.int32)
-            grown[:used] = self._rows
-            self._rows = grown
-        return used
+        while len(self._queues) < parts:
+            self._queues.append(np.empty_like(self._queues[0]))
+
+        def fill(part: int) -> int:
+            of_part = slice(len(goals) * part // parts, len(goals) * (part + 1) // parts)
+            return int(_fill(goals[of_part], rows[of_part], self._before, self._rows, self._queues[part]))
+
+        if parts == 1:
+            furthest = fill(0)
+        else:
+            with ThreadPoolExecutor(parts) as pool:
+                furthest = max(pool.map(fill, range(parts)))
+        if furthest >= UNREACHABLE:
+            raise DistanceTooLong(
+                f"distance table: a way to one of the goals {goals[:5].tolist()}... takes {furthest} timesteps; "
+                f"valid: at most {UNREACHABLE - 1}"
+            )
+        self._free = self._free[: len(self._free) - len(goals)]
+        self._row_of[goals] = rows
+        self._goal_of[rows] = goals
+        self._asked[rows] = self._call
+
+    def _make_room(self, n: int) -> None:
+        """Give up the goals not asked for longest, so that `n` rows are free; never those of this call."""
+        old = np.flatnonzero((self._goal_of >= 0) & (self._asked < self._call))
+        short = n - len(self._free)
+        if short > len(old):
+            row_bytes = 2 * self.graph.n_states
+            needed = len(self._rows) - len(self._free) - len(old) + n
+            raise DistanceTableFull(
+                f"distance table: {needed} distinct goals need {needed * row_bytes} bytes at once; valid: at most "
+                f"{len(self._rows)} goals in a memory_cap of {len(self._rows) * row_bytes} bytes"
+            )
+        many = min(len(old), max(short, len(self._rows) // _EVICTED_AT_ONCE))
+        gone = old[np.argsort(self._asked[old], kind="stable")[:many]].astype(np.int32)
+        self._row_of[self._goal_of[gone]] = -1
+        self._goal_of[gone] = -1
+        self._free = np.concatenate((self._free, gone))
 
 
-@njit(cache=True)
+def _states_before(graph: LaneGraph, is_open: BoolArray) -> npt.NDArray[np.uint32]:
+    """States from which an open move leads to each state, shape (n_states, widest), filled up with the state itself."""
+    move = graph.in_move[is_open[graph.in_move]]
+    to = graph.move_to[move]
+    counts = np.bincount(to, minlength=graph.n_states)
+    place = np.arange(len(to)) - np.repeat(np.cumsum(counts) - counts, counts)
+    before = np.repeat(np.arange(graph.n_states, dtype=np.uint32)[:, None], max(counts.max(initial=0), 1), axis=1)
+    before[to, place] = graph.move_from[move]
+    return before
+
+
+@njit(cache=True, nogil=True)
 def _fill(
-    goal: int,
-    in_ptr: npt.NDArray[np.int32],
-    in_move: npt.NDArray[np.int32],
-    move_from: npt.NDArray[np.int32],
-    is_open: npt.NDArray[np.bool_],
-    distance: npt.NDArray[np.int32],
-) -> None:
-    """Breadth-first search against the moves, from the goal."""
-    distance[:] = UNREACHABLE
-    distance[goal] = 0
-    queue = np.empty(len(distance), dtype=np.int32)
-    queue[0] = goal
-    head, tail = 0, 1
-    while head < tail:
-        state = queue[head]
-        head += 1
-        for k in range(in_ptr[state], in_ptr[state + 1]):
-            move = in_move[k]
-            before = move_from[move]
-            if is_open[move] and distance[before] == UNREACHABLE:
-                distance[before] = distance[state] + 1
-                queue[tail] = before
-                tail += 1
+    goals: IntArray, rows: IntArray, before: npt.NDArray[np.uint32], table: Distances, queue: npt.NDArray[np.uint32]
+) -> int:  # pragma: no cover - compiled
+    """Breadth-first search against the moves from each goal, level by level; returns the longest distance found.
+
+    The innermost loop has no branch to guess wrong: each state is written behind the queue, which grows only if it was
+    new. Unsigned indices spare numba the question whether they are negative.
+    """
+    widest = before.shape[1]
+    furthest = 0
+    for k in range(len(goals)):
+        distance = table[rows[k]]
+        distance[:] = UNREACHABLE
+        distance[goals[k]] = 0
+        queue[0] = goals[k]
+        head, tail = np.uint64(0), np.uint64(1)
+        level = np.uint16(0)
+        while head < tail:
+            end = tail
+            if level == UNREACHABLE - 1:
+                for i in range(head, end):
+                    for j in range(widest):
+                        if distance[before[queue[i], j]] == UNREACHABLE:
+                            return UNREACHABLE
+            level = np.uint16(level + np.uint16(1))
+            while head < end:
+                state = queue[head]
+                head += np.uint64(1)
+                for j in range(widest):
+                    other = before[state, np.uint64(j)]
+                    known = distance[other]
+                    queue[tail] = other
+                    tail += np.uint64(known > level)
+                    distance[other] = min(known, level)
+        furthest = max(furthest, int(level) - 1)
+    return furthest

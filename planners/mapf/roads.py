@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from maps.lane_graph import LaneGraph
-from planners.mapf.distance_table import open_moves
+from planners.mapf.options import open_moves
 from planners.mapf.problem import BoolArray, Instance, IntArray
 
 

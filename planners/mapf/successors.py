@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.mapf.chance import Chance, draw
-from planners.mapf.distance_table import DistanceTable
+from planners.mapf.distance_table import Distances, DistanceTable
 from planners.mapf.kernel import Whole, kernel
 from planners.mapf.problem import BoolArray, Instance, IntArray
 from planners.mapf.roads import Roads
@@ -21,7 +21,7 @@ _NOISE_KEY = 0.39
 class Guide(NamedTuple):
     """Who wants to go where, and how far it is."""
 
-    distances: IntArray
+    distances: Distances
     """Timesteps to each goal, shape (n_rows, n_states)."""
     row: IntArray
     """Row of `distances` of each agent, -1 = no goal, shape (n,)."""

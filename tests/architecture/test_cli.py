@@ -10,10 +10,16 @@ from fleet.cli import COMMANDS, OPTIONS, SITE_COMMANDS, main
 from fleet.commands.demo import Demo
 from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, RunConfig
 from planners.allocation import ALLOCATORS
-from planners.mapf import PLANNERS
+from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
 ALL = {**COMMANDS, **{f"site {name}": command for name, command in SITE_COMMANDS.items()}}
-REQUIRED = {"site check": ["small"], "site generate": ["out.toml"], "site convert": ["in.map", "out.toml"]}
+REQUIRED = {
+    "lorr": ["problem.json"],
+    "plan": ["--map", "in.map", "--scen", "in.scen"],
+    "site check": ["small"],
+    "site generate": ["out.toml"],
+    "site convert": ["in.map", "out.toml"],
+}
 """Words without which a command has nothing to work on."""
 
 
@@ -89,6 +95,14 @@ def test_the_demo_s_help_names_every_choice(capsys: pytest.CaptureFixture[str]) 
         main(["demo", "--help"])
     said = capsys.readouterr().out
     for name in (*PLANNERS, *ALLOCATORS, *EVENT_PARAMETERS, *Grip, *Fidelity):
+        assert name in said
+
+
+def test_the_help_of_plan_names_every_planner(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["plan", "--help"])
+    said = capsys.readouterr().out
+    for name in (*ONE_SHOT_PLANNERS, "pebble", "rotating"):
         assert name in said
 
 

@@ -24,6 +24,7 @@ from tests.unit.planners.mapf.lanes import (
     one_way_loop,
     open_grid,
     random_starts,
+    rotating_grid,
 )
 
 
@@ -170,7 +171,7 @@ def nobody() -> Danger:
     return Danger(instance_of(open_grid(2, 2), [], []))
 
 
-GRIDS = {"one_way": one_way_grid, "two_way": open_grid, "diagonal": king_grid}
+GRIDS = {"one_way": one_way_grid, "two_way": open_grid, "diagonal": king_grid, "rotating": rotating_grid}
 
 
 def crowd(seed: int, share: float, grid: str = "one_way", *, rotation: bool = False) -> Danger:

@@ -222,7 +222,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["frob"], ["'frob'", "demo, site"]),
+        (["frob"], ["'frob'", "demo, lorr, plan, site"]),
         (["site", "frob"], ["'frob'", "check, list, generate, convert"]),
         (["site", "check"], ["SITE", "missing"]),
         (["site", "check", "nope"], ["'nope'", "cell, medium, small"]),

@@ -150,6 +150,102 @@ def test_a_car_that_dies_at_a_dock_is_not_brought_back_by_the_arm(state: TaskSta
     assert after[after.index(state) + 1 :] == (stranded if state is TaskState.LOADING else delivered)
 
 
+def dies_on_the_way(simulation: Simulation) -> ScenarioEvent | None:
+    """A moving car that others can go round, with several cells granted."""
+    for car in range(3):
+        held = simulation.executor.dependencies.held_cells(car)
+        moves = simulation.world.car_speeds()[car] > 0.8 and len(held) > 3
+        if moves and simulation.sim_s > 5.0 and connected_without(simulation, held):
+            return event(simulation.sim_s, "car_dead", f"car_{car}")
+    return None
+
+
+def under(simulation: Simulation, car: int) -> set[int]:
+    """Cells that a car's body touches."""
+    x, y, yaw = simulation.world.car_poses()[car]
+    spec, grid = simulation.scene.car, simulation.site.grid
+    ahead, left = np.meshgrid(np.linspace(-spec.rear_m, spec.front_m, 9), np.linspace(-1, 1, 3) * spec.half_width_m)
+    points = np.column_stack((x + np.cos(yaw) * ahead.ravel() - np.sin(yaw) * left.ravel(),
+                              y + np.sin(yaw) * ahead.ravel() + np.cos(yaw) * left.ravel()))  # fmt: skip
+    return {int(grid.index(*grid.cell_at(float(px), float(py)))) for px, py in points}
+
+
+@pytest.mark.parametrize("fidelity", [Fidelity.KINEMATIC, Fidelity.GRID])
+def test_a_dead_car_takes_only_the_cells_it_stands_in(fidelity: Fidelity) -> None:
+    death = first(dies_on_the_way)
+    car = int(death.target[-1])
+    with made([death], fidelity=fidelity) as simulation:
+        while simulation.sim_s < death.time_s + 4.0:
+            simulation.tick()
+        ground = under(simulation, car)
+        assert len(ground) <= 2
+        assert set(simulation.executor.dependencies.held_cells(car)) == ground
+        assert set(np.flatnonzero(simulation.traffic.blocked).tolist()) == ground
+        simulation.run()
+        summary = simulation.summary()
+    assert summary.tasks_done + summary.tasks_failed == summary.tasks_total
+    assert summary.tasks_failed <= 1
+    assert (summary.robot_contacts, summary.static_contacts) == (0, 0)
+
+
+@pytest.mark.parametrize("ahead_m", [-1.0, 1.0])
+def test_a_dead_car_that_is_pushed_is_seen_where_it_stands_then(ahead_m: float) -> None:
+    """Pushed along the way it had been granted, too: that is no progress any more."""
+    death = first(dies_on_the_way)
+    car = int(death.target[-1])
+    with made([death]) as simulation:
+        while simulation.sim_s < death.time_s + 4.0:
+            simulation.tick()
+        yaw = simulation.world.car_poses()[car, 2]
+    dx_m, dy_m = float(ahead_m * np.cos(yaw)), float(ahead_m * np.sin(yaw))
+    push = event(death.time_s + 5.0, "car_pushed", death.target, dx_m=dx_m, dy_m=dy_m)
+    log: list[Event] = []
+    with made([death, push], log) as simulation:
+        while simulation.sim_s < push.time_s + 4.0:
+            simulation.tick()
+        ground = under(simulation, car)
+        assert set(simulation.executor.dependencies.held_cells(car)) == ground
+        assert set(np.flatnonzero(simulation.traffic.blocked).tolist()) == ground
+        simulation.run()
+        assert simulation.summary().robot_contacts == 0
+    before, after = (set(entry.facts["cells"]) for entry in of_kind(log, "wreck"))  # type: ignore[call-overload]
+    assert before != after
+
+
+def test_tasks_of_a_dock_that_a_dead_car_cuts_off_hold_no_car_up() -> None:
+    """A car dies in a pick dock: whoever was sent there is free again, and the other station's tasks are done."""
+
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        for station in simulation.stations:
+            bound = [
+                task.car
+                for task in simulation.board.in_state(TaskState.ASSIGNED)
+                if task.order.pick == station.name and task.car is not None
+            ]
+            cells = cells_under_cars(simulation)
+            there = [car for car in bound if cells[car] == station.place.dock.cell]
+            if there and len(bound) > 1:
+                return event(simulation.sim_s, "car_dead", f"car_{there[0]}")
+        return None
+
+    death = first(find, tasks=12)
+    log: list[Event] = []
+    with made([death], log, tasks=12) as simulation:
+        while simulation.sim_s < death.time_s + 0.1:
+            simulation.tick()
+        cells = cells_under_cars(simulation)
+        dock = next(s for s in simulation.stations if s.place.dock.cell == cells[int(death.target[-1])])
+        while simulation.sim_s < death.time_s + 5.0:
+            simulation.tick()
+        assert not any(t.order.pick == dock.name for t in simulation.board.in_state(TaskState.ASSIGNED))
+        simulation.run()
+        board = simulation.board
+        left = [task.order.pick for task in board.tasks if task.state is not TaskState.COLLECTED]
+        assert set(left) == {dock.name}
+        assert simulation.summary().robot_contacts == 0
+    assert any(f"has no way to {dock.name}" in str(entry.facts["cause"]) for entry in of_kind(log, "task"))
+
+
 # --- arm_slow
 
 
@@ -312,6 +408,21 @@ def test_a_car_is_pushed_in_the_physical_world() -> None:
     summary, log = run(push, **settings)
     check(summary)
     check_rejoined(log, push.target)
+
+
+def test_a_push_in_the_very_tick_of_arrival_on_the_grid() -> None:
+    """The car is in its next state, though not at its pose; it drives on from there."""
+
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        arrives = simulation.now % 20 == 0 and simulation.sim_s > 5.0
+        moving = np.flatnonzero(simulation.world.car_speeds() > 0.5)
+        if arrives and moving.size:
+            return event(simulation.sim_s, "car_pushed", f"car_{moving[0]}", dx_m=0.05, dyaw_rad=0.1)
+        return None
+
+    push = first(find, fidelity=Fidelity.GRID)
+    summary, _ = run(push, fidelity=Fidelity.GRID)
+    check(summary)
 
 
 def test_a_small_push_is_steered_out() -> None:

@@ -96,3 +96,16 @@ def test_a_json_file_in_a_missing_folder_is_refused_before_measuring(tmp_path: P
     status, text = run(Benchmark(name="x", summary="", measure=measure), "--json", str(tmp_path / "no" / "rows.json"))
     assert status == 2
     assert "does not exist" in text
+
+
+def test_groups_can_be_run_alone_and_notes_are_said() -> None:
+    def measure(trial: Trial) -> Iterable[Row]:
+        trial.notes.append("b: left out, no file")
+        return [Row(name=group, value=1.0, unit="") for group in trial.groups]
+
+    benchmark = Benchmark(name="parts", summary="", measure=measure, groups=("first", "second"))
+    assert [name in run(benchmark)[1] for name in ("first", "second", "b: left out")] == [True, True, True]
+    assert [name in run(benchmark, "--only", "second")[1] for name in ("first", "second")] == [False, True]
+    with pytest.raises(SystemExit) as stop:
+        run(benchmark, "--only", "third")
+    assert stop.value.code == 2

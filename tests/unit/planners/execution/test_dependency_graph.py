@@ -114,6 +114,35 @@ def test_nothing_is_finished_that_was_not_granted() -> None:
         with_plan(open_grid(1, 3), [0], [1]).finish(0)
 
 
+def test_all_that_is_grantable_is_granted_but_not_into_closed_cells() -> None:
+    graph = open_grid(2, 4)
+    dependencies = with_plan(graph, [0, 4], [1, 5], [2, 6], [3, 7])
+    closed = np.zeros(graph.n_cells, dtype=np.bool_)
+    closed[6] = True
+    agents, moves = dependencies.grant_all(2, closed)
+    assert agents == [0, 0, 1]
+    assert ends_of(graph, moves) == [1, 2, 5]
+    dependencies.finish_all([0, 1, 0])
+    assert [dependencies.held_cells(agent) for agent in (0, 1)] == [[2], [5]]
+    assert dependencies.grant_all(2, ~closed | closed) == ([], [])
+    with pytest.raises(ExecutionError, match="agent 1 has no granted move"):
+        dependencies.finish_all([1])
+
+
+def test_memory_is_used_again() -> None:
+    """A thousand moves of two agents that follow each other take no more room than the first few."""
+    graph = one_way_loop(6)
+    dependencies = DependencyGraph(graph, [0, 3])
+    for k in range(500):
+        dependencies.extend(plan_of([k % 6, (k + 3) % 6], [(k + 1) % 6, (k + 4) % 6]))
+        assert dependencies.n_visits == 4
+        dependencies.grant_all(1, np.zeros(6, dtype=np.bool_))
+        dependencies.finish_all([0, 1])
+        assert dependencies.n_visits == 0
+    assert len(dependencies._q.visit_next) == 4
+    assert dependencies._q.moves.shape == (2, 1)
+
+
 # --------------------------------------------------------------------------------------------------------------- extend
 
 
@@ -327,3 +356,85 @@ def test_an_agent_is_not_relocated_into_a_cell_of_another() -> None:
 def test_an_agent_is_not_relocated_into_a_state_that_does_not_exist() -> None:
     with pytest.raises(ExecutionError, match=r"state 7; valid: 0\.\.2"):
         DependencyGraph(open_grid(1, 3), [0]).relocate(0, 7)
+
+
+# -------------------------------------------------------------------------------------------------------------- reorder
+
+LATE, ON_TIME = np.ones(2, dtype=np.bool_), np.zeros(2, dtype=np.bool_)
+
+
+def test_who_waits_at_a_crossing_for_a_late_agent_goes_first(crossing: LaneGraph) -> None:
+    dependencies = with_plan(crossing, [0, 3], [1, 3], [2, 4], [2, 5])
+    assert dependencies.held_up().tolist() == [False, True]
+    assert dependencies.line(1) == [(0, 0), (0, 1), (1, 2), (1, 3)]
+    assert dependencies.go_first(1, LATE)
+    assert dependencies.line(1) == [(1, 2), (1, 3), (0, 0), (0, 1)]
+    assert dependencies.held_up().tolist() == [True, False]
+    assert dependencies.tail_states().tolist() == [2, 5]
+    for agent in (1, 1, 0, 0):
+        dependencies.grant(agent)
+        if dependencies.n_queued(agent) == 0:
+            dependencies.finish(agent)
+            dependencies.finish(agent)
+    assert dependencies.n_visits == 0
+
+
+def test_an_agent_that_is_about_to_come_keeps_its_turn(crossing: LaneGraph) -> None:
+    dependencies = with_plan(crossing, [0, 3], [1, 3], [2, 4], [2, 5])
+    assert not dependencies.go_first(1, ON_TIME)
+    assert dependencies.line(1) == [(0, 0), (0, 1), (1, 2), (1, 3)]
+
+
+def test_an_agent_that_is_far_away_is_overtaken_without_being_late() -> None:
+    """Four moves before the crossing: the other needs two to be through."""
+    lanes = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (6, 7), (7, 8)]
+    graph = graph_of([0, 1, 2, 3, 4, 5, 6, 4, 7], lanes)
+    rows = [[0, 6], [1, 6], [2, 6], [3, 6], [4, 6], [5, 6], [5, 7], [5, 8]]
+    assert with_plan(graph, *rows).go_first(1, ON_TIME)
+    assert not with_plan(graph, *rows[3:]).go_first(1, ON_TIME)
+
+
+def test_a_granted_turn_is_not_taken_back(crossing: LaneGraph) -> None:
+    dependencies = with_plan(crossing, [0, 3], [1, 3], [2, 4], [2, 5])
+    dependencies.grant(0)
+    assert not dependencies.held_up()[1], "the cell is not free"
+    assert not dependencies.go_first(1, LATE)
+
+
+def test_who_would_stay_on_the_crossing_waits(crossing: LaneGraph) -> None:
+    """The plan ends on the crossing: nobody knows yet how the agent will get out of the other's way."""
+    dependencies = with_plan(crossing, [0, 3], [1, 3], [2, 3], [2, 4])
+    assert dependencies.held_up()[1]
+    assert not dependencies.go_first(1, LATE)
+
+
+@pytest.fixture
+def merging() -> LaneGraph:
+    """Two lanes that run together through cells 2, 3 and 4 and part again: 0 2 3 4 5 and 1 2 3 4 6."""
+    return graph_of([0, 1, 2, 3, 4, 5, 6], [(0, 2), (1, 2), (2, 3), (3, 4), (4, 5), (4, 6)])
+
+
+def test_a_shared_stretch_is_exchanged_as_a_whole(merging: LaneGraph) -> None:
+    rows = [[0, 1], [2, 1], [3, 1], [4, 1], [5, 1], [5, 2], [5, 3], [5, 4], [5, 6]]
+    dependencies = with_plan(merging, *rows)
+    assert dependencies.go_first(1, LATE)
+    for cell in (2, 3, 4):
+        assert [agent for agent, _ in dependencies.line(cell)] == [1, 1, 0, 0]
+    assert not dependencies.has_cycle()
+
+
+def test_a_shared_stretch_without_its_end_stays_as_it_is(merging: LaneGraph) -> None:
+    dependencies = with_plan(merging, [0, 1], [2, 1], [3, 1], [4, 1], [5, 1], [5, 2], [5, 3], [5, 4])
+    assert not dependencies.go_first(1, LATE)
+
+
+def test_an_exchange_that_would_close_a_cycle_is_not_made() -> None:
+    """Agent 2 on the crossing would wait for agent 1 ahead, who waits for agent 0, whom it has overtaken."""
+    graph = graph_of(range(8), [(0, 1), (1, 2), (2, 3), (4, 1), (1, 5), (5, 2), (2, 6), (5, 7)])
+    rows = [[0, 5, 4], [1, 5, 4], [2, 5, 4], [3, 2, 1], [3, 6, 5], [3, 6, 7]]
+    dependencies = with_plan(graph, *rows)
+    assert dependencies.held_up().tolist() == [False, True, True]
+    assert not dependencies.go_first(2, np.ones(3, dtype=np.bool_))
+    assert dependencies.go_first(1, np.ones(3, dtype=np.bool_)), "agent 1 may, and then the way is free for agent 2"
+    assert dependencies.go_first(2, np.ones(3, dtype=np.bool_))
+    assert not dependencies.has_cycle()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planners.errors import PlanningError
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable, DistanceTableFull, DistanceTooLong
 from tests.unit.planners.mapf.lanes import graph_of, one_way_grid, one_way_loop, open_grid
 
 
@@ -56,7 +56,7 @@ def test_rows_point_at_the_goals_of_an_instance() -> None:
 
 
 def test_the_goal_that_was_not_asked_for_longest_makes_room() -> None:
-    table = DistanceTable(one_way_loop(9), nothing_blocked(9), capacity=2)
+    table = DistanceTable(one_way_loop(9), nothing_blocked(9), memory_cap=2 * 9 * 2)
     table.to(0)
     first = table.to(0).copy()
     table.to(1)
@@ -67,11 +67,51 @@ def test_the_goal_that_was_not_asked_for_longest_makes_room() -> None:
     assert table.to(0).tolist() == first.tolist()
 
 
-def test_an_instance_with_more_goals_than_the_capacity_gets_them_all() -> None:
-    table = DistanceTable(one_way_loop(9), nothing_blocked(9), capacity=2)
-    goals = np.arange(9, dtype=np.int32)
-    distances, row = table.rows(goals)
-    assert (distances[row, goals] == 0).all()
+def test_what_was_asked_for_last_stays() -> None:
+    table = DistanceTable(one_way_loop(9), nothing_blocked(9), memory_cap=3 * 9 * 2)
+    for goal in (0, 1, 2, 0, 3):
+        table.to(goal)
+    before = table.n_goals
+    table.to(0)
+    assert (before, table.n_goals) == (3, 3), "goal 0 was asked for after 1 and had not to make room"
+
+
+def test_one_call_for_more_goals_than_the_cap_holds_is_refused_with_the_numbers() -> None:
+    table = DistanceTable(one_way_loop(9), nothing_blocked(9), memory_cap=2 * 9 * 2)
+    with pytest.raises(
+        DistanceTableFull, match=r"9 distinct goals need 162 bytes .* 2 goals in a memory_cap of 36 bytes"
+    ):
+        table.rows(np.arange(9, dtype=np.int32))
+    distances, row = table.rows(np.array([4, 5], dtype=np.int32))
+    assert distances[row, [4, 5]].tolist() == [0, 0], "the table is as good as before"
+
+
+def test_a_cap_that_holds_no_goal_is_refused() -> None:
+    with pytest.raises(PlanningError, match="memory_cap = 17; valid: at least 18"):
+        DistanceTable(one_way_loop(9), nothing_blocked(9), memory_cap=17)
+
+
+def test_many_goals_at_once_equal_one_at_a_time() -> None:
+    """Enough of them for threads."""
+    graph = one_way_grid(40, 60)
+    goals = np.arange(graph.n_states, dtype=np.int32)
+    distances, row = DistanceTable(graph, nothing_blocked(graph.n_cells)).rows(goals)
+    single = DistanceTable(graph, nothing_blocked(graph.n_cells))
+    assert sorted(row.tolist()) == goals.tolist()
+    for goal in range(0, graph.n_states, 97):
+        assert (distances[row[goal]] == single.to(goal)).all()
+
+
+def test_a_way_that_is_too_long_is_refused() -> None:
+    n = UNREACHABLE + 1
+    table = DistanceTable(one_way_loop(n), nothing_blocked(n), memory_cap=2 * n)
+    with pytest.raises(DistanceTooLong, match="takes 65535 timesteps; valid: at most 65534"):
+        table.to(0)
+
+
+def test_the_longest_way_that_fits_is_exact() -> None:
+    n = UNREACHABLE
+    assert DistanceTable(one_way_loop(n), nothing_blocked(n), memory_cap=2 * n).to(0).max() == UNREACHABLE - 1
 
 
 def test_the_table_is_read_only() -> None:

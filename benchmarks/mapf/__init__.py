@@ -1,0 +1,34 @@
+"""Benchmark of path planning: speed, throughput and cost against the best published planners, one group per file.
+
+A group is a function from a `Trial` to rows; it checks every plan with the referee before it counts a time. A new
+group is one file here and one line in `GROUPS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from benchmarks.harness import Benchmark, Row, Trial
+from benchmarks.mapf.crowded import measure_crowded
+from benchmarks.mapf.pibt import measure_pibt
+
+GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
+    "pibt": measure_pibt,
+    "crowded": measure_crowded,
+}
+
+
+def measure(trial: Trial) -> Iterable[Row]:
+    """Run the groups that were asked for, in the order of the table."""
+    for name in trial.groups:
+        yield from GROUPS[name](trial)
+
+
+BENCHMARK = Benchmark(
+    name="mapf",
+    summary="path planning for fleets, against the best published planners",
+    measure=measure,
+    seeds=(0, 1, 2),
+    quick_seeds=(0,),
+    groups=tuple(GROUPS),
+)

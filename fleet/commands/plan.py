@@ -1,0 +1,177 @@
+"""The plan command: one-shot path finding on a published map and scenario."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console
+from rich.progress import Progress, ProgressColumn, Task, TextColumn
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+
+from fleet.config import require
+from maps.grid import EAST, GridMap
+from maps.lane_graph import LaneGraph, grid_lane_graph
+from maps.movingai import read_map, starts_and_goals
+from maps.smart import write_paths
+
+if TYPE_CHECKING:
+    from planners.mapf.distance_table import DistanceTable
+    from planners.mapf.problem import Instance
+    from planners.mapf.problem import Plan as Decision
+
+Cells = npt.NDArray[np.integer]
+
+SOLVED, NOT_SOLVED = 0, 1
+LONGEST = 1_000_000
+"""Timesteps that nobody's plan has."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Plan the paths of many robots at once, from a MovingAI map and scenario to a SMART path file."""
+
+    map: Path
+    """The .map file."""
+    scen: Path
+    """The .scen file: starts and goals."""
+    agents: int | None = None
+    """Number of robots, the first entries of the scenario; default all."""
+    planner: str = "lacam"
+    """Planner: lacam (complete, improves its plan until the budget ends), sipp (quick, not complete) or cbs (optimal,
+    for few robots)."""
+    motion: Literal["pebble", "rotating"] = "pebble"
+    """What a robot does in a timestep: pebble steps to a neighbouring cell, rotating steps ahead or turns, and faces
+    east at its start and goal."""
+    no_rings: bool = False
+    """Refuse closed rings of robots that follow each other, as a plan needs that is executed with delays."""
+    budget_s: float = 10.0
+    """Time to plan [s]; files are read and kernels loaded before it begins."""
+    seed: int = 0
+    """Seed of everything random."""
+    output: Path = Path("paths.txt")
+    """The path file to write."""
+
+    def run(self) -> int:
+        """Plan, write and print; returns the exit status."""
+        # The kernels take a second to load: only for plans, not for --help.
+        from planners.deadline import Deadline
+        from planners.mapf import ONE_SHOT_PLANNERS
+        from planners.mapf.distance_table import DistanceTable
+        from planners.mapf.validate import breaches
+
+        require(self.planner in ONE_SHOT_PLANNERS, "--planner", self.planner, ", ".join(ONE_SHOT_PLANNERS))
+        require(self.agents is None or self.agents >= 1, "--agents", self.agents, "an integer >= 1")
+        require(math.isfinite(self.budget_s) and self.budget_s > 0, "--budget-s", self.budget_s, "a number > 0")
+        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        grid = read_map(self.map)
+        starts, goals = starts_and_goals(self.scen, grid, agents=self.agents)
+        self._check_output()
+        graph = grid_lane_graph(grid, self.motion)
+        instance = _instance(graph, starts, goals, allow_rotation=not self.no_rings)
+        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        what = f"{len(starts)} robots on {self.map.name}, {grid.free.sum()} free cells"
+        console.print(f"{what}: {self.planner}, {self.budget_s:g} s", soft_wrap=True)
+        make = ONE_SHOT_PLANNERS[self.planner]
+        make().plan(_crossing(self.motion), None, Deadline(64))  # loads the kernels
+        with _progress(console, self.budget_s):
+            begin = time.perf_counter()
+            tables = DistanceTable(graph, instance.blocked)
+            decision = make(seed=self.seed).plan(instance, tables, Deadline(wall_s=self.budget_s))
+            elapsed_s = time.perf_counter() - begin
+        wrong = breaches(instance, decision)
+        cells = np.stack(grid.row_col(graph.state_cell[decision.states]), axis=-1)
+        write_paths(self.output, cells)
+        verdict = f"{wrong[0].kind} conflict at timestep {wrong[0].timestep}" if wrong else "legal"
+        console.print(_table(instance, decision, tables, elapsed_s, verdict))
+        solved = bool((decision.states[-1] == instance.goals).all())
+        held = "the paths" if solved else f"a legal beginning of {len(decision.states) - 1} timesteps"
+        console.print(f"{self.output}: {held}", soft_wrap=True)
+        return SOLVED if solved and not wrong else NOT_SOLVED
+
+    def _check_output(self) -> None:
+        """Refuse an output that cannot be written, before the time is spent."""
+        for name in ("map", "scen"):
+            same = self.output.exists() and self.output.samefile(getattr(self, name))
+            require(not same, "--output", str(self.output), f"another file than --{name}")
+        there = self.output.exists()
+        with self.output.open("a"):
+            pass
+        if not there:
+            self.output.unlink()
+
+
+class _BudgetColumn(ProgressColumn):
+    """How much of the budget is gone."""
+
+    def render(self, task: Task) -> ProgressBar:
+        return ProgressBar(total=task.total, completed=min(task.elapsed or 0.0, task.total or 0.0), width=40)
+
+
+def _progress(console: Console, budget_s: float) -> Progress:
+    """A bar that moves by itself on a terminal, and nothing elsewhere."""
+    progress = Progress(
+        TextColumn("{task.description}"),
+        _BudgetColumn(),
+        TextColumn("{task.elapsed:.1f} of {task.total:g} s"),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+    progress.add_task("planning", total=budget_s)
+    return progress
+
+
+def _instance(graph: LaneGraph, starts: Cells, goals: Cells, *, allow_rotation: bool) -> Instance:
+    """Everybody from cell to cell, all alike."""
+    from planners.mapf.problem import Instance
+
+    n = len(starts)
+    return Instance(
+        graph=graph,
+        starts=graph.state_index[starts, EAST],
+        goals=graph.state_index[goals, EAST],
+        priorities=np.zeros(n),
+        stay=np.zeros(n, dtype=np.bool_),
+        fixed=np.zeros(n, dtype=np.bool_),
+        blocked=np.zeros(graph.n_cells, dtype=np.bool_),
+        allow_rotation=allow_rotation,
+        horizon=LONGEST,
+    )
+
+
+def _crossing(motion: Literal["pebble", "rotating"]) -> Instance:
+    """A problem of the same kind that is solved at once."""
+    graph = grid_lane_graph(GridMap(np.ones((3, 3), dtype=np.bool_)), motion)
+    return _instance(graph, np.array([1, 3]), np.array([7, 5]), allow_rotation=True)
+
+
+def _table(instance: Instance, decision: Decision, tables: DistanceTable, elapsed_s: float, verdict: str) -> Table:
+    """The figures of a plan; costs only of one that is whole."""
+    from planners.mapf.metrics import lower_bound, sum_of_costs, sum_of_loss
+
+    there = decision.states[-1] == instance.goals
+    rows = {"status": decision.status.value, "robots at their goals": f"{there.sum()} of {len(there)}"}
+    if there.all():
+        least, loss = lower_bound(instance, tables), sum_of_loss(instance, decision)
+        rows |= {
+            "makespan": f"{len(decision.states) - 1} timesteps",
+            "sum of costs": f"{sum_of_costs(instance, decision)}",
+            "sum of loss": f"{loss}",
+            "lower bound": f"{least}",
+            "sum of loss / lower bound": f"{loss / least:.3f}" if least else "-",
+        }
+    rows |= {"time": f"{elapsed_s:.2f} s", "referee": verdict}
+    table = Table(show_header=False)
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table

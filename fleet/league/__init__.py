@@ -1,0 +1,1 @@
+"""The League of Robot Runners: its rules, and whoever plays by them."""

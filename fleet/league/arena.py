@@ -1,0 +1,233 @@
+"""Arena: where everybody is in a run of the League, and how a timestep passes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.league.books import Books
+from fleet.league.rules import (
+    MOVE_TEXTS,
+    NO_TASK,
+    SCHEDULE_TEXTS,
+    UNKNOWN,
+    VALID,
+    WAITING,
+    WRONG_SIZE,
+    Tasks,
+    action_table,
+    judge_moves,
+    judge_schedule,
+    tick_errands,
+)
+from maps.lane_graph import LaneGraph, grid_lane_graph
+from maps.lorr import NO_ACTION, START_HEADING, WAIT, Ints, LeagueProblem, LeagueResult
+
+__all__ = ["NO_TASK", "Arena", "Tasks"]
+
+Row = npt.NDArray[np.int64]
+"""One number per robot, shape (n,)."""
+
+
+class Arena:
+    """Where the robots are, which tasks are known, who does what; a timestep passes with each `apply`.
+
+    The rules are those of the League's own simulator of 2024; a problem of 2023 hands its tasks out itself. Robots may
+    follow each other into cells that are vacated in the same timestep, closed rings too. A robot that stands on the
+    cell of its task's next errand at the end of a timestep has done that errand, one per timestep.
+
+    Only `apply` and `idle` change anything: what is handed out is a copy, and holds until the next timestep.
+
+    Args:
+        problem: The problem.
+
+    Source: Simulator.cpp, ActionModel.cpp and TaskManager.cpp of https://github.com/MAPF-Competition/Start-Kit, tag
+    v2.1.2; for problems of 2023 InfAssignSystem in CompetitionSystem.cpp, tag v1.1.5.
+    """
+
+    def __init__(self, problem: LeagueProblem) -> None:
+        n = problem.n_robots
+        self.problem = problem
+        self.graph: LaneGraph = grid_lane_graph(problem.grid, "rotating")
+        self.timestep = 0
+        self.n_finished = 0
+        """Tasks done."""
+        self.planner_errors: list[tuple[int, int, int, str]] = []
+        """Robot, other robot or -1, timestep, text."""
+        self.schedule_errors: list[tuple[int, int, int, int, str]] = []
+        """Task, robot, other robot or -1, timestep, text."""
+        self.n_timeouts = 0
+        """Timesteps that passed in `idle`."""
+        self._states: Ints = self.graph.state_index[problem.start_cell, START_HEADING]
+        self._task_of: Tasks = np.full(n, NO_TASK, dtype=np.int64)
+        self._errand_of: Ints = np.zeros(n, dtype=np.int32)
+        self._cells = problem.start_cell
+        self._table = action_table(self.graph)
+        self._after = np.full(self.graph.n_cells, -1, dtype=np.int32)
+        self._books = Books(n)
+        self._life = np.full(1024, UNKNOWN, dtype=np.int8)
+        self._holder = np.full(1024, -1, dtype=np.int32)
+        self._release = np.zeros(1024, dtype=np.int32)
+        self._pool: Tasks = np.empty(0, dtype=np.int64)
+        self._given = np.zeros(n, dtype=np.int64)
+        self._n_revealed = 0
+        self._reveal()
+        self._publish()
+
+    @property
+    def errand_ptr(self) -> Ints:
+        """With `errand_cell`, the tasks of the problem's file as CSR; task t is row t modulo their number."""
+        return self.problem.errand_ptr
+
+    @property
+    def errand_cell(self) -> Ints:
+        """Cells of all errands."""
+        return self.problem.errand_cell
+
+    def pool(self) -> Tasks:
+        """Tasks that are known and not opened by anybody, ascending, those included that a robot is on its way to."""
+        return self._pool.copy()
+
+    def next_cell(self, task_of: Tasks) -> Ints:
+        """Cell of the next errand of each robot under a schedule, -1 without a task, shape (n,)."""
+        row = task_of % self.problem.n_tasks
+        place = np.minimum(self.errand_ptr[row] + self._errand_of, len(self.errand_cell) - 1)
+        cells: Ints = np.where(task_of == NO_TASK, np.int32(-1), self.errand_cell[place])
+        return cells
+
+    def apply(self, next_states: npt.NDArray[np.integer[Any]], task_of: npt.NDArray[np.integer[Any]]) -> None:
+        """Let a timestep pass.
+
+        If one move is none of the graph or two robots come into conflict, nobody moves; if one entry of the schedule
+        is not allowed, all keep the tasks they have. Either counts as one error.
+
+        Args:
+            next_states: State of each robot after the timestep, shape (n,).
+            task_of: Task of each robot from now on, or `NO_TASK`, shape (n,). A task must be known and unfinished and
+                have one robot; a robot keeps a task it has opened. Not read where the problem hands out its tasks.
+        """
+        self.timestep += 1
+        self._move(_row(next_states, len(self._states)))
+        self._assign(self._task_of.copy() if self.problem.round_robin else _row(task_of, len(self._states)))
+        self._tick()
+        self._reveal()
+        self._publish()
+
+    def idle(self, timesteps: int) -> None:
+        """Let timesteps pass in which everybody waits for a late planner, and no errand counts."""
+        nothing = np.full(len(self._states), NO_ACTION, dtype=np.int8)
+        for _ in range(timesteps):
+            self._books.moved(nothing, nothing)
+            self._books.held += self._task_of != NO_TASK
+        self.timestep += timesteps
+        self.n_timeouts += timesteps
+
+    def result(self, planner_times_s: npt.NDArray[np.float64]) -> LeagueResult:
+        """What happened so far."""
+        books = self._books
+        known = np.flatnonzero(self._life != UNKNOWN)
+        return LeagueResult(
+            problem=self.problem,
+            actual=books.actions(books.actual),
+            planned=books.actions(books.planned),
+            planner_times_s=planner_times_s,
+            n_finished=self.n_finished,
+            makespan=int(books.held.max(initial=0)),
+            n_timeouts=self.n_timeouts,
+            task_id=known,
+            task_release=self._release[known],
+            events=np.concatenate(books.events),
+            schedule=np.concatenate(books.schedule),
+            proposed=np.concatenate(books.proposed),
+            planner_errors=tuple(self.planner_errors),
+            schedule_errors=tuple(self.schedule_errors),
+        )
+
+    def _move(self, wanted: Row | None) -> None:
+        n, graph = len(self._states), self.graph
+        planned, there = np.full(n, NO_ACTION, dtype=np.int8), np.empty(n, dtype=np.int32)
+        error, robot, other = WRONG_SIZE, -1, -1
+        if wanted is not None:
+            error, robot, other = judge_moves(
+                self._states, self._cells, wanted, self._table, graph.state_cell, self._after, planned, there
+            )
+        if error != VALID or wanted is None:
+            self.planner_errors.append((robot, other, self.timestep, MOVE_TEXTS[error]))
+            self._books.moved(np.full(n, WAIT, dtype=np.int8), planned)
+        else:
+            self._books.moved(planned, planned)
+            self._states[:] = wanted
+            self._cells = there
+
+    def _assign(self, wanted: Row | None) -> None:
+        if wanted is None:
+            self.schedule_errors.append((-1, -1, -1, self.timestep, SCHEDULE_TEXTS[WRONG_SIZE]))
+        else:
+            self._books.proposes(self.timestep, wanted)
+            error, robot, other = judge_schedule(self._task_of, self._errand_of, wanted, self._life, self._holder)
+            if error == VALID:
+                self._task_of[:] = wanted
+                self._books.assigned(self.timestep, wanted)
+            else:
+                text = SCHEDULE_TEXTS[error]
+                self.schedule_errors.append((int(wanted[robot]), robot, other, self.timestep, text))
+        self._books.held += self._task_of != NO_TASK
+
+    def _publish(self) -> None:
+        self.states: Ints = self._states.copy()
+        """State of each robot, shape (n,)."""
+        self.task_of: Tasks = self._task_of.copy()
+        """Task that each robot holds, or `NO_TASK`, shape (n,)."""
+        self.errand_of: Ints = self._errand_of.copy()
+        """Errands of it that are done, shape (n,); a task is opened, and stays with its robot, from the first on."""
+
+    def _tick(self) -> None:
+        """Errands that are reached are done; robots at the end of a task are free."""
+        events = np.empty((len(self._states), 4), dtype=np.int32)
+        n_events, n_finished = tick_errands(
+            self.timestep,
+            self._cells,
+            self.errand_ptr,
+            self.errand_cell,
+            self._task_of,
+            self._errand_of,
+            self._life,
+            events,
+        )
+        self.n_finished += n_finished
+        if n_events:
+            self._books.events.append(events[:n_events].copy())
+            self._pool = self._pool[self._life[self._pool] == WAITING]
+
+    def _reveal(self) -> None:
+        """Make tasks known until the pool is full, or every robot has one."""
+        if self.problem.round_robin:
+            free = np.flatnonzero(self._task_of == NO_TASK)
+            fresh = self._given[free] * len(self._states) + free
+            self._given[free] += 1
+            self._task_of[free] = fresh
+        else:
+            missing = self.problem.pool_size - (self._n_revealed - self.n_finished)
+            fresh = np.arange(self._n_revealed, self._n_revealed + missing)
+        if not fresh.size:
+            return
+        self._n_revealed += len(fresh)
+        while fresh.max() >= len(self._life):
+            self._life = np.append(self._life, np.full_like(self._life, UNKNOWN))
+            self._holder = np.append(self._holder, np.full_like(self._holder, -1))
+            self._release = np.append(self._release, np.zeros_like(self._release))
+        self._life[fresh] = WAITING
+        self._release[fresh] = self.timestep
+        self._pool = np.concatenate((self._pool, fresh))
+        if self.problem.round_robin:
+            self._pool.sort()
+
+
+def _row(values: npt.NDArray[np.integer[Any]], n: int) -> Row | None:
+    """A copy of the values, or None if they are not one whole number per robot."""
+    array = np.asarray(values)
+    if array.shape != (n,) or not np.issubdtype(array.dtype, np.integer):
+        return None
+    return array.astype(np.int64)

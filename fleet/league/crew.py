@@ -1,0 +1,171 @@
+"""Crew: plays the League with multi-step PIBT, learnt guidance and a schedule that is made anew in every timestep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.errors import FleetError
+from fleet.league.arena import NO_TASK, Arena, Tasks
+from fleet.league.schedule import Schedule
+from maps.lane_graph import grid_lane_graph
+from maps.lorr import Ints
+from planners.deadline import Deadline
+from planners.mapf.goal_costs import GoalCosts, left
+from planners.mapf.guidance import UNIT, Errands, GuidanceConfig, learn_guidance
+from planners.mapf.multi_step_kernel import Wishes
+from planners.mapf.multi_step_pibt import Mover, rank_weights
+from planners.mapf.priorities import pocket_depth
+
+_STEEPNESS = 24.0
+"""Fall of the weights with rank on a full floor, as the exponent of e."""
+_LARGE = 2**20
+"""More than any way costs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrewConfig:
+    """Settings of `Crew`."""
+
+    length: int = 4
+    """Timesteps of an operation; on floors too large for exact costs one less, they need memory per state."""
+    most_tries: int = 3000
+    """Operations that a chain of pushes tries before it gives up."""
+    rounds: int = 8
+    """Most rounds of improvement in a timestep."""
+    budget_share: float = 0.7
+    """Share of a step's budget after which no further round of improvement begins."""
+    active_share: float = 1.0
+    """Share of the robots, those with least left to do first, that push on; the others only make room."""
+    guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
+    startup_s: float = 40.0
+    """Wall time for preparations [s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("budget_share", "active_share"):
+            if not 0 < getattr(self, name) <= 1:
+                raise FleetError(f"crew: {name} = {getattr(self, name)}; valid: 0 < {name} <= 1")
+
+
+class Crew:
+    """A controller for the League.
+
+    Args:
+        config: Settings.
+        seed: Seed of everything random.
+    """
+
+    def __init__(self, config: CrewConfig | None = None, *, seed: int = 0) -> None:
+        self.config = CrewConfig() if config is None else config
+        self._rng = np.random.default_rng(seed)
+
+    def prepare(self, arena: Arena, budget_s: float) -> None:
+        """Compute costs, learn guidance on small floors, and hand out the first tasks."""
+        graph, n = arena.graph, len(arena.states)
+        deadline = Deadline(wall_s=self.config.startup_s)
+        self._budget_s = budget_s
+        self._costs = GoalCosts(graph, grid_lane_graph(arena.problem.grid, "pebble"))
+        unit, move_cost = 1, np.ones(graph.n_moves, dtype=np.int32)
+        if self._costs.exact:
+            unit = UNIT
+            move_cost = learn_guidance(
+                graph,
+                self._costs,
+                arena.states,
+                _known_errands(arena),
+                config=self.config.guidance,
+                deadline=deadline,
+                seed=self._rng,
+            )
+        self._mover = Mover(
+            graph,
+            np.zeros(graph.n_cells, dtype=np.bool_),
+            n,
+            length=self.config.length if self._costs.exact else min(self.config.length, 3),
+            move_cost=move_cost,
+            wait_cost=unit,
+            seed=self._rng,
+        )
+        self._depth = pocket_depth(graph)
+        # The fuller the floor, the more robots a push moves, and the less each of them may count against it.
+        density = n / np.count_nonzero(arena.problem.grid.free)
+        self._steepness = float(np.clip(_STEEPNESS * density, 2.0, _STEEPNESS))
+        self._schedule = Schedule(arena, self._costs)
+        self._expect_goals(arena, deadline)
+        first = self._assign(arena, everybody=True)
+        self._task_of: Tasks | None = first
+        # The first step of a process loads or compiles kernels; what it decides is not kept.
+        chance = self._mover.chance.copy()
+        self._mover.begin(arena.states)
+        self._move(arena, first, Deadline(iterations=1))
+        self._mover.chance = chance
+        self._mover.begin(arena.states)
+
+    def step(self, arena: Arena) -> tuple[Ints, Tasks]:
+        """Decide a timestep."""
+        deadline = Deadline(wall_s=self._budget_s * self.config.budget_share)
+        task_of, self._task_of = self._task_of, None
+        if task_of is None:
+            task_of = self._assign(arena)
+        return self._move(arena, task_of, deadline), task_of
+
+    def _assign(self, arena: Arena, *, everybody: bool = False) -> Tasks:
+        if arena.problem.round_robin:
+            self._schedule.learn(arena, arena.task_of)
+            return arena.task_of
+        return self._schedule.assign(arena, everybody=everybody)
+
+    def _move(self, arena: Arena, task_of: Tasks, deadline: Deadline) -> Ints:
+        n = len(arena.states)
+        busy = task_of != NO_TASK
+        done = np.where(task_of == arena.task_of, arena.errand_of, 0)
+        row = task_of % arena.problem.n_tasks
+        place = np.where(busy, arena.errand_ptr[row] + done, 0)
+        further = busy & (place + 1 < arena.errand_ptr[row + 1])
+        cell = np.where(busy, arena.errand_cell[place], np.int32(-1))
+        after = np.where(further, arena.errand_cell[np.minimum(place + 1, len(arena.errand_cell) - 1)], np.int32(-1))
+        rows = self._costs.rows(np.concatenate((cell, after)))
+        costs = self._costs.costs
+        wishes = Wishes(
+            row=rows[:n].copy(),
+            cell=cell.astype(np.int32),
+            next_row=rows[n:].copy(),
+            leg=np.where(further, self._schedule.leg_of[place], np.int32(0)).astype(np.int32),
+        )
+        to_go = left(costs, arena.states, wishes.row) + np.where(busy, self._schedule.rest_of[place], _LARGE)
+        depth = self._depth[arena.graph.state_cell[arena.states]]
+        sequence = np.argsort(to_go.astype(np.int64) - depth * (2 * _LARGE), kind="stable").astype(np.int32)
+        wishes.row[sequence[int(np.ceil(self.config.active_share * n)) :]] = -1
+        return self._mover.step(
+            costs,
+            wishes,
+            sequence,
+            weight=rank_weights(sequence, self._steepness),
+            most_tries=self.config.most_tries,
+            allow_rotation=True,
+            polish=deadline.spend,
+            rounds=self.config.rounds,
+        )
+
+    def _expect_goals(self, arena: Arena, deadline: Deadline) -> None:
+        """Fill the table of a large floor before the clock runs: the goals that are known, then cells like them."""
+        if self._costs.exact:
+            return
+        known = _known_errands(arena).cell
+        marks = arena.problem.marks
+        alike = np.flatnonzero(arena.problem.grid.free)
+        if marks is not None:
+            alike = alike[np.isin(marks[alike], np.unique(marks[known]))]
+        self._costs.expect(np.concatenate((np.unique(known), np.setdiff1d(alike, known))), deadline)
+
+
+def _known_errands(arena: Arena) -> Errands:
+    """The errands of all tasks that are known."""
+    tasks = np.concatenate((arena.pool(), arena.task_of[arena.task_of != NO_TASK]))
+    row = np.unique(tasks % arena.problem.n_tasks)
+    counts = arena.errand_ptr[row + 1] - arena.errand_ptr[row]
+    ptr = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
+    place: npt.NDArray[np.int64] = np.repeat(arena.errand_ptr[row] - ptr[:-1], counts) + np.arange(ptr[-1])
+    return Errands(ptr=ptr, cell=arena.errand_cell[place])

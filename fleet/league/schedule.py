@@ -1,0 +1,168 @@
+"""Schedule: which robot does which task, decided anew in every timestep for all tasks that are not opened yet."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from fleet.league.arena import NO_TASK, Arena, Tasks
+from planners.mapf.goal_costs import GoalCosts
+from planners.mapf.multi_step_kernel import Costs
+from planners.mapf.problem import IntArray
+
+Longs = npt.NDArray[np.int64]
+
+_HASTE = 5
+"""What a step to a task's first errand counts against a step of the task itself: the first is lost, the second not."""
+_MOST_PAIRS = 150_000
+"""Pairs of robots and tasks that a timestep compares."""
+_SHORTLIST = 12
+"""Tasks that a robot is offered before it takes what is left."""
+_NONE = 2**40
+
+
+class Schedule:
+    """Tasks by cost: the way to the first errand, weighted, and then the task's own length; cheapest pair first.
+
+    A robot that has not opened its task may get another one. In a large fleet only some of these robots are asked in
+    each timestep, in turn.
+
+    Args:
+        arena: The arena.
+        costs: Costs on its floor.
+
+    Source: the greedy rule is known from the winner of the 2024 League (No Man's Sky), described in
+    https://arxiv.org/abs/2511.09193.
+    """
+
+    def __init__(self, arena: Arena, costs: GoalCosts) -> None:
+        self._costs = costs
+        self._leg = np.full(len(arena.errand_cell), -1, dtype=np.int32)
+        self.leg_of: IntArray = self._leg
+        """Cost from each errand to the next one of its task, 0 behind the last, -1 where not known yet."""
+        self.rest_of: IntArray = np.zeros(len(arena.errand_cell), dtype=np.int32)
+        """Cost from each errand to the end of its task."""
+        self._turn = 0
+
+    def learn(self, arena: Arena, tasks: Tasks) -> None:
+        """Compute how long tasks are that are seen for the first time."""
+        row = np.unique(tasks % arena.problem.n_tasks)
+        row = row[self._leg[arena.errand_ptr[row]] < 0]
+        if not row.size:
+            return
+        begin, end = arena.errand_ptr[row].astype(np.int64), arena.errand_ptr[row + 1].astype(np.int64)
+        counts = end - begin
+        place = np.repeat(end - np.cumsum(counts), counts) + np.arange(counts.sum())
+        last = np.repeat(end - 1, counts) == place
+        follower = np.where(last, place, place + 1)
+        rows = self._costs.rows(arena.errand_cell[follower])
+        self._leg[place] = np.where(last, 0, self._costs.between(rows, arena.errand_cell[place]))
+        backwards = place[::-1]
+        _add_up(backwards, last[::-1].copy(), self._leg, self.rest_of)
+
+    def assign(self, arena: Arena, *, everybody: bool = False) -> Tasks:
+        """Decide who does what.
+
+        Args:
+            arena: The arena.
+            everybody: Ask all robots that may still change, however many pairs that makes.
+
+        Returns:
+            Task of each robot or `NO_TASK`, shape (n,).
+        """
+        pool = arena.pool()
+        self.learn(arena, pool)
+        asked = self._asked(arena, len(pool), everybody)
+        task_of = arena.task_of.copy()
+        task_of[asked] = NO_TASK
+        tasks = pool[~np.isin(pool, task_of)]
+        if not asked.size or not tasks.size:
+            return task_of
+        place = arena.errand_ptr[tasks % arena.problem.n_tasks]
+        rows = self._costs.rows(arena.errand_cell[place])
+        length = self.rest_of[place]
+        width = min(_SHORTLIST, len(tasks))
+        best = np.empty((len(asked), width), dtype=np.int32)
+        key = np.empty((len(asked), width), dtype=np.int64)
+        _shortlist(self._costs.costs, arena.states[asked], rows, length, best, key)
+        order = np.argsort(key, axis=None, kind="stable")
+        chosen = np.full(len(asked), -1, dtype=np.int64)
+        _greedy(order, best, chosen, np.zeros(len(tasks), dtype=np.bool_))
+        task_of[asked] = np.where(chosen >= 0, tasks[chosen], NO_TASK)
+        return task_of
+
+    def _asked(self, arena: Arena, n_tasks: int, everybody: bool) -> npt.NDArray[np.intp]:
+        """Robots whose task is decided in this timestep."""
+        idle = arena.task_of == NO_TASK
+        free = np.flatnonzero(idle | (arena.errand_of == 0))
+        if everybody or len(free) * n_tasks <= _MOST_PAIRS:
+            return free
+        idle_robots = np.flatnonzero(idle)
+        rest = free[~idle[free]]
+        n_tasks_left = max(n_tasks - len(rest), 1)
+        room = max(_MOST_PAIRS // n_tasks_left - len(idle_robots), 0)
+        taken = np.roll(rest, -self._turn)[:room]
+        self._turn = (self._turn + len(taken)) % max(len(rest), 1)
+        return np.sort(np.concatenate((idle_robots, taken)))
+
+
+@njit(cache=True, nogil=True)
+def _add_up(
+    backwards: Longs, last: npt.NDArray[np.bool_], leg: IntArray, rest: IntArray
+) -> None:  # pragma: no cover - compiled
+    """Sum up legs from the end of each task to its begin."""
+    total = 0
+    for k in range(len(backwards)):
+        total = 0 if last[k] else total + leg[backwards[k]]
+        rest[backwards[k]] = total
+
+
+@njit(cache=True, nogil=True)
+def _shortlist(
+    costs: Costs, states: IntArray, rows: IntArray, length: IntArray, best: IntArray, key: Longs
+) -> None:  # pragma: no cover - compiled
+    """The cheapest tasks of each robot in order, shape (robots, width), and their costs; -1 where there are no more."""
+    width = best.shape[1]
+    for robot in range(len(states)):
+        filled = 0
+        first, end = costs.ptr[states[robot]], costs.ptr[states[robot] + 1]
+        for task in range(len(rows)):
+            way = np.int64(2**20)
+            for j in range(first, end):
+                way = min(way, np.int64(costs.ahead[j]) + np.int64(costs.table[rows[task], costs.key[j]]))
+            value = _HASTE * way + length[task]
+            if filled == width and value >= key[robot, width - 1]:
+                continue
+            place = min(filled, width - 1)
+            while place > 0 and key[robot, place - 1] > value:
+                key[robot, place] = key[robot, place - 1]
+                best[robot, place] = best[robot, place - 1]
+                place -= 1
+            key[robot, place] = value
+            best[robot, place] = task
+            filled = min(filled + 1, width)
+        for place in range(filled, width):
+            key[robot, place] = _NONE
+            best[robot, place] = -1
+
+
+@njit(cache=True, nogil=True)
+def _greedy(
+    order: Longs, best: IntArray, chosen: Longs, used: npt.NDArray[np.bool_]
+) -> None:  # pragma: no cover - compiled
+    """Give out pairs from the cheapest on; robots that went away empty-handed take what is left."""
+    width = best.shape[1]
+    for k in order:
+        robot, task = k // width, best[k // width, k % width]
+        if task >= 0 and chosen[robot] < 0 and not used[task]:
+            chosen[robot] = task
+            used[task] = True
+    task = 0
+    for robot in range(len(chosen)):
+        if chosen[robot] < 0:
+            while task < len(used) and used[task]:
+                task += 1
+            if task < len(used):
+                chosen[robot] = task
+                used[task] = True

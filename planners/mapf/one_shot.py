@@ -1,0 +1,67 @@
+"""What every one-shot planner asks first and does last: is there no hope, and how much of a solution was asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planners.errors import PlanningError
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
+from planners.status import Status
+
+
+def tables_for(instance: Instance, tables: DistanceTable | None, planner: str) -> DistanceTable:
+    """Take the caller's distance table, or make one.
+
+    Raises:
+        PlanningError: The table belongs to another graph; names the planner.
+    """
+    if tables is None:
+        return DistanceTable(instance.graph, instance.blocked)
+    if tables.graph is not instance.graph:
+        raise PlanningError(f"{planner}: the distance table is of another graph than the instance; valid: the same one")
+    return tables
+
+
+def hopeless(instance: Instance, tables: DistanceTable) -> bool:
+    """Whether a glance proves that not all agents can stand at their goals at the same time.
+
+    True if a goal cannot be reached even on an empty floor, two goals lie in one cell, an agent that never moves is
+    not at its goal, or it stands in the goal cell of another one.
+    """
+    cells, goals = instance.graph.state_cell, instance.goals
+    seekers = np.flatnonzero(goals != NO_GOAL)
+    distances, row = tables.rows(goals)
+    if (distances[row[seekers], instance.starts[seekers]] >= UNREACHABLE).any():
+        return True
+    goal_cells = cells[goals[seekers]]
+    if len(np.unique(goal_cells)) < len(goal_cells):
+        return True
+    if (instance.fixed[seekers] & (instance.starts[seekers] != goals[seekers])).any():
+        return True
+    held = cells[instance.starts[instance.fixed & (goals == NO_GOAL)]]
+    return bool(np.isin(goal_cells, held).any())
+
+
+def start_only(instance: Instance, status: Status, iterations: int) -> Plan:
+    """The shortest legal prefix."""
+    return Plan(states=instance.starts[None].astype(np.int32), status=status, iterations=iterations)
+
+
+def plan_of_paths(instance: Instance, paths: list[IntArray], status: Status, iterations: int) -> Plan:
+    """One table of the agents' paths, each padded with its last state, as far as the instance's horizon.
+
+    Args:
+        instance: The instance.
+        paths: States of each agent from timestep 0 until it stands still for good.
+        status: How the search ended; a plan that is cut is feasible at best.
+        iterations: Work done.
+    """
+    rows = max((len(path) for path in paths), default=1)
+    states = np.empty((min(rows, instance.horizon + 1), len(paths)), dtype=np.int32)
+    for agent, path in enumerate(paths):
+        states[: len(path), agent] = path[: len(states)]
+        states[len(path) :, agent] = path[-1]
+    if status is Status.OPTIMAL and len(states) < rows:
+        status = Status.FEASIBLE
+    return Plan(states=states, status=status, iterations=iterations)

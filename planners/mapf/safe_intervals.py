@@ -1,0 +1,385 @@
+"""Safe intervals: which cells are reserved when, and the earliest path of one agent through the time that is left."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from maps.lane_graph import LaneGraph
+from planners.mapf.distance_table import UNREACHABLE
+from planners.mapf.problem import BoolArray, IntArray
+
+Longs = npt.NDArray[np.int64]
+
+FOREVER = 2**30
+"""End of a reservation that is never given back: later than any timestep of a path."""
+_NONE = -1
+
+
+class Lanes(NamedTuple):
+    """The arrays of a lane graph that a search reads."""
+
+    out_ptr: IntArray
+    out_move: IntArray
+    move_to: IntArray
+    state_cell: IntArray
+    swept_ptr: IntArray
+    swept_cell: IntArray
+    is_open: BoolArray
+    """Moves that may be used, shape (M,)."""
+    slot: IntArray
+    """Number of each state among the states of its cell, shape (S,)."""
+
+
+class Book(NamedTuple):
+    """Reservations as one linked list per cell, by time; entry c is the head of cell c's list and reserves nothing."""
+
+    begin: IntArray
+    end: IntArray
+    """First and last timestep; a move over a cell reserves both ends of its timestep."""
+    cell: IntArray
+    following: IntArray
+    """Next entry of the cell, -1 = none."""
+    onward: IntArray
+    """Entry of the cell where the agent stands afterwards; -1 = nowhere else, or a move over the cell."""
+    crossing: BoolArray
+    """The agent only moves over the cell."""
+
+
+class Reservations:
+    """The paths of the agents that are planned already.
+
+    Args:
+        graph: Lane graph.
+        is_open: Moves that may be used, shape (M,).
+        starts: States in which agents stand at timestep 0, whether planned yet or not: nobody sweeps over those then.
+        allow_rotation: Whether a closed ring of followers is legal.
+    """
+
+    def __init__(self, graph: LaneGraph, is_open: BoolArray, starts: IntArray, *, allow_rotation: bool) -> None:
+        order = np.argsort(graph.state_cell, kind="stable")
+        cells = graph.state_cell[order]
+        slot = np.empty(graph.n_states, dtype=np.int32)
+        slot[order] = np.arange(graph.n_states) - np.searchsorted(cells, cells)
+        self._lanes = Lanes(
+            graph.out_ptr,
+            graph.out_move,
+            graph.move_to,
+            graph.state_cell,
+            graph.swept_ptr,
+            graph.swept_cell,
+            is_open,
+            slot,
+        )
+        self._n_slots = int(slot.max(initial=0)) + 1
+        self._n_cells = graph.n_cells
+        self._held_at_first = np.zeros(graph.n_cells, dtype=np.bool_)
+        self._held_at_first[graph.state_cell[starts]] = True
+        self._allow_rotation = allow_rotation
+        self._widest = int(np.diff(graph.swept_ptr).max(initial=0))
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all paths."""
+        n = self._n_cells
+        self._used = n
+        self._latest = 0
+        self._book = _empty_book(2 * n)
+        self._soonest = np.full(2 * n * self._n_slots, FOREVER, dtype=np.int32)
+
+    def add(self, states: IntArray, moves: IntArray) -> None:
+        """Reserve a path: states at timesteps 0..T, shape (T + 1,), and moves, shape (T,), -1 = wait.
+
+        The last cell stays reserved for good.
+        """
+        room = self._used + 1 + len(moves) * max(self._widest, 1)
+        if room > len(self._book.begin):
+            old, self._book = self._book, _empty_book(2 * room)
+            for column, grown in zip(old, self._book, strict=True):
+                grown[: len(column)] = column
+            self._soonest = np.full(2 * room * self._n_slots, FOREVER, dtype=np.int32)
+        self._used = _reserve(self._lanes, self._book, self._used, states, moves)
+        self._latest = max(self._latest, len(moves) + 1)
+
+    def earliest_path(
+        self, start: int, goal: int, distance: npt.NDArray[np.integer], *, stay: bool
+    ) -> tuple[IntArray, IntArray] | None:
+        """Find the path that stands at its goal for good as early as possible.
+
+        Args:
+            start: First state.
+            goal: Goal state; negative = anywhere.
+            distance: Timesteps to the goal from every state, shape (S,); not read without a goal.
+            stay: The goal is never left again once it is entered.
+
+        Returns:
+            States at timesteps 0..T, shape (T + 1,), and moves, shape (T,), -1 = wait; None if there is no path.
+        """
+        found, states, moves = _search(
+            self._lanes,
+            self._book,
+            self._soonest,
+            self._n_slots,
+            self._held_at_first,
+            self._allow_rotation,
+            self._latest,
+            start,
+            goal,
+            distance,
+            stay,
+        )
+        return (states, moves) if found else None
+
+
+def _empty_book(room: int) -> Book:
+    """Heads of lists that end before timestep 0."""
+    begin, end, cell, following, onward = np.full((5, room), _NONE, dtype=np.int32)
+    return Book(begin, end, cell, following, onward, np.zeros(room, dtype=np.bool_))
+
+
+@njit(cache=True, nogil=True)
+def _insert(
+    book: Book, used: int, cell: int, begin: int, end: int, crossing: bool
+) -> None:  # pragma: no cover - compiled
+    """Write entry `used` into its cell's list."""
+    before = cell
+    while book.following[before] >= 0 and book.begin[book.following[before]] < begin:
+        before = book.following[before]
+    book.begin[used] = begin
+    book.end[used] = end
+    book.cell[used] = cell
+    book.crossing[used] = crossing
+    book.onward[used] = _NONE
+    book.following[used] = book.following[before]
+    book.following[before] = used
+
+
+@njit(cache=True, nogil=True)
+def _reserve(
+    lanes: Lanes, book: Book, used: int, states: IntArray, moves: IntArray
+) -> int:  # pragma: no cover - compiled
+    """Enter a path; the number of entries afterwards."""
+    begin, last = 0, _NONE
+    for t in range(len(moves) + 1):
+        here = lanes.state_cell[states[t]]
+        there = lanes.state_cell[states[t + 1]] if t < len(moves) else np.int32(_NONE)
+        if there != here:
+            _insert(book, used, here, begin, t if there >= 0 else FOREVER, False)
+            if last >= 0:
+                book.onward[last] = used
+            last = used
+            used += 1
+            begin = t + 1
+        if t < len(moves) and moves[t] >= 0:
+            for k in range(lanes.swept_ptr[moves[t]], lanes.swept_ptr[moves[t] + 1]):
+                cell = lanes.swept_cell[k]
+                if cell not in (here, there):
+                    _insert(book, used, cell, t, t + 1, True)
+                    used += 1
+    return used
+
+
+@njit(cache=True, nogil=True)
+def _standing(book: Book, cell: int, t: int) -> int:  # pragma: no cover - compiled
+    """Entry of the agent that stands in a cell at a timestep, or -1."""
+    entry = book.following[cell]
+    while entry >= 0 and book.begin[entry] <= t:
+        if book.end[entry] >= t and not book.crossing[entry]:
+            return int(entry)
+        entry = book.following[entry]
+    return _NONE
+
+
+@njit(cache=True, nogil=True)
+def _ring(book: Book, home: int, cell: int, t: int) -> int:  # pragma: no cover - compiled
+    """Agents in the ring that going from `home` to `cell` after timestep t would close, 0 = none."""
+    size = 1
+    while True:
+        entry = _standing(book, cell, t)
+        if entry < 0 or book.end[entry] != t:
+            return 0
+        cell = book.cell[book.onward[entry]]
+        size += 1
+        if cell == home:
+            return size
+
+
+@njit(cache=True, nogil=True)
+def _may_cross(
+    lanes: Lanes, book: Book, held_at_first: BoolArray, move: int, home: int, to: int, t: int
+) -> bool:  # pragma: no cover - compiled
+    """Whether nobody uses the cells that a move sweeps on its way, in the timestep after t."""
+    for k in range(lanes.swept_ptr[move], lanes.swept_ptr[move + 1]):
+        cell = lanes.swept_cell[k]
+        if cell in (home, to):
+            continue
+        if t == 0 and held_at_first[cell]:
+            return False
+        entry = book.following[cell]
+        while entry >= 0 and book.begin[entry] <= t + 1:
+            if book.crossing[entry]:
+                if book.begin[entry] == t:
+                    return False
+            elif book.end[entry] >= t:
+                return False
+            entry = book.following[entry]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _push(keys: Longs, heap: IntArray, size: int, key: np.int64, node: int) -> None:  # pragma: no cover - compiled
+    """Put a node on the heap of `size` nodes."""
+    k = size
+    while k > 0 and keys[(k - 1) // 2] > key:
+        keys[k], heap[k] = keys[(k - 1) // 2], heap[(k - 1) // 2]
+        k = (k - 1) // 2
+    keys[k], heap[k] = key, node
+
+
+@njit(cache=True, nogil=True)
+def _pop(keys: Longs, heap: IntArray, size: int) -> int:  # pragma: no cover - compiled
+    """Take the node with the least key off the heap of `size` nodes."""
+    top = int(heap[0])
+    key, node = keys[size - 1], heap[size - 1]
+    k = 0
+    while 2 * k + 1 < size - 1:
+        child = 2 * k + 1
+        if child + 1 < size - 1 and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[k], heap[k] = keys[child], heap[child]
+        k = child
+    keys[k], heap[k] = key, node
+    return top
+
+
+@njit(cache=True, nogil=True)
+def _grown(column: npt.NDArray[Any]) -> npt.NDArray[Any]:  # pragma: no cover - compiled
+    """The same with room for twice as many."""
+    more = np.empty(2 * len(column), dtype=column.dtype)
+    more[: len(column)] = column
+    return more
+
+
+@njit(cache=True, nogil=True)
+def _trace(
+    lanes: Lanes, node: int, time: IntArray, via: IntArray, parent: IntArray, start: int
+) -> tuple[IntArray, IntArray]:  # pragma: no cover - compiled
+    """States and moves from the start to a node."""
+    moves = np.full(time[node], _NONE, dtype=np.int32)
+    while parent[node] >= 0:
+        moves[time[node] - 1] = via[node]
+        node = parent[node]
+    states = np.empty(len(moves) + 1, dtype=np.int32)
+    states[0] = start
+    for t in range(len(moves)):
+        states[t + 1] = states[t] if moves[t] < 0 else lanes.move_to[moves[t]]
+    return states, moves
+
+
+@njit(cache=True, nogil=True)
+def _search(
+    lanes: Lanes,
+    book: Book,
+    soonest: IntArray,
+    n_slots: int,
+    held_at_first: BoolArray,
+    allow_rotation: bool,
+    latest: int,
+    start: int,
+    goal: int,
+    distance: npt.NDArray[np.integer],
+    stay: bool,
+) -> tuple[bool, IntArray, IntArray]:  # pragma: no cover - compiled
+    """A* over (state, safe interval); an interval is named by the entry before it.
+
+    Keys order nodes by arrival at the goal, no earlier than it is free for good, and equal ones by what is left.
+
+    Within an interval the earliest arrival is the best one: whatever can be done later can be waited for.
+    `soonest` holds the best arrival per (entry, slot of the state), FOREVER where there is none, also on return.
+    """
+    nothing = np.empty(0, dtype=np.int32)
+    goal_from = 0  # first timestep from which the goal is free for good
+    if goal >= 0:
+        if distance[start] >= UNREACHABLE:
+            return False, nothing, nothing
+        entry = book.following[lanes.state_cell[goal]]
+        while entry >= 0:
+            goal_from = max(goal_from, book.end[entry] + 1)
+            entry = book.following[entry]
+        if goal_from > FOREVER:
+            return False, nothing, nothing
+
+    room = 256
+    state = np.empty(room, dtype=np.int32)
+    gap = np.empty(room, dtype=np.int32)
+    time = np.empty(room, dtype=np.int32)
+    via = np.empty(room, dtype=np.int32)
+    parent = np.empty(room, dtype=np.int32)
+    heap = np.empty(room, dtype=np.int32)
+    keys = np.empty(room, dtype=np.int64)
+
+    state[0], gap[0], time[0], via[0], parent[0] = start, lanes.state_cell[start], 0, _NONE, _NONE
+    soonest[gap[0] * n_slots + lanes.slot[start]] = 0
+    n_nodes, size, goal_node = 1, 1, _NONE
+    keys[0], heap[0] = 0, 0
+    while size > 0:
+        node = _pop(keys, heap, size)
+        size -= 1
+        s, p, t0 = state[node], gap[node], time[node]
+        if soonest[p * n_slots + lanes.slot[s]] < t0:
+            continue
+        free_until = FOREVER if book.following[p] < 0 else book.begin[book.following[p]] - 1
+        if free_until == FOREVER and (goal < 0 or s == goal):
+            goal_node = node
+            break
+        if stay and s == goal:
+            continue
+        home = lanes.state_cell[s]
+        for k in range(lanes.out_ptr[s], lanes.out_ptr[s + 1]):
+            move = lanes.out_move[k]
+            after = lanes.move_to[move]
+            if not lanes.is_open[move] or (goal >= 0 and distance[after] >= UNREACHABLE):
+                continue
+            to = lanes.state_cell[after]
+            before = to
+            while before >= 0 and book.end[before] <= free_until:
+                next_entry = book.following[before]
+                opens = book.end[before] + 1
+                shuts = FOREVER if next_entry < 0 else book.begin[next_entry] - 1
+                t = max(t0, opens - 1)
+                until = min(free_until, shuts - 1, max(t0, latest) + 1)
+                if to != home and t <= until and t == free_until and t == opens - 1:
+                    # Somebody comes in as this agent leaves, and somebody leaves as it comes in.
+                    ring = _ring(book, home, to, t)
+                    if ring == 2 or (ring > 2 and not allow_rotation):
+                        t += 1
+                while t <= until and not _may_cross(lanes, book, held_at_first, move, home, to, t):
+                    t += 1
+                place = before * n_slots + lanes.slot[after]
+                if opens <= shuts and t <= until and t + 1 < soonest[place]:
+                    soonest[place] = t + 1
+                    if n_nodes == len(state):
+                        state, gap, time = _grown(state), _grown(gap), _grown(time)
+                        via, parent = _grown(via), _grown(parent)
+                    if size == len(heap):
+                        heap, keys = _grown(heap), _grown(keys)
+                    state[n_nodes], gap[n_nodes], time[n_nodes] = after, before, t + 1
+                    via[n_nodes], parent[n_nodes] = move, node
+                    left = np.int64(distance[after]) if goal >= 0 else np.int64(0)
+                    key = max(np.int64(t + 1) + left, np.int64(goal_from)) * FOREVER + left
+                    _push(keys, heap, size, key, n_nodes)
+                    n_nodes += 1
+                    size += 1
+                before = next_entry
+
+    for node in range(n_nodes):
+        soonest[gap[node] * n_slots + lanes.slot[state[node]]] = FOREVER
+    if goal_node < 0:
+        return False, nothing, nothing
+    states, moves = _trace(lanes, goal_node, time, via, parent, start)
+    return True, states, moves
