@@ -15,7 +15,7 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.decision_diagram import ENTER, STAND, SWEEP, Diagram, Fact, Seeker, draw
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
-from planners.mapf.one_shot import hopeless, plan_of_paths, start_only, tables_for
+from planners.mapf.one_shot import closed_cells, hopeless, plan_of_paths, start_only, tables_for
 from planners.mapf.options import open_moves
 from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
 from planners.status import Status
@@ -129,7 +129,7 @@ class _Search:
 
     def __init__(self, instance: Instance, tables: DistanceTable) -> None:
         self._graph, self._allow_rotation = instance.graph, instance.allow_rotation
-        may_move = open_moves(instance.graph, instance.blocked)
+        may_move = open_moves(instance.graph, closed_cells(instance))
         never = np.zeros_like(may_move)
         distances, row = tables.rows(instance.goals)
         self._seekers = []

@@ -6,28 +6,35 @@ import numpy as np
 
 from planners.errors import PlanningError
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
-from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
+from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
 from planners.status import Status
 
 
+def closed_cells(instance: Instance) -> BoolArray:
+    """Cells that nobody can enter: the blocked ones and those of agents that never move, shape (n_cells,)."""
+    closed = np.array(instance.blocked)
+    closed[instance.graph.state_cell[instance.starts[instance.fixed]]] = True
+    return closed
+
+
 def tables_for(instance: Instance, tables: DistanceTable | None, planner: str) -> DistanceTable:
-    """Take the caller's distance table, or make one.
+    """Take the caller's distance table, or make one where that would be better informed.
 
     Raises:
         PlanningError: The table belongs to another graph; names the planner.
     """
-    if tables is None:
-        return DistanceTable(instance.graph, instance.blocked)
-    if tables.graph is not instance.graph:
+    if tables is not None and tables.graph is not instance.graph:
         raise PlanningError(f"{planner}: the distance table is of another graph than the instance; valid: the same one")
+    if tables is None or instance.fixed.any():
+        return DistanceTable(instance.graph, closed_cells(instance))
     return tables
 
 
 def hopeless(instance: Instance, tables: DistanceTable) -> bool:
     """Whether a glance proves that not all agents can stand at their goals at the same time.
 
-    True if a goal cannot be reached even on an empty floor, two goals lie in one cell, an agent that never moves is
-    not at its goal, or it stands in the goal cell of another one.
+    True if a goal cannot be reached even when all who can make way, two goals lie in one cell, an agent that never
+    moves is not at its goal, or it stands in the goal cell of another one.
     """
     cells, goals = instance.graph.state_cell, instance.goals
     seekers = np.flatnonzero(goals != NO_GOAL)

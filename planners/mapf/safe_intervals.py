@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from maps.lane_graph import LaneGraph
 from planners.mapf.distance_table import UNREACHABLE
+from planners.mapf.kernel import kernel
 from planners.mapf.problem import BoolArray, IntArray
 
 Longs = npt.NDArray[np.int64]
 
 FOREVER = 2**30
 """End of a reservation that is never given back: later than any timestep of a path."""
+FIRST_ROOM = 1024
+"""Nodes of a search that memory is kept for at first."""
 _NONE = -1
+_FULL = -2
 
 
 class Lanes(NamedTuple):
@@ -49,13 +52,32 @@ class Book(NamedTuple):
     """The agent only moves over the cell."""
 
 
+class Nodes(NamedTuple):
+    """Memory of a search."""
+
+    state: IntArray
+    gap: IntArray
+    """Entry before the safe interval."""
+    time: IntArray
+    """Timestep of arrival."""
+    via: IntArray
+    """Move of the last timestep, -1 at the start."""
+    parent: IntArray
+    """-1 at the start."""
+    heap: IntArray
+    """Nodes that are open."""
+    keys: Longs
+    """Their keys."""
+
+
 class Reservations:
     """The paths of the agents that are planned already.
 
     Args:
         graph: Lane graph.
         is_open: Moves that may be used, shape (M,).
-        starts: States in which agents stand at timestep 0, whether planned yet or not: nobody sweeps over those then.
+        starts: States in which agents stand at timestep 0. The cell of one that is not planned yet is left to it for as
+            long as it takes to turn and leave, or those that come late would be overrun.
         allow_rotation: Whether a closed ring of followers is legal.
     """
 
@@ -76,15 +98,18 @@ class Reservations:
         )
         self._n_slots = int(slot.max(initial=0)) + 1
         self._n_cells = graph.n_cells
-        self._held_at_first = np.zeros(graph.n_cells, dtype=np.bool_)
-        self._held_at_first[graph.state_cell[starts]] = True
+        self._start_cells = graph.state_cell[starts]
+        self._grace = _longest_turn(graph)
         self._allow_rotation = allow_rotation
+        self._nodes = _empty_nodes(FIRST_ROOM)
         self._widest = int(np.diff(graph.swept_ptr).max(initial=0))
         self.clear()
 
     def clear(self) -> None:
         """Forget all paths."""
         n = self._n_cells
+        self._waiting = np.zeros(n, dtype=np.bool_)  # cells of agents that are not planned yet
+        self._waiting[self._start_cells] = True
         self._used = n
         self._latest = 0
         self._book = _empty_book(2 * n)
@@ -101,6 +126,7 @@ class Reservations:
             for column, grown in zip(old, self._book, strict=True):
                 grown[: len(column)] = column
             self._soonest = np.full(2 * room * self._n_slots, FOREVER, dtype=np.int32)
+        self._waiting[self._lanes.state_cell[states[0]]] = False
         self._used = _reserve(self._lanes, self._book, self._used, states, moves)
         self._latest = max(self._latest, len(moves) + 1)
 
@@ -118,20 +144,38 @@ class Reservations:
         Returns:
             States at timesteps 0..T, shape (T + 1,), and moves, shape (T,), -1 = wait; None if there is no path.
         """
-        found, states, moves = _search(
-            self._lanes,
-            self._book,
-            self._soonest,
-            self._n_slots,
-            self._held_at_first,
-            self._allow_rotation,
-            self._latest,
-            start,
-            goal,
-            distance,
-            stay,
-        )
-        return (states, moves) if found else None
+        self._waiting[self._lanes.state_cell[start]] = False
+        while True:
+            node = _search(
+                self._lanes,
+                self._book,
+                self._soonest,
+                self._nodes,
+                self._n_slots,
+                self._waiting,
+                self._grace,
+                self._allow_rotation,
+                self._latest,
+                start,
+                goal,
+                distance,
+                stay,
+            )
+            if node != _FULL:
+                return None if node < 0 else self._trace(node)
+            self._nodes = _empty_nodes(2 * len(self._nodes.state))
+
+    def _trace(self, node: int) -> tuple[IntArray, IntArray]:
+        """States and moves from the start to a node."""
+        nodes = self._nodes
+        moves = np.full(nodes.time[node], _NONE, dtype=np.int32)
+        states = np.full(len(moves) + 1, nodes.state[node], dtype=np.int32)
+        while nodes.parent[node] >= 0:
+            arrival = nodes.time[node]
+            moves[arrival - 1] = nodes.via[node]
+            node = int(nodes.parent[node])
+            states[:arrival] = nodes.state[node]
+        return states, moves
 
 
 def _empty_book(room: int) -> Book:
@@ -140,7 +184,26 @@ def _empty_book(room: int) -> Book:
     return Book(begin, end, cell, following, onward, np.zeros(room, dtype=np.bool_))
 
 
-@njit(cache=True, nogil=True)
+def _empty_nodes(room: int) -> Nodes:
+    state, gap, time, via, parent, heap = np.empty((6, room), dtype=np.int32)
+    return Nodes(state, gap, time, via, parent, heap, np.empty(room, dtype=np.int64))
+
+
+def _longest_turn(graph: LaneGraph) -> int:
+    """Timesteps that it takes at most before the cell can be left; 0 where nobody turns on the spot."""
+    leaves = graph.state_cell[graph.move_from] != graph.state_cell[graph.move_to]
+    ready = np.zeros(graph.n_states, dtype=np.bool_)
+    ready[graph.move_from[leaves]] = True
+    turns = 0
+    while True:
+        more = ready.copy()
+        more[graph.move_from[ready[graph.move_to]]] = True
+        if (more == ready).all():
+            return turns
+        ready, turns = more, turns + 1
+
+
+@kernel
 def _insert(
     book: Book, used: int, cell: int, begin: int, end: int, crossing: bool
 ) -> None:  # pragma: no cover - compiled
@@ -157,7 +220,7 @@ def _insert(
     book.following[before] = used
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _reserve(
     lanes: Lanes, book: Book, used: int, states: IntArray, moves: IntArray
 ) -> int:  # pragma: no cover - compiled
@@ -182,7 +245,7 @@ def _reserve(
     return used
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _standing(book: Book, cell: int, t: int) -> int:  # pragma: no cover - compiled
     """Entry of the agent that stands in a cell at a timestep, or -1."""
     entry = book.following[cell]
@@ -193,7 +256,7 @@ def _standing(book: Book, cell: int, t: int) -> int:  # pragma: no cover - compi
     return _NONE
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ring(book: Book, home: int, cell: int, t: int) -> int:  # pragma: no cover - compiled
     """Agents in the ring that going from `home` to `cell` after timestep t would close, 0 = none."""
     size = 1
@@ -207,16 +270,16 @@ def _ring(book: Book, home: int, cell: int, t: int) -> int:  # pragma: no cover 
             return size
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _may_cross(
-    lanes: Lanes, book: Book, held_at_first: BoolArray, move: int, home: int, to: int, t: int
+    lanes: Lanes, book: Book, waiting: BoolArray, grace: int, move: int, home: int, to: int, t: int
 ) -> bool:  # pragma: no cover - compiled
     """Whether nobody uses the cells that a move sweeps on its way, in the timestep after t."""
     for k in range(lanes.swept_ptr[move], lanes.swept_ptr[move + 1]):
         cell = lanes.swept_cell[k]
         if cell in (home, to):
             continue
-        if t == 0 and held_at_first[cell]:
+        if waiting[cell] and t <= grace:
             return False
         entry = book.following[cell]
         while entry >= 0 and book.begin[entry] <= t + 1:
@@ -229,7 +292,7 @@ def _may_cross(
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _push(keys: Longs, heap: IntArray, size: int, key: np.int64, node: int) -> None:  # pragma: no cover - compiled
     """Put a node on the heap of `size` nodes."""
     k = size
@@ -239,7 +302,7 @@ def _push(keys: Longs, heap: IntArray, size: int, key: np.int64, node: int) -> N
     keys[k], heap[k] = key, node
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pop(keys: Longs, heap: IntArray, size: int) -> int:  # pragma: no cover - compiled
     """Take the node with the least key off the heap of `size` nodes."""
     top = int(heap[0])
@@ -257,86 +320,55 @@ def _pop(keys: Longs, heap: IntArray, size: int) -> int:  # pragma: no cover - c
     return top
 
 
-@njit(cache=True, nogil=True)
-def _grown(column: npt.NDArray[Any]) -> npt.NDArray[Any]:  # pragma: no cover - compiled
-    """The same with room for twice as many."""
-    more = np.empty(2 * len(column), dtype=column.dtype)
-    more[: len(column)] = column
-    return more
-
-
-@njit(cache=True, nogil=True)
-def _trace(
-    lanes: Lanes, node: int, time: IntArray, via: IntArray, parent: IntArray, start: int
-) -> tuple[IntArray, IntArray]:  # pragma: no cover - compiled
-    """States and moves from the start to a node."""
-    moves = np.full(time[node], _NONE, dtype=np.int32)
-    while parent[node] >= 0:
-        moves[time[node] - 1] = via[node]
-        node = parent[node]
-    states = np.empty(len(moves) + 1, dtype=np.int32)
-    states[0] = start
-    for t in range(len(moves)):
-        states[t + 1] = states[t] if moves[t] < 0 else lanes.move_to[moves[t]]
-    return states, moves
-
-
-@njit(cache=True, nogil=True)
+@kernel
 def _search(
     lanes: Lanes,
     book: Book,
     soonest: IntArray,
+    nodes: Nodes,
     n_slots: int,
-    held_at_first: BoolArray,
+    waiting: BoolArray,
+    grace: int,
     allow_rotation: bool,
     latest: int,
     start: int,
     goal: int,
     distance: npt.NDArray[np.integer],
     stay: bool,
-) -> tuple[bool, IntArray, IntArray]:  # pragma: no cover - compiled
-    """A* over (state, safe interval); an interval is named by the entry before it.
+) -> int:  # pragma: no cover - compiled
+    """A* over (state, safe interval); returns the node at the goal, -1 for none, -2 for not enough memory.
 
-    Keys order nodes by arrival at the goal, no earlier than it is free for good, and equal ones by what is left.
-
-    Within an interval the earliest arrival is the best one: whatever can be done later can be waited for.
-    `soonest` holds the best arrival per (entry, slot of the state), FOREVER where there is none, also on return.
+    An interval is named by the entry before it. Within it the earliest arrival is the best one: whatever can be done
+    later can be waited for. Keys order nodes by arrival at the goal, no earlier than it is free for good, and equal
+    ones by what is left. `soonest` holds the best arrival per (entry, slot of the state), FOREVER where there is none,
+    as everywhere before and after a search.
     """
-    nothing = np.empty(0, dtype=np.int32)
     goal_from = 0  # first timestep from which the goal is free for good
     if goal >= 0:
         if distance[start] >= UNREACHABLE:
-            return False, nothing, nothing
+            return _NONE
         entry = book.following[lanes.state_cell[goal]]
         while entry >= 0:
             goal_from = max(goal_from, book.end[entry] + 1)
             entry = book.following[entry]
         if goal_from > FOREVER:
-            return False, nothing, nothing
+            return _NONE
 
-    room = 256
-    state = np.empty(room, dtype=np.int32)
-    gap = np.empty(room, dtype=np.int32)
-    time = np.empty(room, dtype=np.int32)
-    via = np.empty(room, dtype=np.int32)
-    parent = np.empty(room, dtype=np.int32)
-    heap = np.empty(room, dtype=np.int32)
-    keys = np.empty(room, dtype=np.int64)
-
-    state[0], gap[0], time[0], via[0], parent[0] = start, lanes.state_cell[start], 0, _NONE, _NONE
-    soonest[gap[0] * n_slots + lanes.slot[start]] = 0
-    n_nodes, size, goal_node = 1, 1, _NONE
-    keys[0], heap[0] = 0, 0
-    while size > 0:
-        node = _pop(keys, heap, size)
+    nodes.state[0], nodes.gap[0], nodes.time[0] = start, lanes.state_cell[start], 0
+    nodes.via[0], nodes.parent[0] = _NONE, _NONE
+    soonest[nodes.gap[0] * n_slots + lanes.slot[start]] = 0
+    n_nodes, size, found = 1, 1, _NONE
+    nodes.keys[0], nodes.heap[0] = 0, 0
+    while size > 0 and found == _NONE:
+        node = _pop(nodes.keys, nodes.heap, size)
         size -= 1
-        s, p, t0 = state[node], gap[node], time[node]
+        s, p, t0 = nodes.state[node], nodes.gap[node], nodes.time[node]
         if soonest[p * n_slots + lanes.slot[s]] < t0:
             continue
         free_until = FOREVER if book.following[p] < 0 else book.begin[book.following[p]] - 1
         if free_until == FOREVER and (goal < 0 or s == goal):
-            goal_node = node
-            break
+            found = node
+            continue
         if stay and s == goal:
             continue
         home = lanes.state_cell[s]
@@ -351,35 +383,30 @@ def _search(
                 next_entry = book.following[before]
                 opens = book.end[before] + 1
                 shuts = FOREVER if next_entry < 0 else book.begin[next_entry] - 1
-                t = max(t0, opens - 1)
-                until = min(free_until, shuts - 1, max(t0, latest) + 1)
+                t = max(t0, opens - 1, grace if waiting[to] else 0)
+                until = min(free_until, shuts - 1, max(t0, latest, grace) + 1)
                 if to != home and t <= until and t == free_until and t == opens - 1:
                     # Somebody comes in as this agent leaves, and somebody leaves as it comes in.
                     ring = _ring(book, home, to, t)
                     if ring == 2 or (ring > 2 and not allow_rotation):
                         t += 1
-                while t <= until and not _may_cross(lanes, book, held_at_first, move, home, to, t):
+                while t <= until and not _may_cross(lanes, book, waiting, grace, move, home, to, t):
                     t += 1
                 place = before * n_slots + lanes.slot[after]
                 if opens <= shuts and t <= until and t + 1 < soonest[place]:
+                    if n_nodes == len(nodes.state):
+                        found = _FULL
+                        break
                     soonest[place] = t + 1
-                    if n_nodes == len(state):
-                        state, gap, time = _grown(state), _grown(gap), _grown(time)
-                        via, parent = _grown(via), _grown(parent)
-                    if size == len(heap):
-                        heap, keys = _grown(heap), _grown(keys)
-                    state[n_nodes], gap[n_nodes], time[n_nodes] = after, before, t + 1
-                    via[n_nodes], parent[n_nodes] = move, node
+                    nodes.state[n_nodes], nodes.gap[n_nodes], nodes.time[n_nodes] = after, before, t + 1
+                    nodes.via[n_nodes], nodes.parent[n_nodes] = move, node
                     left = np.int64(distance[after]) if goal >= 0 else np.int64(0)
                     key = max(np.int64(t + 1) + left, np.int64(goal_from)) * FOREVER + left
-                    _push(keys, heap, size, key, n_nodes)
+                    _push(nodes.keys, nodes.heap, size, key, n_nodes)
                     n_nodes += 1
                     size += 1
                 before = next_entry
 
     for node in range(n_nodes):
-        soonest[gap[node] * n_slots + lanes.slot[state[node]]] = FOREVER
-    if goal_node < 0:
-        return False, nothing, nothing
-    states, moves = _trace(lanes, goal_node, time, via, parent, start)
-    return True, states, moves
+        soonest[nodes.gap[node] * n_slots + lanes.slot[nodes.state[node]]] = FOREVER
+    return found

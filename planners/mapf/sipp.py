@@ -10,7 +10,7 @@ import numpy.typing as npt
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import DistanceTable
-from planners.mapf.one_shot import hopeless, plan_of_paths, start_only, tables_for
+from planners.mapf.one_shot import closed_cells, hopeless, plan_of_paths, start_only, tables_for
 from planners.mapf.options import open_moves
 from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
 from planners.mapf.safe_intervals import Reservations
@@ -35,9 +35,9 @@ class Sipp:
     """Prioritised planning: agents one by one, each on its earliest path through the safe intervals that are left.
 
     Fast and not complete: an agent that comes late may find no way although there is a solution. Then it goes first
-    and all are planned again; an order that was tried before is shuffled instead. So a failure ends in a timeout,
-    unless only agents that never move were in the way. Those come before all others, agents without a goal after
-    them, who stay unless somebody needs their cell.
+    and all are planned again; an order that was tried before is shuffled instead. A failure proves nothing, so it
+    ends in a timeout. Agents that never move come before all others, agents without a goal after them: those stay
+    unless somebody needs their cell.
 
     Args:
         config: Settings.
@@ -73,7 +73,7 @@ class Sipp:
         distances, row = tables.rows(instance.goals)
         reservations = Reservations(
             instance.graph,
-            open_moves(instance.graph, instance.blocked),
+            open_moves(instance.graph, closed_cells(instance)),
             instance.starts,
             allow_rotation=instance.allow_rotation,
         )
@@ -96,8 +96,6 @@ class Sipp:
             else:
                 every = [paths[agent] for agent in range(instance.n_agents)]
                 return plan_of_paths(instance, every, Status.FEASIBLE, searches)
-            if agent == order[n_fixed]:
-                return start_only(instance, Status.INFEASIBLE, searches)
             tried.add(order.tobytes())
             order = self._next_order(order, agent, n_fixed, tried)
 

@@ -12,6 +12,7 @@ from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf import safe_intervals
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.safe_intervals import Reservations
@@ -188,6 +189,25 @@ def test_many_paths_grow_the_book() -> None:
     assert found is not None
     assert found[0].tolist()[-1] == 1
     assert len(found[1]) == 60  # in as the other one leaves for the last time
+
+
+def test_a_search_that_runs_out_of_memory_gets_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    instance = crowd(1, 8, "rotating")
+    expected = Sipp().plan(instance)
+    monkeypatch.setattr(safe_intervals, "FIRST_ROOM", 2)
+    np.testing.assert_array_equal(Sipp().plan(instance).states, expected.states)
+
+
+@pytest.mark.parametrize(("graph", "arrival"), [(open_grid(1, 3), 2), (turning_grid(1, 3), 4)], ids=["step", "turn"])
+def test_who_is_not_planned_yet_has_time_to_turn_and_leave(graph: LaneGraph, arrival: int) -> None:
+    """Two turns and the way is free; the one behind follows in the third timestep."""
+    start, other, goal = (int(graph.state_index[cell, 0]) for cell in range(3))
+    starts = np.array([start, other])
+    reservations = Reservations(graph, np.ones(graph.n_moves, dtype=np.bool_), starts, allow_rotation=False)
+    distance = DistanceTable(graph, np.zeros(3, dtype=np.bool_)).to(goal)
+    found = reservations.earliest_path(start, goal, distance, stay=False)
+    assert found is not None
+    assert len(found[1]) == arrival
 
 
 @pytest.mark.parametrize("orders", [0, -1])
