@@ -10,11 +10,16 @@ from collections.abc import Callable, Iterable
 
 from benchmarks.harness import Benchmark, Row, Trial
 from benchmarks.mapf.crowded import measure_crowded
+from benchmarks.mapf.league import measure_league, measure_league_anytime
+from benchmarks.mapf.one_shot import measure_one_shot
 from benchmarks.mapf.pibt import measure_pibt
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "pibt": measure_pibt,
     "crowded": measure_crowded,
+    "one_shot": measure_one_shot,
+    "league": measure_league,
+    "league_anytime": measure_league_anytime,
 }
 
 

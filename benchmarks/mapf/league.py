@@ -1,0 +1,112 @@
+"""The League of Robot Runners: tasks, step times, start-up and memory, each run in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.harness import Row, Trial
+from benchmarks.mapf.instances import find
+
+FAST_MS = 10.0
+ANYTIME_MS = 1000.0
+QUICK_STEPS = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A problem, how long it is played, and what is promised."""
+
+    problem: str
+    steps: int
+    budget_ms: float = FAST_MS
+    targets: dict[str, str]
+    """Target of each figure of the summary that has one."""
+
+
+STARTUP = {"startup_s": "<= 60"}
+FAST = (
+    Case(problem="RANDOM-01", steps=600, targets={"tasks_finished": ">= 640", "step_ms_mean": "<= 10"} | STARTUP),
+    Case(problem="RANDOM-03", steps=800, targets={"tasks_finished": ">= 1650", "step_ms_mean": "<= 10"} | STARTUP),
+    Case(
+        problem="sortation_large_2000",
+        steps=2000,
+        targets={"tasks_finished": ">= 13500", "step_ms_mean": "<= 10"} | STARTUP,
+    ),
+    Case(problem="brc202d_500", steps=1000, targets={"tasks_finished": ">= 900", "step_ms_mean": "<= 10"} | STARTUP),
+    Case(
+        problem="warehouse_large_5000",
+        steps=1000,
+        targets={"step_ms_mean": "<= 15", "step_ms_max": "<= 60", "peak_rss_mb": "<= 4096"} | STARTUP,
+    ),
+)
+ANYTIME = (
+    Case(problem="RANDOM-01", steps=600, budget_ms=ANYTIME_MS, targets={"tasks_finished": ">= 675"} | STARTUP),
+    Case(problem="RANDOM-03", steps=800, budget_ms=ANYTIME_MS, targets={"tasks_finished": ">= 2100"} | STARTUP),
+)
+
+FIGURES = (
+    ("tasks_finished", "tasks finished", ""),
+    ("step_ms_mean", "step, mean", "ms"),
+    ("step_ms_max", "step, worst", "ms"),
+    ("step_cpu_ms_mean", "step, mean", "ms CPU"),
+    ("startup_s", "start-up", "s"),
+    ("peak_rss_mb", "peak memory", "MB"),
+)
+"""Key in the summary of `fleet lorr`, name, unit."""
+WRONG = ("planner_errors", "schedule_errors", "conflicts")
+
+
+def measure_league(trial: Trial) -> Iterable[Row]:
+    """Fast mode, 10 ms per step."""
+    return _measure(trial, FAST)
+
+
+def measure_league_anytime(trial: Trial) -> Iterable[Row]:
+    """Anytime mode, 1 s per step, some twenty minutes; left out with --quick."""
+    if trial.quick:
+        trial.notes.append("League, anytime mode: left out with --quick")
+        return ()
+    return _measure(trial, ANYTIME)
+
+
+def _measure(trial: Trial, cases: Sequence[Case]) -> Iterable[Row]:
+    for case in cases:
+        steps = QUICK_STEPS if trial.quick else case.steps
+        title = f"{case.problem}, {steps} steps of {case.budget_ms:g} ms"
+        path = find(trial, f"lorr2024/{case.problem}.json", what=title)
+        if path is None:
+            continue
+        summary = _play(path, steps, case.budget_ms, seed=trial.seeds[0])
+        for key in WRONG:
+            trial.check(summary[key] == 0, f"{title}: {summary[key]} {key}")
+        trial.check(summary["steps"] == steps, f"{title}: {summary['steps']} steps played")
+        targets = {} if trial.quick else case.targets
+        yield Row(name=f"{title}: robots", value=summary["robots"], unit="")
+        for key, name, unit in FIGURES:
+            yield Row(name=f"  {name}", value=summary[key], unit=unit, target=targets.get(key, ""))
+
+
+def _play(problem: Path, steps: int, budget_ms: float, *, seed: int) -> dict[str, Any]:
+    """Summary of `fleet lorr`, after a first run of two steps that compiles what is not in the cache yet."""
+    with tempfile.TemporaryDirectory() as folder:
+        output = Path(folder) / "summary.json"
+        for n in (2, steps):
+            words = [str(problem), "--steps", n, "--budget-ms", budget_ms, "--seed", seed, "--json", output]
+            done = subprocess.run(
+                [sys.executable, "-m", "fleet", "lorr", *map(str, words)],
+                cwd=Path(__file__).resolve().parents[2],
+                check=False,
+                capture_output=True,
+                text=True,
+            )
+            if not output.exists():
+                raise RuntimeError(f"fleet lorr {problem.name}: exit status {done.returncode}: {done.stderr.strip()}")
+        summary: dict[str, Any] = json.loads(output.read_text(encoding="utf-8"))
+        return summary
