@@ -57,7 +57,7 @@ def _rows(
     instance = _instance(graph, starts, goals)
     least = lower_bound(instance, DistanceTable(graph, instance.blocked))
     seed = trial.seeds[0]
-    Lacam().plan(_instance(graph, starts[:10], goals[:10]), deadline=Deadline(64))  # compiles
+    Lacam().plan(_instance(graph, starts[:200], goals[:200]), deadline=Deadline(500))  # compiles
     title = f"{name}, {len(starts)} robots"
 
     begin = time.perf_counter()
