@@ -171,7 +171,8 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
                     break
         if at_row >= 0:
             best = FAR
-            at = min(np.int64(ops.rest[op]), longest_rest) * n_states + ops.entry[op]
+            rest: Whole = min(np.int64(ops.rest[op]), longest_rest)
+            at = rest * n_states + ops.entry[op]
             for k in range(rested.ptr[at], rested.ptr[at + 1]):
                 best = min(best, rested.ahead[k] + np.int64(table[at_row, rested.key[k]]))
             total += best
