@@ -40,7 +40,7 @@ class CrewConfig:
     active_share: float = 1.0
     """Share of the robots, those with least left to do first, that push on; the others only make room."""
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
-    startup_s: float = 40.0
+    startup_s: float = 25.0
     """Wall time for preparations [s]."""
 
     def __post_init__(self) -> None:
@@ -84,8 +84,10 @@ class Crew:
             np.zeros(graph.n_cells, dtype=np.bool_),
             n,
             length=self.config.length if self._costs.exact else min(self.config.length, 3),
+            look=self._costs.look,
             move_cost=move_cost,
             wait_cost=unit,
+            patience=1 if self._costs.exact else 2,
             seed=self._rng,
         )
         self._depth = pocket_depth(graph)

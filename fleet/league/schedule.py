@@ -85,7 +85,10 @@ class Schedule:
         width = min(_SHORTLIST, len(tasks))
         best = np.empty((len(asked), width), dtype=np.int32)
         key = np.empty((len(asked), width), dtype=np.int64)
-        _shortlist(self._costs.costs, arena.states[asked], rows, length, best, key)
+        grid, graph = arena.problem.grid, arena.graph
+        here = np.column_stack(grid.row_col(graph.state_cell[arena.states[asked]])).astype(np.int32)
+        there = np.column_stack(grid.row_col(arena.errand_cell[place])).astype(np.int32)
+        _shortlist(self._costs.costs, arena.states[asked], rows, length, here, there, self._costs.unit, best, key)
         order = np.argsort(key, axis=None, kind="stable")
         chosen = np.full(len(asked), -1, dtype=np.int64)
         _greedy(order, best, chosen, np.zeros(len(tasks), dtype=np.bool_))
@@ -120,17 +123,31 @@ def _add_up(
 
 @njit(cache=True, nogil=True)
 def _shortlist(
-    costs: Costs, states: IntArray, rows: IntArray, length: IntArray, best: IntArray, key: Longs
+    costs: Costs,
+    states: IntArray,
+    rows: IntArray,
+    length: IntArray,
+    here: IntArray,
+    there: IntArray,
+    unit: int,
+    best: IntArray,
+    key: Longs,
 ) -> None:  # pragma: no cover - compiled
-    """The cheapest tasks of each robot in order, shape (robots, width), and their costs; -1 where there are no more."""
+    """The cheapest tasks of each robot in order, shape (robots, width), and their costs; -1 where there are no more.
+
+    No way is shorter than rows and columns apart, so most tasks are out of the question before a cost is looked up.
+    """
     width = best.shape[1]
     for robot in range(len(states)):
         filled = 0
-        first, end = costs.ptr[states[robot]], costs.ptr[states[robot] + 1]
+        first, end = costs.look.ptr[states[robot]], costs.look.ptr[states[robot] + 1]
         for task in range(len(rows)):
+            apart = abs(here[robot, 0] - there[task, 0]) + abs(here[robot, 1] - there[task, 1])
+            if filled == width and _HASTE * unit * apart + length[task] >= key[robot, width - 1]:
+                continue
             way = np.int64(2**20)
             for j in range(first, end):
-                way = min(way, np.int64(costs.ahead[j]) + np.int64(costs.table[rows[task], costs.key[j]]))
+                way = min(way, np.int64(costs.look.ahead[j]) + np.int64(costs.table[rows[task], costs.look.key[j]]))
             value = _HASTE * way + length[task]
             if filled == width and value >= key[robot, width - 1]:
                 continue

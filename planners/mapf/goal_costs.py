@@ -9,7 +9,8 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.kernel import kernel
-from planners.mapf.multi_step_kernel import Costs, Table
+from planners.mapf.multi_step_kernel import Costs, Look, Table
+from planners.mapf.multi_step_pibt import look_of_states
 from planners.mapf.problem import IntArray
 
 EXACT_BYTES = 64 * 2**20
@@ -44,13 +45,16 @@ class GoalCosts:
             else DistanceTable(pebble, np.zeros(pebble.n_cells, dtype=np.bool_), memory_cap=memory_cap)
         )
         self._table: Table = np.empty((0, 0), dtype=np.uint16)
-        self._ptr, self._key, self._ahead = _exact_look(rotating) if self.exact else _look_ahead(rotating, pebble)
+        self.look = look_of_states(rotating.n_states) if self.exact else _look_ahead(rotating, pebble)
+        """Where to look costs up."""
+        self.unit = 1
+        """Least cost of a move."""
         self.weigh(np.ones(rotating.n_moves, dtype=np.int32) if move_cost is None else move_cost)
 
     @property
     def costs(self) -> Costs:
         """The table in the form kernels read; holds until the next call of `rows` or `weigh`."""
-        return Costs(table=self._table, ptr=self._ptr, key=self._key, ahead=self._ahead)
+        return Costs(table=self._table, look=self.look)
 
     def weigh(self, move_cost: IntArray) -> None:
         """Give the moves other costs.
@@ -67,6 +71,7 @@ class GoalCosts:
             if move_cost.max(initial=1) > 1:
                 raise PlanningError("goal costs: the floor is too large for weighted moves; valid: all costs 1")
             return
+        self.unit = int(move_cost[self._rotating.move_kind != TURN].min(initial=2**16))
         graph, n_goals = self._rotating, self._pebble.n_states
         self._table = np.empty((n_goals, graph.n_states), dtype=np.uint16)
         largest = int(move_cost.max(initial=1))
@@ -115,13 +120,7 @@ class GoalCosts:
         return least
 
 
-def _exact_look(graph: LaneGraph) -> tuple[IntArray, IntArray, IntArray]:
-    """Every state looks into its own entry."""
-    every = np.arange(graph.n_states, dtype=np.int32)
-    return np.arange(graph.n_states + 1, dtype=np.int32), every, np.zeros(graph.n_states, dtype=np.int32)
-
-
-def _look_ahead(rotating: LaneGraph, pebble: LaneGraph) -> tuple[IntArray, IntArray, IntArray]:
+def _look_ahead(rotating: LaneGraph, pebble: LaneGraph) -> Look:
     """Every state looks into the cells around it: the turns towards each, the move, and what is left from there."""
     moves = np.flatnonzero(rotating.move_kind != TURN)
     origin, target = rotating.move_from[moves], rotating.move_to[moves]
@@ -134,7 +133,7 @@ def _look_ahead(rotating: LaneGraph, pebble: LaneGraph) -> tuple[IntArray, IntAr
     rows = np.concatenate(found)
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     ptr = np.concatenate(([0], np.cumsum(np.bincount(rows[:, 0], minlength=rotating.n_states))))
-    return ptr.astype(np.int32), rows[:, 1].astype(np.int32), rows[:, 2].astype(np.int32)
+    return Look(ptr=ptr.astype(np.int32), key=rows[:, 1].astype(np.int32), ahead=rows[:, 2].astype(np.int32))
 
 
 @kernel
@@ -202,8 +201,8 @@ def left_of(costs: Costs, states: IntArray, rows: IntArray, out: IntArray) -> No
         best = 0
         if rows[k] >= 0:
             best = UNREACHABLE
-            for j in range(costs.ptr[states[k]], costs.ptr[states[k] + 1]):
-                best = min(best, costs.ahead[j] + np.int64(costs.table[rows[k], costs.key[j]]))
+            for j in range(costs.look.ptr[states[k]], costs.look.ptr[states[k] + 1]):
+                best = min(best, costs.look.ahead[j] + np.int64(costs.table[rows[k], costs.look.key[j]]))
         out[k] = best
 
 

@@ -138,6 +138,7 @@ def _drive(
         np.zeros(graph.n_cells, dtype=np.bool_),
         n,
         length=config.length,
+        look=costs.look,
         move_cost=move_cost,
         wait_cost=UNIT,
         seed=rng,

@@ -15,6 +15,7 @@ from planners.mapf.lns import LargeNeighbourhoodSearch
 from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
 from planners.mapf.roads import Roads, closed_cells, roads_of
 from planners.mapf.successors import Guide, guide_of
+from planners.mapf.turning import can_forget_headings, with_headings, without_headings
 from planners.status import Status
 
 _STRIDE = 16
@@ -47,7 +48,8 @@ class Lacam:
 
     Complete: where there is no solution it ends with `infeasible`, given time. Anytime: after the first solution it
     goes on to lower the sum of loss until the deadline, or until the best plan is proved `optimal` in that sense.
-    Agents without a goal can end anywhere.
+    Agents without a goal can end anywhere. Where everybody turns on the spot, the first solution is searched without
+    headings.
 
     Args:
         config: Settings.
@@ -88,28 +90,39 @@ class Lacam:
         if _hopeless(instance, guide):
             return Plan(states=np.array(instance.starts)[None], status=Status.INFEASIBLE, iterations=0)
 
-        roads = roads_of(graph, closed)
         budget = _Budget(deadline)
-        tree = ConfigurationTree(
-            roads,
+        tree = self._tree(instance, guide)
+        first = tree
+        if can_forget_headings(instance):
+            flat = without_headings(instance)
+            first = self._tree(flat, guide_of(flat, DistanceTable(flat.graph, closed)))
+        while not first.found and not first.exhausted and (granted := budget.take(_STRIDE)):
+            first.search(granted)
+        states = first.solution()
+        if first is not tree:
+            states = with_headings(instance, states)
+        if first.found:
+            states, proved = self._refined(roads_of(graph, closed), guide, states, tree, budget)
+            status = Status.OPTIMAL if proved else Status.FEASIBLE
+        else:
+            status = Status.INFEASIBLE if first.exhausted else Status.TIMEOUT
+        return Plan(states=states[: instance.horizon + 1], status=status, iterations=budget.spent)
+
+    def _tree(self, instance: Instance, guide: Guide) -> ConfigurationTree:
+        return ConfigurationTree(
+            roads_of(instance.graph, closed_cells(instance)),
             guide,
             np.array(instance.starts),
             _urgency(instance, guide),
             samples=self.config.samples,
             rng=self._rng,
         )
-        while not tree.found and not tree.exhausted and (granted := budget.take(_STRIDE)):
-            tree.search(granted)
-        if tree.found:
-            states, proved = self._refined(roads, guide, tree, budget)
-            status = Status.OPTIMAL if proved else Status.FEASIBLE
-        else:
-            states, status = tree.solution(), Status.INFEASIBLE if tree.exhausted else Status.TIMEOUT
-        return Plan(states=states[: instance.horizon + 1], status=status, iterations=budget.spent)
 
-    def _refined(self, roads: Roads, guide: Guide, tree: ConfigurationTree, budget: _Budget) -> tuple[IntArray, bool]:
+    def _refined(
+        self, roads: Roads, guide: Guide, states: IntArray, tree: ConfigurationTree, budget: _Budget
+    ) -> tuple[IntArray, bool]:
         """The best plan that refining and further search find, and whether it is proved to be the best."""
-        best = LargeNeighbourhoodSearch(roads, guide, tree.solution(), self._rng)
+        best = LargeNeighbourhoodSearch(roads, guide, states, self._rng)
         if self.config.refine:
             best.start_over(lambda: budget.take(1) > 0)
         improved, cost = budget.spent, best.cost
@@ -123,7 +136,7 @@ class Lacam:
                 break
             if tree.n_bytes < _TREE_BYTES:
                 tree.search(granted, best.cost)
-                if tree.cost < best.cost:
+                if tree.found and tree.cost < best.cost:
                     best = LargeNeighbourhoodSearch(roads, guide, tree.solution(), self._rng)
             elif not self.config.refine:
                 break

@@ -22,12 +22,13 @@ from planners.status import Status
 Longs = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
-_SIZES = np.array([1, 2, 4, 8, 16], dtype=np.int64)
+_SIZES = np.array([1, 2, 3, 4, 6, 8], dtype=np.int64)
 """Sizes of a neighbourhood."""
 _WAYS = 3
 _ALONG, _AROUND, _ANYWHERE = range(_WAYS)
 """Ways to pick one: who is in the way of a delayed agent, who passes a busy place, anybody."""
-_LEARNING_RATE = 0.05
+_MEMORY = 0.995
+"""Share of what a kind of neighbourhood has yielded that still counts when it is tried once more."""
 _CURIOSITY = 0.1
 """Share of the steps that try any size and way, whatever has paid off so far."""
 _MOST_DRAWS = 200
@@ -44,8 +45,10 @@ class _Choice(NamedTuple):
     starts: IntArray
     least: Longs
     """Distance of each agent from its start to its goal."""
-    yields: Floats
-    """Loss saved per expanded node, smoothed, for each way and size, shape (3 * n_sizes,)."""
+    saved: Floats
+    """Loss saved by each way and size, fading, shape (3 * n_sizes,)."""
+    work: Floats
+    """What that took, in expanded nodes."""
     picked: IntArray
     is_picked: BoolArray
     kept: IntArray
@@ -83,7 +86,8 @@ class LargeNeighbourhoodSearch:
             movable=movable.astype(np.int32),
             starts=np.array(states[0]),
             least=least,
-            yields=np.full(_WAYS * len(_SIZES), 1e-2),
+            saved=np.full(_WAYS * len(_SIZES), 10.0),
+            work=np.full(_WAYS * len(_SIZES), 1e4),
             picked=np.zeros(int(_SIZES[-1]), dtype=np.int32),
             is_picked=np.zeros(n, dtype=np.bool_),
             kept=np.zeros((int(_SIZES[-1]), rows), dtype=np.int32),
@@ -226,7 +230,7 @@ def _improve(
     steps: Whole,
 ) -> None:  # pragma: no cover - compiled
     for _ in range(steps):
-        arm = _choose(choice.yields, chance)
+        arm = _choose(choice, chance)
         size = min(sizes[arm % len(sizes)], len(choice.movable))
         count = _pick(roads, guide, table, choice, arm // len(sizes), size, chance)
         before, least = np.int64(0), np.int64(0)
@@ -237,24 +241,25 @@ def _improve(
             continue
         expanded = frontier.expanded[0]
         saved = _replan(roads, guide, table, frontier, choice, count, before, least, chance)
-        work = frontier.expanded[0] - expanded + 50 * count
-        choice.yields[arm] += _LEARNING_RATE * (saved / work - choice.yields[arm])
+        work = frontier.expanded[0] - expanded + table.path.shape[1] * count
+        choice.saved[arm] = _MEMORY * choice.saved[arm] + saved
+        choice.work[arm] = _MEMORY * choice.work[arm] + work
 
 
 @kernel
-def _choose(yields: Floats, chance: Chance) -> Whole:  # pragma: no cover - compiled
-    """Draw a kind of neighbourhood by what it has yielded."""
-    if draw(chance) < _CURIOSITY:
-        return np.int64(draw_below(chance, len(yields)))
+def _choose(choice: _Choice, chance: Chance) -> Whole:  # pragma: no cover - compiled
+    """Draw a kind of neighbourhood by what it has yielded for its work."""
+    n = len(choice.saved)
     total = 0.0
-    for k in range(len(yields)):
-        total += yields[k]
+    for k in range(n):
+        total += choice.saved[k] / choice.work[k]
     rest = draw(chance) * total
-    for k in range(len(yields)):
-        rest -= yields[k]
-        if rest < 0.0:
-            return k
-    return np.int64(draw_below(chance, len(yields)))
+    if draw(chance) >= _CURIOSITY:
+        for k in range(n):
+            rest -= choice.saved[k] / choice.work[k]
+            if rest < 0.0:
+                return np.int64(k)
+    return np.int64(draw_below(chance, n))
 
 
 @kernel

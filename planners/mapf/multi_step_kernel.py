@@ -19,21 +19,29 @@ NOBODY = -1
 SEVERAL = -2
 FAR = 2**20
 """More than any operation costs."""
+UNRANKED = -1
 _COST_BIT = 10
 """An operation's key: what it costs; then how late its last move is; then chance."""
 _LATE_BIT = 6
 
 
-class Costs(NamedTuple):
-    """What is left to do from each state, for many goals.
+class Look(NamedTuple):
+    """Where to look up what is left to do; S states.
 
     The cost from state s to the goal of row r is the least `ahead[k] + table[r, key[k]]` over ptr[s] <= k < ptr[s + 1].
     """
 
-    table: Table
     ptr: IntArray
     key: IntArray
     ahead: IntArray
+
+
+class Costs(NamedTuple):
+    """What is left to do from each state, for many goals."""
+
+    table: Table
+    """Shape (goals, keys)."""
+    look: Look
 
 
 class Wishes(NamedTuple):
@@ -47,6 +55,17 @@ class Wishes(NamedTuple):
     """Row of the goal after that, -1 = none."""
     leg: IntArray
     """Cost from the goal to the next one."""
+
+
+class Aims(NamedTuple):
+    """What makes one operation better than another."""
+
+    table: Table
+    """What is left to do, shape (goals, keys)."""
+    rested: Look
+    """Where to look after a rest in which the robot may turn: entry r * S + s for r timesteps in state s."""
+    wishes: Wishes
+    chance: Chance
 
 
 class Choices(NamedTuple):
@@ -63,12 +82,15 @@ class Choices(NamedTuple):
     order: SmallInts
     """Its operations, best first as far as `n_sorted` tells, shape (n, W)."""
     n_sorted: IntArray
+    """Operations of each agent that are sorted, `UNRANKED` if it has no keys yet, shape (n,)."""
     place: IntArray
     """Place of each agent in the order of priority, 0 = first, shape (n,)."""
     weight: Floats
     """What a unit of cost of each agent counts, shape (n,)."""
     locked: BoolArray
     """Agents that only stay, shape (n,)."""
+    eager: BoolArray
+    """Agents that look for another operation in this timestep, shape (n,)."""
     stack: IntArray
     """Agents of the chain of pushes, shape (n + 1,), and for each of them:"""
     tried: IntArray
@@ -115,74 +137,83 @@ def go_on(ops: Operations, choices: Choices, state_cell: IntArray, after: IntArr
 def left(costs: Costs, state: Whole, row: Whole) -> Whole:  # pragma: no cover - compiled
     """What is left to do from a state."""
     best = FAR
-    for k in range(costs.ptr[state], costs.ptr[state + 1]):
-        best = min(best, costs.ahead[k] + np.int64(costs.table[row, costs.key[k]]))
+    for k in range(costs.look.ptr[state], costs.look.ptr[state + 1]):
+        best = min(best, costs.look.ahead[k] + np.int64(costs.table[row, costs.look.key[k]]))
     return best
 
 
 @kernel
-def rank(ops: Operations, choices: Choices, costs: Costs, wishes: Wishes, chance: Chance) -> None:  # pragma: no cover
-    """Compute the keys of all operations: what each costs, and what is left to do behind it."""
-    length = ops.cell.shape[1]
+def reconsider(ops: Operations, choices: Choices, patience: Whole) -> None:  # pragma: no cover - compiled
+    """Forget what operations were worth; agents that rest for `patience` timesteps behind theirs look for another."""
     for agent in range(len(choices.state)):
-        begin_op = ops.ptr[choices.state[agent]]
-        row = wishes.row[agent]
-        choices.n_sorted[agent] = 0
-        for op in range(begin_op, ops.ptr[choices.state[agent] + 1]):
-            total = np.int64(ops.weight[op])
-            at_row, extra = row, np.int64(0)
-            if row >= 0:
-                extra = np.int64(wishes.leg[agent])
-                for t in range(length):
-                    if ops.cell[op, t] == wishes.cell[agent]:
-                        at_row, extra = wishes.next_row[agent], np.int64(t)
-                        break
-            if at_row >= 0:
-                best = FAR
-                entry = ops.entry[op]
-                for turn in range(ops.turn_ptr[entry], ops.turn_ptr[entry + 1]):
-                    if ops.turn_steps[turn] > ops.rest[op]:
-                        break
-                    best = min(best, left(costs, ops.turn_state[turn], at_row))
-                total += best
-            total += extra
-            k = op - begin_op
-            choices.order[agent, k] = k
-            choices.key[agent, k] = (
-                (total << _COST_BIT) + (np.int64(length - ops.rest[op]) << _LATE_BIT) + draw_below(chance, 64)
-            )
+        choices.n_sorted[agent] = UNRANKED
+        choices.eager[agent] = ops.rest[choices.chosen[agent]] >= patience and not choices.locked[agent]
+
+
+@kernel
+def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None:  # pragma: no cover - compiled
+    """Compute the keys of an agent's operations: what each costs, and what is left to do behind it."""
+    length = ops.cell.shape[1]
+    n_states = len(ops.ptr) - 1
+    table, rested, wishes = aims.table, aims.rested, aims.wishes
+    longest_rest = (len(rested.ptr) - 1) // n_states - 1
+    first = ops.ptr[choices.state[agent]]
+    row = wishes.row[agent]
+    choices.n_sorted[agent] = 0
+    for op in range(first, ops.ptr[choices.state[agent] + 1]):
+        total = np.int64(ops.weight[op])
+        at_row, extra = row, np.int64(0)
+        if row >= 0:
+            extra = np.int64(wishes.leg[agent])
+            for t in range(length):
+                if ops.cell[op, t] == wishes.cell[agent]:
+                    at_row, extra = wishes.next_row[agent], np.int64(t)
+                    break
+        if at_row >= 0:
+            best = FAR
+            at = min(np.int64(ops.rest[op]), longest_rest) * n_states + ops.entry[op]
+            for k in range(rested.ptr[at], rested.ptr[at + 1]):
+                best = min(best, rested.ahead[k] + np.int64(table[at_row, rested.key[k]]))
+            total += best
+        total += extra
+        k = op - first
+        choices.order[agent, k] = k
+        choices.key[agent, k] = (
+            (total << _COST_BIT) + (np.int64(length - ops.rest[op]) << _LATE_BIT) + draw_below(aims.chance, 64)
+        )
 
 
 @kernel
 def sweep(
     ops: Operations,
     choices: Choices,
+    aims: Aims,
     sequence: IntArray,
     most_tries: Whole,
     state_cell: IntArray,
     allow_rotation: bool,
 ) -> None:  # pragma: no cover - compiled
-    """Offer each agent a better operation, in order of priority; it may push all who come after it."""
+    """Offer each eager agent a better operation, in order of priority; it may push all who come after it."""
     for k in range(len(sequence)):
-        if not choices.locked[sequence[k]]:
-            _push(ops, choices, sequence[k], k, most_tries, state_cell, allow_rotation, False)
+        if choices.eager[sequence[k]]:
+            _push(ops, choices, aims, sequence[k], k, most_tries, state_cell, allow_rotation, False)
 
 
 @kernel
 def polish(
     ops: Operations,
     choices: Choices,
+    aims: Aims,
     n_agents: Whole,
     most_tries: Whole,
     state_cell: IntArray,
     allow_rotation: bool,
-    chance: Chance,
 ) -> None:  # pragma: no cover - compiled
     """Offer random agents a better operation wherever that, weighted, costs the others less than it gains."""
     for _ in range(n_agents):
-        agent = draw_below(chance, len(choices.state))
+        agent = draw_below(aims.chance, len(choices.state))
         if not choices.locked[agent]:
-            _push(ops, choices, agent, 0, most_tries, state_cell, allow_rotation, True)
+            _push(ops, choices, aims, agent, 0, most_tries, state_cell, allow_rotation, True)
 
 
 @kernel
@@ -306,6 +337,7 @@ def _join(ops: Operations, choices: Choices, depth: Whole, agent: Whole, price: 
 def _push(
     ops: Operations,
     choices: Choices,
+    aims: Aims,
     root: Whole,
     bound: Whole,
     most_tries: Whole,
@@ -328,6 +360,8 @@ def _push(
         first = ops.ptr[choices.state[agent]]
         n_ops = ops.ptr[choices.state[agent] + 1] - first
         home = state_cell[choices.state[agent]]
+        if choices.n_sorted[agent] == UNRANKED:
+            _rank(ops, choices, aims, agent)
         cost = choices.key[agent, choices.before[depth] - first] >> _COST_BIT
         pushed, settled = NOBODY, False
         while choices.tried[depth] < n_ops and tries < most_tries:

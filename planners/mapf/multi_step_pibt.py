@@ -14,8 +14,8 @@ from planners.errors import PlanningError
 from planners.mapf import multi_step_kernel as kernels
 from planners.mapf.chance import chance_of
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
-from planners.mapf.multi_step_kernel import Choices, Costs, Wishes
-from planners.mapf.operations import LONGEST, operations_of
+from planners.mapf.multi_step_kernel import Aims, Choices, Costs, Look, Wishes
+from planners.mapf.operations import LONGEST, Operations, operations_of
 from planners.mapf.options import open_moves
 from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
 from planners.status import Status
@@ -126,12 +126,35 @@ class MultiStepPibt:
 
 def exact_costs(table: npt.NDArray[np.uint16], n_states: int) -> Costs:
     """Costs whose table has an entry for each state, shape (n_rows, n_states)."""
-    return Costs(
-        table=table,
-        ptr=np.arange(n_states + 1, dtype=np.int32),
-        key=np.arange(n_states, dtype=np.int32),
-        ahead=np.zeros(n_states, dtype=np.int32),
-    )
+    return Costs(table=table, look=look_of_states(n_states))
+
+
+def look_of_states(n_states: int) -> Look:
+    """Look-up where every state has its own entry."""
+    every = np.arange(n_states + 1, dtype=np.int32)
+    return Look(ptr=every, key=every[:-1], ahead=np.zeros(n_states, dtype=np.int32))
+
+
+def rested_look(look: Look, operations: Operations) -> Look:
+    """Where to look after r timesteps of rest, spent turning: entry r * S + s for state s; r up to the longest turn."""
+    n_states = len(look.ptr) - 1
+    state = np.arange(n_states, dtype=np.int64).repeat(np.diff(operations.turn_ptr))
+    counts = np.diff(look.ptr)[operations.turn_state]
+    place = (np.cumsum(counts) - counts).repeat(counts)
+    entry = np.arange(counts.sum()) - place + look.ptr[operations.turn_state].repeat(counts)
+    state, steps = state.repeat(counts), operations.turn_steps.repeat(counts)
+    key, ahead = look.key[entry].astype(np.int64), look.ahead[entry]
+    parts = []
+    for rest in range(int(operations.turn_steps.max(initial=0)) + 1):
+        near = np.flatnonzero(steps <= rest)
+        order = near[np.lexsort((ahead[near], key[near], state[near]))]
+        fresh = np.ones(len(order), dtype=np.bool_)
+        fresh[1:] = (np.diff(state[order]) != 0) | (np.diff(key[order]) != 0)
+        kept = order[fresh]
+        parts.append(np.column_stack((state[kept] + rest * n_states, key[kept], ahead[kept])))
+    rows = np.concatenate(parts)
+    ptr = np.concatenate(([0], np.cumsum(np.bincount(rows[:, 0], minlength=len(parts) * n_states))))
+    return Look(ptr=ptr.astype(np.int32), key=rows[:, 1].astype(np.int32), ahead=rows[:, 2].astype(np.int32))
 
 
 def rank_weights(sequence: IntArray, steepness: float = 12.0) -> npt.NDArray[np.float64]:
@@ -153,8 +176,11 @@ class Mover:
         blocked: Cells nobody may enter, shape (n_cells,).
         n: Number of agents.
         length: Timesteps of an operation.
+        look: Where costs are looked up; None = every state has its own entry.
         move_cost: Cost of each move, shape (n_moves,); None = 1.
         wait_cost: Cost of a timestep without a move.
+        patience: Agents look for another operation when theirs has come to its last `patience` timesteps, which it
+            rests; with 1 in every timestep, with more those whom nobody hinders decide less often.
         seed: Seed of the tie-breaking.
     """
 
@@ -165,16 +191,20 @@ class Mover:
         n: int,
         *,
         length: int,
+        look: Look | None = None,
         move_cost: IntArray | None = None,
         wait_cost: int = 1,
+        patience: int = 1,
         seed: int | np.random.Generator = 0,
     ) -> None:
         self.graph = graph
         self._blocked = blocked.copy()
         cost = np.ones(graph.n_moves, dtype=np.int32) if move_cost is None else move_cost
         self.operations = operations_of(graph, length, open_moves(graph, blocked), cost, wait_cost)
+        self._patience = patience
         self.chance = chance_of(np.random.default_rng(seed))
         """Stream of the tie-breaking; whoever puts an earlier copy back repeats what followed."""
+        self._rested = rested_look(look_of_states(graph.n_states) if look is None else look, self.operations)
         widest = int(np.diff(self.operations.ptr).max(initial=1))
 
         def ints(*shape: int) -> IntArray:
@@ -190,6 +220,7 @@ class Mover:
             place=ints(n),
             weight=np.ones(n),
             locked=np.zeros(n, dtype=np.bool_),
+            eager=np.zeros(n, dtype=np.bool_),
             stack=ints(n + 1),
             tried=ints(n + 1),
             before=ints(n + 1),
@@ -247,11 +278,12 @@ class Mover:
             choices.stamp[0] = 0
         choices.place[sequence] = np.arange(n, dtype=np.int32)
         choices.weight[:] = weight
-        kernels.rank(ops, choices, costs, wishes, self.chance)
-        kernels.sweep(ops, choices, sequence, most_tries, cell, allow_rotation)
+        aims = Aims(table=costs.table, rested=self._rested, wishes=wishes, chance=self.chance)
+        kernels.reconsider(ops, choices, self._patience)
+        kernels.sweep(ops, choices, aims, sequence, most_tries, cell, allow_rotation)
         done = 0
         while (rounds is None or done < rounds) and polish():
-            kernels.polish(ops, choices, n, min(most_tries, 100), cell, allow_rotation, self.chance)
+            kernels.polish(ops, choices, aims, n, min(most_tries, 100), cell, allow_rotation)
             done += 1
         after = np.empty(n, dtype=np.int32)
         kernels.first_states(ops, choices, costs, wishes, after)

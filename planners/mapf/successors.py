@@ -14,8 +14,8 @@ from planners.mapf.problem import BoolArray, Instance, IntArray
 from planners.mapf.roads import Roads
 
 _WAIT_KEY = 0.4
-_OCCUPIED_KEY = 0.5
-_NOISE_KEY = 0.4
+_OCCUPIED_KEY = 0.2
+_NOISE_KEY = 0.39
 
 
 class Guide(NamedTuple):
@@ -294,7 +294,7 @@ def _rank(
 def _sort_options(
     roads: Roads, guide: Guide, board: Board, now: IntArray, agent: Whole, home: Whole, sign: float, chance: Chance
 ) -> None:  # pragma: no cover - compiled
-    """Distances are whole numbers; the fractions order equal ones: free cell, wait, occupied cell, and chance."""
+    """Distances are whole numbers; the fractions order equal ones: chance, with a liking for free cells."""
     state = np.int64(now[agent])
     row = guide.row[agent]
     keys, options, option_move = board.keys, board.options, board.option_move

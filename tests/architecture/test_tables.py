@@ -46,6 +46,7 @@ FAMILIES = [
                 "safe_intervals",
                 "successors",
                 "timetable",
+                "turning",
                 "validate",
             }
         ),

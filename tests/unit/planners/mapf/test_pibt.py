@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from maps.grid import EAST, NORTH
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site
 from planners.errors import PlanningError
@@ -13,7 +14,14 @@ from planners.mapf.distance_table import DistanceTable
 from planners.mapf.pibt import Pibt, PibtConfig
 from planners.mapf.problem import Instance
 from planners.mapf.validate import breaches
-from tests.unit.planners.mapf.lanes import graph_of, instance_of, one_way_grid, one_way_loop, random_starts
+from tests.unit.planners.mapf.lanes import (
+    graph_of,
+    instance_of,
+    one_way_grid,
+    one_way_loop,
+    random_starts,
+    rotating_grid,
+)
 
 STEPS_PER_WINDOW = 4
 HORIZON = 6
@@ -112,6 +120,27 @@ def test_a_move_that_came_to_nothing_leaves_its_swept_cells_to_others() -> None:
     graph = graph_of(range(4), [(0, 1), (2, 3)], sweeps={(0, 1): (3,)})
     instance = instance_of(graph, [0, 1, 2], [1, -1, 3], priorities=[3.0, 2.0, 1.0], horizon=1)
     assert Pibt().plan(instance).states[1].tolist() == [0, 1, 3]
+
+
+def test_a_vehicle_that_faces_a_wall_turns_to_make_way() -> None:
+    """Agent 1 stands across a corridor and cannot drive off at once; only the turn it begins opens the way."""
+    graph = rotating_grid(1, 4)
+    instance = instance_of(
+        graph, [graph.state_at(0, EAST), graph.state_at(1, NORTH)], [graph.state_at(2, EAST), -1], horizon=8
+    )
+    plan = Pibt().plan(instance)
+    assert breaches(instance, plan) == []
+    assert plan.states[-1].tolist() == [graph.state_at(2, EAST), graph.state_at(3, EAST)]
+
+
+def test_nobody_drives_into_a_cell_whose_vehicle_is_still_turning() -> None:
+    """Both aim one cell on; the one ahead has to turn first, so both wait for its turn."""
+    graph = rotating_grid(1, 4)
+    starts = [graph.state_at(0, EAST), graph.state_at(1, NORTH)]
+    instance = instance_of(graph, starts, [graph.state_at(1, EAST), graph.state_at(2, EAST)], horizon=2)
+    plan = Pibt().plan(instance)
+    assert plan.states[1].tolist() == [starts[0], graph.state_at(1, EAST)]
+    assert plan.states[2].tolist() == [graph.state_at(1, EAST), graph.state_at(2, EAST)]
 
 
 def test_each_call_draws_on() -> None:

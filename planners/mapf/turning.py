@@ -1,0 +1,230 @@
+"""Turning: plans for vehicles that turn on the spot, made from plans that forget about headings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from maps.lane_graph import LaneGraph, MoveKind
+from planners.mapf.kernel import Whole, kernel
+from planners.mapf.problem import NO_GOAL, Instance, IntArray
+
+_UNKNOWN, _ASKED, _GOES, _WAITS = range(4)
+
+
+def can_forget_headings(instance: Instance) -> bool:
+    """Whether a plan over cells can be turned into one over states.
+
+    It can where everybody turns on the spot, unless somebody must not turn away from its goal once it is there.
+    """
+    return instance.graph.motion == "rotating" and not (instance.stay & (instance.starts != instance.goals)).any()
+
+
+def without_headings(instance: Instance) -> Instance:
+    """The same instance on the graph of the cells; it can be solved if and only if the instance can."""
+    graph = instance.graph
+    cells, number = np.unique(graph.state_cell, return_inverse=True)
+    ends = number[np.column_stack((graph.move_from, graph.move_to))]
+    ends = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0)
+    ends = ends.reshape(-1, 2).astype(np.int32)
+    out_ptr = np.searchsorted(ends[:, 0], np.arange(len(cells) + 1)).astype(np.int32)
+    into = np.argsort(ends[:, 1], kind="stable").astype(np.int32)
+    index = np.full((graph.n_cells, 4), -1, dtype=np.int32)
+    index[cells, 0] = np.arange(len(cells))
+    m = len(ends)
+    over_cells = LaneGraph(
+        motion="pebble",
+        n_states=len(cells),
+        n_cells=graph.n_cells,
+        state_cell=cells.astype(np.int32),
+        state_heading=np.zeros(len(cells), dtype=np.int8),
+        state_pose=np.zeros((len(cells), 3)),
+        state_index=index,
+        move_from=np.ascontiguousarray(ends[:, 0]),
+        move_to=np.ascontiguousarray(ends[:, 1]),
+        move_kind=np.full(m, MoveKind.STRAIGHT, dtype=np.int8),
+        move_length=np.ones(m),
+        out_ptr=out_ptr,
+        out_move=np.arange(m, dtype=np.int32),
+        in_ptr=np.searchsorted(ends[into, 1], np.arange(len(cells) + 1)).astype(np.int32),
+        in_move=into,
+        swept_ptr=2 * np.arange(m + 1, dtype=np.int32),
+        swept_cell=cells[ends].ravel().astype(np.int32),
+        path_ptr=np.zeros(m + 1, dtype=np.int32),
+        path_points=np.zeros((0, 3)),
+        path_s=np.zeros(0),
+    )
+    starts = number[instance.starts].astype(np.int32)
+    goals = np.where(instance.goals == NO_GOAL, NO_GOAL, number[instance.goals]).astype(np.int32)
+    fixed = instance.fixed | (instance.stay & (instance.starts == instance.goals))
+    return replace(
+        instance, graph=over_cells, starts=starts, goals=goals, fixed=fixed, stay=np.zeros_like(instance.stay)
+    )
+
+
+def with_headings(instance: Instance, cells: IntArray) -> IntArray:
+    """Drive a plan over cells: everybody visits its cells in order, and every cell has its visitors in order.
+
+    Nobody waits for a timestep of the plan, only for the visitors before it, and turns meanwhile. That always ends,
+    because the plan itself, with time for turns between its rows, is one way to keep all the orders.
+
+    Args:
+        instance: The instance with headings.
+        cells: State of each agent on the graph of the cells at each timestep, shape (T + 1, n).
+
+    Returns:
+        State of each agent at each timestep, shape (T' + 1, n).
+
+    Source: the orders are those of the action dependency graph: Hönig, Kiesel, Tinka, Durham, Ayanian, "Persistent and
+    robust execution of MAPF schedules in warehouses", IEEE RA-L 2019.
+    """
+    graph = instance.graph
+    place = np.unique(graph.state_cell)
+    n = instance.n_agents
+    arrives = np.vstack((np.ones((1, n), dtype=np.bool_), cells[1:] != cells[:-1]))
+    when, who = np.nonzero(arrives)  # by timestep: a cell's visitors in order
+    order = np.argsort(cells[when, who], kind="stable")
+    by_cell = cells[when, who][order]
+    rank = np.empty(len(when), dtype=np.int32)
+    rank[order] = np.arange(len(when)) - np.searchsorted(by_cell, by_cell)
+    by_agent = np.argsort(who, kind="stable")
+    visit_ptr = np.searchsorted(who[by_agent], np.arange(n + 1)).astype(np.int32)
+    visit_cell = place[cells[when, who][by_agent]].astype(np.int32)
+    visit_rank = rank[by_agent]
+
+    now = np.array(instance.starts)
+    visit = visit_ptr[:-1].copy()
+    left = np.zeros(graph.n_cells, dtype=np.int32)
+    occupant = np.full(graph.n_cells, -1, dtype=np.int32)
+    occupant[graph.state_cell[now]] = np.arange(n)
+    verdict = np.zeros(n, dtype=np.int8)
+    rows = [now.copy()]
+    while _drive(
+        graph.out_ptr, graph.out_move, graph.move_to, graph.state_cell, graph.state_heading, graph.state_index,
+        instance.goals, visit_ptr, visit_cell, visit_rank, visit, left, occupant, verdict, now,
+    ):  # fmt: skip
+        rows.append(now.copy())
+    return np.array(rows, dtype=np.int32)
+
+
+@kernel
+def _drive(
+    out_ptr: IntArray,
+    out_move: IntArray,
+    move_to: IntArray,
+    state_cell: IntArray,
+    state_heading: npt.NDArray[np.int8],
+    state_index: IntArray,
+    goals: IntArray,
+    visit_ptr: IntArray,
+    visit_cell: IntArray,
+    visit_rank: IntArray,
+    visit: IntArray,
+    left: IntArray,
+    occupant: IntArray,
+    verdict: npt.NDArray[np.int8],
+    now: IntArray,
+) -> bool:  # pragma: no cover - compiled
+    """Make one timestep; False when everybody is where it should be."""
+    n = len(now)
+    moved = False
+    for agent in range(n):
+        verdict[agent] = _UNKNOWN
+    for agent in range(n):
+        if verdict[agent] == _UNKNOWN:
+            _judge(
+                out_ptr, out_move, move_to, state_cell, visit_ptr, visit_cell, visit_rank, visit, left, occupant,
+                verdict, now, agent,
+            )  # fmt: skip
+    for agent in range(n):
+        if verdict[agent] == _GOES:
+            cell = state_cell[now[agent]]
+            left[cell] += 1
+            if occupant[cell] == agent:
+                occupant[cell] = -1
+            ahead = np.int64(visit_cell[visit[agent] + 1])
+            now[agent] = _ahead(out_ptr, out_move, move_to, state_cell, np.int64(now[agent]), ahead)
+            visit[agent] += 1
+            occupant[state_cell[now[agent]]] = agent
+            moved = True
+            continue
+        wanted = np.int64(-1)
+        home, facing = state_cell[now[agent]], np.int64(state_heading[now[agent]])
+        if visit[agent] + 1 < visit_ptr[agent + 1]:
+            ahead = np.int64(visit_cell[visit[agent] + 1])
+            for k in range(4):
+                state = np.int64(state_index[home, k])
+                if state >= 0 and _ahead(out_ptr, out_move, move_to, state_cell, state, ahead) >= 0:
+                    wanted = np.int64(k)
+        elif goals[agent] >= 0:
+            wanted = np.int64(state_heading[goals[agent]])
+        quarters = (wanted - facing) % 4
+        if wanted >= 0 and quarters != 0:
+            now[agent] = state_index[home, (facing + (3 if quarters == 3 else 1)) % 4]
+            moved = True
+    return moved
+
+
+@kernel
+def _ahead(
+    out_ptr: IntArray, out_move: IntArray, move_to: IntArray, state_cell: IntArray, state: Whole, cell: Whole
+) -> Whole:  # pragma: no cover - compiled
+    """State in a cell that is one move ahead of a state, -1 = none."""
+    for k in range(out_ptr[state], out_ptr[state + 1]):
+        to = move_to[out_move[k]]
+        if state_cell[to] == cell:
+            return np.int64(to)
+    return np.int64(-1)
+
+
+@kernel
+def _judge(
+    out_ptr: IntArray,
+    out_move: IntArray,
+    move_to: IntArray,
+    state_cell: IntArray,
+    visit_ptr: IntArray,
+    visit_cell: IntArray,
+    visit_rank: IntArray,
+    visit: IntArray,
+    left: IntArray,
+    occupant: IntArray,
+    verdict: npt.NDArray[np.int8],
+    now: IntArray,
+    first: Whole,
+) -> None:  # pragma: no cover - compiled
+    """Say for an agent, and for all it follows, whether they go to their next cell now."""
+    agent = np.int64(first)
+    end = _WAITS
+    while True:
+        verdict[agent] = _ASKED
+        following = visit[agent] + 1
+        if following >= visit_ptr[agent + 1]:
+            break
+        cell = visit_cell[following]
+        if _ahead(out_ptr, out_move, move_to, state_cell, np.int64(now[agent]), np.int64(cell)) < 0:
+            break
+        before = visit_rank[following] - left[cell]
+        if before == 0:
+            end = _GOES
+            break
+        if before > 1 or occupant[cell] < 0:
+            break
+        other = np.int64(occupant[cell])
+        if verdict[other] != _UNKNOWN:  # known, or asked in this very chain: a ring, which moves as one
+            end = _WAITS if verdict[other] == _WAITS else _GOES
+            break
+        agent = other
+    # The chain is walked again from its tail; whoever waits holds up all behind it.
+    agent = np.int64(first)
+    while verdict[agent] == _ASKED:
+        verdict[agent] = end
+        following = visit[agent] + 1
+        if following >= visit_ptr[agent + 1]:
+            break
+        other = np.int64(occupant[visit_cell[following]])
+        if other < 0:
+            break
+        agent = other
