@@ -230,7 +230,7 @@ def first_states(
             best = FAR
             for turn in range(ops.turn_ptr[state], ops.turn_ptr[state + 1]):
                 cost = ops.turn_steps[turn] + left(costs, ops.turn_state[turn], wishes.row[agent])
-                if cost < best:
+                if cost <= best:  # a turn that must be made anyway is made while there is nothing else to do
                     best = cost
                     after[agent] = ops.turn_first[turn]
 
