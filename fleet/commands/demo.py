@@ -45,7 +45,7 @@ class Demo:
     fidelity: Fidelity = Fidelity.PHYSICS
     """How robots are moved."""
     planner: str = "pibt"
-    """Path planner of the fleet: pibt."""
+    """Path planner of the fleet: pibt or multi_step_pibt."""
     allocator: str = "hungarian"
     """Who gets which task: hungarian or greedy."""
     out: Path = Path("runs/demo")

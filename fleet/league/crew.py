@@ -64,17 +64,21 @@ class Crew:
     def prepare(self, arena: Arena, budget_s: float) -> None:
         """Compute costs, learn guidance on small floors, and hand out the first tasks."""
         graph, n = arena.graph, len(arena.states)
-        deadline = Deadline(wall_s=self.config.startup_s)
         self._budget_s = budget_s
         self._costs = GoalCosts(graph, grid_lane_graph(arena.problem.grid, "pebble"))
         unit, move_cost = 1, np.ones(graph.n_moves, dtype=np.int32)
+        errands = _known_errands(arena)
+        if self._costs.exact:
+            # Loading or compiling kernels takes no time away from learning.
+            learn_guidance(graph, self._costs, arena.states, errands, config=GuidanceConfig(rounds=1, timesteps=1))
+        deadline = Deadline(wall_s=self.config.startup_s)
         if self._costs.exact:
             unit = UNIT
             move_cost = learn_guidance(
                 graph,
                 self._costs,
                 arena.states,
-                _known_errands(arena),
+                errands,
                 config=self.config.guidance,
                 deadline=deadline,
                 seed=self._rng,
@@ -95,7 +99,7 @@ class Crew:
         density = n / np.count_nonzero(arena.problem.grid.free)
         self._steepness = float(np.clip(_STEEPNESS * density, 2.0, _STEEPNESS))
         self._schedule = Schedule(arena, self._costs)
-        self._expect_goals(arena, deadline)
+        self._expect_goals(arena, errands.cell, deadline)
         first = self._assign(arena, everybody=True)
         self._task_of: Tasks | None = first
         # The first step of a process loads or compiles kernels; what it decides is not kept.
@@ -151,11 +155,10 @@ class Crew:
             rounds=self.config.rounds,
         )
 
-    def _expect_goals(self, arena: Arena, deadline: Deadline) -> None:
+    def _expect_goals(self, arena: Arena, known: Ints, deadline: Deadline) -> None:
         """Fill the table of a large floor before the clock runs: the goals that are known, then cells like them."""
         if self._costs.exact:
             return
-        known = _known_errands(arena).cell
         marks = arena.problem.marks
         alike = np.flatnonzero(arena.problem.grid.free)
         if marks is not None:

@@ -156,7 +156,7 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
     length = ops.cell.shape[1]
     n_states = len(ops.ptr) - 1
     table, rested, wishes = aims.table, aims.rested, aims.wishes
-    longest_rest = (len(rested.ptr) - 1) // n_states - 1
+    longest_rest = np.int64((len(rested.ptr) - 1) // n_states - 1)
     first = ops.ptr[choices.state[agent]]
     row = wishes.row[agent]
     choices.n_sorted[agent] = 0

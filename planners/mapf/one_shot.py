@@ -33,8 +33,8 @@ def tables_for(instance: Instance, tables: DistanceTable | None, planner: str) -
 def hopeless(instance: Instance, tables: DistanceTable) -> bool:
     """Whether a glance proves that not all agents can stand at their goals at the same time.
 
-    True if a goal cannot be reached even when all who can make way, two goals lie in one cell, an agent that never
-    moves is not at its goal, or it stands in the goal cell of another one.
+    True if a goal cannot be reached even when all who can make way, two goals lie in one cell, or an agent that never
+    moves is not at its goal. The table is that of `tables_for`, in which nobody enters the cell of such an agent.
     """
     cells, goals = instance.graph.state_cell, instance.goals
     seekers = np.flatnonzero(goals != NO_GOAL)
@@ -44,10 +44,7 @@ def hopeless(instance: Instance, tables: DistanceTable) -> bool:
     goal_cells = cells[goals[seekers]]
     if len(np.unique(goal_cells)) < len(goal_cells):
         return True
-    if (instance.fixed[seekers] & (instance.starts[seekers] != goals[seekers])).any():
-        return True
-    held = cells[instance.starts[instance.fixed & (goals == NO_GOAL)]]
-    return bool(np.isin(goal_cells, held).any())
+    return bool((instance.fixed[seekers] & (instance.starts[seekers] != goals[seekers])).any())
 
 
 def start_only(instance: Instance, status: Status, iterations: int) -> Plan:

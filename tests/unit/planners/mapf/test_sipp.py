@@ -191,6 +191,15 @@ def test_many_paths_grow_the_book() -> None:
     assert len(found[1]) == 60  # in as the other one leaves for the last time
 
 
+def test_two_sweep_over_a_cell_one_right_after_the_other() -> None:
+    graph = graph_of(range(5), [(0, 1), (2, 3)], sweeps={(0, 1): (4,), (2, 3): (4,)})
+    reservations = Reservations(graph, np.ones(2, dtype=np.bool_), np.array([0, 2]), allow_rotation=False)
+    reservations.add(np.array([0, 1], dtype=np.int32), np.array([0], dtype=np.int32))
+    found = reservations.earliest_path(2, 3, DistanceTable(graph, np.zeros(5, dtype=np.bool_)).to(3), stay=False)
+    assert found is not None
+    assert found[0].tolist() == [2, 2, 3]
+
+
 def test_a_search_that_runs_out_of_memory_gets_more(monkeypatch: pytest.MonkeyPatch) -> None:
     instance = crowd(1, 8, "rotating")
     expected = Sipp().plan(instance)
