@@ -66,7 +66,8 @@ class Crew:
         graph, n = arena.graph, len(arena.states)
         self._budget_s = budget_s
         self._costs = GoalCosts(graph, grid_lane_graph(arena.problem.grid, "pebble"))
-        unit, move_cost = 1, np.ones(graph.n_moves, dtype=np.int32)
+        unit = self._costs.unit
+        move_cost = np.full(graph.n_moves, unit, dtype=np.int32)
         errands = _known_errands(arena)
         if self._costs.exact:
             # Loading or compiling kernels takes no time away from learning.

@@ -147,7 +147,8 @@ def _shortlist(
                 continue
             way = np.int64(2**20)
             for j in range(first, end):
-                way = min(way, np.int64(costs.look.ahead[j]) + np.int64(costs.table[rows[task], costs.look.key[j]]))
+                ahead = costs.look.scale * np.int64(costs.table[rows[task], costs.look.key[j]])
+                way = min(way, costs.look.ahead[j] + ahead)
             value = _HASTE * way + length[task]
             if filled == width and value >= key[robot, width - 1]:
                 continue

@@ -15,6 +15,9 @@ from planners.mapf.problem import IntArray
 
 EXACT_BYTES = 64 * 2**20
 """Floors whose costs between all states and cells take no more are kept whole, with weighted moves and turns."""
+COARSE_UNIT = 2
+"""Cost of a move or a wait on a large floor, twice that of a turn ahead: only the first turn is seen, and a move that
+ends before the next one must still be worth more than waiting."""
 UNREACHABLE = 65_535
 """Cost of a state that has no way to the goal."""
 
@@ -47,7 +50,7 @@ class GoalCosts:
         self._table: Table = np.empty((0, 0), dtype=np.uint16)
         self.look = look_of_states(rotating.n_states) if self.exact else _look_ahead(rotating, pebble)
         """Where to look costs up."""
-        self.unit = 1
+        self.unit = 1 if self.exact else COARSE_UNIT
         """Least cost of a move."""
         self.weigh(np.ones(rotating.n_moves, dtype=np.int32) if move_cost is None else move_cost)
 
@@ -114,7 +117,7 @@ class GoalCosts:
         """Cost from each cell, in the best heading there, to the goal of each row, both of shape (n,)."""
         if self._tables is not None:
             direct: IntArray = self._table[rows, self._pebble.state_index[cells, 0]].astype(np.int32)
-            return direct
+            return COARSE_UNIT * direct
         states = self._rotating.state_index[cells]
         least: IntArray = self._table[rows[:, None], states].min(axis=1).astype(np.int32)
         return least
@@ -128,12 +131,14 @@ def _look_ahead(rotating: LaneGraph, pebble: LaneGraph) -> Look:
     found = []
     for turned in range(4):
         state = rotating.state_index[cell, (heading + turned) % 4]
-        ahead = np.full(len(state), 1 + min(turned, 4 - turned))
+        ahead = np.full(len(state), COARSE_UNIT + min(turned, 4 - turned))
         found.append(np.column_stack((state, pebble.state_index[rotating.state_cell[target], 0], ahead)))
     rows = np.concatenate(found)
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     ptr = np.concatenate(([0], np.cumsum(np.bincount(rows[:, 0], minlength=rotating.n_states))))
-    return Look(ptr=ptr.astype(np.int32), key=rows[:, 1].astype(np.int32), ahead=rows[:, 2].astype(np.int32))
+    return Look(
+        ptr=ptr.astype(np.int32), key=rows[:, 1].astype(np.int32), ahead=rows[:, 2].astype(np.int32), scale=COARSE_UNIT
+    )
 
 
 @kernel
@@ -202,7 +207,9 @@ def left_of(costs: Costs, states: IntArray, rows: IntArray, out: IntArray) -> No
         if rows[k] >= 0:
             best = UNREACHABLE
             for j in range(costs.look.ptr[states[k]], costs.look.ptr[states[k] + 1]):
-                best = min(best, costs.look.ahead[j] + np.int64(costs.table[rows[k], costs.look.key[j]]))
+                best = min(
+                    best, costs.look.ahead[j] + costs.look.scale * np.int64(costs.table[rows[k], costs.look.key[j]])
+                )
         out[k] = best
 
 

@@ -28,12 +28,14 @@ _LATE_BIT = 6
 class Look(NamedTuple):
     """Where to look up what is left to do; S states.
 
-    The cost from state s to the goal of row r is the least `ahead[k] + table[r, key[k]]` over ptr[s] <= k < ptr[s + 1].
+    The cost from state s to the goal of row r is the least `ahead[k] + scale * table[r, key[k]]` over
+    ptr[s] <= k < ptr[s + 1].
     """
 
     ptr: IntArray
     key: IntArray
     ahead: IntArray
+    scale: int
 
 
 class Costs(NamedTuple):
@@ -138,7 +140,7 @@ def left(costs: Costs, state: Whole, row: Whole) -> Whole:  # pragma: no cover -
     """What is left to do from a state."""
     best = FAR
     for k in range(costs.look.ptr[state], costs.look.ptr[state + 1]):
-        best = min(best, costs.look.ahead[k] + np.int64(costs.table[row, costs.look.key[k]]))
+        best = min(best, costs.look.ahead[k] + costs.look.scale * np.int64(costs.table[row, costs.look.key[k]]))
     return best
 
 
@@ -173,7 +175,7 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
             best = FAR
             at = min(np.int64(ops.rest[op]), longest_rest) * n_states + ops.entry[op]
             for k in range(rested.ptr[at], rested.ptr[at + 1]):
-                best = min(best, rested.ahead[k] + np.int64(table[at_row, rested.key[k]]))
+                best = min(best, rested.ahead[k] + rested.scale * np.int64(table[at_row, rested.key[k]]))
             total += best
         total += extra
         k = op - first

@@ -132,7 +132,7 @@ def exact_costs(table: npt.NDArray[np.uint16], n_states: int) -> Costs:
 def look_of_states(n_states: int) -> Look:
     """Look-up where every state has its own entry."""
     every = np.arange(n_states + 1, dtype=np.int32)
-    return Look(ptr=every, key=every[:-1], ahead=np.zeros(n_states, dtype=np.int32))
+    return Look(ptr=every, key=every[:-1], ahead=np.zeros(n_states, dtype=np.int32), scale=1)
 
 
 def rested_look(look: Look, operations: Operations) -> Look:
@@ -154,7 +154,9 @@ def rested_look(look: Look, operations: Operations) -> Look:
         parts.append(np.column_stack((state[kept] + rest * n_states, key[kept], ahead[kept])))
     rows = np.concatenate(parts)
     ptr = np.concatenate(([0], np.cumsum(np.bincount(rows[:, 0], minlength=len(parts) * n_states))))
-    return Look(ptr=ptr.astype(np.int32), key=rows[:, 1].astype(np.int32), ahead=rows[:, 2].astype(np.int32))
+    return Look(
+        ptr=ptr.astype(np.int32), key=rows[:, 1].astype(np.int32), ahead=rows[:, 2].astype(np.int32), scale=look.scale
+    )
 
 
 def rank_weights(sequence: IntArray, steepness: float = 12.0) -> npt.NDArray[np.float64]:
