@@ -84,15 +84,16 @@ class Crew:
                 deadline=deadline,
                 seed=self._rng,
             )
+        length = self.config.length if self._costs.exact else min(self.config.length, 3)
         self._mover = Mover(
             graph,
             np.zeros(graph.n_cells, dtype=np.bool_),
             n,
-            length=self.config.length if self._costs.exact else min(self.config.length, 3),
+            length=length,
             look=self._costs.look,
             move_cost=move_cost,
             wait_cost=unit,
-            patience=1 if self._costs.exact else 2,
+            patience=1 if self._costs.exact else length,
             seed=self._rng,
         )
         self._depth = pocket_depth(graph)

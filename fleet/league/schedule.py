@@ -15,7 +15,7 @@ Longs = npt.NDArray[np.int64]
 
 _HASTE = 5
 """What a step to a task's first errand counts against a step of the task itself: the first is lost, the second not."""
-_MOST_PAIRS = 150_000
+_MOST_PAIRS = 120_000
 """Pairs of robots and tasks that a timestep compares."""
 _SHORTLIST = 12
 """Tasks that a robot is offered before it takes what is left."""

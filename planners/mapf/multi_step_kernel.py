@@ -67,6 +67,8 @@ class Aims(NamedTuple):
     rested: Look
     """Where to look after a rest in which the robot may turn: entry r * S + s for r timesteps in state s."""
     wishes: Wishes
+    reach: int
+    """Cost beyond which no operation comes to its goal."""
     chance: Chance
 
 
@@ -162,18 +164,23 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
     first = ops.ptr[choices.state[agent]]
     row = wishes.row[agent]
     choices.n_sorted[agent] = 0
+    # Only who is near may pass its goal; all others need not look at the cells of their operations.
+    near = False
+    if row >= 0 and wishes.cell[agent] >= 0:
+        for k in range(rested.ptr[choices.state[agent]], rested.ptr[choices.state[agent] + 1]):
+            near |= rested.ahead[k] + rested.scale * np.int64(table[row, rested.key[k]]) <= aims.reach
     for op in range(first, ops.ptr[choices.state[agent] + 1]):
-        total = np.int64(ops.weight[op])
+        total = np.int64(ops.price[op, 0])
         at_row, extra = row, np.int64(0)
         if row >= 0:
             extra = np.int64(wishes.leg[agent])
-            for t in range(length):
+            for t in range(length if near else 0):
                 if ops.cell[op, t] == wishes.cell[agent]:
                     at_row, extra = wishes.next_row[agent], np.int64(t)
                     break
         if at_row >= 0:
             best = FAR
-            at = min(np.int64(ops.rest[op]), longest_rest) * n_states + ops.entry[op]
+            at = min(np.int64(ops.price[op, 2]), longest_rest) * n_states + ops.price[op, 1]
             for k in range(rested.ptr[at], rested.ptr[at + 1]):
                 best = min(best, rested.ahead[k] + rested.scale * np.int64(table[at_row, rested.key[k]]))
             total += best
@@ -181,7 +188,7 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
         k = op - first
         choices.order[agent, k] = k
         choices.key[agent, k] = (
-            (total << _COST_BIT) + (np.int64(length - ops.rest[op]) << _LATE_BIT) + draw_below(aims.chance, 64)
+            (total << _COST_BIT) + (np.int64(length - ops.price[op, 2]) << _LATE_BIT) + draw_below(aims.chance, 64)
         )
 
 

@@ -204,6 +204,7 @@ class Mover:
         cost = np.ones(graph.n_moves, dtype=np.int32) if move_cost is None else move_cost
         self.operations = operations_of(graph, length, open_moves(graph, blocked), cost, wait_cost)
         self._patience = patience
+        self._reach = length * int(max(cost.max(initial=1), wait_cost))
         self.chance = chance_of(np.random.default_rng(seed))
         """Stream of the tie-breaking; whoever puts an earlier copy back repeats what followed."""
         self._rested = rested_look(look_of_states(graph.n_states) if look is None else look, self.operations)
@@ -280,7 +281,7 @@ class Mover:
             choices.stamp[0] = 0
         choices.place[sequence] = np.arange(n, dtype=np.int32)
         choices.weight[:] = weight
-        aims = Aims(table=costs.table, rested=self._rested, wishes=wishes, chance=self.chance)
+        aims = Aims(table=costs.table, rested=self._rested, wishes=wishes, reach=self._reach, chance=self.chance)
         kernels.reconsider(ops, choices, self._patience)
         kernels.sweep(ops, choices, aims, sequence, most_tries, cell, allow_rotation)
         done = 0

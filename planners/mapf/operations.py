@@ -30,8 +30,9 @@ class Operations(NamedTuple):
     """Operations of state s: ptr[s] .. ptr[s + 1] - 1, shape (S + 1,)."""
     cell: IntArray
     """Cell at the end of each timestep, shape (O, length)."""
-    weight: IntArray
-    """Cost of the moves and waits up to the last change of cell and of the waits behind it, shape (O,)."""
+    price: IntArray
+    """What an operation is judged by, in one piece of memory, shape (O, 3): cost of its moves and waits, state in which
+    its last cell is entered, timesteps left after that."""
     entry: IntArray
     """State in which the last cell is entered, shape (O,)."""
     rest: SmallInts
@@ -94,7 +95,7 @@ def operations_of(graph: LaneGraph, length: int, is_open: BoolArray, move_cost: 
     return Operations(
         ptr=ptr,
         cell=cell,
-        weight=weight,
+        price=np.column_stack((weight, entry, rest)).astype(np.int32),
         entry=entry,
         rest=rest,
         first=first,

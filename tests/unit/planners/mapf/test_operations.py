@@ -135,7 +135,7 @@ def test_weights_count_moves_and_waits() -> None:
     graph = graph_of(range(3), [(0, 1), (1, 2)])
     ops = operations_of(graph, 2, np.ones(2, dtype=np.bool_), np.array([3, 5], dtype=np.int32), 2)
     of_first = slice(ops.ptr[0], ops.ptr[1])
-    weights = dict(zip(map(tuple, ops.cell[of_first].tolist()), ops.weight[of_first].tolist(), strict=True))
+    weights = dict(zip(map(tuple, ops.cell[of_first].tolist()), ops.price[of_first, 0].tolist(), strict=True))
     assert weights == {(0, 0): 4, (1, 1): 3 + 2, (0, 1): 2 + 3, (1, 2): 3 + 5}
 
 
