@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import count
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,11 @@ from planners.mapf.priorities import pocket_depth
 
 _STEEPNESS = 24.0
 """Fall of the weights with rank on a full floor, as the exponent of e."""
+_PATIENCE = 10
+"""Timesteps that a robot stands in one cell of a large floor before it counts as stuck."""
+_HASTE = 50
+"""Moves by which the way ahead counts as shorter for each further timestep. The first in a knot may be the one who
+cannot get out; sooner or later each of them is the first, and the knot comes loose."""
 _LARGE = 2**20
 """More than any way costs."""
 
@@ -97,6 +103,8 @@ class Crew:
             seed=self._rng,
         )
         self._depth = pocket_depth(graph)
+        self._waited = np.zeros(n, dtype=np.int64)
+        self._cells = graph.state_cell[arena.states]
         # The fuller the floor, the more robots a push moves, and the less each of them may count against it.
         density = n / np.count_nonzero(arena.problem.grid.free)
         self._steepness = float(np.clip(_STEEPNESS * density, 2.0, _STEEPNESS))
@@ -144,8 +152,15 @@ class Crew:
         )
         to_go = left(costs, arena.states, wishes.row) + np.where(busy, self._schedule.rest_of[place], _LARGE)
         depth = self._depth[arena.graph.state_cell[arena.states]]
-        sequence = np.argsort(to_go.astype(np.int64) - depth * (2 * _LARGE), kind="stable").astype(np.int32)
+        here = arena.graph.state_cell[arena.states]
+        self._waited = np.where(here == self._cells, self._waited + 1, 0)
+        self._cells = here
+        # On small crowded floors everybody waits so long at times, and haste for all is haste for none.
+        patience = _LARGE if self._costs.exact else _PATIENCE
+        stuck = np.maximum(self._waited - patience, 0) * (_HASTE * self._costs.unit)
+        sequence = np.argsort(to_go.astype(np.int64) - stuck - depth * (2 * _LARGE), kind="stable").astype(np.int32)
         wishes.row[sequence[int(np.ceil(self.config.active_share * n)) :]] = -1
+        rounds = count()
         return self._mover.step(
             costs,
             wishes,
@@ -153,7 +168,8 @@ class Crew:
             weight=rank_weights(sequence, self._steepness),
             most_tries=self.config.most_tries,
             allow_rotation=True,
-            polish=deadline.spend,
+            # One round in any case: without it crossings of narrow aisles fill up with knots.
+            polish=lambda: next(rounds) == 0 or deadline.spend(),
             rounds=self.config.rounds,
         )
 

@@ -9,11 +9,11 @@ import numpy.typing as npt
 import pytest
 
 from maps.grid import EAST, NORTH, GridMap
-from maps.lane_graph import LaneGraph, grid_lane_graph
+from maps.lane_graph import TURN, LaneGraph, grid_lane_graph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf import goal_costs
-from planners.mapf.goal_costs import UNREACHABLE, GoalCosts, left
+from planners.mapf.goal_costs import COARSE_UNIT, UNREACHABLE, GoalCosts, left
 from planners.mapf.problem import IntArray
 
 FLOOR = GridMap(np.random.default_rng(4).random((5, 6)) > 0.25)
@@ -96,12 +96,17 @@ def test_the_cost_between_cells_is_that_of_the_best_heading() -> None:
         ]
 
 
+def coarse_costs(rotating: LaneGraph) -> IntArray:
+    """Moves cost a coarse unit, turns half of it."""
+    return np.where(rotating.move_kind == TURN, 1, COARSE_UNIT).astype(np.int32)
+
+
 @pytest.mark.usefixtures("coarse")
 def test_coarse_costs_never_exceed_the_exact_ones() -> None:
     rotating, pebble = both_graphs(FLOOR)
     costs = GoalCosts(rotating, pebble)
     assert not costs.exact
-    one = np.ones(rotating.n_moves, dtype=np.int32)
+    one = coarse_costs(rotating)
     less = 0
     for cell in free_cells(FLOOR).tolist():
         exact = np.array(by_hand(rotating, cell, one))
@@ -118,11 +123,11 @@ def test_coarse_costs_are_exact_where_nobody_turns_after_the_first_move() -> Non
     """In a corridor every way is straight once a robot has turned into it."""
     rotating, pebble = both_graphs(GridMap(np.ones((1, 7), dtype=np.bool_)))
     costs = GoalCosts(rotating, pebble)
-    one = np.ones(rotating.n_moves, dtype=np.int32)
+    one = coarse_costs(rotating)
     for cell in range(7):
         away = rotating.state_cell != cell
         assert (np.array(costs_to(costs, rotating, cell)) == by_hand(rotating, cell, one))[away].all()
-    assert costs_to(costs, rotating, 6)[rotating.state_at(2, NORTH)] == 1 + 4
+    assert costs_to(costs, rotating, 6)[rotating.state_at(2, NORTH)] == 1 + 4 * COARSE_UNIT
 
 
 @pytest.mark.usefixtures("coarse")
