@@ -20,6 +20,9 @@ from planners.mapf.options import open_moves
 from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
 from planners.status import Status
 
+_ROUND = 2000
+"""Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class MultiStepConfig:
@@ -30,7 +33,8 @@ class MultiStepConfig:
     most_tries: int = 3000
     """Operations that a chain of pushes tries before it gives up."""
     rounds: int = 0
-    """Rounds of improvement a timestep, each offers as many random agents a better operation as there are agents."""
+    """Rounds of improvement a timestep; each offers a better operation to random agents, as many as there are agents
+    but at most 2,000."""
     impatience: float = 1.0
     """Priority an agent gains with each timestep of the window that ends away from its goal."""
 
@@ -286,7 +290,7 @@ class Mover:
         kernels.sweep(ops, choices, aims, sequence, most_tries, cell, allow_rotation)
         done = 0
         while (rounds is None or done < rounds) and polish():
-            kernels.polish(ops, choices, aims, n, min(most_tries, 100), cell, allow_rotation)
+            kernels.polish(ops, choices, aims, min(n, _ROUND), min(most_tries, 100), cell, allow_rotation)
             done += 1
         after = np.empty(n, dtype=np.int32)
         kernels.first_states(ops, choices, costs, wishes, after)
