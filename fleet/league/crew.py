@@ -151,14 +151,15 @@ class Crew:
             leg=np.where(further, self._schedule.leg_of[place], np.int32(0)).astype(np.int32),
         )
         to_go = left(costs, arena.states, wishes.row) + np.where(busy, self._schedule.rest_of[place], _LARGE)
-        depth = self._depth[arena.graph.state_cell[arena.states]]
         here = arena.graph.state_cell[arena.states]
         self._waited = np.where(here == self._cells, self._waited + 1, 0)
         self._cells = here
         # On small crowded floors everybody waits so long at times, and haste for all is haste for none.
         patience = _LARGE if self._costs.exact else _PATIENCE
         stuck = np.maximum(self._waited - patience, 0) * (_HASTE * self._costs.unit)
-        sequence = np.argsort(to_go.astype(np.int64) - stuck - depth * (2 * _LARGE), kind="stable").astype(np.int32)
+        sequence = np.argsort(to_go.astype(np.int64) - stuck - self._depth[here] * (2 * _LARGE), kind="stable").astype(
+            np.int32
+        )
         wishes.row[sequence[int(np.ceil(self.config.active_share * n)) :]] = -1
         rounds = count()
         return self._mover.step(

@@ -12,7 +12,7 @@ from numba import njit
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
 from planners.mapf.options import open_moves
-from planners.mapf.problem import BoolArray, IntArray
+from planners.mapf.problem import BoolArray, Instance, IntArray
 
 Distances = npt.NDArray[np.uint16]
 
@@ -170,6 +170,19 @@ class DistanceTable:
         self._row_of[self._goal_of[gone]] = -1
         self._goal_of[gone] = -1
         self._free = np.concatenate((self._free, gone))
+
+
+def tables_of(instance: Instance, tables: DistanceTable | None, planner: str) -> DistanceTable:
+    """Take the caller's distance table, or make one.
+
+    Raises:
+        PlanningError: The table belongs to another graph; names the planner.
+    """
+    if tables is None:
+        return DistanceTable(instance.graph, instance.blocked)
+    if tables.graph is not instance.graph:
+        raise PlanningError(f"{planner}: the distance table is of another graph than the instance; valid: the same one")
+    return tables
 
 
 def _states_before(graph: LaneGraph, is_open: BoolArray) -> npt.NDArray[np.uint32]:

@@ -7,6 +7,7 @@ import numpy as np
 from maps.lane_graph import TURN, LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf import multi_step_kernel
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.kernel import kernel
 from planners.mapf.multi_step_kernel import Costs, Look, Table
@@ -203,14 +204,7 @@ def _fill_all(
 def left_of(costs: Costs, states: IntArray, rows: IntArray, out: IntArray) -> None:  # pragma: no cover - compiled
     """What is left from each state to its row's goal, shape (n,); 0 for a negative row."""
     for k in range(len(states)):
-        best = 0
-        if rows[k] >= 0:
-            best = UNREACHABLE
-            for j in range(costs.look.ptr[states[k]], costs.look.ptr[states[k] + 1]):
-                best = min(
-                    best, costs.look.ahead[j] + costs.look.scale * np.int64(costs.table[rows[k], costs.look.key[j]])
-                )
-        out[k] = best
+        out[k] = min(multi_step_kernel.left(costs, states[k], rows[k]), UNREACHABLE) if rows[k] >= 0 else 0
 
 
 def left(costs: Costs, states: IntArray, rows: IntArray) -> IntArray:

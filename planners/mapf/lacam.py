@@ -12,6 +12,7 @@ from planners.errors import PlanningError
 from planners.mapf.configuration_tree import ConfigurationTree
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.lns import LargeNeighbourhoodSearch
+from planners.mapf.one_shot import tables_for
 from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
 from planners.mapf.roads import Roads, closed_cells, roads_of
 from planners.mapf.successors import Guide, guide_of
@@ -81,11 +82,8 @@ class Lacam:
             PlanningError: `tables` belong to another graph.
         """
         graph = instance.graph
-        if tables is not None and tables.graph is not graph:
-            raise PlanningError("lacam: the distance table is of another graph than the instance; valid: the same one")
         closed = closed_cells(instance)
-        if tables is None or instance.fixed.any():
-            tables = DistanceTable(graph, closed)
+        tables = tables_for(instance, tables, "lacam")
         guide = guide_of(instance, tables)
         if _hopeless(instance, guide):
             return Plan(states=np.array(instance.starts)[None], status=Status.INFEASIBLE, iterations=0)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.chance import Chance, chance_of, draw, draw_below
-from planners.mapf.distance_table import DistanceTable
+from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.kernel import Whole, kernel
 from planners.mapf.problem import BoolArray, Instance, IntArray, Plan
 from planners.mapf.roads import Roads, closed_cells, roads_of
@@ -181,10 +181,7 @@ def improve(
     """
     if plan.states.shape[1:] != (instance.n_agents,) or (plan.states[0] != instance.starts).any():
         raise PlanningError("lns: the plan does not begin with the starts of the instance; valid: its own plans")
-    if tables is None:
-        tables = DistanceTable(instance.graph, instance.blocked)
-    elif tables.graph is not instance.graph:
-        raise PlanningError("lns: the distance table is of another graph than the instance; valid: the same one")
+    tables = tables_of(instance, tables, "lns")
     rng = np.random.default_rng(0) if rng is None else rng
     deadline = Deadline(1000) if deadline is None else deadline
     search = LargeNeighbourhoodSearch(

@@ -13,7 +13,7 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf import multi_step_kernel as kernels
 from planners.mapf.chance import chance_of
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable, tables_of
 from planners.mapf.multi_step_kernel import Aims, Choices, Costs, Look, Wishes
 from planners.mapf.operations import LONGEST, Operations, operations_of
 from planners.mapf.options import open_moves
@@ -82,10 +82,7 @@ class MultiStepPibt:
             PlanningError: `tables` belong to another graph.
         """
         graph, n = instance.graph, instance.n_agents
-        if tables is None:
-            tables = DistanceTable(graph, instance.blocked)
-        elif tables.graph is not graph:
-            raise PlanningError("multi-step pibt: the distance table is of another graph; valid: of the instance's")
+        tables = tables_of(instance, tables, "multi-step pibt")
         deadline = Deadline() if deadline is None else deadline
         if self._mover is None or not self._mover.fits(graph, instance.blocked, n):
             self._mover = Mover(graph, instance.blocked, n, length=self.config.length, seed=self._rng)

@@ -4,17 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.errors import PlanningError
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable
-from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable, tables_of
+from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
+from planners.mapf.roads import closed_cells
 from planners.status import Status
-
-
-def closed_cells(instance: Instance) -> BoolArray:
-    """Cells that nobody can enter: the blocked ones and those of agents that never move, shape (n_cells,)."""
-    closed = np.array(instance.blocked)
-    closed[instance.graph.state_cell[instance.starts[instance.fixed]]] = True
-    return closed
 
 
 def tables_for(instance: Instance, tables: DistanceTable | None, planner: str) -> DistanceTable:
@@ -23,11 +16,10 @@ def tables_for(instance: Instance, tables: DistanceTable | None, planner: str) -
     Raises:
         PlanningError: The table belongs to another graph; names the planner.
     """
-    if tables is not None and tables.graph is not instance.graph:
-        raise PlanningError(f"{planner}: the distance table is of another graph than the instance; valid: the same one")
-    if tables is None or instance.fixed.any():
+    if tables is None:
         return DistanceTable(instance.graph, closed_cells(instance))
-    return tables
+    given = tables_of(instance, tables, planner)
+    return DistanceTable(instance.graph, closed_cells(instance)) if instance.fixed.any() else given
 
 
 def hopeless(instance: Instance, tables: DistanceTable) -> bool:

@@ -11,7 +11,7 @@ from numba import njit
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable, tables_of
 from planners.mapf.options import Options, options_of
 from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
 from planners.status import Status
@@ -78,10 +78,7 @@ class Pibt:
             PlanningError: `tables` belong to another graph.
         """
         graph = instance.graph
-        if tables is None:
-            tables = DistanceTable(graph, instance.blocked)
-        elif tables.graph is not graph:
-            raise PlanningError("pibt: the distance table is of another graph than the instance; valid: the same one")
+        tables = tables_of(instance, tables, "pibt")
         deadline = Deadline() if deadline is None else deadline
         distances, row = tables.rows(instance.goals)
         if self._stepper is None or not self._stepper.fits(graph, instance.blocked):

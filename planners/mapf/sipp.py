@@ -10,9 +10,10 @@ import numpy.typing as npt
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import DistanceTable
-from planners.mapf.one_shot import closed_cells, hopeless, plan_of_paths, start_only, tables_for
+from planners.mapf.one_shot import hopeless, plan_of_paths, start_only, tables_for
 from planners.mapf.options import open_moves
 from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
+from planners.mapf.roads import closed_cells
 from planners.mapf.safe_intervals import Reservations
 from planners.status import Status
 
