@@ -15,13 +15,16 @@ from maps.lane_graph import grid_lane_graph
 from maps.lorr import Ints
 from planners.deadline import Deadline
 from planners.mapf.goal_costs import GoalCosts, left
-from planners.mapf.guidance import UNIT, Errands, GuidanceConfig, learn_guidance
+from planners.mapf.guidance import Errands, GuidanceConfig, learn_guidance
 from planners.mapf.multi_step_kernel import Wishes
 from planners.mapf.multi_step_pibt import Mover, rank_weights
+from planners.mapf.operations import LONGEST
 from planners.mapf.priorities import pocket_depth
 
-_STEEPNESS = 24.0
-"""Fall of the weights with rank on a full floor, as the exponent of e."""
+_ROOMY = 0.25
+"""Share of the floor that may be full of robots while all of them push on."""
+_HOLD_BACK = 0.6
+"""Share of the robots that only make room, for each share of the floor that is fuller than that."""
 _PATIENCE = 10
 """Timesteps that a robot stands in one cell of a large floor before it counts as stuck."""
 _HASTE = 50
@@ -36,23 +39,21 @@ class CrewConfig:
     """Settings of `Crew`."""
 
     length: int = 4
-    """Timesteps of an operation; on floors too large for exact costs one less, they need memory per state."""
+    """Timesteps of an operation; one more where there is room for long ones, and on floors too large for exact costs
+    one less, as each takes memory per state."""
     most_tries: int = 3000
     """Operations that a chain of pushes tries before it gives up."""
-    rounds: int = 8
+    rounds: int = 40
     """Most rounds of improvement in a timestep."""
     budget_share: float = 0.7
     """Share of a step's budget after which no further round of improvement begins."""
-    active_share: float = 1.0
-    """Share of the robots, those with least left to do first, that push on; the others only make room."""
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
-    startup_s: float = 25.0
+    startup_s: float = 40.0
     """Wall time for preparations [s]."""
 
     def __post_init__(self) -> None:
-        for name in ("budget_share", "active_share"):
-            if not 0 < getattr(self, name) <= 1:
-                raise FleetError(f"crew: {name} = {getattr(self, name)}; valid: 0 < {name} <= 1")
+        if not 0 < self.budget_share <= 1:
+            raise FleetError(f"crew: budget_share = {self.budget_share}; valid: 0 < budget_share <= 1")
 
 
 class Crew:
@@ -72,16 +73,14 @@ class Crew:
         graph, n = arena.graph, len(arena.states)
         self._budget_s = budget_s
         self._costs = GoalCosts(graph, grid_lane_graph(arena.problem.grid, "pebble"))
-        unit = self._costs.unit
-        move_cost = np.full(graph.n_moves, unit, dtype=np.int32)
         errands = _known_errands(arena)
         if self._costs.exact:
             # Loading or compiling kernels takes no time away from learning.
-            learn_guidance(graph, self._costs, arena.states, errands, config=GuidanceConfig(rounds=1, timesteps=1))
+            short = GuidanceConfig(candidates=1, rounds=1, timesteps=1)
+            learn_guidance(graph, self._costs, arena.states, errands, config=short)
         deadline = Deadline(wall_s=self.config.startup_s)
         if self._costs.exact:
-            unit = UNIT
-            move_cost = learn_guidance(
+            learn_guidance(
                 graph,
                 self._costs,
                 arena.states,
@@ -90,24 +89,25 @@ class Crew:
                 deadline=deadline,
                 seed=self._rng,
             )
-        length = self.config.length if self._costs.exact else min(self.config.length, 3)
+        density = n / np.count_nonzero(arena.problem.grid.free)
+        length = min(self.config.length + 1, LONGEST) if density <= _ROOMY else self.config.length
+        if not self._costs.exact:
+            length = min(self.config.length, 3)
         self._mover = Mover(
             graph,
             np.zeros(graph.n_cells, dtype=np.bool_),
             n,
             length=length,
             look=self._costs.look,
-            move_cost=move_cost,
-            wait_cost=unit,
+            dearest=self._costs.dearest,
             patience=1 if self._costs.exact else length,
             seed=self._rng,
         )
         self._depth = pocket_depth(graph)
         self._waited = np.zeros(n, dtype=np.int64)
         self._cells = graph.state_cell[arena.states]
-        # The fuller the floor, the more robots a push moves, and the less each of them may count against it.
-        density = n / np.count_nonzero(arena.problem.grid.free)
-        self._steepness = float(np.clip(_STEEPNESS * density, 2.0, _STEEPNESS))
+        # On a full floor those who have farthest to go come no nearer by pushing, they only cost others time.
+        self._n_active = int(np.ceil(n * (1.0 - _HOLD_BACK * max(density - _ROOMY, 0.0))))
         self._schedule = Schedule(arena, self._costs)
         self._expect_goals(arena, errands.cell, deadline)
         first = self._assign(arena, everybody=True)
@@ -160,13 +160,13 @@ class Crew:
         sequence = np.argsort(to_go.astype(np.int64) - stuck - self._depth[here] * (2 * _LARGE), kind="stable").astype(
             np.int32
         )
-        wishes.row[sequence[int(np.ceil(self.config.active_share * n)) :]] = -1
+        wishes.row[sequence[self._n_active :]] = -1
         rounds = count()
         return self._mover.step(
             costs,
             wishes,
             sequence,
-            weight=rank_weights(sequence, self._steepness),
+            weight=rank_weights(sequence),
             most_tries=self.config.most_tries,
             allow_rotation=True,
             # One round in any case: without it crossings of narrow aisles fill up with knots.

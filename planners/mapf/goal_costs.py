@@ -53,6 +53,8 @@ class GoalCosts:
         """Where to look costs up."""
         self.unit = 1 if self.exact else COARSE_UNIT
         """Least cost of a move."""
+        self.dearest = self.unit
+        """Largest cost of a move."""
         self.weigh(np.ones(rotating.n_moves, dtype=np.int32) if move_cost is None else move_cost)
 
     @property
@@ -78,8 +80,8 @@ class GoalCosts:
         self.unit = int(move_cost[self._rotating.move_kind != TURN].min(initial=2**16))
         graph, n_goals = self._rotating, self._pebble.n_states
         self._table = np.empty((n_goals, graph.n_states), dtype=np.uint16)
-        largest = int(move_cost.max(initial=1))
-        heads = np.empty(largest + 1, dtype=np.int32)
+        self.dearest = int(move_cost.max(initial=1))
+        heads = np.empty(self.dearest + 1, dtype=np.int32)
         pool = np.empty((2, graph.n_states * 4 + graph.n_moves), dtype=np.int32)
         states = graph.state_index[self._pebble.state_cell]
         _fill_all(

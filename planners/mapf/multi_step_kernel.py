@@ -21,8 +21,11 @@ FAR = 2**20
 """More than any operation costs."""
 UNRANKED = -1
 _COST_BIT = 10
-"""An operation's key: what it costs; then how late its last move is; then chance."""
+"""An operation's key: what is left to do behind it; then how late its last move is; then chance."""
 _LATE_BIT = 6
+_PASSED_OF_TEN = 3
+"""Of ten pushes that a round of improvement could make, those it passes over, so that an agent that is asked again
+tries other chains."""
 
 
 class Look(NamedTuple):
@@ -151,12 +154,12 @@ def reconsider(ops: Operations, choices: Choices, patience: Whole) -> None:  # p
     """Forget what operations were worth; agents that rest for `patience` timesteps behind theirs look for another."""
     for agent in range(len(choices.state)):
         choices.n_sorted[agent] = UNRANKED
-        choices.eager[agent] = ops.rest[choices.chosen[agent]] >= patience and not choices.locked[agent]
+        choices.eager[agent] = ops.ending[choices.chosen[agent], 1] >= patience and not choices.locked[agent]
 
 
 @kernel
 def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None:  # pragma: no cover - compiled
-    """Compute the keys of an agent's operations: what each costs, and what is left to do behind it."""
+    """Compute the keys of an agent's operations: what is left to do behind each; all take the same time."""
     length = ops.cell.shape[1]
     n_states = len(ops.ptr) - 1
     table, rested, wishes = aims.table, aims.rested, aims.wishes
@@ -170,7 +173,7 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
         for k in range(rested.ptr[choices.state[agent]], rested.ptr[choices.state[agent] + 1]):
             near |= rested.ahead[k] + rested.scale * np.int64(table[row, rested.key[k]]) <= aims.reach
     for op in range(first, ops.ptr[choices.state[agent] + 1]):
-        total = np.int64(ops.price[op, 0])
+        total = np.int64(0)
         at_row, extra = row, np.int64(0)
         if row >= 0:
             extra = np.int64(wishes.leg[agent])
@@ -180,7 +183,7 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
                     break
         if at_row >= 0:
             best = FAR
-            at = min(np.int64(ops.price[op, 2]), longest_rest) * n_states + ops.price[op, 1]
+            at = min(np.int64(ops.ending[op, 1]), longest_rest) * n_states + ops.ending[op, 0]
             for k in range(rested.ptr[at], rested.ptr[at + 1]):
                 best = min(best, rested.ahead[k] + rested.scale * np.int64(table[at_row, rested.key[k]]))
             total += best
@@ -188,7 +191,7 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
         k = op - first
         choices.order[agent, k] = k
         choices.key[agent, k] = (
-            (total << _COST_BIT) + (np.int64(length - ops.price[op, 2]) << _LATE_BIT) + draw_below(aims.chance, 64)
+            (total << _COST_BIT) + (np.int64(length - ops.ending[op, 1]) << _LATE_BIT) + draw_below(aims.chance, 64)
         )
 
 
@@ -218,7 +221,7 @@ def polish(
     state_cell: IntArray,
     allow_rotation: bool,
 ) -> None:  # pragma: no cover - compiled
-    """Offer random agents a better operation wherever that, weighted, costs the others less than it gains."""
+    """Offer random agents a better operation wherever that, weighted, costs the others no more than it gains."""
     for _ in range(n_agents):
         agent = draw_below(aims.chance, len(choices.state))
         if not choices.locked[agent]:
@@ -356,7 +359,8 @@ def _push(
 ) -> bool:  # pragma: no cover - compiled
     """Try to give an agent a better operation. Whoever is in its way must find another one, at most one at each step.
 
-    With `frugal` the chain as a whole must gain; otherwise agents from place `bound` on pay whatever it takes.
+    With `frugal` the chain as a whole must not lose: moves to the side lead out of local optima. Otherwise agents from
+    place `bound` on pay whatever it takes.
 
     Returns:
         Whether it has a better operation now; if not, nothing has changed.
@@ -371,18 +375,21 @@ def _push(
         home = state_cell[choices.state[agent]]
         if choices.n_sorted[agent] == UNRANKED:
             _rank(ops, choices, aims, agent)
-        cost = choices.key[agent, choices.before[depth] - first] >> _COST_BIT
+        key_before = choices.key[agent, choices.before[depth] - first]
         pushed, settled = NOBODY, False
         while choices.tried[depth] < n_ops and tries < most_tries:
             k = _nth(choices, agent, choices.tried[depth], n_ops)
             choices.tried[depth] += 1
             tries += 1
             op = first + k
-            change = (choices.key[agent, k] >> _COST_BIT) - cost
+            key = choices.key[agent, k]
+            change = (key >> _COST_BIT) - (key_before >> _COST_BIT)
             price = choices.spent[depth]
             if frugal:
                 price += choices.weight[agent] * change
-            if (depth == 0 and change >= 0) or (frugal and depth > 0 and price >= 0.0):
+            # The root itself must gain; where the chain must not lose, a move made earlier is gain enough.
+            dear = price > 0.0 if frugal else depth == 0 and change >= 0
+            if dear or (depth == 0 and key >= key_before):
                 choices.tried[depth] = n_ops  # all others are worse
                 break
             if op == choices.before[depth]:
@@ -393,6 +400,8 @@ def _push(
             if other != NOBODY:
                 fixed = choices.locked[other] or (not frugal and choices.place[other] < bound)
                 if fixed or choices.mark[other] == choices.stamp[0]:
+                    continue
+                if frugal and draw_below(aims.chance, 10) < _PASSED_OF_TEN:
                     continue
             if not allow_rotation and _closes_ring(ops, choices, agent, op, state_cell):
                 continue

@@ -30,13 +30,8 @@ class Operations(NamedTuple):
     """Operations of state s: ptr[s] .. ptr[s + 1] - 1, shape (S + 1,)."""
     cell: IntArray
     """Cell at the end of each timestep, shape (O, length)."""
-    price: IntArray
-    """What an operation is judged by, in one piece of memory, shape (O, 3): cost of its moves and waits, state in which
-    its last cell is entered, timesteps left after that."""
-    entry: IntArray
-    """State in which the last cell is entered, shape (O,)."""
-    rest: SmallInts
-    """Timesteps left after the last change of cell, shape (O,)."""
+    ending: IntArray
+    """State in which the last cell is entered, and timesteps left after that, in one piece of memory, shape (O, 2)."""
     first: IntArray
     """State after the first timestep, -1 where that is left open, shape (O,)."""
     then: IntArray
@@ -55,15 +50,13 @@ class Operations(NamedTuple):
     """Timestep at whose beginning the sweep begins."""
 
 
-def operations_of(graph: LaneGraph, length: int, is_open: BoolArray, move_cost: IntArray, wait_cost: int) -> Operations:
+def operations_of(graph: LaneGraph, length: int, is_open: BoolArray) -> Operations:
     """List the operations of every state.
 
     Args:
         graph: Lane graph.
         length: Timesteps of an operation, 1 to 6.
         is_open: Which moves may be used, shape (n_moves,).
-        move_cost: Cost of each move, >= 0, shape (n_moves,).
-        wait_cost: Cost of a timestep without a move, >= 0.
 
     Raises:
         PlanningError: The length is out of range.
@@ -75,29 +68,14 @@ def operations_of(graph: LaneGraph, length: int, is_open: BoolArray, move_cost: 
     turn_ptr, turn_state, turn_steps, turn_first = _turns(
         graph.out_ptr, graph.out_move, graph.move_to, graph.state_cell, is_open, length
     )
-    arrays = (
-        graph.out_ptr,
-        graph.out_move,
-        graph.move_to,
-        graph.state_cell,
-        is_open,
-        move_cost.astype(np.int32),
-        wait_cost,
-        turn_ptr,
-        turn_state,
-        turn_steps,
-        turn_first,
-        length,
-    )
-    ptr = _count(*arrays)
-    cell, weight, entry, rest, first, then, trunk, last = _list(ptr, *arrays)
+    arrays = (graph.out_ptr, graph.out_move, graph.move_to, graph.state_cell, is_open, turn_ptr, turn_state, turn_steps)
+    ptr = _count(*arrays, length)
+    cell, entry, rest, first, then, trunk, last = _list(ptr, *arrays, turn_first, length)
     beside_ptr, beside_cell, beside_time = _beside(graph, trunk, last, length - rest)
     return Operations(
         ptr=ptr,
         cell=cell,
-        price=np.column_stack((weight, entry, rest)).astype(np.int32),
-        entry=entry,
-        rest=rest,
+        ending=np.column_stack((entry, rest)).astype(np.int32),
         first=first,
         then=then,
         turn_ptr=turn_ptr,
@@ -162,12 +140,9 @@ def _count(
     move_to: IntArray,
     state_cell: IntArray,
     is_open: BoolArray,
-    move_cost: IntArray,
-    wait_cost: int,
     turn_ptr: IntArray,
     turn_state: IntArray,
     turn_steps: SmallInts,
-    turn_first: IntArray,
     length: int,
 ) -> IntArray:  # pragma: no cover - compiled
     """Number of operations per state as running sum: ways[left][s] = operations of `left` timesteps from s."""
@@ -198,16 +173,12 @@ def _list(
     move_to: IntArray,
     state_cell: IntArray,
     is_open: BoolArray,
-    move_cost: IntArray,
-    wait_cost: int,
     turn_ptr: IntArray,
     turn_state: IntArray,
     turn_steps: SmallInts,
     turn_first: IntArray,
     length: int,
-) -> tuple[
-    IntArray, IntArray, IntArray, SmallInts, IntArray, IntArray, IntArray, IntArray
-]:  # pragma: no cover - compiled
+) -> tuple[IntArray, IntArray, SmallInts, IntArray, IntArray, IntArray, IntArray]:  # pragma: no cover - compiled
     """Fill the arrays of `Operations`; a state's list is its own queue, each entry followed by its continuations.
 
     The last two arrays tell which operation each one continues, and by which move; -1 for staying.
@@ -215,7 +186,6 @@ def _list(
     n_states = len(out_ptr) - 1
     n_ops = ptr[n_states]
     cell = np.empty((n_ops, length), dtype=np.int32)
-    weight = np.empty(n_ops, dtype=np.int32)
     entry = np.empty(n_ops, dtype=np.int32)
     rest = np.empty(n_ops, dtype=np.int8)
     first = np.empty(n_ops, dtype=np.int32)
@@ -225,7 +195,7 @@ def _list(
     for state in range(n_states):
         op = ptr[state]
         cell[op, :] = state_cell[state]
-        weight[op], entry[op], rest[op], first[op] = 0, state, length, -1
+        entry[op], rest[op], first[op] = state, length, -1
         count = op + 1
         while op < count:
             at, begun = entry[op], length - rest[op]
@@ -244,7 +214,6 @@ def _list(
                                 cell[count, t] = state_cell[at]
                             else:
                                 cell[count, t] = state_cell[to]
-                        weight[count] = weight[op] + (arrive - 1 - begun) * wait_cost + move_cost[move]
                         entry[count], rest[count] = to, length - arrive
                         trunk[count], last[count] = op, move
                         if begun > 0:
@@ -264,9 +233,7 @@ def _list(
                 if same:
                     then[op] = other
                     break
-        for op in range(ptr[state], ptr[state + 1]):
-            weight[op] += rest[op] * wait_cost
-    return cell, weight, entry, rest, first, then, trunk, last
+    return cell, entry, rest, first, then, trunk, last
 
 
 def _beside(

@@ -15,6 +15,12 @@ from planners.mapf.goal_costs import GoalCosts
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem
 
 
+@pytest.fixture(autouse=True, params=[0, 10_000], ids=["greedy", "exact"])
+def _exact_pairs(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of this holds for both ways to choose."""
+    monkeypatch.setattr(schedule_module, "_EXACT_PAIRS", request.param)
+
+
 def begin(problem: LeagueProblem) -> tuple[Arena, Schedule]:
     arena = Arena(problem)
     costs = GoalCosts(arena.graph, grid_lane_graph(problem.grid, "pebble"))
@@ -51,6 +57,12 @@ def test_the_cheapest_pair_comes_first() -> None:
     """Both want the task at cell 3; robot 1 is nearer, and robot 0 takes what is left."""
     arena, schedule = begin(problem_of(ROOM, [0, 2], [[3], [30]]))
     assert schedule.assign(arena).tolist() == [1, 0]
+
+
+def test_few_pairs_are_shared_out_at_least_cost(request: pytest.FixtureRequest) -> None:
+    """From west to east task 1, robot 1, task 0, robot 0: robot 1 faces task 0, and robot 0 would have to pass it."""
+    arena, schedule = begin(problem_of(ROOM, [4, 1], [[3], [0]]))
+    assert schedule.assign(arena).tolist() == ([1, 0] if "greedy" in request.node.name else [0, 1])
 
 
 def test_a_short_task_goes_before_a_long_one_at_the_same_place() -> None:

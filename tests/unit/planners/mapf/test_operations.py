@@ -14,11 +14,11 @@ from tests.unit.planners.mapf.lanes import graph_of, king_grid, one_way_grid, on
 
 
 def unit_operations(graph: LaneGraph, length: int, closed: npt.NDArray[np.intp] | None = None) -> Operations:
-    """All moves and waits cost 1; `closed` moves may not be used."""
+    """All operations but those with `closed` moves."""
     is_open = np.ones(graph.n_moves, dtype=np.bool_)
     if closed is not None:
         is_open[closed] = False
-    return operations_of(graph, length, is_open, np.ones(graph.n_moves, dtype=np.int32), 1)
+    return operations_of(graph, length, is_open)
 
 
 def rows_of(ops: Operations, state: int) -> list[list[int]]:
@@ -70,9 +70,9 @@ def test_every_operation_can_be_driven_and_ends_where_it_says(name: str, length:
     ops = unit_operations(graph, length)
     for state in range(graph.n_states):
         for op in range(ops.ptr[state], ops.ptr[state + 1]):
-            cells, arrive = ops.cell[op].tolist(), length - int(ops.rest[op])
-            assert int(ops.entry[op]) in drives(graph, state, cells[:arrive])
-            assert cells[arrive:] == [int(graph.state_cell[ops.entry[op]])] * int(ops.rest[op])
+            cells, arrive = ops.cell[op].tolist(), length - int(ops.ending[op, 1])
+            assert int(ops.ending[op, 0]) in drives(graph, state, cells[:arrive])
+            assert cells[arrive:] == [int(graph.state_cell[ops.ending[op, 0]])] * int(ops.ending[op, 1])
             assert int(ops.first[op]) in {-1, *drives(graph, state, cells[:1])}
 
 
@@ -94,7 +94,7 @@ def test_no_operation_is_listed_twice_and_the_first_is_to_stay(name: str, length
     ops = unit_operations(graph, length)
     for state in range(graph.n_states):
         span = slice(ops.ptr[state], ops.ptr[state + 1])
-        listed = list(zip(map(tuple, rows_of(ops, state)), ops.entry[span].tolist(), strict=True))
+        listed = list(zip(map(tuple, rows_of(ops, state)), ops.ending[span, 0].tolist(), strict=True))
         assert len(set(listed)) == len(listed)
         assert listed[0] == ((int(graph.state_cell[state]),) * length, state)
         assert (ops.first[ops.ptr[state]], ops.then[ops.ptr[state]]) == (-1, -1)
@@ -108,7 +108,7 @@ def test_what_is_left_after_a_timestep_is_an_operation_too(name: str, length: in
     for op in np.flatnonzero(ops.first >= 0).tolist():
         tail = int(ops.then[op])
         assert of_state[tail] == ops.first[op]
-        assert ops.entry[tail] == ops.entry[op]
+        assert ops.ending[tail, 0] == ops.ending[op, 0]
         assert ops.cell[tail].tolist() == [*ops.cell[op, 1:].tolist(), int(ops.cell[op, -1])]
 
 
@@ -128,15 +128,6 @@ def test_closed_moves_are_not_used() -> None:
     assert sorted(rows_of(unit_operations(graph, 2, into_last), 1)) == [[0, 0], [0, 1], [1, 0], [1, 1]]
     nothing = unit_operations(graph, 2, np.arange(graph.n_moves))
     assert nothing.cell.tolist() == [[0, 0], [1, 1], [2, 2]]
-
-
-def test_weights_count_moves_and_waits() -> None:
-    """Moves cost 3 and 5, a wait 2: to go at once and on, late, or not at all."""
-    graph = graph_of(range(3), [(0, 1), (1, 2)])
-    ops = operations_of(graph, 2, np.ones(2, dtype=np.bool_), np.array([3, 5], dtype=np.int32), 2)
-    of_first = slice(ops.ptr[0], ops.ptr[1])
-    weights = dict(zip(map(tuple, ops.cell[of_first].tolist()), ops.price[of_first, 0].tolist(), strict=True))
-    assert weights == {(0, 0): 4, (1, 1): 3 + 2, (0, 1): 2 + 3, (1, 2): 3 + 5}
 
 
 def test_cells_swept_on_the_way_are_told_with_their_time() -> None:
