@@ -51,7 +51,7 @@ FAMILIES = [
             }
         ),
     ),
-    Family(package="planners.allocation", tables=("ALLOCATORS",), support=frozenset({"problem", "validate"})),
+    Family(package="planners.allocation", tables=("ALLOCATORS",), support=frozenset({"problem", "shop", "validate"})),
     Family(
         package="planners.motion",
         tables=("MOTION_PLANNERS",),
