@@ -92,11 +92,19 @@ class AllocationProblem:
         """The costs by which to choose: a held task is cheaper by what another has to gain, against flapping."""
         if self.held is None or not (self.keep_gain or self.keep_share):
             return self.cost
-        holders = np.flatnonzero(self.held >= 0)
-        tasks = self.held[holders]
+        holders, tasks, worth = self.kept()
         cost = self.cost.copy()
-        cost[holders, tasks] -= np.maximum(self.keep_gain, self.keep_share * np.abs(cost[holders, tasks]))
+        cost[holders, tasks] -= worth
         return cost
+
+    def kept(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.int32], npt.NDArray[np.float64]]:
+        """Vehicles that hold a task they may still do, their tasks, and what another has to gain by taking each."""
+        if self.held is None:
+            return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.int32), np.zeros(0)
+        holders = np.flatnonzero(self.held >= 0)
+        holders = holders[np.isfinite(self.cost[holders, self.held[holders]])]
+        tasks = self.held[holders]
+        return holders, tasks, np.maximum(self.keep_gain, self.keep_share * np.abs(self.cost[holders, tasks]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,7 +118,7 @@ class Assignment:
     status: Status
     """`optimal`: most pairs, then least cost; `feasible`: neither is proven; `infeasible`: no pair is allowed."""
     sequence: tuple[tuple[int, ...], ...] = ()
-    """Tasks of each vehicle in order as planned ahead, the one of its pair first; empty if nothing is planned ahead."""
+    """Tasks of each vehicle in order as planned ahead, the one of its pair first; empty = nothing is planned ahead."""
     timetable: Timetable | None = None
     """When they are done, of allocators that plan the stations too."""
     note: str = ""

@@ -55,7 +55,7 @@ class Shop:
     buffer_n: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     """Vehicles that stand at each station at most, the one it serves included, >= 1, shape (n_stations,)."""
     release_s: Floats | None = None
-    """A vehicle leaves its first stop no sooner, shape (n_jobs,); None = at any time."""
+    """Its first stop is not served sooner, shape (n_jobs,); None = at any time."""
     due_s: Floats | None = None
     """When each job should have ended, inf = at any time, shape (n_jobs,); None = all at any time."""
     weight: Floats | None = None
