@@ -51,7 +51,11 @@ FAMILIES = [
             }
         ),
     ),
-    Family(package="planners.allocation", tables=("ALLOCATORS",), support=frozenset({"problem", "validate"})),
+    Family(
+        package="planners.allocation",
+        tables=("ALLOCATORS",),
+        support=frozenset({"problem", "prune", "shop", "shop_kernel", "shop_plan", "validate"}),
+    ),
     Family(
         package="planners.motion",
         tables=("MOTION_PLANNERS",),

@@ -1,0 +1,159 @@
+"""Words of the coupled problem: vehicles whose jobs stop at stations that serve one vehicle at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from planners.errors import PlanningError
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int32]
+
+NO_STATION = -1
+"""Station of a stop at which nothing has to be booked."""
+
+
+class ShopError(PlanningError):
+    """A coupled problem is malformed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shop:
+    """Jobs of one or more stops, done whole by one vehicle, one after the other; all times on one clock [s].
+
+    A vehicle drives to the stops of a job in order. At a stop with a station it waits until the station is free, is
+    served, and drives on; at a stop without one it stands for the service time. Jobs are the tasks of the allocation
+    problem and vehicles its vehicles, by index; whether a vehicle may do a job is said there, by an infinite cost.
+
+    What is to be small: `makespan_weight` x the end of the last job, plus `weight` x the end of each job, plus
+    `late_weight` x the time it ends after its due date.
+
+    Raises:
+        ShopError: Lengths disagree, an index names nothing, or a time or weight means nothing.
+    """
+
+    travel_s: Floats
+    """Travel time from place to place, shape (n_places, n_places); inf = no way."""
+    start: Integers
+    """Place at which each vehicle is free, shape (n_vehicles,)."""
+    ready_s: Floats
+    """When it is, shape (n_vehicles,)."""
+    first_stop: Integers
+    """Stops of job j are first_stop[j] .. first_stop[j + 1] - 1, shape (n_jobs + 1,)."""
+    place: Integers
+    """Place of each stop, shape (n_stops,)."""
+    station: Integers
+    """Station that serves at each stop, or `NO_STATION`, shape (n_stops,)."""
+    service_s: Floats
+    """Time at each stop, shape (n_stops,)."""
+    free_s: Floats = field(default_factory=lambda: np.zeros(0))
+    """When each station has served those that are there or on their way already, shape (n_stations,)."""
+    buffer_n: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    """Vehicles that stand at each station at most, the one it serves included, >= 1, shape (n_stations,)."""
+    release_s: Floats | None = None
+    """Its first stop is not served sooner, shape (n_jobs,); None = at any time."""
+    due_s: Floats | None = None
+    """When each job should have ended, inf = at any time, shape (n_jobs,); None = all at any time."""
+    weight: Floats | None = None
+    """Weight of the end of each job, shape (n_jobs,), >= 0; None = 1 each."""
+    late_weight: Floats | None = None
+    """Weight of the time after its due date, shape (n_jobs,), >= 0; None = 1 each."""
+    makespan_weight: float = 0.0
+    """Weight of the end of the last job, >= 0."""
+
+    def __post_init__(self) -> None:
+        if self.travel_s.ndim != 2 or self.travel_s.shape[0] != self.travel_s.shape[1]:
+            raise ShopError(f"shop: travel_s has shape {self.travel_s.shape}; valid: (n_places, n_places)")
+        if self.first_stop.ndim != 1 or not len(self.first_stop):
+            raise ShopError(f"shop: first_stop has shape {self.first_stop.shape}; valid: (n_jobs + 1,)")
+        self._check_lengths()
+        self._check_indices()
+        self._check_numbers()
+
+    @property
+    def n_jobs(self) -> int:
+        """Number of jobs."""
+        return len(self.first_stop) - 1
+
+    @property
+    def n_vehicles(self) -> int:
+        """Number of vehicles."""
+        return len(self.start)
+
+    @property
+    def n_stations(self) -> int:
+        """Number of stations."""
+        return len(self.free_s)
+
+    def _check_lengths(self) -> None:
+        jobs, stops = self.n_jobs, len(self.place)
+        for name, n in (
+            *(("start", self.n_vehicles), ("ready_s", self.n_vehicles)),
+            *(("place", stops), ("station", stops), ("service_s", stops)),
+            *(("free_s", self.n_stations), ("buffer_n", self.n_stations)),
+            *(("release_s", jobs), ("due_s", jobs), ("weight", jobs), ("late_weight", jobs)),
+        ):
+            value = getattr(self, name)
+            if value is not None and value.shape != (n,):
+                raise ShopError(f"shop: {name} has shape {value.shape}; valid: ({n},)")
+        first = self.first_stop
+        if first[0] != 0 or first[-1] != stops or (np.diff(first) < 1).any():
+            raise ShopError(
+                f"shop: first_stop = {first.tolist()[:8]}; valid: 0 < ... < {stops}, a stop or more per job"
+            )
+
+    def _check_indices(self) -> None:
+        for name, least, end in (
+            ("start", 0, len(self.travel_s)),
+            ("place", 0, len(self.travel_s)),
+            ("station", NO_STATION, self.n_stations),
+            ("buffer_n", 1, None),
+        ):
+            value = getattr(self, name)
+            wrong = np.flatnonzero((value < least) | (end is not None and value >= end))
+            if wrong.size:
+                valid = f"at least {least}" if end is None else f"{least}..{end - 1}"
+                raise ShopError(f"shop: {name}[{wrong[0]}] = {value[wrong[0]]}; valid: {valid}")
+
+    def _check_numbers(self) -> None:
+        for entry in fields(self):
+            name, value = entry.name, getattr(self, entry.name)
+            if value is None or not isinstance(value, np.ndarray) or value.dtype.kind != "f":
+                continue
+            may_be_inf, may_be_negative = (
+                name in ("travel_s", "due_s"),
+                name in ("ready_s", "free_s", "release_s", "due_s"),
+            )
+            bad = np.isnan(value) | np.isneginf(value)
+            if not may_be_inf:
+                bad |= np.isinf(value)
+            if not may_be_negative:
+                bad |= value < 0.0
+            if bad.any():
+                where = tuple(int(i) for i in np.argwhere(bad)[0])
+                valid = f"a {'number' if may_be_negative else 'number >= 0'}{' or inf' if may_be_inf else ''}"
+                raise ShopError(f"shop: {name}{list(where)} = {value[where]}; valid: {valid}")
+        if not 0.0 <= self.makespan_weight < np.inf:
+            raise ShopError(f"shop: makespan_weight = {self.makespan_weight}; valid: a number >= 0")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Timetable:
+    """When what happens if the jobs of a shop are done as planned."""
+
+    vehicle: Integers
+    """Vehicle of each job, -1 = nobody, shape (n_jobs,)."""
+    arrive_s: Floats
+    """When it is in front of each stop, shape (n_stops,); nan where nobody goes, as below."""
+    enter_s: Floats
+    """When the station has room for it, shape (n_stops,)."""
+    start_s: Floats
+    """When service starts, shape (n_stops,)."""
+    end_s: Floats
+    """When service ends and the vehicle drives on, shape (n_stops,)."""
+    objective: float
+    """What the shop wants small, summed over the jobs that are done."""

@@ -1,0 +1,349 @@
+"""Kernels of the coupled problem: the timetable of a plan, plans made job by job, and plans made better.
+
+A plan is an order of jobs and a vehicle for each. Jobs are put into the timetable in that order: the vehicle drives
+to its next stop, and its station serves it in the first gap that is long enough. So every plan is feasible, and every
+timetable in which nobody could start sooner on his own has a plan if each job has one station. Source: the serial
+schedule generation scheme, Kolisch, "Serial and parallel resource-constrained project scheduling methods revisited",
+European Journal of Operational Research 90, 1996.
+
+Without `_nrt=False` numba counts the references of every array of a bundle at every use, which takes nine tenths of
+the time of a timetable.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int64]
+Whole: TypeAlias = int | np.int64
+Number: TypeAlias = float | np.float64
+
+_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+
+NEAR_N = 8
+"""How many positions a job is moved at most by a move to nearby."""
+MOVE_SHARES = (0.5, 0.75, 0.9)
+"""Shares, added up, of moves of one job, swaps of two positions, swaps of tails; the rest swap vehicles."""
+
+
+class Arrays(NamedTuple):
+    """A shop as the kernels read it, its stops without station put together; no time is negative."""
+
+    travel_s: Floats
+    start: Integers
+    ready_s: Floats
+    free_s: Floats
+    first_place: Integers
+    """Place of the first stop of each job."""
+    last_place: Integers
+    """Place of the last."""
+    release_s: Floats
+    first_booking: Integers
+    """Bookings of job j are first_booking[j] .. first_booking[j + 1] - 1."""
+    lead_s: Floats
+    """From the booking before, or the arrival at the first stop, to the arrival at the station."""
+    station: Integers
+    service_s: Floats
+    tail_s: Floats
+    """From the end of the last service of a job to its end."""
+    due_s: Floats
+    weight: Floats
+    late_weight: Floats
+    makespan_weight: float
+    class_of: Integers
+    extra: Floats
+    """What each pair adds to the objective, inf = not allowed, shape (n_vehicles, n_jobs)."""
+
+
+class Books(NamedTuple):
+    """Where everybody is while a timetable is filled in."""
+
+    at: Integers
+    """Place of each vehicle."""
+    ready_s: Floats
+    """When it is there."""
+    begin_s: Floats
+    """Start of each service, by station, rising, shape (n_stations, n_bookings + 1); the first is what was before."""
+    end_s: Floats
+    """End of it."""
+    booked_n: Integers
+    """Services booked, by station."""
+
+
+def empty_books(shop: Arrays) -> Books:
+    """Memory for one timetable."""
+    shape = (len(shop.free_s), len(shop.station) + 1)
+    return Books(
+        at=np.empty_like(shop.start),
+        ready_s=np.empty_like(shop.ready_s),
+        begin_s=np.empty(shape),
+        end_s=np.empty(shape),
+        booked_n=np.empty(shape[0], dtype=np.int64),
+    )
+
+
+@njit(**_OPTIONS)
+def _clear(shop: Arrays, books: Books) -> None:
+    for v in range(len(shop.start)):
+        books.at[v] = shop.start[v]
+        books.ready_s[v] = shop.ready_s[v]
+    for m in range(len(shop.free_s)):
+        books.begin_s[m, 0] = -np.inf
+        books.end_s[m, 0] = shop.free_s[m]
+        books.booked_n[m] = 1
+
+
+@njit(**_OPTIONS)
+def _job_end(shop: Arrays, books: Books, job: Whole, vehicle: Whole, book: bool) -> Number:
+    """When a job would end at the end of a vehicle's list, inf = no way; `book` puts it into the books."""
+    now_s: Number = books.ready_s[vehicle] + shop.travel_s[books.at[vehicle], shop.first_place[job]]
+    now_s = max(now_s, shop.release_s[job])
+    if now_s == np.inf:
+        return now_s
+    for booking in range(shop.first_booking[job], shop.first_booking[job + 1]):
+        now_s += shop.lead_s[booking]
+        if now_s == np.inf:
+            return now_s
+        m, service_s = shop.station[booking], shop.service_s[booking]
+        n = books.booked_n[m]
+        i = n
+        while i > 1 and books.end_s[m, i - 1] > now_s:
+            i -= 1
+        now_s = max(now_s, books.end_s[m, i - 1])
+        while i < n and books.begin_s[m, i] < now_s + service_s:
+            now_s = books.end_s[m, i]
+            i += 1
+        if book:
+            for k in range(n, i, -1):
+                books.begin_s[m, k] = books.begin_s[m, k - 1]
+                books.end_s[m, k] = books.end_s[m, k - 1]
+            books.begin_s[m, i] = now_s
+            books.end_s[m, i] = now_s + service_s
+            books.booked_n[m] = n + 1
+        now_s += service_s
+    now_s += shop.tail_s[job]
+    if book:
+        books.at[vehicle] = shop.last_place[job]
+        books.ready_s[vehicle] = now_s
+    return now_s
+
+
+@njit(**_OPTIONS)
+def evaluate(shop: Arrays, books: Books, order: Integers, vehicle: Integers, bound: Number) -> Number:
+    """The objective of a plan; inf as soon as it is certain to be above `bound`.
+
+    Args:
+        shop: The shop.
+        books: Memory; afterwards the stations' timetable, if the result is finite.
+        order: Jobs that are planned, in order, shape (n,).
+        vehicle: Vehicle of each job, shape (n_jobs,).
+        bound: See above.
+    """
+    _clear(shop, books)
+    total, last_s = 0.0, 0.0
+    for k in range(len(order)):
+        job = order[k]
+        v = vehicle[job]
+        end_s = _job_end(shop, books, job, v, True)
+        total += shop.extra[v, job] + shop.weight[job] * end_s
+        if end_s > shop.due_s[job]:
+            total += shop.late_weight[job] * (end_s - shop.due_s[job])
+        last_s = max(last_s, end_s)
+        if not total + shop.makespan_weight * last_s <= bound:
+            return np.inf
+    return total + shop.makespan_weight * last_s
+
+
+@njit(**_OPTIONS)
+def dispatch(shop: Arrays, books: Books, regret: Number, order: Integers, vehicle: Integers) -> int:
+    """Make a plan job by job, each at the end of a vehicle's list, class by class.
+
+    Next is the job with the least of: its end by the vehicle that ends it first, less `regret` x how much later the
+    second best vehicle ends it. With 0 this is greedy; ties go to the lowest job and vehicle.
+
+    Args:
+        shop: The shop.
+        books: Memory.
+        regret: See above, >= 0.
+        order: In: jobs to plan, shape (n,); out: in order, those nobody can do at the end.
+        vehicle: Out: vehicle of each job of `order`, shape (n_jobs,).
+
+    Returns:
+        How many were planned.
+    """
+    _clear(shop, books)
+    for done in range(len(order)):
+        chosen_k, chosen_v, chosen_class, least = -1, -1, 0, np.inf
+        for k in range(done, len(order)):
+            job = order[k]
+            if chosen_k >= 0 and shop.class_of[job] > chosen_class:
+                continue
+            best, second, best_v = np.inf, np.inf, -1
+            for v in range(len(shop.start)):
+                if shop.extra[v, job] == np.inf:
+                    continue
+                end_s = _job_end(shop, books, job, v, False)
+                if end_s < best:
+                    best, second, best_v = end_s, best, v
+                elif end_s < second:
+                    second = end_s
+            if best_v < 0:
+                continue
+            rank = best
+            if regret > 0.0 and second < np.inf:
+                rank -= regret * (second - best)
+            if chosen_k < 0 or rank < least or shop.class_of[job] < chosen_class:
+                chosen_k, chosen_v, chosen_class, least = k, best_v, shop.class_of[job], rank
+        if chosen_k < 0:
+            return done
+        job = order[chosen_k]
+        _move(order, chosen_k, done)
+        vehicle[job] = chosen_v
+        _job_end(shop, books, job, chosen_v, True)
+    return len(order)
+
+
+@njit(**_OPTIONS)
+def _move(order: Integers, source: Whole, target: Whole) -> None:
+    """Take the job at one position out of the order and put it in at another."""
+    job = order[source]
+    for k in range(source, target):
+        order[k] = order[k + 1]
+    for k in range(source, target, -1):
+        order[k] = order[k - 1]
+    order[target] = job
+
+
+@njit(**_OPTIONS)
+def _swap_tails(order: Integers, vehicle: Integers, position: Whole, a: Whole, b: Whole) -> None:
+    """Two vehicles swap all their jobs from a position on."""
+    for k in range(position, len(order)):
+        if vehicle[order[k]] == a:
+            vehicle[order[k]] = b
+        elif vehicle[order[k]] == b:
+            vehicle[order[k]] = a
+
+
+@njit(**_OPTIONS)
+def _copy(source: Integers, target: Integers) -> None:
+    for k in range(len(source)):
+        target[k] = source[k]
+
+
+@njit(**_OPTIONS)
+def _swap(values: Integers, a: Whole, b: Whole) -> None:
+    values[a], values[b] = values[b], values[a]
+
+
+@njit(**_OPTIONS)
+def _random(state: npt.NDArray[np.uint64]) -> float:
+    """A number in [0, 1) by xorshift64*, Vigna, ACM Transactions on Mathematical Software 42(4), 2016."""
+    x = state[0]
+    x ^= x >> np.uint64(12)
+    x ^= x << np.uint64(25)
+    x ^= x >> np.uint64(27)
+    state[0] = x
+    return float((x * np.uint64(2685821657736338717)) >> np.uint64(11)) / 9007199254740992.0
+
+
+@njit(**_OPTIONS)
+def _below(state: npt.NDArray[np.uint64], n: Whole) -> int:
+    return int(_random(state) * n)
+
+
+@njit(**_OPTIONS)
+def anneal(
+    shop: Arrays,
+    books: Books,
+    order: Integers,
+    vehicle: Integers,
+    best_order: Integers,
+    best_vehicle: Integers,
+    iterations: int,
+    hot: float,
+    cold: float,
+    state: npt.NDArray[np.uint64],
+) -> Number:
+    """Improve a plan by random changes, taken by the rule of Metropolis while the temperature falls.
+
+    A change moves a job in the order, maybe to another vehicle; swaps two positions; swaps the vehicles of two jobs; or
+    swaps all that two vehicles do from some position on. Source: Kirkpatrick, Gelatt, Vecchi, "Optimization by
+    simulated annealing", Science 220, 1983.
+
+    Args:
+        shop: The shop.
+        books: Memory.
+        order: Jobs that are planned, in order, shape (n,), n >= 1; changed.
+        vehicle: Vehicle of each job, shape (n_jobs,); changed.
+        best_order: Out: the best order met, shape (n,).
+        best_vehicle: Out: its vehicles, shape (n_jobs,).
+        iterations: Changes to try.
+        hot: First temperature, in units of the objective, > 0.
+        cold: Last temperature, > 0.
+        state: State of the random numbers, not 0, shape (1,); changed.
+
+    Returns:
+        The objective of the best plan, never above that of the first.
+    """
+    n, n_vehicles = len(order), len(shop.start)
+    current = evaluate(shop, books, order, vehicle, np.inf)
+    best: Number = current
+    _copy(order, best_order)
+    _copy(vehicle, best_vehicle)
+    temperature, cooling = hot, (cold / hot) ** (1.0 / max(iterations, 1))
+    for _ in range(iterations):
+        temperature *= cooling
+        bound = current - temperature * np.log(1.0 - _random(state))
+        kind = _random(state)
+        source = _below(state, n)
+        if kind < MOVE_SHARES[0]:
+            if _random(state) < 0.5:
+                target = _below(state, n)
+            else:
+                target = min(n - 1, max(0, source + _below(state, 2 * NEAR_N + 1) - NEAR_N))
+            job = order[source]
+            before = vehicle[job]
+            if _random(state) < 0.5:
+                vehicle[job] = _below(state, n_vehicles)
+            _move(order, source, target)
+            changed = evaluate(shop, books, order, vehicle, bound)
+            if changed == np.inf:
+                _move(order, target, source)
+                vehicle[job] = before
+        elif kind < MOVE_SHARES[1]:
+            target = _below(state, n)
+            with_vehicles = _random(state) < 0.5
+            a, b = order[source], order[target]
+            _swap(order, source, target)
+            if with_vehicles:
+                _swap(vehicle, a, b)
+            changed = evaluate(shop, books, order, vehicle, bound)
+            if changed == np.inf:
+                _swap(order, source, target)
+                if with_vehicles:
+                    _swap(vehicle, a, b)
+        elif kind < MOVE_SHARES[2]:
+            a, b = _below(state, n_vehicles), _below(state, n_vehicles)
+            _swap_tails(order, vehicle, source, a, b)
+            changed = evaluate(shop, books, order, vehicle, bound)
+            if changed == np.inf:
+                _swap_tails(order, vehicle, source, a, b)
+        else:
+            a, b = order[source], order[_below(state, n)]
+            _swap(vehicle, a, b)
+            changed = evaluate(shop, books, order, vehicle, bound)
+            if changed == np.inf:
+                _swap(vehicle, a, b)
+        if changed == np.inf:
+            continue
+        current = changed
+        if current < best:
+            best = current
+            _copy(order, best_order)
+            _copy(vehicle, best_vehicle)
+    return best

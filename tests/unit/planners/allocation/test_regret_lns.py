@@ -1,0 +1,101 @@
+"""Plans over vehicles and stations: never worse than greedy, and the best there is where all can be tried."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from planners.allocation.problem import AllocationProblem
+from planners.allocation.regret_lns import RegretLns
+from planners.allocation.shop import Shop
+from planners.allocation.shop_kernel import dispatch, empty_books, evaluate
+from planners.allocation.shop_plan import arrays_of, timetable
+from planners.allocation.validate import faults
+from planners.errors import PlanningError
+
+
+def problem_of(seed: int, n_jobs: int, n_vehicles: int, n_stations: int, stops: int = 3) -> AllocationProblem:
+    """Fetch, be served by an arm, bring away; whole seconds, so that sums are exact."""
+    rng = np.random.default_rng(seed)
+    places = rng.integers(0, 30, (3 * n_jobs + n_vehicles, 2))
+    travel_s = np.abs(places[:, None] - places[None]).sum(axis=2).astype(np.float64)
+    station = np.full((n_jobs, stops), -1)
+    station[:, 1:3] = rng.integers(0, n_stations, (n_jobs, 2))
+    shop = Shop(
+        travel_s=travel_s,
+        start=np.arange(n_vehicles),
+        ready_s=np.full(n_vehicles, 50.0),
+        first_stop=stops * np.arange(n_jobs + 1),
+        place=n_vehicles + np.arange(3 * n_jobs),
+        station=station.ravel(),
+        service_s=rng.integers(8, 16, stops * n_jobs).astype(np.float64),
+        free_s=np.full(n_stations, 60.0),
+        buffer_n=np.full(n_stations, 2),
+        makespan_weight=float(n_jobs),
+    )
+    return AllocationProblem(cost=travel_s[:n_vehicles, shop.place[::stops]], shop=shop)
+
+
+def objective_of(problem: AllocationProblem, iterations: int) -> float:
+    assignment = RegretLns(iterations=iterations).allocate(problem)
+    assert faults(problem, assignment) == []
+    assert assignment.timetable is not None
+    return assignment.timetable.objective
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_is_never_worse_than_greedy_and_better_with_more_work(seed: int) -> None:
+    problem = problem_of(seed, n_jobs=12, n_vehicles=4, n_stations=2)
+    assert problem.shop is not None
+    arrays = arrays_of(problem, problem.shop)
+    order, vehicle = np.arange(12), np.full(12, -1)
+    assert dispatch(arrays, empty_books(arrays), 0.0, order, vehicle) == 12
+    greedy = timetable(problem.shop, order, vehicle).objective
+    assert objective_of(problem, 0) <= greedy
+    assert objective_of(problem, 5000) < greedy
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_small_plan_is_the_best_there_is(seed: int) -> None:
+    problem = problem_of(seed, n_jobs=4, n_vehicles=2, n_stations=1)
+    assert problem.shop is not None
+    plans = itertools.product(itertools.permutations(range(4)), itertools.product(range(2), repeat=4))
+    best = min(timetable(problem.shop, np.array(order), np.array(vehicle)).objective for order, vehicle in plans)
+    assert objective_of(problem, 5000) == best
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_kernel_and_the_timetable_agree(seed: int) -> None:
+    problem = problem_of(seed, n_jobs=20, n_vehicles=3, n_stations=2)
+    assert problem.shop is not None
+    rng = np.random.default_rng(seed)
+    order, vehicle = rng.permutation(20), rng.integers(0, 3, 20)
+    arrays = arrays_of(problem, problem.shop)
+    from_zero = evaluate(arrays, empty_books(arrays), order, vehicle, np.inf)
+    since_ready_s = 50.0 * (20 + 20)  # each end, and the last one twenty times over
+    assert timetable(problem.shop, order, vehicle).objective == from_zero + since_ready_s
+
+
+def test_an_urgent_task_is_served_first() -> None:
+    problem = problem_of(0, n_jobs=10, n_vehicles=1, n_stations=1)
+    class_of = np.ones(10, dtype=np.int32)
+    class_of[7] = 0
+    urgent = AllocationProblem(cost=problem.cost, shop=problem.shop, class_of=class_of)
+    assert RegretLns().allocate(urgent).sequence[0][0] == 7
+
+
+def test_a_window_holds_what_is_held_and_then_the_oldest() -> None:
+    problem = problem_of(0, n_jobs=10, n_vehicles=2, n_stations=1)
+    windowed = AllocationProblem(
+        cost=problem.cost, shop=problem.shop, since_s=-np.arange(10.0), held=np.array([2, -1], dtype=np.int32)
+    )
+    sequence = RegretLns(window_n=4).allocate(windowed).sequence
+    assert sorted(itertools.chain(*sequence)) == [2, 7, 8, 9]
+
+
+@pytest.mark.parametrize("setting", ["iterations", "window_n", "seed"])
+def test_a_setting_out_of_range_is_refused(setting: str) -> None:
+    with pytest.raises(PlanningError, match=f"{setting} = -1"):
+        RegretLns(**{setting: -1})
