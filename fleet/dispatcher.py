@@ -24,6 +24,12 @@ from maps.site import Site
 
 ALLOCATE_S = 1.0
 """Longest time between two allocations; every change of tasks or cars asks for one at once [s]."""
+CALL_S = 0.25
+"""Time between two looks at the cars that are held back [s]."""
+MOVE_S = 1.1
+"""Time of a move without traffic: a cell of 1 m at 1 m/s, and some turns [s]."""
+EARLY_S = 4.0
+"""A car should come to its station this long before the arm is free, so that traffic does not let the arm wait [s]."""
 LOADED_RANK_S = 30.0
 """Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
 MAX_ATTEMPTS = 3
@@ -37,7 +43,7 @@ class CarPhase(StrEnum):
     TO_PICK = "to_pick"
     LOADING = "loading"
     HELD = "held"
-    """Loaded; its drop station is full, so it waits where it is in nobody's way until it is called."""
+    """Waits where it is in nobody's way: its station has no room, or the arm will not be free when it comes."""
     TO_DROP = "to_drop"
     UNLOADING = "unloading"
     RECOVERING = "recovering"
@@ -47,9 +53,8 @@ class CarPhase(StrEnum):
 
 
 PHASES = tuple(CarPhase)
-_BOOKED = frozenset({CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.TO_DROP, CarPhase.UNLOADING})
-"""Phases of a car that has a booking."""
-_LOADED = frozenset({CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING})
+_BOOKED = frozenset({CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING})
+"""Phases of a car that has a booking or waits for one."""
 _PARKED = frozenset({CarPhase.IDLE, CarPhase.RETIRED, CarPhase.HELD})
 """Phases of a car that waits in a parking place."""
 
@@ -113,6 +118,7 @@ class Dispatcher:
         self._dock_cells = [self._dock_cell(station) for station in stations]
         self._parking = _parking_states(site, graph)
         self._changed = True
+        self._call_period = max(1, round(CALL_S / world.tick_s))
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
 
     def tick(self, tick: int, now_s: float) -> None:
@@ -120,7 +126,8 @@ class Dispatcher:
         self.board.release_due(now_s)
         self._changed |= self.stock.tick(now_s)
         self._changed |= self.bookings.clear(self._stands_at)
-        self._call(tick)
+        if tick % self._call_period == 0:
+            self._call(tick, now_s)
         if self._changed or tick % self._period == 0:
             self._changed = False
             self._take_back(now_s)
@@ -149,11 +156,11 @@ class Dispatcher:
         """True while an arm is at work on a car, or still on its way home from it."""
         return car in self._serving.values()
 
-    def resume(self, car: int, tick: int) -> None:
+    def resume(self, car: int, tick: int, now_s: float) -> None:
         """Bring a recovered car back into service with what it was doing."""
         task = self.task_of[car]
         if task is not None and task.state is TaskState.CARRIED:
-            self._set_off(car, task, tick)
+            self._set_off(car, task, tick, now_s)
         else:
             self._enter(car, CarPhase.RETIRED if self.stock.tray_is_loaded(car) else CarPhase.IDLE)
         self._changed = True
@@ -161,7 +168,9 @@ class Dispatcher:
     def _enter(self, car: int, phase: CarPhase) -> None:
         self.phase[car] = phase
         self.phase_index[car] = PHASES.index(phase)
-        self.loaded[car] = phase in _LOADED
+        task = self.task_of[car]
+        carries = phase is CarPhase.HELD and task is not None and task.state is TaskState.CARRIED
+        self.loaded[car] = carries or phase in (CarPhase.TO_DROP, CarPhase.UNLOADING)
         self.bound[car] = phase in (CarPhase.TO_PICK, CarPhase.TO_DROP)
         if phase not in _BOOKED:
             self._leave(car)
@@ -174,27 +183,63 @@ class Dispatcher:
         place = int(self.bookings.place_of[car])
         self.bookings.leave(car, stands_there=place >= 0 and self._stands_at(car, place))
 
-    def _set_off(self, car: int, task: Task, tick: int) -> None:
-        """Send a loaded car to its drop station, or hold it back while that is full."""
+    def _set_off(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        """Send a loaded car to its drop station, or hold it back while there is no room."""
         station = self._by_name[task.order.drop]
         self._leave(car)
         if not self.bookings.waiting(station.arm) and self.bookings.book(car, station.arm):
-            self._enter(car, CarPhase.TO_DROP)
-            self._send_to(car, station, tick)
+            self._approach(car, task, tick, now_s)
             return
-        self._enter(car, CarPhase.HELD)
         self.bookings.wait(car, station.arm)
         there = ", ".join(f"car_{other}" for other in self.bookings.cars(station.arm))
-        task.reason = f"car_{car} is held: {station.name} is full ({there})"
-        self._log("held", car=f"car_{car}", task=task.order.name, station=station.name, cause=task.reason)
+        self._hold(car, task, f"{station.name} is full ({there})")
 
-    def _call(self, tick: int) -> None:
-        """Let cars that were held back go on when their station has room."""
+    def _approach(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        """Send a car with a booking on its way, unless it would only stand in the lanes before a busy arm."""
+        picks = task.state is not TaskState.CARRIED
+        station = self._by_name[task.order.pick if picks else task.order.drop]
+        early_s = self._free_s(car, station, now_s) - self._way_s(car, station)
+        if early_s <= EARLY_S:
+            if self.phase[car] is CarPhase.HELD:
+                self._log("called", car=f"car_{car}", task=task.order.name, station=station.name)
+            self._enter(car, CarPhase.TO_PICK if picks else CarPhase.TO_DROP)
+            self._send_to(car, station, tick)
+        elif self.phase[car] is not CarPhase.HELD:
+            self._hold(car, task, f"{station.name} is busy and it would come {early_s:.0f} s too early")
+
+    def _hold(self, car: int, task: Task, why: str) -> None:
+        """Let a car wait in a parking place."""
+        self._enter(car, CarPhase.HELD)
+        self._changed = True
+        task.reason = f"car_{car} is held: {why}"
+        self._log("held", car=f"car_{car}", task=task.order.name, cause=why)
+
+    def _call(self, tick: int, now_s: float) -> None:
+        """Let cars that are held back go on when their time has come."""
         for car, place in self.bookings.callable_cars():
-            if self.phase[car] is CarPhase.HELD and self.bookings.book(car, place):
-                self._enter(car, CarPhase.TO_DROP)
-                self._send_to(car, self.stations[place], tick)
-                self._log("called", car=f"car_{car}", station=self.stations[place].name)
+            self.bookings.book(car, place)
+        for car, phase in enumerate(self.phase):
+            task = self.task_of[car]
+            if phase is CarPhase.HELD and task is not None and self.bookings.has(car):
+                self._approach(car, task, tick, now_s)
+
+    def _way_s(self, car: int, station: Station) -> float:
+        """Time a car needs to a station without traffic [s]."""
+        tail = int(self._executor.dependencies.tail_states()[car])
+        return MOVE_S * int(self._traffic.tables.to(station.dock_state)[tail])
+
+    def _free_s(self, car: int, station: Station, now_s: float) -> float:
+        """Time until the arm has done with everybody who comes before a car [s]."""
+        arm = station.arm
+        direction = Direction.TO_CAR if station.place.kind == "pick" else Direction.FROM_CAR
+        service_s = self.service_times.of(arm, direction).recent_s
+        free_s = self.service_times.left_s(arm, now_s)
+        own_s = self._way_s(car, station)
+        for other in self.bookings.cars(arm):
+            comes_s = 0.0 if other in (car, self.served[arm]) else self._way_s(other, station)
+            if other not in (car, self.served[arm]) and comes_s <= own_s and self.bookings.place_of[other] == arm:
+                free_s = max(free_s, comes_s) + service_s
+        return free_s
 
     def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
         self._leave(car)
@@ -202,9 +247,8 @@ class Dispatcher:
             return
         task.car = car
         self.task_of[car] = task
-        self._enter(car, CarPhase.TO_PICK)
         self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
-        self._send_to(car, self._by_name[task.order.pick], tick)
+        self._approach(car, task, tick, now_s)
 
     def _unassign(self, task: Task, now_s: float, reason: str) -> None:
         if task.car is not None:
@@ -222,10 +266,11 @@ class Dispatcher:
             task = self.task_of[car]
             if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD):
                 continue
-            name = task.order.pick if phase is CarPhase.TO_PICK else task.order.drop
+            picks = task.state is not TaskState.CARRIED
+            name = task.order.pick if picks else task.order.drop
             if self._traffic.reachable(int(tails[car]), self._by_name[name].dock_state):
                 continue
-            if phase is CarPhase.TO_PICK:
+            if picks:
                 self._unassign(task, now_s, f"car_{car} has no way to {name}")
                 self._release_car(car)
             elif self._traffic.blocked_for_good:
@@ -363,7 +408,7 @@ class Dispatcher:
             self._strand(task, car, now_s, f"car_{car} is dead")
         elif self.phase[car] is not CarPhase.RECOVERING:
             self._traffic.set_fixed(car, False)
-            self._set_off(car, task, tick)
+            self._set_off(car, task, tick, now_s)
 
     def _delivered(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
         self.board.move(task, TaskState.DELIVERED, now_s, f"measured on slot {task.drop_slot} of {station.name}")
