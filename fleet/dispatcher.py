@@ -10,7 +10,9 @@ from fleet.allotment import Allotment
 from fleet.config import RunConfig
 from fleet.executor import Executor
 from fleet.stations.arm_desk import ArmDesk
+from fleet.stations.booking import Bookings
 from fleet.stations.service import ServiceState
+from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
 from fleet.stations.transfer import TRAY, TransferRequest
 from fleet.stock import Log, Stock
@@ -22,6 +24,12 @@ from maps.site import Site
 
 ALLOCATE_S = 1.0
 """Longest time between two allocations; every change of tasks or cars asks for one at once [s]."""
+CALL_S = 0.25
+"""Time between two looks at the cars that are held back [s]."""
+MOVE_S = 1.1
+"""Time of a move without traffic: a cell of 1 m at 1 m/s, and some turns [s]."""
+EARLY_S = 4.0
+"""A car should come to its station this long before the arm is free, so that traffic does not let the arm wait [s]."""
 LOADED_RANK_S = 30.0
 """Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
 MAX_ATTEMPTS = 3
@@ -34,12 +42,21 @@ class CarPhase(StrEnum):
     IDLE = "idle"
     TO_PICK = "to_pick"
     LOADING = "loading"
+    HELD = "held"
+    """Waits where it is in nobody's way: its station has no room, or the arm will not be free when it comes."""
     TO_DROP = "to_drop"
     UNLOADING = "unloading"
     RECOVERING = "recovering"
     RETIRED = "retired"
     """Drives, but takes no task: a parcel that could not be unloaded lies in its tray."""
     DEAD = "dead"
+
+
+PHASES = tuple(CarPhase)
+_BOOKED = frozenset({CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING})
+"""Phases of a car that has a booking or waits for one."""
+_PARKED = frozenset({CarPhase.IDLE, CarPhase.RETIRED, CarPhase.HELD})
+"""Phases of a car that waits in a parking place."""
 
 
 class Dispatcher:
@@ -75,11 +92,17 @@ class Dispatcher:
         self.board = board
         self.stations = stations
         self.phase = [CarPhase.IDLE] * world.n_cars
+        self.phase_index = np.zeros(world.n_cars, dtype=np.int64)
+        """The same as an index into `PHASES`, shape (n_cars,)."""
+        self.served = np.full(len(stations), -1, dtype=np.int64)
+        """The car each arm is at work on, or on its way home from, -1 for none, shape (n_stations,)."""
+        self.bookings = Bookings([config.allocation.station_cap_n] * len(stations), world.n_cars)
         self.task_of: list[Task | None] = [None] * world.n_cars
         self.loaded = np.zeros(world.n_cars, dtype=np.int64)
         """1 for a car with a parcel, else 0."""
         self.bound = np.zeros(world.n_cars, dtype=np.bool_)
         """True for a car on its way to a station."""
+        self.service_times = ServiceTimes(len(stations))
         self.stock = Stock(board, stations, desk.car, world, log)
         self._graph = graph
         self._config = config
@@ -89,17 +112,22 @@ class Dispatcher:
         self._world = world
         self._log = log
         self._by_name = {station.name: station for station in stations}
-        self._allotment = Allotment(config.allocation, board, stations, traffic, executor)
+        self._allotment = Allotment(config.allocation, board, stations, self.bookings, traffic, executor)
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
+        self._dock_cells = [self._dock_cell(station) for station in stations]
         self._parking = _parking_states(site, graph)
         self._changed = True
+        self._call_period = max(1, round(CALL_S / world.tick_s))
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
 
     def tick(self, tick: int, now_s: float) -> None:
         """Release, collect, allocate, and start or end services."""
         self.board.release_due(now_s)
         self._changed |= self.stock.tick(now_s)
+        self._changed |= self.bookings.clear(self._stands_at)
+        if tick % self._call_period == 0:
+            self._call(tick, now_s)
         if self._changed or tick % self._period == 0:
             self._changed = False
             self._take_back(now_s)
@@ -128,27 +156,99 @@ class Dispatcher:
         """True while an arm is at work on a car, or still on its way home from it."""
         return car in self._serving.values()
 
-    def resume(self, car: int, tick: int) -> None:
+    def resume(self, car: int, tick: int, now_s: float) -> None:
         """Bring a recovered car back into service with what it was doing."""
         task = self.task_of[car]
         if task is not None and task.state is TaskState.CARRIED:
-            self._enter(car, CarPhase.TO_DROP)
-            self._send_to(car, self._by_name[task.order.drop], tick)
+            self._set_off(car, task, tick, now_s)
         else:
             self._enter(car, CarPhase.RETIRED if self.stock.tray_is_loaded(car) else CarPhase.IDLE)
         self._changed = True
 
     def _enter(self, car: int, phase: CarPhase) -> None:
         self.phase[car] = phase
-        self.loaded[car] = phase in (CarPhase.TO_DROP, CarPhase.UNLOADING)
+        self.phase_index[car] = PHASES.index(phase)
+        task = self.task_of[car]
+        carries = phase is CarPhase.HELD and task is not None and task.state is TaskState.CARRIED
+        self.loaded[car] = carries or phase in (CarPhase.TO_DROP, CarPhase.UNLOADING)
         self.bound[car] = phase in (CarPhase.TO_PICK, CarPhase.TO_DROP)
+        if phase not in _BOOKED:
+            self._leave(car)
+
+    def _stands_at(self, car: int, place: int) -> bool:
+        """Whether a car still holds the dock of a station."""
+        return self._dock_cells[place] in self._executor.dependencies.held_cells(car)
+
+    def _leave(self, car: int) -> None:
+        place = int(self.bookings.place_of[car])
+        self.bookings.leave(car, stands_there=place >= 0 and self._stands_at(car, place))
+
+    def _set_off(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        """Send a loaded car to its drop station, or hold it back while there is no room."""
+        station = self._by_name[task.order.drop]
+        self._leave(car)
+        if not self.bookings.waiting(station.arm) and self.bookings.book(car, station.arm):
+            self._approach(car, task, tick, now_s)
+            return
+        self.bookings.wait(car, station.arm)
+        there = ", ".join(f"car_{other}" for other in self.bookings.cars(station.arm))
+        self._hold(car, task, f"{station.name} is full ({there})")
+
+    def _approach(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        """Send a car with a booking on its way, unless it would only stand in the lanes before a busy arm."""
+        picks = task.state is not TaskState.CARRIED
+        station = self._by_name[task.order.pick if picks else task.order.drop]
+        early_s = self._free_s(car, station, now_s) - self._way_s(car, station)
+        if early_s <= EARLY_S:
+            if self.phase[car] is CarPhase.HELD:
+                self._log("called", car=f"car_{car}", task=task.order.name, station=station.name)
+            self._enter(car, CarPhase.TO_PICK if picks else CarPhase.TO_DROP)
+            self._send_to(car, station, tick)
+        elif self.phase[car] is not CarPhase.HELD:
+            self._hold(car, task, f"{station.name} is busy and it would come {early_s:.0f} s too early")
+
+    def _hold(self, car: int, task: Task, why: str) -> None:
+        """Let a car wait in a parking place."""
+        self._enter(car, CarPhase.HELD)
+        self._changed = True
+        task.reason = f"car_{car} is held: {why}"
+        self._log("held", car=f"car_{car}", task=task.order.name, cause=why)
+
+    def _call(self, tick: int, now_s: float) -> None:
+        """Let cars that are held back go on when their time has come."""
+        for car, place in self.bookings.callable_cars():
+            self.bookings.book(car, place)
+        for car, phase in enumerate(self.phase):
+            task = self.task_of[car]
+            if phase is CarPhase.HELD and task is not None and self.bookings.has(car):
+                self._approach(car, task, tick, now_s)
+
+    def _way_s(self, car: int, station: Station) -> float:
+        """Time a car needs to a station without traffic [s]."""
+        tail = int(self._executor.dependencies.tail_states()[car])
+        return MOVE_S * int(self._traffic.tables.to(station.dock_state)[tail])
+
+    def _free_s(self, car: int, station: Station, now_s: float) -> float:
+        """Time until the arm has done with everybody who comes before a car [s]."""
+        arm = station.arm
+        direction = Direction.TO_CAR if station.place.kind == "pick" else Direction.FROM_CAR
+        service_s = self.service_times.of(arm, direction).recent_s
+        free_s = self.service_times.left_s(arm, now_s)
+        own_s = self._way_s(car, station)
+        for other in self.bookings.cars(arm):
+            comes_s = 0.0 if other in (car, self.served[arm]) else self._way_s(other, station)
+            if other not in (car, self.served[arm]) and comes_s <= own_s and self.bookings.place_of[other] == arm:
+                free_s = max(free_s, comes_s) + service_s
+        return free_s
 
     def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        self._leave(car)
+        if not self.bookings.book(car, self._by_name[task.order.pick].arm):
+            return
         task.car = car
         self.task_of[car] = task
-        self._enter(car, CarPhase.TO_PICK)
         self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
-        self._send_to(car, self._by_name[task.order.pick], tick)
+        self._approach(car, task, tick, now_s)
 
     def _unassign(self, task: Task, now_s: float, reason: str) -> None:
         if task.car is not None:
@@ -164,12 +264,13 @@ class Dispatcher:
         tails = self._executor.tail_states()
         for car, phase in enumerate(self.phase):
             task = self.task_of[car]
-            if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP):
+            if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD):
                 continue
-            name = task.order.pick if phase is CarPhase.TO_PICK else task.order.drop
+            picks = task.state is not TaskState.CARRIED
+            name = task.order.pick if picks else task.order.drop
             if self._traffic.reachable(int(tails[car]), self._by_name[name].dock_state):
                 continue
-            if phase is CarPhase.TO_PICK:
+            if picks:
                 self._unassign(task, now_s, f"car_{car} has no way to {name}")
                 self._release_car(car)
             elif self._traffic.blocked_for_good:
@@ -181,8 +282,8 @@ class Dispatcher:
         self._traffic.send(car, station.dock_state, stay=True, tick=tick)
 
     def _park(self, tick: int) -> None:
-        """Send every idle car to the nearest parking place that no other idle car has."""
-        idle = [car for car, phase in enumerate(self.phase) if phase in (CarPhase.IDLE, CarPhase.RETIRED)]
+        """Send every car that waits to the nearest parking place that no other such car has."""
+        idle = [car for car, phase in enumerate(self.phase) if phase in _PARKED]
         taken = {int(self._traffic.goals[car]) for car in idle}
         tails = self._executor.tail_states()
         for car in idle:
@@ -220,7 +321,9 @@ class Dispatcher:
             self._traffic.set_fixed(car, True)
             self._executor.close(self._dock_cell(station))
             self._serving[station.arm] = car
+            self.served[station.arm] = car
             self._world.set_serving(station.arm, car)
+            self.service_times.begin(station.arm, Direction.TO_CAR if loading else Direction.FROM_CAR, now_s)
             self._request(station, task, car, tick)
 
     def _request(self, station: Station, task: Task, car: int, tick: int) -> None:
@@ -251,7 +354,9 @@ class Dispatcher:
                 self._judge(station, task, car, service.state, tick, now_s)
             if self._desk.is_idle(arm) and self.phase[car] not in (CarPhase.LOADING, CarPhase.UNLOADING):
                 del self._serving[arm]
+                self.served[arm] = -1
                 self._world.set_serving(arm, -1)
+                self.service_times.end(arm, now_s)
                 self._executor.open(self._dock_cell(station))
 
     def _judge(self, station: Station, task: Task, car: int, state: ServiceState, tick: int, now_s: float) -> None:
@@ -260,6 +365,7 @@ class Dispatcher:
         slot = task.pick_slot if loading else task.drop_slot
         on_slot, in_tray = self.stock.on_slot(task, slot, station), self.stock.in_tray(task, car)
         if state in (ServiceState.DONE, ServiceState.MOVING, ServiceState.IDLE) and (in_tray if loading else on_slot):
+            self.service_times.complete(station.arm)
             if loading:
                 self._loaded(station, task, car, tick, now_s)
             else:
@@ -301,9 +407,8 @@ class Dispatcher:
         if self.phase[car] is CarPhase.DEAD:
             self._strand(task, car, now_s, f"car_{car} is dead")
         elif self.phase[car] is not CarPhase.RECOVERING:
-            self._enter(car, CarPhase.TO_DROP)
             self._traffic.set_fixed(car, False)
-            self._send_to(car, self._by_name[task.order.drop], tick)
+            self._set_off(car, task, tick, now_s)
 
     def _delivered(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
         self.board.move(task, TaskState.DELIVERED, now_s, f"measured on slot {task.drop_slot} of {station.name}")

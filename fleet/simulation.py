@@ -133,7 +133,8 @@ class Simulation:
             )
             self.recovery = Recovery(self)
             self.disturbances = Disturbances(self, config.events)
-            self.metrics = Metrics(self.world.n_cars, self.tick_s)
+            docks = [station.place.dock.cell for station in self.stations]
+            self.metrics = Metrics(self.world.n_cars, self.tick_s, self.site.grid.cell_xy(docks))
             self.arm_planner.wait_ready()
             undo.pop_all()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
@@ -163,7 +164,16 @@ class Simulation:
         self.recovery.tick(self.now)
         self.desk.tick(self.now, self.world.held())
         self.world.step(*self._merged(commands, actions))
-        self.metrics.tick(self.world.car_speeds(), self.dispatcher.loaded, self.dispatcher.bound)
+        dispatcher, speeds = self.dispatcher, self.world.car_speeds()
+        self.metrics.tick(speeds, dispatcher.loaded, dispatcher.bound)
+        self.metrics.ledger.tick(
+            dispatcher.phase_index,
+            dispatcher.loaded,
+            dispatcher.bookings.place_of,
+            dispatcher.served,
+            speeds,
+            self.world.car_poses(),
+        )
         self.now += 1
 
     def run(self, on_tick: Callable[[Simulation], None] | None = None) -> None:

@@ -125,6 +125,7 @@ def _table(result: dict[str, object]) -> Table:
         ("distance empty", "{distance_empty_m:.1f} m"),
         ("waiting in lanes, all cars", "{waiting_s:.1f} s"),
         ("arm utilisation, mean", "{arm_utilisation:.1%}"),
+        ("bottleneck", "{bottleneck}"),
         ("contacts between robots", "{robot_contacts}"),
         ("contacts with walls and shelves", "{static_contacts}"),
         ("smallest clearance between robots", "{min_clearance_m:.2f} m"),
@@ -140,6 +141,11 @@ def _table(result: dict[str, object]) -> Table:
     for name, form in rows:
         field = form.split("{")[1].split("}")[0].split(":")[0]
         table.add_row(name, "-" if result[field] is None else form.format(**result))
+    shares = result["time_share_percent"]
+    if isinstance(shares, dict):
+        for account, percent in shares.items():
+            if percent:
+                table.add_row(f"time of the cars, {account.replace('_', ' ')}", f"{percent:.1f} %")
     return table
 
 

@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from fleet.insight.ledger import STANDING_MPS, CarTime, Ledger, percentages
+from fleet.stations.service_time import Direction
 from fleet.tasks.board import TaskState
 from fleet.world.protocol import FloatArray
 
 if TYPE_CHECKING:
     from fleet.simulation import Simulation
 
-STANDING_MPS = 0.05
-"""Below this speed a car stands."""
+
+@dataclass(frozen=True, kw_only=True)
+class StationReport:
+    """Figures of one station."""
+
+    transfers_n: int
+    service_mean_s: float
+    """Time the arm is taken by one transfer, mean of the last ones; the prior if there was none [s]."""
+    service_p90_s: float
+    busy_share: float
+    """Share of the run in which the arm was at work for a car."""
+    contended_share: float
+    """Share of the run in which it was, and another car waited for it."""
+    waiting_s: float
+    """Time cars waited for it while it was busy, all cars together [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +58,13 @@ class Summary:
     parcel_balance: int
     parcels_misplaced: int
     """Parcels that are not where the books say, looked up in the world."""
+    stations: dict[str, StationReport]
+    bottleneck: str
+    """The station that cars waited for longest while it was busy, in words."""
+    car_ticks: dict[str, CarTime]
+    """Ticks of each car by what they were spent on; the sum is the same for each: the ticks of the run."""
+    time_share_percent: dict[str, float]
+    """The same for all cars together in per cent; adds up to 100."""
     state_hash: str
 
 
@@ -52,9 +74,11 @@ class Metrics:
     Args:
         n_cars: Number of cars.
         tick_s: Length of a tick [s].
+        dock_xy: Centre of each station's dock [m], shape (n_stations, 2).
     """
 
-    def __init__(self, n_cars: int, tick_s: float) -> None:
+    def __init__(self, n_cars: int, tick_s: float, dock_xy: FloatArray) -> None:
+        self.ledger = Ledger(n_cars, dock_xy)
         self._tick_s = tick_s
         self._distance_m = np.zeros((2, n_cars))
         self._waiting_s = np.zeros(n_cars)
@@ -101,5 +125,41 @@ class Metrics:
             min_clearance_m=round(clearance, 4) if np.isfinite(clearance) else None,
             parcel_balance=simulation.parcel_balance(),
             parcels_misplaced=len(simulation.dispatcher.stock.misplaced()),
+            stations=self._stations(simulation),
+            bottleneck=self._bottleneck(simulation),
+            car_ticks={f"car_{car}": self.ledger.car_time(car) for car in range(world.n_cars)},
+            time_share_percent=_shares(self.ledger.fleet_time()),
             state_hash=simulation.state_hash(),
         )
+
+    def _stations(self, simulation: Simulation) -> dict[str, StationReport]:
+        ticks = max(simulation.now, 1)
+        reports = {}
+        for station in simulation.stations:
+            direction = Direction.TO_CAR if station.place.kind == "pick" else Direction.FROM_CAR
+            service = simulation.dispatcher.service_times.of(station.arm, direction)
+            time = self.ledger.station_time(station.arm)
+            reports[station.name] = StationReport(
+                transfers_n=service.n,
+                service_mean_s=round(service.mean_s, 2),
+                service_p90_s=round(service.p90_s, 2),
+                busy_share=round(time.busy / ticks, 4),
+                contended_share=round(time.contended / ticks, 4),
+                waiting_s=round(time.waiting * self._tick_s, 2),
+            )
+        return reports
+
+    def _bottleneck(self, simulation: Simulation) -> str:
+        worst = self.ledger.bottleneck()
+        if worst is None:
+            return "none: no car waited for a busy station"
+        time, ticks = self.ledger.station_time(worst), max(simulation.now, 1)
+        return (
+            f"{simulation.stations[worst].name} (arm_{worst}): busy {time.busy / ticks:.0%} of the time, "
+            f"cars waiting for it {time.contended / ticks:.0%}"
+        )
+
+
+def _shares(time: CarTime) -> dict[str, float]:
+    names = [field.name for field in fields(CarTime)]
+    return dict(zip(names, percentages([getattr(time, name) for name in names]), strict=True))
