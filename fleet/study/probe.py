@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from fleet.dispatcher import CarPhase
-from fleet.insight.metrics import STANDING_MPS
+from fleet.insight.ledger import STANDING_MPS
 from fleet.simulation import Simulation
 
 SAMPLE_S = 1.0
