@@ -15,8 +15,11 @@ Integers: TypeAlias = npt.NDArray[np.int32]
 
 UNREACHABLE = 65_535
 """Distance in a table that stands for no way."""
-_BLOCK_N = 16
+_BLOCK_N = 64
 """Rows of a table that are read together, so that they stay in the cache and results are written side by side."""
+
+_FEW = 4
+"""Tasks per goal from which on each goal is looked up once."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +80,13 @@ def travel_cost(distances: Distances, row: Integers, state: Integers, cost: Floa
         Distance of each task for each vehicle, inf where there is no way, shape (n_vehicles, n_tasks).
     """
     cost = np.empty((len(state), len(row))) if cost is None else cost
-    _travel_cost(distances, row.astype(np.int64), state.astype(np.int64), cost)
+    goals, which = np.unique(row, return_inverse=True)
+    if len(goals) * _FEW < len(row):
+        of_goals = np.empty((len(state), len(goals)))
+        _travel_cost(distances, goals.astype(np.int64), state.astype(np.int64), of_goals)
+        np.take(of_goals, which, axis=1, out=cost, mode="clip")  # any other mode copies the result once more
+    else:
+        _travel_cost(distances, row.astype(np.int64), state.astype(np.int64), cost)
     return cost
 
 
