@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fleet.charging import Charging
 from fleet.config import AllocationConfig
 from fleet.executor import Executor
 from fleet.stations.booking import Bookings
@@ -25,6 +26,7 @@ class Allotment:
         board: The tasks.
         stations: All stations.
         bookings: Room at the stations.
+        charging: Tells which cars have the charge for a task; None = all.
         traffic: Gives distances on the lane graph.
         executor: Gives the states cars can be sent from.
     """
@@ -35,6 +37,7 @@ class Allotment:
         board: TaskBoard,
         stations: list[Station],
         bookings: Bookings,
+        charging: Charging | None,
         traffic: Traffic,
         executor: Executor,
     ) -> None:
@@ -42,6 +45,7 @@ class Allotment:
         self._board = board
         self._by_name = {station.name: station for station in stations}
         self._bookings = bookings
+        self._charging = charging
         self._traffic = traffic
         self._executor = executor
         self._allocator = ALLOCATORS[config.allocator]()
@@ -66,6 +70,9 @@ class Allotment:
             waited_s = now_s - task.since_s[TaskState.READY]
             cost[:, k] = distance - self._config.ageing_m_per_s * waited_s
             cost[distance >= UNREACHABLE, k] = np.inf
+            if self._charging is not None:
+                stations = self._by_name[task.order.pick], self._by_name[task.order.drop]
+                cost[~self._charging.allows(cars, distance, *stations, task.order.mass_kg), k] = np.inf
         pairs = self._allocator.allocate(AllocationProblem(cost=cost)).pairs
         return [(cars[int(row)], tasks[int(column)]) for row, column in pairs]
 

@@ -7,8 +7,10 @@ from enum import StrEnum
 import numpy as np
 
 from fleet.allotment import Allotment
+from fleet.charging import Charging
 from fleet.config import RunConfig
 from fleet.executor import Executor
+from fleet.robots.battery import Batteries
 from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.booking import Bookings
 from fleet.stations.service import ServiceState
@@ -46,6 +48,8 @@ class CarPhase(StrEnum):
     """Waits where it is in nobody's way: its station has no room, or the arm will not be free when it comes."""
     TO_DROP = "to_drop"
     UNLOADING = "unloading"
+    TO_CHARGER = "to_charger"
+    CHARGING = "charging"
     RECOVERING = "recovering"
     RETIRED = "retired"
     """Drives, but takes no task: a parcel that could not be unloaded lies in its tray."""
@@ -53,7 +57,8 @@ class CarPhase(StrEnum):
 
 
 PHASES = tuple(CarPhase)
-_BOOKED = frozenset({CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING})
+_AT_CHARGER = frozenset({CarPhase.TO_CHARGER, CarPhase.CHARGING})
+_BOOKED = _AT_CHARGER | {CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING}
 """Phases of a car that has a booking or waits for one."""
 _PARKED = frozenset({CarPhase.IDLE, CarPhase.RETIRED, CarPhase.HELD})
 """Phases of a car that waits in a parking place."""
@@ -72,6 +77,7 @@ class Dispatcher:
         traffic: Takes goals.
         executor: Tells where cars are.
         world: Where parcels appear and vanish.
+        batteries: State of charge of the cars; None for cars that never need to charge.
         log: Called as ``log(kind, **facts)`` for every event.
     """
 
@@ -87,6 +93,7 @@ class Dispatcher:
         traffic: Traffic,
         executor: Executor,
         world: World,
+        batteries: Batteries | None,
         log: Log,
     ) -> None:
         self.board = board
@@ -96,7 +103,15 @@ class Dispatcher:
         """The same as an index into `PHASES`, shape (n_cars,)."""
         self.served = np.full(len(stations), -1, dtype=np.int64)
         """The car each arm is at work on, or on its way home from, -1 for none, shape (n_stations,)."""
-        self.bookings = Bookings([config.allocation.station_cap_n] * len(stations), world.n_cars)
+        self.awake = np.zeros(world.n_cars, dtype=np.bool_)
+        """True for a car that is not parked, shape (n_cars,)."""
+        self.charges = np.zeros(world.n_cars, dtype=np.bool_)
+        """True for a car that stands at a charger and charges, shape (n_cars,)."""
+        self.load_kg = np.zeros(world.n_cars)
+        """Mass of the parcel in each car's tray [kg], shape (n_cars,)."""
+        chargers = _states_of(site.chargers[: config.battery.chargers_n], graph) if batteries is not None else ()
+        caps = [config.allocation.station_cap_n] * len(stations) + [1] * len(chargers)
+        self.bookings = Bookings(caps, world.n_cars)
         self.task_of: list[Task | None] = [None] * world.n_cars
         self.loaded = np.zeros(world.n_cars, dtype=np.int64)
         """1 for a car with a parcel, else 0."""
@@ -112,11 +127,15 @@ class Dispatcher:
         self._world = world
         self._log = log
         self._by_name = {station.name: station for station in stations}
-        self._allotment = Allotment(config.allocation, board, stations, self.bookings, traffic, executor)
+        self.charging: Charging | None = None
+        if batteries is not None:
+            self.charging = Charging(batteries, chargers, len(stations), self.bookings, traffic, self.service_times)
+        self._allotment = Allotment(config.allocation, board, stations, self.bookings, self.charging, traffic, executor)
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
         self._dock_cells = [self._dock_cell(station) for station in stations]
-        self._parking = _parking_states(site, graph)
+        self._dock_cells += [int(graph.state_cell[state]) for state in chargers]
+        self._parking = _states_of(site.parking, graph)
         self._changed = True
         self._call_period = max(1, round(CALL_S / world.tick_s))
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
@@ -131,9 +150,13 @@ class Dispatcher:
         if self._changed or tick % self._period == 0:
             self._changed = False
             self._take_back(now_s)
-            idle = [car for car, phase in enumerate(self.phase) if phase is CarPhase.IDLE]
+            if self.charging is not None:
+                self._charge_low(self.charging, tick, now_s)
+            idle = [car for car in range(len(self.phase)) if self._is_free(car)]
             for car, task in self._allotment.choose(idle, now_s):
                 self._assign(car, task, tick, now_s)
+            if self.charging is not None:
+                self._charge_idle(self.charging, tick)
             self._park(tick)
         self._start_services(tick, now_s)
         self._end_services(tick, now_s)
@@ -169,9 +192,13 @@ class Dispatcher:
         self.phase[car] = phase
         self.phase_index[car] = PHASES.index(phase)
         task = self.task_of[car]
-        carries = phase is CarPhase.HELD and task is not None and task.state is TaskState.CARRIED
+        waits = phase in _AT_CHARGER or phase is CarPhase.HELD
+        carries = waits and task is not None and task.state is TaskState.CARRIED
         self.loaded[car] = carries or phase in (CarPhase.TO_DROP, CarPhase.UNLOADING)
-        self.bound[car] = phase in (CarPhase.TO_PICK, CarPhase.TO_DROP)
+        self.load_kg[car] = task.order.mass_kg if self.loaded[car] and task is not None else 0.0
+        self.awake[car] = phase not in _PARKED and phase is not CarPhase.DEAD
+        self.charges[car] = phase is CarPhase.CHARGING
+        self.bound[car] = phase in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER)
         if phase not in _BOOKED:
             self._leave(car)
 
@@ -214,8 +241,91 @@ class Dispatcher:
         task.reason = f"car_{car} is held: {why}"
         self._log("held", car=f"car_{car}", task=task.order.name, cause=why)
 
+    def _is_free(self, car: int) -> bool:
+        """Whether a car may be given a task."""
+        phase, charging = self.phase[car], self.charging
+        if charging is None or phase not in _AT_CHARGER:
+            return phase is CarPhase.IDLE and (charging is None or not charging.is_critical(car))
+        return self.task_of[car] is None and charging.has_enough(car)
+
+    def _charge_low(self, charging: Charging, tick: int, now_s: float) -> None:
+        """Send cars with low batteries to chargers, emptiest first, and those that have enough away from them."""
+        for car, phase in enumerate(self.phase):
+            task = self.task_of[car]
+            going = phase in (CarPhase.TO_PICK, CarPhase.HELD)
+            if going and task is not None and task.state is TaskState.ASSIGNED and charging.is_critical(car):
+                self._unassign(task, now_s, f"the battery of car_{car} is at {charging.batteries.charge[car]:.0%}")
+                self._release_car(car)
+        low = [car for car in range(len(self.phase)) if charging.is_low(car) and self._may_charge(car)]
+        for car in charging.by_need(low):
+            if not self._charge(charging, car, tick):
+                break
+        else:
+            low = []
+        for car, phase in enumerate(self.phase):
+            if phase is not CarPhase.CHARGING or not (charging.is_full(car) or (low and charging.has_enough(car))):
+                continue
+            task = self.task_of[car]
+            self._log("charged", car=f"car_{car}", charge=round(float(charging.batteries.charge[car]), 3))
+            if task is not None:
+                self._set_off(car, task, tick, now_s)
+            else:
+                self._enter(car, CarPhase.IDLE)
+
+    def _charge_idle(self, charging: Charging, tick: int) -> None:
+        """Let parked cars that nobody needs at present charge where there is room."""
+        idle = [
+            car
+            for car, phase in enumerate(self.phase)
+            if phase is CarPhase.IDLE
+            and charging.batteries.charge[car] < charging.batteries.config.idle_below
+            and self._executor.idle(car)
+        ]
+        for car in charging.by_need(idle):
+            if not self._charge(charging, car, tick):
+                break
+
+    def _may_charge(self, car: int) -> bool:
+        """Whether a car is free to go to a charger: without a task, or held back with its parcel."""
+        task = self.task_of[car]
+        held = self.phase[car] is CarPhase.HELD and task is not None and task.state is TaskState.CARRIED
+        return held or self.phase[car] is CarPhase.IDLE
+
+    def _charge(self, charging: Charging, car: int, tick: int) -> bool:
+        """Send a car to a charger; False if none is free."""
+        place = charging.free_charger(int(self._executor.tail_states()[car]))
+        if place is None:
+            return False
+        self._leave(car)
+        self.bookings.book(car, place)
+        self._enter(car, CarPhase.TO_CHARGER)
+        self._traffic.rank[car] = LOADED_RANK_S
+        self._traffic.send(car, charging.state_of(place), stay=True, tick=tick)
+        self._log("to_charger", car=f"car_{car}", charge=round(float(charging.batteries.charge[car]), 3))
+        return True
+
+    def _plug_in(self, charging: Charging) -> None:
+        """Begin to charge cars that have come to their charger, and free those that have no way to theirs."""
+        tails = self._executor.tail_states()
+        for car, phase in enumerate(self.phase):
+            if phase is not CarPhase.TO_CHARGER:
+                continue
+            goal = charging.state_of(int(self.bookings.place_of[car]))
+            if tails[car] == goal and self._executor.idle(car):
+                self._enter(car, CarPhase.CHARGING)
+                charging.sessions_n += 1
+            elif not self._traffic.reachable(int(tails[car]), goal):
+                self._changed = True
+                task = self.task_of[car]
+                self._enter(car, CarPhase.IDLE)
+                if task is not None:
+                    self.bookings.wait(car, self._by_name[task.order.drop].arm)
+                    self._hold(car, task, "no way to its charger")
+
     def _call(self, tick: int, now_s: float) -> None:
         """Let cars that are held back go on when their time has come."""
+        if self.charging is not None:
+            self._plug_in(self.charging)
         for car, place in self.bookings.callable_cars():
             self.bookings.book(car, place)
         for car, phase in enumerate(self.phase):
@@ -440,6 +550,6 @@ class Dispatcher:
         return int(self._graph.state_cell[station.dock_state])
 
 
-def _parking_states(site: Site, graph: LaneGraph) -> tuple[int, ...]:
-    """One state for each parking cell."""
-    return tuple(int(graph.states_of_cell(cell)[0]) for cell in site.parking)
+def _states_of(bays: tuple[int, ...], graph: LaneGraph) -> tuple[int, ...]:
+    """The one state of each bay."""
+    return tuple(int(graph.states_of_cell(cell)[0]) for cell in bays)

@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from fleet.config import AllocationConfig, Connect, Fidelity, Grip, RunConfig, TrafficConfig, require
+from fleet.config import AllocationConfig, BatteryConfig, Connect, Fidelity, Grip, RunConfig, TrafficConfig, require
 from fleet.errors import ConfigError
 from fleet.scenario import read_events
 
@@ -40,6 +40,8 @@ class Demo:
     """End after this much simulated time even if tasks are open [s]."""
     speed: float = 0.0
     """Simulated seconds per second of wall time; 0 = as fast as possible."""
+    battery: bool = False
+    """Cars have batteries and go to charge."""
     grip: Grip = Grip.SUCTION
     """How the arms hold parcels."""
     fidelity: Fidelity = Fidelity.PHYSICS
@@ -80,6 +82,7 @@ class Demo:
             grip=self.grip,
             connect=Connect.GUI if self.gui else Connect.DIRECT,
             traffic=TrafficConfig(planner=self.planner),
+            battery=BatteryConfig(enabled=self.battery),
             allocation=AllocationConfig(allocator=self.allocator),
         )
         session = SessionConfig(
@@ -125,6 +128,8 @@ def _table(result: dict[str, object]) -> Table:
         ("distance empty", "{distance_empty_m:.1f} m"),
         ("waiting in lanes, all cars", "{waiting_s:.1f} s"),
         ("arm utilisation, mean", "{arm_utilisation:.1%}"),
+        ("lowest charge", "{lowest_charge:.0%}"),
+        ("charging sessions, all cars", "{charging_sessions}"),
         ("bottleneck", "{bottleneck}"),
         ("contacts between robots", "{robot_contacts}"),
         ("contacts with walls and shelves", "{static_contacts}"),
@@ -140,6 +145,8 @@ def _table(result: dict[str, object]) -> Table:
     table.add_column("value", justify="right")
     for name, form in rows:
         field = form.split("{")[1].split("}")[0].split(":")[0]
+        if "charg" in field and result["lowest_charge"] is None:
+            continue  # cars without batteries
         table.add_row(name, "-" if result[field] is None else form.format(**result))
     shares = result["time_share_percent"]
     if isinstance(shares, dict):

@@ -48,6 +48,8 @@ _RULE = {
     CarPhase.HELD: _HELD,
     CarPhase.TO_DROP: _DRIVES,
     CarPhase.UNLOADING: Account.SERVED,
+    CarPhase.TO_CHARGER: _DRIVES,
+    CarPhase.CHARGING: Account.CHARGING,
     CarPhase.RECOVERING: Account.FAULT,
     CarPhase.RETIRED: Account.FAULT,
     CarPhase.DEAD: Account.FAULT,

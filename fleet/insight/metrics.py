@@ -58,6 +58,11 @@ class Summary:
     parcel_balance: int
     parcels_misplaced: int
     """Parcels that are not where the books say, looked up in the world."""
+    lowest_charge: float | None
+    """Least state of charge any car ever had, 0 to 1; None without batteries."""
+    charging_sessions: int
+    cars_stranded: int
+    """Cars whose battery was empty."""
     stations: dict[str, StationReport]
     bottleneck: str
     """The station that cars waited for longest while it was busy, in words."""
@@ -108,6 +113,7 @@ class Metrics:
         contacts = world.contacts()
         clearance = world.min_clearance_m()
         sim_s = simulation.sim_s
+        batteries, charging = simulation.batteries, simulation.dispatcher.charging
         return Summary(
             tasks_total=len(board.tasks),
             tasks_done=len(done),
@@ -125,6 +131,9 @@ class Metrics:
             min_clearance_m=round(clearance, 4) if np.isfinite(clearance) else None,
             parcel_balance=simulation.parcel_balance(),
             parcels_misplaced=len(simulation.dispatcher.stock.misplaced()),
+            lowest_charge=round(batteries.lowest, 4) if batteries is not None else None,
+            charging_sessions=charging.sessions_n if charging is not None else 0,
+            cars_stranded=int((batteries.charge <= 0.0).sum()) if batteries is not None else 0,
             stations=self._stations(simulation),
             bottleneck=self._bottleneck(simulation),
             car_ticks={f"car_{car}": self.ledger.car_time(car) for car in range(world.n_cars)},
