@@ -270,7 +270,7 @@ class Follower:
 @njit(cache=True)
 def any_beyond(first, first_limit, second, second_limit):
     """Whether an entry of one of two arrays of one length is beyond its limit, on either side."""
-    for k in range(len(first)):
+    for k in range(len(first)):  # noqa: SIM110 - numba has no generators in any()
         if abs(first[k]) > first_limit or abs(second[k]) > second_limit:
             return True
     return False

@@ -272,7 +272,7 @@ def _carry(support, carrier, local, car_poses, tips, poses, held, grip):
         poses[i, 4] = aw * by - ax * bz + ay * bw + az * bx
         poses[i, 5] = aw * bz + ax * by - ay * bx + az * bw
         poses[i, 6] = aw * bw - ax * bx - ay * by - az * bz
-    for arm in range(len(held)):
+    for arm in range(len(held)):  # noqa: SIM110 - numba has no generators in all()
         if (held[arm] >= 0) != grip[arm]:
             return False
     return True
