@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from fleet.insight.ledger import STANDING_MPS, CarTime, Ledger, percentages
 from fleet.stations.service_time import Direction
@@ -87,7 +88,6 @@ class Metrics:
         self._tick_s = tick_s
         self._distance_m = np.zeros((2, n_cars))
         self._waiting_s = np.zeros(n_cars)
-        self._cars = np.arange(n_cars)
 
     def tick(self, speeds: FloatArray, loaded: npt.NDArray[np.int64], bound: npt.NDArray[np.bool_]) -> None:
         """Add one tick.
@@ -97,9 +97,7 @@ class Metrics:
             loaded: 1 for a car with a parcel, else 0, shape (n_cars,).
             bound: True for a car on its way to a station, shape (n_cars,).
         """
-        speed = np.abs(speeds)
-        self._distance_m[loaded, self._cars] += speed * self._tick_s
-        self._waiting_s += (bound & (speed < STANDING_MPS)) * self._tick_s
+        _add(speeds, loaded, bound, self._tick_s, self._distance_m, self._waiting_s)
 
     def summary(self, simulation: Simulation) -> Summary:
         """Figures of the run so far."""
@@ -172,3 +170,12 @@ class Metrics:
 def _shares(time: CarTime) -> dict[str, float]:
     names = [field.name for field in fields(CarTime)]
     return dict(zip(names, percentages([getattr(time, name) for name in names]), strict=True))
+
+
+@njit(cache=True)
+def _add(speeds, loaded, bound, tick_s, distance_m, waiting_s):
+    for car in range(len(speeds)):
+        speed = abs(speeds[car])
+        distance_m[loaded[car], car] += speed * tick_s
+        if bound[car] and speed < STANDING_MPS:
+            waiting_s[car] += tick_s
