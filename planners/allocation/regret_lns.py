@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from planners.allocation.hungarian import Hungarian
-from planners.allocation.problem import AllocationProblem, Assignment, assignment
-from planners.allocation.shop import Shop
+from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.shop_kernel import Arrays, Integers, anneal, dispatch, empty_books, evaluate
-from planners.allocation.shop_plan import arrays_of, timetable
+from planners.allocation.shop_plan import arrays_of, planned
 from planners.errors import PlanningError
-from planners.status import Status
 
 ITERATIONS = 20_000
 """Plans tried by default: 10 ms for 10 tasks, 50 ms for 80."""
@@ -72,28 +70,6 @@ class RegretLns:
         books = empty_books(arrays)
         anneal(arrays, books, order, vehicle, best_order, best_vehicle, self._iterations, hot, cold, state)
         return best_order, best_vehicle
-
-
-def planned(problem: AllocationProblem, shop: Shop, order: Integers, vehicle: Integers) -> Assignment:
-    """The assignment that a plan comes to.
-
-    Args:
-        problem: The problem.
-        shop: Its shop.
-        order: Jobs that are planned, in order, shape (n,).
-        vehicle: Vehicle of each of them, shape (n_jobs,).
-    """
-    sequence: list[list[int]] = [[] for _ in range(shop.n_vehicles)]
-    for job in order.tolist():
-        sequence[vehicle[job]].append(job)
-    first = assignment(problem, [(v, jobs[0]) for v, jobs in enumerate(sequence) if jobs], Status.FEASIBLE)
-    return Assignment(
-        pairs=first.pairs,
-        cost=first.cost,
-        status=first.status,
-        sequence=tuple(map(tuple, sequence)),
-        timetable=timetable(shop, order, vehicle),
-    )
 
 
 def _first_plan(arrays: Arrays, jobs: Integers) -> tuple[Integers, Integers]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.allocation.problem import AllocationProblem
+from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.allocation.shop import NO_STATION, Shop, Timetable
 from planners.allocation.shop_kernel import Arrays, Integers
+from planners.status import Status
 
 CLASS_FACTOR = 100.0
 """A class weighs so many times what the next does. Within a plan classes are weighed: a vehicle that passes an
@@ -75,6 +76,28 @@ def _extra(problem: AllocationProblem, weight: np.ndarray) -> np.ndarray:
     extra[:, tasks] += worth * weight[tasks]
     extra[holders, tasks] -= worth * weight[tasks]
     return extra
+
+
+def planned(problem: AllocationProblem, shop: Shop, order: Integers, vehicle: Integers) -> Assignment:
+    """The assignment that a plan comes to.
+
+    Args:
+        problem: The problem.
+        shop: Its shop.
+        order: Jobs that are planned, in order, shape (n,).
+        vehicle: Vehicle of each of them, shape (n_jobs,).
+    """
+    sequence: list[list[int]] = [[] for _ in range(shop.n_vehicles)]
+    for job in order.tolist():
+        sequence[vehicle[job]].append(job)
+    first = assignment(problem, [(v, jobs[0]) for v, jobs in enumerate(sequence) if jobs], Status.FEASIBLE)
+    return Assignment(
+        pairs=first.pairs,
+        cost=first.cost,
+        status=first.status,
+        sequence=tuple(map(tuple, sequence)),
+        timetable=timetable(shop, order, vehicle),
+    )
 
 
 def timetable(shop: Shop, order: Integers, vehicle: Integers) -> Timetable:

@@ -54,7 +54,7 @@ FAMILIES = [
     Family(
         package="planners.allocation",
         tables=("ALLOCATORS",),
-        support=frozenset({"problem", "prune", "shop", "shop_kernel", "shop_plan", "validate"}),
+        support=frozenset({"problem", "prune", "reasons", "shop", "shop_kernel", "shop_plan", "tours", "validate"}),
     ),
     Family(
         package="planners.motion",

@@ -1,12 +1,18 @@
-"""What sets the two allocators apart, on matrices small enough to solve by hand."""
+"""What sets the allocators apart, on matrices small enough to solve by hand."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from planners.allocation.auction import Auction
+from planners.allocation.cbba import Cbba
+from planners.allocation.fifo import Fifo
 from planners.allocation.greedy import Greedy
 from planners.allocation.hungarian import Hungarian
 from planners.allocation.problem import AllocationProblem
+from planners.allocation.prune import UNREACHABLE, nearest, travel_cost
+from planners.allocation.shop import Shop
 from planners.status import Status
 
 INF = np.inf
@@ -34,3 +40,65 @@ def test_hungarian_takes_the_most_pairs_whatever_the_size_of_the_costs() -> None
 
 def test_greedy_breaks_ties_by_vehicle_and_task() -> None:
     assert Greedy().allocate(AllocationProblem(cost=np.ones((2, 3)))).pairs.tolist() == [[0, 0], [1, 1]]
+
+
+def test_fifo_serves_the_oldest_first_by_the_nearest_vehicle() -> None:
+    problem = AllocationProblem(cost=np.array([[1.0, 2.0], [1.0, 3.0]]), since_s=np.array([9.0, 4.0]))
+    assert Fifo().allocate(problem).pairs.tolist() == [[0, 1], [1, 0]]
+
+
+def test_classes_are_strict_and_do_not_cost_pairs() -> None:
+    cost = np.array([[1.0, 50.0, 2.0], [1.0, INF, 90.0]])
+    for allocator in (Hungarian(), Hungarian(dense_work=0.0)):
+        pairs = allocator.allocate(AllocationProblem(cost=cost, class_of=np.array([2, 0, 1], dtype=np.int32))).pairs
+        assert pairs.tolist() == [[0, 1], [1, 2]], "the urgent task is served, then the next class, at any cost"
+
+
+def test_pruned_costs_are_enough_for_most_and_the_rest_choose_again() -> None:
+    rng = np.random.default_rng(0)
+    problem = AllocationProblem(cost=rng.uniform(0.0, 100.0, (40, 60)))
+    exact = Hungarian().allocate(problem)
+    for nearest_n, at_most in ((60, 1.0), (12, 1.01), (1, 2.0)):
+        pruned = Hungarian(dense_work=0.0, nearest_n=nearest_n).allocate(problem)
+        assert len(pruned.pairs) == 40
+        assert exact.cost - 1e-9 <= pruned.cost <= at_most * exact.cost + 1e-9
+
+
+@pytest.mark.parametrize("allocator", [Auction(), Cbba()])
+def test_bids_count_the_way_from_the_task_before(allocator: Auction | Cbba) -> None:
+    """Two tasks lie together, one lies apart: the vehicle that gets one of the two gets both."""
+    place_m = np.array([0.0, 100.0, 10.0, 11.0, 95.0])
+    shop = Shop(
+        travel_s=np.abs(place_m[:, None] - place_m[None]),
+        start=np.array([0, 1]),
+        ready_s=np.zeros(2),
+        first_stop=np.arange(4),
+        place=np.array([2, 3, 4]),
+        station=np.full(3, -1),
+        service_s=np.ones(3),
+    )
+    problem = AllocationProblem(cost=shop.travel_s[:2, 2:], shop=shop)
+    assert allocator.allocate(problem).sequence == ((0, 1), (2,))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_talking_ends_where_one_auctioneer_would(seed: int) -> None:
+    """With one task each, the agreement is the greedy choice, as its authors prove."""
+    problem = AllocationProblem(cost=np.random.default_rng(seed).uniform(0.0, 9.0, (5, 8)))
+    assert Cbba().allocate(problem).pairs.tolist() == Greedy().allocate(problem).pairs.tolist()
+
+
+def test_costs_from_tables_are_the_distances() -> None:
+    rng = np.random.default_rng(0)
+    distances = rng.integers(0, 50, (7, 30)).astype(np.uint16)
+    distances[2, 3] = UNREACHABLE
+    state, few, many = np.array([3, 9, 20, 3]), np.arange(7), rng.integers(0, 7, 100)
+    for row in (few, many):
+        expected = distances[np.ix_(row, state)].T.astype(np.float64)
+        expected[expected == UNREACHABLE] = INF
+        np.testing.assert_array_equal(travel_cost(distances, row, state), expected)
+        candidates = nearest(distances, row, state, 3)
+        for vehicle, costs in enumerate(expected):
+            of_vehicle = candidates.vehicle == vehicle
+            assert sorted(candidates.cost[of_vehicle]) == sorted(costs)[:3]
+            assert (costs[candidates.task[of_vehicle]] == candidates.cost[of_vehicle]).all()
