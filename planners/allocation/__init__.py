@@ -5,6 +5,7 @@ from typing import cast
 
 from planners.allocation.auction import Auction as Auction
 from planners.allocation.cbba import Cbba as Cbba
+from planners.allocation.cpsat import CpSat as CpSat
 from planners.allocation.fifo import Fifo as Fifo
 from planners.allocation.greedy import Greedy as Greedy
 from planners.allocation.hungarian import Hungarian as Hungarian
@@ -19,6 +20,7 @@ ALLOCATORS: dict[str, type[Allocator]] = {
     "auction": Auction,
     "cbba": Cbba,
     "regret_lns": RegretLns,
+    "cpsat": CpSat,
 }
 """Allocator by name; each is made without arguments and has `allocate(problem) -> Assignment`."""
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from planners.allocation.hungarian import Hungarian
 from planners.allocation.problem import AllocationProblem, Assignment
+from planners.allocation.shop import Shop
 from planners.allocation.shop_kernel import Arrays, Integers, anneal, dispatch, empty_books, evaluate
 from planners.allocation.shop_plan import arrays_of, planned
 from planners.errors import PlanningError
@@ -52,16 +53,19 @@ class RegretLns:
         """Allocate; takes about a microsecond per iteration and 30 tasks."""
         if problem.shop is None:
             return Hungarian().allocate(problem)
-        jobs = _window(problem, self._window_n)
-        arrays = arrays_of(problem, problem.shop)
-        order, vehicle = _first_plan(arrays, jobs)
+        return planned(problem, problem.shop, *self.plan(problem, problem.shop))
+
+    def plan(self, problem: AllocationProblem, shop: Shop) -> tuple[Integers, Integers]:
+        """The order of the jobs that are planned, shape (n,), and the vehicle of each job, shape (n_jobs,)."""
+        arrays = arrays_of(problem, shop)
+        order, vehicle = _first_plan(arrays, _window(problem, self._window_n))
         if len(order) and self._iterations:
             # How hot is told by the objective in which all classes weigh the same: the weight of one urgent task
             # would melt the order of all others.
-            level = evaluate(arrays_of(problem, problem.shop, 1.0), empty_books(arrays), order, vehicle, np.inf)
+            level = evaluate(arrays_of(problem, shop, 1.0), empty_books(arrays), order, vehicle, np.inf)
             if level > 0.0:
                 order, vehicle = self._improve(arrays, order, vehicle, level)
-        return planned(problem, problem.shop, order, vehicle)
+        return order, vehicle
 
     def _improve(self, arrays: Arrays, order: Integers, vehicle: Integers, level: float) -> tuple[Integers, Integers]:
         best_order, best_vehicle = np.empty_like(order), np.empty_like(vehicle)
