@@ -177,7 +177,8 @@ def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
         floor=floor,
         about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
         tick_s=simulation.tick_s,
-        plots={"speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)},
+        plots={"speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)}
+        | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
         serve=session.serve,
         port=session.port,
     )
@@ -233,12 +234,18 @@ class _Watch:
                 paths=tuple(simulation.driver.remaining(car) for car in cars) if fresh else None,
                 plans=tuple(simulation.executor.planned_line(car) for car in cars) if fresh else None,
                 plan_epoch=self._epoch,
-                metrics={
+                metrics=_charge(simulation)
+                | {
                     "mean_speed_mps": float(np.mean(np.abs(speeds))),
                     "min_clearance_m": min(clearance, 2.0),
                 },
             )
         )
+
+
+def _charge(simulation: Simulation) -> dict[str, float]:
+    """The least charge of all cars now, if they have batteries."""
+    return {} if simulation.batteries is None else {"lowest_charge": float(simulation.batteries.charge.min())}
 
 
 def _sentence(event: Event) -> str:

@@ -30,6 +30,10 @@ class StationReport:
     """Share of the run in which the arm was at work for a car."""
     contended_share: float
     """Share of the run in which it was, and another car waited for it."""
+    cap_n: int
+    """Cars it takes at once, bound for it or standing at it."""
+    most_cars_n: int
+    """Most cars it ever had at once."""
     waiting_s: float
     """Time cars waited for it while it was busy, all cars together [s]."""
 
@@ -152,6 +156,8 @@ class Metrics:
                 service_p90_s=round(service.p90_s, 2),
                 busy_share=round(time.busy / ticks, 4),
                 contended_share=round(time.contended / ticks, 4),
+                cap_n=simulation.dispatcher.bookings.caps[station.arm],
+                most_cars_n=simulation.dispatcher.bookings.most[station.arm],
                 waiting_s=round(time.waiting * self._tick_s, 2),
             )
         return reports

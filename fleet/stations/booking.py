@@ -27,6 +27,8 @@ class Bookings:
         self.caps = tuple(caps)
         self.place_of: npt.NDArray[np.int64] = np.full(n_cars, -1, dtype=np.int64)
         """Place each car is bound for, stands at, or waits for, -1 for none, shape (n_cars,)."""
+        self.most = [0] * len(caps)
+        """Most cars each place ever had at once."""
         self._booked: list[list[int]] = [[] for _ in caps]
         self._leaving: list[tuple[int, int]] = []
         self._waiting: list[deque[int]] = [deque() for _ in caps]
@@ -55,6 +57,7 @@ class Bookings:
         if car in self._waiting[place]:
             self._waiting[place].remove(car)
         self._booked[place].append(car)
+        self.most[place] = max(self.most[place], len(self.cars(place)))
         self.place_of[car] = place
         return True
 
