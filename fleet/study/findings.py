@@ -29,16 +29,22 @@ class Bottleneck:
     """A station, `cars`, `traffic` or `orders`."""
     share: float
     """Share of the time it is in use; of `traffic`, share of the cars' time lost in it; of `orders`, share done."""
-    held_share: float = 0.0
-    """Share of the cars' time in which they were idle for want of room at the stations; 0 below `SPARE`."""
+    contended_share: float = 0.0
+    """Of a station: share of the time in which it is, and cars wait for it."""
+    idle_share: float = 0.0
+    """Share of the cars' time in which they have nothing to do although orders are open; 0 below `SPARE`."""
 
     def __str__(self) -> str:
         if self.name == "orders":
             return f"orders ({self.share:.0%} of them delivered)"
         if self.name == "traffic":
             return f"traffic (cars stand in it {self.share:.0%} of their time)"
-        held = f"; no room at stations for cars {self.held_share:.0%} of their time" if self.held_share else ""
-        return f"{self.name} (at work {self.share:.0%} of the time{held})"
+        said = f"{self.name} (at work {self.share:.0%} of the time"
+        if self.name != "cars":
+            said += f", cars waiting for it {self.contended_share:.0%}"
+        if self.idle_share:
+            said += f"; stations have no room for cars {self.idle_share:.0%} of the cars' time"
+        return f"{said})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +57,7 @@ class Point:
     lateness_s: Estimate | None
     """Tardiness, or task time where orders have no due dates [s]; None when nothing was delivered."""
     waiting_share: Estimate
-    """Share of the cars' time in which they stood in traffic or queued for an arm."""
+    """Share of the cars' time in which they stood in traffic or queued for a station."""
     on_time_share: Estimate | None
     gain_per_h: Estimate | None
     """Throughput less that of the reference allocator, on the same seeds; None for the reference itself."""
@@ -122,13 +128,21 @@ def bottleneck(rows: Sequence[Row]) -> Bottleneck:
     done = sum(row.done for row in rows)
     if released and done >= DEMAND_MET * released:
         return Bottleneck(name="orders", share=done / released)
-    shares = {name: float(np.mean([row.station_shares[name] for row in rows])) for name in rows[0].station_shares}
-    shares["traffic"] = float(np.mean([row.traffic for row in rows]))
     idle = float(np.mean([row.idle for row in rows]))
+    stations = {
+        name: np.mean([row.station_shares[name] for row in rows], axis=0).tolist() for name in rows[0].station_shares
+    }
+    shares = {name: busy for name, (busy, _) in stations.items()}
+    shares["traffic"] = float(np.mean([row.traffic for row in rows]))
     if idle < SPARE:
-        shares["cars"] = float(np.mean([row.driving + row.served for row in rows]))
+        shares["cars"] = float(np.mean([row.driving_loaded + row.driving_empty + row.served for row in rows]))
     name = max(shares, key=lambda key: shares[key])
-    return Bottleneck(name=name, share=shares[name], held_share=idle if idle >= SPARE else 0.0)
+    return Bottleneck(
+        name=name,
+        share=shares[name],
+        contended_share=stations[name][1] if name in stations else 0.0,
+        idle_share=idle if idle >= SPARE else 0.0,
+    )
 
 
 def _point(rows: list[Row], reference: dict[int, Row], has_due_dates: bool) -> Point:
@@ -141,7 +155,7 @@ def _point(rows: list[Row], reference: dict[int, Row], has_due_dates: bool) -> P
         robots=rows[0].robots,
         throughput_per_h=_known(rows, lambda row: row.throughput_per_h),
         lateness_s=_mean(rows, (lambda row: row.tardiness_s) if has_due_dates else (lambda row: row.task_time_s)),
-        waiting_share=_known(rows, lambda row: row.traffic + row.queueing),
+        waiting_share=_known(rows, lambda row: row.traffic + row.queue),
         on_time_share=_mean(rows, lambda row: row.on_time_share),
         gain_per_h=None if is_reference else gain,
         bottleneck=bottleneck(rows),

@@ -6,7 +6,6 @@ import numpy as np
 
 from fleet.config import RunConfig
 from fleet.simulation import Simulation
-from fleet.study.probe import CarUse, Probe
 from fleet.study.table import Row
 from fleet.tasks.board import Task, TaskState
 
@@ -17,19 +16,19 @@ def measure(config: RunConfig) -> Row:
     A fleet that comes to a stand with work open is not driven on: nothing will change.
     """
     with Simulation(config) as simulation:
-        probe = Probe(simulation)
         while simulation.sim_s < config.duration_s and (simulation.board.finished or not simulation.stalled):
             simulation.tick()
-            probe.look()
-        return _row(config, simulation, probe)
+        return _row(config, simulation)
 
 
-def _row(config: RunConfig, simulation: Simulation, probe: Probe) -> Row:
+def _row(config: RunConfig, simulation: Simulation) -> Row:
     released = [task for task in simulation.board.tasks if task.state is not TaskState.ORDERED]
     delivered = [task for task in released if TaskState.DELIVERED in task.since_s and task.state in DONE]
     times = [task.since_s[TaskState.DELIVERED] - task.order.release_s for task in delivered]
     tardiness, on_time = _lateness(released, config.duration_s)
-    cars = {use: round(share, 4) for use, share in probe.car_shares().items()}
+    ledger, ticks = simulation.metrics.ledger, max(simulation.now, 1)
+    cars = {name: round(spent / (ticks * config.robots), 4) for name, spent in vars(ledger.fleet_time()).items()}
+    times_of = {station.name: ledger.station_time(station.arm) for station in simulation.stations}
     return Row(
         allocator=config.allocation.allocator,
         robots=config.robots,
@@ -42,13 +41,10 @@ def _row(config: RunConfig, simulation: Simulation, probe: Probe) -> Row:
         task_time_p95_s=round(float(np.percentile(times, 95)), 2) if times else None,
         tardiness_s=tardiness,
         on_time_share=on_time,
-        driving=cars[CarUse.DRIVING],
-        traffic=cars[CarUse.TRAFFIC],
-        queueing=cars[CarUse.QUEUEING],
-        served=cars[CarUse.SERVED],
-        idle=cars[CarUse.IDLE],
-        fault=cars[CarUse.FAULT],
-        stations=" ".join(f"{name}={share:.4f}" for name, share in probe.station_shares().items()),
+        **cars,
+        stations=" ".join(
+            f"{name}={time.busy / ticks:.4f}/{time.contended / ticks:.4f}" for name, time in times_of.items()
+        ),
         stalled=simulation.stalled and not simulation.board.finished,
         state_hash=simulation.state_hash(),
     )

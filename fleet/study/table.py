@@ -33,15 +33,18 @@ class Row:
     open there [s]."""
     on_time_share: float | None
     """Delivered by their due date, of the tasks whose due date came within the run."""
-    driving: float
-    """This and the following five: share of the cars' time."""
+    driving_loaded: float
+    """This and the following seven: share of the cars' time, as the ledger counts it."""
+    driving_empty: float
     traffic: float
-    queueing: float
+    queue: float
     served: float
-    idle: float
+    charging: float
     fault: float
+    idle: float
     stations: str
-    """Share of the time each station's arm worked, as ``pick_1=0.52 drop_1=0.44``."""
+    """Share of the time each station's arm was busy, and of that in which cars waited meanwhile, as
+    ``pick_1=0.52/0.31 drop_1=0.44/0.05``."""
     stalled: bool
     """Nothing went on any more before the time was up."""
     state_hash: str
@@ -52,9 +55,10 @@ class Row:
         return Variant(self.seed, self.robots, self.allocator)
 
     @property
-    def station_shares(self) -> dict[str, float]:
-        """`stations` as numbers."""
-        return {name: float(share) for name, _, share in (part.partition("=") for part in self.stations.split())}
+    def station_shares(self) -> dict[str, tuple[float, float]]:
+        """`stations` as numbers: busy, contended."""
+        parts = [part.partition("=") for part in self.stations.split()]
+        return {name: (float(shares.split("/")[0]), float(shares.split("/")[1])) for name, _, shares in parts}
 
 
 COLUMNS = tuple(field.name for field in fields(Row))

@@ -40,8 +40,8 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
         (allocator, robots, seed) for allocator in ("greedy", "hungarian") for robots in (1, 2) for seed in (0, 1)
     ]
     for row in rows:
-        uses = row.driving + row.traffic + row.queueing + row.served + row.idle + row.fault
-        assert uses == pytest.approx(1.0, abs=1e-3)
+        moving = row.driving_loaded + row.driving_empty + row.served + row.charging
+        assert moving + row.traffic + row.queue + row.fault + row.idle == pytest.approx(1.0, abs=1e-3)
         assert row.done >= 1
         assert not row.stalled
     # The same orders whatever the fleet; more cars deliver more.

@@ -25,13 +25,15 @@ def row(allocator: str = "greedy", robots: int = 2, seed: int = 0, **changes: ob
         "task_time_p95_s": 60.5,
         "tardiness_s": None,
         "on_time_share": None,
-        "driving": 0.5,
+        "driving_loaded": 0.3,
+        "driving_empty": 0.2,
         "traffic": 0.1,
-        "queueing": 0.1,
+        "queue": 0.1,
         "served": 0.28,
-        "idle": 0.02,
+        "charging": 0.0,
         "fault": 0.0,
-        "stations": "pick_1=0.5000 drop_1=0.6000",
+        "idle": 0.02,
+        "stations": "pick_1=0.5000/0.1000 drop_1=0.6000/0.2000",
         "stalled": False,
         "state_hash": "abc",
     }
@@ -94,13 +96,22 @@ def test_rows_that_are_missing_are_left_out_of_the_pairs() -> None:
     ("changes", "name", "said"),
     [
         ({}, "cars", "cars (at work 78% of the time)"),
-        ({"stations": "pick_1=0.8500 drop_1=0.6000"}, "pick_1", "pick_1 (at work 85% of the time)"),
-        ({"driving": 0.1, "traffic": 0.7, "served": 0.1}, "traffic", "traffic (cars stand in it 70% of their time)"),
+        (
+            {"stations": "pick_1=0.8500/0.4 drop_1=0.6000/0.9"},
+            "pick_1",
+            "pick_1 (at work 85% of the time, cars waiting for it 40%)",
+        ),
+        (
+            {"driving_loaded": 0.0, "driving_empty": 0.0, "traffic": 0.7, "served": 0.1},
+            "traffic",
+            "traffic (cars stand in it 70% of their time)",
+        ),
         ({"done": 198}, "orders", "orders (99% of them delivered)"),
         (
-            {"driving": 0.4, "idle": 0.2},
+            {"driving_loaded": 0.2, "idle": 0.2},
             "drop_1",
-            "drop_1 (at work 60% of the time; no room at stations for cars 20% of their time)",
+            "drop_1 (at work 60% of the time, cars waiting for it 20%; "
+            "stations have no room for cars 20% of the cars' time)",
         ),
     ],
 )
