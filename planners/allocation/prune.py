@@ -24,7 +24,7 @@ _FEW = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidates:
-    """Pairs to choose from; no pair stands there twice."""
+    """Pairs to choose from, by vehicle; no pair stands there twice."""
 
     vehicle: Integers
     """Shape (n_pairs,)."""
@@ -32,6 +32,8 @@ class Candidates:
     """Shape (n_pairs,)."""
     cost: Floats
     """Finite, shape (n_pairs,)."""
+    beyond: Floats
+    """A pair of a vehicle that was left out costs at least this, inf if none was, shape (n_vehicles,)."""
     shape: tuple[int, int]
     """Vehicles and tasks."""
 
@@ -44,11 +46,10 @@ def prune(cost: Floats, nearest_n: int) -> Candidates:
         nearest_n: Tasks that a vehicle keeps at most, >= 1.
     """
     kept = min(nearest_n, cost.shape[1])
-    if kept == cost.shape[1]:
-        task = np.broadcast_to(np.arange(kept), cost.shape)
-    else:
-        task = np.argpartition(cost, kept - 1, axis=1)[:, :kept]
-    return _candidates(task, np.take_along_axis(cost, task, axis=1), cost.shape[1])
+    task = np.zeros((len(cost), kept), dtype=np.int32)
+    chosen = np.full(task.shape, np.inf)
+    _cheapest(cost, task, chosen)
+    return _candidates(task, chosen, cost.shape[1])
 
 
 def nearest(distances: Distances, row: Integers, state: Integers, nearest_n: int) -> Candidates:
@@ -90,15 +91,32 @@ def travel_cost(distances: Distances, row: Integers, state: Integers, cost: Floa
     return cost
 
 
-def _candidates(task: npt.NDArray[np.integer], cost: Floats, n_tasks: int) -> Candidates:
-    vehicle = np.broadcast_to(np.arange(len(task))[:, None], task.shape)
+def _candidates(task: Integers, cost: Floats, n_tasks: int) -> Candidates:
+    vehicle = np.broadcast_to(np.arange(len(task), dtype=np.int32)[:, None], task.shape)
     allowed = np.isfinite(cost)
+    all_kept = task.shape[1] == n_tasks
     return Candidates(
-        vehicle=vehicle[allowed].astype(np.int32),
-        task=task[allowed].astype(np.int32),
+        vehicle=vehicle[allowed],
+        task=task[allowed],
         cost=cost[allowed],
+        beyond=np.full(len(task), np.inf) if all_kept else cost.max(axis=1),
         shape=(len(task), n_tasks),
     )
+
+
+@njit(cache=True, nogil=True)
+def _cheapest(cost: Floats, task: Integers, chosen: Floats) -> None:
+    kept = chosen.shape[1]
+    for v in range(cost.shape[0]):
+        last = 0  # where the dearest of those kept stands
+        for t in range(cost.shape[1]):
+            if cost[v, t] >= chosen[v, last]:
+                continue
+            task[v, last] = t
+            chosen[v, last] = cost[v, t]
+            for k in range(kept):
+                if chosen[v, k] > chosen[v, last]:
+                    last = k
 
 
 @njit(cache=True, nogil=True)

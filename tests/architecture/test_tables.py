@@ -54,7 +54,9 @@ FAMILIES = [
     Family(
         package="planners.allocation",
         tables=("ALLOCATORS",),
-        support=frozenset({"problem", "prune", "reasons", "shop", "shop_kernel", "shop_plan", "tours", "validate"}),
+        support=frozenset(
+            {"problem", "prune", "reasons", "shop", "shop_kernel", "shop_plan", "sparse_matching", "tours", "validate"}
+        ),
     ),
     Family(
         package="planners.motion",

@@ -49,19 +49,30 @@ def test_fifo_serves_the_oldest_first_by_the_nearest_vehicle() -> None:
 
 def test_classes_are_strict_and_do_not_cost_pairs() -> None:
     cost = np.array([[1.0, 50.0, 2.0], [1.0, INF, 90.0]])
-    for allocator in (Hungarian(), Hungarian(dense_work=0.0)):
+    for allocator in (Hungarian(), Hungarian(prune_from_n=0)):
         pairs = allocator.allocate(AllocationProblem(cost=cost, class_of=np.array([2, 0, 1], dtype=np.int32))).pairs
         assert pairs.tolist() == [[0, 1], [1, 2]], "the urgent task is served, then the next class, at any cost"
 
 
-def test_pruned_costs_are_enough_for_most_and_the_rest_choose_again() -> None:
+@pytest.mark.parametrize("shape", [(40, 60), (60, 40), (40, 40)])
+@pytest.mark.parametrize("forbidden", [0.0, 0.7])
+@pytest.mark.parametrize("nearest_n", [1, 8, 60])
+def test_a_pruned_matching_that_calls_itself_optimal_is(
+    shape: tuple[int, int], forbidden: float, nearest_n: int
+) -> None:
     rng = np.random.default_rng(0)
-    problem = AllocationProblem(cost=rng.uniform(0.0, 100.0, (40, 60)))
+    cost = rng.uniform(0.0, 100.0, shape)
+    cost[rng.random(shape) < forbidden] = INF
+    problem = AllocationProblem(cost=cost)
     exact = Hungarian().allocate(problem)
-    for nearest_n, at_most in ((60, 1.0), (12, 1.01), (1, 2.0)):
-        pruned = Hungarian(dense_work=0.0, nearest_n=nearest_n).allocate(problem)
-        assert len(pruned.pairs) == 40
-        assert exact.cost - 1e-9 <= pruned.cost <= at_most * exact.cost + 1e-9
+    pruned = Hungarian(prune_from_n=0, nearest_n=nearest_n, dense_work=0.0).allocate(problem)
+    assert len(pruned.pairs) <= len(exact.pairs)
+    if pruned.status is Status.OPTIMAL:
+        assert pruned.cost == pytest.approx(exact.cost)
+    elif len(pruned.pairs) == len(exact.pairs):
+        assert pruned.cost >= exact.cost - 1e-9
+    assert (pruned.status is Status.OPTIMAL) or nearest_n < 60 or forbidden
+    assert Hungarian(prune_from_n=0, nearest_n=nearest_n).allocate(problem).cost == pytest.approx(exact.cost)
 
 
 @pytest.mark.parametrize("allocator", [Auction(), Cbba()])
