@@ -50,6 +50,7 @@ class Executor:
         self._waited_s = np.zeros(self._n_cars)  # held up by nothing but the order
         self._still_s = np.zeros(self._n_cars)  # since the last grant or finish
         self._closed_n = np.zeros(graph.n_cells, dtype=np.int64)
+        self._closed = np.zeros(graph.n_cells, dtype=np.bool_)
         self._dirty = True
 
     def accept(self, plan: Plan) -> None:
@@ -75,10 +76,12 @@ class Executor:
     def close(self, cell: int) -> None:
         """Grant nobody entry to a cell until as many calls of `open`; cars that hold it keep it."""
         self._closed_n[cell] += 1
+        self._closed[cell] = True
 
     def open(self, cell: int) -> None:
         """End a `close`; the cell stays closed while there are others."""
         self._closed_n[cell] -= 1
+        self._closed[cell] = self._closed_n[cell] > 0
         self._dirty = True
 
     def close_if_free(self, cell: int) -> bool:
@@ -124,14 +127,15 @@ class Executor:
         finished = self.driver.finished()
         if finished:
             self.dependencies.finish_all(finished)
-            self._still_s[finished] = 0.0
+            for car in finished:
+                self._still_s[car] = 0.0
             self._dirty = True
         self._reorder(world.tick_s)
         if self._dirty:
-            cars, moves = self.dependencies.grant_all(self._config.grant_moves_n, self._closed_n > 0)
+            cars, moves = self.dependencies.grant_all(self._config.grant_moves_n, self._closed)
             for car, move in zip(cars, moves, strict=True):
                 self.driver.append(car, move)
-            self._still_s[cars] = 0.0
+                self._still_s[car] = 0.0
             self._dirty = False
         return commands
 
