@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -140,6 +141,20 @@ class EstimateConfig:
         require(0 <= self.latency_ticks <= 30, "estimate.latency_ticks", self.latency_ticks, "an integer from 0 to 30")
 
 
+@dataclass(frozen=True, kw_only=True)
+class CarConfig:
+    """What sets one car apart from others of its model."""
+
+    capabilities: tuple[str, ...] = ()
+    """Names that orders can ask for in `needs`."""
+    max_payload_kg: float | None = None
+    """Greatest parcel it may carry [kg]; None = what its model can."""
+
+    def __post_init__(self) -> None:
+        if self.max_payload_kg is not None:
+            _positive("max_payload_kg", self.max_payload_kg)
+
+
 EVENT_PARAMETERS: dict[str, dict[str, tuple[float, float]]] = {
     "car_dead": {},
     "arm_slow": {"factor": (0.01, 1.0), "duration_s": (0.0, 1e6)},
@@ -182,7 +197,9 @@ class RunConfig:
     tasks: int | None = None
     """Generated deliveries; None = two per car, at least six. Ignored with `orders`."""
     orders: Path | None = None
-    """CSV file of orders."""
+    """CSV or JSON file of orders."""
+    cars: Mapping[str, CarConfig] = field(default_factory=dict)
+    """What is special about single cars, by name (`car_0`, ...)."""
     seed: int = 0
     duration_s: float = 3600.0
     """Simulated time after which the run ends even if tasks are open [s]."""
@@ -210,6 +227,9 @@ class RunConfig:
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
         _positive("--duration", self.duration_s)
+        names = [f"car_{car}" for car in range(self.robots)]
+        for name in self.cars:
+            require(name in names, "cars", name, f"car_0 to {names[-1]}")
         _not_negative("collect_after_s", self.collect_after_s)
 
     @property

@@ -39,7 +39,7 @@ COUNTED = {
     "failed": (TaskState.FAILED,),
 }
 """Groups of task states that are counted over time."""
-LOUD = frozenset({"off_lane", "plan_cut", "rejoin_impossible", "transfer_repeated", "disturbance"})
+LOUD = frozenset({"off_lane", "plan_cut", "rejoin_impossible", "transfer_repeated", "disturbance", "order_refused"})
 """Events that a person should notice in the log."""
 
 
@@ -57,6 +57,8 @@ class Result(Summary):
     robots: int
     fidelity: str
     interrupted: bool
+    orders_refused: tuple[str, ...]
+    """One line for each order of the file that could not be accepted."""
     versions: dict[str, str]
 
 
@@ -102,6 +104,8 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         if session.serve:
             progress.say(f"live: rerun --connect rerun+http://127.0.0.1:{session.port}/proxy")
+        for refusal in simulation.refused:
+            progress.say(f"order refused: {refusal}")
         watch = _Watch(simulation, recorder)
 
         def emit(event: Event) -> None:
@@ -123,6 +127,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
             robots=config.robots,
             fidelity=str(config.fidelity),
             interrupted=bool(interrupted),
+            orders_refused=tuple(map(str, simulation.refused)),
             versions=versions(),
         )
         run_file.result(result)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import RunConfig, require
+from fleet.config import CarConfig, RunConfig, require
 from fleet.dispatcher import Dispatcher
 from fleet.disturbance import Disturbances
 from fleet.driving import Driver, PathDriver, StateDriver
@@ -22,7 +22,8 @@ from fleet.stations.arm_desk import ArmDesk, ArmPlanner
 from fleet.stations.arm_planner import make_arm_planner
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
-from fleet.tasks.order import Order, generate_orders, read_orders
+from fleet.tasks.order import Ability, generate_orders
+from fleet.tasks.order_file import OrderBook, read_orders
 from fleet.traffic import Traffic
 from fleet.world import make_world
 from fleet.world.grid import GridWorld
@@ -76,7 +77,7 @@ class Simulation:
     Raises:
         ConfigError: The site has no room for that many robots, or no planner or allocator has that name.
         SiteError: The site cannot be read or served.
-        OrdersError: The orders file is malformed.
+        OrdersError: The orders file cannot be read, or none of its orders can be accepted.
     """
 
     def __init__(self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None) -> None:
@@ -93,12 +94,14 @@ class Simulation:
         require(allocation.allocator in ALLOCATORS, "--allocator", allocation.allocator, ", ".join(ALLOCATORS))
         self.on_event = on_event
         orders_seed, estimate_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(3)
-        self.orders = self._orders(np.random.default_rng(orders_seed))
         self.graph: LaneGraph = build_lane_graph(self.site)
         start_states = np.array(
             [self.graph.states_of_cell(cell)[0] for cell in self.site.parking[: config.robots]], dtype=np.int32
         )
         self.scene: Scene = scene_of(self.site, self.graph.state_pose[start_states], config.grip)
+        self.abilities = self._abilities()
+        book = self._orders(np.random.default_rng(orders_seed))
+        self.orders, self.refused = book.orders, book.refused
         self.arm_planner: ArmPlanner = self._arm_planner()
         with ExitStack() as undo:
             # A run that is refused leaves no planning process behind.
@@ -137,6 +140,8 @@ class Simulation:
             self.arm_planner.wait_ready()
             undo.pop_all()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
+        for refusal in self.refused:
+            self.log("order_refused", task=refusal.name, where=refusal.where, cause=refusal.cause)
 
     @property
     def sim_s(self) -> float:
@@ -204,10 +209,18 @@ class Simulation:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _orders(self, rng: np.random.Generator) -> tuple[Order, ...]:
+    def _abilities(self) -> tuple[Ability, ...]:
+        found = []
+        for car in range(self.config.robots):
+            own = self.config.cars.get(f"car_{car}", CarConfig())
+            payload_kg = self.scene.car.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
+            found.append(Ability(max_payload_kg=payload_kg, capabilities=frozenset(own.capabilities)))
+        return tuple(found)
+
+    def _orders(self, rng: np.random.Generator) -> OrderBook:
         if self.config.orders is not None:
-            return read_orders(self.config.orders, self.site)
-        return generate_orders(self.site, self.config.n_tasks, self.config.robots, rng)
+            return read_orders(self.config.orders, self.site, self.abilities)
+        return OrderBook(orders=generate_orders(self.site, self.config.n_tasks, self.config.robots, rng))
 
     def _arm_planner(self) -> ArmPlanner:
         names = tuple(station.name for station in self.site.stations)

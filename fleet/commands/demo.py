@@ -30,7 +30,8 @@ class Demo:
     tasks: int | None = None
     """Number of deliveries; default two per car, at least 6."""
     orders: Path | None = None
-    """CSV file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m."""
+    """CSV or JSON file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m and, if wanted,
+    due_s,priority,after,picks,needs."""
     events: Path | None = None
     """TOML file of disturbances: [[event]] tables of time_s, kind (car_dead, arm_slow, lane_blocked, car_pushed),
     target and parameters."""
