@@ -34,6 +34,18 @@ class Connect(StrEnum):
     SHARED_MEMORY = "SHARED_MEMORY"
 
 
+class StreamKind(StrEnum):
+    """How generated orders arrive, and how they spread over the stations."""
+
+    POISSON = "poisson"
+    """One by one at a mean rate, all stations alike."""
+    WAVES = "waves"
+    """Many at once, then none for a while, at the same mean rate."""
+    SKEWED = "skewed"
+    """As `poisson`; few stations get most orders."""
+    SKEWED_WAVES = "skewed_waves"
+
+
 def require(ok: bool, what: str, value: object, valid: str) -> None:
     """Refuse a setting outside its valid range.
 
@@ -142,6 +154,43 @@ class EstimateConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StreamConfig:
+    """A stream of generated orders with due dates and priorities."""
+
+    kind: StreamKind = StreamKind.POISSON
+    rate_per_h: float = 120.0
+    """Mean number of orders per hour."""
+    wave_s: float = 600.0
+    """Time from the beginning of one wave to that of the next [s]."""
+    wave_share: float = 0.2
+    """Part of that time in which the orders of a wave arrive."""
+    zipf: float = 1.0
+    """Exponent of a skewed stream: the k-th most popular station is drawn with a weight of 1 / k ** zipf."""
+    due_share: float = 0.8
+    """Part of the orders that have a due date."""
+    slack_s: tuple[float, float] = (120.0, 600.0)
+    """Least and greatest time from release to due date [s], drawn evenly."""
+    emergency_share: float = 0.05
+    """Part of the orders in the class `emergency`."""
+    idle_share: float = 0.15
+    """Part of the orders in the class `idle`."""
+
+    def __post_init__(self) -> None:
+        require(self.kind in list(StreamKind), "--stream", self.kind, ", ".join(StreamKind))
+        object.__setattr__(self, "kind", StreamKind(self.kind))
+        _positive("--rate", self.rate_per_h)
+        _positive("stream.wave_s", self.wave_s)
+        _not_negative("stream.zipf", self.zipf)
+        require(0 < self.wave_share <= 1, "stream.wave_share", self.wave_share, "a number > 0, at most 1")
+        for name in ("due_share", "emergency_share", "idle_share"):
+            require(0 <= getattr(self, name) <= 1, f"stream.{name}", getattr(self, name), "a number from 0 to 1")
+        classes = self.emergency_share + self.idle_share
+        require(classes <= 1, "stream.emergency_share + stream.idle_share", classes, "at most 1")
+        low, high = self.slack_s
+        require(0 <= low <= high < math.inf, "stream.slack_s", self.slack_s, "two numbers >= 0, ascending")
+
+
+@dataclass(frozen=True, kw_only=True)
 class CarConfig:
     """What sets one car apart from others of its model."""
 
@@ -195,7 +244,10 @@ class RunConfig:
     robots: int = 3
     """Number of cars."""
     tasks: int | None = None
-    """Generated deliveries; None = two per car, at least six. Ignored with `orders`."""
+    """Generated deliveries; None = two per car, at least six, or all that a `stream` brings in `duration_s`. Ignored
+    with `orders`."""
+    stream: StreamConfig | None = None
+    """How generated deliveries arrive; None = one for each car at once, then enough to keep the fleet busy."""
     orders: Path | None = None
     """CSV or JSON file of orders."""
     cars: Mapping[str, CarConfig] = field(default_factory=dict)

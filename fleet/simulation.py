@@ -24,6 +24,7 @@ from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Ability, generate_orders
 from fleet.tasks.order_file import OrderBook, read_orders
+from fleet.tasks.stream import stream_orders
 from fleet.traffic import Traffic
 from fleet.world import make_world
 from fleet.world.grid import GridWorld
@@ -220,6 +221,9 @@ class Simulation:
     def _orders(self, rng: np.random.Generator) -> OrderBook:
         if self.config.orders is not None:
             return read_orders(self.config.orders, self.site, self.abilities)
+        if self.config.stream is not None:
+            orders = stream_orders(self.site, self.config.stream, self.config.duration_s, self.config.tasks, rng)
+            return OrderBook(orders=orders)
         return OrderBook(orders=generate_orders(self.site, self.config.n_tasks, self.config.robots, rng))
 
     def _arm_planner(self) -> ArmPlanner:

@@ -6,13 +6,23 @@ import math
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from fleet.config import AllocationConfig, Connect, Fidelity, Grip, RunConfig, TrafficConfig, require
+from fleet.config import (
+    AllocationConfig,
+    Connect,
+    Fidelity,
+    Grip,
+    RunConfig,
+    StreamConfig,
+    StreamKind,
+    TrafficConfig,
+    require,
+)
 from fleet.errors import ConfigError
 from fleet.scenario import read_events
 
@@ -28,7 +38,11 @@ class Demo:
     site: str = "small"
     """Name of a shipped site (see `site list`) or path of a site file."""
     tasks: int | None = None
-    """Number of deliveries; default two per car, at least 6."""
+    """Number of deliveries; default two per car, at least 6, or all that a stream brings in the time."""
+    stream: StreamKind | None = None
+    """Orders that arrive over time with due dates and priorities: poisson, waves, skewed or skewed_waves."""
+    rate: float | None = None
+    """Orders per hour of a stream; default 120."""
     orders: Path | None = None
     """CSV or JSON file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m and, if wanted,
     due_s,priority,after,picks,needs."""
@@ -74,6 +88,7 @@ class Demo:
             robots=self.robots,
             tasks=self.tasks,
             orders=self.orders,
+            stream=self._stream(),
             events=read_events(self.events) if self.events else (),
             seed=self.seed,
             duration_s=self.duration,
@@ -110,9 +125,20 @@ class Demo:
             ("--serve", self.serve, not self.no_record, "without --no-record"),
             ("--view", self.view, not self.no_record, "without --no-record"),
             ("--tasks", self.tasks is not None, self.orders is None, "without --orders"),
+            ("--stream", self.stream is not None, self.orders is None, "without --orders"),
+            ("--rate", self.rate is not None, self.stream is not None, "with --stream"),
         ):
             if given and not fits:
                 raise ConfigError(f"{option} does not go with the other options; valid: {option} {valid}")
+
+    def _stream(self) -> StreamConfig | None:
+        if self.stream is None:
+            return None
+        return (
+            StreamConfig(kind=self.stream)
+            if self.rate is None
+            else StreamConfig(kind=self.stream, rate_per_h=self.rate)
+        )
 
 
 def _table(result: dict[str, object]) -> Table:
