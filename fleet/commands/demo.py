@@ -39,7 +39,7 @@ class Demo:
     """Name of a shipped site (see `site list`) or path of a site file."""
     tasks: int | None = None
     """Number of deliveries; default two per car, at least 6, or all that a stream brings in the time."""
-    stream: StreamKind | None = None
+    stream: str | None = None
     """Orders that arrive over time with due dates and priorities: poisson, waves, skewed or skewed_waves."""
     rate: float | None = None
     """Orders per hour of a stream; default 120."""
@@ -120,6 +120,7 @@ class Demo:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
         require(math.isfinite(self.speed) and self.speed >= 0, "--speed", self.speed, "a number >= 0")
         require(0 < self.port < 1 << 16, "--port", self.port, f"an integer from 1 to {(1 << 16) - 1}")
+        require(self.stream in (None, *StreamKind), "--stream", self.stream, ", ".join(StreamKind))
         for option, given, fits, valid in (
             ("--gui", self.gui, self.fidelity is Fidelity.PHYSICS, "with --fidelity physics"),
             ("--serve", self.serve, not self.no_record, "without --no-record"),
@@ -134,11 +135,8 @@ class Demo:
     def _stream(self) -> StreamConfig | None:
         if self.stream is None:
             return None
-        return (
-            StreamConfig(kind=self.stream)
-            if self.rate is None
-            else StreamConfig(kind=self.stream, rate_per_h=self.rate)
-        )
+        usual = StreamConfig(kind=StreamKind(self.stream))
+        return usual if self.rate is None else replace(usual, rate_per_h=self.rate)
 
 
 def _table(result: dict[str, object]) -> Table:

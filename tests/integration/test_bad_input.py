@@ -71,7 +71,7 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--serve", "--no-record"], ["--serve", "without --no-record"]),
         (["--view", "--no-record"], ["--view", "without --no-record"]),
         (["--tasks", "3", "--orders", "some.csv"], ["--tasks", "without --orders"]),
-        (["--stream", "tide"], ["--stream is 'tide'", "valid: poisson, skewed, skewed_waves, waves"]),
+        (["--stream", "tide"], ["--stream is 'tide'", "valid: poisson, waves, skewed, skewed_waves"]),
         (["--stream", "waves", "--orders", "some.csv"], ["--stream", "without --orders"]),
         (["--stream", "waves", "--rate", "0"], ["--rate is 0.0", "a number > 0"]),
         (["--rate", "10"], ["--rate", "with --stream"]),
