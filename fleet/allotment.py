@@ -6,6 +6,7 @@ import numpy as np
 
 from fleet.config import AllocationConfig
 from fleet.executor import Executor
+from fleet.stations.booking import Bookings
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.traffic import Traffic
@@ -23,6 +24,7 @@ class Allotment:
         config: Allocator, caps, ageing.
         board: The tasks.
         stations: All stations.
+        bookings: Room at the stations.
         traffic: Gives distances on the lane graph.
         executor: Gives the states cars can be sent from.
     """
@@ -32,12 +34,14 @@ class Allotment:
         config: AllocationConfig,
         board: TaskBoard,
         stations: list[Station],
+        bookings: Bookings,
         traffic: Traffic,
         executor: Executor,
     ) -> None:
         self._config = config
         self._board = board
         self._by_name = {station.name: station for station in stations}
+        self._bookings = bookings
         self._traffic = traffic
         self._executor = executor
         self._allocator = ALLOCATORS[config.allocator]()
@@ -67,18 +71,18 @@ class Allotment:
 
     def _candidates(self) -> list[Task]:
         """Ready tasks, oldest first, as many as the caps of their stations allow."""
-        cap = self._config.station_cap_n
-        bound: dict[str, int] = {}
+        pick_room, drop_room = {}, {}
+        for name, station in self._by_name.items():
+            pick_room[name] = self._bookings.room(station.arm)
+            # A drop station may have one more under way: it is held back if it arrives too early.
+            drop_room[name] = self._bookings.caps[station.arm] + 1
         for task in self._board.in_state(*UNDER_WAY):
-            if task.state in (TaskState.ASSIGNED, TaskState.LOADING):
-                bound[task.order.pick] = bound.get(task.order.pick, 0) + 1
-            bound[task.order.drop] = bound.get(task.order.drop, 0) + 1
+            drop_room[task.order.drop] -= 1
         chosen = []
         for task in self._board.in_state(TaskState.READY):
             pick, drop = task.order.pick, task.order.drop
-            # A drop station may have one more under way: its cars are still far when they are chosen.
-            if bound.get(pick, 0) < cap and bound.get(drop, 0) < cap + 1:
-                bound[pick] = bound.get(pick, 0) + 1
-                bound[drop] = bound.get(drop, 0) + 1
+            if pick_room[pick] > 0 and drop_room[drop] > 0:
+                pick_room[pick] -= 1
+                drop_room[drop] -= 1
                 chosen.append(task)
         return chosen

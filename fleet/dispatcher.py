@@ -10,7 +10,9 @@ from fleet.allotment import Allotment
 from fleet.config import RunConfig
 from fleet.executor import Executor
 from fleet.stations.arm_desk import ArmDesk
+from fleet.stations.booking import Bookings
 from fleet.stations.service import ServiceState
+from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
 from fleet.stations.transfer import TRAY, TransferRequest
 from fleet.stock import Log, Stock
@@ -34,12 +36,22 @@ class CarPhase(StrEnum):
     IDLE = "idle"
     TO_PICK = "to_pick"
     LOADING = "loading"
+    HELD = "held"
+    """Loaded; its drop station is full, so it waits where it is in nobody's way until it is called."""
     TO_DROP = "to_drop"
     UNLOADING = "unloading"
     RECOVERING = "recovering"
     RETIRED = "retired"
     """Drives, but takes no task: a parcel that could not be unloaded lies in its tray."""
     DEAD = "dead"
+
+
+PHASES = tuple(CarPhase)
+_BOOKED = frozenset({CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.TO_DROP, CarPhase.UNLOADING})
+"""Phases of a car that has a booking."""
+_LOADED = frozenset({CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING})
+_PARKED = frozenset({CarPhase.IDLE, CarPhase.RETIRED, CarPhase.HELD})
+"""Phases of a car that waits in a parking place."""
 
 
 class Dispatcher:
@@ -75,11 +87,17 @@ class Dispatcher:
         self.board = board
         self.stations = stations
         self.phase = [CarPhase.IDLE] * world.n_cars
+        self.phase_index = np.zeros(world.n_cars, dtype=np.int64)
+        """The same as an index into `PHASES`, shape (n_cars,)."""
+        self.served = np.full(len(stations), -1, dtype=np.int64)
+        """The car each arm is at work on, or on its way home from, -1 for none, shape (n_stations,)."""
+        self.bookings = Bookings([config.allocation.station_cap_n] * len(stations), world.n_cars)
         self.task_of: list[Task | None] = [None] * world.n_cars
         self.loaded = np.zeros(world.n_cars, dtype=np.int64)
         """1 for a car with a parcel, else 0."""
         self.bound = np.zeros(world.n_cars, dtype=np.bool_)
         """True for a car on its way to a station."""
+        self.service_times = ServiceTimes(len(stations))
         self.stock = Stock(board, stations, desk.car, world, log)
         self._graph = graph
         self._config = config
@@ -89,9 +107,10 @@ class Dispatcher:
         self._world = world
         self._log = log
         self._by_name = {station.name: station for station in stations}
-        self._allotment = Allotment(config.allocation, board, stations, traffic, executor)
+        self._allotment = Allotment(config.allocation, board, stations, self.bookings, traffic, executor)
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
+        self._dock_cells = [self._dock_cell(station) for station in stations]
         self._parking = _parking_states(site, graph)
         self._changed = True
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
@@ -100,6 +119,8 @@ class Dispatcher:
         """Release, collect, allocate, and start or end services."""
         self.board.release_due(now_s)
         self._changed |= self.stock.tick(now_s)
+        self._changed |= self.bookings.clear(self._stands_at)
+        self._call(tick)
         if self._changed or tick % self._period == 0:
             self._changed = False
             self._take_back(now_s)
@@ -132,18 +153,53 @@ class Dispatcher:
         """Bring a recovered car back into service with what it was doing."""
         task = self.task_of[car]
         if task is not None and task.state is TaskState.CARRIED:
-            self._enter(car, CarPhase.TO_DROP)
-            self._send_to(car, self._by_name[task.order.drop], tick)
+            self._set_off(car, task, tick)
         else:
             self._enter(car, CarPhase.RETIRED if self.stock.tray_is_loaded(car) else CarPhase.IDLE)
         self._changed = True
 
     def _enter(self, car: int, phase: CarPhase) -> None:
         self.phase[car] = phase
-        self.loaded[car] = phase in (CarPhase.TO_DROP, CarPhase.UNLOADING)
+        self.phase_index[car] = PHASES.index(phase)
+        self.loaded[car] = phase in _LOADED
         self.bound[car] = phase in (CarPhase.TO_PICK, CarPhase.TO_DROP)
+        if phase not in _BOOKED:
+            self._leave(car)
+
+    def _stands_at(self, car: int, place: int) -> bool:
+        """Whether a car still holds the dock of a station."""
+        return self._dock_cells[place] in self._executor.dependencies.held_cells(car)
+
+    def _leave(self, car: int) -> None:
+        place = int(self.bookings.place_of[car])
+        self.bookings.leave(car, stands_there=place >= 0 and self._stands_at(car, place))
+
+    def _set_off(self, car: int, task: Task, tick: int) -> None:
+        """Send a loaded car to its drop station, or hold it back while that is full."""
+        station = self._by_name[task.order.drop]
+        self._leave(car)
+        if not self.bookings.waiting(station.arm) and self.bookings.book(car, station.arm):
+            self._enter(car, CarPhase.TO_DROP)
+            self._send_to(car, station, tick)
+            return
+        self._enter(car, CarPhase.HELD)
+        self.bookings.wait(car, station.arm)
+        there = ", ".join(f"car_{other}" for other in self.bookings.cars(station.arm))
+        task.reason = f"car_{car} is held: {station.name} is full ({there})"
+        self._log("held", car=f"car_{car}", task=task.order.name, station=station.name, cause=task.reason)
+
+    def _call(self, tick: int) -> None:
+        """Let cars that were held back go on when their station has room."""
+        for car, place in self.bookings.callable_cars():
+            if self.phase[car] is CarPhase.HELD and self.bookings.book(car, place):
+                self._enter(car, CarPhase.TO_DROP)
+                self._send_to(car, self.stations[place], tick)
+                self._log("called", car=f"car_{car}", station=self.stations[place].name)
 
     def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        self._leave(car)
+        if not self.bookings.book(car, self._by_name[task.order.pick].arm):
+            return
         task.car = car
         self.task_of[car] = task
         self._enter(car, CarPhase.TO_PICK)
@@ -164,7 +220,7 @@ class Dispatcher:
         tails = self._executor.tail_states()
         for car, phase in enumerate(self.phase):
             task = self.task_of[car]
-            if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP):
+            if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD):
                 continue
             name = task.order.pick if phase is CarPhase.TO_PICK else task.order.drop
             if self._traffic.reachable(int(tails[car]), self._by_name[name].dock_state):
@@ -181,8 +237,8 @@ class Dispatcher:
         self._traffic.send(car, station.dock_state, stay=True, tick=tick)
 
     def _park(self, tick: int) -> None:
-        """Send every idle car to the nearest parking place that no other idle car has."""
-        idle = [car for car, phase in enumerate(self.phase) if phase in (CarPhase.IDLE, CarPhase.RETIRED)]
+        """Send every car that waits to the nearest parking place that no other such car has."""
+        idle = [car for car, phase in enumerate(self.phase) if phase in _PARKED]
         taken = {int(self._traffic.goals[car]) for car in idle}
         tails = self._executor.tail_states()
         for car in idle:
@@ -220,7 +276,9 @@ class Dispatcher:
             self._traffic.set_fixed(car, True)
             self._executor.close(self._dock_cell(station))
             self._serving[station.arm] = car
+            self.served[station.arm] = car
             self._world.set_serving(station.arm, car)
+            self.service_times.begin(station.arm, Direction.TO_CAR if loading else Direction.FROM_CAR, now_s)
             self._request(station, task, car, tick)
 
     def _request(self, station: Station, task: Task, car: int, tick: int) -> None:
@@ -251,7 +309,9 @@ class Dispatcher:
                 self._judge(station, task, car, service.state, tick, now_s)
             if self._desk.is_idle(arm) and self.phase[car] not in (CarPhase.LOADING, CarPhase.UNLOADING):
                 del self._serving[arm]
+                self.served[arm] = -1
                 self._world.set_serving(arm, -1)
+                self.service_times.end(arm, now_s)
                 self._executor.open(self._dock_cell(station))
 
     def _judge(self, station: Station, task: Task, car: int, state: ServiceState, tick: int, now_s: float) -> None:
@@ -260,6 +320,7 @@ class Dispatcher:
         slot = task.pick_slot if loading else task.drop_slot
         on_slot, in_tray = self.stock.on_slot(task, slot, station), self.stock.in_tray(task, car)
         if state in (ServiceState.DONE, ServiceState.MOVING, ServiceState.IDLE) and (in_tray if loading else on_slot):
+            self.service_times.complete(station.arm)
             if loading:
                 self._loaded(station, task, car, tick, now_s)
             else:
@@ -301,9 +362,8 @@ class Dispatcher:
         if self.phase[car] is CarPhase.DEAD:
             self._strand(task, car, now_s, f"car_{car} is dead")
         elif self.phase[car] is not CarPhase.RECOVERING:
-            self._enter(car, CarPhase.TO_DROP)
             self._traffic.set_fixed(car, False)
-            self._send_to(car, self._by_name[task.order.drop], tick)
+            self._set_off(car, task, tick)
 
     def _delivered(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
         self.board.move(task, TaskState.DELIVERED, now_s, f"measured on slot {task.drop_slot} of {station.name}")

@@ -1,0 +1,59 @@
+"""What is learnt about arms: means, percentiles, and what does not count."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fleet.stations.service_time import PRIOR_MEAN_S, PRIOR_P90_S, WINDOW_N, Direction, ServiceTime, ServiceTimes
+
+
+def test_the_prior_holds_before_the_first_sample() -> None:
+    learnt = ServiceTime()
+    assert (learnt.mean_s, learnt.p90_s, learnt.n) == (PRIOR_MEAN_S, PRIOR_P90_S, 0)
+    learnt.add(3.0)
+    assert (learnt.mean_s, learnt.p90_s, learnt.n) == (3.0, 3.0, 1)
+
+
+@pytest.mark.parametrize("count", [1, 5, 10, 31, 32, 33, 100])
+def test_mean_and_percentile_are_those_of_the_last_samples(count: int) -> None:
+    samples = np.random.default_rng(count).exponential(7.0, count).round(1).tolist()
+    learnt = ServiceTime()
+    for sample in samples:
+        learnt.add(sample)
+    last = sorted(samples[-WINDOW_N:])
+    assert learnt.n == count
+    assert learnt.mean_s == pytest.approx(np.mean(last))
+    assert learnt.p90_s == last[math.ceil(0.9 * len(last)) - 1]
+
+
+def test_an_arm_that_has_become_slow_is_noticed() -> None:
+    learnt = ServiceTime()
+    for sample in [7.0] * 500 + [21.0] * WINDOW_N:
+        learnt.add(sample)
+    assert (learnt.mean_s, learnt.p90_s) == (21.0, 21.0)
+
+
+def test_a_service_counts_for_its_direction_until_the_arm_is_home() -> None:
+    times = ServiceTimes(2)
+    times.begin(1, Direction.TO_CAR, 10.0)
+    times.complete(1)
+    times.end(1, 18.5)
+    assert times.of(1, Direction.TO_CAR).mean_s == 8.5
+    assert times.of(1, Direction.FROM_CAR).n == 0
+    assert times.of(0, Direction.TO_CAR).n == 0
+
+
+def test_a_service_that_failed_teaches_nothing() -> None:
+    times = ServiceTimes(1)
+    times.begin(0, Direction.FROM_CAR, 0.0)
+    times.end(0, 1.0)
+    assert times.of(0, Direction.FROM_CAR).n == 0
+
+
+def test_the_time_left_runs_down_to_zero() -> None:
+    times = ServiceTimes(1)
+    assert times.left_s(0, 5.0) == 0.0
+    times.begin(0, Direction.TO_CAR, 5.0)
+    assert times.left_s(0, 7.0) == PRIOR_MEAN_S - 2.0
+    assert times.left_s(0, 99.0) == 0.0
