@@ -109,12 +109,39 @@ class AllocationConfig:
     """Name in `planners.allocation.ALLOCATORS`."""
     station_cap_n: int = 2
     """Cars bound for or standing at one station at once; more would queue into the aisles."""
-    ageing_m_per_s: float = 0.5
-    """Metres of travel that one second of waiting is worth, so that no task starves."""
+    ageing: float = 0.5
+    """Seconds of travel that one second of waiting since the release is worth, so that no task starves."""
+    lateness: float = 1.0
+    """Seconds of travel that one second of lateness is worth."""
+    keep_gain_s: float = 5.0
+    """A car that is under way to a pick station gives its task away only if more than this is gained [s] ..."""
+    keep_share: float = 0.1
+    """... and more than this share of what the task costs it."""
 
     def __post_init__(self) -> None:
         require(self.station_cap_n >= 1, "allocation.station_cap_n", self.station_cap_n, "an integer >= 1")
-        _not_negative("allocation.ageing_m_per_s", self.ageing_m_per_s)
+        _not_negative("allocation.ageing", self.ageing)
+        _not_negative("allocation.lateness", self.lateness)
+        _not_negative("allocation.keep_gain_s", self.keep_gain_s)
+        require(0 <= self.keep_share <= 1, "allocation.keep_share", self.keep_share, "a number from 0 to 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeoutConfig:
+    """How long a task may stay in a state before something is done about it [s]; inf = for ever."""
+
+    waiting_s: float = math.inf
+    """From the release until a car has it; then it is cancelled."""
+    assigned_s: float = 900.0
+    """On the way to the pick station; then another car gets it, if there is one."""
+    service_s: float = math.inf
+    """At a dock; then it fails, and the car goes on when the arm is clear."""
+    carried_s: float = math.inf
+    """From the pick dock to the drop dock; then it fails, and the car takes no more tasks."""
+
+    def __post_init__(self) -> None:
+        for name in ("waiting_s", "assigned_s", "service_s", "carried_s"):
+            require(getattr(self, name) > 0, f"timeouts.{name}", getattr(self, name), "a number > 0, or inf")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,6 +292,7 @@ class RunConfig:
     events: tuple[ScenarioEvent, ...] = ()
     traffic: TrafficConfig = field(default_factory=TrafficConfig)
     allocation: AllocationConfig = field(default_factory=AllocationConfig)
+    timeouts: TimeoutConfig = field(default_factory=TimeoutConfig)
     arms: ArmConfig = field(default_factory=ArmConfig)
     estimate: EstimateConfig = field(default_factory=EstimateConfig)
 

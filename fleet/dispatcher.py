@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 
 import numpy as np
 
 from fleet.allotment import Allotment
 from fleet.config import RunConfig
+from fleet.errors import FleetError
 from fleet.executor import Executor
 from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.booking import Bookings
@@ -16,7 +18,9 @@ from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
 from fleet.stations.transfer import TRAY, TransferRequest
 from fleet.stock import Log, Stock
-from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.board import CANCELLABLE, Task, TaskBoard, TaskState
+from fleet.tasks.order import Ability, Priority
+from fleet.tasks.reasons import PairReason, ReasonBook
 from fleet.traffic import Traffic
 from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
@@ -26,6 +30,8 @@ ALLOCATE_S = 1.0
 """Longest time between two allocations; every change of tasks or cars asks for one at once [s]."""
 LOADED_RANK_S = 30.0
 """Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
+EMERGENCY_RANK_S = 60.0
+"""Head start of a car with a task of the class `emergency` [s]."""
 MAX_ATTEMPTS = 3
 """Transfers tried for one errand before its task fails."""
 
@@ -54,6 +60,20 @@ _PARKED = frozenset({CarPhase.IDLE, CarPhase.RETIRED, CarPhase.HELD})
 """Phases of a car that waits in a parking place."""
 
 
+_STANDING = {phase: PairReason.CAR_BUSY for phase in CarPhase} | {
+    phase: PairReason.CAR_OUT for phase in (CarPhase.RECOVERING, CarPhase.RETIRED, CarPhase.DEAD)
+}
+"""Why a car in a phase cannot take a task."""
+
+
+class CannotCancel(FleetError):
+    """A task is asked back whose parcel the fleet already has, or that has ended."""
+
+
+class CannotRequeue(FleetError):
+    """A task is to be taken from a car that is not under way to pick it."""
+
+
 class Dispatcher:
     """Missions of all cars.
 
@@ -67,6 +87,7 @@ class Dispatcher:
         traffic: Takes goals.
         executor: Tells where cars are.
         world: Where parcels appear and vanish.
+        abilities: What each car can carry.
         log: Called as ``log(kind, **facts)`` for every event.
     """
 
@@ -82,6 +103,7 @@ class Dispatcher:
         traffic: Traffic,
         executor: Executor,
         world: World,
+        abilities: Sequence[Ability],
         log: Log,
     ) -> None:
         self.board = board
@@ -98,7 +120,7 @@ class Dispatcher:
         self.bound = np.zeros(world.n_cars, dtype=np.bool_)
         """True for a car on its way to a station."""
         self.service_times = ServiceTimes(len(stations))
-        self.stock = Stock(board, stations, desk.car, world, log)
+        self.reasons = ReasonBook(log)
         self._graph = graph
         self._config = config
         self._desk = desk
@@ -107,29 +129,68 @@ class Dispatcher:
         self._world = world
         self._log = log
         self._by_name = {station.name: station for station in stations}
-        self._allotment = Allotment(config.allocation, board, stations, self.bookings, traffic, executor)
+        self._allotment = Allotment(
+            config=config.allocation,
+            board=board,
+            stations=stations,
+            bookings=self.bookings,
+            service_times=self.service_times,
+            abilities=abilities,
+            traffic=traffic,
+            executor=executor,
+            reasons=self.reasons,
+        )
+        self.stock = Stock(board, stations, desk.car, world, log, self.reasons, self._allotment.source_cost)
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
         self._dock_cells = [self._dock_cell(station) for station in stations]
         self._parking = _parking_states(site, graph)
         self._changed = True
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
+        self._fastest_move_s = site.grid.cell_m / desk.car.max_speed_mps
 
     def tick(self, tick: int, now_s: float) -> None:
         """Release, collect, allocate, and start or end services."""
-        self.board.release_due(now_s)
+        for task in self.board.release_due(now_s):
+            self._warn_of_due(task)
         self._changed |= self.stock.tick(now_s)
         self._changed |= self.bookings.clear(self._stands_at)
         self._call(tick)
         if self._changed or tick % self._period == 0:
             self._changed = False
             self._take_back(now_s)
-            idle = [car for car, phase in enumerate(self.phase) if phase is CarPhase.IDLE]
-            for car, task in self._allotment.choose(idle, now_s):
-                self._assign(car, task, tick, now_s)
+            self._time_out(now_s)
+            self._allocate(tick, now_s)
             self._park(tick)
         self._start_services(tick, now_s)
         self._end_services(tick, now_s)
+
+    def cancel(self, task: Task, now_s: float, reason: str) -> None:
+        """Take a task back whose parcel was not picked yet; its car is free, and its parcel leaves the warehouse.
+
+        Raises:
+            CannotCancel: It is too late.
+        """
+        if task.state not in CANCELLABLE:
+            valid = ", ".join(state for state in TaskState if state in CANCELLABLE)
+            raise CannotCancel(f"task {task.order.name} is {task.state}; valid to cancel: {valid}")
+        car = task.car if task.state is TaskState.ASSIGNED else None
+        self.stock.withdraw(task, now_s, reason)
+        if car is not None:
+            self._stand_down(car)
+
+    def requeue(self, task: Task, now_s: float, reason: str) -> None:
+        """Take a task away from the car that is under way to pick it; another car gets it, if there is one.
+
+        Raises:
+            CannotRequeue: No car is under way to pick it.
+        """
+        if task.state is not TaskState.ASSIGNED or task.car is None:
+            raise CannotRequeue(f"task {task.order.name} is {task.state}; valid to requeue: {TaskState.ASSIGNED}")
+        car = task.car
+        task.shunned.add(car)
+        self._unassign(task, now_s, reason)
+        self._stand_down(car)
 
     def retire(self, car: int, phase: CarPhase, now_s: float, reason: str) -> None:
         """Take a car out of service; a task whose parcel it has not got yet goes back to the pool.
@@ -196,15 +257,67 @@ class Dispatcher:
                 self._send_to(car, self.stations[place], tick)
                 self._log("called", car=f"car_{car}", station=self.stations[place].name)
 
+    def _warn_of_due(self, task: Task) -> None:
+        """Say at once when not even a car that stands at the pick dock could bring a task in time."""
+        least_s = self._allotment.least_s(task, self._fastest_move_s)
+        if task.order.release_s + least_s > task.order.due_s:
+            left_s = task.order.due_s - task.order.release_s
+            text = f"it is due {left_s:.1f} s after its release, and takes {least_s:.1f} s from {task.pick}"
+            self.reasons.warn(task, text)
+
+    def _allocate(self, tick: int, now_s: float) -> None:
+        """Give tasks to cars that are free, and exchange those that are not picked yet where much is gained."""
+        tails = self._executor.tail_states()
+        held: dict[int, Task] = {}
+        standing: list[PairReason | None] = []
+        for car, phase in enumerate(self.phase):
+            task = self.task_of[car]
+            # A car whose way ends in the dock is about to be served.
+            if phase is CarPhase.TO_PICK and task is not None and tails[car] != self._by_name[task.pick].dock_state:
+                held[car] = task
+            standing.append(None if phase is CarPhase.IDLE or car in held else _STANDING[phase])
+        choice = self._allotment.choose(standing, held, now_s)
+        for car, reason in choice.taken:
+            self._unassign(held[car], now_s, reason)
+            self._stand_down(car)
+        for car, task in choice.given:
+            self._assign(car, task, tick, now_s)
+
+    def _stand_down(self, car: int) -> None:
+        """Free a car that was under way to a pick station."""
+        self.task_of[car] = None
+        self._traffic.rank[car] = 0.0
+        self._changed = True
+        if self.phase[car] is CarPhase.TO_PICK:
+            self._enter(car, CarPhase.IDLE)
+
+    def _time_out(self, now_s: float) -> None:
+        """End what has lasted too long."""
+        limits = self._config.timeouts
+        for task in self.board.in_state(TaskState.BACKLOG, TaskState.READY):
+            if now_s - task.since_s[TaskState.BACKLOG] > limits.waiting_s:
+                self.cancel(task, now_s, f"no car had it {limits.waiting_s:g} s after its release")
+        for task in self.board.in_state(TaskState.ASSIGNED):
+            if now_s - task.since_s[TaskState.ASSIGNED] > limits.assigned_s:
+                self.requeue(task, now_s, f"car_{task.car} was not at {task.pick} after {limits.assigned_s:g} s")
+        for task in self.board.in_state(TaskState.LOADING, TaskState.UNLOADING):
+            if now_s - task.since_s[task.state] > limits.service_s:
+                self.board.move(task, TaskState.FAILED, now_s, f"was {task.state} for {limits.service_s:g} s")
+        for task in self.board.in_state(TaskState.CARRIED):
+            if now_s - task.since_s[TaskState.CARRIED] > limits.carried_s and task.car is not None:
+                self._fail(task, now_s, f"car_{task.car} was not at {task.order.drop} after {limits.carried_s:g} s")
+                self._release_car(task.car, CarPhase.RETIRED)
+
     def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
         self._leave(car)
-        if not self.bookings.book(car, self._by_name[task.order.pick].arm):
+        if not self.bookings.book(car, self._by_name[task.pick].arm):
             return
         task.car = car
         self.task_of[car] = task
         self._enter(car, CarPhase.TO_PICK)
         self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
-        self._send_to(car, self._by_name[task.order.pick], tick)
+        self.reasons.assigned(task)
+        self._send_to(car, self._by_name[task.pick], tick)
 
     def _unassign(self, task: Task, now_s: float, reason: str) -> None:
         if task.car is not None:
@@ -222,7 +335,7 @@ class Dispatcher:
             task = self.task_of[car]
             if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD):
                 continue
-            name = task.order.pick if phase is CarPhase.TO_PICK else task.order.drop
+            name = task.pick if phase is CarPhase.TO_PICK else task.order.drop
             if self._traffic.reachable(int(tails[car]), self._by_name[name].dock_state):
                 continue
             if phase is CarPhase.TO_PICK:
@@ -233,7 +346,10 @@ class Dispatcher:
                 self._release_car(car, CarPhase.RETIRED)
 
     def _send_to(self, car: int, station: Station, tick: int) -> None:
-        self._traffic.rank[car] = LOADED_RANK_S if self.phase[car] is CarPhase.TO_DROP else 0.0
+        task = self.task_of[car]
+        urgent = task is not None and task.order.priority is Priority.EMERGENCY
+        loaded = self.phase[car] is CarPhase.TO_DROP
+        self._traffic.rank[car] = LOADED_RANK_S * loaded + EMERGENCY_RANK_S * urgent
         self._traffic.send(car, station.dock_state, stay=True, tick=tick)
 
     def _park(self, tick: int) -> None:
@@ -261,7 +377,7 @@ class Dispatcher:
             if task is None:
                 continue
             loading = phase is CarPhase.TO_PICK
-            station = self._by_name[task.order.pick if loading else task.order.drop]
+            station = self._by_name[task.pick if loading else task.order.drop]
             if tails[car] != station.dock_state or not self._executor.idle(car):
                 continue
             if not self._desk.is_idle(station.arm):
@@ -305,6 +421,8 @@ class Dispatcher:
             station = self.stations[arm]
             service = self._desk.services[arm]
             task = self.task_of[car]
+            if task is not None and task.state is TaskState.FAILED and self._desk.is_idle(arm):
+                self._give_up_service(station, task, car)
             if task is not None and service.dock_is_clear and task.state in (TaskState.LOADING, TaskState.UNLOADING):
                 self._judge(station, task, car, service.state, tick, now_s)
             if self._desk.is_idle(arm) and self.phase[car] not in (CarPhase.LOADING, CarPhase.UNLOADING):
@@ -313,6 +431,14 @@ class Dispatcher:
                 self._world.set_serving(arm, -1)
                 self.service_times.end(arm, now_s)
                 self._executor.open(self._dock_cell(station))
+
+    def _give_up_service(self, station: Station, task: Task, car: int) -> None:
+        """A task failed while an arm was at work on it, and the arm is clear now."""
+        loading = station.place.kind == "pick"
+        slot = task.pick_slot if loading else task.drop_slot
+        if slot is not None and not self.stock.on_slot(task, slot, station):
+            station.free_slot(slot)
+        self._release_car(car, CarPhase.RETIRED if self.stock.in_tray(task, car) else CarPhase.IDLE)
 
     def _judge(self, station: Station, task: Task, car: int, state: ServiceState, tick: int, now_s: float) -> None:
         """Look where the parcel really is, now that the arm is clear of the car, and draw the consequence."""

@@ -37,6 +37,7 @@ COUNTED = {
     "under way": (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING),
     "delivered": (TaskState.DELIVERED, TaskState.COLLECTED),
     "failed": (TaskState.FAILED,),
+    "cancelled": (TaskState.CANCELLED,),
 }
 """Groups of task states that are counted over time."""
 LOUD = frozenset({"off_lane", "plan_cut", "rejoin_impossible", "transfer_repeated", "disturbance", "order_refused"})

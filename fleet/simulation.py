@@ -24,6 +24,7 @@ from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Ability, generate_orders
 from fleet.tasks.order_file import OrderBook, read_orders
+from fleet.tasks.reasons import AssignmentReport
 from fleet.tasks.stream import stream_orders
 from fleet.traffic import Traffic
 from fleet.world import make_world
@@ -133,6 +134,7 @@ class Simulation:
                 traffic=self.traffic,
                 executor=self.executor,
                 world=self.world,
+                abilities=self.abilities,
                 log=self.log,
             )
             self.recovery = Recovery(self)
@@ -194,6 +196,41 @@ class Simulation:
     def parcel_balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world; zero unless one was lost."""
         return self.dispatcher.stock.balance()
+
+    def cancel(self, name: str) -> None:
+        """Take an order back, as long as its parcel was not picked.
+
+        Args:
+            name: Its id.
+
+        Raises:
+            UnknownTask: There is no such order.
+            CannotCancel: Its parcel was picked, or it has ended.
+        """
+        self.dispatcher.cancel(self.board.named(name), self.sim_s, "cancelled on request")
+
+    def requeue(self, name: str) -> None:
+        """Give an order to another car than the one that is under way to pick it.
+
+        Args:
+            name: Its id.
+
+        Raises:
+            UnknownTask: There is no such order.
+            CannotRequeue: No car is under way to pick it.
+        """
+        self.dispatcher.requeue(self.board.named(name), self.sim_s, "requeued on request")
+
+    def explain_assignment(self, name: str) -> AssignmentReport:
+        """Say who got an order, who did not and why, or why nobody has it; `str` of it is a sentence.
+
+        Args:
+            name: Its id.
+
+        Raises:
+            UnknownTask: There is no such order.
+        """
+        return self.dispatcher.reasons.report(self.board.named(name))
 
     def summary(self) -> Summary:
         """Figures of the run so far."""

@@ -109,7 +109,7 @@ class Demo:
         if result.interrupted:
             console.print("interrupted: the files hold the run up to here")
             return INTERRUPTED
-        open_n = result.tasks_total - result.tasks_done - result.tasks_failed
+        open_n = result.tasks_total - result.tasks_done - result.tasks_failed - result.tasks_cancelled
         timely = result.sim_s >= self.duration
         if open_n:
             why = "the time was up" if timely else "nothing went on any more"
@@ -146,6 +146,8 @@ def _table(result: dict[str, object]) -> Table:
         ("throughput", "{throughput_per_h:.0f} per hour"),
         ("task time, mean", "{task_time_mean_s:.1f} s"),
         ("task time, 95th percentile", "{task_time_p95_s:.1f} s"),
+        ("delivered in time, of those with a due date", "{on_time_share:.1%}"),
+        ("tardiness, mean", "{tardiness_mean_s:.1f} s"),
         ("distance loaded", "{distance_loaded_m:.1f} m"),
         ("distance empty", "{distance_empty_m:.1f} m"),
         ("waiting in lanes, all cars", "{waiting_s:.1f} s"),
