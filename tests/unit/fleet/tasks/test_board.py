@@ -75,7 +75,9 @@ NEXT = (TaskState.READY, TaskState.FAILED, TaskState.CANCELLED)
 def test_a_step_that_life_does_not_have(board: TaskBoard, told: Told, state: TaskState) -> None:
     board.release_due(0.0)
     before = len(told)
-    with pytest.raises(IllegalTransition, match=f"task a: backlog -> {state}; valid next states: cancelled, failed, ready"):
+    with pytest.raises(
+        IllegalTransition, match=f"task a: backlog -> {state}; valid next states: cancelled, failed, ready"
+    ):
         board.move(board.tasks[0], state, 0.0, "")
     assert board.tasks[0].state is TaskState.BACKLOG
     assert len(told) == before
