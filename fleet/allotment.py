@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.charging import Charging
 from fleet.config import AllocationConfig
 from fleet.executor import Executor
 from fleet.stations.booking import Bookings
@@ -67,6 +68,7 @@ class Allotment:
         bookings: Room at the stations.
         service_times: How long the arms take.
         abilities: What each car can carry.
+        charging: Tells which cars have the charge for a task; None = all.
         traffic: Gives distances on the lane graph.
         executor: Gives the states cars can be sent from.
         reasons: Told about every decision.
@@ -81,6 +83,7 @@ class Allotment:
         bookings: Bookings,
         service_times: ServiceTimes,
         abilities: Sequence[Ability],
+        charging: Charging | None,
         traffic: Traffic,
         executor: Executor,
         reasons: ReasonBook,
@@ -91,6 +94,7 @@ class Allotment:
         self._bookings = bookings
         self._service_times = service_times
         self._abilities = abilities
+        self._charging = charging
         self._traffic = traffic
         self._executor = executor
         self._reasons = reasons
@@ -157,6 +161,8 @@ class Allotment:
             moves = self._traffic.tables.to(self._by_name[task.pick].dock_state)[tails].astype(np.float64)
             loaded = self._moves(task.pick, task.order.drop)
             codes[:, k] = self._refusals(task, out, (moves >= UNREACHABLE) | (loaded >= UNREACHABLE))
+            if self._charging is not None:
+                self._refuse_low(codes[:, k], task, moves)
             to_pick_s = moves * STEP_S
             eta_s = now_s + to_pick_s + loaded * STEP_S + self._service_s(task.pick, task.order.drop)
             late_s = np.maximum(0.0, eta_s - task.order.due_s)
@@ -194,6 +200,15 @@ class Allotment:
             if ((codes == free) & ~shunned).any():
                 codes[shunned] = _CODE[PairReason.SHUNNED]
         return codes
+
+    def _refuse_low(self, codes: npt.NDArray[np.int8], task: Task, moves: npt.NDArray[np.float64]) -> None:
+        """Refuse the cars, of those that could take a task, that have too little charge for it."""
+        if self._charging is None:
+            return
+        cars = np.flatnonzero(codes == _CODE[PairReason.LEFT_OVER])
+        stations = self._by_name[task.pick], self._by_name[task.order.drop]
+        low = cars[~self._charging.allows(cars.tolist(), moves[cars], *stations, task.order.mass_kg)]
+        codes[low] = _CODE[PairReason.LOW_CHARGE]
 
     def _offered(self, costs: _Costs, n_ready: int) -> tuple[list[int], set[int]]:
         """Ready tasks that a car can take and that there is room for, the most urgent first; those without room."""

@@ -20,13 +20,14 @@ from fleet.commands.demo import Demo
 from fleet.commands.lorr import Lorr
 from fleet.commands.plan import Plan
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
+from fleet.commands.study import Study
 from fleet.errors import FleetError
 from maps.errors import MapsError
 from planners.errors import PlanningError
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
-COMMANDS: dict[str, type[Any]] = {"demo": Demo, "lorr": Lorr, "plan": Plan}
+COMMANDS: dict[str, type[Any]] = {"demo": Demo, "lorr": Lorr, "plan": Plan, "study": Study}
 SITE_COMMANDS: dict[str, type[Any]] = {
     "check": SiteCheck,
     "list": SiteList,

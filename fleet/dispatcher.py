@@ -8,9 +8,11 @@ from enum import StrEnum
 import numpy as np
 
 from fleet.allotment import Allotment
+from fleet.charging import Charging
 from fleet.config import RunConfig
 from fleet.errors import FleetError
 from fleet.executor import Executor
+from fleet.robots.battery import Batteries
 from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.booking import Bookings
 from fleet.stations.service import ServiceState
@@ -28,6 +30,12 @@ from maps.site import Site
 
 ALLOCATE_S = 1.0
 """Longest time between two allocations; every change of tasks or cars asks for one at once [s]."""
+CALL_S = 0.25
+"""Time between two looks at the cars that are held back [s]."""
+MOVE_S = 1.1
+"""Time of a move without traffic: a cell of 1 m at 1 m/s, and some turns [s]."""
+EARLY_S = 4.0
+"""A car should come to its station this long before the arm is free, so that traffic does not let the arm wait [s]."""
 LOADED_RANK_S = 30.0
 """Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
 EMERGENCY_RANK_S = 60.0
@@ -43,9 +51,11 @@ class CarPhase(StrEnum):
     TO_PICK = "to_pick"
     LOADING = "loading"
     HELD = "held"
-    """Loaded; its drop station is full, so it waits where it is in nobody's way until it is called."""
+    """Waits where it is in nobody's way: its station has no room, or the arm will not be free when it comes."""
     TO_DROP = "to_drop"
     UNLOADING = "unloading"
+    TO_CHARGER = "to_charger"
+    CHARGING = "charging"
     RECOVERING = "recovering"
     RETIRED = "retired"
     """Drives, but takes no task: a parcel that could not be unloaded lies in its tray."""
@@ -53,17 +63,19 @@ class CarPhase(StrEnum):
 
 
 PHASES = tuple(CarPhase)
-_BOOKED = frozenset({CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.TO_DROP, CarPhase.UNLOADING})
-"""Phases of a car that has a booking."""
-_LOADED = frozenset({CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING})
+_AT_CHARGER = frozenset({CarPhase.TO_CHARGER, CarPhase.CHARGING})
+_BOOKED = _AT_CHARGER | {CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING}
+"""Phases of a car that has a booking or waits for one."""
 _PARKED = frozenset({CarPhase.IDLE, CarPhase.RETIRED, CarPhase.HELD})
 """Phases of a car that waits in a parking place."""
 
 
-_STANDING = {phase: PairReason.CAR_BUSY for phase in CarPhase} | {
-    phase: PairReason.CAR_OUT for phase in (CarPhase.RECOVERING, CarPhase.RETIRED, CarPhase.DEAD)
-}
-"""Why a car in a phase cannot take a task."""
+_STANDING = (
+    dict.fromkeys(CarPhase, PairReason.CAR_BUSY)
+    | dict.fromkeys((CarPhase.IDLE, *_AT_CHARGER), PairReason.CAR_CHARGES)
+    | dict.fromkeys((CarPhase.RECOVERING, CarPhase.RETIRED, CarPhase.DEAD), PairReason.CAR_OUT)
+)
+"""Why a car in a phase cannot take a task; one that is idle and cannot is about to charge."""
 
 
 class CannotCancel(FleetError):
@@ -71,7 +83,7 @@ class CannotCancel(FleetError):
 
 
 class CannotRequeue(FleetError):
-    """A task is to be taken from a car that is not under way to pick it."""
+    """A task is to be taken from a car that is not to pick it."""
 
 
 class Dispatcher:
@@ -88,6 +100,7 @@ class Dispatcher:
         executor: Tells where cars are.
         world: Where parcels appear and vanish.
         abilities: What each car can carry.
+        batteries: State of charge of the cars; None for cars that never need to charge.
         log: Called as ``log(kind, **facts)`` for every event.
     """
 
@@ -104,6 +117,7 @@ class Dispatcher:
         executor: Executor,
         world: World,
         abilities: Sequence[Ability],
+        batteries: Batteries | None,
         log: Log,
     ) -> None:
         self.board = board
@@ -113,7 +127,15 @@ class Dispatcher:
         """The same as an index into `PHASES`, shape (n_cars,)."""
         self.served = np.full(len(stations), -1, dtype=np.int64)
         """The car each arm is at work on, or on its way home from, -1 for none, shape (n_stations,)."""
-        self.bookings = Bookings([config.allocation.station_cap_n] * len(stations), world.n_cars)
+        self.awake = np.zeros(world.n_cars, dtype=np.bool_)
+        """True for a car that is not parked, shape (n_cars,)."""
+        self.charges = np.zeros(world.n_cars, dtype=np.bool_)
+        """True for a car that stands at a charger and charges, shape (n_cars,)."""
+        self.load_kg = np.zeros(world.n_cars)
+        """Mass of the parcel in each car's tray [kg], shape (n_cars,)."""
+        chargers = _states_of(site.chargers[: config.battery.chargers_n], graph) if batteries is not None else ()
+        caps = [config.allocation.station_cap_n] * len(stations) + [1] * len(chargers)
+        self.bookings = Bookings(caps, world.n_cars)
         self.task_of: list[Task | None] = [None] * world.n_cars
         self.loaded = np.zeros(world.n_cars, dtype=np.int64)
         """1 for a car with a parcel, else 0."""
@@ -129,6 +151,9 @@ class Dispatcher:
         self._world = world
         self._log = log
         self._by_name = {station.name: station for station in stations}
+        self.charging: Charging | None = None
+        if batteries is not None:
+            self.charging = Charging(batteries, chargers, len(stations), self.bookings, traffic, self.service_times)
         self._allotment = Allotment(
             config=config.allocation,
             board=board,
@@ -136,6 +161,7 @@ class Dispatcher:
             bookings=self.bookings,
             service_times=self.service_times,
             abilities=abilities,
+            charging=self.charging,
             traffic=traffic,
             executor=executor,
             reasons=self.reasons,
@@ -144,8 +170,10 @@ class Dispatcher:
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
         self._dock_cells = [self._dock_cell(station) for station in stations]
-        self._parking = _parking_states(site, graph)
+        self._dock_cells += [int(graph.state_cell[state]) for state in chargers]
+        self._parking = _states_of(site.parking, graph)
         self._changed = True
+        self._call_period = max(1, round(CALL_S / world.tick_s))
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
         self._fastest_move_s = site.grid.cell_m / desk.car.max_speed_mps
 
@@ -155,12 +183,17 @@ class Dispatcher:
             self._warn_of_due(task)
         self._changed |= self.stock.tick(now_s)
         self._changed |= self.bookings.clear(self._stands_at)
-        self._call(tick)
+        if tick % self._call_period == 0:
+            self._call(tick, now_s)
         if self._changed or tick % self._period == 0:
             self._changed = False
             self._take_back(now_s)
             self._time_out(now_s)
+            if self.charging is not None:
+                self._charge_low(self.charging, tick, now_s)
             self._allocate(tick, now_s)
+            if self.charging is not None:
+                self._charge_idle(self.charging, tick)
             self._park(tick)
         self._start_services(tick, now_s)
         self._end_services(tick, now_s)
@@ -180,7 +213,7 @@ class Dispatcher:
             self._stand_down(car)
 
     def requeue(self, task: Task, now_s: float, reason: str) -> None:
-        """Take a task away from the car that is under way to pick it; another car gets it, if there is one.
+        """Take a task away from the car that is to pick it; another car gets it, if there is one.
 
         Raises:
             CannotRequeue: No car is under way to pick it.
@@ -210,11 +243,11 @@ class Dispatcher:
         """True while an arm is at work on a car, or still on its way home from it."""
         return car in self._serving.values()
 
-    def resume(self, car: int, tick: int) -> None:
+    def resume(self, car: int, tick: int, now_s: float) -> None:
         """Bring a recovered car back into service with what it was doing."""
         task = self.task_of[car]
         if task is not None and task.state is TaskState.CARRIED:
-            self._set_off(car, task, tick)
+            self._set_off(car, task, tick, now_s)
         else:
             self._enter(car, CarPhase.RETIRED if self.stock.tray_is_loaded(car) else CarPhase.IDLE)
         self._changed = True
@@ -222,8 +255,14 @@ class Dispatcher:
     def _enter(self, car: int, phase: CarPhase) -> None:
         self.phase[car] = phase
         self.phase_index[car] = PHASES.index(phase)
-        self.loaded[car] = phase in _LOADED
-        self.bound[car] = phase in (CarPhase.TO_PICK, CarPhase.TO_DROP)
+        task = self.task_of[car]
+        waits = phase in _AT_CHARGER or phase is CarPhase.HELD
+        carries = waits and task is not None and task.state is TaskState.CARRIED
+        self.loaded[car] = carries or phase in (CarPhase.TO_DROP, CarPhase.UNLOADING)
+        self.load_kg[car] = task.order.mass_kg if self.loaded[car] and task is not None else 0.0
+        self.awake[car] = phase not in _PARKED and phase is not CarPhase.DEAD
+        self.charges[car] = phase is CarPhase.CHARGING
+        self.bound[car] = phase in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER)
         if phase not in _BOOKED:
             self._leave(car)
 
@@ -235,27 +274,146 @@ class Dispatcher:
         place = int(self.bookings.place_of[car])
         self.bookings.leave(car, stands_there=place >= 0 and self._stands_at(car, place))
 
-    def _set_off(self, car: int, task: Task, tick: int) -> None:
-        """Send a loaded car to its drop station, or hold it back while that is full."""
+    def _set_off(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        """Send a loaded car to its drop station, or hold it back while there is no room."""
         station = self._by_name[task.order.drop]
         self._leave(car)
         if not self.bookings.waiting(station.arm) and self.bookings.book(car, station.arm):
-            self._enter(car, CarPhase.TO_DROP)
-            self._send_to(car, station, tick)
+            self._approach(car, task, tick, now_s)
             return
-        self._enter(car, CarPhase.HELD)
         self.bookings.wait(car, station.arm)
         there = ", ".join(f"car_{other}" for other in self.bookings.cars(station.arm))
-        task.reason = f"car_{car} is held: {station.name} is full ({there})"
-        self._log("held", car=f"car_{car}", task=task.order.name, station=station.name, cause=task.reason)
+        self._hold(car, task, f"{station.name} is full ({there})")
 
-    def _call(self, tick: int) -> None:
-        """Let cars that were held back go on when their station has room."""
+    def _approach(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        """Send a car with a booking on its way, unless it would only stand in the lanes before a busy arm."""
+        picks = task.state is not TaskState.CARRIED
+        station = self._by_name[task.pick if picks else task.order.drop]
+        early_s = self._free_s(car, station, now_s) - self._way_s(car, station)
+        if early_s <= EARLY_S:
+            if self.phase[car] is CarPhase.HELD:
+                self._log("called", car=f"car_{car}", task=task.order.name, station=station.name)
+            self._enter(car, CarPhase.TO_PICK if picks else CarPhase.TO_DROP)
+            self._send_to(car, station, tick)
+        elif self.phase[car] is not CarPhase.HELD:
+            self._hold(car, task, f"{station.name} is busy and it would come {early_s:.0f} s too early")
+
+    def _hold(self, car: int, task: Task, why: str) -> None:
+        """Let a car wait in a parking place."""
+        self._enter(car, CarPhase.HELD)
+        self._changed = True
+        task.reason = f"car_{car} is held: {why}"
+        self._log("held", car=f"car_{car}", task=task.order.name, cause=why)
+
+    def _is_free(self, car: int) -> bool:
+        """Whether a car may be given a task."""
+        phase, charging = self.phase[car], self.charging
+        if charging is None or phase not in _AT_CHARGER:
+            return phase is CarPhase.IDLE and (charging is None or not charging.is_critical(car))
+        return self.task_of[car] is None and charging.has_enough(car)
+
+    def _charge_low(self, charging: Charging, tick: int, now_s: float) -> None:
+        """Send cars with low batteries to chargers, emptiest first, and those that have enough away from them."""
+        for car, phase in enumerate(self.phase):
+            task = self.task_of[car]
+            going = phase in (CarPhase.TO_PICK, CarPhase.HELD)
+            if going and task is not None and task.state is TaskState.ASSIGNED and charging.is_critical(car):
+                self._unassign(task, now_s, f"the battery of car_{car} is at {charging.batteries.charge[car]:.0%}")
+                self._release_car(car)
+        low = [car for car in range(len(self.phase)) if charging.is_low(car) and self._may_charge(car)]
+        for car in charging.by_need(low):
+            if not self._charge(charging, car, tick):
+                break
+        else:
+            low = []
+        for car, phase in enumerate(self.phase):
+            if phase is not CarPhase.CHARGING or not (charging.is_full(car) or (low and charging.has_enough(car))):
+                continue
+            task = self.task_of[car]
+            self._log("charged", car=f"car_{car}", charge=round(float(charging.batteries.charge[car]), 3))
+            if task is not None:
+                self._set_off(car, task, tick, now_s)
+            else:
+                self._enter(car, CarPhase.IDLE)
+
+    def _charge_idle(self, charging: Charging, tick: int) -> None:
+        """Let parked cars that nobody needs at present charge where there is room."""
+        idle = [
+            car
+            for car, phase in enumerate(self.phase)
+            if phase is CarPhase.IDLE
+            and charging.batteries.charge[car] < charging.batteries.config.idle_below
+            and self._executor.idle(car)
+        ]
+        for car in charging.by_need(idle):
+            if not self._charge(charging, car, tick):
+                break
+
+    def _may_charge(self, car: int) -> bool:
+        """Whether a car is free to go to a charger: without a task, or held back with its parcel."""
+        task = self.task_of[car]
+        held = self.phase[car] is CarPhase.HELD and task is not None and task.state is TaskState.CARRIED
+        return held or self.phase[car] is CarPhase.IDLE
+
+    def _charge(self, charging: Charging, car: int, tick: int) -> bool:
+        """Send a car to a charger; False if none is free."""
+        place = charging.free_charger(int(self._executor.tail_states()[car]))
+        if place is None:
+            return False
+        self._leave(car)
+        self.bookings.book(car, place)
+        self._enter(car, CarPhase.TO_CHARGER)
+        self._traffic.rank[car] = LOADED_RANK_S
+        self._traffic.send(car, charging.state_of(place), stay=True, tick=tick)
+        self._log("to_charger", car=f"car_{car}", charge=round(float(charging.batteries.charge[car]), 3))
+        return True
+
+    def _plug_in(self, charging: Charging) -> None:
+        """Begin to charge cars that have come to their charger, and free those that have no way to theirs."""
+        tails = self._executor.tail_states()
+        for car, phase in enumerate(self.phase):
+            if phase is not CarPhase.TO_CHARGER:
+                continue
+            goal = charging.state_of(int(self.bookings.place_of[car]))
+            if tails[car] == goal and self._executor.idle(car):
+                self._enter(car, CarPhase.CHARGING)
+                charging.sessions_n += 1
+            elif not self._traffic.reachable(int(tails[car]), goal):
+                self._changed = True
+                task = self.task_of[car]
+                self._enter(car, CarPhase.IDLE)
+                if task is not None:
+                    self.bookings.wait(car, self._by_name[task.order.drop].arm)
+                    self._hold(car, task, "no way to its charger")
+
+    def _call(self, tick: int, now_s: float) -> None:
+        """Let cars that are held back go on when their time has come."""
+        if self.charging is not None:
+            self._plug_in(self.charging)
         for car, place in self.bookings.callable_cars():
-            if self.phase[car] is CarPhase.HELD and self.bookings.book(car, place):
-                self._enter(car, CarPhase.TO_DROP)
-                self._send_to(car, self.stations[place], tick)
-                self._log("called", car=f"car_{car}", station=self.stations[place].name)
+            self.bookings.book(car, place)
+        for car, phase in enumerate(self.phase):
+            task = self.task_of[car]
+            if phase is CarPhase.HELD and task is not None and self.bookings.has(car):
+                self._approach(car, task, tick, now_s)
+
+    def _way_s(self, car: int, station: Station) -> float:
+        """Time a car needs to a station without traffic [s]."""
+        tail = int(self._executor.dependencies.tail_states()[car])
+        return MOVE_S * int(self._traffic.tables.to(station.dock_state)[tail])
+
+    def _free_s(self, car: int, station: Station, now_s: float) -> float:
+        """Time until the arm has done with everybody who comes before a car [s]."""
+        arm = station.arm
+        direction = Direction.TO_CAR if station.place.kind == "pick" else Direction.FROM_CAR
+        service_s = self.service_times.of(arm, direction).recent_s
+        free_s = self.service_times.left_s(arm, now_s)
+        own_s = self._way_s(car, station)
+        for other in self.bookings.cars(arm):
+            comes_s = 0.0 if other in (car, self.served[arm]) else self._way_s(other, station)
+            if other not in (car, self.served[arm]) and comes_s <= own_s and self.bookings.place_of[other] == arm:
+                free_s = max(free_s, comes_s) + service_s
+        return free_s
 
     def _warn_of_due(self, task: Task) -> None:
         """Say at once when not even a car that stands at the pick dock could bring a task in time."""
@@ -273,9 +431,10 @@ class Dispatcher:
         for car, phase in enumerate(self.phase):
             task = self.task_of[car]
             # A car whose way ends in the dock is about to be served.
-            if phase is CarPhase.TO_PICK and task is not None and tails[car] != self._by_name[task.pick].dock_state:
+            before_pick = phase in (CarPhase.TO_PICK, CarPhase.HELD) and tails[car] != self._goal_of(task)
+            if task is not None and before_pick and task.state is TaskState.ASSIGNED:
                 held[car] = task
-            standing.append(None if phase is CarPhase.IDLE or car in held else _STANDING[phase])
+            standing.append(None if car in held or self._is_free(car) else _STANDING[phase])
         choice = self._allotment.choose(standing, held, now_s)
         for car, reason in choice.taken:
             self._unassign(held[car], now_s, reason)
@@ -283,12 +442,16 @@ class Dispatcher:
         for car, task in choice.given:
             self._assign(car, task, tick, now_s)
 
+    def _goal_of(self, task: Task | None) -> int:
+        """State of the dock where a task is picked, -1 for no task."""
+        return self._by_name[task.pick].dock_state if task is not None else -1
+
     def _stand_down(self, car: int) -> None:
-        """Free a car that was under way to a pick station."""
+        """Free a car that was to pick a task."""
         self.task_of[car] = None
         self._traffic.rank[car] = 0.0
         self._changed = True
-        if self.phase[car] is CarPhase.TO_PICK:
+        if self.phase[car] in (CarPhase.TO_PICK, CarPhase.HELD):
             self._enter(car, CarPhase.IDLE)
 
     def _time_out(self, now_s: float) -> None:
@@ -314,10 +477,9 @@ class Dispatcher:
             return
         task.car = car
         self.task_of[car] = task
-        self._enter(car, CarPhase.TO_PICK)
         self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
         self.reasons.assigned(task)
-        self._send_to(car, self._by_name[task.pick], tick)
+        self._approach(car, task, tick, now_s)
 
     def _unassign(self, task: Task, now_s: float, reason: str) -> None:
         if task.car is not None:
@@ -335,10 +497,11 @@ class Dispatcher:
             task = self.task_of[car]
             if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD):
                 continue
-            name = task.pick if phase is CarPhase.TO_PICK else task.order.drop
+            picks = task.state is not TaskState.CARRIED
+            name = task.pick if picks else task.order.drop
             if self._traffic.reachable(int(tails[car]), self._by_name[name].dock_state):
                 continue
-            if phase is CarPhase.TO_PICK:
+            if picks:
                 self._unassign(task, now_s, f"car_{car} has no way to {name}")
                 self._release_car(car)
             elif self._traffic.blocked_for_good:
@@ -489,7 +652,7 @@ class Dispatcher:
             self._strand(task, car, now_s, f"car_{car} is dead")
         elif self.phase[car] is not CarPhase.RECOVERING:
             self._traffic.set_fixed(car, False)
-            self._set_off(car, task, tick)
+            self._set_off(car, task, tick, now_s)
 
     def _delivered(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
         self.board.move(task, TaskState.DELIVERED, now_s, f"measured on slot {task.drop_slot} of {station.name}")
@@ -521,6 +684,6 @@ class Dispatcher:
         return int(self._graph.state_cell[station.dock_state])
 
 
-def _parking_states(site: Site, graph: LaneGraph) -> tuple[int, ...]:
-    """One state for each parking cell."""
-    return tuple(int(graph.states_of_cell(cell)[0]) for cell in site.parking)
+def _states_of(bays: tuple[int, ...], graph: LaneGraph) -> tuple[int, ...]:
+    """The one state of each bay."""
+    return tuple(int(graph.states_of_cell(cell)[0]) for cell in bays)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fleet.config import ScenarioEvent, require
-from fleet.dispatcher import CarPhase
 
 if TYPE_CHECKING:
     from fleet.simulation import Simulation
@@ -55,10 +54,7 @@ class Disturbances:
         target = self._target(event)
         parameters = event.parameters
         if event.kind == "car_dead":
-            simulation.driver.stop(target)
-            simulation.executor.halt(target)
-            simulation.dispatcher.retire(target, CarPhase.DEAD, now_s, f"car_{target} is dead")
-            simulation.recovery.abandon(target)
+            simulation.lose_car(target, f"car_{target} is dead")
         elif event.kind == "car_pushed":
             simulation.world.push_car(
                 target, parameters.get("dx_m", 0.0), parameters.get("dy_m", 0.0), parameters.get("dyaw_rad", 0.0)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from fleet.config import EstimateConfig
 from fleet.robots.estimator import PoseEstimator
-from fleet.robots.pursuit import Follower, PathBuffer
+from fleet.robots.pursuit import Follower, PathBuffer, any_beyond
 from fleet.robots.spec import CarSpec
 from fleet.world.protocol import FloatArray, World
 from maps.lane_graph import LaneGraph, MoveKind
@@ -94,7 +94,7 @@ class PathDriver:
             rng=rng,
         )
         self._ends: list[deque[float]] = [deque() for _ in range(n_cars)]
-        self._next_end = np.full(n_cars, np.inf)
+        self._next_release = np.full(n_cars, np.inf)
         self._stop_s = np.array([self.paths.end_s(car) for car in range(n_cars)])
         self._speed_cap = np.full(n_cars, PASS_SPEED_MPS)
         self._speeds = np.zeros(n_cars)
@@ -107,7 +107,7 @@ class PathDriver:
         direction = -1 if graph.move_kind[move] == MoveKind.REVERSE else 1
         self.append_points(car, graph.path_points[a:b], graph.path_s[a:b], direction)
         self._ends[car].append(self._stop_s[car])
-        self._next_end[car] = self._ends[car][0]
+        self._next_release[car] = self._ends[car][0] - RELEASE_M
 
     def append_points(self, car: int, points: FloatArray, s_m: FloatArray, direction: int) -> None:
         """Extend a car's path by free points (a manoeuvre), without a move of the lane graph."""
@@ -120,7 +120,7 @@ class PathDriver:
         self.paths.reset(car, self.estimate[car] if pose is None else pose)
         self.follower.reset(car)
         self._ends[car].clear()
-        self._next_end[car] = np.inf
+        self._next_release[car] = np.inf
         self._stop_s[car] = self.paths.end_s(car)
         self._speed_cap[car] = PASS_SPEED_MPS
 
@@ -133,12 +133,12 @@ class PathDriver:
     def finished(self) -> list[int]:
         """See `Driver`."""
         out = []
-        for car in np.nonzero(self.follower.progress >= self._next_end - RELEASE_M)[0].tolist():
+        for car in (self.follower.progress >= self._next_release).nonzero()[0].tolist():
             ends = self._ends[car]
             while ends and self.follower.progress[car] >= ends[0] - RELEASE_M:
                 ends.popleft()
                 out.append(car)
-            self._next_end[car] = ends[0] if ends else np.inf
+            self._next_release[car] = ends[0] - RELEASE_M if ends else np.inf
         return out
 
     def at_rest(self, car: int) -> bool:
@@ -154,6 +154,8 @@ class PathDriver:
 
     def off_lane(self) -> list[int]:
         """See `Driver`."""
+        if not any_beyond(self.follower.cross_track, OFF_LANE_M, self.follower.heading_error, OFF_LANE_RAD):
+            return []
         off = (np.abs(self.follower.cross_track) > OFF_LANE_M) | (np.abs(self.follower.heading_error) > OFF_LANE_RAD)
         return np.nonzero(off)[0].tolist()
 

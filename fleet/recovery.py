@@ -249,7 +249,7 @@ class Recovery:
         simulation.executor.relocate(car, rejoin.target)
         simulation.executor.dependencies.unreserve(car)
         simulation.traffic.set_fixed(car, False)
-        simulation.dispatcher.resume(car, tick)
+        simulation.dispatcher.resume(car, tick, simulation.sim_s)
         simulation.log("rejoined", car=f"car_{car}", state=rejoin.target)
 
     def _others(self, car: int) -> list[int]:

@@ -40,7 +40,18 @@ COUNTED = {
     "cancelled": (TaskState.CANCELLED,),
 }
 """Groups of task states that are counted over time."""
-LOUD = frozenset({"off_lane", "plan_cut", "rejoin_impossible", "transfer_repeated", "disturbance", "order_refused"})
+LOUD = frozenset(
+    {
+        "off_lane",
+        "plan_cut",
+        "rejoin_impossible",
+        "transfer_repeated",
+        "disturbance",
+        "car_lost",
+        "order_refused",
+        "impossible_due",
+    }
+)
 """Events that a person should notice in the log."""
 
 
@@ -257,8 +268,10 @@ def _sentence(event: Event) -> str:
 
 
 def _car_word(phase: CarPhase, speed: float) -> str:
-    if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP):
+    if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER):
         return "driving" if abs(speed) > 0.05 else "waiting"
     if phase in (CarPhase.LOADING, CarPhase.UNLOADING):
         return "docked"
+    if phase in (CarPhase.HELD, CarPhase.CHARGING):
+        return str(phase)
     return "fault" if phase in (CarPhase.DEAD, CarPhase.RECOVERING) else "idle"

@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import CarConfig, RunConfig, require
-from fleet.dispatcher import Dispatcher
+from fleet.dispatcher import CarPhase, Dispatcher
 from fleet.disturbance import Disturbances
 from fleet.driving import Driver, PathDriver, StateDriver
 from fleet.executor import Executor
 from fleet.insight.metrics import Metrics, Summary
 from fleet.recovery import Recovery
+from fleet.robots.battery import Batteries
 from fleet.stations.arm_cell import arm_cells
 from fleet.stations.arm_desk import ArmDesk, ArmPlanner
 from fleet.stations.arm_planner import make_arm_planner
@@ -92,6 +93,14 @@ class Simulation:
             f"1 to {len(self.site.parking)} (parking cells of site {self.site.name})",
         )
         traffic, allocation = config.traffic, config.allocation
+        chargers_n = config.battery.chargers_n or 1
+        known = len(self.site.chargers)
+        require(
+            not config.battery.enabled or chargers_n <= known,
+            "battery.chargers_n",
+            config.battery.chargers_n,
+            f"1 to {known} (chargers of site {self.site.name})" if known else "no batteries: the site has no charger",
+        )
         require(traffic.planner in PLANNERS, "--planner", traffic.planner, ", ".join(PLANNERS))
         require(allocation.allocator in ALLOCATORS, "--allocator", allocation.allocator, ", ".join(ALLOCATORS))
         self.on_event = on_event
@@ -124,6 +133,8 @@ class Simulation:
                 for arm, place in enumerate(self.site.stations)
             ]
             self.desk: ArmDesk = self._desk()
+            battery = config.battery
+            self.batteries = Batteries(battery, self.world.n_cars, self.tick_s) if battery.enabled else None
             self.dispatcher = Dispatcher(
                 site=self.site,
                 graph=self.graph,
@@ -135,11 +146,13 @@ class Simulation:
                 executor=self.executor,
                 world=self.world,
                 abilities=self.abilities,
+                batteries=self.batteries,
                 log=self.log,
             )
             self.recovery = Recovery(self)
             self.disturbances = Disturbances(self, config.events)
-            self.metrics = Metrics(self.world.n_cars, self.tick_s)
+            docks = [station.place.dock.cell for station in self.stations]
+            self.metrics = Metrics(self.world.n_cars, self.tick_s, self.site.grid.cell_xy(docks))
             self.arm_planner.wait_ready()
             undo.pop_all()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
@@ -158,8 +171,10 @@ class Simulation:
 
     @property
     def stalled(self) -> bool:
-        """True when work is open and for `STALL_S` no task has changed and no order was still to come."""
+        """True when work is open and for `STALL_S` no task has changed and no order was still to come
+        and nobody charged."""
         waiting = self.board.count(TaskState.ORDERED) > 0
+        waiting = waiting or bool(self.dispatcher.charges.any())
         return not waiting and self.sim_s - self._progress_s > STALL_S
 
     def tick(self, actions: Actions | None = None) -> None:
@@ -171,8 +186,30 @@ class Simulation:
         self.recovery.tick(self.now)
         self.desk.tick(self.now, self.world.held())
         self.world.step(*self._merged(commands, actions))
-        self.metrics.tick(self.world.car_speeds(), self.dispatcher.loaded, self.dispatcher.bound)
+        dispatcher, speeds = self.dispatcher, self.world.car_speeds()
+        self.metrics.tick(speeds, dispatcher.loaded, dispatcher.bound)
+        self.metrics.ledger.tick(
+            dispatcher.phase_index,
+            dispatcher.loaded,
+            dispatcher.bookings.place_of,
+            dispatcher.served,
+            speeds,
+            self.world.car_poses(),
+        )
+        if self.batteries is not None:
+            self.batteries.tick(speeds, dispatcher.load_kg, dispatcher.awake, dispatcher.charges)
+            for car in np.flatnonzero(self.batteries.charge <= 0.0).tolist():
+                if dispatcher.phase[car] is not CarPhase.DEAD:
+                    self.lose_car(car, f"the battery of car_{car} is empty")
         self.now += 1
+
+    def lose_car(self, car: int, reason: str) -> None:
+        """Take a car out of the run for good: it rolls out and stays where it is."""
+        self.driver.stop(car)
+        self.executor.halt(car)
+        self.dispatcher.retire(car, CarPhase.DEAD, self.sim_s, reason)
+        self.recovery.abandon(car)
+        self.log("car_lost", car=f"car_{car}", cause=reason)
 
     def run(self, on_tick: Callable[[Simulation], None] | None = None) -> None:
         """Tick until the run is finished; `on_tick` is called after every tick."""

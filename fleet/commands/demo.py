@@ -14,6 +14,7 @@ from rich.table import Table
 
 from fleet.config import (
     AllocationConfig,
+    BatteryConfig,
     Connect,
     Fidelity,
     Grip,
@@ -55,6 +56,8 @@ class Demo:
     """End after this much simulated time even if tasks are open [s]."""
     speed: float = 0.0
     """Simulated seconds per second of wall time; 0 = as fast as possible."""
+    battery: bool = False
+    """Cars have batteries and go to charge."""
     grip: Grip = Grip.SUCTION
     """How the arms hold parcels."""
     fidelity: Fidelity = Fidelity.PHYSICS
@@ -96,6 +99,7 @@ class Demo:
             grip=self.grip,
             connect=Connect.GUI if self.gui else Connect.DIRECT,
             traffic=TrafficConfig(planner=self.planner),
+            battery=BatteryConfig(enabled=self.battery),
             allocation=AllocationConfig(allocator=self.allocator),
         )
         session = SessionConfig(
@@ -152,6 +156,9 @@ def _table(result: dict[str, object]) -> Table:
         ("distance empty", "{distance_empty_m:.1f} m"),
         ("waiting in lanes, all cars", "{waiting_s:.1f} s"),
         ("arm utilisation, mean", "{arm_utilisation:.1%}"),
+        ("lowest charge", "{lowest_charge:.0%}"),
+        ("charging sessions, all cars", "{charging_sessions}"),
+        ("bottleneck", "{bottleneck}"),
         ("contacts between robots", "{robot_contacts}"),
         ("contacts with walls and shelves", "{static_contacts}"),
         ("smallest clearance between robots", "{min_clearance_m:.2f} m"),
@@ -166,7 +173,14 @@ def _table(result: dict[str, object]) -> Table:
     table.add_column("value", justify="right")
     for name, form in rows:
         field = form.split("{")[1].split("}")[0].split(":")[0]
+        if "charg" in field and result["lowest_charge"] is None:
+            continue  # cars without batteries
         table.add_row(name, "-" if result[field] is None else form.format(**result))
+    shares = result["time_share_percent"]
+    if isinstance(shares, dict):
+        for account, percent in shares.items():
+            if percent:
+                table.add_row(f"time of the cars, {account.replace('_', ' ')}", f"{percent:.1f} %")
     return table
 
 

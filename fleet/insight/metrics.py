@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
+from fleet.insight.ledger import STANDING_MPS, CarTime, Ledger, percentages
+from fleet.stations.service_time import Direction
 from fleet.tasks.board import TaskState
 from fleet.world.protocol import FloatArray
 
 if TYPE_CHECKING:
     from fleet.simulation import Simulation
 
-STANDING_MPS = 0.05
-"""Below this speed a car stands."""
 _WAITING = (
     TaskState.BACKLOG,
     TaskState.READY,
@@ -25,6 +26,22 @@ _WAITING = (
     TaskState.CARRIED,
     TaskState.UNLOADING,
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StationReport:
+    """Figures of one station."""
+
+    transfers_n: int
+    service_mean_s: float
+    """Time the arm is taken by one transfer, mean of the last ones; the prior if there was none [s]."""
+    service_p90_s: float
+    busy_share: float
+    """Share of the run in which the arm was at work for a car."""
+    contended_share: float
+    """Share of the run in which it was, and another car waited for it."""
+    waiting_s: float
+    """Time cars waited for it while it was busy, all cars together [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +76,18 @@ class Summary:
     parcel_balance: int
     parcels_misplaced: int
     """Parcels that are not where the books say, looked up in the world."""
+    lowest_charge: float | None
+    """Least state of charge any car ever had, 0 to 1; None without batteries."""
+    charging_sessions: int
+    cars_stranded: int
+    """Cars whose battery was empty."""
+    stations: dict[str, StationReport]
+    bottleneck: str
+    """The station that cars waited for longest while it was busy, in words."""
+    car_ticks: dict[str, CarTime]
+    """Ticks of each car by what they were spent on; the sum is the same for each: the ticks of the run."""
+    time_share_percent: dict[str, float]
+    """The same for all cars together in per cent; adds up to 100."""
     state_hash: str
 
 
@@ -68,13 +97,14 @@ class Metrics:
     Args:
         n_cars: Number of cars.
         tick_s: Length of a tick [s].
+        dock_xy: Centre of each station's dock [m], shape (n_stations, 2).
     """
 
-    def __init__(self, n_cars: int, tick_s: float) -> None:
+    def __init__(self, n_cars: int, tick_s: float, dock_xy: FloatArray) -> None:
+        self.ledger = Ledger(n_cars, dock_xy)
         self._tick_s = tick_s
         self._distance_m = np.zeros((2, n_cars))
         self._waiting_s = np.zeros(n_cars)
-        self._cars = np.arange(n_cars)
 
     def tick(self, speeds: FloatArray, loaded: npt.NDArray[np.int64], bound: npt.NDArray[np.bool_]) -> None:
         """Add one tick.
@@ -84,9 +114,7 @@ class Metrics:
             loaded: 1 for a car with a parcel, else 0, shape (n_cars,).
             bound: True for a car on its way to a station, shape (n_cars,).
         """
-        speed = np.abs(speeds)
-        self._distance_m[loaded, self._cars] += speed * self._tick_s
-        self._waiting_s += (bound & (speed < STANDING_MPS)) * self._tick_s
+        _add(speeds, loaded, bound, self._tick_s, self._distance_m, self._waiting_s)
 
     def summary(self, simulation: Simulation) -> Summary:
         """Figures of the run so far."""
@@ -102,6 +130,7 @@ class Metrics:
         contacts = world.contacts()
         clearance = world.min_clearance_m()
         sim_s = simulation.sim_s
+        batteries, charging = simulation.batteries, simulation.dispatcher.charging
         return Summary(
             tasks_total=len(board.tasks),
             tasks_done=len(done),
@@ -123,8 +152,56 @@ class Metrics:
             min_clearance_m=round(clearance, 4) if np.isfinite(clearance) else None,
             parcel_balance=simulation.parcel_balance(),
             parcels_misplaced=len(simulation.dispatcher.stock.misplaced()),
+            lowest_charge=round(batteries.lowest, 4) if batteries is not None else None,
+            charging_sessions=charging.sessions_n if charging is not None else 0,
+            cars_stranded=int((batteries.charge <= 0.0).sum()) if batteries is not None else 0,
+            stations=self._stations(simulation),
+            bottleneck=self._bottleneck(simulation),
+            car_ticks={f"car_{car}": self.ledger.car_time(car) for car in range(world.n_cars)},
+            time_share_percent=_shares(self.ledger.fleet_time()),
             state_hash=simulation.state_hash(),
         )
+
+    def _stations(self, simulation: Simulation) -> dict[str, StationReport]:
+        ticks = max(simulation.now, 1)
+        reports = {}
+        for station in simulation.stations:
+            direction = Direction.TO_CAR if station.place.kind == "pick" else Direction.FROM_CAR
+            service = simulation.dispatcher.service_times.of(station.arm, direction)
+            time = self.ledger.station_time(station.arm)
+            reports[station.name] = StationReport(
+                transfers_n=service.n,
+                service_mean_s=round(service.mean_s, 2),
+                service_p90_s=round(service.p90_s, 2),
+                busy_share=round(time.busy / ticks, 4),
+                contended_share=round(time.contended / ticks, 4),
+                waiting_s=round(time.waiting * self._tick_s, 2),
+            )
+        return reports
+
+    def _bottleneck(self, simulation: Simulation) -> str:
+        worst = self.ledger.bottleneck()
+        if worst is None:
+            return "none: no car waited for a busy station"
+        time, ticks = self.ledger.station_time(worst), max(simulation.now, 1)
+        return (
+            f"{simulation.stations[worst].name} (arm_{worst}): busy {time.busy / ticks:.0%} of the time, "
+            f"cars waiting for it {time.contended / ticks:.0%}"
+        )
+
+
+def _shares(time: CarTime) -> dict[str, float]:
+    names = [field.name for field in fields(CarTime)]
+    return dict(zip(names, percentages([getattr(time, name) for name in names]), strict=True))
+
+
+@njit(cache=True)
+def _add(speeds, loaded, bound, tick_s, distance_m, waiting_s):
+    for car in range(len(speeds)):
+        speed = abs(speeds[car])
+        distance_m[loaded[car], car] += speed * tick_s
+        if bound[car] and speed < STANDING_MPS:
+            waiting_s[car] += tick_s
 
 
 def _lateness(simulation: Simulation) -> list[float]:

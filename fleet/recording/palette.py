@@ -20,6 +20,7 @@ STATE_COLOURS = {
     "dead": 0xEF4444FF,
     "blocked": 0xDC6803FF,
     "rejoining": 0xEC4899FF,
+    "held": 0xB45309FF,
     "charging": 0x14B8A6FF,
     "planning": 0xFACC15FF,
     "moving": 0x10B981FF,

@@ -21,6 +21,9 @@ STANDING_M, STANDING_RAD = 0.0005, math.radians(0.02)
 SURPRISE = 5.0
 """An innovation beyond this many standard deviations means that the car was moved; the filter then starts over."""
 
+BLOCK_N = 64
+"""Ticks whose noise is drawn at once."""
+
 
 class PoseEstimator:
     """Estimates all car poses from measurements that are white noise around the truth some ticks ago.
@@ -56,6 +59,7 @@ class PoseEstimator:
         self._tick_s = tick_s
         self._noise = np.array([noise_m, noise_m, noise_rad])
         self._rng = rng
+        self._noises = np.zeros((0, n_cars, 3))
         self._tick = 0
         self._truth = np.zeros((latency_ticks + 1, n_cars, 3))
         self._odometry = np.zeros((latency_ticks + 1, n_cars, 2))
@@ -80,16 +84,18 @@ class PoseEstimator:
             self._truth[:] = true_poses
             self._past[:] = true_poses
             self._motion[:, 0], self._motion[:, 1] = speeds, steering
-        noise = self._rng.standard_normal((len(true_poses), 3)) * self._noise
+        if self._tick % BLOCK_N == 0:
+            # Drawing for many ticks at once gives the same numbers as drawing tick by tick.
+            self._noises = self._rng.standard_normal((BLOCK_N, len(true_poses), 3)) * self._noise
         if self._tick == 0:
-            noise[:] = 0.0
+            self._noises[0] = 0.0
         estimate = np.empty_like(self._past)
         _estimate(
             self._tick,
             true_poses,
             speeds,
             steering,
-            noise,
+            self._noises[self._tick % BLOCK_N],
             self._noise,
             self._tick_s,
             self._wheelbase_m,

@@ -22,6 +22,7 @@ JOIN_TOLERANCE_M = 0.10
 BEHIND_M = 0.3
 """Length of path kept behind a car [m]: the follower averages curvature around it."""
 ANGLE_EPS_RAD = 1e-9
+_FITS, _NOT_ASCENDING, _APART = 0, 1, 2
 
 
 class PathError(FleetError):
@@ -77,37 +78,23 @@ class PathBuffer:
             PathError: The piece begins more than `JOIN_TOLERANCE_M` from the end of the path, or `s_m` does not ascend
                 from 0.
         """
-        if s_m[0] != 0.0 or np.any(np.diff(s_m) <= 0.0):
+        if self.points.shape[1] < self.count[car] + len(points) - 1:
+            self.trim(car)
+            self._reserve(int(self.count[car]) + len(points) - 1)
+        verdict = _append(self.points, self.s, self.direction, self.count, car, points, s_m, direction)
+        if verdict == _NOT_ASCENDING:
             raise PathError(f"path of car {car}: arc length of a new piece is {s_m.tolist()}; valid: ascending from 0")
-        last = int(self.count[car]) - 1
-        end = self.points[car, last]
-        gap = math.hypot(points[0, 0] - end[0], points[0, 1] - end[1])
-        if gap > JOIN_TOLERANCE_M:
+        if verdict == _APART:
+            end = self.points[car, self.count[car] - 1]
+            gap = math.hypot(points[0, 0] - end[0], points[0, 1] - end[1])
             raise PathError(
                 f"path of car {car} ends at ({end[0]:.3f}, {end[1]:.3f}) m but its next piece begins {gap:.3f} m away; "
                 f"valid: at most {JOIN_TOLERANCE_M} m"
             )
-        n_new = len(points) - 1
-        if last + 1 + n_new > self.points.shape[1]:
-            self.trim(car)
-            last = int(self.count[car]) - 1
-            self._reserve(last + 1 + n_new)
-        a, b = last + 1, last + 1 + n_new
-        self.points[car, a:b] = points[1:]
-        self.s[car, a:b] = self.s[car, last] + s_m[1:]
-        self.direction[car, a:b] = direction
-        self.count[car] = b
 
     def trim(self, car: int) -> None:
         """Drop the points a car has left well behind; `append` does so by itself when it needs the room."""
-        cursor, count = int(self.cursor[car]), int(self.count[car])
-        first = int(np.searchsorted(self.s[car, : cursor + 1], self.progress[car] - BEHIND_M, side="right")) - 1
-        if first <= 0:
-            return
-        for rows in (self.points[car], self.s[car], self.direction[car]):
-            rows[: count - first] = rows[first:count].copy()
-        self.count[car] = count - first
-        self.cursor[car] = cursor - first
+        _trim(self.points, self.s, self.direction, self.count, self.cursor, self.progress, car)
 
     def end_s(self, car: int) -> float:
         """Arc length at the end of a car's path [m]."""
@@ -278,6 +265,53 @@ class Follower:
         )
         self.progress[:] = paths.progress
         return self._last.copy()
+
+
+@njit(cache=True)
+def any_beyond(first, first_limit, second, second_limit):
+    """Whether an entry of one of two arrays of one length is beyond its limit, on either side."""
+    for k in range(len(first)):  # noqa: SIM110 - numba has no generators in any()
+        if abs(first[k]) > first_limit or abs(second[k]) > second_limit:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _append(points, s, direction, count, car, new_points, new_s, new_direction):
+    """Write a piece behind a car's path, which has room for it; a piece that does not fit changes nothing."""
+    last = count[car] - 1
+    if new_s[0] != 0.0:
+        return _NOT_ASCENDING
+    for k in range(1, len(new_s)):
+        if not new_s[k] - new_s[k - 1] > 0.0:
+            return _NOT_ASCENDING
+    gap = math.hypot(new_points[0, 0] - points[car, last, 0], new_points[0, 1] - points[car, last, 1])
+    if gap > JOIN_TOLERANCE_M:
+        return _APART
+    for k in range(1, len(new_points)):
+        for axis in range(3):
+            points[car, last + k, axis] = new_points[k, axis]
+        s[car, last + k] = s[car, last] + new_s[k]
+        direction[car, last + k] = new_direction
+    count[car] = last + len(new_points)
+    return _FITS
+
+
+@njit(cache=True)
+def _trim(points, s, direction, count, cursor, progress, car):
+    """Move a car's points to the front of its buffer, without those it has left well behind."""
+    first = 0
+    while first < cursor[car] and s[car, first + 1] <= progress[car] - BEHIND_M:
+        first += 1
+    if first == 0:
+        return
+    for k in range(first, count[car]):
+        for axis in range(3):
+            points[car, k - first, axis] = points[car, k, axis]
+        s[car, k - first] = s[car, k]
+        direction[car, k - first] = direction[car, k]
+    count[car] -= first
+    cursor[car] -= first
 
 
 @njit(cache=True)

@@ -43,6 +43,11 @@ class Bookings:
         """Cars that wait for room, first come first."""
         return tuple(self._waiting[place])
 
+    def has(self, car: int) -> bool:
+        """Whether a car has a place, and does not only wait for one."""
+        place = int(self.place_of[car])
+        return place >= 0 and car in self._booked[place]
+
     def book(self, car: int, place: int) -> bool:
         """Take a place for a car, unless there is no room; what it had booked before must have been left."""
         if self.room(place) <= 0:

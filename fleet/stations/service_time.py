@@ -10,6 +10,8 @@ from enum import StrEnum
 
 WINDOW_N = 32
 """Transfers that count: few enough to notice within minutes that an arm has become slow."""
+RECENT_N = 4
+"""Transfers that tell how long the one under way will take."""
 PRIOR_MEAN_S, PRIOR_P90_S = 7.0, 8.0
 """Before the first transfer [s]: on shipped sites with suction means were 6.5 to 7.1 s, percentiles at most 7.6 s."""
 
@@ -43,6 +45,12 @@ class ServiceTime:
     def p90_s(self) -> float:
         """90th percentile [s]; the prior before the first sample."""
         return self._sorted[math.ceil(0.9 * len(self._sorted)) - 1] if self._sorted else PRIOR_P90_S
+
+    @property
+    def recent_s(self) -> float:
+        """Mean of the last `RECENT_N` samples [s]: what an arm does that has just become slow, or quick again."""
+        recent = list(self._window)[-RECENT_N:]
+        return math.fsum(recent) / len(recent) if recent else PRIOR_MEAN_S
 
     def add(self, took_s: float) -> None:
         """Learn from one transfer."""
@@ -98,4 +106,4 @@ class ServiceTimes:
         running = self._running.get(arm)
         if running is None:
             return 0.0
-        return max(0.0, self.of(arm, running.direction).mean_s - (now_s - running.since_s))
+        return max(0.0, self.of(arm, running.direction).recent_s - (now_s - running.since_s))

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -119,6 +119,19 @@ def read_orders(path: Path, site: Site, abilities: Sequence[Ability]) -> OrderBo
         raise OrdersError(f"{refused[0]}{more}; no order is left")
     kept = sorted((order for _, order in orders.values()), key=lambda order: order.release_s)
     return OrderBook(orders=tuple(kept), refused=refused)
+
+
+def write_orders(path: Path, orders: Iterable[Order]) -> None:
+    """Write orders as a CSV file that `read_orders` reads."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow((*REQUIRED, *OPTIONAL))
+        for order in orders:
+            size = "x".join(str(edge) for edge in order.size_m)
+            due = "" if math.isinf(order.due_s) else order.due_s
+            lists = [";".join(words) for words in (order.after, order.picks[1:], order.needs)]
+            required = (order.name, order.release_s, order.pick, order.drop, order.mass_kg, size)
+            table.writerow([*required, due, order.priority, *lists])
 
 
 def _csv_rows(path: Path, text: str) -> list[_Row]:

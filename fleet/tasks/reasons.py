@@ -22,6 +22,9 @@ class PairReason(StrEnum):
     CAR_OUT = "car_out"
     """Dead, off its lane, or with a parcel that nobody can unload."""
     CAR_CHARGES = "car_charges"
+    """It charges, or is about to."""
+    LOW_CHARGE = "low_charge"
+    """After the task it might not reach a charger."""
     TOO_HEAVY = "too_heavy"
     LACKS_CAPABILITY = "lacks_capability"
     NO_WAY = "no_way"
@@ -133,7 +136,8 @@ _DETAILS = {
     PairReason.CHOSEN: "has it",
     PairReason.CAR_BUSY: "was busy with {took}",
     PairReason.CAR_OUT: "was out of service",
-    PairReason.CAR_CHARGES: "was charging",
+    PairReason.CAR_CHARGES: "had to charge",
+    PairReason.LOW_CHARGE: "has too little charge for it",
     PairReason.TOO_HEAVY: "cannot carry its weight",
     PairReason.LACKS_CAPABILITY: "lacks a capability",
     PairReason.NO_WAY: "has no way there",

@@ -123,10 +123,9 @@ class Parcels:
         """
         if len(self.ids) == 0:
             return
-        _carry(self._support, self._carrier, self._local, car_poses, tips, self.poses)
-        holding = self.held >= 0
-        if np.array_equal(holding, grip):
+        if _carry(self._support, self._carrier, self._local, car_poses, tips, self.poses, self.held, grip):
             return
+        holding = self.held >= 0
         for arm in np.nonzero(holding & ~grip)[0]:
             row = int(np.searchsorted(self.ids, self.held[arm]))
             self.held[arm] = -1
@@ -136,12 +135,8 @@ class Parcels:
 
     def held_spheres(self) -> FloatArray:
         """Centre x, y, z and radius of a sphere round each tool's parcel, radius -1 for none, shape (n_arms, 4)."""
-        spheres = np.full((len(self.held), 4), -1.0)
-        arms = np.flatnonzero(self.held >= 0)
-        if len(arms):
-            rows = np.searchsorted(self.ids, self.held[arms])
-            spheres[arms, :3] = self.poses[rows, :3]
-            spheres[arms, 3] = np.linalg.norm(self._size_m[rows], axis=1) / 2.0
+        spheres = np.empty((len(self.held), 4))
+        _held_spheres(self.held, self.ids, self.poses, self._size_m, spheres)
         return spheres
 
     def save(self) -> ParcelSnapshot:
@@ -236,8 +231,24 @@ def _turned(x: float, y: float, yaw: float) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _carry(support, carrier, local, car_poses, tips, poses):
-    """World poses of carried parcels: carrier pose times local pose, both as x, y, z, quat_xyzw."""
+def _held_spheres(held, ids, poses, size, spheres):
+    """Fill centre and radius of a sphere round each tool's parcel; -1 throughout for none."""
+    for arm in range(len(held)):
+        spheres[arm] = -1.0
+        if held[arm] >= 0:
+            row = np.searchsorted(ids, held[arm])
+            spheres[arm, :3] = poses[row, :3]
+            square = size[row, 0] * size[row, 0] + size[row, 1] * size[row, 1] + size[row, 2] * size[row, 2]
+            spheres[arm, 3] = math.sqrt(square) / 2.0
+
+
+@njit(cache=True)
+def _carry(support, carrier, local, car_poses, tips, poses, held, grip):
+    """World poses of carried parcels: carrier pose times local pose, both as x, y, z, quat_xyzw.
+
+    Returns:
+        Whether exactly the tools that should hold something do.
+    """
     base = np.zeros(7)
     for i in range(len(support)):
         if support[i] == 0:
@@ -261,3 +272,7 @@ def _carry(support, carrier, local, car_poses, tips, poses):
         poses[i, 4] = aw * by - ax * bz + ay * bw + az * bx
         poses[i, 5] = aw * bz + ax * by - ay * bx + az * bw
         poses[i, 6] = aw * bw - ax * bx - ay * by - az * bz
+    for arm in range(len(held)):  # noqa: SIM110 - numba has no generators in all()
+        if (held[arm] >= 0) != grip[arm]:
+            return False
+    return True

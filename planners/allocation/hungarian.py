@@ -44,21 +44,26 @@ class Hungarian:
     def allocate(self, problem: AllocationProblem) -> Assignment:
         """Allocate; 12 ms for 1000 vehicles and 1500 tasks."""
         cost = problem.choice_cost()
-        least, most = _range(cost)
-        if least > most:
+        n_classes = 1 if problem.class_of is None else len(np.unique(problem.class_of))
+        small = min(cost.shape) ** 2 * max(cost.shape) <= self._dense_work
+        if small and n_classes == 1 and cost.size and cost.max() < np.inf:
+            return assignment(problem, np.column_stack(linear_sum_assignment(cost)), Status.OPTIMAL)
+
+        finite = np.isfinite(cost)
+        if not finite.any():
             return assignment(problem, np.empty((0, 2)), Status.OPTIMAL)
+        least, most = cost.min(), cost.max(initial=-np.inf, where=finite)
         step = (most - least + 1.0) * (min(cost.shape) + 1)
-        n_classes = 1
-        if problem.class_of is not None and (n_classes := len(np.unique(problem.class_of))) > 1:
-            rank = np.searchsorted(np.unique(problem.class_of), problem.class_of)
-            cost = cost + step * rank
         forbidden = n_classes * step
-        if min(cost.shape) ** 2 * max(cost.shape) <= self._dense_work:
-            return assignment(problem, _dense(cost, least, forbidden), Status.OPTIMAL)
+        cost = cost - least
+        if problem.class_of is not None:
+            cost += step * np.unique(problem.class_of, return_inverse=True)[1]
+        if small:
+            return assignment(problem, _dense(cost, forbidden), Status.OPTIMAL)
         pairs = match(prune(cost, self._nearest_n), forbidden)
         # Those left without a pair choose again, of all tasks that are left.
         left = [np.setdiff1d(np.arange(n), pairs[:, axis]) for axis, n in enumerate(cost.shape)]
-        again = _dense(cost[np.ix_(*left)], least, forbidden)
+        again = _dense(cost[np.ix_(*left)], forbidden)
         again = np.column_stack((left[0][again[:, 0]], left[1][again[:, 1]]))
         return assignment(problem, np.concatenate((pairs, again)), Status.FEASIBLE)
 
@@ -93,21 +98,11 @@ def match(candidates: Candidates, forbidden: float) -> Pairs:
     return np.column_stack((vehicles[real], tasks[real])).astype(np.int32)
 
 
-def _range(cost: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """Least and most of the finite entries, (inf, -inf) if there is none."""
-    least, most = cost.min(initial=np.inf), cost.max(initial=-np.inf)
-    if most == np.inf:
-        most = cost.max(initial=-np.inf, where=np.isfinite(cost))
-    return float(least), float(most)
-
-
-def _dense(cost: npt.NDArray[np.float64], least: float, forbidden: float) -> Pairs:
-    """The most of the finite entries, of these the cheapest.
+def _dense(cost: npt.NDArray[np.float64], forbidden: float) -> Pairs:
+    """The most of the finite entries, and of these choices the cheapest.
 
     One forbidden pair costs more than all others together can save, so as few as possible are taken.
     """
-    shifted = cost - least
-    np.minimum(shifted, forbidden, out=shifted)
-    vehicles, tasks = linear_sum_assignment(shifted)
+    vehicles, tasks = linear_sum_assignment(np.minimum(cost, forbidden))
     real = np.isfinite(cost[vehicles, tasks])
     return np.column_stack((vehicles[real], tasks[real])).astype(np.int32)

@@ -71,6 +71,9 @@ class DependencyGraph:
         self._graph = graph
         self._q = empty_queues(graph, states)
         self._reserved: list[set[int]] = [set() for _ in states]
+        # Asked for in every tick, changed in few: None = not known any more.
+        self._tails: IntArray | None = None
+        self._held_up: BoolArray | None = None
         self._all = np.full(len(states), np.iinfo(np.int64).max)
         self._nowhere = np.zeros(graph.n_cells, dtype=np.bool_)
 
@@ -101,11 +104,12 @@ class DependencyGraph:
 
     def tail_states(self) -> IntArray:
         """State each agent stands in when all its moves are done, shape (n,)."""
-        q = self._q
-        agents = np.arange(self.n_agents)
-        last = q.moves[agents, (q.queued - 1) % q.moves.shape[1]]
-        tails: IntArray = np.where(q.queued > q.finished, q.move_to[last], q.state)
-        return tails
+        if self._tails is None:
+            q = self._q
+            agents = np.arange(self.n_agents)
+            last = q.moves[agents, (q.queued - 1) % q.moves.shape[1]]
+            self._tails = np.where(q.queued > q.finished, q.move_to[last], q.state)
+        return self._tails.copy()
 
     def extend(self, plan: StatePlan) -> None:
         """Queue the moves of a plan behind those there are; a refused plan changes nothing.
@@ -126,6 +130,7 @@ class DependencyGraph:
         n_visits = int((q.swept_ptr[move + 1] - q.swept_ptr[move]).sum())
         self._q = with_room(q, int((q.queued - q.finished + new).max(initial=0)), n_visits)
         append(self._q, steps.timestep, steps.agent, move)
+        self._tails = self._held_up = None
 
     def commit_cut(self, lookahead: int) -> IntArray:
         """Keep the next few moves of each agent and drop the rest, to plan anew from where they end.
@@ -184,6 +189,7 @@ class DependencyGraph:
                 f"dependency graph: the next move of agent {agent} must not start, it waits for (agent, cell) "
                 f"{self.blockers(agent)}; valid: only a grantable agent"
             )
+        self._held_up = None
         return int(start(self._q, agent))
 
     def grant_all(self, most: int, closed: BoolArray) -> tuple[list[int], list[int]]:
@@ -199,6 +205,7 @@ class DependencyGraph:
         agents = np.empty(self.n_agents * most, dtype=np.int32)
         moves = np.empty_like(agents)
         count = start_all(self._q, most, closed, agents, moves)
+        self._held_up = None
         return agents[:count].tolist(), moves[:count].tolist()
 
     def finish(self, agent: int) -> int:
@@ -212,6 +219,7 @@ class DependencyGraph:
         """
         if self._q.finished[agent] == self._q.granted[agent]:
             raise ExecutionError(f"dependency graph: agent {agent} has no granted move; valid: finish what was granted")
+        self._held_up = None
         return int(end(self._q, agent))
 
     def finish_all(self, agents: Sequence[int]) -> None:
@@ -220,6 +228,7 @@ class DependencyGraph:
         Raises:
             ExecutionError: No move is granted; the agents before are done.
         """
+        self._held_up = None
         done = end_all(self._q, np.array(agents, dtype=np.int32))
         if done < len(agents):
             self.finish(agents[done])
@@ -248,8 +257,9 @@ class DependencyGraph:
 
     def held_up(self) -> BoolArray:
         """Agents without a grant whose next cells are all free, but it is not their turn, shape (n,)."""
-        waiting: BoolArray = held_up(self._q)
-        return waiting
+        if self._held_up is None:
+            self._held_up = held_up(self._q)
+        return self._held_up.copy()
 
     def go_first(self, agent: int, late: BoolArray) -> bool:
         """Let an agent go before those it waits for, if nobody is there yet and everybody still comes through.
@@ -262,6 +272,7 @@ class DependencyGraph:
         Returns:
             Whether the agent's next move is grantable now; if not, nothing is changed.
         """
+        self._held_up = None
         return self.n_queued(agent) > 0 and go_first(self._q, agent, late)
 
     def held_cells(self, agent: int) -> list[int]:
@@ -295,6 +306,7 @@ class DependencyGraph:
         for cell in wanted - self._reserved[agent]:
             hold(self._q, agent, cell)
         self._reserved[agent] |= wanted
+        self._held_up = None
         return True
 
     def unreserve(self, agent: int) -> None:
@@ -302,6 +314,7 @@ class DependencyGraph:
         for cell in self._reserved[agent]:
             let_go(self._q, cell)
         self._reserved[agent] = set()
+        self._held_up = None
 
     def halt(self, agent: int) -> None:
         """Drop the agent's queued moves, and those of others that wait for them or lead through a cell it holds.
@@ -345,6 +358,7 @@ class DependencyGraph:
         q.finished[agent] = q.granted[agent]
         let_go(q, q.state_cell[q.state[agent]])
         q.state[agent] = state
+        self._tails = self._held_up = None
 
     # --- internals
 
@@ -353,6 +367,7 @@ class DependencyGraph:
         shut = self._nowhere.copy()
         shut[list(closed)] = True
         cut_off(self._q, run_through(self._q, limits, shut))
+        self._tails = self._held_up = None
 
     def _granted(self, agent: int) -> list[int]:
         """Granted moves in order."""

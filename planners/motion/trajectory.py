@@ -49,13 +49,23 @@ class Trajectory:
             return self.q[0].copy(), self.qd[0].copy()
         if time_s >= self.t[-1]:
             return self.q[-1].copy(), self.qd[-1].copy()
-        dt = self.t[1] - self.t[0]
-        i = min(int(time_s / dt), len(self.t) - 2)
-        u = (time_s - self.t[i]) / dt
-        rise, m0, m1 = self.q[i + 1] - self.q[i], dt * self.qd[i], dt * self.qd[i + 1]
+        state = np.empty((2, self.q.shape[1]))
+        _interpolate(self.t, self.q, self.qd, time_s, state)
+        return state[0], state[1]
+
+
+@njit(cache=True)
+def _interpolate(t, q, qd, time, state):  # type: ignore[no-untyped-def]
+    """Fill `state` (2, n) with joint angles and velocities at a time between the first sample and the last."""
+    dt = t[1] - t[0]
+    i = min(int(time / dt), len(t) - 2)
+    u = (time - t[i]) / dt
+    for j in range(q.shape[1]):
+        rise, m0, m1 = q[i + 1, j] - q[i, j], dt * qd[i, j], dt * qd[i + 1, j]
         # Hermite cubic in the powers of u
         c2, c3 = 3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise
-        return self.q[i] + u * (m0 + u * (c2 + u * c3)), (m0 + u * (2.0 * c2 + 3.0 * u * c3)) / dt
+        state[0, j] = q[i, j] + u * (m0 + u * (c2 + u * c3))
+        state[1, j] = (m0 + u * (2.0 * c2 + 3.0 * u * c3)) / dt
 
 
 def _cells(path: FloatArray, deviation: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -71,23 +81,38 @@ def _cells(path: FloatArray, deviation: float) -> tuple[FloatArray, FloatArray, 
     # Half-length of the arc at each corner: it passes the corner at a distance of cut * bend / 4.
     cut = np.zeros(len(path))
     cut[1:-1] = np.minimum(0.5 * np.minimum(length[:-1], length[1:]), 4.0 * deviation / np.maximum(bend, 1e-9))
-    sizes, points, tangents, curves = [], [], [], []
-    for i in range(len(length)):
-        straight = length[i] - cut[i] - cut[i + 1]
-        if straight > _SAME_RAD:
-            m = max(_LINE_CELLS, int(np.ceil(straight / _CELL_RAD)))
-            sizes.append(np.full(m, straight / m))
-            points.append(path[i] + unit[i] * (cut[i] + np.arange(m) * (straight / m))[:, None])
-            tangents.append(np.broadcast_to(unit[i], (m, path.shape[1])))
-            curves.append(np.zeros((m, path.shape[1])))
-        if i + 1 < len(length):
-            s = (np.arange(_BLEND_CELLS) * (2.0 * cut[i + 1] / _BLEND_CELLS))[:, None]
-            curve = (unit[i + 1] - unit[i]) / (2.0 * cut[i + 1])
-            sizes.append(np.full(_BLEND_CELLS, 2.0 * cut[i + 1] / _BLEND_CELLS))
-            points.append(path[i + 1] - unit[i] * (cut[i + 1] - s) + 0.5 * curve * s * s)
-            tangents.append(unit[i] + curve * s)
-            curves.append(np.broadcast_to(curve, (_BLEND_CELLS, path.shape[1])))
-    return np.concatenate(sizes), np.concatenate(points), np.concatenate(tangents), np.concatenate(curves)
+    straight = length - cut[:-1] - cut[1:]
+    lines = np.where(straight > _SAME_RAD, np.maximum(_LINE_CELLS, np.ceil(straight / _CELL_RAD)), 0).astype(np.int64)
+    m, n = int(lines.sum()) + _BLEND_CELLS * (len(length) - 1), path.shape[1]
+    size, point, tangent, curve = np.empty(m), np.empty((m, n)), np.empty((m, n)), np.empty((m, n))
+    _fill_cells(path, unit, cut, straight, lines, size, point, tangent, curve)
+    return size, point, tangent, curve
+
+
+@njit(cache=True)
+def _fill_cells(path, unit, cut, straight, lines, size, point, tangent, curve):  # type: ignore[no-untyped-def]
+    """Fill the cells of each straight piece and of the arc behind it."""
+    at = 0
+    for i in range(len(lines)):
+        for k in range(lines[i]):
+            size[at] = straight[i] / lines[i]
+            ahead = cut[i] + k * (straight[i] / lines[i])
+            for j in range(path.shape[1]):
+                point[at, j] = path[i, j] + unit[i, j] * ahead
+                tangent[at, j] = unit[i, j]
+                curve[at, j] = 0.0
+            at += 1
+        if i + 1 == len(lines):
+            break
+        for k in range(_BLEND_CELLS):
+            size[at] = 2.0 * cut[i + 1] / _BLEND_CELLS
+            s = k * (2.0 * cut[i + 1] / _BLEND_CELLS)
+            for j in range(path.shape[1]):
+                bent = (unit[i + 1, j] - unit[i, j]) / (2.0 * cut[i + 1])
+                point[at, j] = path[i + 1, j] - unit[i, j] * (cut[i + 1] - s) + 0.5 * bent * s * s
+                tangent[at, j] = unit[i, j] + bent * s
+                curve[at, j] = bent
+            at += 1
 
 
 @njit(cache=True)

@@ -198,10 +198,8 @@ def test_a_due_date_that_nobody_can_keep_is_told_at_the_release(make: Make) -> N
 
 
 def test_names_that_nobody_has(make: Make) -> None:
-    with (
-        make("x,0,pick_1,drop_1,0.3") as simulation,
-        pytest.raises(UnknownTask, match="task is 'z'; valid: the id of an order, such as x"),
-    ):
+    valid = "task is 'z'; valid: the id of an order, such as x"
+    with make("x,0,pick_1,drop_1,0.3") as simulation, pytest.raises(UnknownTask, match=valid):
         simulation.explain_assignment("z")
 
 

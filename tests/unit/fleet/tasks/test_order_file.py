@@ -3,13 +3,17 @@
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from fleet.config import StreamConfig
 from fleet.tasks.order import Ability, Priority
-from fleet.tasks.order_file import OrderBook, OrdersError, read_orders
+from fleet.tasks.order_file import OrderBook, OrdersError, read_orders, write_orders
 from fleet.tasks.precedence import broken
+from fleet.tasks.stream import stream_orders
 from maps.site import Site
 
 HEADER = "id,release_s,pick,drop,mass_kg,size_m\n"
@@ -181,3 +185,11 @@ def test_json_that_holds_no_orders(read: Read, text: str, expected: str) -> None
 def test_a_header_that_is_not_understood(read: Read, header: str) -> None:
     with pytest.raises(OrdersError, match="line 1: header is"):
         read(header + GOOD)
+
+
+def test_written_orders_are_read_as_they_were(small_site: Site, tmp_path: Path) -> None:
+    stream = stream_orders(small_site, StreamConfig(), 3600.0, 30, np.random.default_rng(3))
+    special = replace(stream[-1], name="x", after=(stream[0].name,), picks=("pick_2", "pick_1"), pick="pick_2")
+    orders = (*stream, replace(special, needs=("cold", "fragile")))
+    write_orders(tmp_path / "orders.csv", orders)
+    assert read_orders(tmp_path / "orders.csv", small_site, CARS) == OrderBook(orders=orders)

@@ -1,0 +1,34 @@
+"""Benchmark of scheduling: who gets which task, and the stations they share; one group per file.
+
+A group is a function from a `Trial` to rows; it has every assignment checked by the referee before it counts a time. A
+new group is one file here and one line in `GROUPS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from benchmarks.harness import Benchmark, Row, Trial
+from benchmarks.scheduling.coupled import measure_coupled
+from benchmarks.scheduling.matching import measure_matching
+
+GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
+    "matching": measure_matching,
+    "coupled": measure_coupled,
+}
+
+
+def measure(trial: Trial) -> Iterable[Row]:
+    """Run the groups that were asked for, in the order of the table."""
+    for name in trial.groups:
+        yield from GROUPS[name](trial)
+
+
+BENCHMARK = Benchmark(
+    name="scheduling",
+    summary="tasks, vehicles and stations: matching, and plans for all of them at once",
+    measure=measure,
+    seeds=(0, 1, 2),
+    quick_seeds=(0,),
+    groups=tuple(GROUPS),
+)

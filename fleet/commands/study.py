@@ -1,0 +1,136 @@
+"""The study command: how many cars are worth it, and which allocator."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from rich.console import Console
+from rich.table import Table
+
+from fleet.bar import Bar
+from fleet.config import Fidelity, require
+from fleet.interrupts import interrupts
+from fleet.study.design import Design, parse_names, parse_range
+
+if TYPE_CHECKING:
+    from fleet.study.study import Outcome
+
+COMPLETE, INTERRUPTED = 0, 130
+PLAIN_WIDTH = 120
+"""Columns of a table that goes to a file or a pipe."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Compare fleet sizes and allocators on the same orders; prints a table, writes a CSV file, plots and a page."""
+
+    allocators: str = "greedy,hungarian"
+    """Allocators, separated by commas; the others are compared with the first."""
+    robots: str = "2:20"
+    """Numbers of cars: a number, a range, a range with a step, or a list: 8, 2:20, 2:20:2, 2,4,8."""
+    seeds: int = 5
+    """Number of seeds; each has its own orders, the same for all fleets. Intervals need two or more."""
+    site: str = "medium"
+    """Name of a shipped site (see `site list`) or path of a site file."""
+    fidelity: Literal["kinematic", "grid"] = "kinematic"
+    """How robots are moved."""
+    duration: float = 1200.0
+    """Simulated time of each run [s]."""
+    planner: str = "pibt"
+    """Path planner of the fleet: pibt or multi_step_pibt."""
+    jobs: int | None = None
+    """Runs at once; default one per core."""
+    out: Path = Path("runs/study")
+    """Directory for study.csv, study.html, the plots and the orders of each seed."""
+    resume: bool = False
+    """Keep the runs that are in the directory already, and do the others."""
+
+    def run(self) -> int:
+        """Run and print the findings; returns the exit status."""
+        require(self.seeds >= 1, "--seeds", self.seeds, "an integer >= 1")
+        require(0.0 < self.duration < 1e6, "--duration", self.duration, "a number > 0, at most a million")
+        require(self.jobs is None or self.jobs >= 1, "--jobs", self.jobs, "an integer >= 1")
+        design = Design(
+            allocators=parse_names(self.allocators, "--allocators"),
+            robots=parse_range(self.robots, "--robots"),
+            seeds=tuple(range(self.seeds)),
+            site=self.site,
+            fidelity=Fidelity(self.fidelity),
+            duration_s=self.duration,
+            planner=self.planner,
+        )
+        # The planners take a second to load: only for runs, not for --help.
+        from fleet.study.study import check, run_study
+
+        check(design)
+        with interrupts() as interrupted, Bar(len(design.variants), "runs", shown=True) as bar:
+
+            def progress(done: int, total: int) -> None:
+                if bar.due():
+                    bar.show(done, f"{total - done} to go", f"{done} of {total} runs done")
+
+            outcome = run_study(
+                design,
+                self.out,
+                jobs=self.jobs or len(os.sched_getaffinity(0)),
+                resume=self.resume,
+                interrupted=interrupted,
+                progress=progress,
+            )
+        width = None if sys.stdout.isatty() else PLAIN_WIDTH
+        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
+        if outcome.rows:
+            self._show(console, outcome)
+        if outcome.open_n:
+            console.print(f"interrupted: {outcome.open_n} runs are missing; --resume does them", soft_wrap=True)
+            return INTERRUPTED
+        return COMPLETE
+
+    def _show(self, console: Console, outcome: Outcome) -> None:
+        from fleet.study.page import PAGE, charts, write_page
+        from fleet.study.words import sentences
+
+        findings = outcome.findings
+        plots = charts(findings)
+        for name, plot in plots.items():
+            plot.write_png(self.out / f"{name}.png")
+        title = f"{Path(self.site).stem}: fleet size and allocation"
+        seeds = f"{self.seeds} seed{'s' if self.seeds > 1 else ''}"
+        settings = (
+            f"{seeds}, {self.duration:g} s each, {self.fidelity}. Again: python -m fleet study "
+            f"--allocators {self.allocators} --robots {self.robots} --seeds {self.seeds} --site {self.site} "
+            f"--fidelity {self.fidelity} --duration {self.duration:g} --planner {self.planner}"
+        )
+        write_page(self.out / PAGE, findings=findings, plots=list(plots.values()), title=title, settings=settings)
+        console.print(_table(outcome, title))
+        for sentence in sentences(findings):
+            console.print(sentence, soft_wrap=True)
+        console.print(f"page: {self.out / PAGE}", soft_wrap=True)
+
+
+def _table(outcome: Outcome, title: str) -> Table:
+    from fleet.study.words import between
+
+    findings = outcome.findings
+    table = Table(title=title)
+    table.add_column("allocator")
+    late = "tardiness [s]" if findings.has_due_dates else "task time [s]"
+    for name in ("cars", "deliveries/h", "difference", late, "waiting [%]"):
+        table.add_column(name, justify="right")
+    table.add_column("bottleneck")
+    for curve in findings.curves:
+        for point in curve.points:
+            table.add_row(
+                point.allocator,
+                f"{point.robots}{' (knee)' if point.robots == curve.knee else ''}",
+                between(point.throughput_per_h),
+                between(point.gain_per_h, sign=True),
+                between(point.lateness_s),
+                between(point.waiting_share, scale=100.0),
+                f"{point.bottleneck.name} {point.bottleneck.share:.0%}",
+            )
+    return table

@@ -1,0 +1,93 @@
+"""Batteries: the state of charge of all cars, from distance, load and time; the same in every kind of world."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from fleet.config import BatteryConfig
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+CAR_MASS_KG = 6.3
+"""Racecar: 4.73 kg base, four wheels of 0.34 kg, two hinges of 0.1 kg (the description in `fleet.assets`)."""
+ROLLING = 0.02
+"""Rolling resistance over weight: rubber tyres on concrete have 0.01 to 0.015 (Wong, "Theory of Ground Vehicles", 4th
+ed., table 1.2); small wheels have more."""
+EFFICIENCY = 0.5
+"""From battery to wheel: a small brushed motor with gears turns about half of what it takes into motion; there is no
+recuperation, and starts and stops are meant to be in this figure too."""
+GRAVITY_MPS2 = 9.81
+
+
+def force_n(load_kg: float) -> float:
+    """Energy that a metre takes from the battery [J/m]."""
+    return (CAR_MASS_KG + load_kg) * GRAVITY_MPS2 * ROLLING / EFFICIENCY
+
+
+class Batteries:
+    """All batteries of a fleet.
+
+    Charging is linear: the tapered end of a real charge above 80 % is left out.
+
+    Args:
+        config: Capacity, power, charge at the start.
+        n_cars: Number of cars.
+        tick_s: Length of a tick [s].
+    """
+
+    def __init__(self, config: BatteryConfig, n_cars: int, tick_s: float) -> None:
+        self.config = config
+        self.charge: Floats = np.full(n_cars, config.start)
+        """State of charge, 0 empty to 1 full, shape (n_cars,)."""
+        self.lowest = config.start
+        """Least state of charge any car has had."""
+        self._tick_s = tick_s
+        self._capacity_j = 3600.0 * config.capacity_wh
+
+    def tick(self, speeds: Floats, load_kg: Floats, awake: Bools, charging: Bools) -> None:
+        """Spend and charge one tick.
+
+        Args:
+            speeds: Signed speeds [m/s], shape (n_cars,).
+            load_kg: Mass of each car's parcel, 0 for none, shape (n_cars,).
+            awake: Cars with computer and lidar on, shape (n_cars,).
+            charging: Cars that stand at a charger, shape (n_cars,).
+        """
+        config = self.config
+        lowest = _spend(
+            self.charge,
+            speeds,
+            load_kg,
+            awake,
+            charging,
+            config.awake_w,
+            config.asleep_w,
+            config.charge_w,
+            force_n(0.0),
+            force_n(1.0) - force_n(0.0),
+            self._tick_s / self._capacity_j,
+        )
+        self.lowest = min(self.lowest, float(lowest))
+
+    def share(self, way_m: Floats | float, time_s: Floats | float, load_kg: float = 0.0) -> Floats:
+        """What a way and a time awake take from a battery, as a share of its capacity, in the arguments' shape."""
+        return np.asarray((way_m * force_n(load_kg) + time_s * self.config.awake_w) / self._capacity_j)
+
+
+@njit(cache=True)
+def _spend(charge, speeds, load_kg, awake, charging, awake_w, asleep_w, charge_w, empty_n, kg_n, per_w):
+    lowest = 1.0
+    for car in range(len(charge)):
+        if charging[car]:
+            # Its electronics run from the mains meanwhile.
+            charge[car] = min(1.0, charge[car] + charge_w * per_w)
+        else:
+            speed = abs(speeds[car])
+            power_w = awake_w if awake[car] or speed > 0.05 else asleep_w
+            power_w += speed * (empty_n + kg_n * load_kg[car])
+            charge[car] = max(0.0, charge[car] - power_w * per_w)
+        lowest = min(lowest, charge[car])
+    return lowest

@@ -1,0 +1,116 @@
+"""Design: which runs a study consists of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, TrafficConfig, require
+from fleet.errors import FleetError
+
+RANGE_FORM = "a list of numbers and ranges, such as 4, 2:20, 2:20:2 or 2,4,8"
+
+
+class StudyError(FleetError):
+    """A study cannot be made or resumed as asked."""
+
+
+@dataclass(frozen=True, order=True)
+class Variant:
+    """One run of a study."""
+
+    seed: int
+    robots: int
+    allocator: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """Everything that decides the rows of a study: each allocator with each fleet size on each seed's orders."""
+
+    allocators: tuple[str, ...]
+    """The first is the one that the others are compared with."""
+    robots: tuple[int, ...]
+    seeds: tuple[int, ...]
+    site: str
+    fidelity: Fidelity
+    duration_s: float
+    """Length of every run [s]."""
+    planner: str = "pibt"
+    """Name in `planners.mapf.PLANNERS`."""
+
+    def __post_init__(self) -> None:
+        for what, values, valid in (
+            ("--allocators", self.allocators, "at least one name"),
+            ("--robots", self.robots, RANGE_FORM),
+            ("--seeds", self.seeds, "an integer >= 1"),
+        ):
+            require(len(values) > 0, what, ",".join(map(str, values)), valid)
+            twice = [value for k, value in enumerate(values) if value in values[:k]]
+            require(not twice, what, ",".join(map(str, values)), "each once")
+
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """All runs; seed by seed, so that a study that was interrupted has whole curves."""
+        return tuple(
+            Variant(seed, robots, allocator)
+            for seed in self.seeds
+            for robots in self.robots
+            for allocator in self.allocators
+        )
+
+    def run_config(self, variant: Variant, orders: Path) -> RunConfig:
+        """Settings of one run.
+
+        Args:
+            variant: The run.
+            orders: CSV file of its seed's orders.
+        """
+        return RunConfig(
+            site=self.site,
+            robots=variant.robots,
+            orders=orders,
+            seed=variant.seed,
+            duration_s=self.duration_s,
+            fidelity=self.fidelity,
+            traffic=TrafficConfig(planner=self.planner),
+            allocation=AllocationConfig(allocator=variant.allocator),
+            # The runs share the cores already; an arm planner in its own process would only be in the way.
+            arms=ArmConfig(workers_n=0),
+        )
+
+
+def parse_range(text: str, what: str) -> tuple[int, ...]:
+    """Read numbers and ranges that include their ends.
+
+    Args:
+        text: Such as ``4``, ``2:20``, ``2:20:2`` or ``2,4,8:10``.
+        what: Name of the option, for messages.
+
+    Returns:
+        The numbers, ascending.
+
+    Raises:
+        ConfigError: The text is something else, a number is below 1 or stands twice, or a range is empty.
+    """
+    numbers: list[int] = []
+    for part in text.split(","):
+        ends = part.strip().split(":")
+        valid = 1 <= len(ends) <= 3 and all(end.isdecimal() and end.isascii() and len(end) <= 6 for end in ends)
+        require(valid, what, text, RANGE_FORM)
+        first, last, step = int(ends[0]), int(ends[min(1, len(ends) - 1)]), int(ends[2]) if len(ends) == 3 else 1
+        require(1 <= first <= last and step >= 1, what, text, f"{RANGE_FORM}; from low to high, all at least 1")
+        numbers += range(first, last + 1, step)
+    require(len(set(numbers)) == len(numbers), what, text, f"{RANGE_FORM}; each number once")
+    return tuple(sorted(numbers))
+
+
+def parse_names(text: str, what: str) -> tuple[str, ...]:
+    """Read names that are separated by commas, in their order.
+
+    Raises:
+        ConfigError: A name is empty or stands twice.
+    """
+    names = tuple(name.strip() for name in text.split(","))
+    require(all(names) and len(set(names)) == len(names), what, text, "names separated by commas, each once")
+    return names

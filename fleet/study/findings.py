@@ -1,0 +1,161 @@
+"""Findings: what the rows of a study say: curves with intervals, differences, the knee, the bottleneck."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.study.knee import find_knee
+from fleet.study.statistics import Estimate, estimate, paired
+from fleet.study.table import Row
+
+DEMAND_MET = 0.97
+"""Share of the released orders that must be delivered for the orders, not the site, to set the throughput; from 1 is
+missing what is under way at the end of a run."""
+
+SPARE = 0.1
+"""Share of their time that cars have nothing to do, although orders are open, from which more cars would be no help."""
+
+Figure = Callable[[Row], float | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bottleneck:
+    """What limits a fleet."""
+
+    name: str
+    """A station, `cars`, `traffic` or `orders`."""
+    share: float
+    """Share of the time it is in use; of `traffic`, share of the cars' time lost in it; of `orders`, share done."""
+    held_share: float = 0.0
+    """Share of the cars' time in which they were idle for want of room at the stations; 0 below `SPARE`."""
+
+    def __str__(self) -> str:
+        if self.name == "orders":
+            return f"orders ({self.share:.0%} of them delivered)"
+        if self.name == "traffic":
+            return f"traffic (cars stand in it {self.share:.0%} of their time)"
+        held = f"; no room at stations for cars {self.held_share:.0%} of their time" if self.held_share else ""
+        return f"{self.name} (at work {self.share:.0%} of the time{held})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """One fleet size of one allocator, over all seeds."""
+
+    allocator: str
+    robots: int
+    throughput_per_h: Estimate
+    lateness_s: Estimate | None
+    """Tardiness, or task time where orders have no due dates [s]; None when nothing was delivered."""
+    waiting_share: Estimate
+    """Share of the cars' time in which they stood in traffic or queued for an arm."""
+    on_time_share: Estimate | None
+    gain_per_h: Estimate | None
+    """Throughput less that of the reference allocator, on the same seeds; None for the reference itself."""
+    bottleneck: Bottleneck
+    open_n: float
+    """Orders that were open at the end, mean over seeds."""
+    stalled_n: int
+    """Runs that came to a stand."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """One allocator over all fleet sizes."""
+
+    allocator: str
+    points: tuple[Point, ...]
+    """Ascending in fleet size."""
+    knee: int | None
+    """Fleet size from which more cars bring clearly less; None if there is none in the range."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What a study found."""
+
+    curves: tuple[Curve, ...]
+    """In the order in which the allocators were named."""
+    has_due_dates: bool
+    """Whether `Point.lateness_s` is tardiness; else it is task time."""
+
+
+def find(rows: Sequence[Row], allocators: Sequence[str]) -> Findings:
+    """Draw the conclusions from rows.
+
+    Args:
+        rows: In any order; variants may be missing, as after an interrupt.
+        allocators: In order; the first one is the reference.
+    """
+    has_due_dates = any(row.tardiness_s is not None for row in rows)
+    curves = []
+    for allocator in allocators:
+        mine = [row for row in rows if row.allocator == allocator]
+        points = tuple(
+            _point(
+                sorted((row for row in mine if row.robots == robots), key=lambda row: row.seed),
+                {row.seed: row for row in rows if row.allocator == allocators[0] and row.robots == robots},
+                has_due_dates,
+            )
+            for robots in sorted({row.robots for row in mine})
+        )
+        if points:
+            knee = find_knee([p.robots for p in points], [p.throughput_per_h.mean for p in points])
+            curves.append(Curve(allocator=allocator, points=points, knee=None if knee is None else points[knee].robots))
+    return Findings(curves=tuple(curves), has_due_dates=has_due_dates)
+
+
+def bottleneck(rows: Sequence[Row]) -> Bottleneck:
+    """What is in use for the greatest share of the time, mean over the rows of one variant.
+
+    Orders limit a fleet that delivers them as they come. Else the candidates are every station's arm, the cars (driving
+    or being served) unless they are idle for want of room at the stations, and traffic, by the share of the cars' time
+    that is lost in it.
+
+    Source: the bottleneck is the device of greatest utilisation: P. J. Denning, J. P. Buzen, "The Operational Analysis
+    of Queueing Network Models", ACM Computing Surveys 10(3), 1978.
+    """
+    released = sum(row.released for row in rows)
+    done = sum(row.done for row in rows)
+    if released and done >= DEMAND_MET * released:
+        return Bottleneck(name="orders", share=done / released)
+    shares = {name: float(np.mean([row.station_shares[name] for row in rows])) for name in rows[0].station_shares}
+    shares["traffic"] = float(np.mean([row.traffic for row in rows]))
+    idle = float(np.mean([row.idle for row in rows]))
+    if idle < SPARE:
+        shares["cars"] = float(np.mean([row.driving + row.served for row in rows]))
+    name = max(shares, key=lambda key: shares[key])
+    return Bottleneck(name=name, share=shares[name], held_share=idle if idle >= SPARE else 0.0)
+
+
+def _point(rows: list[Row], reference: dict[int, Row], has_due_dates: bool) -> Point:
+    """`rows` are those of one variant, at least one; `reference` those of the reference of that size by seed."""
+    is_reference = rows[0] == reference.get(rows[0].seed)
+    both = [row for row in rows if row.seed in reference]
+    gain = paired([r.throughput_per_h for r in both], [reference[r.seed].throughput_per_h for r in both])
+    return Point(
+        allocator=rows[0].allocator,
+        robots=rows[0].robots,
+        throughput_per_h=_known(rows, lambda row: row.throughput_per_h),
+        lateness_s=_mean(rows, (lambda row: row.tardiness_s) if has_due_dates else (lambda row: row.task_time_s)),
+        waiting_share=_known(rows, lambda row: row.traffic + row.queueing),
+        on_time_share=_mean(rows, lambda row: row.on_time_share),
+        gain_per_h=None if is_reference else gain,
+        bottleneck=bottleneck(rows),
+        open_n=float(np.mean([row.released - row.done - row.failed for row in rows])),
+        stalled_n=sum(row.stalled for row in rows),
+    )
+
+
+def _mean(rows: Sequence[Row], figure: Figure) -> Estimate | None:
+    return estimate([value for value in map(figure, rows) if value is not None])
+
+
+def _known(rows: Sequence[Row], figure: Callable[[Row], float]) -> Estimate:
+    found = estimate([figure(row) for row in rows])
+    if found is None:
+        raise ValueError("a point of a curve without rows")
+    return found

@@ -1,0 +1,95 @@
+"""Pool: runs in processes of their own, as many at once as there are cores."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from multiprocessing.connection import wait as wait_for
+from typing import TYPE_CHECKING
+
+from fleet.config import RunConfig
+from fleet.study.design import StudyError
+
+if TYPE_CHECKING:
+    from fleet.study.table import Row
+
+POLL_S = 0.2
+"""Longest wall time until an interrupt is noticed [s]."""
+WARM_UP_S = 8.0
+"""Simulated time of the run that compiles the kernels before the others begin [s]."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""One thread per process: the processes themselves use the cores."""
+
+
+def run_all(configs: Sequence[RunConfig], jobs: int, interrupted: Sequence[int]) -> Iterator[Row | None]:
+    """Run variants in parallel; each row is given out as soon as its run has ended, None where nothing new happened.
+
+    The processes are started anew (spawned), not copied: the engines behind the planners do not survive a copy. One of
+    them first compiles all kernels into the cache that the others then read.
+
+    Args:
+        configs: The runs; their outcome does not depend on `jobs`.
+        jobs: Processes at once, >= 1.
+        interrupted: Becomes non-empty when the user wants to stop: then the iteration ends, runs under way are dropped.
+
+    Raises:
+        FleetError: A run was refused.
+        StudyError: A process died.
+    """
+    context = multiprocessing.get_context("spawn")
+    before = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(min(jobs, len(configs)), mp_context=context, initializer=_begin)
+    try:
+        warm: Future[Row] = pool.submit(_measure, replace(configs[0], duration_s=min(WARM_UP_S, configs[0].duration_s)))
+        while not warm.done():
+            yield None
+            if interrupted:
+                return
+            wait([warm], timeout=POLL_S)
+        warm.result()
+        open_runs = {pool.submit(_measure, config) for config in configs}
+        while open_runs and not interrupted:
+            ended, open_runs = wait(open_runs, timeout=POLL_S, return_when=FIRST_COMPLETED)
+            for run in ended:
+                yield run.result()
+            if not ended:
+                yield None
+    except BrokenProcessPool as error:
+        if interrupted:
+            return
+        raise StudyError(
+            "a process of the study died, perhaps for want of memory; valid: fewer --jobs, then --resume"
+        ) from error
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(multiprocessing.active_children()) - before:
+            process.terminate()
+            process.join()
+
+
+def _measure(config: RunConfig) -> Row:
+    # Planners and kernels are loaded here, in the process that needs them, after `_begin`.
+    from fleet.study.run import measure
+
+    return measure(config)
+
+
+def _begin() -> None:
+    """Leave Ctrl-C to the process that started this one, and end with it however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
+
+
+def _leave_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait_for([parent.sentinel])
+    os._exit(1)

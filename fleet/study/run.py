@@ -1,0 +1,72 @@
+"""Run: one variant of a study from start to end, as a row."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fleet.config import RunConfig
+from fleet.simulation import Simulation
+from fleet.study.probe import CarUse, Probe
+from fleet.study.table import Row
+from fleet.tasks.board import Task, TaskState
+
+
+def measure(config: RunConfig) -> Row:
+    """Run to the end of the time, even when all work is done before, so that all runs are of one length.
+
+    A fleet that comes to a stand with work open is not driven on: nothing will change.
+    """
+    with Simulation(config) as simulation:
+        probe = Probe(simulation)
+        while simulation.sim_s < config.duration_s and (simulation.board.finished or not simulation.stalled):
+            simulation.tick()
+            probe.look()
+        return _row(config, simulation, probe)
+
+
+def _row(config: RunConfig, simulation: Simulation, probe: Probe) -> Row:
+    released = [task for task in simulation.board.tasks if task.state is not TaskState.ORDERED]
+    delivered = [task for task in released if TaskState.DELIVERED in task.since_s and task.state in DONE]
+    times = [task.since_s[TaskState.DELIVERED] - task.order.release_s for task in delivered]
+    tardiness, on_time = _lateness(released, config.duration_s)
+    cars = {use: round(share, 4) for use, share in probe.car_shares().items()}
+    return Row(
+        allocator=config.allocation.allocator,
+        robots=config.robots,
+        seed=config.seed,
+        released=len(released),
+        done=len(delivered),
+        failed=simulation.board.count(TaskState.FAILED),
+        throughput_per_h=round(len(delivered) * 3600.0 / config.duration_s, 2),
+        task_time_s=round(float(np.mean(times)), 2) if times else None,
+        task_time_p95_s=round(float(np.percentile(times, 95)), 2) if times else None,
+        tardiness_s=tardiness,
+        on_time_share=on_time,
+        driving=cars[CarUse.DRIVING],
+        traffic=cars[CarUse.TRAFFIC],
+        queueing=cars[CarUse.QUEUEING],
+        served=cars[CarUse.SERVED],
+        idle=cars[CarUse.IDLE],
+        fault=cars[CarUse.FAULT],
+        stations=" ".join(f"{name}={share:.4f}" for name, share in probe.station_shares().items()),
+        stalled=simulation.stalled and not simulation.board.finished,
+        state_hash=simulation.state_hash(),
+    )
+
+
+DONE = (TaskState.DELIVERED, TaskState.COLLECTED)
+
+
+def _lateness(released: list[Task], end_s: float) -> tuple[float | None, float | None]:
+    """Mean tardiness [s] and share on time, None without due dates; both are fixed by what is known at the end."""
+    late, kept = [], []
+    for task in released:
+        due_s = getattr(task.order, "due_s", None)
+        if due_s is None:
+            continue
+        done_s = task.since_s[TaskState.DELIVERED] if task.state in DONE else np.inf
+        late.append(max(0.0, min(done_s, end_s) - due_s))
+        if due_s <= end_s:
+            kept.append(done_s <= due_s)
+    tardiness = round(float(np.mean(late)), 2) if late else None
+    return tardiness, round(float(np.mean(kept)), 4) if kept else None

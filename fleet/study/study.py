@@ -1,0 +1,116 @@
+"""Study: all runs of a design, kept as they end, and what they show."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from fleet.config import require
+from fleet.recording.run_file import plain
+from fleet.study.design import Design, StudyError
+from fleet.study.findings import Findings, find
+from fleet.study.pool import run_all
+from fleet.study.streams import write_streams
+from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
+from maps.site import load_site
+from planners.allocation import ALLOCATORS
+from planners.mapf import PLANNERS
+
+SETTINGS = "study.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What a study found, and whether it got to its end."""
+
+    rows: tuple[Row, ...]
+    findings: Findings
+    open_n: int
+    """Runs that an interrupt left out."""
+
+
+def check(design: Design) -> None:
+    """Refuse a study before its first file is written.
+
+    Raises:
+        ConfigError: The site has no room for the largest fleet, or a planner or allocator does not exist.
+        SiteError: The site cannot be read.
+    """
+    site = load_site(design.site)
+    room = len(site.parking)
+    require(max(design.robots) <= room, "--robots", max(design.robots), f"1 to {room} (parking cells of {site.name})")
+    for allocator in design.allocators:
+        require(allocator in ALLOCATORS, "--allocators", allocator, ", ".join(ALLOCATORS))
+    require(design.planner in PLANNERS, "--planner", design.planner, ", ".join(PLANNERS))
+
+
+def run_study(
+    design: Design,
+    out: Path,
+    *,
+    jobs: int,
+    resume: bool,
+    interrupted: list[int],
+    progress: Callable[[int, int], None],
+) -> Outcome:
+    """Run what is not done yet; files and findings hold whatever was finished.
+
+    Args:
+        design: What to run; `check` has let it pass.
+        out: Directory, created if it does not exist.
+        jobs: Runs at once.
+        resume: Keep the rows that are there; they must be of the same design.
+        interrupted: Becomes non-empty when the user wants to stop.
+        progress: Told the number of runs that are done, and of all, time and again.
+
+    Raises:
+        StudyError: There is nothing to resume, or it is another study; or a process died.
+    """
+    table = _table(design, out, resume)
+    (out / SETTINGS).write_text(json.dumps(plain(design), indent=2) + "\n", encoding="utf-8")
+    orders = write_streams(design, load_site(design.site), out)
+    done = {row.variant for row in table.rows}
+    missing = [variant for variant in design.variants if variant not in done]
+    try:
+        configs = [design.run_config(variant, orders[variant.seed]) for variant in missing]
+        for row in run_all(configs, jobs, interrupted) if configs else ():
+            if row is not None:
+                table.add(row)
+            progress(len(table.rows), len(design.variants))
+    finally:
+        table.finish()
+    return Outcome(
+        rows=tuple(table.rows),
+        findings=find(table.rows, design.allocators),
+        open_n=len(design.variants) - len(table.rows),
+    )
+
+
+def _table(design: Design, out: Path, resume: bool) -> TableFile:
+    rows: list[Row] = []
+    if resume:
+        known = _settings(out / SETTINGS)
+        # A study may grow by allocators, sizes and seeds; what decides a single run has to stay.
+        wanted = plain(design)
+        changed = [
+            name for name in wanted if name not in ("allocators", "robots", "seeds") and known.get(name) != wanted[name]
+        ]
+        if changed:
+            name = changed[0]
+            raise StudyError(f"--resume: {out} was made with {name} {known.get(name)!r}, not {wanted[name]!r}")
+        variants = set(design.variants)
+        rows = [row for row in read_rows(out / CSV_FILE) if row.variant in variants]
+    out.mkdir(parents=True, exist_ok=True)
+    return TableFile(out / CSV_FILE, rows)
+
+
+def _settings(path: Path) -> dict[str, object]:
+    try:
+        known = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StudyError(f"--resume: there is no study in {path.parent} ({error}); valid: without --resume") from error
+    if not isinstance(known, dict):
+        raise StudyError(f"--resume: {path} is not the settings of a study; valid: without --resume")
+    return known

@@ -1,0 +1,139 @@
+"""Table: the rows of a study, and the CSV file that grows with every run."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from fleet.study.design import StudyError, Variant
+
+CSV_FILE = "study.csv"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """What one run achieved."""
+
+    allocator: str
+    robots: int
+    seed: int
+    released: int
+    """Orders whose release time came within the run."""
+    done: int
+    failed: int
+    throughput_per_h: float
+    task_time_s: float | None
+    """From release to delivery, mean of the delivered tasks [s]."""
+    task_time_p95_s: float | None
+    tardiness_s: float | None
+    """Time past the due date, mean over tasks with one: 0 if delivered by then, up to the end of the run if it is still
+    open there [s]."""
+    on_time_share: float | None
+    """Delivered by their due date, of the tasks whose due date came within the run."""
+    driving: float
+    """This and the following five: share of the cars' time."""
+    traffic: float
+    queueing: float
+    served: float
+    idle: float
+    fault: float
+    stations: str
+    """Share of the time each station's arm worked, as ``pick_1=0.52 drop_1=0.44``."""
+    stalled: bool
+    """Nothing went on any more before the time was up."""
+    state_hash: str
+
+    @property
+    def variant(self) -> Variant:
+        """The run it is of."""
+        return Variant(self.seed, self.robots, self.allocator)
+
+    @property
+    def station_shares(self) -> dict[str, float]:
+        """`stations` as numbers."""
+        return {name: float(share) for name, _, share in (part.partition("=") for part in self.stations.split())}
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+
+
+class TableFile:
+    """The CSV file of a study, written line by line.
+
+    Args:
+        path: The file.
+        rows: Rows it begins with; what was there is replaced.
+    """
+
+    def __init__(self, path: Path, rows: Iterable[Row]) -> None:
+        self._path = path
+        self.rows = list(rows)
+        self._write()
+
+    def add(self, row: Row) -> None:
+        """Append a row, on disk at once."""
+        self.rows.append(row)
+        with self._path.open("a", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerow(_fields(row))
+
+    def finish(self) -> None:
+        """Put the rows into the order of their variants, whatever order the runs ended in."""
+        self.rows.sort(key=lambda row: (row.allocator, row.robots, row.seed))
+        self._write()
+
+    def _write(self) -> None:
+        part = self._path.with_name(f".{self._path.name}.part")
+        with part.open("w", newline="", encoding="utf-8") as file:
+            table = csv.writer(file)
+            table.writerow(COLUMNS)
+            table.writerows(_fields(row) for row in self.rows)
+        part.replace(self._path)
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Read a study's CSV file; a last line that was cut off by a crash is left out.
+
+    Raises:
+        StudyError: The file is not one of a study; names the line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(f"study file {path}: cannot be read ({error}); valid: the CSV file of a study") from error
+    whole = text[: text.rfind("\n") + 1]
+    lines = list(csv.reader(whole.splitlines()))
+    if not lines or tuple(lines[0]) != COLUMNS:
+        raise StudyError(f"study file {path}, line 1: is not the header of a study; valid: {','.join(COLUMNS)}")
+    return [_row(line, f"study file {path}, line {number}") for number, line in enumerate(lines[1:], start=2)]
+
+
+def _fields(row: Row) -> list[str]:
+    return ["" if value is None else str(value) for value in vars(row).values()]
+
+
+def _row(line: list[str], where: str) -> Row:
+    if len(line) != len(COLUMNS):
+        raise StudyError(f"{where}: {len(line)} fields; valid: {len(COLUMNS)}")
+    values: dict[str, Any] = {}
+    for (name, kind), text in zip(_TYPES.items(), line, strict=True):
+        try:
+            values[name] = _value(kind, text)
+        except ValueError:
+            raise StudyError(f"{where}: {name} is {text!r}; valid: {kind}") from None
+    return Row(**values)
+
+
+def _value(kind: Any, text: str) -> Any:
+    if kind is bool:
+        if text not in ("True", "False"):
+            raise ValueError(text)
+        return text == "True"
+    if kind in (int, float, str):
+        return kind(text)
+    return float(text) if text else None
+
+
+_TYPES = {name: get_type_hints(Row)[name] for name in COLUMNS}

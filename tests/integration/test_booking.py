@@ -1,0 +1,95 @@
+"""Stations are booked: an arm that has become slow holds cars back where they are in nobody's way."""
+
+import numpy as np
+import pytest
+
+from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.dispatcher import CarPhase
+from fleet.insight.ledger import STANDING_MPS
+from fleet.insight.metrics import Summary
+from fleet.simulation import Event, Simulation
+
+SLOW_SERVICE_S = 22.5
+"""What a transfer of 7 s takes at a third of the speed, with a margin."""
+
+
+class Watch:
+    """The longest time any car stood on a lane cell, and the most cars a station ever had."""
+
+    def __init__(self, n_cars: int) -> None:
+        self.longest_s = 0.0
+        self.most = 0
+        self._still_s = np.zeros(n_cars)
+
+    def look(self, simulation: Simulation) -> None:
+        site, bookings = simulation.site, simulation.dispatcher.bookings
+        bays = {*site.parking, *site.chargers, *(station.dock.cell for station in site.stations)}
+        speeds = np.abs(simulation.world.car_speeds())
+        for car, (x, y, _) in enumerate(simulation.world.car_poses()):
+            cell = int(site.grid.index(*site.grid.cell_at(float(x), float(y))))
+            stands = speeds[car] < STANDING_MPS and cell not in bays
+            self._still_s[car] = self._still_s[car] + simulation.tick_s if stands else 0.0
+        self.longest_s = max(self.longest_s, float(self._still_s.max()))
+        self.most = max(self.most, *(len(bookings.cars(station.arm)) for station in simulation.stations))
+        tails = simulation.executor.tail_states()
+        for station in simulation.stations:
+            bound = {
+                car
+                for car, goal in enumerate(simulation.traffic.goals)
+                if goal == station.dock_state and simulation.dispatcher.phase[car] is not CarPhase.RECOVERING
+            }
+            there = set(np.flatnonzero(tails == station.dock_state).tolist())
+            assert bound <= set(bookings.cars(station.arm))
+            assert len(bound | there) <= simulation.config.allocation.station_cap_n + 1, "but for one that passes"
+
+
+def run(arm: str | None, seed: int, cap: int = 2) -> tuple[Summary, list[Event], Watch]:
+    parameters = {"factor": 1 / 3, "duration_s": 1e6}
+    slow = ScenarioEvent(time_s=0.0, kind="arm_slow", target=arm or "arm_0", parameters=parameters)
+    config = RunConfig(
+        robots=6,
+        tasks=24,
+        seed=seed,
+        duration_s=900.0,
+        fidelity=Fidelity.KINEMATIC,
+        events=(slow,) if arm else (),
+        arms=ArmConfig(workers_n=0),
+        allocation=AllocationConfig(station_cap_n=cap),
+    )
+    log: list[Event] = []
+    watch = Watch(config.robots)
+    with Simulation(config, on_event=log.append) as simulation:
+        simulation.run(watch.look)
+        return simulation.summary(), log, watch
+
+
+@pytest.mark.parametrize(("arm", "station"), [("arm_2", "drop_1"), ("arm_0", "pick_1")])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_an_arm_that_is_three_times_as_slow(arm: str, station: str, seed: int) -> None:
+    """Cars are held upstream, aisles stay open, and the report names the arm."""
+    summary, log, watch = run(arm, seed)
+    assert summary.tasks_done == summary.tasks_total
+    assert watch.most <= 2
+    assert watch.longest_s < SLOW_SERVICE_S, "nobody waits in a lane for more than one transfer"
+    held = [str(event.facts["cause"]) for event in log if event.kind == "held"]
+    assert sum(station in cause for cause in held) > 3
+    assert summary.bottleneck.startswith(f"{station} ({arm}): busy ")
+    slow = summary.stations[station]
+    assert slow.service_mean_s > 2.0 * min(report.service_mean_s for report in summary.stations.values())
+
+
+def test_without_a_cap_cars_queue_in_the_lanes() -> None:
+    """The same run shows what the booking is good for."""
+    _, _, watch = run("arm_2", seed=0, cap=6)
+    assert watch.most > 3
+
+
+def test_the_time_of_every_car_is_accounted_for() -> None:
+    log: list[Event] = []
+    config = RunConfig(fidelity=Fidelity.GRID, robots=4, tasks=6, arms=ArmConfig(workers_n=0))
+    with Simulation(config, on_event=log.append) as simulation:
+        simulation.run()
+        summary = simulation.summary()
+        ticks = [sum(vars(time).values()) for time in summary.car_ticks.values()]
+        assert ticks == [simulation.now] * 4
+    assert round(10 * sum(summary.time_share_percent.values())) == 1000

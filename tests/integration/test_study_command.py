@@ -1,0 +1,119 @@
+"""A small study from the command line: rows, files, the same again whatever the number of processes, resume."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fleet.cli import main
+from fleet.study.table import CSV_FILE, read_rows
+
+WORDS = ["--site", "cell", "--fidelity", "grid", "--robots", "1:2", "--seeds", "2", "--duration", "60"]
+
+
+def study(out: Path, *words: str) -> int:
+    with pytest.raises(SystemExit) as stop:
+        main(["study", *WORDS, "--out", str(out), *words])
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+def group_lives(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert study(tmp_path, "--jobs", "2") == 0
+    said = capsys.readouterr().out
+    assert "8 of 8" in said or "runs done" in said
+    assert "bottleneck" in said
+    rows = read_rows(tmp_path / CSV_FILE)
+    assert [(r.allocator, r.robots, r.seed) for r in rows] == [
+        (allocator, robots, seed) for allocator in ("greedy", "hungarian") for robots in (1, 2) for seed in (0, 1)
+    ]
+    for row in rows:
+        uses = row.driving + row.traffic + row.queueing + row.served + row.idle + row.fault
+        assert uses == pytest.approx(1.0, abs=1e-3)
+        assert row.done >= 1
+        assert not row.stalled
+    # The same orders whatever the fleet; more cars deliver more.
+    assert len({row.released for row in rows if row.seed == 0}) == 1
+    assert sum(r.done for r in rows if r.robots == 2) > sum(r.done for r in rows if r.robots == 1)
+    files = {"study.csv", "study.html", "study.json", "throughput.png", "task_time.png", "waiting.png"}
+    assert {path.name for path in tmp_path.iterdir()} == files | {"orders_0.csv", "orders_1.csv"}
+
+    # With other processes and half of the rows there: the same table to the byte.
+    whole = (tmp_path / CSV_FILE).read_bytes()
+    lines = whole.splitlines(keepends=True)
+    (tmp_path / CSV_FILE).write_bytes(b"".join(lines[:5]))
+    assert study(tmp_path, "--jobs", "1", "--resume") == 0
+    assert (tmp_path / CSV_FILE).read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--robots", "5:2"], "--robots is '5:2'"),
+        (["--robots", "1:99"], "--robots is 99; valid: 1 to 3"),
+        (["--allocators", "greedy,nobody"], "--allocators is 'nobody'; valid: "),
+        (["--allocators", "greedy,greedy"], "each once"),
+        (["--seeds", "0"], "--seeds is 0"),
+        (["--jobs", "x"], "--jobs is 'x'; valid: an integer"),
+        (["--duration", "-1"], "--duration is -1.0"),
+        (["--jobs", "0"], "--jobs is 0"),
+        (["--fidelity", "physics"], "--fidelity is 'physics'; valid: kinematic, grid"),
+        (["--planner", "nobody"], "--planner is 'nobody'; valid: pibt"),
+        (["--site", "nowhere"], "nowhere"),
+        (["--resume"], "--resume: there is no study"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
+) -> None:
+    out = tmp_path / "out"
+    assert study(out, *words) == 2
+    error = capsys.readouterr().err
+    assert complaint in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_another_study_cannot_be_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "study.json").write_text('{"site": "small"}', encoding="utf-8")
+    assert study(tmp_path, "--resume") == 2
+    assert "was made with site 'small', not 'cell'" in capsys.readouterr().err
+
+
+def test_ctrl_c_keeps_what_is_done_and_leaves_nobody_behind(repository: Path, tmp_path: Path) -> None:
+    words = [*WORDS, "--seeds", "50", "--out", str(tmp_path), "--jobs", "2"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "fleet", "study", *words],
+        cwd=repository,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    table, end = tmp_path / CSV_FILE, time.monotonic() + 120.0
+    while not (table.is_file() and len(table.read_text(encoding="utf-8").splitlines()) > 2):
+        assert process.poll() is None
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the whole group
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (130, "")
+    assert "runs are missing; --resume does them" in out
+    assert 2 <= len(read_rows(table)) < 200
+    assert (tmp_path / "study.html").is_file()
+    end = time.monotonic() + 10.0
+    while group_lives(process.pid):
+        assert time.monotonic() < end
+        time.sleep(0.05)

@@ -1,0 +1,139 @@
+"""What rows say, and how it is kept, drawn and told."""
+
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from fleet.study.design import StudyError
+from fleet.study.findings import bottleneck, find
+from fleet.study.page import charts, write_page
+from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
+from fleet.study.words import sentences
+
+
+def row(allocator: str = "greedy", robots: int = 2, seed: int = 0, **changes: object) -> Row:
+    values: dict[str, object] = {
+        "allocator": allocator,
+        "robots": robots,
+        "seed": seed,
+        "released": 200,
+        "done": 50,
+        "failed": 0,
+        "throughput_per_h": 100.0 + seed,
+        "task_time_s": 30.0,
+        "task_time_p95_s": 60.5,
+        "tardiness_s": None,
+        "on_time_share": None,
+        "driving": 0.5,
+        "traffic": 0.1,
+        "queueing": 0.1,
+        "served": 0.28,
+        "idle": 0.02,
+        "fault": 0.0,
+        "stations": "pick_1=0.5000 drop_1=0.6000",
+        "stalled": False,
+        "state_hash": "abc",
+    }
+    return Row(**{**values, **changes})  # type: ignore[arg-type]
+
+
+CURVE = {1: 100.0, 2: 200.0, 3: 300.0, 4: 310.0, 5: 312.0, 6: 313.0}
+ROWS = [
+    row(allocator, robots, seed, throughput_per_h=value + 10 * seed + (5 + seed if allocator == "hungarian" else 0))
+    for allocator in ("greedy", "hungarian")
+    for robots, value in CURVE.items()
+    for seed in range(3)
+]
+
+
+def test_the_table_is_read_as_it_was_written(tmp_path: Path) -> None:
+    table = TableFile(tmp_path / CSV_FILE, [])
+    for one in reversed(ROWS):
+        table.add(one)
+    assert read_rows(tmp_path / CSV_FILE) == ROWS[::-1]
+    table.finish()
+    assert read_rows(tmp_path / CSV_FILE) == ROWS
+
+
+def test_a_line_that_was_cut_off_is_left_out_and_a_wrong_one_is_named(tmp_path: Path) -> None:
+    path = tmp_path / CSV_FILE
+    TableFile(path, ROWS[:2])
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text[:-9], encoding="utf-8")
+    assert read_rows(path) == ROWS[:1]
+    path.write_text(text.replace("greedy,1,1", "greedy,one,1"), encoding="utf-8")
+    with pytest.raises(StudyError, match=r"line 3: robots is 'one'"):
+        read_rows(path)
+    path.write_text("a,b\n", encoding="utf-8")
+    with pytest.raises(StudyError, match="line 1: is not the header"):
+        read_rows(path)
+
+
+def test_the_knee_and_the_paired_gain_are_found() -> None:
+    findings = find(ROWS, ("greedy", "hungarian"))
+    greedy, hungarian = findings.curves
+    assert greedy.knee == hungarian.knee == 3
+    assert all(point.gain_per_h is None for point in greedy.points)
+    gain = hungarian.points[0].gain_per_h
+    assert gain is not None
+    assert (gain.mean, gain.half_width) == (6.0, pytest.approx(4.303 / 3**0.5, rel=1e-3))
+    said = " ".join(sentences(findings))
+    assert "greedy: knee at 3 cars" in said
+    assert "hungarian delivers better than greedy with 1, 2, 3, 4, 5, 6 cars" in said
+
+
+def test_rows_that_are_missing_are_left_out_of_the_pairs() -> None:
+    findings = find([one for one in ROWS if (one.allocator, one.seed) != ("greedy", 1)], ("greedy", "hungarian"))
+    gain = findings.curves[1].points[0].gain_per_h
+    assert gain is not None
+    assert gain.n == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "said"),
+    [
+        ({}, "cars", "cars (at work 78% of the time)"),
+        ({"stations": "pick_1=0.8500 drop_1=0.6000"}, "pick_1", "pick_1 (at work 85% of the time)"),
+        ({"driving": 0.1, "traffic": 0.7, "served": 0.1}, "traffic", "traffic (cars stand in it 70% of their time)"),
+        ({"done": 198}, "orders", "orders (99% of them delivered)"),
+        (
+            {"driving": 0.4, "idle": 0.2},
+            "drop_1",
+            "drop_1 (at work 60% of the time; no room at stations for cars 20% of their time)",
+        ),
+    ],
+)
+def test_the_bottleneck_is_what_is_in_use_most(changes: dict[str, object], name: str, said: str) -> None:
+    found = bottleneck([row(**changes), row(seed=1, **changes)])  # type: ignore[arg-type]
+    assert (found.name, str(found)) == (name, said)
+
+
+def test_the_page_needs_nothing_else_and_the_plots_are_pictures(tmp_path: Path) -> None:
+    findings = find([*ROWS, row("<b>", 1)], ("greedy", "hungarian", "<b>"))
+    plots = charts(findings)
+    write_page(tmp_path / "p.html", findings=findings, plots=list(plots.values()), title="a & b", settings="1 < 2")
+    page = (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "<b>" not in page
+    assert page.count("<svg ") == len(plots) == 3
+    assert "knee: 3 cars" in page
+    for outside in ("src=", "href=", "url(", "<script", "@import"):
+        assert outside not in page
+    assert page.replace("http://www.w3.org/2000/svg", "").count("http") == 0
+    for name, plot in plots.items():
+        plot.write_png(tmp_path / f"{name}.png")
+        with Image.open(tmp_path / f"{name}.png") as picture:
+            assert picture.size == (2 * plot.width, 2 * plot.height)
+            assert len(picture.convert("RGB").getcolors(1 << 24) or []) > 50
+
+
+def test_lateness_is_tardiness_where_there_are_due_dates() -> None:
+    assert list(charts(find(ROWS, ("greedy",)))) == ["throughput", "task_time", "waiting"]
+    late = find([row(tardiness_s=3.0, on_time_share=0.5)], ("greedy",))
+    assert list(charts(late)) == ["throughput", "tardiness", "waiting"]
+    assert late.curves[0].points[0].lateness_s is not None
+
+
+def test_a_figure_that_no_run_has_leaves_an_empty_chart() -> None:
+    nothing = find([row(task_time_s=None, throughput_per_h=0.0)], ("greedy",))
+    assert all("<svg" in plot.svg() for plot in charts(nothing).values())
