@@ -1,83 +1,217 @@
-"""Allotment: which idle car should take which ready task, by the allocator that the run names."""
+"""Allotment: which car should take which ready task, by the allocator that the run names, and why no other."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import numpy as np
+import numpy.typing as npt
 
 from fleet.charging import Charging
 from fleet.config import AllocationConfig
 from fleet.executor import Executor
 from fleet.stations.booking import Bookings
+from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.order import Ability
+from fleet.tasks.reasons import PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
 from fleet.traffic import Traffic
 from planners.allocation import ALLOCATORS
-from planners.allocation.problem import AllocationProblem
+from planners.allocation.problem import NO_TASK, AllocationProblem
 from planners.mapf.distance_table import UNREACHABLE
 
 UNDER_WAY = (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING)
+STEP_S = 1.0
+"""Time of one move in traffic [s]: cells are 1 m, and cars in traffic average 1 m/s."""
+_CODE = {reason: code for code, reason in enumerate(PAIR_REASONS)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """What an allocation changes."""
+
+    taken: list[tuple[int, str]]
+    """Cars that lose the task they had not picked yet, and why."""
+    given: list[tuple[int, Task]]
+    """Cars and their new tasks."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Costs:
+    """What each task costs each car, tasks in the columns."""
+
+    tasks: list[Task]
+    cost_s: npt.NDArray[np.float64]
+    """Shape (n_cars, n_tasks); inf = not allowed."""
+    codes: npt.NDArray[np.int8]
+    """Why a pair is not allowed, as an index into `PAIR_REASONS`; `LEFT_OVER` where it is, same shape."""
+    pressure_s: list[float]
+    """How much a task presses for being served, the same for all cars [s]."""
 
 
 class Allotment:
-    """Poses the allocation problem and hands on its answer.
+    """Poses the allocation problem, hands on its answer, and keeps the reasons.
+
+    What a task costs a car is its travel to the pick station, plus a weight times the time it would be late with that
+    car, less what the task presses for: a weight times its age, and a weight times the time it would be late if it were
+    left to the next turn, as long as itself, even with the best car. So of the tasks a late one goes first, and of the
+    cars the one that brings it in time. (That a late task must get cheaper, not dearer, by waiting is the idea of the
+    apparent tardiness cost rule: Vepsalainen, Morton, "Priority rules for job shops with weighted tardiness costs",
+    Management Science 33(8), 1987.)
 
     Args:
-        config: Allocator, caps, ageing.
+        config: Allocator, ageing, lateness, hysteresis.
         board: The tasks.
         stations: All stations.
         bookings: Room at the stations.
+        service_times: How long the arms take.
+        abilities: What each car can carry.
         charging: Tells which cars have the charge for a task; None = all.
         traffic: Gives distances on the lane graph.
         executor: Gives the states cars can be sent from.
+        reasons: Told about every decision.
     """
 
     def __init__(
         self,
+        *,
         config: AllocationConfig,
         board: TaskBoard,
         stations: list[Station],
         bookings: Bookings,
+        service_times: ServiceTimes,
+        abilities: Sequence[Ability],
         charging: Charging | None,
         traffic: Traffic,
         executor: Executor,
+        reasons: ReasonBook,
     ) -> None:
         self._config = config
         self._board = board
         self._by_name = {station.name: station for station in stations}
         self._bookings = bookings
+        self._service_times = service_times
+        self._abilities = abilities
         self._charging = charging
         self._traffic = traffic
         self._executor = executor
+        self._reasons = reasons
         self._allocator = ALLOCATORS[config.allocator]()
+        self._unfit: dict[int, npt.NDArray[np.int8]] = {}
 
-    def choose(self, cars: list[int], now_s: float) -> list[tuple[int, Task]]:
+    def choose(self, standing: Sequence[PairReason | None], held: Mapping[int, Task], now_s: float) -> Choice:
         """Pairs of a car and a task, at most one for each.
 
         Args:
-            cars: Cars that are free.
+            standing: Why each car cannot take a task now, shape (n_cars,); None = it can.
+            held: Tasks that cars have but may still give away, by car; these cars can take another.
             now_s: Simulated time [s].
         """
-        tasks = self._candidates() if cars else []
-        if not tasks:
-            return []
-        tails = self._executor.tail_states()[cars]
-        cost = np.empty((len(cars), len(tasks)))
-        for k, task in enumerate(tasks):
-            pick, drop = (self._by_name[name].dock_state for name in (task.order.pick, task.order.drop))
-            distance = self._traffic.tables.to(pick)[tails].astype(np.float64)
-            if not self._traffic.reachable(pick, drop):
-                distance[:] = UNREACHABLE
-            waited_s = now_s - task.since_s[TaskState.READY]
-            cost[:, k] = distance - self._config.ageing_m_per_s * waited_s
-            cost[distance >= UNREACHABLE, k] = np.inf
-            if self._charging is not None:
-                stations = self._by_name[task.order.pick], self._by_name[task.order.drop]
-                cost[~self._charging.allows(cars, distance, *stations, task.order.mass_kg), k] = np.inf
-        pairs = self._allocator.allocate(AllocationProblem(cost=cost)).pairs
-        return [(cars[int(row)], tasks[int(column)]) for row, column in pairs]
+        ready = self._board.in_state(TaskState.READY)
+        if not ready and len(held) < 2:
+            return Choice(taken=[], given=[])
+        costs = self._costs([*ready, *held.values()], standing, now_s)
+        offered, full = self._offered(costs, len(ready))
+        column_of = self._allocate(costs, [*offered, *range(len(ready), len(costs.tasks))], held)
+        self._keep_reasons(costs, full, column_of, now_s)
+        taken, given = [], []
+        for car, task in held.items():
+            if column_of[car] < 0 or costs.tasks[column_of[car]] is not task:
+                taken.append((car, self._why_taken(costs, column_of, car, task)))
+        for car, column in enumerate(column_of.tolist()):
+            if column >= 0 and held.get(car) is not costs.tasks[column]:
+                given.append((car, costs.tasks[column]))
+        return Choice(taken=taken, given=given)
 
-    def _candidates(self) -> list[Task]:
-        """Ready tasks, oldest first, as many as the caps of their stations allow."""
+    def source_cost(self, pick: str, task: Task) -> float:
+        """Moves from the nearest car to a pick station and on to the task's drop station."""
+        state = self._by_name[pick].dock_state
+        nearest = int(self._traffic.tables.to(state)[self._executor.tail_states()].min())
+        return nearest + self._moves(pick, task.order.drop)
+
+    def least_s(self, task: Task, move_s: float) -> float:
+        """The least time from a car's stand at the best pick station to the delivery [s]; inf = there is no way.
+
+        Args:
+            task: The task.
+            move_s: Time of one move at full speed [s].
+        """
+        moves = min(self._moves(pick, task.order.drop) for pick in task.order.picks)
+        return moves * move_s + self._service_s(task.pick, task.order.drop) if moves < UNREACHABLE else np.inf
+
+    def _moves(self, pick: str, drop: str) -> int:
+        return int(self._traffic.tables.to(self._by_name[drop].dock_state)[self._by_name[pick].dock_state])
+
+    def _service_s(self, pick: str, drop: str) -> float:
+        """Time at both docks [s]."""
+        load = self._service_times.of(self._by_name[pick].arm, Direction.TO_CAR)
+        unload = self._service_times.of(self._by_name[drop].arm, Direction.FROM_CAR)
+        return load.mean_s + unload.mean_s
+
+    def _costs(self, tasks: list[Task], standing: Sequence[PairReason | None], now_s: float) -> _Costs:
+        config = self._config
+        tails = self._executor.tail_states()
+        out = np.array([_CODE[reason] if reason is not None else _CODE[PairReason.LEFT_OVER] for reason in standing])
+        cost = np.empty((len(tails), len(tasks)))
+        codes = np.empty(cost.shape, dtype=np.int8)
+        pressure = []
+        for k, task in enumerate(tasks):
+            moves = self._traffic.tables.to(self._by_name[task.pick].dock_state)[tails].astype(np.float64)
+            loaded = self._moves(task.pick, task.order.drop)
+            codes[:, k] = self._refusals(task, out, (moves >= UNREACHABLE) | (loaded >= UNREACHABLE))
+            if self._charging is not None:
+                self._refuse_low(codes[:, k], task, moves)
+            to_pick_s = moves * STEP_S
+            eta_s = now_s + to_pick_s + loaded * STEP_S + self._service_s(task.pick, task.order.drop)
+            late_s = np.maximum(0.0, eta_s - task.order.due_s)
+            best_s = float(eta_s.min())
+            late_next_turn_s = max(0.0, best_s + (best_s - now_s) - task.order.due_s)
+            age_s = now_s - task.since_s[TaskState.BACKLOG]
+            pressure.append(config.ageing * age_s + config.lateness * late_next_turn_s)
+            cost[:, k] = to_pick_s + config.lateness * late_s - pressure[-1]
+        cost[codes != _CODE[PairReason.LEFT_OVER]] = np.inf
+        return _Costs(tasks=tasks, cost_s=cost, codes=codes, pressure_s=pressure)
+
+    def _refusals(
+        self, task: Task, out: npt.NDArray[np.int64], unreachable: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.int8]:
+        """Why each car cannot take a task, `LEFT_OVER` for those that can; what lasts longest counts first."""
+        free = _CODE[PairReason.LEFT_OVER]
+        codes = np.where(unreachable, _CODE[PairReason.NO_WAY], out).astype(np.int8)
+        codes[out == _CODE[PairReason.CAR_OUT]] = _CODE[PairReason.CAR_OUT]
+        unfit = self._unfit.get(task.index)
+        if unfit is None:
+            heavy, lacks = _CODE[PairReason.TOO_HEAVY], _CODE[PairReason.LACKS_CAPABILITY]
+            order = task.order
+            unfit = np.array(
+                [
+                    free if a.fits(order) else heavy if order.mass_kg > a.max_payload_kg else lacks
+                    for a in self._abilities
+                ],
+                dtype=np.int8,
+            )
+            self._unfit[task.index] = unfit
+        codes = np.where(unfit != free, unfit, codes)
+        if task.shunned:
+            shunned = np.isin(np.arange(len(codes)), list(task.shunned)) & (codes == free)
+            # Better one that failed before than nobody.
+            if ((codes == free) & ~shunned).any():
+                codes[shunned] = _CODE[PairReason.SHUNNED]
+        return codes
+
+    def _refuse_low(self, codes: npt.NDArray[np.int8], task: Task, moves: npt.NDArray[np.float64]) -> None:
+        """Refuse the cars, of those that could take a task, that have too little charge for it."""
+        if self._charging is None:
+            return
+        cars = np.flatnonzero(codes == _CODE[PairReason.LEFT_OVER])
+        stations = self._by_name[task.pick], self._by_name[task.order.drop]
+        low = cars[~self._charging.allows(cars.tolist(), moves[cars], *stations, task.order.mass_kg)]
+        codes[low] = _CODE[PairReason.LOW_CHARGE]
+
+    def _offered(self, costs: _Costs, n_ready: int) -> tuple[list[int], set[int]]:
+        """Ready tasks that a car can take and that there is room for, the most urgent first; those without room."""
         pick_room, drop_room = {}, {}
         for name, station in self._by_name.items():
             pick_room[name] = self._bookings.room(station.arm)
@@ -85,11 +219,105 @@ class Allotment:
             drop_room[name] = self._bookings.caps[station.arm] + 1
         for task in self._board.in_state(*UNDER_WAY):
             drop_room[task.order.drop] -= 1
-        chosen = []
-        for task in self._board.in_state(TaskState.READY):
-            pick, drop = task.order.pick, task.order.drop
-            if pick_room[pick] > 0 and drop_room[drop] > 0:
+        offered, full = [], set()
+        order = sorted(
+            range(n_ready),
+            key=lambda k: (costs.tasks[k].order.priority.rank, -costs.pressure_s[k], costs.tasks[k].index),
+        )
+        for k in order:
+            pick, drop = costs.tasks[k].pick, costs.tasks[k].order.drop
+            if pick_room[pick] <= 0 or drop_room[drop] <= 0:
+                full.add(k)
+            elif np.isfinite(costs.cost_s[:, k]).any():
                 pick_room[pick] -= 1
                 drop_room[drop] -= 1
-                chosen.append(task)
-        return chosen
+                offered.append(k)
+        return offered, full
+
+    def _allocate(self, costs: _Costs, columns: list[int], held: Mapping[int, Task]) -> npt.NDArray[np.int64]:
+        """The column of the task that each car has then, -1 for none, shape (n_cars,)."""
+        column_of = np.full(len(costs.cost_s), -1, dtype=np.int64)
+        cars = np.flatnonzero(np.isfinite(costs.cost_s[:, columns]).any(axis=1))
+        if not columns or not len(cars):
+            return column_of
+        at = {costs.tasks[column].index: k for k, column in enumerate(columns)}
+        tasks = [costs.tasks[column] for column in columns]
+        problem = AllocationProblem(
+            cost=costs.cost_s[np.ix_(cars, np.array(columns))],
+            class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
+            since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
+            held=np.array([at[held[car].index] if car in held else NO_TASK for car in cars.tolist()], dtype=np.int32),
+            keep_gain=self._config.keep_gain_s,
+            keep_share=self._config.keep_share,
+        )
+        for row, k in self._allocator.allocate(problem).pairs.tolist():
+            column_of[cars[row]] = columns[k]
+        return column_of
+
+    def _why_taken(self, costs: _Costs, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
+        """Why a car loses a task, in words."""
+        column = next(k for k, other in enumerate(costs.tasks) if other is task)
+        takers = np.flatnonzero(column_of == column)
+        words = [f"cost car_{car} {costs.cost_s[car, column]:.1f} s"]
+        if takers.size:
+            words.append(f"costs car_{takers[0]} {costs.cost_s[takers[0], column]:.1f} s")
+        if column_of[car] >= 0:
+            words.append(f"car_{car} takes {costs.tasks[column_of[car]].order.name}")
+        return "re-assigned: " + ", ".join(words)
+
+    def _keep_reasons(
+        self,
+        costs: _Costs,
+        full: set[int],
+        column_of: npt.NDArray[np.int64],
+        now_s: float,
+    ) -> None:
+        took = self._names(costs, column_of)
+        rank = np.array([task.order.priority.rank for task in costs.tasks])
+        free = _CODE[PairReason.LEFT_OVER]
+        of_others = np.where(column_of >= 0, rank[column_of], len(rank))
+        for k, task in enumerate(costs.tasks):
+            codes, cost = costs.codes[:, k].copy(), costs.cost_s[:, k].copy()
+            open_to = codes == free
+            takers = np.flatnonzero(column_of == k)
+            taker = int(takers[0]) if takers.size else -1
+            if k in full:
+                codes[open_to] = _CODE[PairReason.NOT_OFFERED]
+            else:
+                elsewhere = open_to & (column_of >= 0) & (column_of != k)
+                codes[elsewhere] = _CODE[PairReason.CAR_GOT_BETTER]
+                if taker >= 0:
+                    codes[open_to & ((column_of < 0) | (elsewhere & (cost >= cost[taker])))] = _CODE[
+                        PairReason.TASK_GOT_BETTER
+                    ]
+                codes[elsewhere & (of_others < rank[k])] = _CODE[PairReason.CLASS_FIRST]
+                codes[takers] = _CODE[PairReason.CHOSEN]
+            self._reasons.decide(task, Decision(time_s=now_s, codes=codes, cost_s=cost, took=took, taker=taker))
+            if taker < 0:
+                self._reasons.note(task, *self._why_open(task, codes, k in full), now_s)
+
+    def _names(self, costs: _Costs, column_of: npt.NDArray[np.int64]) -> list[str]:
+        """The name of the task each car has, empty for none."""
+        names = [""] * len(column_of)
+        for task in self._board.in_state(*UNDER_WAY):
+            if task.car is not None:
+                names[task.car] = task.order.name
+        for car, column in enumerate(column_of.tolist()):
+            if column >= 0:
+                names[car] = costs.tasks[column].order.name
+        return names
+
+    def _why_open(self, task: Task, codes: npt.NDArray[np.int8], full: bool) -> tuple[TaskReason, str]:
+        """Why nobody got a ready task; what lasts longest counts first."""
+        reasons = {PAIR_REASONS[code] for code in codes.tolist()}
+        pick, drop = task.pick, task.order.drop
+        unfit = {PairReason.TOO_HEAVY, PairReason.LACKS_CAPABILITY, PairReason.CAR_OUT}
+        if reasons <= unfit:
+            return TaskReason.NO_CAPABLE_CAR, "every car that could carry it is out of service"
+        if reasons <= unfit | {PairReason.NO_WAY}:
+            return TaskReason.UNREACHABLE, f"no car has a way to {pick} and on to {drop}"
+        if full:
+            return TaskReason.STATION_FULL, f"{pick} or {drop} has no room for one more car"
+        if PairReason.LEFT_OVER in reasons:
+            return TaskReason.LEFT_OVER, "the allocator left it and a free car over"
+        return TaskReason.NO_FREE_CAR, "every car that could take it has another task"

@@ -123,7 +123,8 @@ def _one_line(complaint: str, words: list[str]) -> str:
     text = " ".join(re.sub(r"[─-╿]", " ", re.sub(r"\x1b\[[0-9;]*m", "", complaint)).split())
     if found := re.search(r"invalid choice (.+?) for argument '(\S+?)'. Expected one of \((.*?),?\)", text):
         value, option, choices = found.groups()
-        return f"{option} is {value}; valid: {choices.replace(chr(39), '')}"
+        valid = [choice for choice in choices.replace("'", "").split(", ") if choice != "None"]
+        return f"{option} is {value}; valid: {', '.join(valid)}"
     if found := re.search(r"Missing value for argument '(\S+?)'", text):
         return f"{found[1]} has no value; valid: {found[1]} VALUE"
     if found := re.search(r"Missing from .*?: (--\S+) ([A-Z]+) ", text):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
@@ -32,6 +33,18 @@ class Connect(StrEnum):
     DIRECT = "DIRECT"
     GUI = "GUI"
     SHARED_MEMORY = "SHARED_MEMORY"
+
+
+class StreamKind(StrEnum):
+    """How generated orders arrive, and how they spread over the stations."""
+
+    POISSON = "poisson"
+    """One by one at a mean rate, all stations alike."""
+    WAVES = "waves"
+    """Many at once, then none for a while, at the same mean rate."""
+    SKEWED = "skewed"
+    """As `poisson`; few stations get most orders."""
+    SKEWED_WAVES = "skewed_waves"
 
 
 def require(ok: bool, what: str, value: object, valid: str) -> None:
@@ -97,12 +110,39 @@ class AllocationConfig:
     """Name in `planners.allocation.ALLOCATORS`."""
     station_cap_n: int = 2
     """Cars bound for or standing at one station at once; more would queue into the aisles."""
-    ageing_m_per_s: float = 0.5
-    """Metres of travel that one second of waiting is worth, so that no task starves."""
+    ageing: float = 0.5
+    """Seconds of travel that one second of waiting since the release is worth, so that no task starves."""
+    lateness: float = 1.0
+    """Seconds of travel that one second of lateness is worth."""
+    keep_gain_s: float = 5.0
+    """A car that is under way to a pick station gives its task away only if more than this is gained [s] ..."""
+    keep_share: float = 0.1
+    """... and more than this share of what the task costs it."""
 
     def __post_init__(self) -> None:
         require(self.station_cap_n >= 1, "allocation.station_cap_n", self.station_cap_n, "an integer >= 1")
-        _not_negative("allocation.ageing_m_per_s", self.ageing_m_per_s)
+        _not_negative("allocation.ageing", self.ageing)
+        _not_negative("allocation.lateness", self.lateness)
+        _not_negative("allocation.keep_gain_s", self.keep_gain_s)
+        require(0 <= self.keep_share <= 1, "allocation.keep_share", self.keep_share, "a number from 0 to 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeoutConfig:
+    """How long a task may stay in a state before something is done about it [s]; inf = for ever."""
+
+    waiting_s: float = math.inf
+    """From the release until a car has it; then it is cancelled."""
+    assigned_s: float = 900.0
+    """On the way to the pick station; then another car gets it, if there is one."""
+    service_s: float = math.inf
+    """At a dock; then it fails, and the car goes on when the arm is clear."""
+    carried_s: float = math.inf
+    """From the pick dock to the drop dock; then it fails, and the car takes no more tasks."""
+
+    def __post_init__(self) -> None:
+        for name in ("waiting_s", "assigned_s", "service_s", "carried_s"):
+            require(getattr(self, name) > 0, f"timeouts.{name}", getattr(self, name), "a number > 0, or inf")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +179,57 @@ class EstimateConfig:
         _not_negative("estimate.noise_m", self.noise_m)
         _not_negative("estimate.noise_rad", self.noise_rad)
         require(0 <= self.latency_ticks <= 30, "estimate.latency_ticks", self.latency_ticks, "an integer from 0 to 30")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StreamConfig:
+    """A stream of generated orders with due dates and priorities."""
+
+    kind: StreamKind = StreamKind.POISSON
+    rate_per_h: float = 120.0
+    """Mean number of orders per hour."""
+    wave_s: float = 600.0
+    """Time from the beginning of one wave to that of the next [s]."""
+    wave_share: float = 0.2
+    """Part of that time in which the orders of a wave arrive."""
+    zipf: float = 1.0
+    """Exponent of a skewed stream: the k-th most popular station is drawn with a weight of 1 / k ** zipf."""
+    due_share: float = 0.8
+    """Part of the orders that have a due date."""
+    slack_s: tuple[float, float] = (120.0, 600.0)
+    """Least and greatest time from release to due date [s], drawn evenly."""
+    emergency_share: float = 0.05
+    """Part of the orders in the class `emergency`."""
+    idle_share: float = 0.15
+    """Part of the orders in the class `idle`."""
+
+    def __post_init__(self) -> None:
+        require(self.kind in list(StreamKind), "--stream", self.kind, ", ".join(StreamKind))
+        object.__setattr__(self, "kind", StreamKind(self.kind))
+        _positive("--rate", self.rate_per_h)
+        _positive("stream.wave_s", self.wave_s)
+        _not_negative("stream.zipf", self.zipf)
+        require(0 < self.wave_share <= 1, "stream.wave_share", self.wave_share, "a number > 0, at most 1")
+        for name in ("due_share", "emergency_share", "idle_share"):
+            require(0 <= getattr(self, name) <= 1, f"stream.{name}", getattr(self, name), "a number from 0 to 1")
+        classes = self.emergency_share + self.idle_share
+        require(classes <= 1, "stream.emergency_share + stream.idle_share", classes, "at most 1")
+        low, high = self.slack_s
+        require(0 <= low <= high < math.inf, "stream.slack_s", self.slack_s, "two numbers >= 0, ascending")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarConfig:
+    """What sets one car apart from others of its model."""
+
+    capabilities: tuple[str, ...] = ()
+    """Names that orders can ask for in `needs`."""
+    max_payload_kg: float | None = None
+    """Greatest parcel it may carry [kg]; None = what its model can."""
+
+    def __post_init__(self) -> None:
+        if self.max_payload_kg is not None:
+            _positive("max_payload_kg", self.max_payload_kg)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,9 +317,14 @@ class RunConfig:
     robots: int = 3
     """Number of cars."""
     tasks: int | None = None
-    """Generated deliveries; None = two per car, at least six. Ignored with `orders`."""
+    """Generated deliveries; None = two per car, at least six, or all that a `stream` brings in `duration_s`. Ignored
+    with `orders`."""
+    stream: StreamConfig | None = None
+    """How generated deliveries arrive; None = one for each car at once, then enough to keep the fleet busy."""
     orders: Path | None = None
-    """CSV file of orders."""
+    """CSV or JSON file of orders."""
+    cars: Mapping[str, CarConfig] = field(default_factory=dict)
+    """What is special about single cars, by name (`car_0`, ...)."""
     seed: int = 0
     duration_s: float = 3600.0
     """Simulated time after which the run ends even if tasks are open [s]."""
@@ -242,6 +338,7 @@ class RunConfig:
     events: tuple[ScenarioEvent, ...] = ()
     traffic: TrafficConfig = field(default_factory=TrafficConfig)
     allocation: AllocationConfig = field(default_factory=AllocationConfig)
+    timeouts: TimeoutConfig = field(default_factory=TimeoutConfig)
     arms: ArmConfig = field(default_factory=ArmConfig)
     estimate: EstimateConfig = field(default_factory=EstimateConfig)
     battery: BatteryConfig = field(default_factory=BatteryConfig)
@@ -257,6 +354,9 @@ class RunConfig:
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
         _positive("--duration", self.duration_s)
+        names = [f"car_{car}" for car in range(self.robots)]
+        for name in self.cars:
+            require(name in names, "cars", name, f"car_0 to {names[-1]}")
         _not_negative("collect_after_s", self.collect_after_s)
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from fleet.allotment import Allotment
 from fleet.charging import Charging
 from fleet.config import RunConfig
+from fleet.errors import FleetError
 from fleet.executor import Executor
 from fleet.robots.battery import Batteries
 from fleet.stations.arm_desk import ArmDesk
@@ -18,7 +20,9 @@ from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
 from fleet.stations.transfer import TRAY, TransferRequest
 from fleet.stock import Log, Stock
-from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.board import CANCELLABLE, Task, TaskBoard, TaskState
+from fleet.tasks.order import Ability, Priority
+from fleet.tasks.reasons import PairReason, ReasonBook
 from fleet.traffic import Traffic
 from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
@@ -34,6 +38,8 @@ EARLY_S = 4.0
 """A car should come to its station this long before the arm is free, so that traffic does not let the arm wait [s]."""
 LOADED_RANK_S = 30.0
 """Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
+EMERGENCY_RANK_S = 60.0
+"""Head start of a car with a task of the class `emergency` [s]."""
 MAX_ATTEMPTS = 3
 """Transfers tried for one errand before its task fails."""
 
@@ -64,6 +70,22 @@ _PARKED = frozenset({CarPhase.IDLE, CarPhase.RETIRED, CarPhase.HELD})
 """Phases of a car that waits in a parking place."""
 
 
+_STANDING = (
+    dict.fromkeys(CarPhase, PairReason.CAR_BUSY)
+    | dict.fromkeys((CarPhase.IDLE, *_AT_CHARGER), PairReason.CAR_CHARGES)
+    | dict.fromkeys((CarPhase.RECOVERING, CarPhase.RETIRED, CarPhase.DEAD), PairReason.CAR_OUT)
+)
+"""Why a car in a phase cannot take a task; one that is idle and cannot is about to charge."""
+
+
+class CannotCancel(FleetError):
+    """A task is asked back whose parcel the fleet already has, or that has ended."""
+
+
+class CannotRequeue(FleetError):
+    """A task is to be taken from a car that is not to pick it."""
+
+
 class Dispatcher:
     """Missions of all cars.
 
@@ -77,6 +99,7 @@ class Dispatcher:
         traffic: Takes goals.
         executor: Tells where cars are.
         world: Where parcels appear and vanish.
+        abilities: What each car can carry.
         batteries: State of charge of the cars; None for cars that never need to charge.
         log: Called as ``log(kind, **facts)`` for every event.
     """
@@ -93,6 +116,7 @@ class Dispatcher:
         traffic: Traffic,
         executor: Executor,
         world: World,
+        abilities: Sequence[Ability],
         batteries: Batteries | None,
         log: Log,
     ) -> None:
@@ -118,7 +142,7 @@ class Dispatcher:
         self.bound = np.zeros(world.n_cars, dtype=np.bool_)
         """True for a car on its way to a station."""
         self.service_times = ServiceTimes(len(stations))
-        self.stock = Stock(board, stations, desk.car, world, log)
+        self.reasons = ReasonBook(log)
         self._graph = graph
         self._config = config
         self._desk = desk
@@ -130,7 +154,19 @@ class Dispatcher:
         self.charging: Charging | None = None
         if batteries is not None:
             self.charging = Charging(batteries, chargers, len(stations), self.bookings, traffic, self.service_times)
-        self._allotment = Allotment(config.allocation, board, stations, self.bookings, self.charging, traffic, executor)
+        self._allotment = Allotment(
+            config=config.allocation,
+            board=board,
+            stations=stations,
+            bookings=self.bookings,
+            service_times=self.service_times,
+            abilities=abilities,
+            charging=self.charging,
+            traffic=traffic,
+            executor=executor,
+            reasons=self.reasons,
+        )
+        self.stock = Stock(board, stations, desk.car, world, log, self.reasons, self._allotment.source_cost)
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
         self._dock_cells = [self._dock_cell(station) for station in stations]
@@ -139,10 +175,12 @@ class Dispatcher:
         self._changed = True
         self._call_period = max(1, round(CALL_S / world.tick_s))
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
+        self._fastest_move_s = site.grid.cell_m / desk.car.max_speed_mps
 
     def tick(self, tick: int, now_s: float) -> None:
         """Release, collect, allocate, and start or end services."""
-        self.board.release_due(now_s)
+        for task in self.board.release_due(now_s):
+            self._warn_of_due(task)
         self._changed |= self.stock.tick(now_s)
         self._changed |= self.bookings.clear(self._stands_at)
         if tick % self._call_period == 0:
@@ -150,16 +188,42 @@ class Dispatcher:
         if self._changed or tick % self._period == 0:
             self._changed = False
             self._take_back(now_s)
+            self._time_out(now_s)
             if self.charging is not None:
                 self._charge_low(self.charging, tick, now_s)
-            idle = [car for car in range(len(self.phase)) if self._is_free(car)]
-            for car, task in self._allotment.choose(idle, now_s):
-                self._assign(car, task, tick, now_s)
+            self._allocate(tick, now_s)
             if self.charging is not None:
                 self._charge_idle(self.charging, tick)
             self._park(tick)
         self._start_services(tick, now_s)
         self._end_services(tick, now_s)
+
+    def cancel(self, task: Task, now_s: float, reason: str) -> None:
+        """Take a task back whose parcel was not picked yet; its car is free, and its parcel leaves the warehouse.
+
+        Raises:
+            CannotCancel: It is too late.
+        """
+        if task.state not in CANCELLABLE:
+            valid = ", ".join(state for state in TaskState if state in CANCELLABLE)
+            raise CannotCancel(f"task {task.order.name} is {task.state}; valid to cancel: {valid}")
+        car = task.car if task.state is TaskState.ASSIGNED else None
+        self.stock.withdraw(task, now_s, reason)
+        if car is not None:
+            self._stand_down(car)
+
+    def requeue(self, task: Task, now_s: float, reason: str) -> None:
+        """Take a task away from the car that is to pick it; another car gets it, if there is one.
+
+        Raises:
+            CannotRequeue: No car is under way to pick it.
+        """
+        if task.state is not TaskState.ASSIGNED or task.car is None:
+            raise CannotRequeue(f"task {task.order.name} is {task.state}; valid to requeue: {TaskState.ASSIGNED}")
+        car = task.car
+        task.shunned.add(car)
+        self._unassign(task, now_s, reason)
+        self._stand_down(car)
 
     def retire(self, car: int, phase: CarPhase, now_s: float, reason: str) -> None:
         """Take a car out of service; a task whose parcel it has not got yet goes back to the pool.
@@ -224,7 +288,7 @@ class Dispatcher:
     def _approach(self, car: int, task: Task, tick: int, now_s: float) -> None:
         """Send a car with a booking on its way, unless it would only stand in the lanes before a busy arm."""
         picks = task.state is not TaskState.CARRIED
-        station = self._by_name[task.order.pick if picks else task.order.drop]
+        station = self._by_name[task.pick if picks else task.order.drop]
         early_s = self._free_s(car, station, now_s) - self._way_s(car, station)
         if early_s <= EARLY_S:
             if self.phase[car] is CarPhase.HELD:
@@ -351,13 +415,70 @@ class Dispatcher:
                 free_s = max(free_s, comes_s) + service_s
         return free_s
 
+    def _warn_of_due(self, task: Task) -> None:
+        """Say at once when not even a car that stands at the pick dock could bring a task in time."""
+        least_s = self._allotment.least_s(task, self._fastest_move_s)
+        if task.order.release_s + least_s > task.order.due_s:
+            left_s = task.order.due_s - task.order.release_s
+            text = f"it is due {left_s:.1f} s after its release, and takes {least_s:.1f} s from {task.pick}"
+            self.reasons.warn(task, text)
+
+    def _allocate(self, tick: int, now_s: float) -> None:
+        """Give tasks to cars that are free, and exchange those that are not picked yet where much is gained."""
+        tails = self._executor.tail_states()
+        held: dict[int, Task] = {}
+        standing: list[PairReason | None] = []
+        for car, phase in enumerate(self.phase):
+            task = self.task_of[car]
+            # A car whose way ends in the dock is about to be served.
+            before_pick = phase in (CarPhase.TO_PICK, CarPhase.HELD) and tails[car] != self._goal_of(task)
+            if task is not None and before_pick and task.state is TaskState.ASSIGNED:
+                held[car] = task
+            standing.append(None if car in held or self._is_free(car) else _STANDING[phase])
+        choice = self._allotment.choose(standing, held, now_s)
+        for car, reason in choice.taken:
+            self._unassign(held[car], now_s, reason)
+            self._stand_down(car)
+        for car, task in choice.given:
+            self._assign(car, task, tick, now_s)
+
+    def _goal_of(self, task: Task | None) -> int:
+        """State of the dock where a task is picked, -1 for no task."""
+        return self._by_name[task.pick].dock_state if task is not None else -1
+
+    def _stand_down(self, car: int) -> None:
+        """Free a car that was to pick a task."""
+        self.task_of[car] = None
+        self._traffic.rank[car] = 0.0
+        self._changed = True
+        if self.phase[car] in (CarPhase.TO_PICK, CarPhase.HELD):
+            self._enter(car, CarPhase.IDLE)
+
+    def _time_out(self, now_s: float) -> None:
+        """End what has lasted too long."""
+        limits = self._config.timeouts
+        for task in self.board.in_state(TaskState.BACKLOG, TaskState.READY):
+            if now_s - task.since_s[TaskState.BACKLOG] > limits.waiting_s:
+                self.cancel(task, now_s, f"no car had it {limits.waiting_s:g} s after its release")
+        for task in self.board.in_state(TaskState.ASSIGNED):
+            if now_s - task.since_s[TaskState.ASSIGNED] > limits.assigned_s:
+                self.requeue(task, now_s, f"car_{task.car} was not at {task.pick} after {limits.assigned_s:g} s")
+        for task in self.board.in_state(TaskState.LOADING, TaskState.UNLOADING):
+            if now_s - task.since_s[task.state] > limits.service_s:
+                self.board.move(task, TaskState.FAILED, now_s, f"was {task.state} for {limits.service_s:g} s")
+        for task in self.board.in_state(TaskState.CARRIED):
+            if now_s - task.since_s[TaskState.CARRIED] > limits.carried_s and task.car is not None:
+                self._fail(task, now_s, f"car_{task.car} was not at {task.order.drop} after {limits.carried_s:g} s")
+                self._release_car(task.car, CarPhase.RETIRED)
+
     def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
         self._leave(car)
-        if not self.bookings.book(car, self._by_name[task.order.pick].arm):
+        if not self.bookings.book(car, self._by_name[task.pick].arm):
             return
         task.car = car
         self.task_of[car] = task
         self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
+        self.reasons.assigned(task)
         self._approach(car, task, tick, now_s)
 
     def _unassign(self, task: Task, now_s: float, reason: str) -> None:
@@ -377,7 +498,7 @@ class Dispatcher:
             if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD):
                 continue
             picks = task.state is not TaskState.CARRIED
-            name = task.order.pick if picks else task.order.drop
+            name = task.pick if picks else task.order.drop
             if self._traffic.reachable(int(tails[car]), self._by_name[name].dock_state):
                 continue
             if picks:
@@ -388,7 +509,10 @@ class Dispatcher:
                 self._release_car(car, CarPhase.RETIRED)
 
     def _send_to(self, car: int, station: Station, tick: int) -> None:
-        self._traffic.rank[car] = LOADED_RANK_S if self.phase[car] is CarPhase.TO_DROP else 0.0
+        task = self.task_of[car]
+        urgent = task is not None and task.order.priority is Priority.EMERGENCY
+        loaded = self.phase[car] is CarPhase.TO_DROP
+        self._traffic.rank[car] = LOADED_RANK_S * loaded + EMERGENCY_RANK_S * urgent
         self._traffic.send(car, station.dock_state, stay=True, tick=tick)
 
     def _park(self, tick: int) -> None:
@@ -416,7 +540,7 @@ class Dispatcher:
             if task is None:
                 continue
             loading = phase is CarPhase.TO_PICK
-            station = self._by_name[task.order.pick if loading else task.order.drop]
+            station = self._by_name[task.pick if loading else task.order.drop]
             if tails[car] != station.dock_state or not self._executor.idle(car):
                 continue
             if not self._desk.is_idle(station.arm):
@@ -460,6 +584,8 @@ class Dispatcher:
             station = self.stations[arm]
             service = self._desk.services[arm]
             task = self.task_of[car]
+            if task is not None and task.state is TaskState.FAILED and self._desk.is_idle(arm):
+                self._give_up_service(station, task, car)
             if task is not None and service.dock_is_clear and task.state in (TaskState.LOADING, TaskState.UNLOADING):
                 self._judge(station, task, car, service.state, tick, now_s)
             if self._desk.is_idle(arm) and self.phase[car] not in (CarPhase.LOADING, CarPhase.UNLOADING):
@@ -468,6 +594,14 @@ class Dispatcher:
                 self._world.set_serving(arm, -1)
                 self.service_times.end(arm, now_s)
                 self._executor.open(self._dock_cell(station))
+
+    def _give_up_service(self, station: Station, task: Task, car: int) -> None:
+        """A task failed while an arm was at work on it, and the arm is clear now."""
+        loading = station.place.kind == "pick"
+        slot = task.pick_slot if loading else task.drop_slot
+        if slot is not None and not self.stock.on_slot(task, slot, station):
+            station.free_slot(slot)
+        self._release_car(car, CarPhase.RETIRED if self.stock.in_tray(task, car) else CarPhase.IDLE)
 
     def _judge(self, station: Station, task: Task, car: int, state: ServiceState, tick: int, now_s: float) -> None:
         """Look where the parcel really is, now that the arm is clear of the car, and draw the consequence."""

@@ -37,9 +37,21 @@ COUNTED = {
     "under way": (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING),
     "delivered": (TaskState.DELIVERED, TaskState.COLLECTED),
     "failed": (TaskState.FAILED,),
+    "cancelled": (TaskState.CANCELLED,),
 }
 """Groups of task states that are counted over time."""
-LOUD = frozenset({"off_lane", "plan_cut", "rejoin_impossible", "transfer_repeated", "disturbance", "car_lost"})
+LOUD = frozenset(
+    {
+        "off_lane",
+        "plan_cut",
+        "rejoin_impossible",
+        "transfer_repeated",
+        "disturbance",
+        "car_lost",
+        "order_refused",
+        "impossible_due",
+    }
+)
 """Events that a person should notice in the log."""
 
 
@@ -57,6 +69,8 @@ class Result(Summary):
     robots: int
     fidelity: str
     interrupted: bool
+    orders_refused: tuple[str, ...]
+    """One line for each order of the file that could not be accepted."""
     versions: dict[str, str]
 
 
@@ -102,6 +116,8 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         if session.serve:
             progress.say(f"live: rerun --connect rerun+http://127.0.0.1:{session.port}/proxy")
+        for refusal in simulation.refused:
+            progress.say(f"order refused: {refusal}")
         watch = _Watch(simulation, recorder)
 
         def emit(event: Event) -> None:
@@ -123,6 +139,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
             robots=config.robots,
             fidelity=str(config.fidelity),
             interrupted=bool(interrupted),
+            orders_refused=tuple(map(str, simulation.refused)),
             versions=versions(),
         )
         run_file.result(result)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import RunConfig, require
+from fleet.config import CarConfig, RunConfig, require
 from fleet.dispatcher import CarPhase, Dispatcher
 from fleet.disturbance import Disturbances
 from fleet.driving import Driver, PathDriver, StateDriver
@@ -23,7 +23,10 @@ from fleet.stations.arm_desk import ArmDesk, ArmPlanner
 from fleet.stations.arm_planner import make_arm_planner
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
-from fleet.tasks.order import Order, generate_orders, read_orders
+from fleet.tasks.order import Ability, generate_orders
+from fleet.tasks.order_file import OrderBook, read_orders
+from fleet.tasks.reasons import AssignmentReport
+from fleet.tasks.stream import stream_orders
 from fleet.traffic import Traffic
 from fleet.world import make_world
 from fleet.world.grid import GridWorld
@@ -77,7 +80,7 @@ class Simulation:
     Raises:
         ConfigError: The site has no room for that many robots, or no planner or allocator has that name.
         SiteError: The site cannot be read or served.
-        OrdersError: The orders file is malformed.
+        OrdersError: The orders file cannot be read, or none of its orders can be accepted.
     """
 
     def __init__(self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None) -> None:
@@ -102,12 +105,14 @@ class Simulation:
         require(allocation.allocator in ALLOCATORS, "--allocator", allocation.allocator, ", ".join(ALLOCATORS))
         self.on_event = on_event
         orders_seed, estimate_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(3)
-        self.orders = self._orders(np.random.default_rng(orders_seed))
         self.graph: LaneGraph = build_lane_graph(self.site)
         start_states = np.array(
             [self.graph.states_of_cell(cell)[0] for cell in self.site.parking[: config.robots]], dtype=np.int32
         )
         self.scene: Scene = scene_of(self.site, self.graph.state_pose[start_states], config.grip)
+        self.abilities = self._abilities()
+        book = self._orders(np.random.default_rng(orders_seed))
+        self.orders, self.refused = book.orders, book.refused
         self.arm_planner: ArmPlanner = self._arm_planner()
         with ExitStack() as undo:
             # A run that is refused leaves no planning process behind.
@@ -140,6 +145,7 @@ class Simulation:
                 traffic=self.traffic,
                 executor=self.executor,
                 world=self.world,
+                abilities=self.abilities,
                 batteries=self.batteries,
                 log=self.log,
             )
@@ -150,6 +156,8 @@ class Simulation:
             self.arm_planner.wait_ready()
             undo.pop_all()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
+        for refusal in self.refused:
+            self.log("order_refused", task=refusal.name, where=refusal.where, cause=refusal.cause)
 
     @property
     def sim_s(self) -> float:
@@ -226,6 +234,41 @@ class Simulation:
         """Parcels that entered, less those that left, less those found in the world; zero unless one was lost."""
         return self.dispatcher.stock.balance()
 
+    def cancel(self, name: str) -> None:
+        """Take an order back, as long as its parcel was not picked.
+
+        Args:
+            name: Its id.
+
+        Raises:
+            UnknownTask: There is no such order.
+            CannotCancel: Its parcel was picked, or it has ended.
+        """
+        self.dispatcher.cancel(self.board.named(name), self.sim_s, "cancelled on request")
+
+    def requeue(self, name: str) -> None:
+        """Give an order to another car than the one that is under way to pick it.
+
+        Args:
+            name: Its id.
+
+        Raises:
+            UnknownTask: There is no such order.
+            CannotRequeue: No car is under way to pick it.
+        """
+        self.dispatcher.requeue(self.board.named(name), self.sim_s, "requeued on request")
+
+    def explain_assignment(self, name: str) -> AssignmentReport:
+        """Say who got an order, who did not and why, or why nobody has it; `str` of it is a sentence.
+
+        Args:
+            name: Its id.
+
+        Raises:
+            UnknownTask: There is no such order.
+        """
+        return self.dispatcher.reasons.report(self.board.named(name))
+
     def summary(self) -> Summary:
         """Figures of the run so far."""
         return self.metrics.summary(self)
@@ -241,10 +284,21 @@ class Simulation:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _orders(self, rng: np.random.Generator) -> tuple[Order, ...]:
+    def _abilities(self) -> tuple[Ability, ...]:
+        found = []
+        for car in range(self.config.robots):
+            own = self.config.cars.get(f"car_{car}", CarConfig())
+            payload_kg = self.scene.car.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
+            found.append(Ability(max_payload_kg=payload_kg, capabilities=frozenset(own.capabilities)))
+        return tuple(found)
+
+    def _orders(self, rng: np.random.Generator) -> OrderBook:
         if self.config.orders is not None:
-            return read_orders(self.config.orders, self.site)
-        return generate_orders(self.site, self.config.n_tasks, self.config.robots, rng)
+            return read_orders(self.config.orders, self.site, self.abilities)
+        if self.config.stream is not None:
+            orders = stream_orders(self.site, self.config.stream, self.config.duration_s, self.config.tasks, rng)
+            return OrderBook(orders=orders)
+        return OrderBook(orders=generate_orders(self.site, self.config.n_tasks, self.config.robots, rng))
 
     def _arm_planner(self) -> ArmPlanner:
         names = tuple(station.name for station in self.site.stations)

@@ -9,6 +9,7 @@ import numpy as np
 from fleet.robots.spec import CarSpec
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.reasons import ReasonBook, TaskReason
 from fleet.world.protocol import FloatArray, ParcelBody, World
 
 ON_SLOT_M = 0.05
@@ -19,6 +20,8 @@ DROP_M = 0.001
 """A new parcel appears this far above its slot [m]."""
 
 Log = Callable[..., None]
+_NOT_IN_WORLD = (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED, TaskState.CANCELLED)
+_CLOSED = (TaskState.DELIVERED, TaskState.COLLECTED, TaskState.FAILED, TaskState.CANCELLED)
 
 
 class Stock:
@@ -30,18 +33,31 @@ class Stock:
         car: The car model, for its tray.
         world: Where parcels lie.
         log: Called as ``log(kind, **facts)`` when a parcel enters or leaves.
+        reasons: Told why a task waits.
+        source_cost: Called as ``source_cost(pick, task)``: what it costs to bring a task's parcel from a pick station.
     """
 
-    def __init__(self, board: TaskBoard, stations: list[Station], car: CarSpec, world: World, log: Log) -> None:
+    def __init__(
+        self,
+        board: TaskBoard,
+        stations: list[Station],
+        car: CarSpec,
+        world: World,
+        log: Log,
+        reasons: ReasonBook,
+        source_cost: Callable[[str, Task], float],
+    ) -> None:
         self.entered_n = 0
         self.left_n = 0
         self._board = board
         self._stations = stations
         self._by_name = {station.name: station for station in stations}
-        self._left_waiting = (0, 0)
+        self._left_waiting = (0, 0, 0)
         self._car = car
         self._world = world
         self._log = log
+        self._reasons = reasons
+        self._source_cost = source_cost
 
     def tick(self, now_s: float) -> bool:
         """Take out what is to be collected, and put the parcels of released orders on free pick slots.
@@ -57,6 +73,15 @@ class Stock:
         filled = self._fill(now_s)
         self._left_waiting = self._waiting()
         return filled
+
+    def withdraw(self, task: Task, now_s: float, reason: str) -> None:
+        """Cancel a task whose parcel was not picked; a parcel on its slot leaves the warehouse."""
+        if task.pick_slot is not None:
+            self._world.remove_parcel(task.parcel)
+            self.left_n += 1
+            self._by_name[task.pick].free_slot(task.pick_slot)
+            self._log("parcel_left", task=task.order.name, station=task.pick, slot=task.pick_slot)
+        self._board.move(task, TaskState.CANCELLED, now_s, reason)
 
     def balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world."""
@@ -90,7 +115,7 @@ class Stock:
         for task in self._board.tasks:
             if task.state is TaskState.FAILED:
                 continue  # it may lie anywhere, and the task's reason says where
-            booked = task.state not in (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED)
+            booked = task.state not in _NOT_IN_WORLD
             if booked != (task.parcel in there):
                 wrong.append(f"{task.order.name}: booked as {task.state}, {'not ' if booked else ''}in the world")
             elif booked and not self._is_where_booked(task):
@@ -98,30 +123,51 @@ class Stock:
                 wrong.append(f"{task.order.name}: booked as {task.state}, lies at ({x:.2f}, {y:.2f}, {z:.2f})")
         return wrong
 
-    def _waiting(self) -> tuple[int, int]:
-        """Parcels that wait for a slot, and free pick slots: while these stay the same, there is nothing to fill."""
+    def _waiting(self) -> tuple[int, int, int]:
+        """Parcels that wait for a slot, free pick slots, and tasks that nobody has to wait for any more: while these
+        stay the same, there is nothing to fill."""
         free = sum(station.free_n for station in self._stations if station.place.kind == "pick")
-        return self._board.count(TaskState.BACKLOG), free
+        return self._board.count(TaskState.BACKLOG), free, sum(map(self._board.count, _CLOSED))
 
     def _fill(self, now_s: float) -> bool:
-        full: set[str] = set()
+        """Put parcels on free pick slots, the most urgent class first, then first come first."""
         filled = False
-        for task in self._board.in_state(TaskState.BACKLOG):
-            station = self._by_name[task.order.pick]
-            slot = None if station.name in full else station.take_slot(task.index)
-            if slot is None:
-                full.add(station.name)
+        for task in sorted(self._board.in_state(TaskState.BACKLOG), key=lambda task: task.order.priority.rank):
+            first = self._board.waits_for(task)
+            if first is not None:
+                self._wait_for(task, first, now_s)
                 continue
-            task.pick_slot = slot
-            x, y, z = station.place.slots[slot]
-            size = task.order.size_m
-            pose = np.array([x, y, z + size[2] / 2 + DROP_M, 0.0, 0.0, 0.0, 1.0])
-            self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.order.mass_kg, pose=pose))
-            self.entered_n += 1
-            self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
-            self._board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
+            free = [name for name in task.order.picks if self._by_name[name].free_n]
+            if not free:
+                picks = " and ".join(task.order.picks)
+                self._reasons.note(task, TaskReason.WAITS_FOR_SLOT, f"no slot of {picks} is free", now_s)
+                continue
+            # The cheapest source; of equal ones, the first that was named.
+            source = free[0] if len(free) == 1 else min(free, key=lambda name: self._source_cost(name, task))
+            self._enter(task, self._by_name[source], now_s)
             filled = True
         return filled
+
+    def _wait_for(self, task: Task, first: Task, now_s: float) -> None:
+        if first.state in (TaskState.FAILED, TaskState.CANCELLED):
+            reason = f"{first.order.name}, which comes before it, is {first.state}"
+            self._board.move(task, TaskState.FAILED, now_s, reason)
+        else:
+            reason = f"{first.order.name} must be delivered before it"
+            self._reasons.note(task, TaskReason.WAITS_FOR_PREDECESSOR, reason, now_s)
+
+    def _enter(self, task: Task, station: Station, now_s: float) -> None:
+        slot = station.take_slot(task.index)
+        if slot is None:
+            raise AssertionError("a station with a free slot gives one")
+        task.pick, task.pick_slot = station.name, slot
+        x, y, z = station.place.slots[slot]
+        size = task.order.size_m
+        pose = np.array([x, y, z + size[2] / 2 + DROP_M, 0.0, 0.0, 0.0, 1.0])
+        self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.order.mass_kg, pose=pose))
+        self.entered_n += 1
+        self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
+        self._board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
 
     def _collect(self, station: Station, slot: int, now_s: float) -> None:
         content = station.contents[slot]
@@ -136,7 +182,7 @@ class Stock:
 
     def _is_where_booked(self, task: Task) -> bool:
         if task.state in (TaskState.READY, TaskState.ASSIGNED):
-            return self.on_slot(task, task.pick_slot, self._by_name[task.order.pick])
+            return self.on_slot(task, task.pick_slot, self._by_name[task.pick])
         if task.state is TaskState.DELIVERED:
             return self.on_slot(task, task.drop_slot, self._by_name[task.order.drop])
         if task.state is TaskState.CARRIED:

@@ -6,13 +6,24 @@ import math
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from fleet.config import AllocationConfig, BatteryConfig, Connect, Fidelity, Grip, RunConfig, TrafficConfig, require
+from fleet.config import (
+    AllocationConfig,
+    BatteryConfig,
+    Connect,
+    Fidelity,
+    Grip,
+    RunConfig,
+    StreamConfig,
+    StreamKind,
+    TrafficConfig,
+    require,
+)
 from fleet.errors import ConfigError
 from fleet.scenario import read_events
 
@@ -28,9 +39,14 @@ class Demo:
     site: str = "small"
     """Name of a shipped site (see `site list`) or path of a site file."""
     tasks: int | None = None
-    """Number of deliveries; default two per car, at least 6."""
+    """Number of deliveries; default two per car, at least 6, or all that a stream brings in the time."""
+    stream: str | None = None
+    """Orders that arrive over time with due dates and priorities: poisson, waves, skewed or skewed_waves."""
+    rate: float | None = None
+    """Orders per hour of a stream; default 120."""
     orders: Path | None = None
-    """CSV file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m."""
+    """CSV or JSON file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m and, if wanted,
+    due_s,priority,after,picks,needs."""
     events: Path | None = None
     """TOML file of disturbances: [[event]] tables of time_s, kind (car_dead, arm_slow, lane_blocked, car_pushed),
     target and parameters."""
@@ -75,6 +91,7 @@ class Demo:
             robots=self.robots,
             tasks=self.tasks,
             orders=self.orders,
+            stream=self._stream(),
             events=read_events(self.events) if self.events else (),
             seed=self.seed,
             duration_s=self.duration,
@@ -96,7 +113,7 @@ class Demo:
         if result.interrupted:
             console.print("interrupted: the files hold the run up to here")
             return INTERRUPTED
-        open_n = result.tasks_total - result.tasks_done - result.tasks_failed
+        open_n = result.tasks_total - result.tasks_done - result.tasks_failed - result.tasks_cancelled
         timely = result.sim_s >= self.duration
         if open_n:
             why = "the time was up" if timely else "nothing went on any more"
@@ -107,14 +124,23 @@ class Demo:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
         require(math.isfinite(self.speed) and self.speed >= 0, "--speed", self.speed, "a number >= 0")
         require(0 < self.port < 1 << 16, "--port", self.port, f"an integer from 1 to {(1 << 16) - 1}")
+        require(self.stream in (None, *StreamKind), "--stream", self.stream, ", ".join(StreamKind))
         for option, given, fits, valid in (
             ("--gui", self.gui, self.fidelity is Fidelity.PHYSICS, "with --fidelity physics"),
             ("--serve", self.serve, not self.no_record, "without --no-record"),
             ("--view", self.view, not self.no_record, "without --no-record"),
             ("--tasks", self.tasks is not None, self.orders is None, "without --orders"),
+            ("--stream", self.stream is not None, self.orders is None, "without --orders"),
+            ("--rate", self.rate is not None, self.stream is not None, "with --stream"),
         ):
             if given and not fits:
                 raise ConfigError(f"{option} does not go with the other options; valid: {option} {valid}")
+
+    def _stream(self) -> StreamConfig | None:
+        if self.stream is None:
+            return None
+        usual = StreamConfig(kind=StreamKind(self.stream))
+        return usual if self.rate is None else replace(usual, rate_per_h=self.rate)
 
 
 def _table(result: dict[str, object]) -> Table:
@@ -124,6 +150,8 @@ def _table(result: dict[str, object]) -> Table:
         ("throughput", "{throughput_per_h:.0f} per hour"),
         ("task time, mean", "{task_time_mean_s:.1f} s"),
         ("task time, 95th percentile", "{task_time_p95_s:.1f} s"),
+        ("delivered in time, of those with a due date", "{on_time_share:.1%}"),
+        ("tardiness, mean", "{tardiness_mean_s:.1f} s"),
         ("distance loaded", "{distance_loaded_m:.1f} m"),
         ("distance empty", "{distance_empty_m:.1f} m"),
         ("waiting in lanes, all cars", "{waiting_s:.1f} s"),

@@ -323,7 +323,7 @@ class WarehouseEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPic
         )
 
 
-_ENDED = (TaskState.DELIVERED, TaskState.COLLECTED, TaskState.FAILED)
+_ENDED = (TaskState.DELIVERED, TaskState.COLLECTED, TaskState.FAILED, TaskState.CANCELLED)
 
 
 parallel_env = WarehouseEnv

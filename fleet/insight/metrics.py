@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,15 @@ from fleet.world.protocol import FloatArray
 
 if TYPE_CHECKING:
     from fleet.simulation import Simulation
+
+_WAITING = (
+    TaskState.BACKLOG,
+    TaskState.READY,
+    TaskState.ASSIGNED,
+    TaskState.LOADING,
+    TaskState.CARRIED,
+    TaskState.UNLOADING,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,11 +55,18 @@ class Summary:
     tasks_total: int
     tasks_done: int
     tasks_failed: int
+    tasks_cancelled: int
     sim_s: float
     throughput_per_h: float
     task_time_mean_s: float | None
     """From release to delivery [s]; None when nothing was delivered."""
     task_time_p95_s: float | None
+    on_time_share: float | None
+    """Share of the tasks with a due date that were delivered by then, of those delivered or overdue; None = none."""
+    tardiness_mean_s: float | None
+    """Time by which tasks with a due date were late, 0 for those in time, mean over the same tasks [s]."""
+    oldest_open_s: float
+    """Time since the release of the oldest task that is released and not delivered [s]."""
     distance_loaded_m: float
     distance_empty_m: float
     waiting_s: float
@@ -112,6 +129,8 @@ class Metrics:
             if TaskState.DELIVERED in task.since_s
         ]
         times = [task.since_s[TaskState.DELIVERED] - task.since_s[TaskState.BACKLOG] for task in done]
+        late = _lateness(simulation)
+        waiting = [task for task in board.in_state(*_WAITING) if TaskState.BACKLOG in task.since_s]
         contacts = world.contacts()
         clearance = world.min_clearance_m()
         sim_s = simulation.sim_s
@@ -120,10 +139,14 @@ class Metrics:
             tasks_total=len(board.tasks),
             tasks_done=len(done),
             tasks_failed=board.count(TaskState.FAILED),
+            tasks_cancelled=board.count(TaskState.CANCELLED),
             sim_s=round(sim_s, 3),
             throughput_per_h=round(len(done) * 3600.0 / sim_s, 2) if sim_s > 0 else 0.0,
             task_time_mean_s=round(float(np.mean(times)), 2) if times else None,
             task_time_p95_s=round(float(np.percentile(times, 95)), 2) if times else None,
+            on_time_share=round(float(np.mean(np.array(late) <= 0.0)), 4) if late else None,
+            tardiness_mean_s=round(float(np.mean(np.maximum(late, 0.0))), 2) if late else None,
+            oldest_open_s=round(max((sim_s - task.since_s[TaskState.BACKLOG] for task in waiting), default=0.0), 2),
             distance_loaded_m=round(float(self._distance_m[1].sum()), 2),
             distance_empty_m=round(float(self._distance_m[0].sum()), 2),
             waiting_s=round(float(self._waiting_s.sum()), 2),
@@ -185,3 +208,17 @@ def _add(speeds, loaded, bound, tick_s, distance_m, waiting_s):
         distance_m[loaded[car], car] += speed * tick_s
         if bound[car] and speed < STANDING_MPS:
             waiting_s[car] += tick_s
+
+
+def _lateness(simulation: Simulation) -> list[float]:
+    """Delivery less due date of the tasks that have both, and for overdue ones the time since their due date [s]."""
+    late = []
+    for task in simulation.board.tasks:
+        end_s = task.since_s.get(TaskState.DELIVERED)
+        if math.isinf(task.order.due_s) or task.state is TaskState.CANCELLED:
+            continue
+        if end_s is not None:
+            late.append(end_s - task.order.due_s)
+        elif simulation.sim_s > task.order.due_s:
+            late.append(simulation.sim_s - task.order.due_s)
+    return late

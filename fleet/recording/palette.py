@@ -37,6 +37,7 @@ STATE_COLOURS = {
     "delivered": 0x22C55EFF,
     "collected": 0x166534FF,
     "failed": 0xEF4444FF,
+    "cancelled": 0xA8A29EFF,
 }
 """Colours of the states of cars, arms and tasks; an unknown state gets a colour of its own from its name."""
 

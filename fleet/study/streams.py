@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 
@@ -10,7 +9,8 @@ import numpy as np
 
 from fleet.config import require
 from fleet.study.design import Design
-from fleet.tasks.order import COLUMNS, Order, generate_orders
+from fleet.tasks.order import Order, generate_orders
+from fleet.tasks.order_file import write_orders
 from maps.site import Site
 
 ORDERS_PER_CAR_H = 180.0
@@ -41,12 +41,7 @@ def _orders(design: Design, site: Site, seed: int) -> tuple[Order, ...]:
 
 def _write(path: Path, orders: tuple[Order, ...]) -> Path:
     require(len(orders) > 0, "--duration", "too short", "long enough for one order")
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow(COLUMNS)
-        for order in orders:
-            size = "x".join(str(edge) for edge in order.size_m)
-            table.writerow([order.name, order.release_s, order.pick, order.drop, order.mass_kg, size])
+    write_orders(path, orders)
     return path
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -33,25 +34,46 @@ class TaskState(StrEnum):
     COLLECTED = "collected"
     """Left the warehouse."""
     FAILED = "failed"
+    CANCELLED = "cancelled"
+    """Taken back before its parcel was picked."""
 
 
-OPEN_STATES = frozenset(TaskState) - {TaskState.COLLECTED, TaskState.FAILED}
+OPEN_STATES = frozenset(TaskState) - {TaskState.COLLECTED, TaskState.FAILED, TaskState.CANCELLED}
 _NEXT: dict[TaskState, frozenset[TaskState]] = {
-    TaskState.ORDERED: frozenset({TaskState.BACKLOG}),
-    TaskState.BACKLOG: frozenset({TaskState.READY}),
-    TaskState.READY: frozenset({TaskState.ASSIGNED, TaskState.FAILED}),
-    TaskState.ASSIGNED: frozenset({TaskState.LOADING, TaskState.READY, TaskState.FAILED}),
+    TaskState.ORDERED: frozenset({TaskState.BACKLOG, TaskState.CANCELLED}),
+    TaskState.BACKLOG: frozenset({TaskState.READY, TaskState.FAILED, TaskState.CANCELLED}),
+    TaskState.READY: frozenset({TaskState.ASSIGNED, TaskState.FAILED, TaskState.CANCELLED}),
+    TaskState.ASSIGNED: frozenset({TaskState.LOADING, TaskState.READY, TaskState.FAILED, TaskState.CANCELLED}),
     TaskState.LOADING: frozenset({TaskState.CARRIED, TaskState.READY, TaskState.FAILED}),
     TaskState.CARRIED: frozenset({TaskState.UNLOADING, TaskState.FAILED}),
     TaskState.UNLOADING: frozenset({TaskState.DELIVERED, TaskState.CARRIED, TaskState.FAILED}),
     TaskState.DELIVERED: frozenset({TaskState.COLLECTED, TaskState.FAILED}),
     TaskState.COLLECTED: frozenset(),
     TaskState.FAILED: frozenset(),
+    TaskState.CANCELLED: frozenset(),
 }
+CANCELLABLE = frozenset(state for state, following in _NEXT.items() if TaskState.CANCELLED in following)
+"""States in which a task's parcel is not yet in the hands of the fleet."""
+_DELIVERED = frozenset({TaskState.DELIVERED, TaskState.COLLECTED})
+_GIVEN_UP = frozenset({TaskState.FAILED, TaskState.CANCELLED})
 
 
 class IllegalTransition(FleetError):
     """A task was asked to make a step its life cycle does not have."""
+
+
+class UnknownTask(FleetError):
+    """No task has that name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transition:
+    """One step of a life."""
+
+    before: TaskState
+    state: TaskState
+    time_s: float
+    cause: str
 
 
 @dataclass(kw_only=True)
@@ -63,12 +85,21 @@ class Task:
     order: Order
     state: TaskState = TaskState.ORDERED
     car: int | None = None
+    pick: str = ""
+    """The pick station its parcel comes from: the preferred one until it lies on a slot."""
+    shunned: set[int] = field(default_factory=set)
+    """Cars it was taken from because they did not get there, which come last."""
     pick_slot: int | None = None
     drop_slot: int | None = None
     reason: str = ""
     """Cause of the last transition."""
     since_s: dict[TaskState, float] = field(default_factory=dict)
     """Time of the last entry into each state [s]."""
+    history: list[Transition] = field(default_factory=list)
+    """Every step so far."""
+
+    def __post_init__(self) -> None:
+        self.pick = self.pick or self.order.pick
 
     @property
     def parcel(self) -> int:
@@ -89,6 +120,7 @@ class TaskBoard:
 
     def __init__(self, orders: Iterable[Order], listener: Listener) -> None:
         self.tasks = [Task(index=k, order=order) for k, order in enumerate(orders)]
+        self._by_name = {task.order.name: task for task in self.tasks}
         self._unreleased = deque(self.tasks)
         self._open = len(self.tasks)
         self._listener = listener
@@ -100,6 +132,23 @@ class TaskBoard:
     def finished(self) -> bool:
         """True when no task is open any more."""
         return self._open == 0
+
+    def named(self, name: str) -> Task:
+        """The task of an order.
+
+        Raises:
+            UnknownTask: There is none.
+        """
+        if name not in self._by_name:
+            near = difflib.get_close_matches(name, self._by_name, n=3) or list(self._by_name)[:3]
+            raise UnknownTask(f"task is {name!r}; valid: the id of an order, such as {', '.join(near) or 'none'}")
+        return self._by_name[name]
+
+    def waits_for(self, task: Task) -> Task | None:
+        """An order before this one that is not delivered yet; one that never will be goes first."""
+        first = [self._by_name[name] for name in task.order.after if name in self._by_name]
+        missing = [other for other in first if other.state not in _DELIVERED]
+        return min(missing, key=lambda other: other.state not in _GIVEN_UP, default=None)
 
     def in_state(self, *states: TaskState) -> list[Task]:
         """Tasks in any of the given states, in the order they entered them."""
@@ -117,10 +166,15 @@ class TaskBoard:
                     return task
         return None
 
-    def release_due(self, now_s: float) -> None:
-        """Move every order whose release time has come to the backlog."""
+    def release_due(self, now_s: float) -> list[Task]:
+        """Move every order whose release time has come to the backlog; returns them."""
+        released = []
         while self._unreleased and self._unreleased[0].order.release_s <= now_s:
-            self.move(self._unreleased.popleft(), TaskState.BACKLOG, now_s, "release time reached")
+            task = self._unreleased.popleft()
+            if task.state is TaskState.ORDERED:
+                self.move(task, TaskState.BACKLOG, now_s, "release time reached")
+                released.append(task)
+        return released
 
     def move(self, task: Task, state: TaskState, now_s: float, reason: str) -> None:
         """Take a task to its next state.
@@ -141,6 +195,7 @@ class TaskBoard:
         del self._by_state[before][task.index]
         self._by_state[state][task.index] = task
         task.state, task.reason = state, reason
+        task.history.append(Transition(before=before, state=state, time_s=now_s, cause=reason))
         task.since_s[state] = now_s
         if state not in OPEN_STATES:
             self._open -= 1

@@ -8,7 +8,7 @@ import tyro
 
 from fleet.cli import COMMANDS, OPTIONS, SITE_COMMANDS, main
 from fleet.commands.demo import Demo
-from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, RunConfig
+from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, RunConfig, StreamKind
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
@@ -43,7 +43,7 @@ def test_every_command_can_run(name: str) -> None:
 
 def test_the_demo_has_the_defaults_of_a_run() -> None:
     command, config = parsed("demo"), RunConfig()
-    for name in ("site", "robots", "tasks", "orders", "seed", "grip", "fidelity"):
+    for name in ("site", "robots", "tasks", "stream", "orders", "seed", "grip", "fidelity"):
         assert getattr(command, name) == getattr(config, name)
     assert command.duration == config.duration_s
     assert command.planner == config.traffic.planner
@@ -58,7 +58,21 @@ def test_every_choice_parses_as_it_is_written(choice: Fidelity | Grip) -> None:
 
 def test_every_option_of_the_demo_takes_another_value() -> None:
     words = "--robots 2 --site cell --tasks 4 --seed 7 --duration 9.5 --speed 2 --out x --no-record --view --serve"
-    command = parsed("demo", *words.split(), "--port", "80", "--gui", "--orders", "o.csv", "--events", "e.toml")
+    command = parsed(
+        "demo",
+        *words.split(),
+        "--port",
+        "80",
+        "--gui",
+        "--orders",
+        "o.csv",
+        "--events",
+        "e.toml",
+        "--stream",
+        "waves",
+        "--rate",
+        "60",
+    )
     changed = {
         field.name for field in dataclasses.fields(Demo) if getattr(command, field.name) != getattr(Demo(), field.name)
     }
@@ -94,7 +108,7 @@ def test_the_demo_s_help_names_every_choice(capsys: pytest.CaptureFixture[str]) 
     with pytest.raises(SystemExit):
         main(["demo", "--help"])
     said = capsys.readouterr().out
-    for name in (*PLANNERS, *ALLOCATORS, *EVENT_PARAMETERS, *Grip, *Fidelity):
+    for name in (*PLANNERS, *ALLOCATORS, *EVENT_PARAMETERS, *Grip, *Fidelity, *StreamKind):
         assert name in said
 
 

@@ -1,5 +1,6 @@
 """What the demo says at its end."""
 
+import json
 import subprocess
 from pathlib import Path
 from types import SimpleNamespace
@@ -86,3 +87,16 @@ def test_the_table_has_a_row_for_every_figure_and_a_dash_for_those_that_do_not_e
         "real-time factor",
     ):
         assert values[name]
+
+
+def test_a_refused_order_is_told_at_the_start_and_in_the_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    orders = tmp_path / "orders.csv"
+    good, bad = "a,0,pick_1,drop_1,0.3,0.06\n", "b,0,pick_9,drop_1,0.3,0.06\n"
+    orders.write_text(f"id,release_s,pick,drop,mass_kg,size_m\n{good}{bad}", encoding="utf-8")
+    said = show(tmp_path, capsys, "--no-record", "--orders", str(orders))
+    line = f"orders file {orders}, line 3: pick is 'pick_9'; valid: pick_1, pick_2"
+    assert said.startswith(f"order refused: {line}\n")
+    assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["orders_refused"] == [line]
+    assert '"kind":"order_refused"' in (tmp_path / "run.jsonl").read_text(encoding="utf-8")

@@ -68,11 +68,16 @@ def test_a_run_is_finished_when_every_task_has_ended(board: TaskBoard) -> None:
     assert board.count(TaskState.FAILED) == 3
 
 
-@pytest.mark.parametrize("state", [state for state in TaskState if state not in (TaskState.READY, TaskState.BACKLOG)])
+NEXT = (TaskState.READY, TaskState.FAILED, TaskState.CANCELLED)
+
+
+@pytest.mark.parametrize("state", [state for state in TaskState if state not in (*NEXT, TaskState.BACKLOG)])
 def test_a_step_that_life_does_not_have(board: TaskBoard, told: Told, state: TaskState) -> None:
     board.release_due(0.0)
     before = len(told)
-    with pytest.raises(IllegalTransition, match=f"task a: backlog -> {state}; valid next states: ready"):
+    with pytest.raises(
+        IllegalTransition, match=f"task a: backlog -> {state}; valid next states: cancelled, failed, ready"
+    ):
         board.move(board.tasks[0], state, 0.0, "")
     assert board.tasks[0].state is TaskState.BACKLOG
     assert len(told) == before

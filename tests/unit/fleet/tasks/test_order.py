@@ -1,38 +1,9 @@
-"""Orders from a file and from a generator; what a file gets wrong is in tests/integration/test_bad_input.py."""
-
-from pathlib import Path
+"""Orders from a generator."""
 
 import numpy as np
 
-from fleet.tasks.order import MAX_EDGE_M, MAX_MASS_KG, MIN_EDGE_M, MIN_MASS_KG, generate_orders, read_orders
+from fleet.tasks.order import MAX_EDGE_M, MAX_MASS_KG, MIN_EDGE_M, MIN_MASS_KG, generate_orders
 from maps.site import Site
-
-HEADER = "id,release_s,pick,drop,mass_kg,size_m\n"
-
-
-def test_orders_are_read_in_the_order_of_their_release(small_site: Site, tmp_path: Path) -> None:
-    path = tmp_path / "orders.csv"
-    path.write_text(
-        HEADER
-        + "late,12.5,pick_2,drop_1,0.25,0.06x0.05x0.08\n"
-        + "first,0,pick_1,drop_2,2,0.1\n"
-        + "\n"
-        + ' second , 0 ,pick_1,drop_1,"0.05",0.04 \n',
-        encoding="utf-8",
-    )
-    orders = read_orders(path, small_site)
-    assert [order.name for order in orders] == ["first", "second", "late"]
-    assert orders[0].size_m == (0.1, 0.1, 0.1)
-    late = orders[2]
-    assert (late.release_s, late.pick, late.drop, late.mass_kg) == (12.5, "pick_2", "drop_1", 0.25)
-    assert late.size_m == (0.06, 0.05, 0.08)
-
-
-def test_a_spreadsheet_s_file_is_read(small_site: Site, tmp_path: Path) -> None:
-    """With a byte order mark and the line ends of another system."""
-    path = tmp_path / "orders.csv"
-    path.write_bytes(b"\xef\xbb\xbf" + (HEADER + "a,0,pick_1,drop_1,0.3,0.06\n").replace("\n", "\r\n").encode())
-    assert [order.name for order in read_orders(path, small_site)] == ["a"]
 
 
 def test_generated_orders_can_be_served(medium_site: Site) -> None:

@@ -1,0 +1,212 @@
+"""Reasons: why a task has the car it has, or none, and why each car that was considered did not get it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.tasks.board import Task, TaskState
+
+
+class PairReason(StrEnum):
+    """What became of a car for a task."""
+
+    CHOSEN = "chosen"
+    CAR_BUSY = "car_busy"
+    """It has a parcel in its tray, or an arm is at work on it."""
+    CAR_OUT = "car_out"
+    """Dead, off its lane, or with a parcel that nobody can unload."""
+    CAR_CHARGES = "car_charges"
+    """It charges, or is about to."""
+    LOW_CHARGE = "low_charge"
+    """After the task it might not reach a charger."""
+    TOO_HEAVY = "too_heavy"
+    LACKS_CAPABILITY = "lacks_capability"
+    NO_WAY = "no_way"
+    """It cannot reach the pick station past what is blocked."""
+    SHUNNED = "shunned"
+    """The task was taken from it because it did not get there."""
+    CLASS_FIRST = "class_first"
+    """It was given a task of a more urgent class."""
+    CAR_GOT_BETTER = "car_got_better"
+    """It was given another task, which costs less in all."""
+    TASK_GOT_BETTER = "task_got_better"
+    """Another car was given the task, which costs less in all."""
+    NOT_OFFERED = "not_offered"
+    """The task has to wait for room at a station."""
+    LEFT_OVER = "left_over"
+    """Nothing forbids it, and the allocator took neither: it is not exact, or gave up."""
+
+
+class TaskReason(StrEnum):
+    """Why a task is where it is."""
+
+    NOT_RELEASED = "not_released"
+    WAITS_FOR_PREDECESSOR = "waits_for_predecessor"
+    WAITS_FOR_SLOT = "waits_for_slot"
+    STATION_FULL = "station_full"
+    """As many cars as it has room for are bound for its pick or drop station."""
+    UNREACHABLE = "unreachable"
+    NO_CAPABLE_CAR = "no_capable_car"
+    """Every car that could carry it is out of service."""
+    NO_FREE_CAR = "no_free_car"
+    """Every car that could take it has another task."""
+    LEFT_OVER = "left_over"
+    """There is a free car for it, and the allocator took neither."""
+    ASSIGNED = "assigned"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairVerdict:
+    """What became of one car for a task, when it was last decided."""
+
+    car: int
+    reason: PairReason
+    cost_s: float | None
+    """Travel, lateness and ageing as the allocator saw them [s]; None = was not allowed."""
+    detail: str
+
+    def __str__(self) -> str:
+        cost = "" if self.cost_s is None else f", cost {self.cost_s:.1f} s"
+        return f"car_{self.car} {self.detail}{cost}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssignmentReport:
+    """Who got a task, who did not, and why; its `str` says it in a sentence."""
+
+    task: str
+    state: TaskState
+    car: int | None
+    """The car that has, or had, the task."""
+    reason: TaskReason
+    cause: str
+    """The reason in words."""
+    since_s: float
+    """Since when this is the reason [s]."""
+    warning: str
+    """Why it cannot be delivered in time, whoever takes it; empty if it can."""
+    decided_s: float | None
+    """When the allocator last considered the task [s]; None = never."""
+    pairs: tuple[PairVerdict, ...]
+    """One for each car, as it was then; empty if the task was never considered."""
+
+    def __str__(self) -> str:
+        words = [f"{self.task} is {self.state} since {self.since_s:.1f} s: {self.cause}"]
+        if self.warning:
+            words.append(self.warning)
+        if self.pairs:
+            words.append(f"at {self.decided_s:.1f} s: " + ", ".join(map(str, self.pairs)))
+        return "; ".join(words)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decision:
+    """How an allocation judged the cars for one task."""
+
+    time_s: float
+    codes: npt.NDArray[np.int8]
+    """Index into `PAIR_REASONS` for each car, shape (n_cars,)."""
+    cost_s: npt.NDArray[np.float64]
+    """Cost of each car, inf = not allowed, shape (n_cars,)."""
+    took: Sequence[str]
+    """Name of the task each car has after the allocation; empty = none."""
+    taker: int
+    """The car that got the task, -1 = none."""
+
+    def pairs(self) -> tuple[PairVerdict, ...]:
+        """The verdict on each car."""
+        found = []
+        for car, code in enumerate(self.codes.tolist()):
+            reason, cost_s = PAIR_REASONS[code], float(self.cost_s[car])
+            detail = _DETAILS[reason].format(took=self.took[car], taker=self.taker)
+            cost = cost_s if math.isfinite(cost_s) else None
+            found.append(PairVerdict(car=car, reason=reason, cost_s=cost, detail=detail))
+        return tuple(found)
+
+
+PAIR_REASONS = tuple(PairReason)
+_DETAILS = {
+    PairReason.CHOSEN: "has it",
+    PairReason.CAR_BUSY: "was busy with {took}",
+    PairReason.CAR_OUT: "was out of service",
+    PairReason.CAR_CHARGES: "had to charge",
+    PairReason.LOW_CHARGE: "has too little charge for it",
+    PairReason.TOO_HEAVY: "cannot carry its weight",
+    PairReason.LACKS_CAPABILITY: "lacks a capability",
+    PairReason.NO_WAY: "has no way there",
+    PairReason.SHUNNED: "did not get there before",
+    PairReason.CLASS_FIRST: "serves {took}, which is more urgent",
+    PairReason.CAR_GOT_BETTER: "takes {took} instead, which costs less in all",
+    PairReason.TASK_GOT_BETTER: "leaves it to car_{taker}, which costs less in all",
+    PairReason.LEFT_OVER: "was left without a task by the allocator",
+    PairReason.NOT_OFFERED: "was not asked",
+}
+
+
+class ReasonBook:
+    """The present reason of every task, and the last decision about it.
+
+    Args:
+        log: Called as ``log(kind, **facts)`` when the reason of an open task changes.
+    """
+
+    def __init__(self, log: Callable[..., None]) -> None:
+        self._log = log
+        self._reason: dict[int, tuple[TaskReason, str, float]] = {}
+        self._decision: dict[int, Decision] = {}
+        self._warning: dict[int, str] = {}
+
+    def note(self, task: Task, reason: TaskReason, cause: str, now_s: float) -> None:
+        """Say why a task has no car; told to the log if the reason is another one than before."""
+        before = self._reason.get(task.index)
+        if before is not None and before[0] is reason:
+            self._reason[task.index] = (reason, cause, before[2])
+            return
+        self._reason[task.index] = (reason, cause, now_s)
+        self._log("task_waits", task=task.order.name, reason=str(reason), cause=cause)
+
+    def decide(self, task: Task, decision: Decision) -> None:
+        """Keep how the cars were judged for a task."""
+        self._decision[task.index] = decision
+
+    def assigned(self, task: Task) -> None:
+        """Forget why a task had no car."""
+        self._reason.pop(task.index, None)
+
+    def warn(self, task: Task, text: str) -> None:
+        """Say, once, that a task cannot be delivered in time."""
+        if task.index not in self._warning:
+            self._warning[task.index] = text
+            self._log("impossible_due", task=task.order.name, cause=text)
+
+    def report(self, task: Task) -> AssignmentReport:
+        """All that is known about a task."""
+        decision = self._decision.get(task.index)
+        reason, cause, since_s = self._present(task)
+        return AssignmentReport(
+            task=task.order.name,
+            state=task.state,
+            car=task.car,
+            reason=reason,
+            cause=cause,
+            since_s=since_s,
+            warning=self._warning.get(task.index, ""),
+            decided_s=decision.time_s if decision is not None else None,
+            pairs=decision.pairs() if decision is not None else (),
+        )
+
+    def _present(self, task: Task) -> tuple[TaskReason, str, float]:
+        since_s = task.since_s.get(task.state, 0.0)
+        if task.state is TaskState.ORDERED:
+            return TaskReason.NOT_RELEASED, f"will be released at {task.order.release_s:g} s", 0.0
+        if task.state in (TaskState.BACKLOG, TaskState.READY):
+            return self._reason.get(task.index, (TaskReason.NO_FREE_CAR, "was not considered yet", since_s))
+        ended = task.state not in (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING)
+        return (TaskReason.ENDED if ended else TaskReason.ASSIGNED), task.reason, since_s

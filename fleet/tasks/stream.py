@@ -1,0 +1,89 @@
+"""Order streams: seeded arrivals with due dates and priorities; the same seed is the same stream for any fleet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import StreamConfig, StreamKind
+from fleet.tasks.order import Order, Priority
+from maps.site import Site
+
+EDGE_M = (0.05, 0.08)
+MASS_KG = (0.1, 0.5)
+
+
+def stream_orders(
+    site: Site, config: StreamConfig, duration_s: float, n_orders: int | None, rng: np.random.Generator
+) -> tuple[Order, ...]:
+    """Draw a stream of orders.
+
+    Arrivals, stations, parcels and due dates come from generators of their own: a longer stream begins like a shorter
+    one, and one with other due dates brings the same parcels at the same times.
+
+    Args:
+        site: Gives the station names.
+        config: Kind, rate, waves, skew, due dates, priorities.
+        duration_s: Length of the stream if `n_orders` does not say how many there are [s].
+        n_orders: Number of orders; None = all that come within `duration_s`.
+        rng: Source of randomness.
+
+    Returns:
+        Orders, ascending in release time.
+    """
+    arrivals, places, parcels, terms = rng.spawn(4)
+    times = _arrivals(config, duration_s, n_orders, arrivals)
+    picks = _Popular([s.name for s in site.stations if s.kind == "pick"], config, places)
+    drops = _Popular([s.name for s in site.stations if s.kind == "drop"], config, places)
+    shares = (config.emergency_share, 1.0 - config.emergency_share - config.idle_share, config.idle_share)
+    classes = np.cumsum(shares)
+    orders = []
+    for k, release_s in enumerate(times):
+        edges = [round(float(edge), 4) for edge in parcels.uniform(*EDGE_M, 3)]
+        chance, of_class, slack_s = terms.random(), terms.random(), terms.uniform(*config.slack_s)
+        priority = list(Priority)[min(int(np.searchsorted(classes, of_class, side="right")), 2)]
+        orders.append(
+            Order(
+                name=f"order_{k + 1}",
+                release_s=release_s,
+                pick=picks.draw(places),
+                drop=drops.draw(places),
+                mass_kg=round(float(parcels.uniform(*MASS_KG)), 3),
+                size_m=(edges[0], edges[1], edges[2]),
+                due_s=round(release_s + slack_s, 3) if chance < config.due_share else math.inf,
+                priority=priority,
+            )
+        )
+    return tuple(orders)
+
+
+def _arrivals(config: StreamConfig, duration_s: float, n_orders: int | None, rng: np.random.Generator) -> list[float]:
+    """Release times, ascending [s]."""
+    times: list[float] = []
+    start_s = 0.0
+    while (len(times) < n_orders) if n_orders is not None else (start_s < duration_s):
+        if config.kind in (StreamKind.WAVES, StreamKind.SKEWED_WAVES):
+            n = rng.poisson(config.rate_per_h * config.wave_s / 3600.0)
+            times += np.sort(start_s + rng.uniform(0.0, config.wave_share * config.wave_s, n)).tolist()
+            start_s += config.wave_s
+        else:
+            start_s += float(rng.exponential(3600.0 / config.rate_per_h))
+            times.append(start_s)
+    within = times[:n_orders] if n_orders is not None else [time for time in times if time < duration_s]
+    return [round(time, 3) for time in within]
+
+
+class _Popular:
+    """Stations drawn by popularity: all alike, or by Zipf's law in an order of popularity that is drawn first."""
+
+    def __init__(self, names: list[str], config: StreamConfig, rng: np.random.Generator) -> None:
+        skewed = config.kind in (StreamKind.SKEWED, StreamKind.SKEWED_WAVES)
+        weight = np.arange(1.0, len(names) + 1.0) ** (-config.zipf if skewed else 0.0)
+        self._names = [names[k] for k in rng.permutation(len(names))]
+        self._up_to: npt.NDArray[np.float64] = np.cumsum(weight / weight.sum())
+
+    def draw(self, rng: np.random.Generator) -> str:
+        at = int(np.searchsorted(self._up_to, rng.random(), side="right"))
+        return self._names[min(at, len(self._names) - 1)]
