@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from fleet.charging import Charging
 from fleet.config import AllocationConfig
+from fleet.errors import ConfigError
 from fleet.executor import Executor
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import Direction, ServiceTimes
@@ -18,7 +19,7 @@ from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Ability
 from fleet.tasks.reasons import PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
 from fleet.traffic import Traffic
-from planners.allocation import ALLOCATORS
+from planners.allocation import AllocatorError, allocator_named
 from planners.allocation.problem import NO_TASK, AllocationProblem
 from planners.mapf.distance_table import UNREACHABLE
 
@@ -26,6 +27,22 @@ UNDER_WAY = (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState
 STEP_S = 1.0
 """Time of one move in traffic [s]: cells are 1 m, and cars in traffic average 1 m/s."""
 _CODE = {reason: code for code, reason in enumerate(PAIR_REASONS)}
+
+
+def require_allocator(name: str, what: str) -> None:
+    """Refuse an allocator that does not exist.
+
+    Args:
+        name: Its name in the table of allocators, or `package.module.Class`.
+        what: Name of the setting as a user types it.
+
+    Raises:
+        ConfigError: There is none of that name, or it cannot be made.
+    """
+    try:
+        allocator_named(name)
+    except AllocatorError as error:
+        raise ConfigError(f"{what} is {name!r}: {str(error).partition(': ')[2]}") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +115,7 @@ class Allotment:
         self._traffic = traffic
         self._executor = executor
         self._reasons = reasons
-        self._allocator = ALLOCATORS[config.allocator]()
+        self._allocator = allocator_named(config.allocator)
         self._unfit: dict[int, npt.NDArray[np.int8]] = {}
 
     def choose(self, standing: Sequence[PairReason | None], held: Mapping[int, Task], now_s: float) -> Choice:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from fleet.allotment import require_allocator
 from fleet.config import require
 from fleet.recording.run_file import plain
 from fleet.study.design import Design, StudyError
@@ -15,7 +16,6 @@ from fleet.study.pool import run_all
 from fleet.study.streams import write_streams
 from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
 from maps.site import load_site
-from planners.allocation import ALLOCATORS
 from planners.mapf import PLANNERS
 
 SETTINGS = "study.json"
@@ -42,7 +42,7 @@ def check(design: Design) -> None:
     room = len(site.parking)
     require(max(design.robots) <= room, "--robots", max(design.robots), f"1 to {room} (parking cells of {site.name})")
     for allocator in design.allocators:
-        require(allocator in ALLOCATORS, "--allocators", allocator, ", ".join(ALLOCATORS))
+        require_allocator(allocator, "--allocators")
     require(design.planner in PLANNERS, "--planner", design.planner, ", ".join(PLANNERS))
 
 
