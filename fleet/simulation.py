@@ -35,7 +35,7 @@ from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, load_site
-from planners.allocation import ALLOCATORS
+from planners.allocation import ALLOCATORS, allocator_named
 from planners.mapf import PLANNERS
 
 STALL_S = 300.0
@@ -102,7 +102,10 @@ class Simulation:
             f"1 to {known} (chargers of site {self.site.name})" if known else "no batteries: the site has no charger",
         )
         require(traffic.planner in PLANNERS, "--planner", traffic.planner, ", ".join(PLANNERS))
-        require(allocation.allocator in ALLOCATORS, "--allocator", allocation.allocator, ", ".join(ALLOCATORS))
+        known = "." in allocation.allocator or allocation.allocator in ALLOCATORS
+        valid = f"{', '.join(ALLOCATORS)}, or package.module.Class"
+        require(known, "--allocator", allocation.allocator, valid)
+        allocator_named(allocation.allocator)
         self.on_event = on_event
         orders_seed, estimate_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(3)
         self.graph: LaneGraph = build_lane_graph(self.site)

@@ -72,6 +72,7 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "waves",
         "--rate",
         "60",
+        "--battery",
     )
     changed = {
         field.name for field in dataclasses.fields(Demo) if getattr(command, field.name) != getattr(Demo(), field.name)
