@@ -21,12 +21,29 @@ from fleet.tasks.reasons import PAIR_REASONS, Decision, PairReason, ReasonBook, 
 from fleet.traffic import Traffic
 from planners.allocation import AllocatorError, allocator_named
 from planners.allocation.problem import NO_TASK, AllocationProblem
+from planners.allocation.reasons import Reason, reasons
+from planners.allocation.shop import Shop
 from planners.mapf.distance_table import UNREACHABLE
 
+_PAIR_REASON = {
+    Reason.CHOSEN: PairReason.CHOSEN,
+    Reason.NOT_ALLOWED: PairReason.NO_WAY,
+    Reason.PLANNED_LATER: PairReason.PLANNED_LATER,
+    Reason.CLASS_FIRST: PairReason.CLASS_FIRST,
+    Reason.KEPT: PairReason.KEPT,
+    Reason.TASK_GOT_NEARER: PairReason.TASK_GOT_BETTER,
+    Reason.VEHICLE_GOT_BETTER: PairReason.CAR_GOT_BETTER,
+    Reason.BETTER_FOR_ALL: PairReason.BETTER_FOR_ALL,
+    Reason.LEFT_FOR_LATER: PairReason.LEFT_OVER,
+}
 UNDER_WAY = (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING)
 STEP_S = 1.0
 """Time of one move in traffic [s]: cells are 1 m, and cars in traffic average 1 m/s."""
+AGED_S = 150.0
+"""In plans over cars and arms the end of a task of this age, times the weight of ageing, counts twice [s]."""
 _CODE = {reason: code for code, reason in enumerate(PAIR_REASONS)}
+_CODE_OF = np.array([_CODE[_PAIR_REASON[reason]] for reason in Reason], dtype=np.int8)
+"""What the planners' reasons are called here, by their value."""
 
 
 def require_allocator(name: str, what: str) -> None:
@@ -59,6 +76,7 @@ class Choice:
 class _Costs:
     """What each task costs each car, tasks in the columns."""
 
+    now_s: float
     tasks: list[Task]
     cost_s: npt.NDArray[np.float64]
     """Shape (n_cars, n_tasks); inf = not allowed."""
@@ -88,7 +106,7 @@ class Allotment:
         charging: Tells which cars have the charge for a task; None = all.
         traffic: Gives distances on the lane graph.
         executor: Gives the states cars can be sent from.
-        reasons: Told about every decision.
+        reason_book: Told about every decision.
     """
 
     def __init__(
@@ -103,7 +121,7 @@ class Allotment:
         charging: Charging | None,
         traffic: Traffic,
         executor: Executor,
-        reasons: ReasonBook,
+        reason_book: ReasonBook,
     ) -> None:
         self._config = config
         self._board = board
@@ -114,7 +132,7 @@ class Allotment:
         self._charging = charging
         self._traffic = traffic
         self._executor = executor
-        self._reasons = reasons
+        self._reasons = reason_book
         self._allocator = allocator_named(config.allocator)
         self._unfit: dict[int, npt.NDArray[np.int8]] = {}
 
@@ -132,7 +150,7 @@ class Allotment:
         costs = self._costs([*ready, *held.values()], standing, now_s)
         offered, full = self._offered(costs, len(ready))
         column_of = self._allocate(costs, [*offered, *range(len(ready), len(costs.tasks))], held)
-        self._keep_reasons(costs, full, column_of, now_s)
+        self._keep_reasons(costs, full, column_of)
         taken, given = [], []
         for car, task in held.items():
             if column_of[car] < 0 or costs.tasks[column_of[car]] is not task:
@@ -189,7 +207,7 @@ class Allotment:
             pressure.append(config.ageing * age_s + config.lateness * late_next_turn_s)
             cost[:, k] = to_pick_s + config.lateness * late_s - pressure[-1]
         cost[codes != _CODE[PairReason.LEFT_OVER]] = np.inf
-        return _Costs(tasks=tasks, cost_s=cost, codes=codes, pressure_s=pressure)
+        return _Costs(now_s=now_s, tasks=tasks, cost_s=cost, codes=codes, pressure_s=pressure)
 
     def _refusals(
         self, task: Task, out: npt.NDArray[np.int64], unreachable: npt.NDArray[np.bool_]
@@ -252,7 +270,7 @@ class Allotment:
         return offered, full
 
     def _allocate(self, costs: _Costs, columns: list[int], held: Mapping[int, Task]) -> npt.NDArray[np.int64]:
-        """The column of the task that each car has then, -1 for none, shape (n_cars,)."""
+        """The column of the task that each car has then, -1 for none, shape (n_cars,); fills the codes of `costs`."""
         column_of = np.full(len(costs.cost_s), -1, dtype=np.int64)
         cars = np.flatnonzero(np.isfinite(costs.cost_s[:, columns]).any(axis=1))
         if not columns or not len(cars):
@@ -266,10 +284,52 @@ class Allotment:
             held=np.array([at[held[car].index] if car in held else NO_TASK for car in cars.tolist()], dtype=np.int32),
             keep_gain=self._config.keep_gain_s,
             keep_share=self._config.keep_share,
+            shop=self._shop(cars, tasks, held, costs.now_s),
         )
-        for row, k in self._allocator.allocate(problem).pairs.tolist():
+        assignment = self._allocator.allocate(problem)
+        for row, k in assignment.pairs.tolist():
             column_of[cars[row]] = columns[k]
+        pairs = np.ix_(cars, np.array(columns))
+        told = _CODE_OF[reasons(problem, assignment)]
+        costs.codes[pairs] = np.where(np.isfinite(problem.cost), told, costs.codes[pairs])
         return column_of
+
+    def _shop(self, cars: npt.NDArray[np.int64], tasks: list[Task], held: Mapping[int, Task], now_s: float) -> Shop:
+        """The same cars and tasks with the arms they book; the clock starts now."""
+        stations = list(self._by_name.values())
+        n_stations, n_places = len(stations), len(stations) + len(cars)
+        # Stations in their order, then where each car is; nobody drives to where a car was.
+        states = np.concatenate(([station.dock_state for station in stations], self._executor.tail_states()[cars]))
+        travel_s = np.full((n_places, n_places), np.inf)
+        for k, station in enumerate(stations):
+            moves = self._traffic.tables.to(station.dock_state)[states].astype(np.float64)
+            travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
+        np.fill_diagonal(travel_s, 0.0)
+        service_s = np.array(
+            [
+                self._service_times.of(k, Direction.TO_CAR if s.place.kind == "pick" else Direction.FROM_CAR).mean_s
+                for k, s in enumerate(stations)
+            ]
+        )
+        # Cars that are not planned come before those that are.
+        others_n = [len([car for car in self._bookings.cars(k) if car not in held]) for k in range(n_stations)]
+        left_s = np.array([self._service_times.left_s(k, now_s) for k in range(n_stations)])
+        place = np.array([[self._by_name[task.pick].arm, self._by_name[task.order.drop].arm] for task in tasks]).ravel()
+        age_s = np.array([now_s - task.since_s[TaskState.BACKLOG] for task in tasks])
+        return Shop(
+            travel_s=travel_s,
+            start=np.arange(n_stations, n_places, dtype=np.int32),
+            ready_s=np.zeros(len(cars)),
+            first_stop=np.arange(0, 2 * len(tasks) + 1, 2, dtype=np.int32),
+            place=place.astype(np.int32),
+            station=place.astype(np.int32),
+            service_s=service_s[place],
+            free_s=left_s + service_s * np.array(others_n),
+            buffer_n=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
+            due_s=np.array([task.order.due_s - now_s for task in tasks]),
+            weight=1.0 + self._config.ageing * age_s / AGED_S,
+            late_weight=np.full(len(tasks), self._config.lateness),
+        )
 
     def _why_taken(self, costs: _Costs, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
         """Why a car loses a task, in words."""
@@ -282,36 +342,20 @@ class Allotment:
             words.append(f"car_{car} takes {costs.tasks[column_of[car]].order.name}")
         return "re-assigned: " + ", ".join(words)
 
-    def _keep_reasons(
-        self,
-        costs: _Costs,
-        full: set[int],
-        column_of: npt.NDArray[np.int64],
-        now_s: float,
-    ) -> None:
+    def _keep_reasons(self, costs: _Costs, full: set[int], column_of: npt.NDArray[np.int64]) -> None:
         took = self._names(costs, column_of)
-        rank = np.array([task.order.priority.rank for task in costs.tasks])
         free = _CODE[PairReason.LEFT_OVER]
-        of_others = np.where(column_of >= 0, rank[column_of], len(rank))
-        for k, task in enumerate(costs.tasks):
-            codes, cost = costs.codes[:, k].copy(), costs.cost_s[:, k].copy()
-            open_to = codes == free
-            takers = np.flatnonzero(column_of == k)
-            taker = int(takers[0]) if takers.size else -1
+        taker_of = np.full(len(costs.tasks), -1)
+        cars = np.flatnonzero(column_of >= 0)
+        taker_of[column_of[cars]] = cars
+        for k, (task, taker) in enumerate(zip(costs.tasks, taker_of.tolist(), strict=True)):
+            codes = costs.codes[:, k].copy()
             if k in full:
-                codes[open_to] = _CODE[PairReason.NOT_OFFERED]
-            else:
-                elsewhere = open_to & (column_of >= 0) & (column_of != k)
-                codes[elsewhere] = _CODE[PairReason.CAR_GOT_BETTER]
-                if taker >= 0:
-                    codes[open_to & ((column_of < 0) | (elsewhere & (cost >= cost[taker])))] = _CODE[
-                        PairReason.TASK_GOT_BETTER
-                    ]
-                codes[elsewhere & (of_others < rank[k])] = _CODE[PairReason.CLASS_FIRST]
-                codes[takers] = _CODE[PairReason.CHOSEN]
-            self._reasons.decide(task, Decision(time_s=now_s, codes=codes, cost_s=cost, took=took, taker=taker))
+                codes[codes == free] = _CODE[PairReason.NOT_OFFERED]
+            cost_s = costs.cost_s[:, k].copy()
+            self._reasons.decide(task, Decision(time_s=costs.now_s, codes=codes, cost_s=cost_s, took=took, taker=taker))
             if taker < 0:
-                self._reasons.note(task, *self._why_open(task, codes, k in full), now_s)
+                self._reasons.note(task, *self._why_open(task, codes, k in full), costs.now_s)
 
     def _names(self, costs: _Costs, column_of: npt.NDArray[np.int64]) -> list[str]:
         """The name of the task each car has, empty for none."""

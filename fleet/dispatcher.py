@@ -167,7 +167,7 @@ class Dispatcher:
             charging=self.charging,
             traffic=traffic,
             executor=executor,
-            reasons=self.reasons,
+            reason_book=self.reasons,
         )
         self.stock = Stock(board, stations, desk.car, world, log, self.reasons, self._allotment.source_cost)
         self._attempts: dict[int, int] = {}

@@ -150,7 +150,7 @@ def _table(result: dict[str, object]) -> Table:
         ("throughput", "{throughput_per_h:.0f} per hour"),
         ("task time, mean", "{task_time_mean_s:.1f} s"),
         ("task time, 95th percentile", "{task_time_p95_s:.1f} s"),
-        ("delivered in time, of those with a due date", "{on_time_share:.1%}"),
+        ("in time, of those with a due date", "{on_time_share:.1%}"),
         ("tardiness, mean", "{tardiness_mean_s:.1f} s"),
         ("distance loaded", "{distance_loaded_m:.1f} m"),
         ("distance empty", "{distance_empty_m:.1f} m"),

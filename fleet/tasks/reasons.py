@@ -34,9 +34,15 @@ class PairReason(StrEnum):
     CLASS_FIRST = "class_first"
     """It was given a task of a more urgent class."""
     CAR_GOT_BETTER = "car_got_better"
-    """It was given another task, which costs less in all."""
+    """It was given another task, which costs it less."""
     TASK_GOT_BETTER = "task_got_better"
-    """Another car was given the task, which costs less in all."""
+    """Another car was given the task, which costs that one less."""
+    BETTER_FOR_ALL = "better_for_all"
+    """It would cost this car less, but then others would pay more, or have nothing to do."""
+    KEPT = "kept"
+    """Too little would be gained for what is under way to change hands."""
+    PLANNED_LATER = "planned_later"
+    """It is to take the task after its next one."""
     NOT_OFFERED = "not_offered"
     """The task has to wait for room at a station."""
     LEFT_OVER = "left_over"
@@ -143,8 +149,11 @@ _DETAILS = {
     PairReason.NO_WAY: "has no way there",
     PairReason.SHUNNED: "did not get there before",
     PairReason.CLASS_FIRST: "serves {took}, which is more urgent",
-    PairReason.CAR_GOT_BETTER: "takes {took} instead, which costs less in all",
-    PairReason.TASK_GOT_BETTER: "leaves it to car_{taker}, which costs less in all",
+    PairReason.CAR_GOT_BETTER: "takes {took} instead, at a lower cost",
+    PairReason.TASK_GOT_BETTER: "leaves it to car_{taker}, which has a lower cost",
+    PairReason.BETTER_FOR_ALL: "would, but others would have to pay more",
+    PairReason.KEPT: "would, but too little is gained for it to change hands",
+    PairReason.PLANNED_LATER: "is to take it after {took}",
     PairReason.LEFT_OVER: "was left without a task by the allocator",
     PairReason.NOT_OFFERED: "was not asked",
 }
