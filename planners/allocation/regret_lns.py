@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import numpy.typing as npt
 
 from planners.allocation.hungarian import Hungarian
 from planners.allocation.problem import AllocationProblem, Assignment
@@ -30,7 +33,8 @@ class RegretLns:
     objective of the shop, classes weighed. A budget of iterations, no clock: the same problem gives the same answer.
 
     Of more tasks than `window_n` those held and the most urgent and oldest are planned. Without a shop there is
-    nothing to plan ahead, and the matching is exact: `Hungarian` answers.
+    nothing to plan ahead, and the matching is exact: `Hungarian` answers. Held tasks change hands only if the plan
+    gains more by it than what they are kept for.
 
     Args:
         iterations: Plans to try after the first four, >= 0.
@@ -55,7 +59,15 @@ class RegretLns:
         """Allocate; takes about a microsecond per iteration and 30 tasks."""
         if problem.shop is None:
             return Hungarian().allocate(problem)
-        return planned(problem, problem.shop, *self.plan(problem, problem.shop))
+        free = planned(problem, problem.shop, *self.plan(problem, problem.shop))
+        holders, tasks, worth = problem.kept()
+        got = {(vehicle, task) for vehicle, task in free.pairs.tolist()}
+        moved = [(vehicle, task) not in got for vehicle, task in zip(holders.tolist(), tasks.tolist(), strict=True)]
+        if not any(moved):
+            return free
+        pinned = replace(problem, cost=_pinned(problem.cost, holders, tasks))
+        kept = planned(problem, problem.shop, *self.plan(pinned, problem.shop))
+        return free if _gain(kept, free) > worth[moved].sum() else kept
 
     def plan(self, problem: AllocationProblem, shop: Shop) -> tuple[Integers, Integers]:
         """The order of the jobs that are planned, shape (n,), and the vehicle of each job, shape (n_jobs,)."""
@@ -76,6 +88,25 @@ class RegretLns:
         books = empty_books(arrays)
         anneal(arrays, books, order, vehicle, best_order, best_vehicle, self._iterations, hot, cold, state)
         return best_order, best_vehicle
+
+
+def _pinned(
+    cost: npt.NDArray[np.float64], holders: npt.NDArray[np.intp], tasks: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float64]:
+    """Costs that leave every holder its task, and nothing else."""
+    pinned = cost.copy()
+    pinned[holders, :] = np.inf
+    pinned[:, tasks] = np.inf
+    pinned[holders, tasks] = cost[holders, tasks]
+    return pinned
+
+
+def _gain(kept: Assignment, free: Assignment) -> float:
+    """What is gained by leaving held tasks to others; infinite if more gets done."""
+    if kept.timetable is None or free.timetable is None:
+        return 0.0
+    done = [int(np.count_nonzero(plan.timetable.vehicle >= 0)) for plan in (kept, free) if plan.timetable is not None]
+    return np.inf if done[1] > done[0] else kept.timetable.objective - free.timetable.objective
 
 
 def _first_plan(arrays: Arrays, jobs: Integers) -> tuple[Integers, Integers]:

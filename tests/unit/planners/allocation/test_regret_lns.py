@@ -99,3 +99,22 @@ def test_a_window_holds_what_is_held_and_then_the_oldest() -> None:
 def test_a_setting_out_of_range_is_refused(setting: str) -> None:
     with pytest.raises(PlanningError, match=f"{setting} = -1"):
         RegretLns(**{setting: -1})
+
+
+@pytest.mark.parametrize(("keep_gain", "taker"), [(5.0, 1), (0.5, 0)])
+def test_a_held_task_changes_hands_only_if_the_plan_gains_enough(keep_gain: float, taker: int) -> None:
+    """Vehicle 1 holds the task and is 9 s away, vehicle 0 is 8 s away."""
+    shop = Shop(
+        travel_s=np.array([[0.0, np.inf, np.inf], [8.0, 0.0, np.inf], [9.0, np.inf, 0.0]]),
+        start=np.array([1, 2], dtype=np.int32),
+        ready_s=np.zeros(2),
+        first_stop=np.array([0, 1], dtype=np.int32),
+        place=np.zeros(1, dtype=np.int32),
+        station=np.zeros(1, dtype=np.int32),
+        service_s=np.ones(1),
+        free_s=np.zeros(1),
+        buffer_n=np.ones(1, dtype=np.int32),
+    )
+    held = np.array([-1, 0], dtype=np.int32)
+    problem = AllocationProblem(cost=np.array([[8.0], [9.0]]), shop=shop, held=held, keep_gain=keep_gain)
+    assert RegretLns().allocate(problem).pairs.tolist() == [[taker, 0]]
