@@ -93,11 +93,11 @@ def _knees(sheet: Drawing, series: Sequence[Series], bottom: float, across: Call
     for k, one in enumerate(series):
         if one.knee is not None:
             knees.setdefault(one.knee, []).append(k)
-    for knee, owners in knees.items():
+    for line, (knee, owners) in enumerate(sorted(knees.items())):
         x = across(knee)
         color = _colors(len(series))[owners[0]] if len(owners) == 1 else AXIS
         sheet.marks.append(Line(points=[(x, bottom), (x, TOP)], color=color, dashed=True))
-        sheet.marks.append(Words(at=(x + 5, bottom - 6), text=f"knee: {knee} cars", size=11, color=color))
+        sheet.marks.append(Words(at=(x + 5, bottom - 6 - 14 * line), text=f"knee: {knee} cars", size=11, color=color))
 
 
 def _colors(n: int) -> list[str]:
