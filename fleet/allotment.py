@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from fleet.charging import Charging
 from fleet.config import AllocationConfig
+from fleet.errors import ConfigError
 from fleet.executor import Executor
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import Direction, ServiceTimes
@@ -18,7 +19,7 @@ from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Ability
 from fleet.tasks.reasons import PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
 from fleet.traffic import Traffic
-from planners.allocation import allocator_named
+from planners.allocation import AllocatorError, allocator_named
 from planners.allocation.problem import NO_TASK, AllocationProblem
 from planners.allocation.reasons import Reason, reasons
 from planners.allocation.shop import Shop
@@ -35,8 +36,6 @@ _PAIR_REASON = {
     Reason.BETTER_FOR_ALL: PairReason.BETTER_FOR_ALL,
     Reason.LEFT_FOR_LATER: PairReason.LEFT_OVER,
 }
-MATCHERS = frozenset({"greedy", "hungarian", "fifo", "auction", "cbba"})
-"""Allocators that do not look at the arms: for them the coupled problem is not posed."""
 UNDER_WAY = (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING)
 STEP_S = 1.0
 """Time of one move in traffic [s]: cells are 1 m, and cars in traffic average 1 m/s."""
@@ -45,6 +44,22 @@ AGED_S = 150.0
 _CODE = {reason: code for code, reason in enumerate(PAIR_REASONS)}
 _CODE_OF = np.array([_CODE[_PAIR_REASON[reason]] for reason in Reason], dtype=np.int8)
 """What the planners' reasons are called here, by their value."""
+
+
+def require_allocator(name: str, what: str) -> None:
+    """Refuse an allocator that does not exist.
+
+    Args:
+        name: Its name in the table of allocators, or `package.module.Class`.
+        what: Name of the setting as a user types it.
+
+    Raises:
+        ConfigError: There is none of that name, or it cannot be made.
+    """
+    try:
+        allocator_named(name)
+    except AllocatorError as error:
+        raise ConfigError(f"{what} is {name!r}: {str(error).partition(': ')[2]}") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +134,7 @@ class Allotment:
         self._executor = executor
         self._reasons = reason_book
         self._allocator = allocator_named(config.allocator)
+        self._plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
         self._unfit: dict[int, npt.NDArray[np.int8]] = {}
 
     def choose(self, standing: Sequence[PairReason | None], held: Mapping[int, Task], now_s: float) -> Choice:
@@ -278,7 +294,7 @@ class Allotment:
             held=np.array([at[held[car].index] if car in held else NO_TASK for car in cars.tolist()], dtype=np.int32),
             keep_gain=self._config.keep_gain_s,
             keep_share=self._config.keep_share,
-            shop=None if self._config.allocator in MATCHERS else self._shop(cars, tasks, held, costs.now_s),
+            shop=self._shop(cars, tasks, held, costs.now_s) if self._plans_ahead else None,
         )
         assignment = self._allocator.allocate(problem)
         for row, k in assignment.pairs.tolist():

@@ -107,7 +107,7 @@ class AllocationConfig:
     """Who gets which task."""
 
     allocator: str = "hungarian"
-    """Name in `planners.allocation.ALLOCATORS`."""
+    """Name in `planners.allocation.ALLOCATORS`, or `package.module.Class` of one's own."""
     station_cap_n: int = 2
     """Cars bound for or standing at one station at once; more would queue into the aisles."""
     ageing: float = 0.5

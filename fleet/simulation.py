@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.allotment import require_allocator
 from fleet.config import CarConfig, RunConfig, require
 from fleet.dispatcher import CarPhase, Dispatcher
 from fleet.disturbance import Disturbances
@@ -35,7 +36,6 @@ from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, load_site
-from planners.allocation import ALLOCATORS, allocator_named
 from planners.mapf import PLANNERS
 
 STALL_S = 300.0
@@ -102,10 +102,7 @@ class Simulation:
             f"1 to {known} (chargers of site {self.site.name})" if known else "no batteries: the site has no charger",
         )
         require(traffic.planner in PLANNERS, "--planner", traffic.planner, ", ".join(PLANNERS))
-        known = "." in allocation.allocator or allocation.allocator in ALLOCATORS
-        valid = f"{', '.join(ALLOCATORS)}, or package.module.Class"
-        require(known, "--allocator", allocation.allocator, valid)
-        allocator_named(allocation.allocator)
+        require_allocator(allocation.allocator, "--allocator")
         self.on_event = on_event
         orders_seed, estimate_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(3)
         self.graph: LaneGraph = build_lane_graph(self.site)

@@ -52,7 +52,8 @@ class Traffic:
         """Cells nobody may be sent into."""
         self._blocked_n = np.zeros(graph.n_cells, dtype=np.int64)
         self._dead_cells: dict[int, list[int]] = {}
-        self.tables = DistanceTable(graph, self.blocked)
+        self._avoided = np.zeros(graph.n_cells, dtype=np.bool_)
+        self._set_tables()
         self.plans_n = 0
         self._planner = PLANNERS[config.planner](seed=seed)
         self._config = config
@@ -101,8 +102,22 @@ class Traffic:
     def _count_blocked(self, cells: list[int], change: int) -> None:
         self._blocked_n[cells] += change
         self.blocked = self._blocked_n > 0
-        self.tables = DistanceTable(self.graph, self.blocked)
+        self._set_tables()
         self.discard()
+
+    def set_avoided(self, cell: int, avoided: bool) -> None:
+        """Pass through a cell only where there is no other way, because others stand there for long, or end that."""
+        if self._avoided[cell] != avoided:
+            self._avoided[cell] = avoided
+            self._set_tables()
+            self._wanted = True
+
+    def _set_tables(self) -> None:
+        self.tables = DistanceTable(self.graph, self.blocked)
+        """Exact distances past all that is blocked."""
+        self._ways = self.tables
+        if self._avoided.any():
+            self._ways = DistanceTable(self.graph, self.blocked, avoid=self._avoided)
 
     def discard(self) -> None:
         """Throw away the plan that has not landed yet, because it rests on what is no longer so, and ask anew."""
@@ -140,4 +155,4 @@ class Traffic:
             allow_rotation=False,
             horizon=self._config.horizon_n,
         )
-        return self._planner.plan(instance, self.tables, Deadline(self._config.iterations_n))
+        return self._planner.plan(instance, self._ways, Deadline(self._config.iterations_n))

@@ -10,11 +10,15 @@ from collections.abc import Callable, Iterable
 
 from benchmarks.harness import Benchmark, Row, Trial
 from benchmarks.scheduling.coupled import measure_coupled
+from benchmarks.scheduling.day import measure_day
 from benchmarks.scheduling.matching import measure_matching
+from benchmarks.scheduling.on_time import measure_on_time
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "matching": measure_matching,
     "coupled": measure_coupled,
+    "day": measure_day,
+    "on_time": measure_on_time,
 }
 
 

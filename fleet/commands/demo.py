@@ -65,7 +65,7 @@ class Demo:
     planner: str = "pibt"
     """Path planner of the fleet: pibt or multi_step_pibt."""
     allocator: str = "hungarian"
-    """Who gets which task: hungarian, greedy, fifo, auction, cbba, regret_lns or cpsat."""
+    """Who gets which task: hungarian, greedy, fifo, auction, cbba, regret_lns, cpsat or package.module.Class."""
     out: Path = Path("runs/demo")
     """Directory for recording.rrd, run.jsonl and result.json."""
     no_record: bool = False

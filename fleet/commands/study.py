@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fleet.bar import Bar
-from fleet.config import Fidelity, require
+from fleet.config import Fidelity, StreamConfig, StreamKind, require
 from fleet.interrupts import interrupts
 from fleet.study.design import Design, parse_names, parse_range
 
@@ -20,8 +20,24 @@ if TYPE_CHECKING:
     from fleet.study.study import Outcome
 
 COMPLETE, INTERRUPTED = 0, 130
+ORDERS_PER_CAR_H = 90.0
+"""So that work never ends: a car needs at least 50 s for a delivery on the sites that ship."""
 PLAIN_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""
+
+DECIDING = (
+    "allocators",
+    "robots",
+    "seeds",
+    "site",
+    "fidelity",
+    "duration",
+    "stream",
+    "rate",
+    "orders",
+    "battery",
+    "planner",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +56,20 @@ class Study:
     """How robots are moved."""
     duration: float = 1200.0
     """Simulated time of each run [s]."""
+    stream: str = "poisson"
+    """How orders arrive, with due dates and priorities: poisson, waves, skewed or skewed_waves."""
+    rate: float | None = None
+    """Orders per hour; default 90 for each car of the largest fleet, more than it can deliver."""
+    orders: Path | None = None
+    """File of orders in place of a stream, as in the demo."""
+    battery: bool = False
+    """Cars have batteries and go to charge."""
     planner: str = "pibt"
     """Path planner of the fleet: pibt or multi_step_pibt."""
     jobs: int | None = None
     """Runs at once; default one per core."""
     out: Path = Path("runs/study")
-    """Directory for study.csv, study.html, the plots and the orders of each seed."""
+    """Directory for study.csv, study.html and the plots."""
     resume: bool = False
     """Keep the runs that are in the directory already, and do the others."""
 
@@ -54,14 +78,21 @@ class Study:
         require(self.seeds >= 1, "--seeds", self.seeds, "an integer >= 1")
         require(0.0 < self.duration < 1e6, "--duration", self.duration, "a number > 0, at most a million")
         require(self.jobs is None or self.jobs >= 1, "--jobs", self.jobs, "an integer >= 1")
+        require(self.stream in list(StreamKind), "--stream", self.stream, ", ".join(StreamKind))
+        require(self.rate is None or self.orders is None, "--rate", self.rate, "without --orders")
+        robots = parse_range(self.robots, "--robots")
+        rate_per_h = ORDERS_PER_CAR_H * max(robots) if self.rate is None else self.rate
         design = Design(
             allocators=parse_names(self.allocators, "--allocators"),
-            robots=parse_range(self.robots, "--robots"),
+            robots=robots,
             seeds=tuple(range(self.seeds)),
             site=self.site,
             fidelity=Fidelity(self.fidelity),
             duration_s=self.duration,
+            stream=StreamConfig(kind=StreamKind(self.stream), rate_per_h=rate_per_h),
+            orders=self.orders,
             planner=self.planner,
+            battery=self.battery,
         )
         # The planners take a second to load: only for runs, not for --help.
         from fleet.study.study import check, run_study
@@ -90,6 +121,17 @@ class Study:
             return INTERRUPTED
         return COMPLETE
 
+    def _words(self) -> str:
+        """The options that decide the rows, as they are typed."""
+        said = []
+        for name in DECIDING:
+            value = getattr(self, name)
+            if value is True:
+                said.append(f"--{name}")
+            elif value not in (None, False):
+                said.append(f"--{name} {value:g}" if isinstance(value, float) else f"--{name} {value}")
+        return " ".join(said)
+
     def _show(self, console: Console, outcome: Outcome) -> None:
         from fleet.study.page import PAGE, charts, write_page
         from fleet.study.words import sentences
@@ -100,11 +142,7 @@ class Study:
             plot.write_png(self.out / f"{name}.png")
         title = f"{Path(self.site).stem}: fleet size and allocation"
         seeds = f"{self.seeds} seed{'s' if self.seeds > 1 else ''}"
-        settings = (
-            f"{seeds}, {self.duration:g} s each, {self.fidelity}. Again: python -m fleet study "
-            f"--allocators {self.allocators} --robots {self.robots} --seeds {self.seeds} --site {self.site} "
-            f"--fidelity {self.fidelity} --duration {self.duration:g} --planner {self.planner}"
-        )
+        settings = f"{seeds}, {self.duration:g} s each, {self.fidelity}. Again: python -m fleet study {self._words()}"
         write_page(self.out / PAGE, findings=findings, plots=list(plots.values()), title=title, settings=settings)
         console.print(_table(outcome, title))
         for sentence in sentences(findings):

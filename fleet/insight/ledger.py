@@ -127,9 +127,15 @@ class Ledger:
         return StationTime(busy=busy, contended=contended, waiting=waiting)
 
     def bottleneck(self) -> int | None:
-        """The station that was busy, with a car waiting for it, for the longest time; None if no car ever waited."""
-        contended = self.stations[1]
-        return int(np.argmax(contended)) if contended.size and contended.max() > 0 else None
+        """The station that was busy, and busy with a car waiting for it, for the greatest sum of times.
+
+        The first counts too because cars come when it is about to be free: then few wait for an arm that always works.
+
+        Returns:
+            The station; None if no car ever waited for a busy one.
+        """
+        busy, contended, _ = self.stations
+        return int(np.argmax(busy + contended)) if contended.any() else None
 
 
 def percentages(ticks: Sequence[int]) -> list[float]:

@@ -87,7 +87,7 @@ class Summary:
     """Cars whose battery was empty."""
     stations: dict[str, StationReport]
     bottleneck: str
-    """The station that cars waited for longest while it was busy, in words."""
+    """The station with the greatest shares of time busy and busy with cars waiting for it, in words."""
     car_ticks: dict[str, CarTime]
     """Ticks of each car by what they were spent on; the sum is the same for each: the ticks of the run."""
     time_share_percent: dict[str, float]

@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, TrafficConfig, require
+from fleet.config import (
+    AllocationConfig,
+    ArmConfig,
+    BatteryConfig,
+    Fidelity,
+    RunConfig,
+    StreamConfig,
+    TrafficConfig,
+    require,
+)
 from fleet.errors import FleetError
 
 RANGE_FORM = "a list of numbers and ranges, such as 4, 2:20, 2:20:2 or 2,4,8"
@@ -36,8 +45,14 @@ class Design:
     fidelity: Fidelity
     duration_s: float
     """Length of every run [s]."""
+    stream: StreamConfig
+    """How orders arrive: each seed has a stream of its own, the same for all fleets."""
+    orders: Path | None = None
+    """File of orders in place of streams; seeds then differ in measurement noise only."""
     planner: str = "pibt"
     """Name in `planners.mapf.PLANNERS`."""
+    battery: bool = False
+    """Whether cars need to charge."""
 
     def __post_init__(self) -> None:
         for what, values, valid in (
@@ -59,22 +74,19 @@ class Design:
             for allocator in self.allocators
         )
 
-    def run_config(self, variant: Variant, orders: Path) -> RunConfig:
-        """Settings of one run.
-
-        Args:
-            variant: The run.
-            orders: CSV file of its seed's orders.
-        """
+    def run_config(self, variant: Variant) -> RunConfig:
+        """Settings of one run."""
         return RunConfig(
             site=self.site,
             robots=variant.robots,
-            orders=orders,
+            orders=self.orders,
+            stream=self.stream,
             seed=variant.seed,
             duration_s=self.duration_s,
             fidelity=self.fidelity,
             traffic=TrafficConfig(planner=self.planner),
             allocation=AllocationConfig(allocator=variant.allocator),
+            battery=BatteryConfig(enabled=self.battery),
             # The runs share the cores already; an arm planner in its own process would only be in the way.
             arms=ArmConfig(workers_n=0),
         )

@@ -57,8 +57,8 @@ def _lateness(released: list[Task], end_s: float) -> tuple[float | None, float |
     """Mean tardiness [s] and share on time, None without due dates; both are fixed by what is known at the end."""
     late, kept = [], []
     for task in released:
-        due_s = getattr(task.order, "due_s", None)
-        if due_s is None:
+        due_s = task.order.due_s
+        if due_s == np.inf:
             continue
         done_s = task.since_s[TaskState.DELIVERED] if task.state in DONE else np.inf
         late.append(max(0.0, min(done_s, end_s) - due_s))

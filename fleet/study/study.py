@@ -7,15 +7,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from fleet.allotment import require_allocator
 from fleet.config import require
 from fleet.recording.run_file import plain
+from fleet.robots import racecar_spec
 from fleet.study.design import Design, StudyError
 from fleet.study.findings import Findings, find
 from fleet.study.pool import run_all
-from fleet.study.streams import write_streams
 from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
+from fleet.tasks.order import Ability
+from fleet.tasks.order_file import read_orders
 from maps.site import load_site
-from planners.allocation import ALLOCATORS
 from planners.mapf import PLANNERS
 
 SETTINGS = "study.json"
@@ -35,15 +37,19 @@ def check(design: Design) -> None:
     """Refuse a study before its first file is written.
 
     Raises:
-        ConfigError: The site has no room for the largest fleet, or a planner or allocator does not exist.
+        ConfigError: The site has no room for the largest fleet, or no planner has that name.
+        AllocatorError: No allocator has that name.
         SiteError: The site cannot be read.
+        OrdersError: The orders cannot be read, or none can be accepted.
     """
     site = load_site(design.site)
     room = len(site.parking)
     require(max(design.robots) <= room, "--robots", max(design.robots), f"1 to {room} (parking cells of {site.name})")
     for allocator in design.allocators:
-        require(allocator in ALLOCATORS, "--allocators", allocator, ", ".join(ALLOCATORS))
+        require_allocator(allocator, "--allocators")
     require(design.planner in PLANNERS, "--planner", design.planner, ", ".join(PLANNERS))
+    if design.orders is not None:
+        read_orders(design.orders, site, [Ability(max_payload_kg=racecar_spec().max_payload_kg)])
 
 
 def run_study(
@@ -70,11 +76,10 @@ def run_study(
     """
     table = _table(design, out, resume)
     (out / SETTINGS).write_text(json.dumps(plain(design), indent=2) + "\n", encoding="utf-8")
-    orders = write_streams(design, load_site(design.site), out)
     done = {row.variant for row in table.rows}
     missing = [variant for variant in design.variants if variant not in done]
     try:
-        configs = [design.run_config(variant, orders[variant.seed]) for variant in missing]
+        configs = [design.run_config(variant) for variant in missing]
         for row in run_all(configs, jobs, interrupted) if configs else ():
             if row is not None:
                 table.add(row)

@@ -20,6 +20,8 @@ class Auction:
     Source: Lagoudakis et al., "Auction-based multi-robot routing", Robotics: Science and Systems, 2005 (rule MiniSum).
     """
 
+    plans_ahead = True
+
     def allocate(self, problem: AllocationProblem) -> Assignment:
         """Allocate; O(t) rounds for t tasks, each over all vehicles and open tasks."""
         if problem.shop is not None:

@@ -32,6 +32,8 @@ class Cbba:
         bundle_n: Tasks in a bundle at most, >= 1; without a shop always 1, which is the authors' CBAA.
     """
 
+    plans_ahead = True
+
     def __init__(self, *, bundle_n: int = BUNDLE_N) -> None:
         self._bundle_n = bundle_n
 

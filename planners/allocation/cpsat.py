@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from planners.allocation.problem import AllocationProblem, Assignment
-from planners.allocation.regret_lns import RegretLns
+from planners.allocation.regret_lns import ITERATIONS, RegretLns
 from planners.allocation.shop_kernel import Arrays, Integers, empty_books, evaluate
 from planners.allocation.shop_plan import arrays_of, planned
 
@@ -38,8 +38,10 @@ class CpSat:
         seed: Of both, >= 0.
     """
 
+    plans_ahead = True
+
     def __init__(
-        self, *, window_n: int = WINDOW_N, budget: float = BUDGET, iterations: int = 20_000, seed: int = 0
+        self, *, window_n: int = WINDOW_N, budget: float = BUDGET, iterations: int = ITERATIONS, seed: int = 0
     ) -> None:
         self._window_n = window_n
         self._budget = budget

@@ -135,7 +135,10 @@ def assignment(problem: AllocationProblem, pairs: npt.ArrayLike, status: Status,
 
 
 class Allocator(Protocol):
-    """What every allocator offers."""
+    """What every allocator offers.
+
+    One that reads the shop of a problem says so by `plans_ahead = True`; the others need not be given any.
+    """
 
     def allocate(self, problem: AllocationProblem) -> Assignment:
         """Choose pairs; an allocation with no pair is a result, not an error."""

@@ -20,6 +20,10 @@ UNREACHABLE = 65_535
 """Distance of a state that has no way to the goal; every real distance is smaller."""
 MEMORY_CAP_BYTES = 2 * 2**30
 """What a table may hold unless it is told otherwise."""
+DETOUR_N = 30
+"""Timesteps of detour that an avoided cell is worth."""
+NO_OTHER_WAY_N = 10_000
+"""Added to the distance of a state whose only ways lead through avoided cells, to tell it from the others."""
 _EVICTED_AT_ONCE = 16
 """A full table gives up one part in so many of its rows, so that not every new goal looks for the oldest row."""
 _WORTH_THREADS = 4_000_000
@@ -44,12 +48,22 @@ class DistanceTable:
         graph: Lane graph.
         blocked: Cells nobody may enter, shape (n_cells,).
         memory_cap: Memory for distances [bytes]; a goal costs two per state.
+        avoid: Cells that are not to be passed through where there is another way, shape (n_cells,); None = none. Ways
+            may begin and end in them. Their states count `DETOUR_N` more than they are away, so that nobody enters
+            them on his way; distances are then no longer exact there, and where there is no other way.
 
     Raises:
         PlanningError: `blocked` has the wrong length or `memory_cap` does not hold one goal.
     """
 
-    def __init__(self, graph: LaneGraph, blocked: BoolArray, *, memory_cap: int = MEMORY_CAP_BYTES) -> None:
+    def __init__(
+        self,
+        graph: LaneGraph,
+        blocked: BoolArray,
+        *,
+        memory_cap: int = MEMORY_CAP_BYTES,
+        avoid: BoolArray | None = None,
+    ) -> None:
         if np.shape(blocked) != (graph.n_cells,):
             raise PlanningError(f"distance table: blocked has shape {np.shape(blocked)}; valid: ({graph.n_cells},)")
         row_bytes = 2 * max(graph.n_states, 1)
@@ -59,6 +73,12 @@ class DistanceTable:
             )
         self.graph = graph
         self._before = _states_before(graph, open_moves(graph, blocked))
+        self._avoided: npt.NDArray[np.intp] | None = None
+        if avoid is not None and avoid.any():
+            self._avoided = np.flatnonzero(avoid[graph.state_cell])
+            self._exact = self._before.copy()
+            # Nothing leads on to a state that lies before itself only.
+            self._before[self._avoided] = self._avoided[:, None]
         # The system hands out memory when it is first written to, so rows that are never filled cost nothing.
         self._rows: Distances = np.empty((min(graph.n_states, memory_cap // row_bytes), graph.n_states), np.uint16)
         self._free = np.arange(len(self._rows) - 1, -1, -1, dtype=np.int32)  # a stack, its top at the end
@@ -129,7 +149,7 @@ class DistanceTable:
             self._make_room(len(goals))
         rows = self._free[len(self._free) - len(goals) :].copy()
         parts = 1
-        if len(goals) * self.graph.n_states >= _WORTH_THREADS:
+        if self._avoided is None and len(goals) * self.graph.n_states >= _WORTH_THREADS:
             parts = min(len(goals), os.cpu_count() or 1)
 
         while len(self._queues) < parts:
@@ -137,6 +157,10 @@ class DistanceTable:
 
         def fill(part: int) -> int:
             of_part = slice(len(goals) * part // parts, len(goals) * (part + 1) // parts)
+            if self._avoided is not None:
+                return max(
+                    self._fill_avoiding(int(g), int(r)) for g, r in zip(goals[of_part], rows[of_part], strict=True)
+                )
             return int(_fill(goals[of_part], rows[of_part], self._before, self._rows, self._queues[part]))
 
         if parts == 1:
@@ -153,6 +177,23 @@ class DistanceTable:
         self._row_of[goals] = rows
         self._goal_of[rows] = goals
         self._asked[rows] = self._call
+
+    def _fill_avoiding(self, goal: int, row: int) -> int:
+        """Fill one row with ways round avoided cells, and where there are none with those through them."""
+        goals, rows, avoided = np.array([goal], dtype=np.int32), np.array([row], dtype=np.int32), self._avoided
+        _fill(goals, rows, self._exact, self._rows, self._queues[0])
+        exact = self._rows[row].astype(np.int64)
+        before = self._before[goal].copy()
+        self._before[goal] = self._exact[goal]
+        _fill(goals, rows, self._before, self._rows, self._queues[0])
+        self._before[goal] = before
+        around = self._rows[row].astype(np.int64)
+        around[avoided] += np.where(around[avoided] < UNREACHABLE, DETOUR_N, 0)
+        around[goal] = 0
+        around = np.where((around >= UNREACHABLE) & (exact < UNREACHABLE), exact + NO_OTHER_WAY_N, around)
+        furthest = int(around[exact < UNREACHABLE].max())
+        self._rows[row] = np.minimum(around, UNREACHABLE)
+        return furthest
 
     def _make_room(self, n: int) -> None:
         """Give up the goals not asked for longest, so that `n` rows are free; never those of this call."""

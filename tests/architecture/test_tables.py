@@ -81,7 +81,7 @@ FAMILIES = [
     Family(
         package="fleet.robots",
         tables=("ROBOTS",),
-        support=frozenset({"description", "estimator", "model", "pursuit", "spec", "tools"}),
+        support=frozenset({"battery", "description", "estimator", "model", "pursuit", "spec", "tools"}),
         maker="spec",
     ),
 ]

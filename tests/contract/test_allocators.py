@@ -179,3 +179,9 @@ def test_a_task_that_nobody_may_do_is_left_out_of_plans(allocator: str) -> None:
     assignment = ALLOCATORS[allocator]().allocate(problem)
     assert faults(problem, assignment) == []
     assert 4 not in assignment.pairs[:, 1]
+
+
+@allocators
+def test_who_does_not_plan_ahead_needs_no_shop(allocator: str) -> None:
+    with_shop = ALLOCATORS[allocator]().allocate(shop_problem(0))
+    assert bool(with_shop.sequence) == getattr(ALLOCATORS[allocator], "plans_ahead", False)

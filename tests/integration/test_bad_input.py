@@ -76,6 +76,10 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--stream", "waves", "--rate", "0"], ["--rate is 0.0", "a number > 0"]),
         (["--rate", "10"], ["--rate", "with --stream"]),
         (["--planner", "nope"], ["--planner is 'nope'", "pibt"]),
+        (
+            ["--allocator", "no_such_package.Mine"],
+            ["--allocator is 'no_such_package.Mine'", "No module named", "greedy"],
+        ),
         (["--allocator", "nope"], ["--allocator is 'nope'", "greedy, hungarian"]),
         (["--site", "nope"], ["'nope'", "cell, medium, small"]),
         (["--site", "cell", "--robots", "4"], ["--robots is 4", "1 to 3", "site cell"]),

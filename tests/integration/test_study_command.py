@@ -12,12 +12,13 @@ import pytest
 from fleet.cli import main
 from fleet.study.table import CSV_FILE, read_rows
 
-WORDS = ["--site", "cell", "--fidelity", "grid", "--robots", "1:2", "--seeds", "2", "--duration", "60"]
+WORDS = ["--site", "cell", "--fidelity", "grid", "--robots", "1:2", "--seeds", "2", "--duration", "80"]
 
 
 def study(out: Path, *words: str) -> int:
+    demand = [] if {"--orders", "--rate"} & set(words) else ["--rate", "900"]
     with pytest.raises(SystemExit) as stop:
-        main(["study", *WORDS, "--out", str(out), *words])
+        main(["study", *WORDS, *demand, "--out", str(out), *words])
     assert isinstance(stop.value.code, int)
     return stop.value.code
 
@@ -47,8 +48,8 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
     # The same orders whatever the fleet; more cars deliver more.
     assert len({row.released for row in rows if row.seed == 0}) == 1
     assert sum(r.done for r in rows if r.robots == 2) > sum(r.done for r in rows if r.robots == 1)
-    files = {"study.csv", "study.html", "study.json", "throughput.png", "task_time.png", "waiting.png"}
-    assert {path.name for path in tmp_path.iterdir()} == files | {"orders_0.csv", "orders_1.csv"}
+    files = {"study.csv", "study.html", "study.json", "throughput.png", "tardiness.png", "waiting.png"}
+    assert {path.name for path in tmp_path.iterdir()} == files
 
     # With other processes and half of the rows there: the same table to the byte.
     whole = (tmp_path / CSV_FILE).read_bytes()
@@ -63,7 +64,7 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
     [
         (["--robots", "5:2"], "--robots is '5:2'"),
         (["--robots", "1:99"], "--robots is 99; valid: 1 to 3"),
-        (["--allocators", "greedy,nobody"], "--allocators is 'nobody'; valid: "),
+        (["--allocators", "greedy,nobody"], "allocator 'nobody': no such name; valid: greedy"),
         (["--allocators", "greedy,greedy"], "each once"),
         (["--seeds", "0"], "--seeds is 0"),
         (["--jobs", "x"], "--jobs is 'x'; valid: an integer"),
@@ -72,6 +73,10 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
         (["--fidelity", "physics"], "--fidelity is 'physics'; valid: kinematic, grid"),
         (["--planner", "nobody"], "--planner is 'nobody'; valid: pibt"),
         (["--site", "nowhere"], "nowhere"),
+        (["--stream", "x"], "--stream is 'x'; valid: poisson, waves"),
+        (["--rate", "0"], "--rate is 0"),
+        (["--orders", "none.csv"], "none.csv"),
+        (["--orders", "none.csv", "--rate", "9"], "--rate is 9.0; valid: without --orders"),
         (["--resume"], "--resume: there is no study"),
     ],
 )

@@ -1,10 +1,8 @@
 """Ranges and designs: what a user types becomes runs, or one clear line."""
 
-from pathlib import Path
-
 import pytest
 
-from fleet.config import Fidelity
+from fleet.config import Fidelity, StreamConfig
 from fleet.errors import ConfigError
 from fleet.study.design import Design, Variant, parse_names, parse_range
 
@@ -17,6 +15,7 @@ def design(**changes: object) -> Design:
         "site": "cell",
         "fidelity": Fidelity.GRID,
         "duration_s": 60.0,
+        "stream": StreamConfig(rate_per_h=300.0),
     }
     return Design(**{**settings, **changes})  # type: ignore[arg-type]
 
@@ -59,8 +58,9 @@ def test_a_design_has_every_combination_once_and_whole_seeds_first() -> None:
 
 
 def test_variants_of_a_seed_have_the_same_orders_and_seed() -> None:
-    configs = [design().run_config(variant, Path("o.csv")) for variant in design().variants if variant.seed == 1]
-    assert {(config.orders, config.seed, config.duration_s) for config in configs} == {(Path("o.csv"), 1, 60.0)}
+    configs = [design().run_config(variant) for variant in design().variants if variant.seed == 1]
+    shared = {(config.stream, config.orders, config.seed, config.duration_s) for config in configs}
+    assert shared == {(StreamConfig(rate_per_h=300.0), None, 1, 60.0)}
     assert {(c.robots, c.allocation.allocator) for c in configs} == {
         (1, "greedy"),
         (3, "greedy"),

@@ -6,8 +6,16 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable, DistanceTableFull, DistanceTooLong
+from planners.mapf.distance_table import (
+    DETOUR_N,
+    NO_OTHER_WAY_N,
+    UNREACHABLE,
+    DistanceTable,
+    DistanceTableFull,
+    DistanceTooLong,
+)
 from tests.unit.planners.mapf.lanes import graph_of, one_way_grid, one_way_loop, open_grid
 
 
@@ -123,3 +131,39 @@ def test_the_table_is_read_only() -> None:
 def test_a_goal_that_does_not_exist_is_refused(goal: int) -> None:
     with pytest.raises(PlanningError, match=r"valid: states 0\.\.4"):
         DistanceTable(one_way_loop(5), nothing_blocked(5)).to(goal)
+
+
+def avoiding(graph: LaneGraph, cells: list[int]) -> DistanceTable:
+    avoid = nothing_blocked(graph.n_cells)
+    avoid[cells] = True
+    return DistanceTable(graph, nothing_blocked(graph.n_cells), avoid=avoid)
+
+
+def test_ways_lead_round_avoided_cells_where_they_can() -> None:
+    """Straight on from 0 to 2 leads through 1; the other row is longer."""
+    graph = open_grid(2, 3)
+    row = avoiding(graph, [1]).to(2)
+    assert [int(row[state]) for state in (2, 5, 4, 3, 0)] == [0, 1, 2, 3, 4]
+    assert row[1] == 1 + DETOUR_N, "who stands there leaves it, nobody enters it"
+
+
+def test_a_way_may_end_in_an_avoided_cell() -> None:
+    assert avoiding(open_grid(1, 3), [2]).to(2).tolist() == [2, 1, 0]
+
+
+def test_where_there_is_no_other_way_it_leads_through() -> None:
+    row = avoiding(one_way_loop(5), [1]).to(2).astype(int)
+    assert row[1] == 1 + DETOUR_N
+    assert row[[0, 4, 3]].tolist() == [NO_OTHER_WAY_N + steps for steps in (2, 3, 4)]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_following_the_distances_always_arrives(seed: int) -> None:
+    graph = one_way_grid(6, 8)
+    rng = np.random.default_rng(seed)
+    table = avoiding(graph, rng.choice(graph.n_cells, 6, replace=False).tolist())
+    row = table.to(int(rng.integers(graph.n_states))).astype(int)
+    for state in np.flatnonzero(row > 0).tolist():
+        after = graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]]
+        assert row[after].min() < row[state] + DETOUR_N
+    assert row.max() < UNREACHABLE

@@ -1,0 +1,74 @@
+"""On time: an allocator against greedy on the same streams of orders, by the runner of the study."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from benchmarks.harness import Row, Trial
+from fleet.config import Fidelity, StreamConfig, StreamKind
+from fleet.study.design import Design
+from fleet.study.statistics import Estimate, estimate, paired
+from fleet.study.study import check, run_study
+from fleet.study.table import Row as Run
+
+SITE, CARS = "medium", 16
+REFERENCE, ALLOCATOR = "greedy", "regret_lns"
+SEEDS_N, QUICK_SEEDS_N = 20, 2
+HOURS, QUICK_HOURS = 2.0, 0.1
+RATE_PER_H = 360.0
+"""Close to what the cars can deliver, so that it matters who gets what."""
+
+
+def measure_on_time(trial: Trial) -> Iterable[Row]:
+    """On-time share and throughput, and what the allocator gains on greedy seed by seed, with 95 % intervals."""
+    seeds_n, hours = (QUICK_SEEDS_N, QUICK_HOURS) if trial.quick else (SEEDS_N, HOURS)
+    design = Design(
+        allocators=(REFERENCE, ALLOCATOR),
+        robots=(CARS,),
+        seeds=tuple(range(seeds_n)),
+        site=SITE,
+        fidelity=Fidelity.KINEMATIC,
+        duration_s=3600.0 * hours,
+        stream=StreamConfig(kind=StreamKind.SKEWED_WAVES, rate_per_h=RATE_PER_H),
+    )
+    check(design)
+    with tempfile.TemporaryDirectory() as folder:
+        outcome = run_study(
+            design,
+            Path(folder),
+            jobs=len(os.sched_getaffinity(0)),
+            resume=False,
+            interrupted=[],
+            progress=lambda done, total: None,
+        )
+    runs = {allocator: [run for run in outcome.rows if run.allocator == allocator] for allocator in design.allocators}
+    for allocator, mine in runs.items():
+        trial.check(len(mine) == seeds_n, f"{allocator}: {len(mine)} of {seeds_n} runs")
+        trial.check(not any(run.stalled for run in mine), f"{allocator}: a run came to a stand")
+        trial.check(not any(run.failed for run in mine), f"{allocator}: {sum(run.failed for run in mine)} tasks failed")
+    base, other = runs[REFERENCE], runs[ALLOCATOR]
+    released = [(run.seed, run.released) for run in base]
+    trial.check(released == [(run.seed, run.released) for run in other], "the streams of the allocators differ")
+    yield Row(name=f"{CARS} cars on {SITE}, {hours:g} h: seeds", value=seeds_n, unit="")
+    for name, unit, scale, figure in FIGURES:
+        for allocator, mine in runs.items():
+            yield from _rows(f"{name}, {allocator}", unit, estimate([scale * figure(run) for run in mine]))
+        gain = paired([scale * figure(run) for run in other], [scale * figure(run) for run in base])
+        target = "" if trial.quick or name == "tardiness" else ">= 0"
+        yield from _rows(f"{name}, gain of {ALLOCATOR}", unit, gain, target)
+
+
+FIGURES: tuple[tuple[str, str, float, Callable[[Run], float]], ...] = (
+    ("on time", "% of tasks due", 100.0, lambda run: run.on_time_share or 0.0),
+    ("throughput", "tasks/h", 1.0, lambda run: run.throughput_per_h),
+    ("tardiness", "s", 1.0, lambda run: run.tardiness_s or 0.0),
+)
+
+
+def _rows(name: str, unit: str, value: Estimate | None, target: str = "") -> Iterable[Row]:
+    if value is not None:
+        yield Row(name=f"  {name}", value=value.mean, unit=unit, target=target)
+        yield Row(name="    ± (95 %)", value=value.half_width, unit=unit)
