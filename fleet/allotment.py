@@ -134,6 +134,7 @@ class Allotment:
         self._executor = executor
         self._reasons = reason_book
         self._allocator = allocator_named(config.allocator)
+        self._plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
         self._unfit: dict[int, npt.NDArray[np.int8]] = {}
 
     def choose(self, standing: Sequence[PairReason | None], held: Mapping[int, Task], now_s: float) -> Choice:
@@ -192,14 +193,23 @@ class Allotment:
         cost = np.empty((len(tails), len(tasks)))
         codes = np.empty(cost.shape, dtype=np.int8)
         pressure = []
+        # Many tasks share few ways.
+        to_pick = {
+            pick: self._traffic.tables.to(self._by_name[pick].dock_state)[tails].astype(np.float64)
+            for pick in dict.fromkeys(task.pick for task in tasks)
+        }
+        ways = {
+            way: (self._moves(*way), self._service_s(*way))
+            for way in dict.fromkeys((task.pick, task.order.drop) for task in tasks)
+        }
         for k, task in enumerate(tasks):
-            moves = self._traffic.tables.to(self._by_name[task.pick].dock_state)[tails].astype(np.float64)
-            loaded = self._moves(task.pick, task.order.drop)
+            moves = to_pick[task.pick]
+            loaded, service_s = ways[task.pick, task.order.drop]
             codes[:, k] = self._refusals(task, out, (moves >= UNREACHABLE) | (loaded >= UNREACHABLE))
             if self._charging is not None:
                 self._refuse_low(codes[:, k], task, moves)
             to_pick_s = moves * STEP_S
-            eta_s = now_s + to_pick_s + loaded * STEP_S + self._service_s(task.pick, task.order.drop)
+            eta_s = now_s + to_pick_s + loaded * STEP_S + service_s
             late_s = np.maximum(0.0, eta_s - task.order.due_s)
             best_s = float(eta_s.min())
             late_next_turn_s = max(0.0, best_s + (best_s - now_s) - task.order.due_s)
@@ -284,7 +294,7 @@ class Allotment:
             held=np.array([at[held[car].index] if car in held else NO_TASK for car in cars.tolist()], dtype=np.int32),
             keep_gain=self._config.keep_gain_s,
             keep_share=self._config.keep_share,
-            shop=self._shop(cars, tasks, held, costs.now_s),
+            shop=self._shop(cars, tasks, held, costs.now_s) if self._plans_ahead else None,
         )
         assignment = self._allocator.allocate(problem)
         for row, k in assignment.pairs.tolist():
