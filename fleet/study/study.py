@@ -37,8 +37,7 @@ def check(design: Design) -> None:
     """Refuse a study before its first file is written.
 
     Raises:
-        ConfigError: The site has no room for the largest fleet, or no planner has that name.
-        AllocatorError: No allocator has that name.
+        ConfigError: The site has no room for the largest fleet, or no planner or allocator has that name.
         SiteError: The site cannot be read.
         OrdersError: The orders cannot be read, or none can be accepted.
     """
