@@ -17,7 +17,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -99,6 +99,20 @@ class Benchmark:
     quick_seeds: tuple[int, ...] = (0,)
     groups: tuple[str, ...] = ()
     """Names of groups of rows that can be run alone, in the order of the table."""
+
+
+def in_groups(groups: Mapping[str, Callable[[Trial], Iterable[Row]]]) -> Callable[[Trial], Iterable[Row]]:
+    """A benchmark's `measure` that runs the groups that were asked for, in the order they were asked for.
+
+    Args:
+        groups: What measures each group, by name.
+    """
+
+    def measure(trial: Trial) -> Iterable[Row]:
+        for name in trial.groups:
+            yield from groups[name](trial)
+
+    return measure
 
 
 def main(benchmark: Benchmark, argv: Sequence[str] | None = None, console: Console | None = None) -> int:

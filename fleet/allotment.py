@@ -15,7 +15,7 @@ from fleet.executor import Executor
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
-from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.board import UNDER_WAY, Task, TaskBoard, TaskState
 from fleet.tasks.order import Ability
 from fleet.tasks.reasons import PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
 from fleet.traffic import Traffic
@@ -36,7 +36,6 @@ _PAIR_REASON = {
     Reason.BETTER_FOR_ALL: PairReason.BETTER_FOR_ALL,
     Reason.LEFT_FOR_LATER: PairReason.LEFT_OVER,
 }
-UNDER_WAY = (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING)
 STEP_S = 1.0
 """Time of one move in traffic [s]: cells are 1 m, and cars in traffic average 1 m/s."""
 AGED_S = 150.0
@@ -207,7 +206,7 @@ class Allotment:
             loaded, service_s = ways[task.pick, task.order.drop]
             codes[:, k] = self._refusals(task, out, (moves >= UNREACHABLE) | (loaded >= UNREACHABLE))
             if self._charging is not None:
-                self._refuse_low(codes[:, k], task, moves)
+                self._refuse_low(self._charging, codes[:, k], task, moves)
             to_pick_s = moves * STEP_S
             eta_s = now_s + to_pick_s + loaded * STEP_S + service_s
             late_s = np.maximum(0.0, eta_s - task.order.due_s)
@@ -246,13 +245,13 @@ class Allotment:
                 codes[shunned] = _CODE[PairReason.SHUNNED]
         return codes
 
-    def _refuse_low(self, codes: npt.NDArray[np.int8], task: Task, moves: npt.NDArray[np.float64]) -> None:
+    def _refuse_low(
+        self, charging: Charging, codes: npt.NDArray[np.int8], task: Task, moves: npt.NDArray[np.float64]
+    ) -> None:
         """Refuse the cars, of those that could take a task, that have too little charge for it."""
-        if self._charging is None:
-            return
         cars = np.flatnonzero(codes == _CODE[PairReason.LEFT_OVER])
         stations = self._by_name[task.pick], self._by_name[task.order.drop]
-        low = cars[~self._charging.allows(cars.tolist(), moves[cars], *stations, task.order.mass_kg)]
+        low = cars[~charging.allows(cars.tolist(), moves[cars], *stations, task.order.mass_kg)]
         codes[low] = _CODE[PairReason.LOW_CHARGE]
 
     def _offered(self, costs: _Costs, n_ready: int) -> tuple[list[int], set[int]]:
@@ -316,10 +315,7 @@ class Allotment:
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
         np.fill_diagonal(travel_s, 0.0)
         service_s = np.array(
-            [
-                self._service_times.of(k, Direction.TO_CAR if s.place.kind == "pick" else Direction.FROM_CAR).mean_s
-                for k, s in enumerate(stations)
-            ]
+            [self._service_times.of(k, station.direction).mean_s for k, station in enumerate(stations)]
         )
         # Cars that are not planned come before those that are.
         others_n = [len([car for car in self._bookings.cars(k) if car not in held]) for k in range(n_stations)]

@@ -408,7 +408,7 @@ class Dispatcher:
     def _free_s(self, car: int, station: Station, now_s: float) -> float:
         """Time until the arm has done with everybody who comes before a car [s]."""
         arm = station.arm
-        service_s = self.service_times.of(arm, _direction(station)).recent_s
+        service_s = self.service_times.of(arm, station.direction).recent_s
         free_s = self.service_times.left_s(arm, now_s)
         own_s = self._way_s(car, station)
         for other in self.bookings.cars(arm):
@@ -600,7 +600,7 @@ class Dispatcher:
 
     def _give_up_service(self, station: Station, task: Task, car: int) -> None:
         """A task failed while an arm was at work on it, and the arm is clear now."""
-        loading = station.place.kind == "pick"
+        loading = station.direction is Direction.TO_CAR
         slot = task.pick_slot if loading else task.drop_slot
         if slot is not None and not self.stock.on_slot(task, slot, station):
             station.free_slot(slot)
@@ -608,7 +608,7 @@ class Dispatcher:
 
     def _keep_clear(self, station: Station) -> None:
         """Lead those who only pass round the dock of an arm that has become slow; round others it is not worth it."""
-        recent_s = self.service_times.of(station.arm, _direction(station)).recent_s
+        recent_s = self.service_times.of(station.arm, station.direction).recent_s
         if recent_s > SLOW_SERVICE_S:
             self._traffic.set_avoided(self._dock_cells[station.arm], True)
         elif recent_s < USUAL_SERVICE_S:
@@ -693,10 +693,6 @@ class Dispatcher:
 
     def _dock_cell(self, station: Station) -> int:
         return int(self._graph.state_cell[station.dock_state])
-
-
-def _direction(station: Station) -> Direction:
-    return Direction.TO_CAR if station.place.kind == "pick" else Direction.FROM_CAR
 
 
 def _states_of(bays: tuple[int, ...], graph: LaneGraph) -> tuple[int, ...]:

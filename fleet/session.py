@@ -28,13 +28,13 @@ from fleet.recording import (
     versions,
 )
 from fleet.simulation import Event, Simulation
-from fleet.tasks.board import TaskState
+from fleet.tasks.board import UNDER_WAY, TaskState
 
 NAP_S = 0.1
 """Longest single sleep of a run that is held back to a given speed [s]."""
 COUNTED = {
     "waiting": (TaskState.ORDERED, TaskState.BACKLOG, TaskState.READY),
-    "under way": (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING),
+    "under way": UNDER_WAY,
     "delivered": (TaskState.DELIVERED, TaskState.COLLECTED),
     "failed": (TaskState.FAILED,),
     "cancelled": (TaskState.CANCELLED,),

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +65,10 @@ class Site:
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+    def station_names(self, kind: Literal["pick", "drop"]) -> list[str]:
+        """Names of the stations of a kind, in their order."""
+        return [station.name for station in self.stations if station.kind == kind]
 
     def station(self, name: str) -> StationPlace:
         """The station of this name.

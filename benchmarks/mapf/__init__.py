@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from benchmarks.harness import Benchmark, Row, Trial
+from benchmarks.harness import Benchmark, Row, Trial, in_groups
 from benchmarks.mapf.crowded import measure_crowded
 from benchmarks.mapf.league import measure_league, measure_league_anytime
 from benchmarks.mapf.one_shot import measure_one_shot
@@ -23,16 +23,10 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
 }
 
 
-def measure(trial: Trial) -> Iterable[Row]:
-    """Run the groups that were asked for, in the order of the table."""
-    for name in trial.groups:
-        yield from GROUPS[name](trial)
-
-
 BENCHMARK = Benchmark(
     name="mapf",
     summary="path planning for fleets, against the best published planners",
-    measure=measure,
+    measure=in_groups(GROUPS),
     seeds=(0, 1, 2),
     quick_seeds=(0,),
     groups=tuple(GROUPS),

@@ -11,21 +11,13 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.insight.ledger import STANDING_MPS, CarTime, Ledger, percentages
-from fleet.stations.service_time import Direction
-from fleet.tasks.board import TaskState
+from fleet.tasks.board import UNDER_WAY, TaskState
 from fleet.world.protocol import FloatArray
 
 if TYPE_CHECKING:
     from fleet.simulation import Simulation
 
-_WAITING = (
-    TaskState.BACKLOG,
-    TaskState.READY,
-    TaskState.ASSIGNED,
-    TaskState.LOADING,
-    TaskState.CARRIED,
-    TaskState.UNLOADING,
-)
+_WAITING = (TaskState.BACKLOG, TaskState.READY, *UNDER_WAY)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,8 +162,7 @@ class Metrics:
         ticks = max(simulation.now, 1)
         reports = {}
         for station in simulation.stations:
-            direction = Direction.TO_CAR if station.place.kind == "pick" else Direction.FROM_CAR
-            service = simulation.dispatcher.service_times.of(station.arm, direction)
+            service = simulation.dispatcher.service_times.of(station.arm, station.direction)
             time = self.ledger.station_time(station.arm)
             reports[station.name] = StationReport(
                 transfers_n=service.n,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
+from fleet.stations.service_time import Direction
 from maps.stations import StationPlace
 
 
@@ -28,6 +29,11 @@ class Station:
     def name(self) -> str:
         """Name in the site file."""
         return self.place.name
+
+    @property
+    def direction(self) -> Direction:
+        """Which way its parcels go: onto cars at a pick station, off them at a drop station."""
+        return Direction.TO_CAR if self.place.kind == "pick" else Direction.FROM_CAR
 
     @property
     def free_n(self) -> int:

@@ -38,6 +38,8 @@ class TaskState(StrEnum):
     """Taken back before its parcel was picked."""
 
 
+UNDER_WAY = (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING)
+"""States in which a car works on a task."""
 OPEN_STATES = frozenset(TaskState) - {TaskState.COLLECTED, TaskState.FAILED, TaskState.CANCELLED}
 _NEXT: dict[TaskState, frozenset[TaskState]] = {
     TaskState.ORDERED: frozenset({TaskState.BACKLOG, TaskState.CANCELLED}),
@@ -160,7 +162,7 @@ class TaskBoard:
 
     def of_car(self, car: int) -> Task | None:
         """The task a car works on."""
-        for state in (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING):
+        for state in UNDER_WAY:
             for task in self._by_state[state].values():
                 if task.car == car:
                     return task

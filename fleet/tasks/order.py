@@ -101,8 +101,8 @@ def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Gener
     Returns:
         Orders, ascending in release time.
     """
-    picks = [s.name for s in site.stations if s.kind == "pick"]
-    drops = [s.name for s in site.stations if s.kind == "drop"]
+    picks = site.station_names("pick")
+    drops = site.station_names("drop")
     release_s = 0.0
     orders = []
     for k in range(n_orders):

@@ -202,8 +202,8 @@ def _order(line: _Row, site: Site, abilities: Sequence[Ability]) -> Order:
     row = line.fields
     if not row["id"]:
         raise OrdersError("id is empty; valid: any text")
-    picks = [s.name for s in site.stations if s.kind == "pick"]
-    drops = [s.name for s in site.stations if s.kind == "drop"]
+    picks = site.station_names("pick")
+    drops = site.station_names("drop")
     sources = tuple(dict.fromkeys((row["pick"], *_words(row, "picks"))))
     for name, value, valid in [("pick", row["pick"], picks), *(("picks", source, picks) for source in sources)]:
         if value not in valid:

@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from fleet.tasks.board import Task, TaskState
+from fleet.tasks.board import UNDER_WAY, Task, TaskState
 
 
 class PairReason(StrEnum):
@@ -217,5 +217,5 @@ class ReasonBook:
             return TaskReason.NOT_RELEASED, f"will be released at {task.order.release_s:g} s", 0.0
         if task.state in (TaskState.BACKLOG, TaskState.READY):
             return self._reason.get(task.index, (TaskReason.NO_FREE_CAR, "was not considered yet", since_s))
-        ended = task.state not in (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING)
+        ended = task.state not in UNDER_WAY
         return (TaskReason.ENDED if ended else TaskReason.ASSIGNED), task.reason, since_s

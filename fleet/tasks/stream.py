@@ -35,8 +35,8 @@ def stream_orders(
     """
     arrivals, places, parcels, terms = rng.spawn(4)
     times = _arrivals(config, duration_s, n_orders, arrivals)
-    picks = _Popular([s.name for s in site.stations if s.kind == "pick"], config, places)
-    drops = _Popular([s.name for s in site.stations if s.kind == "drop"], config, places)
+    picks = _Popular(site.station_names("pick"), config, places)
+    drops = _Popular(site.station_names("drop"), config, places)
     shares = (config.emergency_share, 1.0 - config.emergency_share - config.idle_share, config.idle_share)
     classes = np.cumsum(shares)
     orders = []

@@ -105,8 +105,8 @@ def _gain(kept: Assignment, free: Assignment) -> float:
     """What is gained by leaving held tasks to others; infinite if more gets done."""
     if kept.timetable is None or free.timetable is None:
         return 0.0
-    done = [int(np.count_nonzero(plan.timetable.vehicle >= 0)) for plan in (kept, free) if plan.timetable is not None]
-    return np.inf if done[1] > done[0] else kept.timetable.objective - free.timetable.objective
+    more = np.count_nonzero(free.timetable.vehicle >= 0) > np.count_nonzero(kept.timetable.vehicle >= 0)
+    return np.inf if more else kept.timetable.objective - free.timetable.objective
 
 
 def _first_plan(arrays: Arrays, jobs: Integers) -> tuple[Integers, Integers]:

@@ -173,13 +173,12 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
         for k in range(rested.ptr[choices.state[agent]], rested.ptr[choices.state[agent] + 1]):
             near |= rested.ahead[k] + rested.scale * np.int64(table[row, rested.key[k]]) <= aims.reach
     for op in range(first, ops.ptr[choices.state[agent] + 1]):
-        total = np.int64(0)
-        at_row, extra = row, np.int64(0)
+        at_row, total = row, np.int64(0)
         if row >= 0:
-            extra = np.int64(wishes.leg[agent])
+            total = np.int64(wishes.leg[agent])
             for t in range(length if near else 0):
                 if ops.cell[op, t] == wishes.cell[agent]:
-                    at_row, extra = wishes.next_row[agent], np.int64(t)
+                    at_row, total = wishes.next_row[agent], np.int64(t)
                     break
         if at_row >= 0:
             best = FAR
@@ -187,7 +186,6 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None: 
             for k in range(rested.ptr[at], rested.ptr[at + 1]):
                 best = min(best, rested.ahead[k] + rested.scale * np.int64(table[at_row, rested.key[k]]))
             total += best
-        total += extra
         k = op - first
         choices.order[agent, k] = k
         choices.key[agent, k] = (
