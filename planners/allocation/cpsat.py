@@ -183,6 +183,10 @@ class _Model:
                 late = model.new_int_var(0, self._horizon + _ticks(abs(shop.due_s[job])), "")
                 model.add(late >= self._end[k] - int(shop.due_s[job] / TICK_S))
                 terms.append(float(shop.late_weight[job]) * late)
+            if np.isfinite(shop.due_s[job]) and shop.late_cost[job] > 0.0:
+                in_time = model.new_bool_var("")
+                model.add(self._end[k] <= int(shop.due_s[job] / TICK_S)).only_enforce_if(in_time)
+                terms.append(float(shop.late_cost[job] / TICK_S) * (1 - in_time))
             for v in np.flatnonzero(np.isfinite(shop.extra[:, job]) & (shop.extra[:, job] > 0.0)).tolist():
                 taken = model.new_bool_var("")
                 model.add(self._done_by[k] != v).only_enforce_if(~taken)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from planners.allocation.hungarian import Hungarian
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.shop import Shop
-from planners.allocation.shop_kernel import Arrays, Integers, anneal, dispatch, empty_books, evaluate
+from planners.allocation.shop_kernel import Arrays, Integers, anneal, append, dispatch, empty_books, evaluate
 from planners.allocation.shop_plan import arrays_of, planned
 from planners.errors import PlanningError
 
@@ -27,10 +27,11 @@ HOT, COLD = 5e-3, 1e-4
 class RegretLns:
     """Plans all tasks over vehicles and stations at once, and gives each vehicle the first of its list.
 
-    It makes a greedy plan and three by regret (Potvin, Rousseau, "A parallel route building algorithm for the vehicle
-    routing and scheduling problem with time windows", European Journal of Operational Research 66, 1993), and improves
-    the best of them in its order, its vehicles and whole ends of lists. It is never worse than greedy by the
-    objective of the shop, classes weighed. A budget of iterations, no clock: the same problem gives the same answer.
+    It makes a greedy plan, one by due dates, and three by regret (Potvin, Rousseau, "A parallel route building
+    algorithm for the vehicle routing and scheduling problem with time windows", European Journal of Operational
+    Research 66, 1993) or the one that the shop proposes, and improves the best of them in its order, its vehicles and
+    whole ends of lists. It is never worse than greedy by the objective of the shop, classes weighed. A budget of
+    iterations, no clock: the same problem gives the same answer.
 
     Of more tasks than `window_n` those held and the most urgent and oldest are planned. Without a shop there is
     nothing to plan ahead, and the matching is exact: `Hungarian` answers. Held tasks change hands only if the plan
@@ -72,7 +73,7 @@ class RegretLns:
     def plan(self, problem: AllocationProblem, shop: Shop) -> tuple[Integers, Integers]:
         """The order of the jobs that are planned, shape (n,), and the vehicle of each job, shape (n_jobs,)."""
         arrays = arrays_of(problem, shop)
-        order, vehicle = _first_plan(arrays, _window(problem, self._window_n))
+        order, vehicle = _first_plan(arrays, _window(problem, self._window_n), shop)
         if len(order) and self._iterations:
             # How hot is told by the objective in which all classes weigh the same: the weight of one urgent task
             # would melt the order of all others.
@@ -109,15 +110,28 @@ def _gain(kept: Assignment, free: Assignment) -> float:
     return np.inf if more else kept.timetable.objective - free.timetable.objective
 
 
-def _first_plan(arrays: Arrays, jobs: Integers) -> tuple[Integers, Integers]:
-    """The best of the greedy plan and those by regret."""
+def _first_plan(arrays: Arrays, jobs: Integers, shop: Shop) -> tuple[Integers, Integers]:
+    """The best of the greedy plan, the one by due dates, and those by regret or the proposed one."""
     books = empty_books(arrays)
     plans: list[tuple[int, float, int, Integers, Integers]] = []
-    for regret in REGRETS:
+
+    def keep(planned_n: int, order: Integers, vehicle: Integers) -> None:
+        order = order[:planned_n]
+        plans.append((-planned_n, evaluate(arrays, books, order, vehicle, np.inf), len(plans), order, vehicle))
+
+    for regret in REGRETS if shop.first_order is None else REGRETS[:1]:
         order, vehicle = jobs.copy(), np.full(len(arrays.weight), -1, dtype=np.int64)
-        order = order[: dispatch(arrays, books, regret, order, vehicle)]
-        objective = evaluate(arrays, books, order, vehicle, np.inf)
-        plans.append((-len(order), objective, len(plans), order, vehicle))
+        keep(dispatch(arrays, books, regret, order, vehicle), order, vehicle)
+    due_s = arrays.due_s[jobs]
+    # What is late already is not urgent any more.
+    urgent = jobs[np.lexsort((np.where(due_s < 0.0, np.inf, due_s), arrays.class_of[jobs]))]
+    vehicle = np.full(len(arrays.weight), -1, dtype=np.int64)
+    keep(append(arrays, books, 0, urgent, vehicle), urgent, vehicle)
+    if shop.first_order is not None and shop.first_vehicle is not None:
+        proposed = shop.first_order[np.isin(shop.first_order, jobs)].astype(np.int64)
+        order = np.concatenate((proposed, urgent[~np.isin(urgent, proposed)]))
+        vehicle = shop.first_vehicle.astype(np.int64)
+        keep(append(arrays, books, len(proposed), order, vehicle), order, vehicle)
     *_, order, vehicle = min(plans, key=lambda plan: plan[:3])
     return order, vehicle
 

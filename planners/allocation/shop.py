@@ -30,7 +30,7 @@ class Shop:
     problem and vehicles its vehicles, by index; whether a vehicle may do a job is said there, by an infinite cost.
 
     What is to be small: `makespan_weight` x the end of the last job, plus `weight` x the end of each job, plus
-    `late_weight` x the time it ends after its due date.
+    `late_weight` x the time it ends after its due date, plus `late_cost` if it ends after its due date at all.
 
     Raises:
         ShopError: Lengths disagree, an index names nothing, or a time or weight means nothing.
@@ -62,6 +62,12 @@ class Shop:
     """Weight of the end of each job, shape (n_jobs,), >= 0; None = 1 each."""
     late_weight: Floats | None = None
     """Weight of the time after its due date, shape (n_jobs,), >= 0; None = 1 each."""
+    late_cost: Floats | None = None
+    """What it costs once that a job ends after its due date, however little, shape (n_jobs,), >= 0; None = nothing."""
+    first_order: Integers | None = None
+    """Jobs in an order that is likely to be good, such as that of the plan before, each at most once; None = unknown."""
+    first_vehicle: Integers | None = None
+    """Vehicle of each job of that order, shape (n_jobs,), any number for others; None = unknown."""
     makespan_weight: float = 0.0
     """Weight of the end of the last job, >= 0."""
 
@@ -95,7 +101,8 @@ class Shop:
             *(("start", self.n_vehicles), ("ready_s", self.n_vehicles)),
             *(("place", stops), ("station", stops), ("service_s", stops)),
             *(("free_s", self.n_stations), ("buffer_n", self.n_stations)),
-            *(("release_s", jobs), ("due_s", jobs), ("weight", jobs), ("late_weight", jobs)),
+            *(("release_s", jobs), ("due_s", jobs), ("weight", jobs), ("late_weight", jobs), ("late_cost", jobs)),
+            ("first_vehicle", jobs),
         ):
             value = getattr(self, name)
             if value is not None and value.shape != (n,):
@@ -112,12 +119,32 @@ class Shop:
             ("place", 0, len(self.travel_s)),
             ("station", NO_STATION, self.n_stations),
             ("buffer_n", 1, None),
+            ("first_order", 0, self.n_jobs),
         ):
             value = getattr(self, name)
+            if value is None:
+                continue
             wrong = np.flatnonzero((value < least) | (end is not None and value >= end))
             if wrong.size:
                 valid = f"at least {least}" if end is None else f"{least}..{end - 1}"
                 raise ShopError(f"shop: {name}[{wrong[0]}] = {value[wrong[0]]}; valid: {valid}")
+
+        self._check_first_plan()
+
+    def _check_first_plan(self) -> None:
+        if self.first_order is None or self.first_vehicle is None:
+            if self.first_order is not self.first_vehicle:
+                raise ShopError("shop: first_order and first_vehicle; valid: both, or none")
+            return
+        if len(np.unique(self.first_order)) < len(self.first_order):
+            raise ShopError("shop: first_order has a job twice; valid: each job once")
+        vehicles = self.first_vehicle[self.first_order]
+        wrong = np.flatnonzero((vehicles < 0) | (vehicles >= self.n_vehicles))
+        if wrong.size:
+            job = self.first_order[wrong[0]]
+            raise ShopError(
+                f"shop: first_vehicle[{job}] = {self.first_vehicle[job]}; valid: 0..{self.n_vehicles - 1}"
+            )
 
     def _check_numbers(self) -> None:
         for entry in fields(self):

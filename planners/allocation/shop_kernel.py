@@ -54,6 +54,7 @@ class Arrays(NamedTuple):
     due_s: Floats
     weight: Floats
     late_weight: Floats
+    late_cost: Floats
     makespan_weight: float
     class_of: Integers
     extra: Floats
@@ -152,7 +153,7 @@ def evaluate(shop: Arrays, books: Books, order: Integers, vehicle: Integers, bou
         end_s = _job_end(shop, books, job, v, True)
         total += shop.extra[v, job] + shop.weight[job] * end_s
         if end_s > shop.due_s[job]:
-            total += shop.late_weight[job] * (end_s - shop.due_s[job])
+            total += shop.late_cost[job] + shop.late_weight[job] * (end_s - shop.due_s[job])
         last_s = max(last_s, end_s)
         if not total + shop.makespan_weight * last_s <= bound:
             return np.inf
@@ -206,6 +207,42 @@ def dispatch(shop: Arrays, books: Books, regret: Number, order: Integers, vehicl
         vehicle[job] = chosen_v
         _job_end(shop, books, job, chosen_v, True)
     return len(order)
+
+
+@njit(**_OPTIONS)
+def append(shop: Arrays, books: Books, planned_n: int, order: Integers, vehicle: Integers) -> int:
+    """Complete a plan: the jobs it does not have yet are put to its end in their order, each where it ends first.
+
+    Args:
+        shop: The shop.
+        books: Memory.
+        planned_n: How many jobs the plan has.
+        order: In: its jobs in order, then the others, shape (n,); out: in order, those nobody can do at the end.
+        vehicle: In: vehicle of each job that is planned; out: of each job of `order`, shape (n_jobs,).
+
+    Returns:
+        How many are planned then; fewer than before if somebody has no way to a job any more.
+    """
+    _clear(shop, books)
+    done = 0
+    for k in range(len(order)):
+        # What nobody can do has been moved behind the end.
+        job = order[done]
+        best, best_v = np.inf, -1
+        first, last = (vehicle[job], vehicle[job] + 1) if k < planned_n else (0, len(shop.start))
+        for v in range(first, last):
+            if shop.extra[v, job] == np.inf:
+                continue
+            end_s = _job_end(shop, books, job, v, False)
+            if end_s < best:
+                best, best_v = end_s, v
+        if best_v < 0:
+            _move(order, done, len(order) - 1)
+            continue
+        vehicle[job] = best_v
+        _job_end(shop, books, job, best_v, True)
+        done += 1
+    return done
 
 
 @njit(**_OPTIONS)

@@ -58,6 +58,7 @@ def arrays_of(problem: AllocationProblem, shop: Shop, class_factor: float = CLAS
         due_s=ever if shop.due_s is None else shop.due_s - zero_s,
         weight=weight,
         late_weight=(ones if shop.late_weight is None else shop.late_weight) * factor,
+        late_cost=(np.zeros(n) if shop.late_cost is None else shop.late_cost) * factor,
         makespan_weight=float(shop.makespan_weight),
         class_of=class_of,
         extra=_extra(problem, weight),
@@ -165,6 +166,8 @@ def _objective(shop: Shop, end_s: np.ndarray, done: np.ndarray) -> float:
     if shop.due_s is not None:
         late_weight = ones if shop.late_weight is None else shop.late_weight
         total += float((late_weight * np.maximum(0.0, end_s - shop.due_s))[done].sum())
+        if shop.late_cost is not None:
+            total += float(shop.late_cost[done & (end_s > shop.due_s)].sum())
     if shop.makespan_weight and done.any():
         total += shop.makespan_weight * float(end_s[done].max())
     return total

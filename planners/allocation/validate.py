@@ -106,6 +106,7 @@ def _timetable_faults(shop: Shop, times: Timetable, sequence: tuple[tuple[int, .
             if shop.due_s is not None and now_s > shop.due_s[task]:
                 late_weight = 1.0 if shop.late_weight is None else float(shop.late_weight[task])
                 objective += late_weight * (now_s - float(shop.due_s[task]))
+                objective += 0.0 if shop.late_cost is None else float(shop.late_cost[task])
             last_s = max(last_s, now_s)
     found += _station_faults(shop, times, visits)
     if last_s > -math.inf and shop.makespan_weight:
