@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.harness import Benchmark, Row, Trial, main
 from fleet.config import ArmConfig, RunConfig
-from fleet.dispatcher import CarPhase
 from fleet.driving import PathDriver
+from fleet.roster import CarPhase
 from fleet.simulation import Simulation
 from fleet.world.protocol import FloatArray
 
@@ -18,17 +18,17 @@ def measure(trial: Trial) -> list[Row]:
     for seed in trial.seeds:
         config = RunConfig(robots=3, seed=seed, arms=ArmConfig(workers_n=0))
         with Simulation(config) as simulation:
-            before = list(simulation.dispatcher.phase)
+            before = list(simulation.dispatcher.roster.phase)
             while not simulation.finished:
                 simulation.tick()
                 lateral += _lateral(simulation)
                 speeds.append(float(np.abs(simulation.world.car_speeds()).max()))
-                for car, phase in enumerate(simulation.dispatcher.phase):
+                for car, phase in enumerate(simulation.dispatcher.roster.phase):
                     if phase in (CarPhase.LOADING, CarPhase.UNLOADING) and before[car] is not phase:
                         offset = _dock_offset(simulation, car)
                         docking.append(offset[0])
                         turn.append(offset[1])
-                before = list(simulation.dispatcher.phase)
+                before = list(simulation.dispatcher.roster.phase)
             summary = simulation.summary()
             trial.check(summary.tasks_done == summary.tasks_total, f"seed {seed}: not everything was delivered")
     return [

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
+from fleet.approach import LOADED_RANK_S, Approach
+from fleet.executor import Executor
 from fleet.robots.battery import Batteries
+from fleet.roster import AT_CHARGER, CarPhase, Roster
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
+from fleet.tasks.board import TaskState
 from fleet.traffic import Traffic
 from fleet.world.protocol import FloatArray
 from planners.mapf.distance_table import UNREACHABLE
@@ -28,44 +34,97 @@ class Charging:
         batteries: State of charge of the cars.
         states: Lane-graph state of each charger.
         first_place: Number of the first charger among the places that are booked.
+        roster: What cars are about.
+        approach: Sends cars with parcels on.
         bookings: Who has which place.
-        traffic: Gives distances on the lane graph.
+        traffic: Takes goals and gives distances.
+        executor: Tells where cars are.
         service_times: How long stations take.
+        log: Called as ``log(kind, **facts)`` when a car goes to charge, and when it has.
     """
 
     def __init__(
         self,
+        *,
         batteries: Batteries,
         states: tuple[int, ...],
         first_place: int,
+        roster: Roster,
+        approach: Approach,
         bookings: Bookings,
         traffic: Traffic,
+        executor: Executor,
         service_times: ServiceTimes,
+        log: Callable[..., None],
     ) -> None:
         self.batteries = batteries
         self.states = states
         self.sessions_n = 0
         """How often a car began to charge."""
         self._first = first_place
+        self._roster = roster
+        self._approach = approach
         self._bookings = bookings
         self._traffic = traffic
+        self._executor = executor
         self._service_times = service_times
+        self._log = log
 
-    def is_low(self, car: int) -> bool:
-        """Below the first threshold."""
-        return bool(self.batteries.charge[car] < self.batteries.config.low)
+    def spares(self, car: int) -> bool:
+        """Whether a car without a task, as far as its battery goes, may be given one."""
+        if self._roster.phase[car] in AT_CHARGER:
+            return self._has_enough(car)
+        return not self._is_critical(car)
 
-    def is_critical(self, car: int) -> bool:
-        """Below the second threshold."""
-        return bool(self.batteries.charge[car] < self.batteries.config.critical)
+    def plug_in(self) -> None:
+        """Begin to charge cars that have come to their charger, and free those that have no way to theirs."""
+        tails = self._executor.tail_states()
+        for car, phase in enumerate(self._roster.phase):
+            if phase is not CarPhase.TO_CHARGER:
+                continue
+            goal = self._state_of(int(self._bookings.place_of[car]))
+            if tails[car] == goal and self._executor.idle(car):
+                self._roster.enter(car, CarPhase.CHARGING)
+                self.sessions_n += 1
+            elif not self._traffic.reachable(int(tails[car]), goal):
+                self._roster.changed = True
+                task = self._roster.task_of[car]
+                self._roster.enter(car, CarPhase.IDLE)
+                if task is not None:
+                    self._approach.wait(car, task, "no way to its charger")
 
-    def has_enough(self, car: int) -> bool:
-        """Whether a charging car may be given a task, or make room."""
-        return bool(self.batteries.charge[car] >= self.batteries.config.enough)
+    def send_low(self, tick: int, now_s: float) -> None:
+        """Send cars with low batteries to chargers, emptiest first, and those that have enough away from them."""
+        roster = self._roster
+        for car, phase in enumerate(roster.phase):
+            task = roster.task_of[car]
+            going = phase in (CarPhase.TO_PICK, CarPhase.HELD)
+            if going and task is not None and task.state is TaskState.ASSIGNED and self._is_critical(car):
+                roster.unassign(task, now_s, f"the battery of car_{car} is at {self.batteries.charge[car]:.0%}")
+                roster.release(car)
+        low = [car for car in range(len(roster.phase)) if self._is_low(car) and self._may_charge(car)]
+        wanted = not all(self._send(car, tick) for car in self._by_need(low))
+        for car, phase in enumerate(roster.phase):
+            if phase is not CarPhase.CHARGING or not (self._is_full(car) or (wanted and self._has_enough(car))):
+                continue
+            task = roster.task_of[car]
+            self._log("charged", car=f"car_{car}", charge=round(float(self.batteries.charge[car]), 3))
+            if task is not None:
+                self._approach.set_off(car, task, tick, now_s)
+            else:
+                roster.enter(car, CarPhase.IDLE)
 
-    def is_full(self, car: int) -> bool:
-        """Whether there is nothing more to wait for at the charger."""
-        return bool(self.batteries.charge[car] >= self.batteries.config.full)
+    def send_idle(self, tick: int) -> None:
+        """Let parked cars that nobody needs at present charge where there is room."""
+        below = self.batteries.config.idle_below
+        idle = [
+            car
+            for car, phase in enumerate(self._roster.phase)
+            if phase is CarPhase.IDLE and self.batteries.charge[car] < below and self._executor.idle(car)
+        ]
+        for car in self._by_need(idle):
+            if not self._send(car, tick):
+                break
 
     def allows(
         self, cars: list[int], to_pick: FloatArray, pick: Station, drop: Station, load_kg: float
@@ -100,7 +159,42 @@ class Charging:
             moves = np.minimum(moves, np.where(row >= UNREACHABLE, np.inf, row))
         return moves
 
-    def free_charger(self, state: int) -> int | None:
+    def _is_low(self, car: int) -> bool:
+        """Below the first threshold."""
+        return bool(self.batteries.charge[car] < self.batteries.config.low)
+
+    def _is_critical(self, car: int) -> bool:
+        """Below the second threshold."""
+        return bool(self.batteries.charge[car] < self.batteries.config.critical)
+
+    def _has_enough(self, car: int) -> bool:
+        """Whether a charging car may be given a task, or make room."""
+        return bool(self.batteries.charge[car] >= self.batteries.config.enough)
+
+    def _is_full(self, car: int) -> bool:
+        """Whether there is nothing more to wait for at the charger."""
+        return bool(self.batteries.charge[car] >= self.batteries.config.full)
+
+    def _may_charge(self, car: int) -> bool:
+        """Whether a car is free to go to a charger: without a task, or held back with its parcel."""
+        task, phase = self._roster.task_of[car], self._roster.phase[car]
+        held = phase is CarPhase.HELD and task is not None and task.state is TaskState.CARRIED
+        return held or phase is CarPhase.IDLE
+
+    def _send(self, car: int, tick: int) -> bool:
+        """Send a car to a charger; False if none is free."""
+        place = self._free_charger(int(self._executor.tail_states()[car]))
+        if place is None:
+            return False
+        self._roster.leave(car)
+        self._bookings.book(car, place)
+        self._roster.enter(car, CarPhase.TO_CHARGER)
+        self._traffic.rank[car] = LOADED_RANK_S
+        self._traffic.send(car, self._state_of(place), stay=True, tick=tick)
+        self._log("to_charger", car=f"car_{car}", charge=round(float(self.batteries.charge[car]), 3))
+        return True
+
+    def _free_charger(self, state: int) -> int | None:
         """The nearest charger that is free and can be reached from a state, as a place; None if there is none."""
         best, best_n = None, UNREACHABLE
         for k, goal in enumerate(self.states):
@@ -109,11 +203,11 @@ class Charging:
                 best, best_n = self._first + k, moves_n
         return best
 
-    def state_of(self, place: int) -> int:
+    def _state_of(self, place: int) -> int:
         """Lane-graph state of a charger."""
         return self.states[place - self._first]
 
-    def by_need(self, cars: list[int]) -> list[int]:
+    def _by_need(self, cars: list[int]) -> list[int]:
         """Cars, emptiest first."""
         return sorted(cars, key=lambda car: (float(self.batteries.charge[car]), car))
 

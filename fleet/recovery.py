@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from fleet.dispatcher import CarPhase
 from fleet.driving import PathDriver
+from fleet.roster import CarPhase
 from fleet.world.protocol import FloatArray
 from planners.motion.reeds_shepp import RejoinResult, RejoinStatus, plan_rejoin
 
@@ -96,7 +96,7 @@ class Recovery:
         if not isinstance(driver, PathDriver):
             return
         for car in driver.off_lane():
-            if self._simulation.dispatcher.phase[car] is CarPhase.DEAD:
+            if self._simulation.dispatcher.roster.phase[car] is CarPhase.DEAD:
                 continue
             rejoin = self._rejoining.get(car)
             if rejoin is None:

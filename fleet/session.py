@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from fleet.config import RunConfig
-from fleet.dispatcher import CarPhase
 from fleet.insight.metrics import Summary
 from fleet.interrupts import interrupts
 from fleet.progress import Progress
@@ -27,6 +26,7 @@ from fleet.recording import (
     require_free_port,
     versions,
 )
+from fleet.roster import CarPhase
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import UNDER_WAY, TaskState
 
@@ -244,7 +244,7 @@ class _Watch:
                 parcel_ids=ids,
                 parcel_poses=world.parcel_poses(),
                 parcel_size_m=np.array([self._sizes[int(k)] for k in ids]).reshape(-1, 3),
-                car_state=tuple(_car_word(simulation.dispatcher.phase[car], float(speeds[car])) for car in cars),
+                car_state=tuple(_car_word(simulation.dispatcher.roster.phase[car], float(speeds[car])) for car in cars),
                 arm_state=tuple(str(service.state) for service in simulation.desk.services),
                 task_state=changed,
                 task_counts={name: sum(map(simulation.board.count, states)) for name, states in COUNTED.items()},

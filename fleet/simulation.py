@@ -12,13 +12,14 @@ import numpy.typing as npt
 
 from fleet.allotment import require_allocator
 from fleet.config import CarConfig, RunConfig, require
-from fleet.dispatcher import CarPhase, Dispatcher
+from fleet.dispatcher import Dispatcher
 from fleet.disturbance import Disturbances
 from fleet.driving import Driver, PathDriver, StateDriver
 from fleet.executor import Executor
 from fleet.insight.metrics import Metrics, Summary
 from fleet.recovery import Recovery
 from fleet.robots.battery import Batteries
+from fleet.roster import CarPhase
 from fleet.stations.arm_cell import arm_cells
 from fleet.stations.arm_desk import ArmDesk, ArmPlanner
 from fleet.stations.arm_planner import make_arm_planner
@@ -174,7 +175,7 @@ class Simulation:
         """True when work is open and for `STALL_S` no task has changed and no order was still to come
         and nobody charged."""
         waiting = self.board.count(TaskState.ORDERED) > 0
-        waiting = waiting or bool(self.dispatcher.charges.any())
+        waiting = waiting or bool(self.dispatcher.roster.charges.any())
         return not waiting and self.sim_s - self._progress_s > STALL_S
 
     def tick(self, actions: Actions | None = None) -> None:
@@ -186,20 +187,20 @@ class Simulation:
         self.recovery.tick(self.now)
         self.desk.tick(self.now, self.world.held())
         self.world.step(*self._merged(commands, actions))
-        dispatcher, speeds = self.dispatcher, self.world.car_speeds()
-        self.metrics.tick(speeds, dispatcher.loaded, dispatcher.bound)
+        roster, speeds = self.dispatcher.roster, self.world.car_speeds()
+        self.metrics.tick(speeds, roster.loaded, roster.bound)
         self.metrics.ledger.tick(
-            dispatcher.phase_index,
-            dispatcher.loaded,
-            dispatcher.bookings.place_of,
-            dispatcher.served,
+            roster.phase_index,
+            roster.loaded,
+            self.dispatcher.bookings.place_of,
+            roster.served,
             speeds,
             self.world.car_poses(),
         )
         if self.batteries is not None:
-            self.batteries.tick(speeds, dispatcher.load_kg, dispatcher.awake, dispatcher.charges)
+            self.batteries.tick(speeds, roster.load_kg, roster.awake, roster.charges)
             for car in np.flatnonzero(self.batteries.charge <= 0.0).tolist():
-                if dispatcher.phase[car] is not CarPhase.DEAD:
+                if roster.phase[car] is not CarPhase.DEAD:
                     self.lose_car(car, f"the battery of car_{car} is empty")
         self.now += 1
 

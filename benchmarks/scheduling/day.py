@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.harness import Row, Trial
 from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, RunConfig, StreamConfig, StreamKind
-from fleet.dispatcher import CarPhase
+from fleet.roster import CarPhase
 from fleet.simulation import Simulation
 from fleet.tasks.board import OPEN_STATES, TaskState
 
@@ -61,7 +61,7 @@ def measure_day(trial: Trial) -> Iterable[Row]:
         trial.check(not simulation.stalled, f"{where}: came to a stand at {simulation.sim_s:.0f} s")
         sums = {sum(vars(spent).values()) for spent in summary.car_ticks.values()}
         trial.check(sums == {simulation.now}, f"{where}: accounts of the cars add up to {sums}, not {simulation.now}")
-        stranded = sum(phase is CarPhase.DEAD for phase in simulation.dispatcher.phase)
+        stranded = sum(phase is CarPhase.DEAD for phase in simulation.dispatcher.roster.phase)
         yield Row(name=f"{where}, {CARS} cars, {CHARGERS} chargers: delivered", value=summary.tasks_done, unit="tasks")
         yield Row(name="  lost or failed", value=summary.tasks_failed, unit="tasks", target="<= 0")
         yield Row(name="  longest open", value=day.longest_open_s, unit="s", target=f"<= {STARVED_S:g}")

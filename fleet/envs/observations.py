@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from fleet.dispatcher import CarPhase
 from fleet.envs.agent_simulation import AgentSimulation
+from fleet.roster import CarPhase
 from fleet.stations.transfer import TRAY, TransferRequest
 from fleet.world.protocol import FloatArray
 from planners.motion.kinematics import link_frames
@@ -58,7 +58,7 @@ class Observer:
             goal = int(simulation.traffic.goals[car])
             goal_pose = simulation.graph.state_pose[goal] if goal >= 0 else pose
             turn = goal_pose[2] - pose[2]
-            phase = simulation.dispatcher.phase[car]
+            phase = simulation.dispatcher.roster.phase[car]
             rows[car] = np.concatenate(
                 (
                     2.0 * pose[:2] / self._size - 1.0,
@@ -67,7 +67,7 @@ class Observer:
                     _in_frame(goal_pose[:2], pose) / diagonal_m,
                     (math.cos(turn), math.sin(turn)),
                     [phase is mission for mission in MISSIONS],
-                    (simulation.dispatcher.loaded[car], ahead_m / NEAR_M),
+                    (simulation.dispatcher.roster.loaded[car], ahead_m / NEAR_M),
                     _in_frame(points, pose).ravel() / NEAR_M,
                     _nearest_other(car, poses),
                 )

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.dispatcher import PHASES, CarPhase
+from fleet.roster import PHASES, CarPhase
 from fleet.world.protocol import FloatArray
 
 STANDING_MPS = 0.05

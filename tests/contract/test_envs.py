@@ -28,11 +28,11 @@ from pettingzoo.test import (
 from pettingzoo.utils import parallel_to_aec
 
 from fleet.config import ArmConfig, ConfigError
-from fleet.dispatcher import CarPhase
 from fleet.envs import warehouse_v0
 from fleet.envs.observations import NEAR_M
 from fleet.envs.rewards import TERMS, RewardWeights
 from fleet.envs.warehouse import EpisodeError, WarehouseEnv
+from fleet.roster import CarPhase
 from fleet.stations.arm_cell import arm_cells
 from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.arm_planner import make_arm_planner
@@ -341,7 +341,11 @@ def test_a_car_beside_its_path_is_neither_released_nor_recovered(make: Callable[
     observations, _ = env.reset(seed=0)
     simulation = env.simulation
     assert simulation is not None
-    grid, dependencies, phase = simulation.site.grid, simulation.executor.dependencies, simulation.dispatcher.phase
+    grid, dependencies, phase = (
+        simulation.site.grid,
+        simulation.executor.dependencies,
+        simulation.dispatcher.roster.phase,
+    )
     for _ in range(15):
         observations, *_ = env.step({"car_0": drive(observations["car_0"])})
     visited, held = set(), []

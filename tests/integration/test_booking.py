@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, ScenarioEvent
-from fleet.dispatcher import CarPhase
 from fleet.insight.ledger import STANDING_MPS
 from fleet.insight.metrics import Summary
+from fleet.roster import CarPhase
 from fleet.simulation import Event, Simulation
 
 SLOW_SERVICE_S = 22.5
@@ -47,7 +47,7 @@ class Watch:
             bound = {
                 car
                 for car, goal in enumerate(simulation.traffic.goals)
-                if goal == station.dock_state and simulation.dispatcher.phase[car] is not CarPhase.RECOVERING
+                if goal == station.dock_state and simulation.dispatcher.roster.phase[car] is not CarPhase.RECOVERING
             }
             there = set(np.flatnonzero(tails == station.dock_state).tolist())
             assert bound <= set(bookings.cars(station.arm))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig
-from fleet.dispatcher import CarPhase
 from fleet.errors import ConfigError
 from fleet.insight.metrics import Summary
+from fleet.roster import CarPhase
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import TaskState
 
@@ -22,7 +22,7 @@ def run(battery: BatteryConfig, **settings: object) -> tuple[Summary, list[Event
     log: list[Event] = []
 
     def look(simulation: Simulation) -> None:
-        charging = [car for car, phase in enumerate(simulation.dispatcher.phase) if phase is CarPhase.CHARGING]
+        charging = [car for car, phase in enumerate(simulation.dispatcher.roster.phase) if phase is CarPhase.CHARGING]
         cells = simulation.graph.state_cell[simulation.executor.tail_states()[charging]]
         assert set(cells.tolist()) <= set(simulation.site.chargers)
         assert len(set(cells.tolist())) == len(charging)
@@ -82,7 +82,7 @@ def test_without_the_rules_a_car_would_be_stranded() -> None:
         charging.allows = lambda cars, *_: np.ones(len(cars), dtype=np.bool_)  # type: ignore[method-assign]
         simulation.run()
         assert simulation.summary().cars_stranded > 0
-        assert CarPhase.DEAD in simulation.dispatcher.phase
+        assert CarPhase.DEAD in simulation.dispatcher.roster.phase
 
 
 def test_a_car_gives_a_task_back_when_its_battery_becomes_critical() -> None:
@@ -90,15 +90,15 @@ def test_a_car_gives_a_task_back_when_its_battery_becomes_critical() -> None:
         RunConfig(battery=SMALL_PACK, fidelity=Fidelity.GRID, robots=2, tasks=4, arms=ArmConfig(workers_n=0))
     ) as simulation:
         dispatcher = simulation.dispatcher
-        while CarPhase.TO_PICK not in dispatcher.phase:
+        while CarPhase.TO_PICK not in dispatcher.roster.phase:
             simulation.tick()
-        car = dispatcher.phase.index(CarPhase.TO_PICK)
+        car = dispatcher.roster.phase.index(CarPhase.TO_PICK)
         assert simulation.batteries is not None
         simulation.batteries.charge[car] = 0.1
         for _ in range(round(1.5 / simulation.tick_s)):
             simulation.tick()
-        assert dispatcher.phase[car] is CarPhase.TO_CHARGER
-        assert dispatcher.task_of[car] is None
+        assert dispatcher.roster.phase[car] is CarPhase.TO_CHARGER
+        assert dispatcher.roster.task_of[car] is None
 
 
 def test_cars_make_room_for_those_that_need_the_charger_more() -> None:

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fleet.dispatcher import PHASES, CarPhase
 from fleet.insight.ledger import Account, Ledger, percentages
+from fleet.roster import PHASES, CarPhase
 
 DOCKS = np.array([[0.0, 0.0], [20.0, 0.0]])
 

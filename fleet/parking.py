@@ -1,0 +1,40 @@
+"""Parking: where cars wait."""
+
+from __future__ import annotations
+
+from fleet.executor import Executor
+from fleet.roster import PARKED, Roster
+from fleet.traffic import Traffic
+
+
+class Parking:
+    """Parking places and who is bound for them.
+
+    Args:
+        states: Lane-graph state of each parking place.
+        roster: Tells which cars wait.
+        traffic: Takes goals and gives distances.
+        executor: Tells where cars are.
+    """
+
+    def __init__(self, states: tuple[int, ...], roster: Roster, traffic: Traffic, executor: Executor) -> None:
+        self.states = states
+        self._roster = roster
+        self._traffic = traffic
+        self._executor = executor
+
+    def send(self, tick: int) -> None:
+        """Send every car that waits to the nearest parking place that no other such car has."""
+        waiting = [car for car, phase in enumerate(self._roster.phase) if phase in PARKED]
+        taken = {int(self._traffic.goals[car]) for car in waiting}
+        tails = self._executor.tail_states()
+        for car in waiting:
+            if int(self._traffic.goals[car]) in self.states:
+                continue
+            free = [state for state in self.states if state not in taken]
+            if not free:
+                continue
+            goal = min(free, key=lambda state: (int(self._traffic.tables.to(state)[tails[car]]), state))
+            taken.add(goal)
+            self._traffic.rank[car] = 0.0
+            self._traffic.send(car, goal, stay=False, tick=tick)
