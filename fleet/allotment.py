@@ -12,6 +12,7 @@ from fleet.charging import Charging
 from fleet.config import AllocationConfig
 from fleet.errors import ConfigError
 from fleet.executor import Executor
+from fleet.outlook import STEP_S, Outlook
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
@@ -36,8 +37,12 @@ _PAIR_REASON = {
     Reason.BETTER_FOR_ALL: PairReason.BETTER_FOR_ALL,
     Reason.LEFT_FOR_LATER: PairReason.LEFT_OVER,
 }
-STEP_S = 1.0
-"""Time of one move in traffic [s]: cells are 1 m, and cars in traffic average 1 m/s."""
+QUEUE_S = 60.0
+"""No task is given out at a station while those under way to it keep its arm busy for longer than this [s]."""
+PLAN_N = 100
+"""Tasks at most that are planned before their parcels lie on slots."""
+SLOT_S = 15.0
+"""A slot is expected to become free so soon if no car is under way to empty one [s]."""
 AGED_S = 150.0
 """In plans over cars and arms the end of a task of this age, times the weight of ageing, counts twice [s]."""
 _CODE = {reason: code for code, reason in enumerate(PAIR_REASONS)}
@@ -83,6 +88,10 @@ class _Costs:
     """Why a pair is not allowed, as an index into `PAIR_REASONS`; `LEFT_OVER` where it is, same shape."""
     pressure_s: list[float]
     """How much a task presses for being served, the same for all cars [s]."""
+    states: npt.NDArray[np.int_]
+    """Where each car is when it is free, shape (n_cars,)."""
+    free_s: npt.NDArray[np.float64]
+    """Time until then, shape (n_cars,)."""
 
 
 class Allotment:
@@ -134,23 +143,38 @@ class Allotment:
         self._reasons = reason_book
         self._allocator = allocator_named(config.allocator)
         self._plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
+        self._soon_s = np.inf if self._plans_ahead else float(getattr(self._allocator, "soon_s", 0.0))
         self._unfit: dict[int, npt.NDArray[np.int8]] = {}
+        self._plan: list[tuple[int, int]] = []
+        self._turn_s: dict[int, float] = {}
 
-    def choose(self, standing: Sequence[PairReason | None], held: Mapping[int, Task], now_s: float) -> Choice:
+    def turn_s(self, task: Task) -> float:
+        """When a task is planned to be picked [s]; inf = that is not planned."""
+        return self._turn_s.get(task.index, np.inf)
+
+    def choose(
+        self,
+        standing: Sequence[PairReason | None],
+        held: Mapping[int, Task],
+        busy: Mapping[int, Outlook],
+        now_s: float,
+    ) -> Choice:
         """Pairs of a car and a task, at most one for each.
 
         Args:
             standing: Why each car cannot take a task now, shape (n_cars,); None = it can.
             held: Tasks that cars have but may still give away, by car; these cars can take another.
+            busy: When cars will be free that cannot take a task now, as far as that is known, by car.
             now_s: Simulated time [s].
         """
         ready = self._board.in_state(TaskState.READY)
         if not ready and len(held) < 2:
             return Choice(taken=[], given=[])
-        costs = self._costs([*ready, *held.values()], standing, now_s)
+        soon = {car: outlook for car, outlook in busy.items() if outlook.free_s <= self._soon_s}
+        costs = self._costs([*ready, *held.values(), *self._backlog()], standing, soon, now_s)
         offered, full = self._offered(costs, len(ready))
-        column_of = self._allocate(costs, [*offered, *range(len(ready), len(costs.tasks))], held)
-        self._keep_reasons(costs, full, column_of)
+        column_of, later = self._allocate(costs, [*offered, *range(len(ready), len(costs.tasks))], held, soon)
+        self._keep_reasons(costs, len(ready) + len(held), full, column_of, later)
         taken, given = [], []
         for car, task in held.items():
             if column_of[car] < 0 or costs.tasks[column_of[car]] is not task:
@@ -185,10 +209,22 @@ class Allotment:
         unload = self._service_times.of(self._by_name[drop].arm, Direction.FROM_CAR)
         return load.mean_s + unload.mean_s
 
-    def _costs(self, tasks: list[Task], standing: Sequence[PairReason | None], now_s: float) -> _Costs:
+    def _backlog(self) -> list[Task]:
+        """Tasks to plan whose parcels do not lie on slots yet, the most urgent class first, then the oldest."""
+        if not self._plans_ahead:
+            return []
+        tasks = [task for task in self._board.in_state(TaskState.BACKLOG) if self._board.waits_for(task) is None]
+        return sorted(tasks, key=lambda task: (task.order.priority.rank, task.index))[:PLAN_N]
+
+    def _costs(
+        self, tasks: list[Task], standing: Sequence[PairReason | None], soon: Mapping[int, Outlook], now_s: float
+    ) -> _Costs:
         config = self._config
-        tails = self._executor.tail_states()
+        tails = self._executor.tail_states().copy()
+        free_s = np.zeros(len(tails))
         out = np.array([_CODE[reason] if reason is not None else _CODE[PairReason.LEFT_OVER] for reason in standing])
+        for car, outlook in soon.items():
+            tails[car], free_s[car], out[car] = outlook.state, outlook.free_s, _CODE[PairReason.LEFT_OVER]
         cost = np.empty((len(tails), len(tasks)))
         codes = np.empty(cost.shape, dtype=np.int8)
         pressure = []
@@ -207,7 +243,7 @@ class Allotment:
             codes[:, k] = self._refusals(task, out, (moves >= UNREACHABLE) | (loaded >= UNREACHABLE))
             if self._charging is not None:
                 self._refuse_low(self._charging, codes[:, k], task, moves)
-            to_pick_s = moves * STEP_S
+            to_pick_s = free_s + moves * STEP_S
             eta_s = now_s + to_pick_s + loaded * STEP_S + service_s
             late_s = np.maximum(0.0, eta_s - task.order.due_s)
             best_s = float(eta_s.min())
@@ -216,7 +252,9 @@ class Allotment:
             pressure.append(config.ageing * age_s + config.lateness * late_next_turn_s)
             cost[:, k] = to_pick_s + config.lateness * late_s - pressure[-1]
         cost[codes != _CODE[PairReason.LEFT_OVER]] = np.inf
-        return _Costs(now_s=now_s, tasks=tasks, cost_s=cost, codes=codes, pressure_s=pressure)
+        return _Costs(
+            now_s=now_s, tasks=tasks, cost_s=cost, codes=codes, pressure_s=pressure, states=tails, free_s=free_s
+        )
 
     def _refusals(
         self, task: Task, out: npt.NDArray[np.int64], unreachable: npt.NDArray[np.bool_]
@@ -256,13 +294,15 @@ class Allotment:
 
     def _offered(self, costs: _Costs, n_ready: int) -> tuple[list[int], set[int]]:
         """Ready tasks that a car can take and that there is room for, the most urgent first; those without room."""
-        pick_room, drop_room = {}, {}
+        room = {}
         for name, station in self._by_name.items():
-            pick_room[name] = self._bookings.room(station.arm)
-            # A drop station may have one more under way: it is held back if it arrives too early.
-            drop_room[name] = self._bookings.caps[station.arm] + 1
+            service_s = self._service_times.of(station.arm, station.direction).mean_s
+            # A station may have one more under way than it takes: it is held back if it comes too early.
+            room[name] = max(self._bookings.caps[station.arm] + 1, round(QUEUE_S / service_s))
+            if station.direction is Direction.TO_CAR:
+                room[name] -= len(self._bookings.bound(station.arm))
         for task in self._board.in_state(*UNDER_WAY):
-            drop_room[task.order.drop] -= 1
+            room[task.order.drop] -= 1
         offered, full = [], set()
         order = sorted(
             range(n_ready),
@@ -270,20 +310,26 @@ class Allotment:
         )
         for k in order:
             pick, drop = costs.tasks[k].pick, costs.tasks[k].order.drop
-            if pick_room[pick] <= 0 or drop_room[drop] <= 0:
+            if room[pick] <= 0 or room[drop] <= 0:
                 full.add(k)
             elif np.isfinite(costs.cost_s[:, k]).any():
-                pick_room[pick] -= 1
-                drop_room[drop] -= 1
+                if not self._plans_ahead:
+                    room[pick] -= 1
+                    room[drop] -= 1
                 offered.append(k)
         return offered, full
 
-    def _allocate(self, costs: _Costs, columns: list[int], held: Mapping[int, Task]) -> npt.NDArray[np.int64]:
-        """The column of the task that each car has then, -1 for none, shape (n_cars,); fills the codes of `costs`."""
-        column_of = np.full(len(costs.cost_s), -1, dtype=np.int64)
+    def _allocate(
+        self, costs: _Costs, columns: list[int], held: Mapping[int, Task], soon: Mapping[int, Outlook]
+    ) -> tuple[npt.NDArray[np.int64], dict[int, int]]:
+        """The column of the task that each car has then, -1 for none, shape (n_cars,); fills the codes of `costs`.
+
+        Also the car that is to take a task when it is free, by column.
+        """
+        column_of, later = np.full(len(costs.cost_s), -1, dtype=np.int64), {}
         cars = np.flatnonzero(np.isfinite(costs.cost_s[:, columns]).any(axis=1))
         if not columns or not len(cars):
-            return column_of
+            return column_of, later
         at = {costs.tasks[column].index: k for k, column in enumerate(columns)}
         tasks = [costs.tasks[column] for column in columns]
         problem = AllocationProblem(
@@ -293,22 +339,47 @@ class Allotment:
             held=np.array([at[held[car].index] if car in held else NO_TASK for car in cars.tolist()], dtype=np.int32),
             keep_gain=self._config.keep_gain_s,
             keep_share=self._config.keep_share,
-            shop=self._shop(cars, tasks, held, costs.now_s) if self._plans_ahead else None,
+            shop=self._shop(costs, cars, tasks, held) if self._plans_ahead else None,
         )
         assignment = self._allocator.allocate(problem)
-        for row, k in assignment.pairs.tolist():
-            column_of[cars[row]] = columns[k]
         pairs = np.ix_(cars, np.array(columns))
         told = _CODE_OF[reasons(problem, assignment)]
         costs.codes[pairs] = np.where(np.isfinite(problem.cost), told, costs.codes[pairs])
-        return column_of
+        for car in soon:
+            costs.codes[car, costs.codes[car] != _CODE[PairReason.NO_WAY]] = _CODE[PairReason.CAR_BUSY]
+        for row, car in enumerate(cars.tolist()):
+            planned = assignment.sequence[row] if assignment.sequence else assignment.pairs[assignment.pairs[:, 0] == row, 1]
+            for k in planned:
+                column = columns[k]
+                if car in soon:
+                    later[column] = car
+                    costs.codes[car, column] = _CODE[PairReason.PLANNED_LATER]
+                elif column_of[car] < 0 and costs.tasks[column].state is not TaskState.BACKLOG:
+                    column_of[car] = column
+                    costs.codes[car, column] = _CODE[PairReason.CHOSEN]
+        self._keep_plan(costs, tasks, cars, assignment, problem)
+        return column_of, later
 
-    def _shop(self, cars: npt.NDArray[np.int64], tasks: list[Task], held: Mapping[int, Task], now_s: float) -> Shop:
+    def _keep_plan(self, costs, tasks, cars, assignment, problem) -> None:
+        self._plan, self._turn_s = [], {}
+        if not assignment.sequence or assignment.timetable is None or problem.shop is None:
+            return
+        first = problem.shop.first_stop[:-1]
+        start_s = assignment.timetable.start_s[first]
+        car_of = {k: int(cars[row]) for row, seq in enumerate(assignment.sequence) for k in seq}
+        for k in sorted(car_of, key=lambda k: (float(start_s[k]), k)):
+            self._plan.append((tasks[k].index, car_of[k]))
+            self._turn_s[tasks[k].index] = costs.now_s + float(start_s[k])
+
+    def _shop(
+        self, costs: _Costs, cars: npt.NDArray[np.int64], tasks: list[Task], held: Mapping[int, Task]
+    ) -> Shop:
         """The same cars and tasks with the arms they book; the clock starts now."""
+        now_s = costs.now_s
         stations = list(self._by_name.values())
         n_stations, n_places = len(stations), len(stations) + len(cars)
         # Stations in their order, then where each car is; nobody drives to where a car was.
-        states = np.concatenate(([station.dock_state for station in stations], self._executor.tail_states()[cars]))
+        states = np.concatenate(([station.dock_state for station in stations], costs.states[cars]))
         travel_s = np.full((n_places, n_places), np.inf)
         for k, station in enumerate(stations):
             moves = self._traffic.tables.to(station.dock_state)[states].astype(np.float64)
@@ -317,24 +388,39 @@ class Allotment:
         service_s = np.array(
             [self._service_times.of(k, station.direction).mean_s for k, station in enumerate(stations)]
         )
-        # Cars that are not planned come before those that are.
-        others_n = [len([car for car in self._bookings.cars(k) if car not in held]) for k in range(n_stations)]
         left_s = np.array([self._service_times.left_s(k, now_s) for k in range(n_stations)])
         place = np.array([[self._by_name[task.pick].arm, self._by_name[task.order.drop].arm] for task in tasks]).ravel()
         age_s = np.array([now_s - task.since_s[TaskState.BACKLOG] for task in tasks])
+        eta_s = dict.fromkeys((station.name for station in stations), np.inf)
+        for car, task in held.items():
+            eta_s[task.pick] = min(eta_s[task.pick], float(travel_s[n_stations + int(np.searchsorted(cars, car)), self._by_name[task.pick].arm]) if car in cars else np.inf)
+        release_s = np.array([
+            0.0 if task.state is not TaskState.BACKLOG else eta_s[task.pick] if np.isfinite(eta_s[task.pick]) else SLOT_S
+            for task in tasks
+        ])
+        row_of = {int(car): row for row, car in enumerate(cars)}
+        at = {task.index: k for k, task in enumerate(tasks)}
+        plan = [(at[index], row_of[car]) for index, car in self._plan if index in at and car in row_of]
+        vehicle = np.full(len(tasks), -1, dtype=np.int32)
+        for k, row in plan:
+            vehicle[k] = row
         return Shop(
             travel_s=travel_s,
             start=np.arange(n_stations, n_places, dtype=np.int32),
-            ready_s=np.zeros(len(cars)),
+            ready_s=costs.free_s[cars],
             first_stop=np.arange(0, 2 * len(tasks) + 1, 2, dtype=np.int32),
             place=place.astype(np.int32),
             station=place.astype(np.int32),
             service_s=service_s[place],
-            free_s=left_s + service_s * np.array(others_n),
+            free_s=left_s,
             buffer_n=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
+            release_s=release_s,
             due_s=np.array([task.order.due_s - now_s for task in tasks]),
             weight=1.0 + self._config.ageing * age_s / AGED_S,
             late_weight=np.full(len(tasks), self._config.lateness),
+            late_cost=np.full(len(tasks), self._config.late_s),
+            first_order=np.array([k for k, _ in plan], dtype=np.int32),
+            first_vehicle=vehicle,
         )
 
     def _why_taken(self, costs: _Costs, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
@@ -348,19 +434,24 @@ class Allotment:
             words.append(f"car_{car} takes {costs.tasks[column_of[car]].order.name}")
         return "re-assigned: " + ", ".join(words)
 
-    def _keep_reasons(self, costs: _Costs, full: set[int], column_of: npt.NDArray[np.int64]) -> None:
+    def _keep_reasons(
+        self, costs: _Costs, asked_n: int, full: set[int], column_of: npt.NDArray[np.int64], later: Mapping[int, int]
+    ) -> None:
         took = self._names(costs, column_of)
         free = _CODE[PairReason.LEFT_OVER]
         taker_of = np.full(len(costs.tasks), -1)
         cars = np.flatnonzero(column_of >= 0)
         taker_of[column_of[cars]] = cars
-        for k, (task, taker) in enumerate(zip(costs.tasks, taker_of.tolist(), strict=True)):
+        for k, (task, taker) in enumerate(zip(costs.tasks[:asked_n], taker_of.tolist(), strict=False)):
             codes = costs.codes[:, k].copy()
             if k in full:
                 codes[codes == free] = _CODE[PairReason.NOT_OFFERED]
             cost_s = costs.cost_s[:, k].copy()
             self._reasons.decide(task, Decision(time_s=costs.now_s, codes=codes, cost_s=cost_s, took=took, taker=taker))
-            if taker < 0:
+            if k in later:
+                text = f"car_{later[k]} is to take it, and will be free in {costs.free_s[later[k]]:.0f} s"
+                self._reasons.note(task, TaskReason.PLANNED, text, costs.now_s)
+            elif taker < 0:
                 self._reasons.note(task, *self._why_open(task, codes, k in full), costs.now_s)
 
     def _names(self, costs: _Costs, column_of: npt.NDArray[np.int64]) -> list[str]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import insort
 from collections.abc import Callable, Mapping
+
+import numpy as np
 
 from fleet.executor import Executor
 from fleet.roster import CarPhase, Roster
@@ -17,10 +20,15 @@ MOVE_S = 1.1
 """Time of a move without traffic: a cell of 1 m at 1 m/s, and some turns [s]."""
 EARLY_S = 4.0
 """A car should come to its station this long before the arm is free, so that traffic does not let the arm wait [s]."""
+NEAR_N = 10
+"""A car that has so many moves left to its station needs a booking to go on: the way back is not longer yet, and two
+cars within it keep an arm busy that takes 7 s."""
 LOADED_RANK_S = 30.0
 """Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
 EMERGENCY_RANK_S = 60.0
 """Head start of a car with a task of the class `emergency` [s]."""
+
+_DRIVING = (CarPhase.TO_PICK, CarPhase.TO_DROP)
 
 
 class Approach:
@@ -29,7 +37,7 @@ class Approach:
     Args:
         stations: By name.
         roster: What cars are about.
-        bookings: Room at the stations.
+        bookings: Who is bound for the stations, and room at them.
         service_times: How long the arms take.
         traffic: Takes goals and gives distances.
         executor: Tells where cars are.
@@ -55,42 +63,59 @@ class Approach:
         self._log = log
 
     def set_off(self, car: int, task: Task, tick: int, now_s: float) -> None:
-        """Send a loaded car to its drop station, or hold it back while there is no room."""
-        station = self._stations[task.order.drop]
-        self._roster.leave(car)
-        if not self._bookings.waiting(station.arm) and self._bookings.book(car, station.arm):
-            self.begin(car, task, tick, now_s)
-            return
-        self._bookings.wait(car, station.arm)
-        there = ", ".join(f"car_{other}" for other in self._bookings.cars(station.arm))
-        self._hold(car, task, f"{station.name} is full ({there})")
-
-    def begin(self, car: int, task: Task, tick: int, now_s: float) -> None:
-        """Send a car with a booking on its way, unless it would only stand in the lanes before a busy arm."""
-        picks = task.state is not TaskState.CARRIED
-        station = self._stations[task.pick if picks else task.order.drop]
-        early_s = self._free_s(car, station, now_s) - self._way_s(car, station)
-        if early_s <= EARLY_S:
-            if self._roster.phase[car] is CarPhase.HELD:
-                self._log("called", car=f"car_{car}", task=task.order.name, station=station.name)
-            self._roster.enter(car, CarPhase.TO_PICK if picks else CarPhase.TO_DROP)
-            self._send(car, task, station, tick)
-        elif self._roster.phase[car] is not CarPhase.HELD:
-            self._hold(car, task, f"{station.name} is busy and it would come {early_s:.0f} s too early")
+        """Send a car to the next station of its task, or hold it back until its turn comes."""
+        self._bind(car, task)
+        self._begin(car, task, tick, now_s)
 
     def wait(self, car: int, task: Task, why: str) -> None:
-        """Hold a loaded car back until there is room at its drop station."""
-        self._bookings.wait(car, self._stations[task.order.drop].arm)
+        """Hold a car back that is to go to the next station of its task; `call` lets it go."""
+        self._bind(car, task)
         self._hold(car, task, why)
 
     def call(self, tick: int, now_s: float) -> None:
-        """Let cars that are held back go on when their time has come."""
-        for car, place in self._bookings.callable_cars():
-            self._bookings.book(car, place)
-        for car, phase in enumerate(self._roster.phase):
-            task = self._roster.task_of[car]
-            if phase is CarPhase.HELD and task is not None and self._bookings.has(car):
-                self.begin(car, task, tick, now_s)
+        """Let cars that are held back go when their time has come, and those that come near only if there is room."""
+        for station in self._stations.values():
+            for car in self._bookings.bound(station.arm):
+                task, phase = self._roster.task_of[car], self._roster.phase[car]
+                if task is None:
+                    continue
+                if phase is CarPhase.HELD:
+                    self._begin(car, task, tick, now_s)
+                elif phase in _DRIVING and self._is_near(car, station) and not self._bookings.book(car):
+                    self._hold(car, task, self._full(station))
+
+    def _begin(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        """Send a bound car on its way, unless it would only stand in the lanes before a busy arm."""
+        station = self._station(task)
+        early_s = self._early_s(car, station, now_s)
+        why = ""
+        if early_s > EARLY_S:
+            why = f"{station.name} is busy and it would come {early_s:.0f} s too early"
+        elif self._is_near(car, station) and not self._bookings.book(car):
+            why = self._full(station)
+        if why:
+            if self._roster.phase[car] is not CarPhase.HELD:
+                self._hold(car, task, why)
+            return
+        if self._roster.phase[car] is CarPhase.HELD:
+            self._log("called", car=f"car_{car}", task=task.order.name, station=station.name)
+        self._roster.enter(car, CarPhase.TO_DROP if task.state is TaskState.CARRIED else CarPhase.TO_PICK)
+        self._send(car, task, station, tick)
+
+    def _bind(self, car: int, task: Task) -> None:
+        self._roster.leave(car)
+        self._bookings.bind(car, self._station(task).arm)
+
+    def _station(self, task: Task) -> Station:
+        """Where a car with a task goes next."""
+        return self._stations[task.order.drop if task.state is TaskState.CARRIED else task.pick]
+
+    def _is_near(self, car: int, station: Station) -> bool:
+        return self._moves(car, station) <= NEAR_N
+
+    def _full(self, station: Station) -> str:
+        there = ", ".join(f"car_{other}" for other in self._bookings.cars(station.arm))
+        return f"{station.name} is full ({there})"
 
     def _hold(self, car: int, task: Task, why: str) -> None:
         """Let a car wait in a parking place."""
@@ -105,20 +130,29 @@ class Approach:
         self._traffic.rank[car] = LOADED_RANK_S * loaded + EMERGENCY_RANK_S * urgent
         self._traffic.send(car, station.dock_state, stay=True, tick=tick)
 
-    def _way_s(self, car: int, station: Station) -> float:
-        """Time a car needs to a station without traffic [s]."""
+    def _moves(self, car: int, station: Station) -> int:
+        """Moves from where a car's way ends as far as it is granted."""
         tail = int(self._executor.tail_states()[car])
-        return MOVE_S * int(self._traffic.tables.to(station.dock_state)[tail])
+        return int(self._traffic.tables.to(station.dock_state)[tail])
 
-    def _free_s(self, car: int, station: Station, now_s: float) -> float:
-        """Time until the arm has done with everybody who comes before a car [s]."""
+    def _early_s(self, car: int, station: Station, now_s: float) -> float:
+        """How long before its turn a car would come if it went now, and found no traffic [s].
+
+        Turns are given in the order in which cars were bound for the station, those near it first as they come: each
+        gets the first time in which the arm is free for long enough after it can be there.
+        """
         arm = station.arm
         service_s = self._service_times.of(arm, station.direction).recent_s
         free_s = self._service_times.left_s(arm, now_s)
-        own_s = self._way_s(car, station)
-        here = (car, self._roster.served[arm])
-        for other in self._bookings.cars(arm):
-            comes_s = 0.0 if other in here else self._way_s(other, station)
-            if other not in here and comes_s <= own_s and self._bookings.place_of[other] == arm:
-                free_s = max(free_s, comes_s) + service_s
-        return free_s
+        bound = [other for other in self._bookings.bound(arm) if other != self._roster.served[arm]]
+        comes_s = {other: MOVE_S * self._moves(other, station) for other in bound}
+        turns: list[float] = []
+        for other in sorted(bound, key=lambda other: comes_s[other] if self._bookings.has(other) else np.inf):
+            turn_s = max(free_s, comes_s[other])
+            for taken_s in turns:
+                if taken_s < turn_s + service_s and turn_s < taken_s + service_s:
+                    turn_s = taken_s + service_s
+            if other == car:
+                return turn_s - comes_s[other]
+            insort(turns, turn_s)
+        return 0.0

@@ -187,7 +187,8 @@ class Charging:
         if place is None:
             return False
         self._roster.leave(car)
-        self._bookings.book(car, place)
+        self._bookings.bind(car, place)
+        self._bookings.book(car)
         self._roster.enter(car, CarPhase.TO_CHARGER)
         self._traffic.rank[car] = LOADED_RANK_S
         self._traffic.send(car, self._state_of(place), stay=True, tick=tick)

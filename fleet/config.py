@@ -109,11 +109,13 @@ class AllocationConfig:
     allocator: str = "hungarian"
     """Name in `planners.allocation.ALLOCATORS`, or `package.module.Class` of one's own."""
     station_cap_n: int = 2
-    """Cars bound for or standing at one station at once; more would queue into the aisles."""
+    """Cars near or at one station at once, the one that is served included; more would queue into the aisles."""
     ageing: float = 0.5
     """Seconds of travel that one second of waiting since the release is worth, so that no task starves."""
     lateness: float = 1.0
     """Seconds of travel that one second of lateness is worth."""
+    late_s: float = 300.0
+    """Seconds of travel that it is worth not to be late at all, for allocators that plan ahead."""
     keep_gain_s: float = 5.0
     """A car that is under way to a pick station gives its task away only if more than this is gained [s] ..."""
     keep_share: float = 0.1
@@ -123,6 +125,7 @@ class AllocationConfig:
         require(self.station_cap_n >= 1, "allocation.station_cap_n", self.station_cap_n, "an integer >= 1")
         _not_negative("allocation.ageing", self.ageing)
         _not_negative("allocation.lateness", self.lateness)
+        _not_negative("allocation.late_s", self.late_s)
         _not_negative("allocation.keep_gain_s", self.keep_gain_s)
         require(0 <= self.keep_share <= 1, "allocation.keep_share", self.keep_share, "a number from 0 to 1")
 

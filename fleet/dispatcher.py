@@ -11,6 +11,7 @@ from fleet.config import RunConfig
 from fleet.docks import Docks
 from fleet.errors import FleetError
 from fleet.executor import Executor
+from fleet.outlook import Outlook, Outlooks
 from fleet.parking import Parking
 from fleet.robots.battery import Batteries
 from fleet.roster import AT_CHARGER, CarPhase, Roster
@@ -124,7 +125,8 @@ class Dispatcher:
             executor=executor,
             reason_book=self.reasons,
         )
-        self.stock = Stock(board, stations, desk.car, world, log, self.reasons, self._allotment.source_cost)
+        self.stock = Stock(board, stations, desk.car, world, log, self.reasons, self._allotment.source_cost, self._allotment.turn_s)
+        self._outlooks = Outlooks(self._stations, self.roster, self.service_times, traffic, executor)
         self._docks = Docks(
             graph=graph,
             stations=self._stations,
@@ -233,6 +235,8 @@ class Dispatcher:
         """Give tasks to cars that are free, and exchange those that are not picked yet where much is gained."""
         tails = self._executor.tail_states()
         held: dict[int, Task] = {}
+        busy: dict[int, Outlook] = {}
+        busy: dict[int, Outlook] = {}
         standing: list[PairReason | None] = []
         for car, phase in enumerate(self.roster.phase):
             task = self.roster.task_of[car]
@@ -241,7 +245,10 @@ class Dispatcher:
             if task is not None and before_pick and task.state is TaskState.ASSIGNED:
                 held[car] = task
             standing.append(None if car in held or self._is_free(car) else _STANDING[phase])
-        choice = self._allotment.choose(standing, held, now_s)
+            outlook = self._outlooks.of(car, now_s) if standing[car] is not None else None
+            if outlook is not None:
+                busy[car] = outlook
+        choice = self._allotment.choose(standing, held, busy, now_s)
         for car, reason in choice.taken:
             self.roster.unassign(held[car], now_s, reason)
             self.roster.stand_down(car)
@@ -277,14 +284,11 @@ class Dispatcher:
                 self.roster.release(task.car, CarPhase.RETIRED)
 
     def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
-        self.roster.leave(car)
-        if not self.bookings.book(car, self._stations[task.pick].arm):
-            return
         task.car = car
         self.roster.task_of[car] = task
         self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
         self.reasons.assigned(task)
-        self._approach.begin(car, task, tick, now_s)
+        self._approach.set_off(car, task, tick, now_s)
 
     def _take_back(self, now_s: float) -> None:
         """Free cars of tasks that they have no way to go on with."""

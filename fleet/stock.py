@@ -35,6 +35,7 @@ class Stock:
         log: Called as ``log(kind, **facts)`` when a parcel enters or leaves.
         reasons: Told why a task waits.
         source_cost: Called as ``source_cost(pick, task)``: what it costs to bring a task's parcel from a pick station.
+        turn_s: Called as ``turn_s(task)``: when a task is planned to be picked [s], inf = that is not planned.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class Stock:
         log: Log,
         reasons: ReasonBook,
         source_cost: Callable[[str, Task], float],
+        turn_s: Callable[[Task], float],
     ) -> None:
         self.entered_n = 0
         self.left_n = 0
@@ -58,6 +60,7 @@ class Stock:
         self._log = log
         self._reasons = reasons
         self._source_cost = source_cost
+        self._turn_s = turn_s
 
     def tick(self, now_s: float) -> bool:
         """Take out what is to be collected, and put the parcels of released orders on free pick slots.
@@ -130,9 +133,10 @@ class Stock:
         return self._board.count(TaskState.BACKLOG), free, sum(map(self._board.count, _CLOSED))
 
     def _fill(self, now_s: float) -> bool:
-        """Put parcels on free pick slots, the most urgent class first, then first come first."""
+        """Put parcels on free pick slots: the most urgent class first, then as planned, then first come first."""
         filled = False
-        for task in sorted(self._board.in_state(TaskState.BACKLOG), key=lambda task: task.order.priority.rank):
+        backlog = self._board.in_state(TaskState.BACKLOG)
+        for task in sorted(backlog, key=lambda task: (task.order.priority.rank, self._turn_s(task))):
             first = self._board.waits_for(task)
             if first is not None:
                 self._wait_for(task, first, now_s)

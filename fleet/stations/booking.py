@@ -1,8 +1,7 @@
-"""Bookings: who may be under way to a station, or stand there, so that its queue never grows into the aisles."""
+"""Bookings: who is bound for a station, and who may be at it, so that its queue never grows into the aisles."""
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,74 +9,73 @@ import numpy.typing as npt
 
 
 class Bookings:
-    """Places that take a limited number of cars: those bound for it and those that stand at it.
+    """Places where a limited number of cars may be at once, whoever else is on the way to them.
 
-    A car keeps its booking until it has left the dock, and may hold one for where it goes next while it leaves. Who
-    finds no room waits in order of asking; the caller decides where it waits meanwhile. Stations and chargers are both
-    places: a station takes the car that is served and its buffer, a charger takes one. A cap on work under way is what
-    manufacturing calls CONWIP (Spearman, Woodruff, Hopp, "CONWIP: a pull alternative to kanban", International
-    Journal of Production Research 28(5), 1990).
+    Any number of cars may be bound for a place, in an order. A car that is near books it, if there is room; who finds
+    none turns aside, where the caller says. A car keeps its booking until it has left the dock, and may be bound for
+    where it goes next while it leaves. Stations and chargers are both places: a station has room for the car that is
+    served and its buffer, a charger for one. A cap on work under way is what manufacturing calls CONWIP (Spearman,
+    Woodruff, Hopp, "CONWIP: a pull alternative to kanban", International Journal of Production Research 28(5), 1990).
 
     Args:
-        caps: Cars each place takes, its buffer and one, at least 1 each.
+        caps: Cars that may be at each place, its buffer and one, at least 1 each.
         n_cars: Number of cars.
     """
 
     def __init__(self, caps: Sequence[int], n_cars: int) -> None:
         self.caps = tuple(caps)
         self.place_of: npt.NDArray[np.int64] = np.full(n_cars, -1, dtype=np.int64)
-        """Place each car is bound for, stands at, or waits for, -1 for none, shape (n_cars,)."""
+        """Place each car is bound for or at, -1 for none, shape (n_cars,)."""
         self.most = [0] * len(caps)
         """Most cars each place ever had at once."""
+        self._bound: list[list[int]] = [[] for _ in caps]
         self._booked: list[list[int]] = [[] for _ in caps]
         self._leaving: list[tuple[int, int]] = []
-        self._waiting: list[deque[int]] = [deque() for _ in caps]
+
+    def bound(self, place: int) -> tuple[int, ...]:
+        """Cars bound for a place or booked there, in the order in which they set out to go."""
+        return tuple(self._bound[place])
 
     def cars(self, place: int) -> list[int]:
-        """Cars bound for a place or standing at it."""
+        """Cars that have booked a place, or still stand there."""
         return self._booked[place] + [car for car, left in self._leaving if left == place]
 
     def room(self, place: int) -> int:
         """Cars a place still takes."""
         return self.caps[place] - len(self.cars(place))
 
-    def waiting(self, place: int) -> tuple[int, ...]:
-        """Cars that wait for room, first come first."""
-        return tuple(self._waiting[place])
-
     def has(self, car: int) -> bool:
-        """Whether a car has a place, and does not only wait for one."""
+        """Whether a car has booked the place it is bound for."""
         place = int(self.place_of[car])
         return place >= 0 and car in self._booked[place]
 
-    def book(self, car: int, place: int) -> bool:
-        """Take a place for a car, unless there is no room; what it had booked before must have been left."""
+    def bind(self, car: int, place: int) -> None:
+        """Let a car be bound for a place, after all others; what it was bound for before must have been left."""
+        self._bound[place].append(car)
+        self.place_of[car] = place
+
+    def book(self, car: int) -> bool:
+        """Book for a car the place it is bound for, unless there is no room."""
+        place = int(self.place_of[car])
+        if car in self._booked[place]:
+            return True
         if self.room(place) <= 0:
             return False
-        if car in self._waiting[place]:
-            self._waiting[place].remove(car)
         self._booked[place].append(car)
         self.most[place] = max(self.most[place], len(self.cars(place)))
-        self.place_of[car] = place
         return True
 
-    def wait(self, car: int, place: int) -> None:
-        """Ask for room as soon as there is some."""
-        self._waiting[place].append(car)
-        self.place_of[car] = place
-
     def leave(self, car: int, *, stands_there: bool) -> None:
-        """Give up what a car has booked or waits for; while it still stands there, nobody takes its place."""
+        """Give up what a car is bound for; while it still stands there, nobody takes its place."""
         place = int(self.place_of[car])
         if place < 0:
             return
         self.place_of[car] = -1
-        if car in self._waiting[place]:
-            self._waiting[place].remove(car)
-            return
-        self._booked[place].remove(car)
-        if stands_there:
-            self._leaving.append((car, place))
+        self._bound[place].remove(car)
+        if car in self._booked[place]:
+            self._booked[place].remove(car)
+            if stands_there:
+                self._leaving.append((car, place))
 
     def clear(self, stands_at: Callable[[int, int], bool]) -> bool:
         """Free the places of cars that have gone.
@@ -92,12 +90,3 @@ class Bookings:
         cleared = len(staying) < len(self._leaving)
         self._leaving = staying
         return cleared
-
-    def callable_cars(self) -> list[tuple[int, int]]:
-        """Cars that wait for a place which has room, first come first, each with its place."""
-        return [
-            (car, place)
-            for place, queue in enumerate(self._waiting)
-            if queue and (room := self.room(place)) > 0
-            for car in list(queue)[:room]
-        ]

@@ -60,6 +60,8 @@ class TaskReason(StrEnum):
     UNREACHABLE = "unreachable"
     NO_CAPABLE_CAR = "no_capable_car"
     """Every car that could carry it is out of service."""
+    PLANNED = "planned"
+    """A car that is busy is to take it when it is free."""
     NO_FREE_CAR = "no_free_car"
     """Every car that could take it has another task."""
     LEFT_OVER = "left_over"
