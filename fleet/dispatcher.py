@@ -28,8 +28,10 @@ from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
 from maps.site import Site
 
-ALLOCATE_S = 1.0
-"""Longest time between two allocations; every change of tasks or cars asks for one at once [s]."""
+ALLOCATE_S = 0.5
+"""Time between two allocations, if tasks or cars have changed since the last [s]."""
+REVIEW_S = 5.0
+"""Longest time between two allocations: costs change while cars drive [s]."""
 CALL_S = 0.25
 """Time between two looks at the cars that are held back [s]."""
 
@@ -145,6 +147,7 @@ class Dispatcher:
         self._parking = Parking(_states_of(site.parking, graph), self.roster, traffic, executor)
         self._call_period = max(1, round(CALL_S / world.tick_s))
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
+        self._review_period = self._period * round(REVIEW_S / ALLOCATE_S)
         self._fastest_move_s = site.grid.cell_m / desk.car.max_speed_mps
 
     def tick(self, tick: int, now_s: float) -> None:
@@ -157,7 +160,7 @@ class Dispatcher:
             if self.charging is not None:
                 self.charging.plug_in()
             self._approach.call(tick, now_s)
-        if self.roster.changed or tick % self._period == 0:
+        if (self.roster.changed and tick % self._period == 0) or tick % self._review_period == 0:
             self.roster.changed = False
             self._take_back(now_s)
             self._time_out(now_s)

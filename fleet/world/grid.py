@@ -85,17 +85,17 @@ class GridCars:
         """
         target = commands[:, 0].astype(np.int64)
         move = target != self.states
-        legal = ~move | np.isin(self.states * self._n_states + target, self._moves)
-        legal &= (target >= 0) & (target < self._n_states)
+        codes = (self.states * self._n_states + target)[move]
+        at = np.minimum(np.searchsorted(self._moves, codes), len(self._moves) - 1)
+        legal = (target >= 0) & (target < self._n_states)
+        legal[move] &= self._moves[at] == codes
         if not legal.all():
             car = int(np.argmin(legal))
             here = int(self.states[car])
             valid = [here, *(self._moves[self._moves // self._n_states == here] % self._n_states).tolist()]
             raise CommandError(f"car {car} in state {here} is sent to state {target[car]}; valid: {valid}")
         self.speeds[:] = 0.0
-        if move.any():
-            codes = self.states[move] * self._n_states + target[move]
-            self.speeds[move] = self._move_speeds[np.searchsorted(self._moves, codes)]
+        self.speeds[move] = self._move_speeds[at]
         self._tick += 1
         if self._tick[0] % self._ticks_n == 0 and move.any():
             self.states[move] = target[move]

@@ -14,7 +14,7 @@ from planners.allocation.shop_kernel import Arrays, Integers, anneal, append, di
 from planners.allocation.shop_plan import arrays_of, planned
 from planners.errors import PlanningError
 
-ITERATIONS = 5_000
+ITERATIONS = 2000
 """Plans tried by default: 2 ms for 10 tasks, 15 ms for 80."""
 WINDOW_N = 100
 """Tasks planned ahead at most by default."""

@@ -111,8 +111,13 @@ class DistanceTable:
         """
         if goal < 0:
             raise PlanningError(f"distance table: goal {goal}; valid: states 0..{self.graph.n_states - 1}")
-        _, index = self.rows(np.array([goal], dtype=np.int32))
-        row: Distances = self._rows[index[0]]
+        index = int(self._row_of[goal]) if goal < self.graph.n_states else -1
+        if index < 0:
+            index = int(self.rows(np.array([goal], dtype=np.int32))[1][0])
+        else:
+            self._call += 1
+            self._asked[index] = self._call
+        row: Distances = self._rows[index]
         row.flags.writeable = False
         return row
 
