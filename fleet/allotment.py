@@ -12,6 +12,7 @@ from fleet.charging import Charging
 from fleet.config import AllocationConfig
 from fleet.errors import ConfigError
 from fleet.executor import Executor
+from fleet.places import Places
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
@@ -19,10 +20,11 @@ from fleet.tasks.board import UNDER_WAY, Task, TaskBoard, TaskState
 from fleet.tasks.order import Ability
 from fleet.tasks.reasons import PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
 from fleet.traffic import Traffic
+from fleet.visit_ways import VisitWays
 from planners.allocation import AllocatorError, allocator_named
 from planners.allocation.problem import NO_TASK, AllocationProblem
 from planners.allocation.reasons import Reason, reasons
-from planners.allocation.shop import Shop
+from planners.allocation.shop import NO_STATION, Shop
 from planners.mapf.distance_table import UNREACHABLE
 
 _PAIR_REASON = {
@@ -36,6 +38,8 @@ _PAIR_REASON = {
     Reason.BETTER_FOR_ALL: PairReason.BETTER_FOR_ALL,
     Reason.LEFT_FOR_LATER: PairReason.LEFT_OVER,
 }
+FULL_S = 300.0
+"""To charge a car that is full costs so much more than to charge an empty one, as seconds of travel [s]."""
 STEP_S = 1.0
 """Time of one move in traffic [s]: cells are 1 m, and cars in traffic average 1 m/s."""
 AGED_S = 150.0
@@ -103,6 +107,7 @@ class Allotment:
         service_times: How long the arms take.
         abilities: What each car can carry.
         charging: Tells which cars have the charge for a task; None = all.
+        places: Where visits go.
         traffic: Gives distances on the lane graph.
         executor: Gives the states cars can be sent from.
         reason_book: Told about every decision.
@@ -118,6 +123,7 @@ class Allotment:
         service_times: ServiceTimes,
         abilities: Sequence[Ability],
         charging: Charging | None,
+        places: Places,
         traffic: Traffic,
         executor: Executor,
         reason_book: ReasonBook,
@@ -129,6 +135,7 @@ class Allotment:
         self._service_times = service_times
         self._abilities = abilities
         self._charging = charging
+        self._ways = VisitWays(places, bookings)
         self._traffic = traffic
         self._executor = executor
         self._reasons = reason_book
@@ -136,18 +143,25 @@ class Allotment:
         self._plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
         self._unfit: dict[int, npt.NDArray[np.int8]] = {}
 
-    def choose(self, standing: Sequence[PairReason | None], held: Mapping[int, Task], now_s: float) -> Choice:
+    def choose(
+        self,
+        standing: Sequence[PairReason | None],
+        held: Mapping[int, Task],
+        kept: Mapping[int, Task],
+        now_s: float,
+    ) -> Choice:
         """Pairs of a car and a task, at most one for each.
 
         Args:
             standing: Why each car cannot take a task now, shape (n_cars,); None = it can.
             held: Tasks that cars have but may still give away, by car; these cars can take another.
+            kept: Tasks that no other car may have, by car; these cars can take no other.
             now_s: Simulated time [s].
         """
         ready = self._board.in_state(TaskState.READY)
         if not ready and len(held) < 2:
             return Choice(taken=[], given=[])
-        costs = self._costs([*ready, *held.values()], standing, now_s)
+        costs = self._costs([*ready, *held.values()], standing, kept, now_s)
         offered, full = self._offered(costs, len(ready))
         column_of = self._allocate(costs, [*offered, *range(len(ready), len(costs.tasks))], held)
         self._keep_reasons(costs, full, column_of)
@@ -164,17 +178,23 @@ class Allotment:
         """Moves from the nearest car to a pick station and on to the task's drop station."""
         state = self._by_name[pick].dock_state
         nearest = int(self._traffic.tables.to(state)[self._executor.tail_states()].min())
-        return nearest + self._moves(pick, task.order.drop)
+        return nearest + self._moves(pick, task.delivery.drop)
 
     def least_s(self, task: Task, move_s: float) -> float:
-        """The least time from a car's stand at the best pick station to the delivery [s]; inf = there is no way.
+        """The least time from the best pick station to the delivery, or from the first place of a visit to its end [s].
+
+        It is inf if there is no way.
 
         Args:
             task: The task.
             move_s: Time of one move at full speed [s].
         """
-        moves = min(self._moves(pick, task.order.drop) for pick in task.order.picks)
-        return moves * move_s + self._service_s(task.pick, task.order.drop) if moves < UNREACHABLE else np.inf
+        if task.visit is not None:
+            rest_n, stand_s = self._ways.rest(task)
+            return rest_n * move_s + stand_s if rest_n < UNREACHABLE else np.inf
+        order = task.delivery
+        moves = min(self._moves(pick, order.drop) for pick in order.picks)
+        return moves * move_s + self._service_s(task.pick, order.drop) if moves < UNREACHABLE else np.inf
 
     def _moves(self, pick: str, drop: str) -> int:
         return int(self._traffic.tables.to(self._by_name[drop].dock_state)[self._by_name[pick].dock_state])
@@ -185,7 +205,9 @@ class Allotment:
         unload = self._service_times.of(self._by_name[drop].arm, Direction.FROM_CAR)
         return load.mean_s + unload.mean_s
 
-    def _costs(self, tasks: list[Task], standing: Sequence[PairReason | None], now_s: float) -> _Costs:
+    def _costs(
+        self, tasks: list[Task], standing: Sequence[PairReason | None], kept: Mapping[int, Task], now_s: float
+    ) -> _Costs:
         config = self._config
         tails = self._executor.tail_states()
         out = np.array([_CODE[reason] if reason is not None else _CODE[PairReason.LEFT_OVER] for reason in standing])
@@ -195,26 +217,33 @@ class Allotment:
         # Many tasks share few ways.
         to_pick = {
             pick: self._traffic.tables.to(self._by_name[pick].dock_state)[tails].astype(np.float64)
-            for pick in dict.fromkeys(task.pick for task in tasks)
+            for pick in dict.fromkeys(task.pick for task in tasks if task.visit is None)
         }
         ways = {
             way: (self._moves(*way), self._service_s(*way))
-            for way in dict.fromkeys((task.pick, task.order.drop) for task in tasks)
+            for way in dict.fromkeys((task.pick, task.delivery.drop) for task in tasks if task.visit is None)
         }
         for k, task in enumerate(tasks):
-            moves = to_pick[task.pick]
-            loaded, service_s = ways[task.pick, task.order.drop]
-            codes[:, k] = self._refusals(task, out, (moves >= UNREACHABLE) | (loaded >= UNREACHABLE))
+            if task.visit is not None:
+                moves = self._ways.to_stop(task, tails)
+                rest_n, service_s = self._ways.rest(task)
+            else:
+                moves = to_pick[task.pick]
+                rest_n, service_s = ways[task.pick, task.delivery.drop]
+            codes[:, k] = self._refusals(task, out, (moves >= UNREACHABLE) | (rest_n >= UNREACHABLE))
+            self._refuse_kept(codes[:, k], task, kept)
             if self._charging is not None:
                 self._refuse_low(self._charging, codes[:, k], task, moves)
             to_pick_s = moves * STEP_S
-            eta_s = now_s + to_pick_s + loaded * STEP_S + service_s
+            eta_s = now_s + to_pick_s + rest_n * STEP_S + service_s
             late_s = np.maximum(0.0, eta_s - task.order.due_s)
             best_s = float(eta_s.min())
             late_next_turn_s = max(0.0, best_s + (best_s - now_s) - task.order.due_s)
             age_s = now_s - task.since_s[TaskState.BACKLOG]
             pressure.append(config.ageing * age_s + config.lateness * late_next_turn_s)
             cost[:, k] = to_pick_s + config.lateness * late_s - pressure[-1]
+            if task.visit is not None and task.visit.until_full and self._charging is not None:
+                cost[:, k] += FULL_S * self._charging.batteries.charge
         cost[codes != _CODE[PairReason.LEFT_OVER]] = np.inf
         return _Costs(now_s=now_s, tasks=tasks, cost_s=cost, codes=codes, pressure_s=pressure)
 
@@ -231,7 +260,7 @@ class Allotment:
             order = task.order
             unfit = np.array(
                 [
-                    free if a.fits(order) else heavy if order.mass_kg > a.max_payload_kg else lacks
+                    free if a.fits(order) else heavy if order.payload_kg > a.max_payload_kg else lacks
                     for a in self._abilities
                 ],
                 dtype=np.int8,
@@ -245,14 +274,32 @@ class Allotment:
                 codes[shunned] = _CODE[PairReason.SHUNNED]
         return codes
 
+    def _refuse_kept(self, codes: npt.NDArray[np.int8], task: Task, kept: Mapping[int, Task]) -> None:
+        """Refuse the cars, of those that could take a task, that are kept for another, or that it is not kept for."""
+        mine = next((car for car, leg in kept.items() if leg is task), None)
+        for car in np.flatnonzero(codes == _CODE[PairReason.LEFT_OVER]).tolist() if kept else ():
+            if mine is not None and car != mine:
+                codes[car] = _CODE[PairReason.OTHER_CAR]
+            elif car in kept and kept[car] is not task:
+                codes[car] = _CODE[PairReason.KEPT_FOR_LEG]
+
     def _refuse_low(
         self, charging: Charging, codes: npt.NDArray[np.int8], task: Task, moves: npt.NDArray[np.float64]
     ) -> None:
         """Refuse the cars, of those that could take a task, that have too little charge for it."""
         cars = np.flatnonzero(codes == _CODE[PairReason.LEFT_OVER])
-        stations = self._by_name[task.pick], self._by_name[task.order.drop]
-        low = cars[~charging.allows(cars.tolist(), moves[cars], *stations, task.order.mass_kg)]
-        codes[low] = _CODE[PairReason.LOW_CHARGE]
+        if task.visit is None:
+            order = task.delivery
+            stations = self._by_name[task.pick], self._by_name[order.drop]
+            allowed = charging.allows(cars.tolist(), moves[cars], *stations, order.mass_kg)
+        elif task.visit.until_full:
+            return
+        else:
+            stops = self._ways.stops(task)
+            rest_n, stand_s = self._ways.rest(task)
+            home_n = float(charging.moves_home(np.array(stops[-1].states[:1]))[0])
+            allowed = charging.allows_way(cars.tolist(), moves[cars] + rest_n + home_n, stand_s)
+        codes[cars[~allowed]] = _CODE[PairReason.LOW_CHARGE]
 
     def _offered(self, costs: _Costs, n_ready: int) -> tuple[list[int], set[int]]:
         """Ready tasks that a car can take and that there is room for, the most urgent first; those without room."""
@@ -262,14 +309,23 @@ class Allotment:
             # A drop station may have one more under way: it is held back if it arrives too early.
             drop_room[name] = self._bookings.caps[station.arm] + 1
         for task in self._board.in_state(*UNDER_WAY):
-            drop_room[task.order.drop] -= 1
+            if task.visit is None:
+                drop_room[task.delivery.drop] -= 1
+        place_room: dict[int, int] = {}
         offered, full = [], set()
         order = sorted(
             range(n_ready),
             key=lambda k: (costs.tasks[k].order.priority.rank, -costs.pressure_s[k], costs.tasks[k].index),
         )
         for k in order:
-            pick, drop = costs.tasks[k].pick, costs.tasks[k].order.drop
+            if costs.tasks[k].visit is not None:
+                possible = bool(np.isfinite(costs.cost_s[:, k]).any())
+                if possible and self._ways.take_room(costs.tasks[k], place_room):
+                    offered.append(k)
+                elif possible:
+                    full.add(k)
+                continue
+            pick, drop = costs.tasks[k].pick, costs.tasks[k].delivery.drop
             if pick_room[pick] <= 0 or drop_room[drop] <= 0:
                 full.add(k)
             elif np.isfinite(costs.cost_s[:, k]).any():
@@ -306,12 +362,18 @@ class Allotment:
     def _shop(self, cars: npt.NDArray[np.int64], tasks: list[Task], held: Mapping[int, Task], now_s: float) -> Shop:
         """The same cars and tasks with the arms they book; the clock starts now."""
         stations = list(self._by_name.values())
-        n_stations, n_places = len(stations), len(stations) + len(cars)
-        # Stations in their order, then where each car is; nobody drives to where a car was.
-        states = np.concatenate(([station.dock_state for station in stations], self._executor.tail_states()[cars]))
+        visited = {place.name: place for task in tasks if task.visit is not None for place in self._ways.stops(task)}
+        n_stations, n_known = len(stations), len(stations) + len(cars)
+        n_places = n_known + len(visited)
+        # Stations in their order, then where each car is, then what is visited; nobody drives to where a car was.
+        docks, stops = [station.dock_state for station in stations], [place.states[0] for place in visited.values()]
+        states = np.concatenate((docks, self._executor.tail_states()[cars], stops)).astype(np.int32)
         travel_s = np.full((n_places, n_places), np.inf)
         for k, station in enumerate(stations):
             moves = self._traffic.tables.to(station.dock_state)[states].astype(np.float64)
+            travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
+        for k, there in enumerate(visited.values(), start=n_known):
+            moves = self._ways.moves_from(there, states)
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
         np.fill_diagonal(travel_s, 0.0)
         service_s = np.array(
@@ -320,16 +382,27 @@ class Allotment:
         # Cars that are not planned come before those that are.
         others_n = [len([car for car in self._bookings.cars(k) if car not in held]) for k in range(n_stations)]
         left_s = np.array([self._service_times.left_s(k, now_s) for k in range(n_stations)])
-        place = np.array([[self._by_name[task.pick].arm, self._by_name[task.order.drop].arm] for task in tasks]).ravel()
+        number_of = {name: k for k, name in enumerate(visited, start=n_known)}
+        jobs = [
+            [self._by_name[name].arm for name in (task.pick, task.delivery.drop)]
+            if task.visit is None
+            else [number_of[stop.name] for stop in self._ways.stops(task)]
+            for task in tasks
+        ]
+        place = np.concatenate(jobs).astype(np.int32)
+        served = np.concatenate([np.full(len(job), task.visit is None) for task, job in zip(tasks, jobs, strict=True)])
+        stand_s = np.concatenate(
+            [np.full(len(job), self._ways.stand_s(task)) for task, job in zip(tasks, jobs, strict=True)]
+        )
         age_s = np.array([now_s - task.since_s[TaskState.BACKLOG] for task in tasks])
         return Shop(
             travel_s=travel_s,
-            start=np.arange(n_stations, n_places, dtype=np.int32),
+            start=np.arange(n_stations, n_known, dtype=np.int32),
             ready_s=np.zeros(len(cars)),
-            first_stop=np.arange(0, 2 * len(tasks) + 1, 2, dtype=np.int32),
-            place=place.astype(np.int32),
-            station=place.astype(np.int32),
-            service_s=service_s[place],
+            first_stop=np.cumsum([0, *map(len, jobs)], dtype=np.int32),
+            place=place,
+            station=np.where(served, place, NO_STATION).astype(np.int32),
+            service_s=np.where(served, service_s[np.where(served, place, 0)], stand_s),
             free_s=left_s + service_s * np.array(others_n),
             buffer_n=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
             due_s=np.array([task.order.due_s - now_s for task in tasks]),
@@ -377,14 +450,16 @@ class Allotment:
     def _why_open(self, task: Task, codes: npt.NDArray[np.int8], full: bool) -> tuple[TaskReason, str]:
         """Why nobody got a ready task; what lasts longest counts first."""
         reasons = {PAIR_REASONS[code] for code in codes.tolist()}
-        pick, drop = task.pick, task.order.drop
+        ends = (task.pick, task.delivery.drop) if task.visit is None else (task.next_words,)
         unfit = {PairReason.TOO_HEAVY, PairReason.LACKS_CAPABILITY, PairReason.CAR_OUT}
         if reasons <= unfit:
-            return TaskReason.NO_CAPABLE_CAR, "every car that could carry it is out of service"
+            return TaskReason.NO_CAPABLE_CAR, "every car that could do it is out of service"
         if reasons <= unfit | {PairReason.NO_WAY}:
-            return TaskReason.UNREACHABLE, f"no car has a way to {pick} and on to {drop}"
+            return TaskReason.UNREACHABLE, f"no car has a way to {' and on to '.join(ends)}"
         if full:
-            return TaskReason.STATION_FULL, f"{pick} or {drop} has no room for one more car"
+            return TaskReason.STATION_FULL, f"{' or '.join(ends)} has no room for one more car"
+        if PairReason.OTHER_CAR in reasons and PairReason.LEFT_OVER not in reasons:
+            return TaskReason.WAITS_FOR_ITS_CAR, "the car that did the leg before it cannot go on yet"
         if PairReason.LEFT_OVER in reasons:
             return TaskReason.LEFT_OVER, "the allocator left it and a free car over"
         return TaskReason.NO_FREE_CAR, "every car that could take it has another task"

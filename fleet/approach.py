@@ -56,7 +56,7 @@ class Approach:
 
     def set_off(self, car: int, task: Task, tick: int, now_s: float) -> None:
         """Send a loaded car to its drop station, or hold it back while there is no room."""
-        station = self._stations[task.order.drop]
+        station = self._stations[task.delivery.drop]
         self._roster.leave(car)
         if not self._bookings.waiting(station.arm) and self._bookings.book(car, station.arm):
             self.begin(car, task, tick, now_s)
@@ -68,7 +68,7 @@ class Approach:
     def begin(self, car: int, task: Task, tick: int, now_s: float) -> None:
         """Send a car with a booking on its way, unless it would only stand in the lanes before a busy arm."""
         picks = task.state is not TaskState.CARRIED
-        station = self._stations[task.pick if picks else task.order.drop]
+        station = self._stations[task.pick if picks else task.delivery.drop]
         early_s = self._free_s(car, station, now_s) - self._way_s(car, station)
         if early_s <= EARLY_S:
             if self._roster.phase[car] is CarPhase.HELD:
@@ -80,7 +80,7 @@ class Approach:
 
     def wait(self, car: int, task: Task, why: str) -> None:
         """Hold a loaded car back until there is room at its drop station."""
-        self._bookings.wait(car, self._stations[task.order.drop].arm)
+        self._bookings.wait(car, self._stations[task.delivery.drop].arm)
         self._hold(car, task, why)
 
     def call(self, tick: int, now_s: float) -> None:
@@ -89,7 +89,7 @@ class Approach:
             self._bookings.book(car, place)
         for car, phase in enumerate(self._roster.phase):
             task = self._roster.task_of[car]
-            if phase is CarPhase.HELD and task is not None and self._bookings.has(car):
+            if phase is CarPhase.HELD and task is not None and task.visit is None and self._bookings.has(car):
                 self.begin(car, task, tick, now_s)
 
     def _hold(self, car: int, task: Task, why: str) -> None:

@@ -28,9 +28,13 @@ class PairReason(StrEnum):
     TOO_HEAVY = "too_heavy"
     LACKS_CAPABILITY = "lacks_capability"
     NO_WAY = "no_way"
-    """It cannot reach the pick station past what is blocked."""
+    """It cannot reach the pick station, or the place to visit, past what is blocked."""
     SHUNNED = "shunned"
     """The task was taken from it because it did not get there."""
+    OTHER_CAR = "other_car"
+    """The car that did the leg before is to do this one too."""
+    KEPT_FOR_LEG = "kept_for_leg"
+    """It is kept for the next leg of its order."""
     CLASS_FIRST = "class_first"
     """It was given a task of a more urgent class."""
     CAR_GOT_BETTER = "car_got_better"
@@ -56,10 +60,12 @@ class TaskReason(StrEnum):
     WAITS_FOR_PREDECESSOR = "waits_for_predecessor"
     WAITS_FOR_SLOT = "waits_for_slot"
     STATION_FULL = "station_full"
-    """As many cars as it has room for are bound for its pick or drop station."""
+    """As many cars as it has room for are bound for its pick or drop station, or the place to visit."""
     UNREACHABLE = "unreachable"
     NO_CAPABLE_CAR = "no_capable_car"
     """Every car that could carry it is out of service."""
+    WAITS_FOR_ITS_CAR = "waits_for_its_car"
+    """The car that did the leg before cannot go on at present."""
     NO_FREE_CAR = "no_free_car"
     """Every car that could take it has another task."""
     LEFT_OVER = "left_over"
@@ -148,6 +154,8 @@ _DETAILS = {
     PairReason.LACKS_CAPABILITY: "lacks a capability",
     PairReason.NO_WAY: "has no way there",
     PairReason.SHUNNED: "did not get there before",
+    PairReason.OTHER_CAR: "did not do the leg before",
+    PairReason.KEPT_FOR_LEG: "is kept for the next leg of its order",
     PairReason.CLASS_FIRST: "serves {took}, which is more urgent",
     PairReason.CAR_GOT_BETTER: "takes {took} instead, at a lower cost",
     PairReason.TASK_GOT_BETTER: "leaves it to car_{taker}, which has a lower cost",
