@@ -110,7 +110,7 @@ class Charging:
         Args:
             tick: Present tick.
             now_s: Simulated time [s].
-            asked: Whether somebody has ordered a car to charge that has no charger yet.
+            asked: Whether a visit waits for a charger.
         """
         roster = self._roster
         for car, phase in enumerate(roster.phase):

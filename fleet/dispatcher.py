@@ -184,7 +184,7 @@ class Dispatcher:
             self._take_back(now_s)
             self._time_out(now_s)
             if self.charging is not None:
-                self.charging.send_low(tick, now_s, asked=self._charge_is_asked())
+                self.charging.send_low(tick, now_s, asked=self.visits.want_charger())
             self._allocate(tick, now_s)
             if self.charging is not None:
                 self.charging.send_idle(tick)
@@ -283,10 +283,6 @@ class Dispatcher:
         phase = self.roster.phase[car]
         waits = phase is CarPhase.IDLE or (phase in AT_CHARGER and self.roster.task_of[car] is None)
         return waits and (self.charging is None or self.charging.spares(car))
-
-    def _charge_is_asked(self) -> bool:
-        """Whether somebody has ordered a car to charge that has no charger yet."""
-        return any(task.visit is not None and task.visit.until_full for task in self.board.in_state(TaskState.READY))
 
     def _time_out(self, now_s: float) -> None:
         """End what has lasted too long."""

@@ -48,6 +48,8 @@ class Places:
         states = [*(station.dock_state for station in stations), *self.chargers, *self.parking]
         self.cells = tuple(int(graph.state_cell[state]) for state in states)
         """Cell of each place that is booked."""
+        self.charger_numbers = range(len(stations), len(stations) + len(self.chargers))
+        """Numbers of the chargers among the places that are booked."""
         self._names = PlaceNames(site)
         self._graph = graph
         self._traffic = traffic

@@ -147,14 +147,19 @@ class Roster:
         self._traffic.rank[car] = 0.0
 
     def kept(self) -> dict[int, Task]:
-        """Cars that have done one leg of an order and are kept for the next, by car."""
+        """Cars that have done one leg of an order and are kept for the next, by car.
+
+        A leg that was taken from its car, or whose car is out of service for good, is any car's.
+        """
         kept = {}
         for task in self._board.legs:
             if task.state not in (TaskState.BACKLOG, TaskState.READY, TaskState.ASSIGNED):
                 continue
             before = self._board.named(task.order.same_car_as)
             car = before.car
-            if before.state in DONE_STATES and car is not None and self.phase[car] not in _GONE:
+            if before.state not in DONE_STATES or car is None or car in task.shunned:
+                continue
+            if self.phase[car] not in _GONE:
                 kept[car] = task
         return kept
 

@@ -106,6 +106,15 @@ class Visits:
                 self._log("called", car=f"car_{car}", task=task.order.name, place=task.place)
                 self.send(car, task, tick)
 
+    def want_charger(self) -> bool:
+        """Whether a visit waits until there is room at a charger."""
+        if not self._any:
+            return False
+        chargers = self._places.charger_numbers
+        ready = [task for task in self._board.in_state(TaskState.READY) if task.visit is not None]
+        wanted = any(all(self._places.named(name).number in chargers for name in task.next_stop) for task in ready)
+        return wanted or any(self._bookings.waiting(number) for number in chargers)
+
     def has_way(self, car: int, task: Task) -> bool:
         """Whether a car can come to its place."""
         tail = int(self._executor.tail_states()[car])

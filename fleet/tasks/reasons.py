@@ -171,23 +171,25 @@ class ReasonBook:
     """The present reason of every task, and the last decision about it.
 
     Args:
-        log: Called as ``log(kind, **facts)`` when the reason of an open task changes.
+        log: Called as ``log(kind, **facts)`` when an open task waits for a reason that it had not before.
     """
 
     def __init__(self, log: Callable[..., None]) -> None:
         self._log = log
         self._reason: dict[int, tuple[TaskReason, str, float]] = {}
         self._decision: dict[int, Decision] = {}
+        self._told: dict[int, set[TaskReason]] = {}
         self._warning: dict[int, str] = {}
 
     def note(self, task: Task, reason: TaskReason, cause: str, now_s: float) -> None:
-        """Say why a task has no car; told to the log if the reason is another one than before."""
+        """Say why a task has no car; the log is told of each reason of a task once."""
         before = self._reason.get(task.index)
-        if before is not None and before[0] is reason:
-            self._reason[task.index] = (reason, cause, before[2])
-            return
-        self._reason[task.index] = (reason, cause, now_s)
-        self._log("task_waits", task=task.order.name, reason=str(reason), cause=cause)
+        since_s = before[2] if before is not None and before[0] is reason else now_s
+        self._reason[task.index] = (reason, cause, since_s)
+        told = self._told.setdefault(task.index, set())
+        if reason not in told:
+            told.add(reason)
+            self._log("task_waits", task=task.order.name, reason=str(reason), cause=cause)
 
     def decide(self, task: Task, decision: Decision) -> None:
         """Keep how the cars were judged for a task."""
