@@ -77,7 +77,7 @@ class Approach:
         for station in self._stations.values():
             for car in self._bookings.bound(station.arm):
                 task, phase = self._roster.task_of[car], self._roster.phase[car]
-                if task is None:
+                if task is None or task.visit is not None:
                     continue
                 if phase is CarPhase.HELD:
                     self._begin(car, task, tick, now_s)
@@ -108,7 +108,7 @@ class Approach:
 
     def _station(self, task: Task) -> Station:
         """Where a car with a task goes next."""
-        return self._stations[task.order.drop if task.state is TaskState.CARRIED else task.pick]
+        return self._stations[task.delivery.drop if task.state is TaskState.CARRIED else task.pick]
 
     def _is_near(self, car: int, station: Station) -> bool:
         return self._moves(car, station) <= NEAR_N

@@ -10,11 +10,11 @@ import numpy.typing as npt
 from fleet.approach import LOADED_RANK_S, Approach
 from fleet.executor import Executor
 from fleet.robots.battery import Batteries
-from fleet.roster import AT_CHARGER, CarPhase, Roster
+from fleet.roster import AT_CHARGER, ON_VISIT, CarPhase, Roster
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
-from fleet.tasks.board import TaskState
+from fleet.tasks.board import Task, TaskState
 from fleet.traffic import Traffic
 from fleet.world.protocol import FloatArray
 from planners.mapf.distance_table import UNREACHABLE
@@ -23,6 +23,9 @@ MOVE_M = 1.0
 """Length of a move: one cell [m]."""
 SLOW_MOVE_S = 3.3
 """Time of a move in dense traffic, three times that without [s]; what is not used stays in the battery."""
+
+
+_MAY_BREAK_OFF = ON_VISIT | {CarPhase.TO_PICK, CarPhase.HELD}
 
 
 class Charging:
@@ -84,8 +87,7 @@ class Charging:
                 continue
             goal = self._state_of(int(self._bookings.place_of[car]))
             if tails[car] == goal and self._executor.idle(car):
-                self._roster.enter(car, CarPhase.CHARGING)
-                self.sessions_n += 1
+                self.begin(car)
             elif not self._traffic.reachable(int(tails[car]), goal):
                 self._roster.changed = True
                 task = self._roster.task_of[car]
@@ -93,21 +95,37 @@ class Charging:
                 if task is not None:
                     self._approach.wait(car, task, "no way to its charger")
 
-    def send_low(self, tick: int, now_s: float) -> None:
-        """Send cars with low batteries to chargers, emptiest first, and those that have enough away from them."""
+    def begin(self, car: int) -> None:
+        """Begin to charge a car that stands at a charger."""
+        self._roster.enter(car, CarPhase.CHARGING)
+        self.sessions_n += 1
+
+    def is_full(self, car: int) -> bool:
+        """Whether there is nothing more to wait for at the charger."""
+        return bool(self.batteries.charge[car] >= self.batteries.config.full)
+
+    def send_low(self, tick: int, now_s: float, *, asked: bool) -> None:
+        """Send cars with low batteries to chargers, emptiest first, and those that have enough away from them.
+
+        Args:
+            tick: Present tick.
+            now_s: Simulated time [s].
+            asked: Whether a visit waits for a charger.
+        """
         roster = self._roster
         for car, phase in enumerate(roster.phase):
             task = roster.task_of[car]
-            going = phase in (CarPhase.TO_PICK, CarPhase.HELD)
-            if going and task is not None and task.state is TaskState.ASSIGNED and self._is_critical(car):
+            if task is not None and phase in _MAY_BREAK_OFF and _can_wait(task) and self._is_critical(car):
                 roster.unassign(task, now_s, f"the battery of car_{car} is at {self.batteries.charge[car]:.0%}")
                 roster.release(car)
         low = [car for car in range(len(roster.phase)) if self._is_low(car) and self._may_charge(car)]
-        wanted = not all(self._send(car, tick) for car in self._by_need(low))
+        wanted = not all(self._send(car, tick) for car in self._by_need(low)) or asked
         for car, phase in enumerate(roster.phase):
-            if phase is not CarPhase.CHARGING or not (self._is_full(car) or (wanted and self._has_enough(car))):
+            if phase is not CarPhase.CHARGING or not (self.is_full(car) or (wanted and self._has_enough(car))):
                 continue
             task = roster.task_of[car]
+            if task is not None and task.visit is not None:
+                continue  # was ordered to charge until it is full
             self._log("charged", car=f"car_{car}", charge=round(float(self.batteries.charge[car]), 3))
             if task is not None:
                 self._approach.set_off(car, task, tick, now_s)
@@ -145,10 +163,26 @@ class Charging:
         served_s = self._service_times.of(pick.arm, Direction.TO_CAR).p90_s
         # At the drop station those before it are served first.
         served_s += self._bookings.caps[drop.arm] * self._service_times.of(drop.arm, Direction.FROM_CAR).p90_s
-        home_n = float(self.moves_home(np.array([drop.dock_state]))[0])
-        empty = self.batteries.share(MOVE_M * (to_pick + home_n), SLOW_MOVE_S * (to_pick + home_n))
         loaded = self.batteries.share(MOVE_M * loaded_n, SLOW_MOVE_S * loaded_n + served_s, load_kg)
-        spare = self.batteries.charge[cars] - empty - loaded
+        home_n = float(self.moves_home(np.array([drop.dock_state]))[0])
+        return self.allows_way(cars, to_pick + home_n, 0.0, loaded)
+
+    def allows_way(
+        self, cars: list[int], moves: FloatArray, stand_s: float, more: FloatArray | float = 0.0
+    ) -> npt.NDArray[np.bool_]:
+        """Which cars have the charge for a way without a load, that to a charger included.
+
+        Args:
+            cars: The cars.
+            moves: Moves of each, shape (k,).
+            stand_s: How long it stands on the way [s].
+            more: Share of the charge that is spent besides, one for all or shape (k,).
+
+        Returns:
+            The verdict on each car, shape (k,).
+        """
+        empty = self.batteries.share(MOVE_M * moves, SLOW_MOVE_S * moves + stand_s)
+        spare = self.batteries.charge[cars] - empty - more
         return np.asarray(spare >= self.batteries.config.margin)
 
     def moves_home(self, states: npt.NDArray[np.int_]) -> FloatArray:
@@ -170,10 +204,6 @@ class Charging:
     def _has_enough(self, car: int) -> bool:
         """Whether a charging car may be given a task, or make room."""
         return bool(self.batteries.charge[car] >= self.batteries.config.enough)
-
-    def _is_full(self, car: int) -> bool:
-        """Whether there is nothing more to wait for at the charger."""
-        return bool(self.batteries.charge[car] >= self.batteries.config.full)
 
     def _may_charge(self, car: int) -> bool:
         """Whether a car is free to go to a charger: without a task, or held back with its parcel."""
@@ -215,3 +245,10 @@ class Charging:
     def _moves(self, start: Station, goal: Station) -> float:
         moves_n = int(self._traffic.tables.to(goal.dock_state)[start.dock_state])
         return float("inf") if moves_n >= UNREACHABLE else float(moves_n)
+
+
+def _can_wait(task: Task) -> bool:
+    """Whether a task can be done later, by whatever car: its parcel is not picked, or it is a visit but to charge."""
+    if task.visit is not None:
+        return not task.visit.until_full
+    return task.state is TaskState.ASSIGNED

@@ -137,14 +137,16 @@ class TimeoutConfig:
     waiting_s: float = math.inf
     """From the release until a car has it; then it is cancelled."""
     assigned_s: float = 900.0
-    """On the way to the pick station; then another car gets it, if there is one."""
+    """On the way to the pick station, or the first place of a visit; then another car gets it, if there is one."""
     service_s: float = math.inf
     """At a dock; then it fails, and the car goes on when the arm is clear."""
     carried_s: float = math.inf
     """From the pick dock to the drop dock; then it fails, and the car takes no more tasks."""
+    visiting_s: float = math.inf
+    """From the first place of a visit to its end; then it fails, and the car is free."""
 
     def __post_init__(self) -> None:
-        for name in ("waiting_s", "assigned_s", "service_s", "carried_s"):
+        for name in ("waiting_s", "assigned_s", "service_s", "carried_s", "visiting_s"):
             require(getattr(self, name) > 0, f"timeouts.{name}", getattr(self, name), "a number > 0, or inf")
 
 

@@ -11,8 +11,11 @@ from fleet.config import RunConfig
 from fleet.docks import Docks
 from fleet.errors import FleetError
 from fleet.executor import Executor
+from fleet.lookahead import Lookahead
 from fleet.outlook import Outlook, Outlooks
 from fleet.parking import Parking
+from fleet.places import Places
+from fleet.prices import Pricing
 from fleet.robots.battery import Batteries
 from fleet.roster import AT_CHARGER, CarPhase, Roster
 from fleet.stations.arm_desk import ArmDesk
@@ -20,10 +23,13 @@ from fleet.stations.booking import Bookings
 from fleet.stations.service_time import ServiceTimes
 from fleet.stations.station import Station
 from fleet.stock import Log, Stock
+from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import CANCELLABLE, Task, TaskBoard, TaskState
 from fleet.tasks.order import Ability
 from fleet.tasks.reasons import PairReason, ReasonBook
 from fleet.traffic import Traffic
+from fleet.visit_ways import VisitWays
+from fleet.visits import Visits
 from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
 from maps.site import Site
@@ -43,12 +49,17 @@ _STANDING = (
 """Why a car in a phase cannot take a task; one that is idle and cannot is about to charge."""
 
 
+_UNDER_WAY = (CarPhase.TO_PICK, CarPhase.TO_PLACE, CarPhase.HELD)
+_CAN_CHANGE_HANDS = (TaskState.ASSIGNED, TaskState.VISITING)
+"""States in which a task has a car that could as well be another."""
+
+
 class CannotCancel(FleetError):
     """A task is asked back whose parcel the fleet already has, or that has ended."""
 
 
 class CannotRequeue(FleetError):
-    """A task is to be taken from a car that is not to pick it."""
+    """A task is to be taken from a car that is not to pick it, and does not visit."""
 
 
 class Dispatcher:
@@ -90,13 +101,14 @@ class Dispatcher:
         self._traffic = traffic
         self._executor = executor
         self._stations = {station.name: station for station in stations}
-        chargers = _states_of(site.chargers[: config.battery.chargers_n], graph) if batteries is not None else ()
-        caps = [config.allocation.station_cap_n] * len(stations) + [1] * len(chargers)
-        places = [*(station.dock_state for station in stations), *chargers]
+        places = Places(site, graph, stations, traffic)
+        caps = [config.allocation.station_cap_n] * len(stations)
+        caps += [1] * (len(places.cells) - len(stations))
         self.bookings = Bookings(caps, world.n_cars)
         self.service_times = ServiceTimes(len(stations))
         self.reasons = ReasonBook(log)
-        place_cells = [int(graph.state_cell[state]) for state in places]
+        backlog = Backlog(board, self.reasons)
+        place_cells = places.cells[: len(stations) + len(places.chargers)]
         self.roster = Roster(board, self.bookings, place_cells, len(stations), executor, traffic)
         self._approach = Approach(
             self._stations, self.roster, self.bookings, self.service_times, traffic, executor, log
@@ -105,7 +117,7 @@ class Dispatcher:
         if batteries is not None:
             self.charging = Charging(
                 batteries=batteries,
-                states=chargers,
+                states=places.chargers[: config.battery.chargers_n],
                 first_place=len(stations),
                 roster=self.roster,
                 approach=self._approach,
@@ -115,19 +127,39 @@ class Dispatcher:
                 service_times=self.service_times,
                 log=log,
             )
-        self._allotment = Allotment(
+        ways = VisitWays(places, self.bookings)
+        self._pricing = Pricing(
             config=config.allocation,
-            board=board,
-            stations=stations,
-            bookings=self.bookings,
+            stations=self._stations,
             service_times=self.service_times,
             abilities=abilities,
             charging=self.charging,
+            ways=ways,
             traffic=traffic,
             executor=executor,
+        )
+        lookahead = Lookahead(
+            config=config.allocation,
+            stations=stations,
+            bookings=self.bookings,
+            service_times=self.service_times,
+            ways=ways,
+            traffic=traffic,
+        )
+        self._allotment = Allotment(
+            config=config.allocation,
+            board=board,
+            stations=self._stations,
+            bookings=self.bookings,
+            service_times=self.service_times,
+            pricing=self._pricing,
+            lookahead=lookahead,
+            ways=ways,
             reason_book=self.reasons,
         )
-        self.stock = Stock(board, stations, desk.car, world, log, self.reasons, self._allotment.source_cost, self._allotment.turn_s)
+        self.stock = Stock(
+            board, stations, desk.car, world, log, backlog, self.reasons, self._pricing.source_cost, lookahead.turn_s
+        )
         self._outlooks = Outlooks(self._stations, self.roster, self.service_times, traffic, executor)
         self._docks = Docks(
             graph=graph,
@@ -144,7 +176,19 @@ class Dispatcher:
             collect_after_s=config.collect_after_s,
             log=log,
         )
-        self._parking = Parking(_states_of(site.parking, graph), self.roster, traffic, executor)
+        self.visits = Visits(
+            places=places,
+            board=board,
+            backlog=backlog,
+            roster=self.roster,
+            bookings=self.bookings,
+            charging=self.charging,
+            traffic=traffic,
+            executor=executor,
+            world=world,
+            log=log,
+        )
+        self._parking = Parking(places.parking, self.roster, traffic, executor)
         self._call_period = max(1, round(CALL_S / world.tick_s))
         self._period = max(1, round(ALLOCATE_S / world.tick_s))
         self._review_period = self._period * round(REVIEW_S / ALLOCATE_S)
@@ -155,52 +199,59 @@ class Dispatcher:
         for task in self.board.release_due(now_s):
             self._warn_of_due(task)
         self.roster.changed |= self.stock.tick(now_s)
+        self.visits.release(now_s)
         self.roster.clear_left()
         if tick % self._call_period == 0:
             if self.charging is not None:
                 self.charging.plug_in()
             self._approach.call(tick, now_s)
+            self.visits.call(tick)
         if (self.roster.changed and tick % self._period == 0) or tick % self._review_period == 0:
             self.roster.changed = False
             self._take_back(now_s)
             self._time_out(now_s)
             if self.charging is not None:
-                self.charging.send_low(tick, now_s)
+                self.charging.send_low(tick, now_s, asked=self.visits.want_charger())
             self._allocate(tick, now_s)
             if self.charging is not None:
                 self.charging.send_idle(tick)
             self._parking.send(tick)
         self._docks.tick(tick, now_s)
+        self.visits.tick(tick, now_s)
 
     def cancel(self, task: Task, now_s: float, reason: str) -> None:
         """Take a task back whose parcel was not picked yet; its car is free, and its parcel leaves the warehouse.
+
+        A visit can be taken back until its end.
 
         Raises:
             CannotCancel: It is too late.
         """
         if task.state not in CANCELLABLE:
-            valid = ", ".join(state for state in TaskState if state in CANCELLABLE)
+            own = CANCELLABLE if task.visit is not None else CANCELLABLE - {TaskState.VISITING}
+            valid = ", ".join(state for state in TaskState if state in own)
             raise CannotCancel(f"task {task.order.name} is {task.state}; valid to cancel: {valid}")
-        car = task.car if task.state is TaskState.ASSIGNED else None
+        car = task.car if task.state in _CAN_CHANGE_HANDS else None
         self.stock.withdraw(task, now_s, reason)
         if car is not None:
             self.roster.stand_down(car)
 
     def requeue(self, task: Task, now_s: float, reason: str) -> None:
-        """Take a task away from the car that is to pick it; another car gets it, if there is one.
+        """Take a task away from the car that is to pick it, or that visits; another car gets it, if there is one.
 
         Raises:
-            CannotRequeue: No car is under way to pick it.
+            CannotRequeue: No car is under way to pick it, and none visits.
         """
-        if task.state is not TaskState.ASSIGNED or task.car is None:
-            raise CannotRequeue(f"task {task.order.name} is {task.state}; valid to requeue: {TaskState.ASSIGNED}")
+        if task.state not in _CAN_CHANGE_HANDS or task.car is None:
+            valid = TaskState.ASSIGNED if task.visit is None else ", ".join(_CAN_CHANGE_HANDS)
+            raise CannotRequeue(f"task {task.order.name} is {task.state}; valid to requeue: {valid}")
         car = task.car
         task.shunned.add(car)
         self.roster.unassign(task, now_s, reason)
         self.roster.stand_down(car)
 
     def retire(self, car: int, phase: CarPhase, now_s: float, reason: str) -> None:
-        """Take a car out of service; a task whose parcel it has not got yet goes back to the pool.
+        """Take a car out of service; a visit, or a task whose parcel it has not got yet, goes back to the pool.
 
         An arm that is at work on the car goes on: what becomes of the task is judged when it is clear.
         """
@@ -208,7 +259,7 @@ class Dispatcher:
         self.roster.enter(car, phase)
         if task is None:
             return
-        if task.state is TaskState.ASSIGNED:
+        if task.state in _CAN_CHANGE_HANDS:
             self.roster.unassign(task, now_s, reason)
         elif task.state is TaskState.CARRIED and phase is CarPhase.DEAD:
             self._docks.strand(task, car, now_s, reason)
@@ -228,10 +279,10 @@ class Dispatcher:
 
     def _warn_of_due(self, task: Task) -> None:
         """Say at once when not even a car that stands at the pick dock could bring a task in time."""
-        least_s = self._allotment.least_s(task, self._fastest_move_s)
+        least_s = self._pricing.least_s(task, self._fastest_move_s)
         if task.order.release_s + least_s > task.order.due_s:
             left_s = task.order.due_s - task.order.release_s
-            text = f"it is due {left_s:.1f} s after its release, and takes {least_s:.1f} s from {task.pick}"
+            text = f"it is due {left_s:.1f} s after its release, and takes {least_s:.1f} s from {task.next_words}"
             self.reasons.warn(task, text)
 
     def _allocate(self, tick: int, now_s: float) -> None:
@@ -239,19 +290,19 @@ class Dispatcher:
         tails = self._executor.tail_states()
         held: dict[int, Task] = {}
         busy: dict[int, Outlook] = {}
-        busy: dict[int, Outlook] = {}
         standing: list[PairReason | None] = []
         for car, phase in enumerate(self.roster.phase):
             task = self.roster.task_of[car]
-            # A car whose way ends in the dock is about to be served.
-            before_pick = phase in (CarPhase.TO_PICK, CarPhase.HELD) and tails[car] != self._goal_of(task)
-            if task is not None and before_pick and task.state is TaskState.ASSIGNED:
-                held[car] = task
+            if task is not None and task.state is TaskState.ASSIGNED and phase in _UNDER_WAY:
+                # A car whose way ends in the dock is about to be served.
+                goal = self._traffic.goals[car] if task.visit else self._stations[task.pick].dock_state
+                if tails[car] != goal:
+                    held[car] = task
             standing.append(None if car in held or self._is_free(car) else _STANDING[phase])
             outlook = self._outlooks.of(car, now_s) if standing[car] is not None else None
             if outlook is not None:
                 busy[car] = outlook
-        choice = self._allotment.choose(standing, held, busy, now_s)
+        choice = self._allotment.choose(standing, held, self.roster.kept(), busy, now_s)
         for car, reason in choice.taken:
             self.roster.unassign(held[car], now_s, reason)
             self.roster.stand_down(car)
@@ -264,10 +315,6 @@ class Dispatcher:
         waits = phase is CarPhase.IDLE or (phase in AT_CHARGER and self.roster.task_of[car] is None)
         return waits and (self.charging is None or self.charging.spares(car))
 
-    def _goal_of(self, task: Task | None) -> int:
-        """State of the dock where a task is picked, -1 for no task."""
-        return self._stations[task.pick].dock_state if task is not None else -1
-
     def _time_out(self, now_s: float) -> None:
         """End what has lasted too long."""
         limits = self._config.timeouts
@@ -276,22 +323,32 @@ class Dispatcher:
                 self.cancel(task, now_s, f"no car had it {limits.waiting_s:g} s after its release")
         for task in self.board.in_state(TaskState.ASSIGNED):
             if now_s - task.since_s[TaskState.ASSIGNED] > limits.assigned_s:
-                self.requeue(task, now_s, f"car_{task.car} was not at {task.pick} after {limits.assigned_s:g} s")
+                self.requeue(task, now_s, f"car_{task.car} was not at {task.next_words} after {limits.assigned_s:g} s")
         for task in self.board.in_state(TaskState.LOADING, TaskState.UNLOADING):
             if now_s - task.since_s[task.state] > limits.service_s:
                 self.board.move(task, TaskState.FAILED, now_s, f"was {task.state} for {limits.service_s:g} s")
+        for task in self.board.in_state(TaskState.VISITING):
+            if now_s - task.since_s[TaskState.VISITING] > limits.visiting_s and task.car is not None:
+                self.board.move(task, TaskState.FAILED, now_s, f"had not ended after {limits.visiting_s:g} s")
+                self.roster.release(task.car)
         for task in self.board.in_state(TaskState.CARRIED):
             if now_s - task.since_s[TaskState.CARRIED] > limits.carried_s and task.car is not None:
-                reason = f"car_{task.car} was not at {task.order.drop} after {limits.carried_s:g} s"
+                reason = f"car_{task.car} was not at {task.delivery.drop} after {limits.carried_s:g} s"
                 self._docks.give_up(task, now_s, reason)
                 self.roster.release(task.car, CarPhase.RETIRED)
 
     def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
+        # A visit has to find room where it goes first; a delivery waits its turn.
+        if task.visit is not None and not self.visits.book(car, task):
+            return
         task.car = car
         self.roster.task_of[car] = task
         self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
         self.reasons.assigned(task)
-        self._approach.set_off(car, task, tick, now_s)
+        if task.visit is not None:
+            self.visits.send(car, task, tick)
+        else:
+            self._approach.set_off(car, task, tick, now_s)
 
     def _take_back(self, now_s: float) -> None:
         """Free cars of tasks that they have no way to go on with."""
@@ -300,10 +357,15 @@ class Dispatcher:
         tails = self._executor.tail_states()
         for car, phase in enumerate(self.roster.phase):
             task = self.roster.task_of[car]
-            if task is None or phase not in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD):
+            if task is None or phase not in (*_UNDER_WAY, CarPhase.TO_DROP):
+                continue
+            if task.visit is not None:
+                if not self.visits.has_way(car, task):
+                    self.roster.unassign(task, now_s, f"car_{car} has no way to {task.place}")
+                    self.roster.release(car)
                 continue
             picks = task.state is not TaskState.CARRIED
-            name = task.pick if picks else task.order.drop
+            name = task.pick if picks else task.delivery.drop
             if self._traffic.reachable(int(tails[car]), self._stations[name].dock_state):
                 continue
             if picks:
@@ -312,8 +374,3 @@ class Dispatcher:
             elif self._traffic.blocked_for_good:
                 self._docks.give_up(task, now_s, f"car_{car} has no way to {name}; its parcel stays in the tray")
                 self.roster.release(car, CarPhase.RETIRED)
-
-
-def _states_of(bays: tuple[int, ...], graph: LaneGraph) -> tuple[int, ...]:
-    """The one state of each bay."""
-    return tuple(int(graph.states_of_cell(cell)[0]) for cell in bays)

@@ -91,7 +91,7 @@ class Docks:
         """Give up a task whose parcel is in a car, and the slot that waits for it."""
         self._board.move(task, TaskState.FAILED, now_s, reason)
         if task.drop_slot is not None:
-            self._stations[task.order.drop].free_slot(task.drop_slot)
+            self._stations[task.delivery.drop].free_slot(task.drop_slot)
 
     def strand(self, task: Task, car: int, now_s: float, reason: str) -> None:
         """Give up a task whose parcel rides in a car that will not move again."""
@@ -107,7 +107,7 @@ class Docks:
             if task is None:
                 continue
             loading = phase is CarPhase.TO_PICK
-            station = self._stations[task.pick if loading else task.order.drop]
+            station = self._stations[task.pick if loading else task.delivery.drop]
             if tails[car] != station.dock_state or not self._executor.idle(car):
                 continue
             if not self._desk.is_idle(station.arm):
@@ -137,7 +137,7 @@ class Docks:
             TransferRequest(
                 arm=station.arm,
                 parcel=task.parcel,
-                size_m=task.order.size_m,
+                size_m=task.delivery.size_m,
                 pick_pose=self._stock.pose(task),
                 pick_via=slot if loading else TRAY,
                 place_via=TRAY if loading else slot,

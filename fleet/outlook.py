@@ -56,11 +56,11 @@ class Outlooks:
         self._executor = executor
 
     def of(self, car: int, now_s: float) -> Outlook | None:
-        """When a car with a task has delivered it; None if it has none, is out of service, or has no way there."""
+        """When a car with a delivery has made it; None if it has none, is out of service, or has no way."""
         task = self._roster.task_of[car]
-        if task is None or self._roster.phase[car] not in _SOON_FREE:
+        if task is None or task.visit is not None or self._roster.phase[car] not in _SOON_FREE:
             return None
-        drop = self._stations[task.order.drop]
+        drop = self._stations[task.delivery.drop]
         moves, served_s = self._left(car, task, drop, now_s)
         if moves >= UNREACHABLE:
             return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fleet.executor import Executor
-from fleet.roster import PARKED, Roster
+from fleet.roster import ON_VISIT, PARKED, Roster
 from fleet.traffic import Traffic
 
 
@@ -24,12 +24,14 @@ class Parking:
         self._executor = executor
 
     def send(self, tick: int) -> None:
-        """Send every car that waits to the nearest parking place that no other such car has."""
-        waiting = [car for car, phase in enumerate(self._roster.phase) if phase in PARKED]
-        taken = {int(self._traffic.goals[car]) for car in waiting}
+        """Send every car that waits to the nearest parking place that no other such car has, or visits."""
+        phases = self._roster.phase
+        waiting = [car for car, phase in enumerate(phases) if phase in PARKED]
+        visited = {int(self._traffic.goals[car]) for car, phase in enumerate(phases) if phase in ON_VISIT}
+        taken = visited | {int(self._traffic.goals[car]) for car in waiting}
         tails = self._executor.tail_states()
         for car in waiting:
-            if int(self._traffic.goals[car]) in self.states:
+            if int(self._traffic.goals[car]) in self.states and int(self._traffic.goals[car]) not in visited:
                 continue
             free = [state for state in self.states if state not in taken]
             if not free:

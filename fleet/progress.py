@@ -7,7 +7,7 @@ from typing import Self
 
 from fleet.bar import Bar
 from fleet.simulation import Simulation
-from fleet.tasks.board import TaskState
+from fleet.tasks.board import DONE_STATES
 
 
 class Progress:
@@ -31,7 +31,7 @@ class Progress:
         if not self._bar.due():
             return
         board, sim_s = self._simulation.board, self._simulation.sim_s
-        done = board.count(TaskState.DELIVERED) + board.count(TaskState.COLLECTED)
+        done = sum(map(board.count, DONE_STATES))
         self._bar.show(done, f"{sim_s:7.1f} s", f"{sim_s:8.1f} s simulated, {done} of {len(board.tasks)} tasks done")
 
     def __enter__(self) -> Self:

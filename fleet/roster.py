@@ -9,7 +9,7 @@ import numpy as np
 
 from fleet.executor import Executor
 from fleet.stations.booking import Bookings
-from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.board import DONE_STATES, Task, TaskBoard, TaskState
 from fleet.traffic import Traffic
 
 
@@ -25,6 +25,10 @@ class CarPhase(StrEnum):
     UNLOADING = "unloading"
     TO_CHARGER = "to_charger"
     CHARGING = "charging"
+    TO_PLACE = "to_place"
+    """On a visit, on the way."""
+    STANDING = "standing"
+    """On a visit, where it was to go."""
     RECOVERING = "recovering"
     RETIRED = "retired"
     """Drives, but takes no task: a parcel that could not be unloaded lies in its tray."""
@@ -33,11 +37,15 @@ class CarPhase(StrEnum):
 
 PHASES = tuple(CarPhase)
 AT_CHARGER = frozenset({CarPhase.TO_CHARGER, CarPhase.CHARGING})
+ON_VISIT = frozenset({CarPhase.TO_PLACE, CarPhase.STANDING})
 PARKED = frozenset({CarPhase.IDLE, CarPhase.RETIRED, CarPhase.HELD})
 """Phases of a car that waits in a parking place."""
-_BOUND = frozenset({CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER})
-_BOOKED = AT_CHARGER | {CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING}
+_BOUND = frozenset({CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE})
+_AT_STATION = frozenset({CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.HELD, CarPhase.TO_DROP, CarPhase.UNLOADING})
+_BOOKED = AT_CHARGER | ON_VISIT | _AT_STATION
 """Phases of a car that has a booking or waits for one."""
+_GONE = frozenset({CarPhase.RETIRED, CarPhase.DEAD})
+_MAY_STAND_DOWN = ON_VISIT | {CarPhase.TO_PICK, CarPhase.HELD, CarPhase.CHARGING}
 
 
 class Roster:
@@ -46,7 +54,7 @@ class Roster:
     Args:
         board: The tasks.
         bookings: Who has which place.
-        place_cells: Cell of each place that is booked, stations first.
+        place_cells: Cells of the places that are booked until the car has gone, stations first.
         n_stations: How many of them are stations.
         executor: Tells which cells cars hold.
         traffic: Told who goes first, and who can move.
@@ -75,7 +83,7 @@ class Roster:
         self.charges = np.zeros(n_cars, dtype=np.bool_)
         """True for a car that stands at a charger and charges, shape (n_cars,)."""
         self.bound = np.zeros(n_cars, dtype=np.bool_)
-        """True for a car on its way to a station or charger, shape (n_cars,)."""
+        """True for a car on its way to a station, charger or place, shape (n_cars,)."""
         self.served = np.full(n_stations, -1, dtype=np.int64)
         """The car each arm is at work on, or on its way home from, -1 for none, shape (n_stations,)."""
         self.changed = True
@@ -94,7 +102,7 @@ class Roster:
         waits = phase in AT_CHARGER or phase is CarPhase.HELD
         carries = waits and task is not None and task.state is TaskState.CARRIED
         self.loaded[car] = carries or phase in (CarPhase.TO_DROP, CarPhase.UNLOADING)
-        self.load_kg[car] = task.order.mass_kg if self.loaded[car] and task is not None else 0.0
+        self.load_kg[car] = task.delivery.mass_kg if self.loaded[car] and task is not None else 0.0
         self.awake[car] = phase not in PARKED and phase is not CarPhase.DEAD
         self.charges[car] = phase is CarPhase.CHARGING
         self.bound[car] = phase in _BOUND
@@ -111,7 +119,7 @@ class Roster:
         self.changed |= self._bookings.clear(self._stands_at)
 
     def unassign(self, task: Task, now_s: float, reason: str) -> None:
-        """Take a task from the car that is to pick it; what the car does next is the caller's to say."""
+        """Take a task from the car that is to pick it, or visits; what the car does next is the caller's to say."""
         if task.car is not None:
             self.task_of[task.car] = None
         task.car = None
@@ -119,10 +127,10 @@ class Roster:
         self.changed = True
 
     def stand_down(self, car: int) -> None:
-        """Free a car that was to pick a task."""
+        """Free a car that was to pick a task, or that visited."""
         self.forget(car)
         self.changed = True
-        if self.phase[car] in (CarPhase.TO_PICK, CarPhase.HELD):
+        if self.phase[car] in _MAY_STAND_DOWN:
             self.enter(car, CarPhase.IDLE)
 
     def release(self, car: int, phase: CarPhase = CarPhase.IDLE) -> None:
@@ -138,6 +146,25 @@ class Roster:
         self.task_of[car] = None
         self._traffic.rank[car] = 0.0
 
+    def kept(self) -> dict[int, Task]:
+        """Cars that have done one leg of an order and are kept for the next, by car.
+
+        A leg that was taken from its car, or whose car is out of service for good, is any car's.
+        """
+        kept = {}
+        for task in self._board.legs:
+            if task.state not in (TaskState.BACKLOG, TaskState.READY, TaskState.ASSIGNED):
+                continue
+            before = self._board.named(task.order.same_car_as)
+            car = before.car
+            if before.state not in DONE_STATES or car is None or car in task.shunned:
+                continue
+            if self.phase[car] not in _GONE:
+                kept[car] = task
+        return kept
+
     def _stands_at(self, car: int, place: int) -> bool:
-        """Whether a car still holds the cell of a place."""
-        return self._place_cells[place] in self._executor.dependencies.held_cells(car)
+        """Whether a car still holds the cell of a place; who only parks makes room, and holds nothing."""
+        return place < len(self._place_cells) and self._place_cells[place] in self._executor.dependencies.held_cells(
+            car
+        )

@@ -28,14 +28,14 @@ from fleet.recording import (
 )
 from fleet.roster import CarPhase
 from fleet.simulation import Event, Simulation
-from fleet.tasks.board import UNDER_WAY, TaskState
+from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 
 NAP_S = 0.1
 """Longest single sleep of a run that is held back to a given speed [s]."""
 COUNTED = {
     "waiting": (TaskState.ORDERED, TaskState.BACKLOG, TaskState.READY),
     "under way": UNDER_WAY,
-    "delivered": (TaskState.DELIVERED, TaskState.COLLECTED),
+    "done": DONE_STATES,
     "failed": (TaskState.FAILED,),
     "cancelled": (TaskState.CANCELLED,),
 }
@@ -208,7 +208,7 @@ class _Watch:
         self._simulation = simulation
         self._recorder = recorder
         self._wheel = np.zeros(simulation.world.n_cars)
-        self._sizes = {task.parcel: task.order.size_m for task in simulation.board.tasks}
+        self._sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
         self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in simulation.board.tasks}
         self._epoch = -1
 
@@ -275,10 +275,10 @@ def _sentence(event: Event) -> str:
 
 
 def _car_word(phase: CarPhase, speed: float) -> str:
-    if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER):
+    if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE):
         return "driving" if abs(speed) > 0.05 else "waiting"
     if phase in (CarPhase.LOADING, CarPhase.UNLOADING):
         return "docked"
-    if phase in (CarPhase.HELD, CarPhase.CHARGING):
+    if phase in (CarPhase.HELD, CarPhase.CHARGING, CarPhase.STANDING):
         return str(phase)
     return "fault" if phase in (CarPhase.DEAD, CarPhase.RECOVERING) else "idle"

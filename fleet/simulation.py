@@ -24,6 +24,7 @@ from fleet.stations.arm_cell import arm_cells
 from fleet.stations.arm_desk import ArmDesk, ArmPlanner
 from fleet.stations.arm_planner import make_arm_planner
 from fleet.stations.station import Station
+from fleet.tasks.batches import Batches
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Ability, generate_orders
 from fleet.tasks.order_file import OrderBook, read_orders
@@ -129,6 +130,7 @@ class Simulation:
                 self.graph, self.executor, config.traffic, self.tick_s, int(traffic_seed.generate_state(1)[0])
             )
             self.board = TaskBoard(self.orders, self._task_moved)
+            self.batches = Batches(self.board.tasks, self.log)
             self.stations = [
                 Station(arm, place, self.graph.state_at(place.dock.cell, place.dock.heading))
                 for arm, place in enumerate(self.site.stations)
@@ -173,10 +175,12 @@ class Simulation:
     @property
     def stalled(self) -> bool:
         """True when work is open and for `STALL_S` no task has changed and no order was still to come
-        and nobody charged."""
-        waiting = self.board.count(TaskState.ORDERED) > 0
-        waiting = waiting or bool(self.dispatcher.roster.charges.any())
-        return not waiting and self.sim_s - self._progress_s > STALL_S
+        and nobody charged or stood on a visit."""
+        if self.sim_s - max(self._progress_s, self.dispatcher.visits.progress_s) <= STALL_S:
+            return False
+        roster = self.dispatcher.roster
+        stands = CarPhase.STANDING in roster.phase or bool(roster.charges.any())
+        return not stands and self.board.count(TaskState.ORDERED) == 0
 
     def tick(self, actions: Actions | None = None) -> None:
         """Advance the whole fleet by one tick."""
@@ -236,7 +240,7 @@ class Simulation:
         return self.dispatcher.stock.balance()
 
     def cancel(self, name: str) -> None:
-        """Take an order back, as long as its parcel was not picked.
+        """Take an order back, as long as its parcel was not picked; a visit can be taken back until its end.
 
         Args:
             name: Its id.
@@ -248,14 +252,14 @@ class Simulation:
         self.dispatcher.cancel(self.board.named(name), self.sim_s, "cancelled on request")
 
     def requeue(self, name: str) -> None:
-        """Give an order to another car than the one that is under way to pick it.
+        """Give an order to another car than the one that is under way to pick it, or that visits.
 
         Args:
             name: Its id.
 
         Raises:
             UnknownTask: There is no such order.
-            CannotRequeue: No car is under way to pick it.
+            CannotRequeue: No car is under way to pick it, and none visits.
         """
         self.dispatcher.requeue(self.board.named(name), self.sim_s, "requeued on request")
 
@@ -290,12 +294,16 @@ class Simulation:
         for car in range(self.config.robots):
             own = self.config.cars.get(f"car_{car}", CarConfig())
             payload_kg = self.scene.car.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
-            found.append(Ability(max_payload_kg=payload_kg, capabilities=frozenset(own.capabilities)))
+            # Its name is a capability too, so that an order can ask for this very car.
+            capabilities = frozenset((f"car_{car}", *own.capabilities))
+            found.append(Ability(max_payload_kg=payload_kg, capabilities=capabilities))
         return tuple(found)
 
     def _orders(self, rng: np.random.Generator) -> OrderBook:
         if self.config.orders is not None:
-            return read_orders(self.config.orders, self.site, self.abilities)
+            battery = self.config.battery
+            chargers_n = len(self.site.chargers[: battery.chargers_n]) if battery.enabled else 0
+            return read_orders(self.config.orders, self.site, self.abilities, chargers_n=chargers_n)
         if self.config.stream is not None:
             orders = stream_orders(self.site, self.config.stream, self.config.duration_s, self.config.tasks, rng)
             return OrderBook(orders=orders)
@@ -324,6 +332,7 @@ class Simulation:
         self._progress_s = now_s
         car = f"car_{task.car}" if task.car is not None else None
         self.log("task", task=task.order.name, before=before, state=task.state, car=car, cause=task.reason)
+        self.batches.moved(task, before, now_s)
 
     def _merged(
         self, commands: FloatArray, actions: Actions | None

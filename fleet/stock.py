@@ -8,7 +8,8 @@ import numpy as np
 
 from fleet.robots.spec import CarSpec
 from fleet.stations.station import Station
-from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.backlog import Backlog
+from fleet.tasks.board import DONE_STATES, Task, TaskBoard, TaskState
 from fleet.tasks.reasons import ReasonBook, TaskReason
 from fleet.world.protocol import FloatArray, ParcelBody, World
 
@@ -21,7 +22,7 @@ DROP_M = 0.001
 
 Log = Callable[..., None]
 _NOT_IN_WORLD = (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED, TaskState.CANCELLED)
-_CLOSED = (TaskState.DELIVERED, TaskState.COLLECTED, TaskState.FAILED, TaskState.CANCELLED)
+_CLOSED = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
 
 
 class Stock:
@@ -33,6 +34,7 @@ class Stock:
         car: The car model, for its tray.
         world: Where parcels lie.
         log: Called as ``log(kind, **facts)`` when a parcel enters or leaves.
+        backlog: Tells which tasks wait for others.
         reasons: Told why a task waits.
         source_cost: Called as ``source_cost(pick, task)``: what it costs to bring a task's parcel from a pick station.
         turn_s: Called as ``turn_s(task)``: when a task is planned to be picked [s], inf = that is not planned.
@@ -45,6 +47,7 @@ class Stock:
         car: CarSpec,
         world: World,
         log: Log,
+        backlog: Backlog,
         reasons: ReasonBook,
         source_cost: Callable[[str, Task], float],
         turn_s: Callable[[Task], float],
@@ -58,6 +61,7 @@ class Stock:
         self._car = car
         self._world = world
         self._log = log
+        self._backlog = backlog
         self._reasons = reasons
         self._source_cost = source_cost
         self._turn_s = turn_s
@@ -78,7 +82,7 @@ class Stock:
         return filled
 
     def withdraw(self, task: Task, now_s: float, reason: str) -> None:
-        """Cancel a task whose parcel was not picked; a parcel on its slot leaves the warehouse."""
+        """Cancel a task that has no parcel in a car; a parcel on its slot leaves the warehouse."""
         if task.pick_slot is not None:
             self._world.remove_parcel(task.parcel)
             self.left_n += 1
@@ -100,7 +104,7 @@ class Stock:
             return False
         x, y, z = station.place.slots[slot]
         pose = self.pose(task)
-        lift_m = pose[2] - z - _half_height(pose, task.order.size_m)
+        lift_m = pose[2] - z - _half_height(pose, task.delivery.size_m)
         return bool(np.hypot(pose[0] - x, pose[1] - y) <= ON_SLOT_M and abs(lift_m) <= ON_SLOT_LIFT_M)
 
     def in_tray(self, task: Task, car: int) -> bool:
@@ -116,8 +120,8 @@ class Stock:
         there = set(self._world.parcel_ids().tolist())
         wrong = []
         for task in self._board.tasks:
-            if task.state is TaskState.FAILED:
-                continue  # it may lie anywhere, and the task's reason says where
+            if task.state is TaskState.FAILED or task.visit is not None:
+                continue  # the parcel may lie anywhere, and the task's reason says where
             booked = task.state not in _NOT_IN_WORLD
             if booked != (task.parcel in there):
                 wrong.append(f"{task.order.name}: booked as {task.state}, {'not ' if booked else ''}in the world")
@@ -137,13 +141,11 @@ class Stock:
         filled = False
         backlog = self._board.in_state(TaskState.BACKLOG)
         for task in sorted(backlog, key=lambda task: (task.order.priority.rank, self._turn_s(task))):
-            first = self._board.waits_for(task)
-            if first is not None:
-                self._wait_for(task, first, now_s)
+            if task.visit is not None or not self._backlog.may_begin(task, now_s):
                 continue
-            free = [name for name in task.order.picks if self._by_name[name].free_n]
+            free = [name for name in task.delivery.picks if self._by_name[name].free_n]
             if not free:
-                picks = " and ".join(task.order.picks)
+                picks = " and ".join(task.delivery.picks)
                 self._reasons.note(task, TaskReason.WAITS_FOR_SLOT, f"no slot of {picks} is free", now_s)
                 continue
             # The cheapest source; of equal ones, the first that was named.
@@ -152,23 +154,15 @@ class Stock:
             filled = True
         return filled
 
-    def _wait_for(self, task: Task, first: Task, now_s: float) -> None:
-        if first.state in (TaskState.FAILED, TaskState.CANCELLED):
-            reason = f"{first.order.name}, which comes before it, is {first.state}"
-            self._board.move(task, TaskState.FAILED, now_s, reason)
-        else:
-            reason = f"{first.order.name} must be delivered before it"
-            self._reasons.note(task, TaskReason.WAITS_FOR_PREDECESSOR, reason, now_s)
-
     def _enter(self, task: Task, station: Station, now_s: float) -> None:
         slot = station.take_slot(task.index)
         if slot is None:
             raise AssertionError("a station with a free slot gives one")
         task.pick, task.pick_slot = station.name, slot
         x, y, z = station.place.slots[slot]
-        size = task.order.size_m
+        size = task.delivery.size_m
         pose = np.array([x, y, z + size[2] / 2 + DROP_M, 0.0, 0.0, 0.0, 1.0])
-        self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.order.mass_kg, pose=pose))
+        self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.delivery.mass_kg, pose=pose))
         self.entered_n += 1
         self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
         self._board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
@@ -188,7 +182,7 @@ class Stock:
         if task.state in (TaskState.READY, TaskState.ASSIGNED):
             return self.on_slot(task, task.pick_slot, self._by_name[task.pick])
         if task.state is TaskState.DELIVERED:
-            return self.on_slot(task, task.drop_slot, self._by_name[task.order.drop])
+            return self.on_slot(task, task.drop_slot, self._by_name[task.delivery.drop])
         if task.state is TaskState.CARRIED:
             return task.car is not None and self.in_tray(task, task.car)
         return True  # an arm is at work on it

@@ -70,6 +70,16 @@ class Site:
         """Names of the stations of a kind, in their order."""
         return [station.name for station in self.stations if station.kind == kind]
 
+    def bays(self) -> dict[str, int]:
+        """Cell of each place to stand at, by name.
+
+        Docks are called like their station, the others `parking_1`, ... and `charger_1`, ... in reading order.
+        """
+        bays = {station.name: station.dock.cell for station in self.stations}
+        for kind, cells in (("parking", self.parking), ("charger", self.chargers)):
+            bays |= {f"{kind}_{k}": cell for k, cell in enumerate(cells, start=1)}
+        return bays
+
     def station(self, name: str) -> StationPlace:
         """The station of this name.
 

@@ -60,7 +60,7 @@ class Drawing:
             self._box(image, _ahead(pose, body[0]), (body[1], spec.half_width_m), CAR)
             tray = (spec.tray_size_m[0] / 2, spec.tray_size_m[1] / 2)
             self._box(image, _ahead(pose, spec.tray_x_m), tray, TRAY)
-        sizes = {task.parcel: task.order.size_m for task in simulation.board.tasks}
+        sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
         for parcel, pose in zip(world.parcel_ids().tolist(), world.parcel_poses(), strict=True):
             yaw = 2.0 * math.atan2(pose[5], pose[6])
             self._box(image, (pose[0], pose[1], yaw), (sizes[parcel][0] / 2, sizes[parcel][1] / 2), PARCEL)

@@ -42,7 +42,9 @@ class Observer:
     def __init__(self, simulation: AgentSimulation) -> None:
         self._simulation = simulation
         self._size = np.asarray(simulation.scene.size_m)
-        self._parcel_size = {task.parcel: np.asarray(task.order.size_m) for task in simulation.board.tasks}
+        self._parcel_size = {
+            task.parcel: np.asarray(task.delivery.size_m) for task in simulation.board.tasks if task.visit is None
+        }
 
     def cars(self) -> npt.NDArray[np.float32]:
         """Observations of all cars, shape (n_cars, CAR_N)."""

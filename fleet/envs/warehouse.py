@@ -76,7 +76,7 @@ from fleet.envs.window import Window
 from fleet.errors import FleetError
 from fleet.robots.iiwa import N_JOINTS
 from fleet.simulation import Actions
-from fleet.tasks.board import TaskState
+from fleet.tasks.board import DONE_STATES, TaskState
 from maps.site import load_site
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
@@ -323,7 +323,7 @@ class WarehouseEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPic
         )
 
 
-_ENDED = (TaskState.DELIVERED, TaskState.COLLECTED, TaskState.FAILED, TaskState.CANCELLED)
+_ENDED = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
 
 
 parallel_env = WarehouseEnv

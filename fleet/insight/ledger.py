@@ -36,6 +36,8 @@ class Account(IntEnum):
     FAULT = 6
     """Dead, off its lane, or out of service with a parcel that could not be unloaded."""
     IDLE = 7
+    VISITING = 8
+    """Stands where a visit takes it."""
 
 
 _DRIVES = -1  # an account is found from speed, load and station
@@ -50,6 +52,8 @@ _RULE = {
     CarPhase.UNLOADING: Account.SERVED,
     CarPhase.TO_CHARGER: _DRIVES,
     CarPhase.CHARGING: Account.CHARGING,
+    CarPhase.TO_PLACE: _DRIVES,
+    CarPhase.STANDING: Account.VISITING,
     CarPhase.RECOVERING: Account.FAULT,
     CarPhase.RETIRED: Account.FAULT,
     CarPhase.DEAD: Account.FAULT,
@@ -69,6 +73,7 @@ class CarTime:
     charging: int
     fault: int
     idle: int
+    visiting: int
 
 
 @dataclass(frozen=True, kw_only=True)

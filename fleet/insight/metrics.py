@@ -11,7 +11,7 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.insight.ledger import STANDING_MPS, CarTime, Ledger, percentages
-from fleet.tasks.board import UNDER_WAY, TaskState
+from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 from fleet.world.protocol import FloatArray
 
 if TYPE_CHECKING:
@@ -48,17 +48,24 @@ class Summary:
     tasks_done: int
     tasks_failed: int
     tasks_cancelled: int
+    visits_done: int
+    """Moves, patrols, inspections, charging and parking among the tasks done."""
+    batches: int
+    batches_done: int
+    """Batches of which everything was done."""
+    batch_span_mean_s: float | None
+    """From the release of a batch until the last of it was done, mean over those that are done [s]; None = none."""
     sim_s: float
     throughput_per_h: float
     task_time_mean_s: float | None
-    """From release to delivery [s]; None when nothing was delivered."""
+    """From release to delivery, or to the end of a visit [s]; None when nothing was done."""
     task_time_p95_s: float | None
     on_time_share: float | None
-    """Share of the tasks with a due date that were delivered by then, of those delivered or overdue; None = none."""
+    """Share of the tasks with a due date that were done by then, of those done or overdue; None = none."""
     tardiness_mean_s: float | None
     """Time by which tasks with a due date were late, 0 for those in time, mean over the same tasks [s]."""
     oldest_open_s: float
-    """Time since the release of the oldest task that is released and not delivered [s]."""
+    """Time since the release of the oldest task that is released and not done [s]."""
     distance_loaded_m: float
     distance_empty_m: float
     waiting_s: float
@@ -115,12 +122,9 @@ class Metrics:
     def summary(self, simulation: Simulation) -> Summary:
         """Figures of the run so far."""
         board, world = simulation.board, simulation.world
-        done = [
-            task
-            for task in board.in_state(TaskState.DELIVERED, TaskState.COLLECTED)
-            if TaskState.DELIVERED in task.since_s
-        ]
-        times = [task.since_s[TaskState.DELIVERED] - task.since_s[TaskState.BACKLOG] for task in done]
+        done = board.in_state(*DONE_STATES)
+        times = [task.done_s - task.since_s[TaskState.BACKLOG] for task in done if task.done_s is not None]
+        spans_s = simulation.batches.spans_s
         late = _lateness(simulation)
         waiting = [task for task in board.in_state(*_WAITING) if TaskState.BACKLOG in task.since_s]
         contacts = world.contacts()
@@ -132,6 +136,10 @@ class Metrics:
             tasks_done=len(done),
             tasks_failed=board.count(TaskState.FAILED),
             tasks_cancelled=board.count(TaskState.CANCELLED),
+            visits_done=board.count(TaskState.DONE),
+            batches=simulation.batches.n,
+            batches_done=len(spans_s),
+            batch_span_mean_s=round(float(np.mean(spans_s)), 2) if spans_s else None,
             sim_s=round(sim_s, 3),
             throughput_per_h=round(len(done) * 3600.0 / sim_s, 2) if sim_s > 0 else 0.0,
             task_time_mean_s=round(float(np.mean(times)), 2) if times else None,
@@ -202,10 +210,10 @@ def _add(speeds, loaded, bound, tick_s, distance_m, waiting_s):
 
 
 def _lateness(simulation: Simulation) -> list[float]:
-    """Delivery less due date of the tasks that have both, and for overdue ones the time since their due date [s]."""
+    """End less due date of the tasks that have both, and for overdue ones the time since their due date [s]."""
     late = []
     for task in simulation.board.tasks:
-        end_s = task.since_s.get(TaskState.DELIVERED)
+        end_s = task.done_s
         if math.isinf(task.order.due_s) or task.state is TaskState.CANCELLED:
             continue
         if end_s is not None:

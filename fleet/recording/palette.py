@@ -22,6 +22,7 @@ STATE_COLOURS = {
     "rejoining": 0xEC4899FF,
     "held": 0xB45309FF,
     "charging": 0x14B8A6FF,
+    "standing": 0xA3E635FF,
     "planning": 0xFACC15FF,
     "moving": 0x10B981FF,
     "picking": 0x10B981FF,
@@ -36,6 +37,8 @@ STATE_COLOURS = {
     "unloading": 0xEC4899FF,
     "delivered": 0x22C55EFF,
     "collected": 0x166534FF,
+    "visiting": 0xA3E635FF,
+    "done": 0x166534FF,
     "failed": 0xEF4444FF,
     "cancelled": 0xA8A29EFF,
 }

@@ -44,6 +44,10 @@ class Bookings:
         """Cars a place still takes."""
         return self.caps[place] - len(self.cars(place))
 
+    def waiting(self, place: int) -> list[int]:
+        """Cars that are bound for a place and have not booked it."""
+        return [car for car in self._bound[place] if car not in self._booked[place]]
+
     def has(self, car: int) -> bool:
         """Whether a car has booked the place it is bound for."""
         place = int(self.place_of[car])

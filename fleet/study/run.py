@@ -7,7 +7,7 @@ import numpy as np
 from fleet.config import RunConfig
 from fleet.simulation import Simulation
 from fleet.study.table import Row
-from fleet.tasks.board import Task, TaskState
+from fleet.tasks.board import DONE_STATES, Task, TaskState
 
 
 def measure(config: RunConfig) -> Row:
@@ -23,8 +23,8 @@ def measure(config: RunConfig) -> Row:
 
 def _row(config: RunConfig, simulation: Simulation) -> Row:
     released = [task for task in simulation.board.tasks if task.state is not TaskState.ORDERED]
-    delivered = [task for task in released if TaskState.DELIVERED in task.since_s and task.state in DONE]
-    times = [task.since_s[TaskState.DELIVERED] - task.order.release_s for task in delivered]
+    delivered = [task for task in released if task.state in DONE_STATES]
+    times = [task.done_s - task.order.release_s for task in delivered if task.done_s is not None]
     tardiness, on_time = _lateness(released, config.duration_s)
     ledger, ticks = simulation.metrics.ledger, max(simulation.now, 1)
     cars = {name: round(spent / (ticks * config.robots), 4) for name, spent in vars(ledger.fleet_time()).items()}
@@ -50,9 +50,6 @@ def _row(config: RunConfig, simulation: Simulation) -> Row:
     )
 
 
-DONE = (TaskState.DELIVERED, TaskState.COLLECTED)
-
-
 def _lateness(released: list[Task], end_s: float) -> tuple[float | None, float | None]:
     """Mean tardiness [s] and share on time, None without due dates; both are fixed by what is known at the end."""
     late, kept = [], []
@@ -60,7 +57,7 @@ def _lateness(released: list[Task], end_s: float) -> tuple[float | None, float |
         due_s = task.order.due_s
         if due_s == np.inf:
             continue
-        done_s = task.since_s[TaskState.DELIVERED] if task.state in DONE else np.inf
+        done_s = task.done_s if task.done_s is not None and task.state in DONE_STATES else np.inf
         late.append(max(0.0, min(done_s, end_s) - due_s))
         if due_s <= end_s:
             kept.append(done_s <= due_s)

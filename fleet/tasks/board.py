@@ -9,20 +9,20 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from fleet.errors import FleetError
-from fleet.tasks.order import Order
+from fleet.tasks.order import Delivery, Order, Visit
 
 
 class TaskState(StrEnum):
-    """Where a delivery stands."""
+    """Where a delivery or a visit stands."""
 
     ORDERED = "ordered"
     """Known to the generator or file, not yet released."""
     BACKLOG = "backlog"
-    """Released; waits for a free slot at its pick station."""
+    """Released; waits for those before it, and a delivery for a free slot at its pick station."""
     READY = "ready"
-    """Its parcel lies on a pick slot."""
+    """A car can begin: of a delivery the parcel lies on a pick slot."""
     ASSIGNED = "assigned"
-    """A car drives to the pick station."""
+    """A car drives to the pick station, or to the first place of a visit."""
     LOADING = "loading"
     """The car stands at the pick dock; the arm works."""
     CARRIED = "carried"
@@ -33,30 +33,39 @@ class TaskState(StrEnum):
     """Measured on its drop slot."""
     COLLECTED = "collected"
     """Left the warehouse."""
+    VISITING = "visiting"
+    """The car of a visit is at the first place, or goes on from there."""
+    DONE = "done"
+    """The visit has ended at its last place."""
     FAILED = "failed"
     CANCELLED = "cancelled"
-    """Taken back before its parcel was picked."""
+    """Taken back before its parcel was picked, or before the visit had ended."""
 
 
-UNDER_WAY = (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING)
+UNDER_WAY = (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING, TaskState.VISITING)
 """States in which a car works on a task."""
-OPEN_STATES = frozenset(TaskState) - {TaskState.COLLECTED, TaskState.FAILED, TaskState.CANCELLED}
+OPEN_STATES = frozenset(TaskState) - {TaskState.COLLECTED, TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED}
+DONE_STATES = (TaskState.DELIVERED, TaskState.COLLECTED, TaskState.DONE)
+"""States of a task that has come to a good end, though its parcel may still be on its slot."""
 _NEXT: dict[TaskState, frozenset[TaskState]] = {
     TaskState.ORDERED: frozenset({TaskState.BACKLOG, TaskState.CANCELLED}),
     TaskState.BACKLOG: frozenset({TaskState.READY, TaskState.FAILED, TaskState.CANCELLED}),
     TaskState.READY: frozenset({TaskState.ASSIGNED, TaskState.FAILED, TaskState.CANCELLED}),
-    TaskState.ASSIGNED: frozenset({TaskState.LOADING, TaskState.READY, TaskState.FAILED, TaskState.CANCELLED}),
+    TaskState.ASSIGNED: frozenset(
+        {TaskState.LOADING, TaskState.VISITING, TaskState.READY, TaskState.FAILED, TaskState.CANCELLED}
+    ),
     TaskState.LOADING: frozenset({TaskState.CARRIED, TaskState.READY, TaskState.FAILED}),
     TaskState.CARRIED: frozenset({TaskState.UNLOADING, TaskState.FAILED}),
     TaskState.UNLOADING: frozenset({TaskState.DELIVERED, TaskState.CARRIED, TaskState.FAILED}),
     TaskState.DELIVERED: frozenset({TaskState.COLLECTED, TaskState.FAILED}),
     TaskState.COLLECTED: frozenset(),
+    TaskState.VISITING: frozenset({TaskState.DONE, TaskState.READY, TaskState.FAILED, TaskState.CANCELLED}),
+    TaskState.DONE: frozenset(),
     TaskState.FAILED: frozenset(),
     TaskState.CANCELLED: frozenset(),
 }
 CANCELLABLE = frozenset(state for state, following in _NEXT.items() if TaskState.CANCELLED in following)
-"""States in which a task's parcel is not yet in the hands of the fleet."""
-_DELIVERED = frozenset({TaskState.DELIVERED, TaskState.COLLECTED})
+"""States in which the fleet does not have a task's parcel yet."""
 _GIVEN_UP = frozenset({TaskState.FAILED, TaskState.CANCELLED})
 
 
@@ -80,7 +89,7 @@ class Transition:
 
 @dataclass(kw_only=True)
 class Task:
-    """One delivery in progress."""
+    """One delivery or visit in progress."""
 
     index: int
     """Identity in the run; also the parcel's."""
@@ -88,7 +97,11 @@ class Task:
     state: TaskState = TaskState.ORDERED
     car: int | None = None
     pick: str = ""
-    """The pick station its parcel comes from: the preferred one until it lies on a slot."""
+    """The pick station its parcel comes from: the preferred one until it lies on a slot; empty for a visit."""
+    place: str = ""
+    """The place that the car of a visit goes to, stands at, or waits for."""
+    stops_n: int = 0
+    """Stops of a visit that have been made, by whatever car."""
     shunned: set[int] = field(default_factory=set)
     """Cars it was taken from because they did not get there, which come last."""
     pick_slot: int | None = None
@@ -101,7 +114,38 @@ class Task:
     """Every step so far."""
 
     def __post_init__(self) -> None:
-        self.pick = self.pick or self.order.pick
+        if isinstance(self.order, Delivery):
+            self.pick = self.pick or self.order.pick
+
+    @property
+    def visit(self) -> Visit | None:
+        """Its order, if that is a visit."""
+        return self.order if isinstance(self.order, Visit) else None
+
+    @property
+    def delivery(self) -> Delivery:
+        """Its order, which must be a delivery."""
+        if not isinstance(self.order, Delivery):
+            raise AssertionError(f"task {self.order.name} is no delivery")
+        return self.order
+
+    @property
+    def next_stop(self) -> tuple[str, ...]:
+        """Places of which its car has to go to one next: a station, or what a visit names."""
+        if isinstance(self.order, Visit):
+            return self.order.stops[self.stops_n]
+        return (self.delivery.drop if self.state is TaskState.CARRIED else self.pick,)
+
+    @property
+    def next_words(self) -> str:
+        """The same in words."""
+        names = self.next_stop
+        return " or ".join(names) if len(names) <= 3 else f"one of {names[0]} to {names[-1]}"
+
+    @property
+    def done_s(self) -> float | None:
+        """When it was delivered, or the visit ended [s]; None if that has not happened."""
+        return self.since_s.get(TaskState.DELIVERED, self.since_s.get(TaskState.DONE))
 
     @property
     def parcel(self) -> int:
@@ -126,6 +170,8 @@ class TaskBoard:
         self._unreleased = deque(self.tasks)
         self._open = len(self.tasks)
         self._listener = listener
+        self.legs = [task for task in self.tasks if task.order.same_car_as]
+        """Tasks that are kept for the car of the task before."""
         self._by_state: dict[TaskState, dict[int, Task]] = {state: {} for state in TaskState}
         for task in self.tasks:
             self._by_state[TaskState.ORDERED][task.index] = task
@@ -147,9 +193,9 @@ class TaskBoard:
         return self._by_name[name]
 
     def waits_for(self, task: Task) -> Task | None:
-        """An order before this one that is not delivered yet; one that never will be goes first."""
+        """An order before this one that is not done yet; one that never will be goes first."""
         first = [self._by_name[name] for name in task.order.after if name in self._by_name]
-        missing = [other for other in first if other.state not in _DELIVERED]
+        missing = [other for other in first if other.state not in DONE_STATES]
         return min(missing, key=lambda other: other.state not in _GIVEN_UP, default=None)
 
     def in_state(self, *states: TaskState) -> list[Task]:

@@ -1,11 +1,12 @@
-"""Order: what somebody wants delivered, and by whom it can be."""
+"""Order: what somebody wants done, a delivery or a visit, and by whom it can be."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
+from typing import Any, Self
 
 import numpy as np
 
@@ -31,42 +32,76 @@ class Priority(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """One parcel to be taken from a pick station to a drop station."""
+    """What all orders have; each is a `Delivery` or a `Visit`."""
 
     name: str
     release_s: float
     """Time from which the order is known [s]."""
+    due_s: float = math.inf
+    """Time by which it should be done [s]; inf = any."""
+    priority: Priority = Priority.NORMAL
+    after: tuple[str, ...] = ()
+    """Names of orders that must be done before this one may begin."""
+    needs: tuple[str, ...] = ()
+    """Capabilities that its car must have."""
+    batch: str = ""
+    """Name of the orders it belongs to, which are reported when all of them are done; empty = none."""
+    same_car_as: str = ""
+    """Name of the order that its car must have done just before, which is also in `after`; empty = any car."""
+    payload_kg: float = 0.0
+    """Greatest parcel its car must be able to carry, for this order and those that follow with the same car [kg]."""
+
+    @classmethod
+    def of(cls, shared: Order, **own: Any) -> Self:
+        """An order with what another one has of this class's fields, and its own."""
+        return cls(**{field.name: getattr(shared, field.name) for field in fields(Order)} | own)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delivery(Order):
+    """One parcel to be taken from a pick station to a drop station."""
+
     pick: str
     """Pick station, the preferred one if there are several."""
     drop: str
     mass_kg: float
     size_m: tuple[float, float, float]
     """Edges of the box [m]."""
-    due_s: float = math.inf
-    """Time by which it should be delivered [s]; inf = any."""
-    priority: Priority = Priority.NORMAL
-    after: tuple[str, ...] = ()
-    """Names of orders that must be delivered before this one may be picked."""
     picks: tuple[str, ...] = ()
     """All pick stations it can be had from, the preferred one first; none given = `pick` alone."""
-    needs: tuple[str, ...] = ()
-    """Capabilities that its car must have."""
 
     def __post_init__(self) -> None:
         if not self.picks:
             object.__setattr__(self, "picks", (self.pick,))
+        object.__setattr__(self, "payload_kg", max(self.payload_kg, self.mass_kg))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visit(Order):
+    """Places that one car goes to, one after the other, without a parcel."""
+
+    kind: str
+    """Name of its task type."""
+    stops: tuple[tuple[str, ...], ...]
+    """Names of places, in order; of several at one stop the nearest free one will do."""
+    stand_s: float = 0.0
+    """How long the car stands at each [s]."""
+    until_full: bool = False
+    """The car stands until its battery is full."""
+    inspects: bool = False
+    """When the car has stood, an event `inspected` tells its pose."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ability:
-    """What one car can carry."""
+    """What one car can do."""
 
     max_payload_kg: float
     capabilities: frozenset[str] = frozenset()
 
     def fits(self, order: Order) -> bool:
         """Whether the car may take an order."""
-        return order.mass_kg <= self.max_payload_kg and self.capabilities.issuperset(order.needs)
+        return order.payload_kg <= self.max_payload_kg and self.capabilities.issuperset(order.needs)
 
 
 def misfit(order: Order, abilities: Sequence[Ability]) -> str | None:
@@ -82,14 +117,14 @@ def misfit(order: Order, abilities: Sequence[Ability]) -> str | None:
     if any(ability.fits(order) for ability in abilities):
         return None
     payload_kg = max(ability.max_payload_kg for ability in abilities)
-    if order.mass_kg > payload_kg:
-        return f"mass_kg is '{order.mass_kg:g}'; valid: at most {payload_kg:g}, the greatest payload of a car"
+    if order.payload_kg > payload_kg:
+        return f"mass_kg is '{order.payload_kg:g}'; valid: at most {payload_kg:g}, the greatest payload of a car"
     known = sorted(frozenset().union(*(ability.capabilities for ability in abilities)))
     valid = f"what one car has and carries ({', '.join(known) or 'no car has a capability'})"
     return f"needs is '{';'.join(order.needs)}'; valid: {valid}"
 
 
-def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Generator) -> tuple[Order, ...]:
+def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Generator) -> tuple[Delivery, ...]:
     """Draw orders: the first wave at time zero, then Poisson arrivals that keep the fleet busy.
 
     Args:
@@ -110,7 +145,7 @@ def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Gener
             release_s += float(rng.exponential(20.0 / n_cars))
         edges = rng.uniform(0.05, 0.08, 3)
         orders.append(
-            Order(
+            Delivery(
                 name=f"order_{k + 1}",
                 release_s=round(release_s, 3),
                 pick=picks[int(rng.integers(len(picks)))],

@@ -6,31 +6,27 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fleet.errors import FleetError
-from fleet.tasks.order import (
-    MAX_EDGE_M,
-    MAX_MASS_KG,
-    MIN_EDGE_M,
-    MIN_MASS_KG,
-    Ability,
-    Order,
-    Priority,
-    misfit,
-)
+from fleet.tasks import TASK_TYPES
+from fleet.tasks.fields import Fields, OrdersError
+from fleet.tasks.order import Ability, Delivery, Order, Priority, misfit
+from fleet.tasks.place_names import PlaceNames
 from fleet.tasks.precedence import broken
+from fleet.tasks.task_type import Setting
 from maps.site import Site
 
-REQUIRED = ("id", "release_s", "pick", "drop", "mass_kg", "size_m")
-OPTIONAL = ("due_s", "priority", "after", "picks", "needs")
+REQUIRED = ("id", "release_s")
+OPTIONAL = ("type", "due_s", "priority", "after", "needs", "batch", "every_s", "times")
+"""Fields of orders of all types."""
+DEFAULT_TYPE = "delivery"
 LATEST_S = 1e6
-
-
-class OrdersError(FleetError):
-    """An orders file, or one order in it, is malformed; names file, line, field, value and valid values."""
+MAX_TIMES = 1000
+_OWN = tuple(dict.fromkeys(name for kind in TASK_TYPES.values() for name in (*kind.required, *kind.optional)))
+"""Fields that only some types have."""
+_KNOWN = (*REQUIRED, *OPTIONAL, *_OWN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,18 +63,23 @@ class OrderBook:
     refused: tuple[Refusal, ...] = ()
 
 
-def read_orders(path: Path, site: Site, abilities: Sequence[Ability]) -> OrderBook:
+def read_orders(path: Path, site: Site, abilities: Sequence[Ability], *, chargers_n: int = 0) -> OrderBook:
     """Read orders from a CSV file, or from a JSON file if its name ends in ``.json``.
 
-    A CSV file has the columns ``id,release_s,pick,drop,mass_kg,size_m`` and may have
-    ``due_s,priority,after,picks,needs``, in any order. `size_m` is one edge of a cube (``0.06``) or three edges
-    (``0.06x0.05x0.08``); lists are separated by semicolons. A JSON file is a list of objects with the same entries,
-    where numbers and lists may be written as such.
+    Every order has the fields ``id,release_s`` and those that its ``type`` asks for (see `TASK_TYPES`; without one it
+    is a delivery), and may have ``due_s,priority,after,needs,batch,every_s,times`` and what else its type knows. In a
+    CSV file they are columns in any order; lists are separated by semicolons, and ``size_m`` is one edge of a cube
+    (``0.06``) or three edges (``0.06x0.05x0.08``). A JSON file is a list of objects with the same entries, where
+    numbers and lists may be written as such.
+
+    An order with ``every_s`` and ``times`` becomes as many orders, ``id_1``, ``id_2``, ..., released one after the
+    other. What waits for it, by its id in ``after``, waits for all of them.
 
     Args:
         path: The file.
-        site: Gives the valid station names.
+        site: Gives the valid names of stations and places.
         abilities: What each car can carry.
+        chargers_n: Chargers in use; 0 = cars have no batteries.
 
     Returns:
         The orders, and those that were refused in the order of the file.
@@ -97,41 +98,54 @@ def read_orders(path: Path, site: Site, abilities: Sequence[Ability]) -> OrderBo
             f"orders file {path}: is not text in UTF-8 ({error.reason}); valid: a CSV or JSON file"
         ) from error
     rows = _json_rows(path, text) if path.suffix.lower() == ".json" else _csv_rows(path, text)
-    orders: dict[str, tuple[str, Order]] = {}
+    setting = Setting(site=site, places=PlaceNames(site), chargers_n=chargers_n)
+    accepted: dict[str, tuple[str, tuple[Order, ...]]] = {}
     refusals: dict[str, Refusal] = {}
+    taken: dict[str, str] = {}
+    released_s: dict[str, float] = {}
     for row in rows:
         name = row.fields.get("id", "")
         try:
-            if name in orders:
-                raise OrdersError(f"id {name!r} stands twice; valid: each id once")
-            orders[name] = (row.where, _order(row, site, abilities))
+            orders = _unfold(row, setting, abilities)
+            twice = next((word for word in (name, *(order.name for order in orders)) if word in taken), None)
+            if twice is not None:
+                of = f", and that of {taken[twice]!r} has this number" if twice != taken[twice] else ""
+                raise OrdersError(f"id {twice!r} stands twice{of}; valid: each id once")
+            _check_batch(orders[0], released_s)
         except OrdersError as error:
             refusals[row.where] = Refusal(where=row.where, name=name, cause=str(error))
+            continue
+        taken |= dict.fromkeys((name, *(order.name for order in orders)), name)
+        accepted[name] = (row.where, orders)
+    parts = _number_predecessors({name: orders for name, (_, orders) in accepted.items()})
     lost = [refusal.name for refusal in refusals.values() if refusal.name]
-    for name, cause in broken({name: order.after for name, (_, order) in orders.items()}, lost).items():
-        where, _ = orders.pop(name)
-        refusals[where] = Refusal(where=where, name=name, cause=cause)
+    after = {order.name: order.after for orders in parts.values() for order in orders}
+    for part, cause in broken(after, lost).items():
+        where, _ = accepted[taken[part]]
+        parts.pop(taken[part], None)
+        refusals.setdefault(where, Refusal(where=where, name=taken[part], cause=cause))
     refused = tuple(refusals[row.where] for row in rows if row.where in refusals)
-    if not orders:
+    if not parts:
         if not refused:
             raise OrdersError(f"orders file {path}: no orders; valid: at least one line below the header")
         more = f" (and {len(refused) - 1} more refused)" if len(refused) > 1 else ""
         raise OrdersError(f"{refused[0]}{more}; no order is left")
-    kept = sorted((order for _, order in orders.values()), key=lambda order: order.release_s)
+    kept = sorted((order for orders in parts.values() for order in orders), key=lambda order: order.release_s)
     return OrderBook(orders=tuple(kept), refused=refused)
 
 
-def write_orders(path: Path, orders: Iterable[Order]) -> None:
-    """Write orders as a CSV file that `read_orders` reads."""
+def write_orders(path: Path, orders: Iterable[Delivery]) -> None:
+    """Write deliveries as a CSV file that `read_orders` reads; what binds those of a multi-stop order is left out."""
+    required, optional = TASK_TYPES[DEFAULT_TYPE].required, ("due_s", "priority", "after", "picks", "needs", "batch")
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
-        table.writerow((*REQUIRED, *OPTIONAL))
+        table.writerow((*REQUIRED, *required, *optional))
         for order in orders:
             size = "x".join(str(edge) for edge in order.size_m)
             due = "" if math.isinf(order.due_s) else order.due_s
             lists = [";".join(words) for words in (order.after, order.picks[1:], order.needs)]
-            required = (order.name, order.release_s, order.pick, order.drop, order.mass_kg, size)
-            table.writerow([*required, due, order.priority, *lists])
+            own = (order.pick, order.drop, order.mass_kg, size)
+            table.writerow([order.name, order.release_s, *own, due, order.priority, *lists, order.batch])
 
 
 def _csv_rows(path: Path, text: str) -> list[_Row]:
@@ -142,9 +156,10 @@ def _csv_rows(path: Path, text: str) -> list[_Row]:
         raise OrdersError(f"orders file {path}, line {reader.line_num}: not CSV ({error})") from error
     lines = [(line, row) for line, row in lines if any(row)]
     line, header = lines[0] if lines else (1, [])
-    if len(set(header)) != len(header) or not set(REQUIRED) <= set(header) <= {*REQUIRED, *OPTIONAL}:
+    required = REQUIRED if "type" in header else (*REQUIRED, *TASK_TYPES[DEFAULT_TYPE].required)
+    if len(set(header)) != len(header) or not set(required) <= set(header) <= set(_KNOWN):
         found = ",".join(header) if header else "an empty file"
-        valid = f"{','.join(REQUIRED)} and any of {','.join(OPTIONAL)}, each once"
+        valid = f"{','.join(required)} and any of {','.join(n for n in _KNOWN if n not in required)}, each once"
         raise OrdersError(f"orders file {path}, line {line}: header is {found!r}; valid: {valid}")
     rows = []
     for line, row in lines[1:]:
@@ -172,86 +187,128 @@ def _json_rows(path: Path, text: str) -> list[_Row]:
 
 def _json_row(item: object, where: str) -> _Row:
     """The fields as text, as a CSV file would have them."""
-    known = f"{', '.join(REQUIRED)} and any of {', '.join(OPTIONAL)}"
+    known = f"{', '.join(REQUIRED)} and any of {', '.join((*OPTIONAL, *_OWN))}"
     if not isinstance(item, dict):
         return _Row(where=where, fields={}, fault=f"is {item!r}; valid: an object with {known}")
     fields: dict[str, str] = {}
     fault = ""
     for name, value in item.items():
-        parts = value if isinstance(value, list) else [value]
-        if name not in (*REQUIRED, *OPTIONAL):
+        if name not in _KNOWN:
             fault = fault or f"{name} is not a known entry; valid: {known}"
-        elif not all(isinstance(part, str | int | float) and not isinstance(part, bool) for part in parts):
+            continue
+        text = _edges_text(value) if name == "size_m" else _text(value, ";")
+        if text is None:
             fault = fault or f"{name} is {value!r}; valid: text, a number, or a list of these"
         else:
-            fields[name] = ("x" if name == "size_m" else ";").join(str(part).strip() for part in parts)
+            fields[name] = text
     missing = [name for name in REQUIRED if name not in fields]
     if missing:
         fault = fault or f"{missing[0]} is missing; valid: {known}"
     return _Row(where=where, fields=fields, fault=fault)
 
 
-def _order(line: _Row, site: Site, abilities: Sequence[Ability]) -> Order:
-    """Build an order from text.
+def _text(value: object, separator: str) -> str | None:
+    """A JSON value as a CSV file would have it; None if it is neither text, nor a number, nor a list of these."""
+    parts = value if isinstance(value, list) else [value]
+    if not all(isinstance(part, str | int | float) and not isinstance(part, bool) for part in parts):
+        return None
+    return separator.join(str(part).strip() for part in parts)
+
+
+def _edges_text(value: object) -> str | None:
+    """One size, as a number or three, or a list of sizes."""
+    if not isinstance(value, list) or not any(isinstance(part, str | list) for part in value):
+        return _text(value, "x")
+    sizes = [_text(part, "x") for part in value]
+    return None if None in sizes else ";".join(size for size in sizes if size is not None)
+
+
+def _unfold(row: _Row, setting: Setting, abilities: Sequence[Ability]) -> tuple[Order, ...]:
+    """The deliveries and visits of one order, one round after the other.
 
     Raises:
         OrdersError: Names field, value and valid values.
     """
-    if line.fault:
-        raise OrdersError(line.fault)
-    row = line.fields
-    if not row["id"]:
-        raise OrdersError("id is empty; valid: any text")
-    picks = site.station_names("pick")
-    drops = site.station_names("drop")
-    sources = tuple(dict.fromkeys((row["pick"], *_words(row, "picks"))))
-    for name, value, valid in [("pick", row["pick"], picks), *(("picks", source, picks) for source in sources)]:
-        if value not in valid:
-            raise OrdersError(f"{name} is {value!r}; valid: {', '.join(valid)}")
-    if row["drop"] not in drops:
-        raise OrdersError(f"drop is {row['drop']!r}; valid: {', '.join(drops)}")
-    priority = row.get("priority") or Priority.NORMAL
-    if priority not in list(Priority):
-        raise OrdersError(f"priority is {priority!r}; valid: {', '.join(Priority)}")
-    edges = [_number(part, "size_m", MIN_EDGE_M, MAX_EDGE_M) for part in row["size_m"].lower().split("x")]
-    if len(edges) == 1:
-        edges *= 3
-    if len(edges) != 3:
-        raise OrdersError(f"size_m is {row['size_m']!r}; valid: one edge (0.06) or three (0.06x0.05x0.08)")
-    release_s = _number(row["release_s"], "release_s", 0.0, LATEST_S)
-    due_s = _number(row["due_s"], "due_s", 0.0, LATEST_S) if row.get("due_s") else math.inf
-    if due_s < release_s:
-        raise OrdersError(f"due_s is {row['due_s']!r}; valid: a number from {release_s:g} (release_s)")
-    order = Order(
-        name=row["id"],
-        release_s=release_s,
-        pick=row["pick"],
-        drop=row["drop"],
-        mass_kg=_number(row["mass_kg"], "mass_kg", MIN_MASS_KG, MAX_MASS_KG),
-        size_m=(edges[0], edges[1], edges[2]),
-        due_s=due_s,
-        priority=Priority(priority),
-        after=_words(row, "after"),
-        picks=sources,
-        needs=_words(row, "needs"),
-    )
-    cause = misfit(order, abilities)
+    if row.fault:
+        raise OrdersError(row.fault)
+    fields = Fields(row.fields)
+    shared = _shared(fields)
+    word = fields.text("type") or DEFAULT_TYPE
+    if word not in TASK_TYPES:
+        raise OrdersError(f"type is {word!r}; valid: {', '.join(TASK_TYPES)}")
+    kind = TASK_TYPES[word]
+    for name in kind.required:
+        if not fields.text(name):
+            raise OrdersError(f"{name} is missing; valid: a {word} has {', '.join(kind.required)}")
+    own = (*kind.required, *kind.optional)
+    strange = next((name for name in fields.given if name in _OWN and name not in own), None)
+    if strange is not None:
+        raise OrdersError(f"{strange} is {fields.text(strange)!r}; valid: nothing, a {word} has {', '.join(own)}")
+    rounds = [kind.orders(one, fields, setting) for one in _rounds(shared, fields)]
+    cause = misfit(rounds[0][0], abilities)
     if cause is not None:
         raise OrdersError(cause)
-    return order
+    return tuple(order for orders in rounds for order in orders)
 
 
-def _words(row: Mapping[str, str], name: str) -> tuple[str, ...]:
-    """The different words of a list."""
-    words = (word.strip() for word in row.get(name, "").split(";"))
-    return tuple(dict.fromkeys(word for word in words if word))
+def _shared(fields: Fields) -> Order:
+    """What orders of all types have."""
+    if not fields.text("id"):
+        raise OrdersError("id is empty; valid: any text")
+    release_s = fields.number("release_s", 0.0, LATEST_S)
+    due_s = fields.number("due_s", 0.0, LATEST_S, math.inf)
+    if due_s < release_s:
+        raise OrdersError(f"due_s is {fields.text('due_s')!r}; valid: a number from {release_s:g} (release_s)")
+    priority = Priority(fields.choice("priority", list(Priority))) if fields.text("priority") else Priority.NORMAL
+    return Order(
+        name=fields.text("id"),
+        release_s=release_s,
+        due_s=due_s,
+        priority=priority,
+        after=tuple(dict.fromkeys(fields.words("after"))),
+        needs=tuple(dict.fromkeys(fields.words("needs"))),
+        batch=fields.text("batch"),
+    )
 
 
-def _number(text: str, what: str, low: float, high: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise OrdersError(f"{what} is {text!r}; valid: a number from {low:g} to {high:g}")
-    return value
+def _rounds(shared: Order, fields: Fields) -> list[Order]:
+    """The order itself, or one for each time it recurs."""
+    if not fields.text("every_s") and not fields.text("times"):
+        return [shared]
+    every_s = fields.number("every_s", 1.0, LATEST_S)
+    times = fields.number("times", 2, MAX_TIMES)
+    if not times.is_integer():
+        raise OrdersError(f"times is {fields.text('times')!r}; valid: a whole number from 2 to {MAX_TIMES}")
+    if shared.batch:
+        raise OrdersError(f"batch is {shared.batch!r}; valid: none for an order that recurs")
+    return [
+        replace(
+            shared,
+            name=f"{shared.name}_{k + 1}",
+            release_s=shared.release_s + k * every_s,
+            due_s=shared.due_s + k * every_s,
+        )
+        for k in range(int(times))
+    ]
+
+
+def _check_batch(order: Order, released_s: dict[str, float]) -> None:
+    """Refuse an order that is not released with the others of its batch."""
+    if not order.batch:
+        return
+    first_s = released_s.setdefault(order.batch, order.release_s)
+    if order.release_s != first_s:
+        where = f"as the others of batch {order.batch!r}"
+        raise OrdersError(f"release_s is '{order.release_s:g}'; valid: {first_s:g}, {where}")
+
+
+def _number_predecessors(orders_of: dict[str, tuple[Order, ...]]) -> dict[str, list[Order]]:
+    """Let those that wait for an order by its id wait for all that it has become."""
+    names = {name: tuple(order.name for order in orders) for name, orders in orders_of.items()}
+    return {
+        name: [
+            replace(order, after=tuple(part for first in order.after for part in names.get(first, (first,))))
+            for order in orders
+        ]
+        for name, orders in orders_of.items()
+    }

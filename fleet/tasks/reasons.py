@@ -28,9 +28,13 @@ class PairReason(StrEnum):
     TOO_HEAVY = "too_heavy"
     LACKS_CAPABILITY = "lacks_capability"
     NO_WAY = "no_way"
-    """It cannot reach the pick station past what is blocked."""
+    """It cannot reach the pick station, or the place to visit, past what is blocked."""
     SHUNNED = "shunned"
     """The task was taken from it because it did not get there."""
+    OTHER_CAR = "other_car"
+    """The car that did the leg before is to do this one too."""
+    KEPT_FOR_LEG = "kept_for_leg"
+    """It is kept for the next leg of its order."""
     CLASS_FIRST = "class_first"
     """It was given a task of a more urgent class."""
     CAR_GOT_BETTER = "car_got_better"
@@ -56,12 +60,14 @@ class TaskReason(StrEnum):
     WAITS_FOR_PREDECESSOR = "waits_for_predecessor"
     WAITS_FOR_SLOT = "waits_for_slot"
     STATION_FULL = "station_full"
-    """As many cars as it has room for are bound for its pick or drop station."""
+    """As many cars as it has room for are bound for its pick or drop station, or the place to visit."""
     UNREACHABLE = "unreachable"
     NO_CAPABLE_CAR = "no_capable_car"
     """Every car that could carry it is out of service."""
     PLANNED = "planned"
     """A car that is busy is to take it when it is free."""
+    WAITS_FOR_ITS_CAR = "waits_for_its_car"
+    """The car that did the leg before cannot go on at present."""
     NO_FREE_CAR = "no_free_car"
     """Every car that could take it has another task."""
     LEFT_OVER = "left_over"
@@ -140,6 +146,8 @@ class Decision:
 
 
 PAIR_REASONS = tuple(PairReason)
+CODE_OF_REASON = {reason: code for code, reason in enumerate(PAIR_REASONS)}
+"""Index of each reason in `PAIR_REASONS`."""
 _DETAILS = {
     PairReason.CHOSEN: "has it",
     PairReason.CAR_BUSY: "was busy with {took}",
@@ -150,6 +158,8 @@ _DETAILS = {
     PairReason.LACKS_CAPABILITY: "lacks a capability",
     PairReason.NO_WAY: "has no way there",
     PairReason.SHUNNED: "did not get there before",
+    PairReason.OTHER_CAR: "did not do the leg before",
+    PairReason.KEPT_FOR_LEG: "is kept for the next leg of its order",
     PairReason.CLASS_FIRST: "serves {took}, which is more urgent",
     PairReason.CAR_GOT_BETTER: "takes {took} instead, at a lower cost",
     PairReason.TASK_GOT_BETTER: "leaves it to car_{taker}, which has a lower cost",
@@ -165,23 +175,25 @@ class ReasonBook:
     """The present reason of every task, and the last decision about it.
 
     Args:
-        log: Called as ``log(kind, **facts)`` when the reason of an open task changes.
+        log: Called as ``log(kind, **facts)`` when an open task waits for a reason that it had not before.
     """
 
     def __init__(self, log: Callable[..., None]) -> None:
         self._log = log
         self._reason: dict[int, tuple[TaskReason, str, float]] = {}
         self._decision: dict[int, Decision] = {}
+        self._told: dict[int, set[TaskReason]] = {}
         self._warning: dict[int, str] = {}
 
     def note(self, task: Task, reason: TaskReason, cause: str, now_s: float) -> None:
-        """Say why a task has no car; told to the log if the reason is another one than before."""
+        """Say why a task has no car; the log is told of each reason of a task once."""
         before = self._reason.get(task.index)
-        if before is not None and before[0] is reason:
-            self._reason[task.index] = (reason, cause, before[2])
-            return
-        self._reason[task.index] = (reason, cause, now_s)
-        self._log("task_waits", task=task.order.name, reason=str(reason), cause=cause)
+        since_s = before[2] if before is not None and before[0] is reason else now_s
+        self._reason[task.index] = (reason, cause, since_s)
+        told = self._told.setdefault(task.index, set())
+        if reason not in told:
+            told.add(reason)
+            self._log("task_waits", task=task.order.name, reason=str(reason), cause=cause)
 
     def decide(self, task: Task, decision: Decision) -> None:
         """Keep how the cars were judged for a task."""

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import StreamConfig, StreamKind
-from fleet.tasks.order import Order, Priority
+from fleet.tasks.order import Delivery, Priority
 from maps.site import Site
 
 EDGE_M = (0.05, 0.08)
@@ -17,7 +17,7 @@ MASS_KG = (0.1, 0.5)
 
 def stream_orders(
     site: Site, config: StreamConfig, duration_s: float, n_orders: int | None, rng: np.random.Generator
-) -> tuple[Order, ...]:
+) -> tuple[Delivery, ...]:
     """Draw a stream of orders.
 
     Arrivals, stations, parcels and due dates come from generators of their own: a longer stream begins like a shorter
@@ -45,7 +45,7 @@ def stream_orders(
         chance, of_class, slack_s = terms.random(), terms.random(), terms.uniform(*config.slack_s)
         priority = list(Priority)[min(int(np.searchsorted(classes, of_class, side="right")), 2)]
         orders.append(
-            Order(
+            Delivery(
                 name=f"order_{k + 1}",
                 release_s=release_s,
                 pick=picks.draw(places),

@@ -65,7 +65,7 @@ class Shop:
     late_cost: Floats | None = None
     """What it costs once that a job ends after its due date, however little, shape (n_jobs,), >= 0; None = nothing."""
     first_order: Integers | None = None
-    """Jobs in an order that is likely to be good, such as that of the plan before, each at most once; None = unknown."""
+    """Jobs in an order that is likely to be good, such as that of the last plan, each at most once; None = unknown."""
     first_vehicle: Integers | None = None
     """Vehicle of each job of that order, shape (n_jobs,), any number for others; None = unknown."""
     makespan_weight: float = 0.0
@@ -142,9 +142,7 @@ class Shop:
         wrong = np.flatnonzero((vehicles < 0) | (vehicles >= self.n_vehicles))
         if wrong.size:
             job = self.first_order[wrong[0]]
-            raise ShopError(
-                f"shop: first_vehicle[{job}] = {self.first_vehicle[job]}; valid: 0..{self.n_vehicles - 1}"
-            )
+            raise ShopError(f"shop: first_vehicle[{job}] = {self.first_vehicle[job]}; valid: 0..{self.n_vehicles - 1}")
 
     def _check_numbers(self) -> None:
         for entry in fields(self):

@@ -84,6 +84,25 @@ FAMILIES = [
         support=frozenset({"battery", "description", "estimator", "model", "pursuit", "spec", "tools"}),
         maker="spec",
     ),
+    Family(
+        package="fleet.tasks",
+        tables=("TASK_TYPES",),
+        support=frozenset(
+            {
+                "backlog",
+                "batches",
+                "board",
+                "fields",
+                "order",
+                "order_file",
+                "place_names",
+                "precedence",
+                "reasons",
+                "stream",
+                "task_type",
+            }
+        ),
+    ),
 ]
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from fleet.tasks.board import IllegalTransition, Task, TaskBoard, TaskState
-from fleet.tasks.order import Order
+from fleet.tasks.order import Delivery
 
 LIFE = [
     TaskState.BACKLOG,
@@ -18,8 +18,10 @@ LIFE = [
 Told = list[tuple[str, TaskState, TaskState, float, str]]
 
 
-def order(name: str, release_s: float = 0.0) -> Order:
-    return Order(name=name, release_s=release_s, pick="pick_1", drop="drop_1", mass_kg=0.2, size_m=(0.05, 0.05, 0.05))
+def order(name: str, release_s: float = 0.0) -> Delivery:
+    return Delivery(
+        name=name, release_s=release_s, pick="pick_1", drop="drop_1", mass_kg=0.2, size_m=(0.05, 0.05, 0.05)
+    )
 
 
 @pytest.fixture

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from fleet.tasks.board import OPEN_STATES, IllegalTransition, TaskBoard, TaskState
-from fleet.tasks.order import Order
+from fleet.tasks.order import Delivery
 
 
-def order(name: str, release_s: float) -> Order:
-    return Order(name=name, release_s=release_s, pick="pick_1", drop="drop_1", mass_kg=0.2, size_m=(0.05, 0.05, 0.05))
+def order(name: str, release_s: float) -> Delivery:
+    return Delivery(
+        name=name, release_s=release_s, pick="pick_1", drop="drop_1", mass_kg=0.2, size_m=(0.05, 0.05, 0.05)
+    )
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -1,0 +1,164 @@
+"""Lookahead: tasks, cars and arms as one problem for allocators that plan ahead, and what they have planned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import AllocationConfig
+from fleet.outlook import STEP_S
+from fleet.prices import Prices
+from fleet.stations.booking import Bookings
+from fleet.stations.service_time import ServiceTimes
+from fleet.stations.station import Station
+from fleet.tasks.board import Task, TaskState
+from fleet.traffic import Traffic
+from fleet.visit_ways import VisitWays
+from planners.allocation.problem import Assignment
+from planners.allocation.shop import NO_STATION, Shop
+from planners.mapf.distance_table import UNREACHABLE
+
+AGED_S = 150.0
+"""The end of a task of this age, times the weight of ageing, counts twice [s]."""
+SLOT_S = 15.0
+"""A slot is expected to become free so soon if no car is under way to empty one [s]."""
+
+
+class Lookahead:
+    """Makes shops, and proposes the last plan to the next.
+
+    Args:
+        config: Ageing and lateness.
+        stations: In the order of the arms.
+        bookings: Room at the stations.
+        service_times: How long the arms take.
+        ways: Of visits.
+        traffic: Gives distances on the lane graph.
+    """
+
+    def __init__(
+        self,
+        *,
+        config: AllocationConfig,
+        stations: list[Station],
+        bookings: Bookings,
+        service_times: ServiceTimes,
+        ways: VisitWays,
+        traffic: Traffic,
+    ) -> None:
+        self._config = config
+        self._stations = stations
+        self._arm_of = {station.name: station.arm for station in stations}
+        self._bookings = bookings
+        self._service_times = service_times
+        self._ways = ways
+        self._traffic = traffic
+        self._plan: list[tuple[int, int]] = []  # task and car, in order
+        self._turn_s: dict[int, float] = {}
+
+    def turn_s(self, task: Task) -> float:
+        """When a task is planned to be picked [s]; inf = that is not planned."""
+        return self._turn_s.get(task.index, np.inf)
+
+    def keep(
+        self, prices: Prices, tasks: list[Task], cars: npt.NDArray[np.intp], shop: Shop, assignment: Assignment
+    ) -> None:
+        """Remember a plan for the tasks and cars of a shop."""
+        self._plan, self._turn_s = [], {}
+        if assignment.timetable is None:
+            return
+        start_s = assignment.timetable.start_s[shop.first_stop[:-1]].tolist()
+        car_of = {k: int(cars[row]) for row, sequence in enumerate(assignment.sequence) for k in sequence}
+        for k in sorted(car_of, key=lambda k: (start_s[k], k)):
+            self._plan.append((tasks[k].index, car_of[k]))
+            self._turn_s[tasks[k].index] = prices.now_s + start_s[k]
+
+    def shop(self, prices: Prices, tasks: list[Task], cars: npt.NDArray[np.intp], held: Mapping[int, Task]) -> Shop:
+        """Tasks, cars and the arms they book; the clock starts now.
+
+        Args:
+            prices: Where and when each car can begin.
+            tasks: The tasks to plan.
+            cars: The cars to plan for.
+            held: Tasks that cars have already and may still give away, by car.
+        """
+        now_s, n_stations = prices.now_s, len(self._stations)
+        visited = {place.name: place for task in tasks if task.visit is not None for place in self._ways.stops(task)}
+        n_known = n_stations + len(cars)
+        # Stations in their order, then where each car is, then what is visited; nobody drives to where a car was.
+        docks = [station.dock_state for station in self._stations]
+        stops = [place.states[0] for place in visited.values()]
+        states = np.concatenate((docks, prices.states[cars], stops)).astype(np.int32)
+        travel_s = np.full((len(states), len(states)), np.inf)
+        for k, dock_state in enumerate(docks):
+            moves = self._traffic.tables.to(dock_state)[states].astype(np.float64)
+            travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
+        for k, there in enumerate(visited.values(), start=n_known):
+            moves = self._ways.moves_from(there, states)
+            travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
+        np.fill_diagonal(travel_s, 0.0)
+        service_s = np.array(
+            [self._service_times.of(station.arm, station.direction).mean_s for station in self._stations]
+        )
+        number_of = {name: k for k, name in enumerate(visited, start=n_known)}
+        jobs = [
+            [self._arm_of[task.pick], self._arm_of[task.delivery.drop]]
+            if task.visit is None
+            else [number_of[stop.name] for stop in self._ways.stops(task)]
+            for task in tasks
+        ]
+        stops_n = np.array([len(job) for job in jobs])
+        place = np.concatenate(jobs).astype(np.int32)
+        served = np.repeat([task.visit is None for task in tasks], stops_n)
+        stand_s = np.repeat([self._ways.stand_s(task) for task in tasks], stops_n)
+        age_s = np.array([now_s - task.since_s[TaskState.BACKLOG] for task in tasks])
+        order, vehicle = self._proposal(tasks, cars)
+        return Shop(
+            travel_s=travel_s,
+            start=np.arange(n_stations, n_known, dtype=np.int32),
+            ready_s=prices.free_s[cars],
+            first_stop=np.concatenate(([0], np.cumsum(stops_n))).astype(np.int32),
+            place=place,
+            station=np.where(served, place, NO_STATION).astype(np.int32),
+            service_s=np.where(served, service_s[np.where(served, place, 0)], stand_s),
+            free_s=np.array([self._service_times.left_s(k, now_s) for k in range(n_stations)]),
+            buffer_n=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
+            release_s=self._release_s(tasks, cars, held, travel_s),
+            due_s=np.array([task.order.due_s - now_s for task in tasks]),
+            weight=1.0 + self._config.ageing * age_s / AGED_S,
+            late_weight=np.full(len(tasks), self._config.lateness),
+            late_cost=np.full(len(tasks), self._config.late_s),
+            first_order=order,
+            first_vehicle=vehicle,
+        )
+
+    def _release_s(
+        self,
+        tasks: list[Task],
+        cars: npt.NDArray[np.intp],
+        held: Mapping[int, Task],
+        travel_s: npt.NDArray[np.float64],
+    ) -> npt.NDArray[np.float64]:
+        """When each parcel is likely to lie on a slot: if it does not yet, when the next car empties one [s]."""
+        emptied_s: dict[str, float] = {}
+        for row, car in enumerate(cars.tolist()):
+            if car in held and held[car].visit is None:
+                pick = held[car].pick
+                way_s = float(travel_s[len(self._stations) + row, self._arm_of[pick]])
+                emptied_s[pick] = min(emptied_s.get(pick, np.inf), way_s)
+        waits = [task.state is TaskState.BACKLOG for task in tasks]
+        return np.array([emptied_s.get(t.pick, SLOT_S) if w else 0.0 for t, w in zip(tasks, waits, strict=True)])
+
+    def _proposal(
+        self, tasks: list[Task], cars: npt.NDArray[np.intp]
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """The last plan, as far as its tasks and cars are still there."""
+        column_of = {task.index: k for k, task in enumerate(tasks)}
+        row_of = {car: row for row, car in enumerate(cars.tolist())}
+        pairs = [(column_of[task], row_of[car]) for task, car in self._plan if task in column_of and car in row_of]
+        vehicle = np.full(len(tasks), -1, dtype=np.int32)
+        for k, row in pairs:
+            vehicle[k] = row
+        return np.array([k for k, _ in pairs], dtype=np.int32), vehicle

@@ -1,0 +1,82 @@
+"""PlaceNames: what the places of a site are called in orders."""
+
+from __future__ import annotations
+
+import re
+
+from fleet.tasks.fields import Fields, OrdersError
+from maps.site import Site
+
+LANE_STAND_S = 10.0
+"""Longest stand in a lane, where others have to wait behind [s]."""
+BAY_STAND_S = 3600.0
+"""Longest stand at a dock, parking place or charger [s]."""
+
+
+class PlaceNames:
+    """Names of docks (those of their stations), parking places, chargers and cells of lanes (``row,col``).
+
+    Args:
+        site: The site.
+    """
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        self._bays = site.bays()
+        self._name_of = {cell: name for name, cell in self._bays.items()}
+        self._lane_cells = frozenset(site.lanes.ravel().tolist())
+
+    def is_bay(self, name: str) -> bool:
+        """Whether a place is one to stand at: a dock, a parking place or a charger."""
+        return name in self._bays
+
+    def cell(self, name: str) -> int:
+        """Cell of a place that `places` has returned."""
+        if name in self._bays:
+            return self._bays[name]
+        row, col = name.split(",")
+        return int(row) * self._site.grid.cols + int(col)
+
+    def numbered(self, kind: str, n: int) -> tuple[str, ...]:
+        """Names of the first places of a kind, `parking` or `charger`."""
+        return tuple(f"{kind}_{k}" for k in range(1, n + 1))
+
+    def places(self, fields: Fields, name: str) -> tuple[str, ...]:
+        """The places in a field, each by the one name it has here; none if the field is empty.
+
+        Raises:
+            OrdersError: One of them is no place that a car can go to.
+        """
+        return tuple(self._place(word, name) for word in fields.words(name))
+
+    def stand_s(self, fields: Fields, stops: tuple[str, ...], default: float) -> float:
+        """How long a car is to stand at each of some places [s].
+
+        Raises:
+            OrdersError: No number, or too long for one of the places.
+        """
+        stand_s = fields.number("stand_s", 0.0, BAY_STAND_S, default)
+        lane = next((stop for stop in stops if not self.is_bay(stop)), None)
+        if lane is not None and stand_s > LANE_STAND_S:
+            valid = f"at most {LANE_STAND_S:g}, because {lane} is in a lane"
+            raise OrdersError(f"stand_s is {fields.text('stand_s')!r}; valid: {valid}")
+        return stand_s
+
+    def _place(self, word: str, field: str) -> str:
+        if word in self._bays:
+            return word
+        grid, at = self._site.grid, re.fullmatch(r"(\d{1,6})\s*,\s*(\d{1,6})", word)
+        if at is not None and int(at[1]) < grid.rows and int(at[2]) < grid.cols:
+            row, col = int(at[1]), int(at[2])
+            cell = row * grid.cols + col
+            if cell in self._lane_cells:
+                return self._name_of.get(cell, f"{row},{col}")
+        raise OrdersError(f"{field} is {word!r}; valid: {self._valid()}, or row,col of a cell with a lane")
+
+    def _valid(self) -> str:
+        stations = [station.name for station in self._site.stations]
+        ranges = []
+        for kind, cells in (("parking", self._site.parking), ("charger", self._site.chargers)):
+            if cells:
+                ranges.append(f"{kind}_1" if len(cells) == 1 else f"{kind}_1 to {kind}_{len(cells)}")
+        return ", ".join([*stations, *ranges])
