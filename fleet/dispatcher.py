@@ -206,6 +206,9 @@ class Dispatcher:
                 self.charging.plug_in()
             self._approach.call(tick, now_s)
             self.visits.call(tick)
+            if self.roster.changed:
+                # Who has been served makes room before there is a task for it.
+                self._parking.send(tick)
         if (self.roster.changed and tick % self._period == 0) or tick % self._review_period == 0:
             self.roster.changed = False
             self._take_back(now_s)

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from fleet.approach import NEAR_N
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.dispatcher import CALL_S
 from fleet.insight.ledger import STANDING_MPS
 from fleet.insight.metrics import Summary
 from fleet.roster import CarPhase
@@ -11,7 +13,6 @@ from fleet.simulation import Event, Simulation
 
 SLOW_SERVICE_S = 22.5
 """What a transfer of 7 s takes at a third of the speed, with a margin."""
-
 
 LEARNT_S = 80.0
 """By then the arm has been found to be slow."""
@@ -26,6 +27,7 @@ class Watch:
         """The same of cars that were not on their way to a station, once it was known to be slow, by station."""
         self.most = 0
         self._still_s = np.zeros(n_cars)
+        self._unbooked_s: dict[int, dict[int, float]] = {}
 
     def look(self, simulation: Simulation) -> None:
         site, bookings = simulation.site, simulation.dispatcher.bookings
@@ -44,14 +46,20 @@ class Watch:
         self.most = max(self.most, *(len(bookings.cars(station.arm)) for station in simulation.stations))
         tails = simulation.executor.tail_states()
         for station in simulation.stations:
-            bound = {
+            near = simulation.traffic.tables.to(station.dock_state)[tails] <= NEAR_N
+            phases = simulation.dispatcher.roster.phase
+            come = {
                 car
                 for car, goal in enumerate(simulation.traffic.goals)
-                if goal == station.dock_state and simulation.dispatcher.roster.phase[car] is not CarPhase.RECOVERING
+                if goal == station.dock_state and near[car] and phases[car] in (CarPhase.TO_PICK, CarPhase.TO_DROP)
             }
             there = set(np.flatnonzero(tails == station.dock_state).tolist())
-            assert bound <= set(bookings.cars(station.arm))
-            assert len(bound | there) <= simulation.config.allocation.station_cap_n + 1, "but for one that passes"
+            unbooked = come - set(bookings.cars(station.arm))
+            before = self._unbooked_s.get(station.arm, {})
+            self._unbooked_s[station.arm] = {car: before.get(car, 0.0) + simulation.tick_s for car in unbooked}
+            longest_s = max(self._unbooked_s[station.arm].values(), default=0.0)
+            assert longest_s <= CALL_S + simulation.tick_s, "who comes near has a booking or turns aside"
+            assert len((come - unbooked) | there) <= simulation.config.allocation.station_cap_n + 1, "but for one that passes"
 
 
 def run(arm: str | None, seed: int, cap: int = 2) -> tuple[Summary, list[Event], Watch]:
