@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 
 import numpy as np
 import numpy.typing as npt
@@ -104,13 +104,13 @@ class Charging:
         """Whether there is nothing more to wait for at the charger."""
         return bool(self.batteries.charge[car] >= self.batteries.config.full)
 
-    def send_low(self, tick: int, now_s: float, *, asked: bool) -> None:
+    def send_low(self, tick: int, now_s: float, wanted: Set[int]) -> None:
         """Send cars with low batteries to chargers, emptiest first, and those that have enough away from them.
 
         Args:
             tick: Present tick.
             now_s: Simulated time [s].
-            asked: Whether a visit waits for a charger.
+            wanted: Chargers to be left to visits.
         """
         roster = self._roster
         for car, phase in enumerate(roster.phase):
@@ -119,9 +119,9 @@ class Charging:
                 roster.unassign(task, now_s, f"the battery of car_{car} is at {self.batteries.charge[car]:.0%}")
                 roster.release(car)
         low = [car for car in range(len(roster.phase)) if self._is_low(car) and self._may_charge(car)]
-        wanted = not all(self._send(car, tick) for car in self._by_need(low)) or asked
+        short = not all(self._send(car, tick, wanted) for car in self._by_need(low)) or bool(wanted)
         for car, phase in enumerate(roster.phase):
-            if phase is not CarPhase.CHARGING or not (self.is_full(car) or (wanted and self._has_enough(car))):
+            if phase is not CarPhase.CHARGING or not (self.is_full(car) or (short and self._has_enough(car))):
                 continue
             task = roster.task_of[car]
             if task is not None and task.visit is not None:
@@ -132,7 +132,7 @@ class Charging:
             else:
                 roster.enter(car, CarPhase.IDLE)
 
-    def send_idle(self, tick: int) -> None:
+    def send_idle(self, tick: int, wanted: Set[int]) -> None:
         """Let parked cars that nobody needs at present charge where there is room."""
         below = self.batteries.config.idle_below
         idle = [
@@ -141,7 +141,7 @@ class Charging:
             if phase is CarPhase.IDLE and self.batteries.charge[car] < below and self._executor.idle(car)
         ]
         for car in self._by_need(idle):
-            if not self._send(car, tick):
+            if not self._send(car, tick, wanted):
                 break
 
     def allows(
@@ -211,9 +211,9 @@ class Charging:
         held = phase is CarPhase.HELD and task is not None and task.state is TaskState.CARRIED
         return held or phase is CarPhase.IDLE
 
-    def _send(self, car: int, tick: int) -> bool:
-        """Send a car to a charger; False if none is free."""
-        place = self._free_charger(int(self._executor.tail_states()[car]))
+    def _send(self, car: int, tick: int, wanted: Set[int]) -> bool:
+        """Send a car to a charger that no visit wants; False if none is free."""
+        place = self._free_charger(int(self._executor.tail_states()[car]), wanted)
         if place is None:
             return False
         self._roster.leave(car)
@@ -225,13 +225,14 @@ class Charging:
         self._log("to_charger", car=f"car_{car}", charge=round(float(self.batteries.charge[car]), 3))
         return True
 
-    def _free_charger(self, state: int) -> int | None:
+    def _free_charger(self, state: int, wanted: Set[int]) -> int | None:
         """The nearest charger that is free and can be reached from a state, as a place; None if there is none."""
         best, best_n = None, UNREACHABLE
         for k, goal in enumerate(self.states):
             moves_n = int(self._traffic.tables.to(goal)[state])
-            if moves_n < best_n and self._bookings.room(self._first + k) > 0:
-                best, best_n = self._first + k, moves_n
+            number = self._first + k
+            if moves_n < best_n and number not in wanted and self._bookings.room(number) > 0:
+                best, best_n = number, moves_n
         return best
 
     def _state_of(self, place: int) -> int:

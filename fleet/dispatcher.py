@@ -180,6 +180,7 @@ class Dispatcher:
             places=places,
             board=board,
             backlog=backlog,
+            reasons=self.reasons,
             roster=self.roster,
             bookings=self.bookings,
             charging=self.charging,
@@ -214,10 +215,11 @@ class Dispatcher:
             self._take_back(now_s)
             self._time_out(now_s)
             if self.charging is not None:
-                self.charging.send_low(tick, now_s, asked=self.visits.want_charger())
+                wanted = self.visits.chargers_wanted()
+                self.charging.send_low(tick, now_s, wanted)
             self._allocate(tick, now_s)
             if self.charging is not None:
-                self.charging.send_idle(tick)
+                self.charging.send_idle(tick, wanted)
             self._parking.send(tick)
         self._docks.tick(tick, now_s)
         self.visits.tick(tick, now_s)

@@ -31,12 +31,14 @@ class Parking:
         taken = visited | {int(self._traffic.goals[car]) for car in waiting}
         tails = self._executor.tail_states()
         for car in waiting:
-            if int(self._traffic.goals[car]) in self.states and int(self._traffic.goals[car]) not in visited:
+            goal, tail = int(self._traffic.goals[car]), int(tails[car])
+            if goal in self.states and goal not in visited and self._traffic.reachable(tail, goal):
+                self._traffic.stay[car] = False  # after a visit to this place it stays no longer than it likes
                 continue
-            free = [state for state in self.states if state not in taken]
+            free = [state for state in self.states if state not in taken and self._traffic.reachable(tail, state)]
             if not free:
                 continue
-            goal = min(free, key=lambda state: (int(self._traffic.tables.to(state)[tails[car]]), state))
+            goal = min(free, key=lambda state: (int(self._traffic.tables.to(state)[tail]), state))
             taken.add(goal)
             self._traffic.rank[car] = 0.0
             self._traffic.send(car, goal, stay=False, tick=tick)

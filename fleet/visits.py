@@ -15,6 +15,7 @@ from fleet.stations.booking import Bookings
 from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Priority, Visit
+from fleet.tasks.reasons import ReasonBook, TaskReason
 from fleet.traffic import Traffic
 from fleet.world.protocol import World
 from planners.mapf.distance_table import UNREACHABLE
@@ -31,6 +32,7 @@ class Visits:
         places: Where cars can be sent.
         board: The tasks.
         backlog: Tells which tasks wait for others.
+        reasons: Tells why a task waits.
         roster: What cars are about.
         bookings: Room at the places.
         charging: Fills batteries; None = cars have none.
@@ -46,6 +48,7 @@ class Visits:
         places: Places,
         board: TaskBoard,
         backlog: Backlog,
+        reasons: ReasonBook,
         roster: Roster,
         bookings: Bookings,
         charging: Charging | None,
@@ -59,6 +62,7 @@ class Visits:
         self._places = places
         self._board = board
         self._backlog = backlog
+        self._reasons = reasons
         self._roster = roster
         self._bookings = bookings
         self._charging = charging
@@ -107,14 +111,19 @@ class Visits:
                 self._log("called", car=f"car_{car}", task=task.order.name, place=task.place)
                 self.send(car, task, tick)
 
-    def want_charger(self) -> bool:
-        """Whether a visit waits until there is room at a charger."""
+    def chargers_wanted(self) -> set[int]:
+        """Numbers of chargers to be left to visits, for which a car would be free: one for each such visit."""
+        wanted: set[int] = set()
         if not self._any:
-            return False
+            return wanted
         chargers = self._places.charger_numbers
-        ready = [task for task in self._board.in_state(TaskState.READY) if task.visit is not None]
-        wanted = any(all(self._places.named(name).number in chargers for name in task.next_stop) for task in ready)
-        return wanted or any(self._bookings.waiting(number) for number in chargers)
+        for task in self._board.in_state(TaskState.READY):
+            if task.visit is not None and self._reasons.present(task) is TaskReason.STATION_FULL:
+                numbers = [self._places.named(name).number for name in task.next_stop]
+                free = [number for number in numbers if number in chargers and number not in wanted]
+                wanted.update(free[:1])
+        # Who is held with a visit waits there already.
+        return wanted | {number for number in chargers if self._bookings.waiting(number)}
 
     def has_way(self, car: int, task: Task) -> bool:
         """Whether a car can come to its place."""

@@ -195,6 +195,11 @@ class ReasonBook:
             told.add(reason)
             self._log("task_waits", task=task.order.name, reason=str(reason), cause=cause)
 
+    def present(self, task: Task) -> TaskReason | None:
+        """Why a task has no car, if that is known."""
+        known = self._reason.get(task.index)
+        return known[0] if known is not None else None
+
     def decide(self, task: Task, decision: Decision) -> None:
         """Keep how the cars were judged for a task."""
         self._decision[task.index] = decision
@@ -212,7 +217,7 @@ class ReasonBook:
     def report(self, task: Task) -> AssignmentReport:
         """All that is known about a task."""
         decision = self._decision.get(task.index)
-        reason, cause, since_s = self._present(task)
+        reason, cause, since_s = self._present_cause(task)
         return AssignmentReport(
             task=task.order.name,
             state=task.state,
@@ -225,7 +230,7 @@ class ReasonBook:
             pairs=decision.pairs() if decision is not None else (),
         )
 
-    def _present(self, task: Task) -> tuple[TaskReason, str, float]:
+    def _present_cause(self, task: Task) -> tuple[TaskReason, str, float]:
         since_s = task.since_s.get(task.state, 0.0)
         if task.state is TaskState.ORDERED:
             return TaskReason.NOT_RELEASED, f"will be released at {task.order.release_s:g} s", 0.0
