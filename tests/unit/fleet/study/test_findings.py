@@ -31,6 +31,7 @@ def row(allocator: str = "greedy", robots: int = 2, seed: int = 0, **changes: ob
         "queue": 0.1,
         "served": 0.28,
         "charging": 0.0,
+        "visiting": 0.0,
         "fault": 0.0,
         "idle": 0.02,
         "stations": "pick_1=0.5000/0.1000 drop_1=0.6000/0.2000",
