@@ -34,9 +34,9 @@ from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
 from maps.site import Site
 
-ALLOCATE_S = 0.5
-"""Time between two allocations, if tasks or cars have changed since the last [s]."""
-REVIEW_S = 5.0
+REVIEW_S = 0.5
+"""Time between two looks at what cannot go on, and two allocations if tasks or cars have changed [s]."""
+PRICE_S = 5.0
 """Longest time between two allocations: costs change while cars drive [s]."""
 CALL_S = 0.25
 """Time between two looks at the cars that are held back [s]."""
@@ -191,8 +191,8 @@ class Dispatcher:
         )
         self._parking = Parking(places.parking, self.roster, traffic, executor)
         self._call_period = max(1, round(CALL_S / world.tick_s))
-        self._period = max(1, round(ALLOCATE_S / world.tick_s))
-        self._review_period = self._period * round(REVIEW_S / ALLOCATE_S)
+        self._period = max(1, round(REVIEW_S / world.tick_s))
+        self._price_period = self._period * round(PRICE_S / REVIEW_S)
         self._fastest_move_s = site.grid.cell_m / desk.car.max_speed_mps
 
     def tick(self, tick: int, now_s: float) -> None:
@@ -210,19 +210,23 @@ class Dispatcher:
             if self.roster.changed:
                 # Who has been served makes room before there is a task for it.
                 self._parking.send(tick)
-        if (self.roster.changed and tick % self._period == 0) or tick % self._review_period == 0:
-            self.roster.changed = False
-            self._take_back(now_s)
-            self._time_out(now_s)
-            if self.charging is not None:
-                wanted = self.visits.chargers_wanted()
-                self.charging.send_low(tick, now_s, wanted)
-            self._allocate(tick, now_s)
-            if self.charging is not None:
-                self.charging.send_idle(tick, wanted)
-            self._parking.send(tick)
+        if tick % self._period == 0:
+            self._review(tick, now_s)
         self._docks.tick(tick, now_s)
         self.visits.tick(tick, now_s)
+
+    def _review(self, tick: int, now_s: float) -> None:
+        """End what cannot go on, and give out tasks."""
+        self._take_back(now_s)
+        self._time_out(now_s)
+        if self.charging is not None:
+            self.charging.send_low(tick, now_s, self.visits.chargers_wanted())
+        if self.roster.changed or tick % self._price_period == 0:
+            self.roster.changed = False
+            self._allocate(tick, now_s)
+        if self.charging is not None:
+            self.charging.send_idle(tick, self.visits.chargers_wanted())
+        self._parking.send(tick)
 
     def cancel(self, task: Task, now_s: float, reason: str) -> None:
         """Take a task back whose parcel was not picked yet; its car is free, and its parcel leaves the warehouse.

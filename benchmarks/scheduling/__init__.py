@@ -13,12 +13,14 @@ from benchmarks.scheduling.coupled import measure_coupled
 from benchmarks.scheduling.day import measure_day
 from benchmarks.scheduling.matching import measure_matching
 from benchmarks.scheduling.on_time import measure_on_time
+from benchmarks.scheduling.same_seed import measure_same_seed
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "matching": measure_matching,
     "coupled": measure_coupled,
     "day": measure_day,
     "on_time": measure_on_time,
+    "same_seed": measure_same_seed,
 }
 
 

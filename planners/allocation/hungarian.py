@@ -14,6 +14,8 @@ from planners.status import Status
 Floats = npt.NDArray[np.float64]
 Pairs = npt.NDArray[np.int32]
 
+SOON_S = 10.0
+"""Vehicles that are free so soon are matched as well: they may do better than a far one that is free now [s]."""
 PRUNE_FROM_N = 100_000
 """Pairs from which on it is tried whether the cheapest of each vehicle are enough."""
 NEAREST_N = 64
@@ -44,6 +46,8 @@ class Hungarian:
         nearest_n: See `NEAREST_N`, >= 1.
         dense_work: See `DENSE_WORK`.
     """
+
+    soon_s = SOON_S
 
     def __init__(
         self, *, prune_from_n: int = PRUNE_FROM_N, nearest_n: int = NEAREST_N, dense_work: float = DENSE_WORK

@@ -137,7 +137,8 @@ def assignment(problem: AllocationProblem, pairs: npt.ArrayLike, status: Status,
 class Allocator(Protocol):
     """What every allocator offers.
 
-    One that reads the shop of a problem says so by `plans_ahead = True`; the others need not be given any.
+    One that reads the shop of a problem says so by `plans_ahead = True`; the others need not be given any. One that
+    is to be given vehicles that are free only in `soon_s` seconds says so by that attribute; their costs tell.
     """
 
     def allocate(self, problem: AllocationProblem) -> Assignment:

@@ -151,6 +151,7 @@ def shop_problem(seed: int, n_vehicles: int = 4, n_jobs: int = 9, n_stations: in
         due_s=np.where(rng.random(n_jobs) < 0.5, np.inf, rng.uniform(100.0, 300.0, n_jobs)),
         weight=rng.uniform(0.0, 2.0, n_jobs),
         late_weight=rng.uniform(0.0, 5.0, n_jobs),
+        late_cost=rng.uniform(0.0, 100.0, n_jobs),
         makespan_weight=float(n_jobs),
     )
     cost = shop.travel_s[shop.start][:, shop.place[first_stop[:-1]]]

@@ -59,7 +59,9 @@ class Watch:
             self._unbooked_s[station.arm] = {car: before.get(car, 0.0) + simulation.tick_s for car in unbooked}
             longest_s = max(self._unbooked_s[station.arm].values(), default=0.0)
             assert longest_s <= CALL_S + simulation.tick_s, "who comes near has a booking or turns aside"
-            assert len((come - unbooked) | there) <= simulation.config.allocation.station_cap_n + 1, "but for one that passes"
+            assert len((come - unbooked) | there) <= simulation.config.allocation.station_cap_n + 1, (
+                "but for one that passes"
+            )
 
 
 def run(arm: str | None, seed: int, cap: int = 2) -> tuple[Summary, list[Event], Watch]:

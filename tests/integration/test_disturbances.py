@@ -426,7 +426,7 @@ def test_a_push_in_the_very_tick_of_arrival_on_the_grid() -> None:
 
 
 def test_a_small_push_is_steered_out() -> None:
-    push = first(on_the_way(CarPhase.TO_PICK))
+    push = first(on_the_way(CarPhase.TO_DROP))
     small = {name: value * 0.3 for name, value in push.parameters.items()}
     summary, log = run(event(push.time_s, "car_pushed", push.target, **small))
     check(summary)

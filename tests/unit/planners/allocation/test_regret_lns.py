@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from planners.allocation.problem import AllocationProblem
 from planners.allocation.regret_lns import RegretLns
-from planners.allocation.shop import Shop
+from planners.allocation.shop import Shop, ShopError
 from planners.allocation.shop_kernel import dispatch, empty_books, evaluate
 from planners.allocation.shop_plan import arrays_of, timetable
 from planners.allocation.validate import faults
@@ -118,3 +119,56 @@ def test_a_held_task_changes_hands_only_if_the_plan_gains_enough(keep_gain: floa
     held = np.array([-1, 0], dtype=np.int32)
     problem = AllocationProblem(cost=np.array([[8.0], [9.0]]), shop=shop, held=held, keep_gain=keep_gain)
     assert RegretLns().allocate(problem).pairs.tolist() == [[taker, 0]]
+
+
+def test_a_plan_that_is_proposed_is_not_lost() -> None:
+    problem = problem_of(1, n_jobs=12, n_vehicles=4, n_stations=2)
+    assert problem.shop is not None
+    order, vehicle = RegretLns(iterations=20_000).plan(problem, problem.shop)
+    arrays = arrays_of(problem, problem.shop)
+    known = evaluate(arrays, empty_books(arrays), order, vehicle, np.inf)
+    found, by = RegretLns(iterations=0).plan(problem, problem.shop)
+    assert known < evaluate(arrays, empty_books(arrays), found, by, np.inf)
+    # A job that is new since then comes last.
+    proposed = replace(problem.shop, first_order=order[:-1].astype(np.int32), first_vehicle=vehicle.astype(np.int32))
+    found, by = RegretLns(iterations=0).plan(replace(problem, shop=proposed), proposed)
+    assert evaluate(arrays, empty_books(arrays), found, by, np.inf) <= known
+
+
+@pytest.mark.parametrize(
+    ("order", "vehicle", "what"),
+    [
+        ([0, 1], None, "both"),
+        ([0, 0], [0, 0, 0], "twice"),
+        ([0, 3], [0, 0, 0], r"first_order\[1\] = 3"),
+        ([0, 1], [0, 2, 0], r"first_vehicle\[1\] = 2"),
+    ],
+)
+def test_a_proposal_that_means_nothing_is_refused(order: list[int], vehicle: list[int] | None, what: str) -> None:
+    problem = problem_of(0, n_jobs=3, n_vehicles=2, n_stations=1)
+    assert problem.shop is not None
+    of_job = None if vehicle is None else np.array(vehicle, dtype=np.int32)
+    with pytest.raises(ShopError, match=what):
+        replace(problem.shop, first_order=np.array(order, dtype=np.int32), first_vehicle=of_job)
+
+
+def test_as_many_as_possible_are_in_time_if_being_late_costs_much() -> None:
+    """One vehicle, one place, ten jobs of 10 s each; in the order of their names only the last five could be late."""
+    n = 10
+    shop = Shop(
+        travel_s=np.zeros((1, 1)),
+        start=np.zeros(1, dtype=np.int32),
+        ready_s=np.zeros(1),
+        first_stop=np.arange(n + 1),
+        place=np.zeros(n, dtype=np.int32),
+        station=np.full(n, -1),
+        service_s=np.full(n, 10.0),
+        due_s=10.0 * np.arange(n, 0, -1) - 15.0,
+        late_cost=np.full(n, 1000.0),
+    )
+    problem = AllocationProblem(cost=np.zeros((1, n)), shop=shop)
+    assignment = RegretLns().allocate(problem)
+    assert faults(problem, assignment) == []
+    assert assignment.timetable is not None
+    # Due at 85, 75, ..., 5, -5 s: two can never be in time, all others if the most urgent goes first.
+    assert np.count_nonzero(assignment.timetable.end_s > shop.due_s) == 2
