@@ -26,15 +26,15 @@ class Row:
     failed: int
     throughput_per_h: float
     task_time_s: float | None
-    """From release to delivery, mean of the delivered tasks [s]."""
+    """From release to delivery or the end of a visit, mean of the tasks done [s]."""
     task_time_p95_s: float | None
     tardiness_s: float | None
-    """Time past the due date, mean over tasks with one: 0 if delivered by then, up to the end of the run if it is still
+    """Time past the due date, mean over tasks with one: 0 if done by then, up to the end of the run if it is still
     open there [s]."""
     on_time_share: float | None
-    """Delivered by their due date, of the tasks whose due date came within the run."""
+    """Done by their due date, of the tasks whose due date came within the run."""
     driving_loaded: float
-    """This and the following seven: share of the cars' time, as the ledger counts it."""
+    """This and the following eight: share of the cars' time, as the ledger counts it."""
     driving_empty: float
     traffic: float
     queue: float
@@ -42,6 +42,7 @@ class Row:
     charging: float
     fault: float
     idle: float
+    visiting: float
     stations: str
     """Share of the time each station's arm was busy, and of that in which cars waited meanwhile, as
     ``pick_1=0.52/0.31 drop_1=0.44/0.05``."""
