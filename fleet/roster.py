@@ -122,7 +122,7 @@ class Roster:
         """Take a task from the car that is to pick it, or visits; what the car does next is the caller's to say."""
         if task.car is not None:
             self.task_of[task.car] = None
-        task.car = None
+        task.car, task.place = None, ""
         self._board.move(task, TaskState.READY, now_s, reason)
         self.changed = True
 

@@ -9,7 +9,7 @@ import numpy as np
 from fleet.robots.spec import CarSpec
 from fleet.stations.station import Station
 from fleet.tasks.backlog import Backlog
-from fleet.tasks.board import DONE_STATES, Task, TaskBoard, TaskState
+from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.reasons import ReasonBook, TaskReason
 from fleet.world.protocol import FloatArray, ParcelBody, World
 
@@ -22,7 +22,6 @@ DROP_M = 0.001
 
 Log = Callable[..., None]
 _NOT_IN_WORLD = (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED, TaskState.CANCELLED)
-_CLOSED = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
 
 
 class Stock:
@@ -75,11 +74,12 @@ class Stock:
         for station in self._stations:
             for slot in station.collect_due(now_s):
                 self._collect(station, slot, now_s)
-        if not self._board.count(TaskState.BACKLOG) or self._waiting() == self._left_waiting:
+        waiting = self._waiting()
+        if not self._board.count(TaskState.BACKLOG) or waiting == self._left_waiting:
             return False
-        filled = self._fill(now_s)
-        self._left_waiting = self._waiting()
-        return filled
+        # As it was before: what fails now may let others fail in the next round.
+        self._left_waiting = waiting
+        return self._fill(now_s)
 
     def withdraw(self, task: Task, now_s: float, reason: str) -> None:
         """Cancel a task that has no parcel in a car; a parcel on its slot leaves the warehouse."""
@@ -131,10 +131,10 @@ class Stock:
         return wrong
 
     def _waiting(self) -> tuple[int, int, int]:
-        """Parcels that wait for a slot, free pick slots, and tasks that nobody has to wait for any more: while these
-        stay the same, there is nothing to fill."""
+        """Released tasks, free pick slots, and tasks that nobody has to wait for any more: while these stay the same,
+        there is nothing to fill."""
         free = sum(station.free_n for station in self._stations if station.place.kind == "pick")
-        return self._board.count(TaskState.BACKLOG), free, sum(map(self._board.count, _CLOSED))
+        return self._board.released_n, free, self._board.closed_n
 
     def _fill(self, now_s: float) -> bool:
         """Put parcels on free pick slots: the most urgent class first, then as planned, then first come first."""

@@ -71,12 +71,15 @@ class Visits:
         self._world = world
         self._log = log
         self._any = any(task.visit is not None for task in board.tasks)
+        self._counts = (0, 0)
         self._came_s = np.zeros(world.n_cars)
 
     def release(self, now_s: float) -> None:
         """Make those visits ready that wait for nobody."""
-        if not self._any:
-            return
+        counts = self._board.released_n, self._board.closed_n
+        if not self._any or counts == self._counts:
+            return  # nobody's turn has come
+        self._counts = counts
         for task in self._board.in_state(TaskState.BACKLOG):
             if task.visit is not None and self._backlog.may_begin(task, now_s):
                 self._board.move(task, TaskState.READY, now_s, "nothing comes before it")

@@ -45,8 +45,8 @@ class Demo:
     rate: float | None = None
     """Orders per hour of a stream; default 120."""
     orders: Path | None = None
-    """CSV or JSON file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m and, if wanted,
-    due_s,priority,after,picks,needs."""
+    """CSV or JSON file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m and, if wanted, type
+    and other columns, which the README lists."""
     events: Path | None = None
     """TOML file of disturbances: [[event]] tables of time_s, kind (car_dead, arm_slow, lane_blocked, car_pushed),
     target and parameters."""
@@ -147,6 +147,9 @@ def _table(result: dict[str, object]) -> Table:
     rows = (
         ("tasks done", "{tasks_done} of {tasks_total}"),
         ("tasks failed", "{tasks_failed}"),
+        ("visits done", "{visits_done}"),
+        ("batches done", "{batches_done} of {batches}"),
+        ("batch span, mean", "{batch_span_mean_s:.1f} s"),
         ("throughput", "{throughput_per_h:.0f} per hour"),
         ("task time, mean", "{task_time_mean_s:.1f} s"),
         ("task time, 95th percentile", "{task_time_p95_s:.1f} s"),
@@ -175,6 +178,8 @@ def _table(result: dict[str, object]) -> Table:
         field = form.split("{")[1].split("}")[0].split(":")[0]
         if "charg" in field and result["lowest_charge"] is None:
             continue  # cars without batteries
+        if ("batch" in field and not result["batches"]) or (field == "visits_done" and not result[field]):
+            continue
         table.add_row(name, "-" if result[field] is None else form.format(**result))
     shares = result["time_share_percent"]
     if isinstance(shares, dict):

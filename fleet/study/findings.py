@@ -117,9 +117,9 @@ def find(rows: Sequence[Row], allocators: Sequence[str]) -> Findings:
 def bottleneck(rows: Sequence[Row]) -> Bottleneck:
     """What is in use for the greatest share of the time, mean over the rows of one variant.
 
-    Orders limit a fleet that delivers them as they come. Else the candidates are every station's arm, the cars (driving
-    or being served) unless they are idle for want of room at the stations, and traffic, by the share of the cars' time
-    that is lost in it.
+    Orders limit a fleet that delivers them as they come. Else the candidates are every station's arm, the cars
+    (driving, being served or visiting) unless they are idle for want of room at the stations, and traffic, by the share
+    of the cars' time that is lost in it.
 
     Source: the bottleneck is the device of greatest utilisation: P. J. Denning, J. P. Buzen, "The Operational Analysis
     of Queueing Network Models", ACM Computing Surveys 10(3), 1978.
@@ -135,7 +135,8 @@ def bottleneck(rows: Sequence[Row]) -> Bottleneck:
     shares = {name: busy for name, (busy, _) in stations.items()}
     shares["traffic"] = float(np.mean([row.traffic for row in rows]))
     if idle < SPARE:
-        shares["cars"] = float(np.mean([row.driving_loaded + row.driving_empty + row.served for row in rows]))
+        used = [row.driving_loaded + row.driving_empty + row.served + row.visiting for row in rows]
+        shares["cars"] = float(np.mean(used))
     name = max(shares, key=lambda key: shares[key])
     return Bottleneck(
         name=name,

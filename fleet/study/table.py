@@ -26,13 +26,13 @@ class Row:
     failed: int
     throughput_per_h: float
     task_time_s: float | None
-    """From release to delivery, mean of the delivered tasks [s]."""
+    """From release to delivery or the end of a visit, mean of the tasks done [s]."""
     task_time_p95_s: float | None
     tardiness_s: float | None
-    """Time past the due date, mean over tasks with one: 0 if delivered by then, up to the end of the run if it is still
+    """Time past the due date, mean over tasks with one: 0 if done by then, up to the end of the run if it is still
     open there [s]."""
     on_time_share: float | None
-    """Delivered by their due date, of the tasks whose due date came within the run."""
+    """Done by their due date, of the tasks whose due date came within the run."""
     driving_loaded: float
     """This and the following eight: share of the cars' time, as the ledger counts it."""
     driving_empty: float

@@ -67,6 +67,7 @@ _NEXT: dict[TaskState, frozenset[TaskState]] = {
 CANCELLABLE = frozenset(state for state, following in _NEXT.items() if TaskState.CANCELLED in following)
 """States in which the fleet does not have a task's parcel yet."""
 _GIVEN_UP = frozenset({TaskState.FAILED, TaskState.CANCELLED})
+_CLOSED = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
 
 
 class IllegalTransition(FleetError):
@@ -180,6 +181,16 @@ class TaskBoard:
     def finished(self) -> bool:
         """True when no task is open any more."""
         return self._open == 0
+
+    @property
+    def released_n(self) -> int:
+        """Number of tasks whose release time has come."""
+        return len(self.tasks) - len(self._unreleased)
+
+    @property
+    def closed_n(self) -> int:
+        """Number of tasks that nobody has to wait for any more: done, failed or cancelled."""
+        return sum(len(self._by_state[state]) for state in _CLOSED)
 
     def named(self, name: str) -> Task:
         """The task of an order.

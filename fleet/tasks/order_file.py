@@ -253,15 +253,18 @@ def _unfold(row: _Row, setting: Setting, abilities: Sequence[Ability]) -> tuple[
 
 def _shared(fields: Fields) -> Order:
     """What orders of all types have."""
-    if not fields.text("id"):
+    name = fields.text("id")
+    if not name:
         raise OrdersError("id is empty; valid: any text")
+    if ";" in name or not name.isprintable():
+        raise OrdersError(f"id is {name!r}; valid: text in one line, without semicolons")
     release_s = fields.number("release_s", 0.0, LATEST_S)
     due_s = fields.number("due_s", 0.0, LATEST_S, math.inf)
     if due_s < release_s:
         raise OrdersError(f"due_s is {fields.text('due_s')!r}; valid: a number from {release_s:g} (release_s)")
     priority = Priority(fields.choice("priority", list(Priority))) if fields.text("priority") else Priority.NORMAL
     return Order(
-        name=fields.text("id"),
+        name=name,
         release_s=release_s,
         due_s=due_s,
         priority=priority,

@@ -101,6 +101,19 @@ def test_one_car_and_as_many_as_the_site_has_room_for(make: Make, site: str, rob
         assert simulation.summary().tasks_failed == 0
 
 
+def test_a_visit_and_a_parcel_that_come_with_other_changes_are_not_overlooked(make: Make) -> None:
+    """A parcel enters the backlog right after a visit has left it, and the other way round."""
+    visits: Items = [{"id": f"v{k}", "type": "park", "release_s": 0.1 * k} for k in range(2)]
+    parcels = [parcel(f"d{k}", release_s=0.1 * k + 0.05) for k in range(2)]
+    with make(*visits, *parcels, robots=4) as simulation:
+        for _ in range(5):
+            simulation.tick()
+        assert simulation.board.count(TaskState.BACKLOG) == 0
+        for task in simulation.board.tasks:
+            released, ready = task.history[:2]
+            assert (ready.state, ready.time_s) == (TaskState.READY, released.time_s)
+
+
 def test_equal_runs_are_equal(make: Make) -> None:
     hashes = set()
     for _ in range(2):
@@ -266,6 +279,22 @@ def test_a_leg_that_is_requeued_goes_to_another_car(make: Make) -> None:
 
 
 # --- what goes wrong
+
+
+def test_all_that_waits_for_a_cancelled_order_fails_at_once(make: Make) -> None:
+    """Also what is looked at before what it waits for, because it is more urgent."""
+    chain: Items = [
+        parcel("a", release_s=1),
+        parcel("b", after=["a"]),
+        parcel("c", after=["b"], priority="emergency"),
+        {"id": "d", "type": "park", "after": ["c"], "priority": "emergency"},
+    ]
+    with make(*chain) as simulation:
+        simulation.tick()
+        simulation.cancel("a")
+        for _ in range(5):
+            simulation.tick()
+        assert [task.state for task in simulation.board.tasks] == [*[TaskState.FAILED] * 3, TaskState.CANCELLED]
 
 
 def test_a_visit_goes_on_with_another_car_at_the_stop_where_one_died(make: Make) -> None:
