@@ -12,6 +12,7 @@ from fleet.charging import Charging
 from fleet.config import RunConfig
 from fleet.errors import FleetError
 from fleet.executor import Executor
+from fleet.fetching import Fetching
 from fleet.robots.battery import Batteries
 from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.booking import Bookings
@@ -170,6 +171,7 @@ class Dispatcher:
             reason_book=self.reasons,
         )
         self.stock = Stock(board, stations, desk.car, world, log, self.reasons, self._allotment.source_cost)
+        self._fetching = Fetching(stations, desk, self.stock, traffic, executor, log)
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
         self._dock_cells = [self._dock_cell(station) for station in stations]
@@ -200,6 +202,10 @@ class Dispatcher:
             self._park(tick)
         self._start_services(tick, now_s)
         self._end_services(tick, now_s)
+        coming = [
+            task if phase is CarPhase.TO_PICK else None for phase, task in zip(self.phase, self.task_of, strict=True)
+        ]
+        self._fetching.tick(tick, coming, self.served.tolist())
 
     def cancel(self, task: Task, now_s: float, reason: str) -> None:
         """Take a task back whose parcel was not picked yet; its car is free, and its parcel leaves the warehouse.
@@ -545,7 +551,7 @@ class Dispatcher:
             station = self._by_name[task.pick if loading else task.order.drop]
             if tails[car] != station.dock_state or not self._executor.idle(car):
                 continue
-            if not self._desk.is_idle(station.arm):
+            if not self._desk.is_ready(station.arm, task.parcel):
                 continue
             if not loading and task.drop_slot is None:
                 task.drop_slot = station.take_slot(task.index)

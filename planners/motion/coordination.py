@@ -98,15 +98,38 @@ def swept(arm: ArmInWorld, path: TimedPath) -> SweptArm:
     Raises:
         PlanningError: The path is another arm's.
     """
-    n = arm.model.n_joints
-    if path.q.shape[1] != n:
-        raise PlanningError(f"swept: path of {path.q.shape[1]} joints, expected {n}")
-    centre = np.empty((len(path.q), len(arm.spheres), 3))
-    radius = np.empty((len(path.q), len(arm.spheres)))
-    change = np.empty(len(path.q) - 1)
+    return cover(arm, path.q, path.stray, path.rests)
+
+
+def cover(arm: ArmInWorld, q: FloatArray, stray: FloatArray, rests: BoolArray) -> SweptArm:
+    """Cover samples of an arm's motion with spheres; see `swept`.
+
+    Args:
+        arm: The arm.
+        q: Joint angles [rad], shape (k, n).
+        stray: How far joints may be from them [rad], shape (k, n).
+        rests: Where the arm may wait, shape (k,).
+
+    Raises:
+        PlanningError: The samples are another arm's.
+    """
+    if q.shape[1] != arm.model.n_joints:
+        raise PlanningError(f"swept: path of {q.shape[1]} joints, expected {arm.model.n_joints}")
+    centre = np.empty((len(q), len(arm.spheres), 3))
+    radius = np.empty((len(q), len(arm.spheres)))
+    change = np.empty(len(q) - 1)
     base = np.ascontiguousarray(arm.world_from_base[:3], dtype=np.float64)
-    _place_all(arm.joints, arm.spheres, arm.lever, base, path.q, path.stray, centre, radius, change)
-    return SweptArm(centre=centre, radius=radius, parts=arm.parts, change=change, rests=path.rests)
+    _place_all(arm.joints, arm.spheres, arm.lever, base, np.ascontiguousarray(q), stray, centre, radius, change)
+    return SweptArm(centre=centre, radius=radius, parts=arm.parts, change=change, rests=rests)
+
+
+def apart_in_step(a: SweptArm, b: SweptArm, margin_m: float = MARGIN_M) -> bool:
+    """Whether two arms keep their distance when neither waits for the other; who is done first rests at its end.
+
+    One diagonal of the coordination diagram, and the cells beside it: it also holds if the clocks of the arms differ by
+    up to a step.
+    """
+    return bool(_in_step(a.centre, a.radius, a.parts, b.centre, b.radius, b.parts, float(margin_m)))
 
 
 def free_cells(a: SweptArm, b: SweptArm, margin_m: float = MARGIN_M) -> BoolArray:
@@ -320,6 +343,18 @@ def _diagram(ca, ra, parts_a, change_a, cb, rb, parts_b, change_b, margin, free)
             free[i, j] = known >= 0.0
             slack[j] = known
             left = known
+
+
+@njit(cache=True)
+def _in_step(ca, ra, parts_a, cb, rb, parts_b, margin):  # type: ignore[no-untyped-def]
+    k, m = ca.shape[0], cb.shape[0]
+    for step in range(max(k, m)):
+        for slip in range(-1, 2):
+            i = min(step, k - 1)
+            j = min(max(step + slip, 0), m - 1)
+            if clearance(ca[i], ra[i], parts_a, cb[j], rb[j], parts_b, margin) < 0.0:
+                return False
+    return True
 
 
 @njit(cache=True)

@@ -89,7 +89,7 @@ def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
         else:
             if leg.q.shape[1] != len(here) or np.abs(leg.q[0] - here).max() > _SAME_RAD:
                 raise PlanningError(f"timed_path: leg {number} starts at {leg.q[0]}, the one before ends at {here}")
-            sampled, bound = _sampled(leg, step_s)
+            sampled, bound = samples_of(leg, step_s)
             steps = len(sampled) - 1
             # The sample where two legs meet belongs to both.
             stray[-1][-1] = np.maximum(stray[-1][-1], bound[0])
@@ -108,25 +108,38 @@ def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
     )
 
 
-def _sampled(leg: Trajectory, step_s: float) -> tuple[FloatArray, FloatArray]:
-    """Samples (m+1, n) of a trajectory and bounds on the way from them within half a step (m+1, n)."""
+def samples_of(
+    leg: Trajectory, step_s: float, *, begin_s: float = 0.0, pace: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Sample what is left of a trajectory.
+
+    Args:
+        leg: From rest to rest.
+        step_s: Time between samples [s], > 0.
+        begin_s: How much of it is done at the first sample [s].
+        pace: How fast it is played, 1 for as planned, > 0.
+
+    Returns:
+        Joint angles, the last sample at the end [rad], shape (k, n), and bounds on how far each joint is from them
+        during the half steps before and after [rad], shape (k, n).
+    """
     if len(leg.t) == 1:
         return leg.q.copy(), np.zeros_like(leg.q)
     fine_s = float(leg.t[1] - leg.t[0])
-    steps = max(1, int(np.ceil(leg.duration_s / step_s - 1e-9)))
+    steps = max(1, int(np.ceil((leg.duration_s - begin_s) / (step_s * pace) - 1e-9)))
     q = np.empty((steps + 1, leg.q.shape[1]))
     stray = np.empty_like(q)
-    _sample_all(leg.q, leg.qd, fine_s, step_s, q, stray)
+    _sample_all(leg.q, leg.qd, fine_s, float(begin_s), step_s * pace, q, stray)
     q[-1] = leg.q[-1]
     return q, stray
 
 
 @njit(cache=True)
-def _sample_all(fine_q, fine_qd, fine_s, step_s, q, stray):  # type: ignore[no-untyped-def]
+def _sample_all(fine_q, fine_qd, fine_s, begin_s, step_s, q, stray):  # type: ignore[no-untyped-def]
     """Fill `q` and `stray` (k, n) from samples (m, n) that are `fine_s` apart."""
     last = fine_q.shape[0] - 2
     for k in range(q.shape[0]):
-        time = k * step_s
+        time = begin_s + k * step_s
         at = min(int(time / fine_s + 1e-9), last)
         u = min(1.0, time / fine_s - at)
         begin = max(0, min(int(np.floor((time - step_s / 2) / fine_s + 1e-9)), last))
