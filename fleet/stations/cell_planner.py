@@ -137,7 +137,9 @@ class CellPlanner:
         boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)
         held = box_spheres((MAX_EDGE_M / 2,) * 3)
         below = np.array([0.0, 0.0, tool.length_m + MAX_EDGE_M / 2])
+        dock = Boxes.one(cell.dock_box[0], cell.dock_box[1], yaw=cell.dock_yaw)
         self._empty = CollisionChecker(model, boxes, margin=MARGIN_M)
+        self._over_cars = CollisionChecker(model, Boxes.join(boxes, dock), margin=MARGIN_M)
         self._loaded = CollisionChecker(model, boxes, held_spheres=(held[0] + below, held[1]), margin=MARGIN_M)
         self._boxes = boxes
         self._line_boxes = self._without_slots(boxes)
@@ -386,7 +388,8 @@ class CellPlanner:
         """The motion between two via points; the way back is the same path."""
         ways = self._known.ways
         if (a, b, loaded) not in ways:
-            checker = self._loaded if loaded else self._empty
+            # Without a parcel an arm only comes to a car or leaves it: cars may drive below it.
+            checker = self._loaded if loaded else self._over_cars
             low, high = min(a, b), max(a, b)
             result = self._search(checker, self._via(low), self._via(high))
             if not result.solved:
