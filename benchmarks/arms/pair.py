@@ -20,25 +20,21 @@ from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.tools import TOOLS
 from fleet.stations.arm_spheres import arm_spheres
 from planners.motion.collision import Boxes, CollisionChecker
-from planners.motion.coordination import ArmInWorld, Schedule, schedule
+from planners.motion.coordination import ArmInWorld, Schedule
 from planners.motion.ik import SrsGeometry
 from planners.motion.kinematics import flange_from_tip
-from planners.motion.problem import MotionProblem
 from planners.motion.rrt_connect_native import RrtConnectNative
-from planners.motion.timed_path import Dwell, TimedPath, timed_path
-from planners.motion.trajectory import Trajectory, retime
+from planners.motion.timed_path import Dwell, TimedPath
+from planners.motion.together import STEP_S, Errand, Way, plan_together
+from planners.motion.trajectory import Trajectory
 
 FloatArray = npt.NDArray[np.float64]
 
 INSTANCES_N, QUICK_INSTANCES_N = 200, 10
 BASE_Y_M = 0.55
 """The arms look the same way, this far to either side of the tray's centre line [m]."""
-STEP_S = 0.02
-SAMPLE_S = 0.01
 DWELL_S = 0.4
 """Rest over the tray and over the table, for the grip [s]."""
-RETRIES_N = 4
-"""Paths that are tried for an instance before it counts as unsolved."""
 REFEREE_S = 0.01
 TARGET_MS = 15.0
 
@@ -47,7 +43,7 @@ TARGET_MS = 15.0
 class Outcome:
     """One instance."""
 
-    legs: tuple[tuple[Trajectory | Dwell, ...], ...]
+    way: Way
     paths: tuple[TimedPath, ...]
     found: Schedule
     cpu_ms: float
@@ -85,16 +81,12 @@ class Cell:
     def solve(self, places: Sequence[Sequence[FloatArray]], seed: int) -> Outcome | None:
         """Plan every leg, then the schedule; None if nothing was found."""
         begin = time.process_time()
-        for attempt in range(RETRIES_N):
-            legs = [self._legs(arm, own, seed + attempt * 1000) for arm, own in enumerate(places)]
-            if not all(legs):
-                continue
-            paths = tuple(timed_path(own, STEP_S) for own in legs)
-            found = schedule(self.arms, paths)
-            if found.solved:
-                cpu_ms = (time.process_time() - begin) * 1e3
-                return Outcome(legs=tuple(map(tuple, legs)), paths=paths, found=found, cpu_ms=cpu_ms)
-        return None
+        first, second = (self._errand(arm, own) for arm, own in enumerate(places))
+        both = plan_together((first, second), self.planner, seed=seed)
+        if both.found is None:
+            return None
+        cpu_ms = (time.process_time() - begin) * 1e3
+        return Outcome(way=both.way, paths=both.paths, found=both.found, cpu_ms=cpu_ms)
 
     def _goals(self, rng: np.random.Generator, arm: int, *, over_tray: bool) -> FloatArray:
         side = (-1, 1)[arm]
@@ -110,18 +102,17 @@ class Cell:
             if len(q):
                 return q
 
-    def _legs(self, arm: int, places: Sequence[FloatArray], seed: int) -> list[Trajectory | Dwell]:
+    def _errand(self, arm: int, places: Sequence[FloatArray]) -> Errand:
         spec = self.spec
-        here = places[0][np.argmin(np.abs(places[0] - spec.home_rad).max(axis=1))]
-        legs: list[Trajectory | Dwell] = []
-        for goals in places[1:]:
-            result = self.planner.plan(MotionProblem(checker=self.checkers[arm], start=here, goals=goals, seed=seed))
-            if not result.solved:
-                return []
-            legs.append(retime(result.path, spec.max_velocity_radps, spec.max_acceleration_radps2, SAMPLE_S))
-            legs.append(Dwell(duration_s=DWELL_S))
-            here = result.path[-1]
-        return legs[:-1]
+        return Errand(
+            arm=self.arms[arm],
+            checker=self.checkers[arm],
+            max_velocity=spec.max_velocity_radps,
+            max_acceleration=spec.max_acceleration_radps2,
+            start=places[0][np.argmin(np.abs(places[0] - spec.home_rad).max(axis=1))],
+            stops=places[1:],
+            dwell_s=DWELL_S,
+        )
 
 
 class Referee:
@@ -178,6 +169,8 @@ def _one_each(trial: Trial, cell: Cell, referee: Referee, n: int) -> Iterator[Ro
     ratio = np.array([outcome.found.makespan_s / max(outcome.alone_s) for outcome in solved])
     turns = np.array([outcome.found.makespan_s / sum(outcome.alone_s) for outcome in solved])
     cpu_ms = np.array([outcome.cpu_ms for outcome in solved])
+    composite = sum(outcome.way is Way.COMPOSITE for outcome in solved)
+    trial.notes.append(f"Two arms, one tray: {composite} of {n} instances needed a composite plan.")
     yield Row(
         name="two arms, one tray: solved and collision-free", value=100 * len(solved) / n, unit="%", target=">= 100"
     )
@@ -215,15 +208,15 @@ def _played(outcome: Outcome) -> list[FloatArray]:
     """Both motions as scheduled, densely, each (t, 7)."""
     times = np.arange(0.0, outcome.found.makespan_s + REFEREE_S, REFEREE_S)
     return [
-        _densely(legs, np.array([outcome.found.along_s(arm, float(t)) for t in times]))
-        for arm, legs in enumerate(outcome.legs)
+        _densely(path.legs, np.array([outcome.found.along_s(arm, float(t)) for t in times]))
+        for arm, path in enumerate(outcome.paths)
     ]
 
 
 def _unscheduled(outcome: Outcome) -> list[FloatArray]:
     """Both motions when nobody waits."""
     times = np.arange(0.0, max(outcome.alone_s) + REFEREE_S, REFEREE_S)
-    return [_densely(legs, times) for legs in outcome.legs]
+    return [_densely(path.legs, times) for path in outcome.paths]
 
 
 def _densely(legs: Sequence[Trajectory | Dwell], along_s: FloatArray) -> FloatArray:

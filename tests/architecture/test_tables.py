@@ -77,6 +77,7 @@ FAMILIES = [
                 "shortcut",
                 "spheres",
                 "timed_path",
+                "together",
                 "trajectory",
             }
         ),

@@ -14,7 +14,9 @@ from planners.motion.composite import CompositePlanner, CompositeProblem
 from planners.motion.coordination import ArmInWorld, ScheduleStatus, free_cells, schedule, schedule_in, swept
 from planners.motion.kinematics import link_frames
 from planners.motion.problem import MotionStatus
+from planners.motion.rrt_connect_native import RrtConnectNative
 from planners.motion.timed_path import Dwell, TimedPath, timed_path
+from planners.motion.together import Errand, Together, Way, plan_together
 from planners.motion.trajectory import Trajectory, retime
 from tests.unit.planners.motion.pair_scene import MAX_ACCELERATION, MAX_VELOCITY, Referee, bases
 
@@ -244,6 +246,42 @@ def test_a_composite_plan_says_why_there_is_none(iiwa, arms):  # type: ignore[no
     assert status(*swapped) is MotionStatus.NO_SOLUTION
     with pytest.raises(PlanningError, match=r"start \(7,\)"):
         CompositeProblem(arms=arms, checkers=(free, free), start=REST, goal=apart)
+
+
+def _errand(iiwa, arm, start, *stops) -> Errand:  # type: ignore[no-untyped-def]
+    floor = Boxes.one((0.0, 0.0, -0.05), (2.0, 2.0, 0.05), min_frame=2)
+    return Errand(
+        arm=arm,
+        checker=CollisionChecker(iiwa, floor),
+        max_velocity=MAX_VELOCITY,
+        max_acceleration=MAX_ACCELERATION,
+        start=start,
+        stops=[stop[None] for stop in stops],
+        dwell_s=0.2,
+    )
+
+
+def _played(both: Together):  # type: ignore[no-untyped-def]
+    """Both arms at a time."""
+    return lambda t: tuple(path.at(both.found.along_s(arm, t)) for arm, path in enumerate(both.paths))
+
+
+def test_two_errands_get_the_cheapest_way_that_works(iiwa, arms, referee):  # type: ignore[no-untyped-def]
+    planner = RrtConnectNative()
+    aside = REST + 3 * TURN
+    deliveries = tuple(_errand(iiwa, arm, aside, OVER_TRAY, REST) for arm in arms)
+    exchange = tuple(_errand(iiwa, arm, OVER_TRAY + TURN, OVER_TRAY - TURN) for arm in arms)
+    meeting = tuple(_errand(iiwa, arm, REST, OVER_TRAY) for arm in arms)
+    # Both want to end at one place: no search finds what does not exist.
+    for errands, way in ((deliveries, Way.DECOUPLED), (exchange, Way.COMPOSITE), (meeting, Way.NONE)):
+        both = plan_together(errands, planner)
+        assert both.way is way
+        if both.found is None:
+            continue
+        assert referee.least_m(_played(both), np.arange(0.0, both.found.makespan_s, 0.01)) > 0.005
+        again = plan_together(errands, planner).found
+        assert again is not None
+        assert again.index.tobytes() == both.found.index.tobytes()
 
 
 def test_bad_input_is_named(iiwa, arms, paths):  # type: ignore[no-untyped-def]
