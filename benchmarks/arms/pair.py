@@ -25,7 +25,7 @@ from planners.motion.ik import SrsGeometry
 from planners.motion.kinematics import flange_from_tip
 from planners.motion.rrt_connect_native import RrtConnectNative
 from planners.motion.timed_path import Dwell, TimedPath
-from planners.motion.together import STEP_S, Errand, Way, plan_together
+from planners.motion.together import STEP_S, Trip, Way, plan_together
 from planners.motion.trajectory import Trajectory
 
 FloatArray = npt.NDArray[np.float64]
@@ -81,7 +81,7 @@ class Cell:
     def solve(self, places: Sequence[Sequence[FloatArray]], seed: int) -> Outcome | None:
         """Plan every leg, then the schedule; None if nothing was found."""
         begin = time.process_time()
-        first, second = (self._errand(arm, own) for arm, own in enumerate(places))
+        first, second = (self._trip(arm, own) for arm, own in enumerate(places))
         both = plan_together((first, second), self.planner, seed=seed)
         if both.found is None:
             return None
@@ -102,9 +102,9 @@ class Cell:
             if len(q):
                 return q
 
-    def _errand(self, arm: int, places: Sequence[FloatArray]) -> Errand:
+    def _trip(self, arm: int, places: Sequence[FloatArray]) -> Trip:
         spec = self.spec
-        return Errand(
+        return Trip(
             arm=self.arms[arm],
             checker=self.checkers[arm],
             max_velocity=spec.max_velocity_radps,

@@ -27,7 +27,7 @@ TRIES_N = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Errand:
+class Trip:
     """Where one arm is to go."""
 
     arm: ArmInWorld
@@ -46,13 +46,11 @@ class Errand:
 
     def __post_init__(self) -> None:
         if not self.stops or not self.dwell_s >= 0:
-            raise PlanningError(
-                f"Errand: {len(self.stops)} stops, dwell_s {self.dwell_s}; expected at least 1, and >= 0"
-            )
+            raise PlanningError(f"Trip: {len(self.stops)} stops, dwell_s {self.dwell_s}; expected at least 1, and >= 0")
 
 
 class Way(Enum):
-    """How two errands were brought together."""
+    """How two trips were brought together."""
 
     DECOUPLED = "decoupled"
     """Each arm has its own path; a schedule says who waits."""
@@ -74,51 +72,51 @@ class Together:
 
 
 def plan_together(
-    errands: tuple[Errand, Errand], planner: MotionPlanner, *, seed: int = 0, margin_m: float = MARGIN_M
+    trips: tuple[Trip, Trip], planner: MotionPlanner, *, seed: int = 0, margin_m: float = MARGIN_M
 ) -> Together:
-    """Plan two errands that begin at once.
+    """Plan two trips that begin at once.
 
     Each arm gets paths of its own, and the coordination diagram says who waits for whom. If there is no schedule, other
-    paths are tried, and at last both arms are planned as one, which takes longer and needs errands of a single stop.
+    paths are tried, and at last both arms are planned as one, which takes longer and needs trips of a single stop.
 
     Args:
-        errands: One for each arm.
+        trips: One for each arm.
         planner: Plans the legs of single arms.
-        seed: The same errands and seed give the same bytes.
+        seed: The same trips and seed give the same bytes.
         margin_m: Distance kept between the arms [m], >= 0.
     """
-    arms = [errand.arm for errand in errands]
+    arms = [trip.arm for trip in trips]
     for attempt in range(TRIES_N):
-        legs = [_legs(errand, planner, seed + attempt) for errand in errands]
+        legs = [_legs(trip, planner, seed + attempt) for trip in trips]
         if not all(legs):
             continue
         paths = tuple(timed_path(own, STEP_S) for own in legs)
         found = schedule(arms, paths, margin_m)
         if found.solved:
             return Together(way=Way.DECOUPLED, paths=paths, found=found)
-    if all(len(errand.stops) == 1 for errand in errands):
-        return _as_one(errands, seed, margin_m)
+    if all(len(trip.stops) == 1 for trip in trips):
+        return _as_one(trips, seed, margin_m)
     return Together(way=Way.NONE, paths=(), found=None)
 
 
-def _legs(errand: Errand, planner: MotionPlanner, seed: int) -> list[Trajectory | Dwell]:
+def _legs(trip: Trip, planner: MotionPlanner, seed: int) -> list[Trajectory | Dwell]:
     """One arm's motions; empty if a stop cannot be reached."""
-    here = errand.start
+    here = trip.start
     legs: list[Trajectory | Dwell] = []
-    for goals in errand.stops:
-        result = planner.plan(MotionProblem(checker=errand.checker, start=here, goals=goals, seed=seed))
+    for goals in trip.stops:
+        result = planner.plan(MotionProblem(checker=trip.checker, start=here, goals=goals, seed=seed))
         if not result.solved:
             return []
-        legs.append(retime(result.path, errand.max_velocity, errand.max_acceleration, SAMPLE_S))
-        legs.append(Dwell(duration_s=errand.dwell_s))
+        legs.append(retime(result.path, trip.max_velocity, trip.max_acceleration, SAMPLE_S))
+        legs.append(Dwell(duration_s=trip.dwell_s))
         here = result.path[-1]
     return legs[:-1]
 
 
-def _as_one(errands: tuple[Errand, Errand], seed: int, margin_m: float) -> Together:
+def _as_one(trips: tuple[Trip, Trip], seed: int, margin_m: float) -> Together:
     """Both arms in one search, to the first pair of goals, nearest first, to which there is a way."""
-    first, second = errands
-    near = [e.stops[0][np.argsort(np.linalg.norm(e.stops[0] - e.start, axis=1), kind="stable")] for e in errands]
+    first, second = trips
+    near = [e.stops[0][np.argsort(np.linalg.norm(e.stops[0] - e.start, axis=1), kind="stable")] for e in trips]
     pairs = sorted(
         ((i, j) for i in range(len(near[0])) for j in range(len(near[1]))), key=lambda pair: (sum(pair), pair)
     )

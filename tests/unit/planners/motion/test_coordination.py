@@ -16,7 +16,7 @@ from planners.motion.kinematics import link_frames
 from planners.motion.problem import MotionStatus
 from planners.motion.rrt_connect_native import RrtConnectNative
 from planners.motion.timed_path import Dwell, TimedPath, timed_path
-from planners.motion.together import Errand, Together, Way, plan_together
+from planners.motion.together import Together, Trip, Way, plan_together
 from planners.motion.trajectory import Trajectory, retime
 from tests.unit.planners.motion.pair_scene import MAX_ACCELERATION, MAX_VELOCITY, Referee, bases
 
@@ -248,9 +248,9 @@ def test_a_composite_plan_says_why_there_is_none(iiwa, arms):  # type: ignore[no
         CompositeProblem(arms=arms, checkers=(free, free), start=REST, goal=apart)
 
 
-def _errand(iiwa, arm, start, *stops) -> Errand:  # type: ignore[no-untyped-def]
+def _trip(iiwa, arm, start, *stops) -> Trip:  # type: ignore[no-untyped-def]
     floor = Boxes.one((0.0, 0.0, -0.05), (2.0, 2.0, 0.05), min_frame=2)
-    return Errand(
+    return Trip(
         arm=arm,
         checker=CollisionChecker(iiwa, floor),
         max_velocity=MAX_VELOCITY,
@@ -269,17 +269,17 @@ def _played(both: Together):  # type: ignore[no-untyped-def]
 def test_two_errands_get_the_cheapest_way_that_works(iiwa, arms, referee):  # type: ignore[no-untyped-def]
     planner = RrtConnectNative()
     aside = REST + 3 * TURN
-    deliveries = tuple(_errand(iiwa, arm, aside, OVER_TRAY, REST) for arm in arms)
-    exchange = tuple(_errand(iiwa, arm, OVER_TRAY + TURN, OVER_TRAY - TURN) for arm in arms)
-    meeting = tuple(_errand(iiwa, arm, REST, OVER_TRAY) for arm in arms)
+    deliveries = tuple(_trip(iiwa, arm, aside, OVER_TRAY, REST) for arm in arms)
+    exchange = tuple(_trip(iiwa, arm, OVER_TRAY + TURN, OVER_TRAY - TURN) for arm in arms)
+    meeting = tuple(_trip(iiwa, arm, REST, OVER_TRAY) for arm in arms)
     # Both want to end at one place: no search finds what does not exist.
-    for errands, way in ((deliveries, Way.DECOUPLED), (exchange, Way.COMPOSITE), (meeting, Way.NONE)):
-        both = plan_together(errands, planner)
+    for trips, way in ((deliveries, Way.DECOUPLED), (exchange, Way.COMPOSITE), (meeting, Way.NONE)):
+        both = plan_together(trips, planner)
         assert both.way is way
         if both.found is None:
             continue
         assert referee.least_m(_played(both), np.arange(0.0, both.found.makespan_s, 0.01)) > 0.005
-        again = plan_together(errands, planner).found
+        again = plan_together(trips, planner).found
         assert again is not None
         assert again.index.tobytes() == both.found.index.tobytes()
 
