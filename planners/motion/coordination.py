@@ -24,8 +24,7 @@ from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion.arm_model import ArmModel
-from planners.motion.collision import Boxes, CollisionChecker
-from planners.motion.kinematics import link_frames_into
+from planners.motion.kinematics import joint_rows, link_frames_into
 from planners.motion.timed_path import TimedPath
 
 FloatArray = npt.NDArray[np.float64]
@@ -61,10 +60,25 @@ class ArmInWorld:
         pose = np.asarray(world_from_base, dtype=np.float64)
         if pose.shape != (4, 4) or not np.all(np.isfinite(pose)):
             raise PlanningError(f"ArmInWorld: world_from_base of shape {pose.shape}, expected finite values (4, 4)")
+        held = ((), ()) if held_spheres is None else held_spheres
+        held_centre = np.asarray(held[0], dtype=np.float64).reshape(-1, 3)
+        held_radius = np.asarray(held[1], dtype=np.float64).reshape(-1)
+        if len(held_centre) != len(held_radius):
+            raise PlanningError(
+                f"ArmInWorld: {len(held_centre)} held centres, {len(held_radius)} radii; expected equal"
+            )
         self.model = model
         self.world_from_base = pose
-        scene = CollisionChecker(model, Boxes(), held_spheres).scene
-        self.joints, self.spheres, self.parts, self.lever = scene[0], scene[1], scene[2], scene[6]
+        self.joints = joint_rows(model.base_from_joint)
+        n = model.n_joints
+        part = np.concatenate([model.sphere_frame, np.full(len(held_radius), n + 1)]).astype(np.int64)
+        order = np.argsort(part, kind="stable")  # the kernels want each rigid part's spheres side by side
+        centre = np.concatenate([model.sphere_centre, held_centre])[order]
+        radius = np.concatenate([model.sphere_radius, held_radius])[order]
+        self.spheres, self.parts = _with_hulls(centre, radius, part[order], n)
+        """Centre, radius and link frame of each sphere, hulls last, shape (s, 5); parts as in `SweptArm`."""
+        self.lever = _levers(self.joints, self.spheres)
+        """Greatest distance of each sphere's centre from each joint's axis [m], shape (s, n)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -255,6 +269,35 @@ def schedule_in(free: Sequence[BoolArray], rests: Sequence[BoolArray], step_s: f
     index = np.zeros((int(cost[0] // _STEP_COST) + 1, len(size)), dtype=np.int64)
     _follow(cost, together, size, index)
     return Schedule(status=ScheduleStatus.SOLVED, index=index, step_s=step_s)
+
+
+def _with_hulls(centre: FloatArray, radius: FloatArray, part: IntArray, n: int) -> tuple[FloatArray, IntArray]:
+    """Append one sphere around each rigid part; the table (s, 5) and the parts (m, 3)."""
+    names, first, count = np.unique(part, return_index=True, return_counts=True)
+    hulls, parts = [], []
+    for k, (name, a, m) in enumerate(zip(names, first, count, strict=True)):
+        own, size = centre[a : a + m], radius[a : a + m]
+        middle = 0.5 * ((own - size[:, None]).min(axis=0) + (own + size[:, None]).max(axis=0))
+        reach = (np.linalg.norm(own - middle, axis=1) + size).max()
+        hulls.append([*middle, reach, min(name, n)])
+        parts.append([len(centre) + k, a, a + m])
+    table = np.concatenate([np.column_stack([centre, radius, np.minimum(part, n)]), np.reshape(hulls, (-1, 5))])
+    return np.ascontiguousarray(table), np.array(parts, dtype=np.int64).reshape(-1, 3)
+
+
+def _levers(joints: FloatArray, spheres: FloatArray) -> FloatArray:
+    """Upper bounds of the distance from each joint's axis to each sphere's centre, shape (s, n)."""
+    step = np.linalg.norm(joints[:, :, 3], axis=1)
+    lever = np.zeros((len(spheres), len(joints)))
+    for s, sphere in enumerate(spheres):
+        frame, offset = int(sphere[4]), float(np.linalg.norm(sphere[:3]))
+        for j in range(frame):
+            if frame == j + 1:
+                lever[s, j] = np.hypot(sphere[0], sphere[1])
+            else:
+                # The first offset after a joint is fixed in its frame: only its part off the axis counts.
+                lever[s, j] = np.hypot(*joints[j + 1, :2, 3]) + step[j + 2 : frame].sum() + offset
+    return lever
 
 
 @njit(cache=True)
