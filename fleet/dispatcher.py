@@ -171,7 +171,7 @@ class Dispatcher:
             reason_book=self.reasons,
         )
         self.stock = Stock(board, stations, desk.car, world, log, self.reasons, self._allotment.source_cost)
-        self._fetching = Fetching(stations, desk, self.stock, traffic, executor, log)
+        self._fetching = Fetching(stations, desk, self.stock, traffic, executor, world.tick_s, log)
         self._attempts: dict[int, int] = {}
         self._serving: dict[int, int] = {}
         self._dock_cells = [self._dock_cell(station) for station in stations]

@@ -17,6 +17,8 @@ from fleet.traffic import Traffic
 AHEAD_MOVES_N = 8
 """A parcel is fetched when its car has at most so many moves left to the dock: that is about twice the time it takes,
 and late enough that the car seldom loses its task to another."""
+LOOK_S = 0.25
+"""Time between two looks at who comes [s]."""
 MAX_FETCHES = 2
 """A parcel that was missed or lost so often is left to the transfer itself."""
 
@@ -33,6 +35,7 @@ class Fetching:
         stock: Tells where parcels are.
         traffic: Gives distances.
         executor: Tells where cars are.
+        tick_s: Length of a tick [s].
         log: Called as ``log(kind, **facts)`` when a parcel is fetched or put back.
     """
 
@@ -43,6 +46,7 @@ class Fetching:
         stock: Stock,
         traffic: Traffic,
         executor: Executor,
+        tick_s: float,
         log: Callable[..., None],
     ) -> None:
         docks = [station.dock_state for station in stations]
@@ -58,6 +62,7 @@ class Fetching:
         self._traffic = traffic
         self._executor = executor
         self._log = log
+        self._period = max(1, round(LOOK_S / tick_s))
         self._task: dict[int, Task] = {}
         self._fetches: dict[int, int] = {}
 
@@ -69,22 +74,23 @@ class Fetching:
             coming: The task that each car is on its way to pick, None for other cars.
             busy: Car that each arm serves, -1 for none.
         """
-        if not self._stations:
+        if not self._stations or tick % self._period:
             return
         tails = self._executor.tail_states()
         for station in self._stations:
             arm, desk = station.arm, self._desk
+            holds = desk.services[arm].state is ServiceState.HOLDING
+            if busy[arm] >= 0 or not (holds or desk.is_idle(arm)):
+                continue
             moves = self._traffic.tables.to(station.dock_state)
             queue = sorted(
                 (int(moves[tails[car]]), car)
                 for car, task in enumerate(coming)
                 if task is not None and task.pick == station.name and task.state is TaskState.ASSIGNED
             )
-            if busy[arm] >= 0:
-                continue
-            if desk.services[arm].state is ServiceState.HOLDING:
+            if holds:
                 self._look_after(station, [car for left, car in queue if left == 0], coming)
-            elif desk.is_idle(arm) and queue and queue[0][0] <= AHEAD_MOVES_N:
+            elif queue and queue[0][0] <= AHEAD_MOVES_N:
                 task = coming[queue[0][1]]
                 if task is not None and self._fetches.get(task.index, 0) < MAX_FETCHES:
                     self._fetch(station, task, tick)
