@@ -11,6 +11,7 @@ from fleet.config import RunConfig
 from fleet.docks import Docks
 from fleet.errors import FleetError
 from fleet.executor import Executor
+from fleet.fetching import Fetching
 from fleet.lookahead import Lookahead
 from fleet.outlook import Outlook, Outlooks
 from fleet.parking import Parking
@@ -160,6 +161,7 @@ class Dispatcher:
         self.stock = Stock(
             board, stations, desk.car, world, log, backlog, self.reasons, self._pricing.source_cost, lookahead.turn_s
         )
+        self._fetching = Fetching(stations, desk, self.stock, traffic, executor, world.tick_s, log)
         self._outlooks = Outlooks(self._stations, self.roster, self.service_times, traffic, executor)
         self._docks = Docks(
             graph=graph,
@@ -213,6 +215,7 @@ class Dispatcher:
         if tick % self._period == 0:
             self._review(tick, now_s)
         self._docks.tick(tick, now_s)
+        self._fetching.tick(tick, self.roster)
         self.visits.tick(tick, now_s)
 
     def _review(self, tick: int, now_s: float) -> None:

@@ -110,7 +110,7 @@ class Docks:
             station = self._stations[task.pick if loading else task.delivery.drop]
             if tails[car] != station.dock_state or not self._executor.idle(car):
                 continue
-            if not self._desk.is_idle(station.arm):
+            if not self._desk.is_ready(station.arm, task.parcel):
                 continue
             if not loading and task.drop_slot is None:
                 task.drop_slot = station.take_slot(task.index)

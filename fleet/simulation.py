@@ -19,10 +19,12 @@ from fleet.executor import Executor
 from fleet.insight.metrics import Metrics, Summary
 from fleet.recovery import Recovery
 from fleet.robots.battery import Batteries
+from fleet.robots.tools import TOOLS
 from fleet.roster import CarPhase
 from fleet.stations.arm_cell import arm_cells
 from fleet.stations.arm_desk import ArmDesk, ArmPlanner
 from fleet.stations.arm_planner import make_arm_planner
+from fleet.stations.shared_dock import share_docks
 from fleet.stations.station import Station
 from fleet.tasks.batches import Batches
 from fleet.tasks.board import Task, TaskBoard, TaskState
@@ -136,6 +138,7 @@ class Simulation:
                 for arm, place in enumerate(self.site.stations)
             ]
             self.desk: ArmDesk = self._desk()
+            self.shared_docks = share_docks(self.site, self.scene, TOOLS[config.grip], self.desk.services)
             battery = config.battery
             self.batteries = Batteries(battery, self.world.n_cars, self.tick_s) if battery.enabled else None
             self.dispatcher = Dispatcher(

@@ -180,7 +180,8 @@ class Stock:
 
     def _is_where_booked(self, task: Task) -> bool:
         if task.state in (TaskState.READY, TaskState.ASSIGNED):
-            return self.on_slot(task, task.pick_slot, self._by_name[task.pick])
+            fetched = bool(np.any(self._world.held() == task.parcel))
+            return fetched or self.on_slot(task, task.pick_slot, self._by_name[task.pick])
         if task.state is TaskState.DELIVERED:
             return self.on_slot(task, task.drop_slot, self._by_name[task.delivery.drop])
         if task.state is TaskState.CARRIED:

@@ -82,7 +82,7 @@ class _Edges:
         return np.concatenate((start, end[self.both])), np.concatenate((end, start[self.both]))
 
 
-def orient_lanes(plan: FloorPlan, arm_side: dict[int, int]) -> Orientation:
+def orient_lanes(plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]]) -> Orientation:
     """Give every lane of a plan a direction.
 
     An arrow fixes the lanes along its own axis; lanes across it are derived like those of plain floor. A bay (dock,
@@ -92,12 +92,13 @@ def orient_lanes(plan: FloorPlan, arm_side: dict[int, int]) -> Orientation:
 
     Args:
         plan: The drawing.
-        arm_side: For each dock cell the heading in which its arm lies; its lane runs perpendicular to that.
+        arm_sides: For each dock cell the headings in which its arms lie; its lane runs perpendicular to them.
 
     Source: C. L. Lucchesi and D. H. Younger, A minimax theorem for directed graphs, J. London Math. Soc. 1978; the
         reversal property: A. Frank, How to make a digraph strongly connected, Combinatorica 1981.
     """
     grid = GridMap(plan.open)
+    arm_side = {cell: sides[0] for cell, sides in arm_sides.items()}
     edges = _two_edge_connected(_pruned_at_bays(_edges_of(plan, grid), plan, grid, arm_side), grid.n_cells)
     if len(edges.tail) == 0:
         return Orientation(lanes=np.empty((0, 2), dtype=np.int32), cut_cells=tuple(plan.cells(_open_characters(plan))))

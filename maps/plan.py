@@ -23,7 +23,7 @@ LEGEND: dict[str, str] = {
     "x": "floor, two-way (needs allow_reverse and a passing place)",
     "P": "pick dock",
     "D": "drop dock",
-    "A": "arm of the dock beside it",
+    "A": "arm of the dock beside it; a dock may have two, on opposite sides",
     "K": "parking",
     "C": "charger",
 }

@@ -20,7 +20,7 @@ from maps.errors import LaneError, PlanError, SiteFileError, UnknownSiteError
 from maps.grid import BoolGrid, GridMap
 from maps.orientation import orient_lanes
 from maps.plan import FloorPlan, parse_plan
-from maps.stations import StationOptions, StationPlace, match_arms, name_docks, place_stations
+from maps.stations import StationOptions, StationPlace, match_arms, name_stations, place_stations
 
 _PASSING_WAYS = 3
 """Open neighbours that make a two-way cell a passing place: two for the way, one to step aside."""
@@ -207,13 +207,13 @@ def site_from_plan(
     plan = parse_plan(lines, where=where)
     grid = GridMap(plan.open)
     _check_two_way(plan, grid, allow_reverse, where)
-    arm_side = match_arms(plan, grid, where=where)
-    orientation = orient_lanes(plan, arm_side)
-    stations = place_stations(plan, grid, arm_side, orientation.lanes, options, where=where)
+    arm_sides = match_arms(plan, grid, where=where)
+    orientation = orient_lanes(plan, arm_sides)
+    stations = place_stations(plan, grid, arm_sides, orientation.lanes, options, where=where)
     parking, chargers = tuple(plan.cells("K")), tuple(plan.cells("C"))
     _check_bays(plan, grid, orientation.lanes, where)
     if plan.mask("x").any():
-        _check_states(plan, grid, orientation.lanes, where)
+        _check_states(plan, grid, arm_sides, orientation.lanes, where)
     return Site(
         name=name,
         grid=grid,
@@ -287,7 +287,13 @@ def _check_bays(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], wh
                 )
 
 
-def _check_states(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], where: str) -> None:
+def _check_states(
+    plan: FloorPlan,
+    grid: GridMap,
+    arm_sides: Mapping[int, tuple[int, ...]],
+    lanes: npt.NDArray[np.int32],
+    where: str,
+) -> None:
     """With two-way lanes, cells may be connected while cars, which cannot turn round, are not: check their moves."""
     pairs = [(int(a), int(b)) for a, b in lanes]
     number = {lane: i for i, lane in enumerate(pairs)}
@@ -302,10 +308,10 @@ def _check_states(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], 
     _, label = connected_components(graph, directed=True, connection="strong")
     main = np.bincount(label).argmax()
     reached = {b for (_, b), part in zip(pairs, label, strict=True) if part == main}
-    names = name_docks(plan)
+    names = name_stations(plan, arm_sides)
     for cell in [*names, *plan.cells("KC")]:
         if cell not in reached:
-            what = names.get(cell, "parking or charger cell")
+            what = " and ".join(names.get(cell, ("parking or charger cell",)))
             raise LaneError(
                 f"{where}: {what} at {_place_name(grid, cell)} cannot be reached and left by a car that cannot "
                 "turn round; it needs one-way lanes that lead to it and on"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,6 +29,8 @@ PEDESTAL_HALF_M = 0.08
 REACH_M = (0.35, 0.65)
 """The arm works well on points whose horizontal distance from its base lies in this range."""
 MIN_ARM_SPACING_M = 2.0
+MIN_PARTNER_SPACING_M = 1.1
+"""The same for the two arms of one dock, whose motions are coordinated [m]: each keeps its base and rack to itself."""
 ARM_BASE_RADIUS_M = 0.15
 NOSE_GAP_M = 0.14
 """A docked car's nose stays this far inside its cell [m]: release tolerance 0.05, following error 0.05, a margin."""
@@ -98,48 +101,58 @@ class StationPlace:
     __hash__ = None  # type: ignore[assignment]
 
 
-def name_docks(plan: FloorPlan) -> dict[int, str]:
-    """Names of the dock cells, numbered in reading order: pick_1, pick_2, ..., drop_1, ..."""
+def name_stations(plan: FloorPlan, arm_sides: Mapping[int, tuple[int, ...]]) -> dict[int, tuple[str, ...]]:
+    """Names of the stations at each dock cell, one for each arm, numbered in reading order: pick_1, ..., drop_1, ...
+
+    Args:
+        plan: The drawing.
+        arm_sides: Headings from each dock to its arms, from `match_arms`.
+    """
     names = {}
     for character, kind in (("P", "pick"), ("D", "drop")):
-        for number, cell in enumerate(plan.cells(character), start=1):
-            names[cell] = f"{kind}_{number}"
+        number = 1
+        for cell in plan.cells(character):
+            names[cell] = tuple(f"{kind}_{number + k}" for k in range(len(arm_sides[cell])))
+            number += len(arm_sides[cell])
     return names
 
 
-def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, int]:
-    """Heading from each dock cell to its own arm cell.
+def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, tuple[int, ...]]:
+    """Headings from each dock cell to its own arm cells: one, or two on opposite sides.
 
     Raises:
-        StationError: A dock has no arm beside it, or several, or an arm stands beside no dock or between two.
+        StationError: A dock has no arm beside it, or too many, or an arm stands beside no dock or between two.
     """
     arms = set(plan.cells("A"))
-    names = name_docks(plan)
-    side: dict[int, int] = {}
-    owner: dict[int, int] = {}
-    for dock in names:
-        beside = [heading for heading in range(4) if grid.neighbour(dock, heading) in arms]
-        if len(beside) != 1:
-            raise StationError(
-                f"{where}: {names[dock]} at {_at(grid, dock)} has {len(beside)} arms beside it, "
-                "must have exactly one 'A'"
-            )
-        arm = grid.neighbour(dock, beside[0])
-        if arm in owner:
-            raise StationError(
-                f"{where}: the arm at {_at(grid, arm)} stands beside {names[owner[arm]]} and {names[dock]}, "
-                "each dock must have its own arm"
-            )
-        side[dock], owner[arm] = beside[0], dock
+    sides: dict[int, tuple[int, ...]] = {}
+    owner: dict[int, str] = {}
+    for character, kind in (("P", "pick"), ("D", "drop")):
+        for dock in plan.cells(character):
+            beside = tuple(heading for heading in range(4) if grid.neighbour(dock, heading) in arms)
+            name = f"{kind}_{1 + sum(len(sides[cell]) for cell in sides if plan.chars.flat[cell] == character)}"
+            if len(beside) not in (1, 2) or (len(beside) == 2 and (beside[0] + 2) % 4 != beside[1]):
+                raise StationError(
+                    f"{where}: {name} at {_at(grid, dock)} has {len(beside)} arms beside it, "
+                    "must have one 'A', or two on opposite sides"
+                )
+            for heading in beside:
+                arm = grid.neighbour(dock, heading)
+                if arm in owner:
+                    raise StationError(
+                        f"{where}: the arm at {_at(grid, arm)} stands beside {owner[arm]} and {name}, "
+                        "each dock must have its own arm"
+                    )
+                owner[arm] = name
+            sides[dock] = beside
     for arm in sorted(arms - set(owner)):
         raise StationError(f"{where}: the arm at {_at(grid, arm)} has no dock beside it, must touch one 'P' or 'D'")
-    return side
+    return sides
 
 
 def place_stations(
     plan: FloorPlan,
     grid: GridMap,
-    arm_side: Mapping[int, int],
+    arm_sides: Mapping[int, tuple[int, ...]],
     lanes: npt.NDArray[np.int32],
     options: Mapping[str, StationOptions],
     *,
@@ -153,7 +166,7 @@ def place_stations(
     Args:
         plan: The drawing.
         grid: Its floor.
-        arm_side: Heading from each dock to its arm, from `match_arms`.
+        arm_sides: Headings from each dock to its arms, from `match_arms`.
         lanes: Directed lanes, shape (n, 2).
         options: Entries of the site file by station name.
         where: Name of the site, opens every message.
@@ -162,27 +175,34 @@ def place_stations(
         LaneError: No lane serves a dock.
         StationError: An entry names no station, or tray, slots, dock or other arms are too near or too far.
     """
-    names = name_docks(plan)
+    names = name_stations(plan, arm_sides)
+    known = [name for own in names.values() for name in own]
     for name in options:
-        if name not in names.values():
-            raise StationError(
-                f"{where}: stations.{name} is not in the plan, must be one of {', '.join(names.values())}"
-            )
+        if name not in known:
+            raise StationError(f"{where}: stations.{name} is not in the plan, must be one of {', '.join(known)}")
     lane_set = {(int(a), int(b)) for a, b in lanes}
     places = []
-    for cell, name in names.items():
+    for cell, own in names.items():
         entries = [h for h in range(4) if (grid.neighbour(cell, (h + 2) % 4), cell) in lane_set]
         exits = [h for h in range(4) if (cell, grid.neighbour(cell, h)) in lane_set]
         if len(entries) != 1 or not exits:
             raise LaneError(
-                f"{where}: {name} at {_at(grid, cell)} is a dead end or cut off from the largest connected part of the "
-                "lanes; it needs a lane that leads past its arm and on to other cells"
+                f"{where}: {own[0]} at {_at(grid, cell)} is a dead end or cut off from the largest connected part of "
+                "the lanes; it needs a lane that leads past its arm and on to other cells"
             )
-        given = options.get(name, StationOptions())
-        dock = _dock(name, cell, entries[0], entries[0] in exits, grid, given, where)
-        station = _station(name, dock, arm_side[cell], given)
-        _check_reach(station, where)
-        places.append(station)
+        docks = []
+        for name, side in zip(own, arm_sides[cell], strict=True):
+            given = options.get(name, StationOptions())
+            docks.append(_dock(name, cell, entries[0], entries[0] in exits, grid, given, where))
+            station = _station(name, docks[-1], side, given)
+            _check_reach(station, where)
+            places.append(station)
+        if docks[0] != docks[-1]:
+            raise StationError(
+                f"{where}: stations.{own[0]}.stop_offset_m is {docks[0].stop_offset_m:g} and stations.{own[-1]}"
+                f".stop_offset_m is {docks[-1].stop_offset_m:g}, must be equal: both serve the dock at "
+                f"{_at(grid, cell)}"
+            )
     _check_floor(places, plan, grid, where)
     _check_spacing(places, where)
     return tuple(places)
@@ -286,12 +306,14 @@ def _check_floor(places: list[StationPlace], plan: FloorPlan, grid: GridMap, whe
 def _check_spacing(places: list[StationPlace], where: str) -> None:
     bases = np.array([station.arm.pose[:2] for station in places])
     distance = np.hypot(*(bases[:, None] - bases[None]).transpose(2, 0, 1))
-    near = np.argwhere(np.triu(distance < MIN_ARM_SPACING_M - _TOLERANCE_M, k=1))
-    for first, second in near:
-        raise StationError(
-            f"{where}: the arms of {places[first].name} and {places[second].name} stand {distance[first, second]:.2f} "
-            f"m apart, must be at least {MIN_ARM_SPACING_M} m"
-        )
+    for first, second in itertools.combinations(range(len(places)), 2):
+        partners = places[first].dock.cell == places[second].dock.cell
+        least = MIN_PARTNER_SPACING_M if partners else MIN_ARM_SPACING_M
+        if distance[first, second] < least - _TOLERANCE_M:
+            raise StationError(
+                f"{where}: the arms of {places[first].name} and {places[second].name} stand "
+                f"{distance[first, second]:.2f} m apart, must be at least {least} m"
+            )
 
 
 def _at(grid: GridMap, cell: int) -> str:

@@ -16,9 +16,8 @@ from fleet.tasks.board import OPEN_STATES, TaskState
 
 SITE, CARS, CHARGERS = "medium", 16, 4
 HOURS, QUICK_HOURS = 8.0, 0.25
-RATE_PER_H = 200.0
-"""Work never ends and no backlog grows for ever: the most popular of six stations gets 41 % of a skewed stream, and
-with two cars bound for it at once it takes about 110 an hour."""
+RATE_PER_H = 300.0
+"""Work never ends and no backlog grows for ever; the most popular of six stations gets 41 % of a skewed stream."""
 STARVED_S = 3600.0
 """A task that is open for longer has been starved; waves come every ten minutes, a delivery takes two or three [s]."""
 LOOK_S = 1.0

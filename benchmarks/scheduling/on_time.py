@@ -18,8 +18,8 @@ SITE, CARS = "medium", 16
 REFERENCE, ALLOCATOR = "greedy", "regret_lns"
 SEEDS_N, QUICK_SEEDS_N = 20, 2
 HOURS, QUICK_HOURS = 2.0, 0.1
-RATE_PER_H = 240.0
-"""Close to what the most popular station takes (see `day`), so that it matters who gets what."""
+RATE_PER_H = 360.0
+"""Each wave keeps the fleet busy almost until the next, so that it matters who gets what first."""
 
 
 def measure_on_time(trial: Trial) -> Iterable[Row]:

@@ -7,7 +7,7 @@ from fleet.errors import FleetError
 from fleet.robots.spec import CarSpec
 from fleet.stations.arm_desk import ArmDesk, ArmPlanner
 from fleet.stations.service import ArmService, ServiceState
-from fleet.stations.transfer import HomeRequest, Transfer, TransferRequest
+from fleet.stations.transfer import ArmRequest, Transfer, TransferRequest
 from fleet.world.protocol import FloatArray
 
 REST_S = 0.5
@@ -23,7 +23,7 @@ class NoPlanner:
     def close(self) -> None:
         """See `ArmPlanner`."""
 
-    def submit(self, request: TransferRequest | HomeRequest) -> int:
+    def submit(self, request: ArmRequest) -> int:
         """See `ArmPlanner`.
 
         Raises:
@@ -42,6 +42,8 @@ class NoPlanner:
 
 class AgentService(ArmService):
     """A transfer in the hands of an agent: it lasts until the parcel was taken and has been let go."""
+
+    fetches = False
 
     def __init__(self, arm: int, start_rad: FloatArray) -> None:
         super().__init__(arm, start_rad)

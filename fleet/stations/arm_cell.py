@@ -20,6 +20,11 @@ FENCE_M = 0.95
 """An arm stays within this of its base along x and along y [m]; bases are at least twice as far apart."""
 PASSING_CAR_M = 0.45
 """Height kept free over drivable cells: a car with the highest parcel is 0.31 m tall [m]."""
+DOCK_CAR_M = 0.33
+"""The same in the dock cell, below which no arm comes but to serve the car there: its via points lie low over the tray,
+where a tool reaches down to 0.37 m [m]."""
+ASTRAY_M = 0.10
+"""A car that passes a dock straight keeps to its centre line within this [m]."""
 FLOOR_FRAME = 2
 """Links below this are bolted down and may touch the floor."""
 
@@ -45,6 +50,10 @@ class ArmCell:
     """Shape (b,)."""
     box_min_frame: npt.NDArray[np.int64]
     """Links below this number do not count against the box, shape (b,)."""
+    dock_box: FloatArray
+    """Room that cars take on their lane through the dock cell: centre, half extents, shape (2, 3); x along the lane."""
+    dock_yaw: float
+    """Direction of that lane in the base frame [rad]."""
 
     def base_from_world(self, points: FloatArray) -> FloatArray:
         """World points (..., 3) in the base frame."""
@@ -58,7 +67,15 @@ class ArmCell:
 
     def geometry_key(self) -> bytes:
         """Equal for cells whose surroundings are the same in their base frames."""
-        arrays = (self.slots, self.tray, self.box_centre, self.box_half, self.box_yaw)
+        arrays = (
+            self.slots,
+            self.tray,
+            self.box_centre,
+            self.box_half,
+            self.box_yaw,
+            self.dock_box,
+            np.array(self.dock_yaw),
+        )
         return b"".join(np.round(a, 6).tobytes() for a in arrays) + self.box_min_frame.tobytes()
 
 
@@ -95,7 +112,11 @@ def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
         box_half=np.array([box[1] for box in near]),
         box_yaw=np.array([box[2] - base[3] for box in near]),
         box_min_frame=np.array([box[3] for box in near], dtype=np.int64),
+        dock_box=np.empty((2, 3)),
+        dock_yaw=0.0,
     )
+    dock_x, dock_y = grid.xy(*grid.row_col(place.dock.cell))
+    dock_centre = cell.base_from_world(np.array([dock_x, dock_y, DOCK_CAR_M / 2]))
     x, y, yaw = place.dock.pose
     ahead = scene.car.tray_x_m
     tray = np.array([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw), scene.car.tray_floor_z_m])
@@ -107,6 +128,8 @@ def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
         box_half=cell.box_half,
         box_yaw=cell.box_yaw,
         box_min_frame=cell.box_min_frame,
+        dock_box=np.array([dock_centre, (grid.cell_m / 2, scene.car.half_width_m + ASTRAY_M, DOCK_CAR_M / 2)]),
+        dock_yaw=yaw - base[3],
     )
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from fleet.config import ArmConfig
 from fleet.robots.spec import CarSpec
 from fleet.stations.service import ArmService, ServiceState
-from fleet.stations.transfer import HomeRequest, Transfer, TransferRequest
+from fleet.stations.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer, TransferRequest
 from fleet.world.protocol import FloatArray, IntArray
 
 
@@ -23,7 +23,7 @@ class ArmPlanner(Protocol):
     def close(self) -> None:
         """Free what it holds; calling twice is harmless."""
 
-    def submit(self, request: TransferRequest | HomeRequest) -> int:
+    def submit(self, request: ArmRequest) -> int:
         """Hand in a request; returns its ticket."""
 
     def result(self, ticket: int) -> Transfer:
@@ -59,18 +59,47 @@ class ArmDesk:
         """True when an arm is home and has nothing to do."""
         return self.services[arm].state is ServiceState.IDLE
 
+    def is_ready(self, arm: int, parcel: int) -> bool:
+        """True when an arm could begin to serve a car with a parcel: it is home, or holds just that parcel."""
+        service = self.services[arm]
+        return self.is_idle(arm) or (service.state is ServiceState.HOLDING and service.parcel == parcel)
+
+    def fetch(self, request: FetchRequest, tick: int) -> None:
+        """Ask for a parcel to be fetched ahead, by an arm that is idle."""
+        self._reasons[request.arm] = ""
+        self._ask(request.arm, self._planner.submit(request), tick)
+
+    def put_back(self, arm: int) -> None:
+        """Let an arm put back what it has fetched."""
+        self.services[arm].put_back()
+
     def reason(self, arm: int) -> str:
         """Why the arm's last transfer failed; empty when it did not."""
         return self._reasons[arm]
 
     def submit(self, request: TransferRequest, tick: int) -> None:
-        """Ask for a transfer; it starts when the latency has passed."""
+        """Ask for a transfer; it starts when the latency has passed. What an arm holds already is delivered."""
         self._reasons[request.arm] = ""
-        self._ask(request.arm, self._planner.submit(request), tick)
+        service = self.services[request.arm]
+        question: ArmRequest = request
+        if service.state is ServiceState.HOLDING:
+            question = DeliverRequest(
+                arm=request.arm,
+                parcel=request.parcel,
+                size_m=request.size_m,
+                pick_via=request.pick_via,
+                place_via=request.place_via,
+                car_pose=request.car_pose,
+                grip_height_m=service.grip_height_m,
+            )
+        self._ask(request.arm, self._planner.submit(question), tick)
 
     def slow(self, arm: int, factor: float) -> None:
         """Play an arm's motions at a fraction of their speed."""
         self.services[arm].speed = factor
+        gate = self.services[arm].gate
+        if gate is not None:
+            gate.look_again()
 
     def tick(self, tick: int, held: IntArray) -> None:
         """Land the answers that are due and advance every busy arm; fills `q`, `qd` and `grip`."""
@@ -89,7 +118,9 @@ class ArmDesk:
             elif service.state in (ServiceState.MISSED, ServiceState.DROPPED):
                 self._reasons[service.arm] = f"arm_{service.arm} {service.state} the parcel"
                 service.release()
-                self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
+                others = service.gate.other_arm() if service.gate is not None else None
+                question = HomeRequest(arm=service.arm, q=service.q.copy(), others=others)
+                self._ask(service.arm, self._planner.submit(question), tick)
 
     def busy_s(self) -> npt.NDArray[np.float64]:
         """Time each arm has worked so far [s], shape (n_arms,)."""
@@ -102,6 +133,6 @@ class ArmDesk:
     def _land(self, arm: int, transfer: Transfer) -> None:
         if transfer.reason:
             self._reasons[arm] = transfer.reason
-            self.services[arm].reset()
+            self.services[arm].refused()
         else:
             self.services[arm].play(transfer)

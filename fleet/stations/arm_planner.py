@@ -20,7 +20,7 @@ from fleet.robots.tools import TOOLS
 from fleet.stations.arm_cell import ArmCell
 from fleet.stations.arm_spheres import arm_spheres
 from fleet.stations.cell_planner import CellPlanner, Held, KnownWays, UnreachableError
-from fleet.stations.transfer import HomeRequest, Transfer, TransferRequest
+from fleet.stations.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer
 from fleet.world.protocol import FloatArray
 from planners.motion.collision import Boxes
 
@@ -131,16 +131,22 @@ class LocalArmPlanner:
     def wait_ready(self) -> None:
         """Nothing to wait for: see the constructor."""
 
-    def submit(self, request: TransferRequest | HomeRequest) -> int:
+    def submit(self, request: ArmRequest) -> int:
         """See `ArmPlanner`."""
         self._tickets += 1
         self._answers[self._tickets] = self.answer(request)
         return self._tickets
 
-    def answer(self, request: TransferRequest | HomeRequest) -> Transfer:
+    def answer(self, request: ArmRequest) -> Transfer:
         """Plan one request."""
         planner = self._planners[request.arm]
-        return planner.home(request) if isinstance(request, HomeRequest) else planner.transfer(request)
+        if isinstance(request, HomeRequest):
+            return planner.home(request)
+        if isinstance(request, FetchRequest):
+            return planner.fetch(request)
+        if isinstance(request, DeliverRequest):
+            return planner.deliver(request)
+        return planner.transfer(request)
 
     def result(self, ticket: int) -> Transfer:
         """See `ArmPlanner`."""
@@ -192,7 +198,7 @@ class WorkerArmPlanner:
             if self._failure is not None:
                 raise UnreachableError(self._failure)
 
-    def submit(self, request: TransferRequest | HomeRequest) -> int:
+    def submit(self, request: ArmRequest) -> int:
         """See `ArmPlanner`."""
         self._tickets += 1
         self._send((self._tickets, request))

@@ -11,7 +11,16 @@ from fleet.errors import FleetError
 from fleet.robots.spec import ArmSpec, CarSpec
 from fleet.robots.tools import Tool
 from fleet.stations.arm_cell import ArmCell
-from fleet.stations.transfer import TRAY, HomeRequest, Signal, Transfer, TransferRequest
+from fleet.stations.transfer import (
+    TRAY,
+    DeliverRequest,
+    FetchRequest,
+    HomeRequest,
+    Signal,
+    Step,
+    Transfer,
+    TransferRequest,
+)
 from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.protocol import FloatArray
 from planners.motion import MOTION_PLANNERS
@@ -128,7 +137,9 @@ class CellPlanner:
         boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)
         held = box_spheres((MAX_EDGE_M / 2,) * 3)
         below = np.array([0.0, 0.0, tool.length_m + MAX_EDGE_M / 2])
+        dock = Boxes.one(cell.dock_box[0], cell.dock_box[1], yaw=cell.dock_yaw)
         self._empty = CollisionChecker(model, boxes, margin=MARGIN_M)
+        self._over_cars = CollisionChecker(model, Boxes.join(boxes, dock), margin=MARGIN_M)
         self._loaded = CollisionChecker(model, boxes, held_spheres=(held[0] + below, held[1]), margin=MARGIN_M)
         self._boxes = boxes
         self._line_boxes = self._without_slots(boxes)
@@ -158,11 +169,38 @@ class CellPlanner:
         except UnreachableError as error:
             return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
 
+    def fetch(self, request: FetchRequest) -> Transfer:
+        """Plan to take a parcel and wait with it over its slot, and to put it back; a `reason` when there is no way."""
+        try:
+            down, grip_height = self._grasp(request)
+            held = Held(size_m=request.size_m, below_tip_m=grip_height - request.size_m[2] / 2)
+            lower, lift = self._lines(down, None, held)
+        except UnreachableError as error:
+            return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
+        via = request.pick_via
+        # Upwards with the parcel is as free as downwards with it.
+        back = (_reversed(lift), Signal.RELEASE, _reversed(lower), self._way(via, HOME, loaded=False))
+        return Transfer(
+            arm=request.arm,
+            parcel=request.parcel,
+            steps=(self._way(HOME, via, loaded=False), lower, Signal.GRIP, lift),
+            back=back,
+            grip_height_m=grip_height,
+        )
+
+    def deliver(self, request: DeliverRequest) -> Transfer:
+        """Plan the rest of a transfer whose parcel was fetched; a `reason` when there is no way."""
+        try:
+            steps = self._delivery(request, request.pick_via, request.place_via, request.grip_height_m)
+        except UnreachableError as error:
+            return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
+        return Transfer(arm=request.arm, parcel=request.parcel, steps=steps)
+
     def home(self, request: HomeRequest) -> Transfer:
         """Plan the way home from anywhere."""
         # A failed line ends low, beside things: first straight up, then home.
         up = self._climb(request.q)
-        result = self._search(self._empty, up[-1], self._spec.home_rad)
+        result = self._search(self._beside(request.others), up[-1], self._spec.home_rad)
         if not result.solved:
             return Transfer(arm=request.arm, parcel=-1, steps=(), reason=f"no way home ({result.status.value})")
         moves = [] if len(up) == 1 else [self._timed(up, LINE_SPEED, self._line)]
@@ -171,28 +209,43 @@ class CellPlanner:
 
     def _transfer(self, request: TransferRequest) -> Transfer:
         down, grip_height = self._grasp(request)
-        lower = self._approach(request.place_via, self._place_tip(request, grip_height))
         held = Held(size_m=request.size_m, below_tip_m=grip_height - request.size_m[2] / 2)
-        lines = [
-            self._confirmed(self._timed(path, LINE_SPEED, self._line), self._line_boxes, load)
-            for path, load in ((down, None), (down[::-1], held), (lower, held), (lower[::-1], None))
-        ]
         pick, place = request.pick_via, request.place_via
+        lower, lift = self._lines(down, None, held)
         steps = (
             self._way(HOME, pick, loaded=False),
-            lines[0],
+            lower,
             Signal.GRIP,
-            lines[1],
-            self._way(pick, place, loaded=True),
-            lines[2],
-            Signal.RELEASE,
-            lines[3],
-            Signal.CLEAR,
-            self._way(place, HOME, loaded=False),
+            lift,
+            *self._delivery(request, pick, place, grip_height),
         )
         return Transfer(arm=request.arm, parcel=request.parcel, steps=steps)
 
-    def _grasp(self, request: TransferRequest) -> tuple[FloatArray, float]:
+    def _delivery(
+        self, request: TransferRequest | DeliverRequest, pick: int, place: int, grip_height: float
+    ) -> tuple[Step, ...]:
+        """From above where the parcel was picked to where it is placed, and home."""
+        held = Held(size_m=request.size_m, below_tip_m=grip_height - request.size_m[2] / 2)
+        down = self._approach(place, self._place_tip(request, grip_height))
+        lower, lift = self._lines(down, held, None)
+        return (
+            self._way(pick, place, loaded=True),
+            lower,
+            Signal.RELEASE,
+            lift,
+            Signal.CLEAR,
+            self._way(place, HOME, loaded=False),
+        )
+
+    def _lines(self, down: FloatArray, before: Held | None, after: Held | None) -> tuple[Trajectory, Trajectory]:
+        """The motions down a line and up again, with what is in the grip on each."""
+        lower, lift = (
+            self._confirmed(self._timed(path, LINE_SPEED, self._line), self._line_boxes, load)
+            for path, load in ((down, before), (down[::-1], after))
+        )
+        return lower, lift
+
+    def _grasp(self, request: TransferRequest | FetchRequest) -> tuple[FloatArray, float]:
         """The way down to the first grip that can be reached, and the tip's height over the parcel's underside."""
         refusal: UnreachableError | None = None
         for tip, height in self._grips(request):
@@ -202,7 +255,7 @@ class CellPlanner:
                 refusal = refusal or error
         raise refusal or UnreachableError("the parcel cannot be gripped from above")
 
-    def _grips(self, request: TransferRequest) -> list[tuple[FloatArray, float]]:
+    def _grips(self, request: TransferRequest | FetchRequest) -> list[tuple[FloatArray, float]]:
         """Tip poses that grip the parcel, best first, each with the tip's height over the parcel's underside."""
         centre = self.cell.base_from_world(request.pick_pose[:3])
         rotation = _matrix(request.pick_pose[3:])
@@ -233,7 +286,7 @@ class CellPlanner:
             turns += [small, small - np.pi if small > 0 else small + np.pi]
         return turns
 
-    def _place_tip(self, request: TransferRequest, grip_height: float) -> FloatArray:
+    def _place_tip(self, request: TransferRequest | DeliverRequest, grip_height: float) -> FloatArray:
         if request.place_via == TRAY:
             x, y, yaw = request.car_pose
             ahead = self._car.tray_x_m
@@ -335,7 +388,8 @@ class CellPlanner:
         """The motion between two via points; the way back is the same path."""
         ways = self._known.ways
         if (a, b, loaded) not in ways:
-            checker = self._loaded if loaded else self._empty
+            # Without a parcel an arm only comes to a car or leaves it: cars may drive below it.
+            checker = self._loaded if loaded else self._over_cars
             low, high = min(a, b), max(a, b)
             result = self._search(checker, self._via(low), self._via(high))
             if not result.solved:
@@ -344,6 +398,19 @@ class CellPlanner:
             held = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2) if loaded else None
             ways[a, b, loaded] = self._confirmed(self._timed(path, 1.0, checker), self._boxes, held)
         return ways[a, b, loaded]
+
+    def _beside(self, others: FloatArray | None) -> CollisionChecker:
+        """The obstacles with an arm that stands in the way: around each of its spheres a box."""
+        if others is None:
+            return self._empty
+        k = len(others)
+        boxes = Boxes(
+            centre=self.cell.base_from_world(others[:, :3]),
+            half=np.repeat(others[:, 3:], 3, axis=1),
+            yaw=np.zeros(k),
+            min_frame=np.zeros(k, dtype=np.int64),
+        )
+        return CollisionChecker(self._model, Boxes.join(self._boxes, boxes), margin=MARGIN_M)
 
     def _search(self, checker: CollisionChecker, start: FloatArray, goal: FloatArray) -> MotionResult:
         problem = MotionProblem(checker=checker, start=start, goals=goal[None], max_iterations=self._iterations_n)
@@ -381,6 +448,11 @@ class CellPlanner:
         return Boxes(
             centre=boxes.centre[keep], half=boxes.half[keep], yaw=boxes.yaw[keep], min_frame=boxes.min_frame[keep]
         )
+
+
+def _reversed(motion: Trajectory) -> Trajectory:
+    """The same motion backwards."""
+    return Trajectory(t=motion.t, q=motion.q[::-1].copy(), qd=-motion.qd[::-1])
 
 
 def _down(yaw: float) -> FloatArray:

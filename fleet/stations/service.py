@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Protocol
 
 import numpy as np
 
@@ -22,12 +23,30 @@ class ServiceState(StrEnum):
     IDLE = "idle"
     PLANNING = "planning"
     MOVING = "moving"
+    HOLDING = "holding"
+    """A parcel is in the grip, fetched ahead; the arm waits above its slot."""
     DONE = "done"
     """The transfer is complete; the arm is home."""
     MISSED = "missed"
     """The grip closed on nothing; the arm stands above the target."""
     DROPPED = "dropped"
     """A held parcel was lost."""
+
+
+class Gate(Protocol):
+    """Who has a say in when an arm moves."""
+
+    def may_start(self, motion: Trajectory) -> bool:
+        """Whether a motion may begin now; asked again at the next tick if not."""
+
+    def may_go_on(self) -> bool:
+        """Whether a motion that was stopped may go on."""
+
+    def look_again(self) -> None:
+        """The arm does something else than it was said to do."""
+
+    def other_arm(self) -> FloatArray:
+        """Spheres of another arm that may stand in the way, x, y, z, radius [m], shape (k, 4)."""
 
 
 class ArmService:
@@ -38,6 +57,9 @@ class ArmService:
         start_rad: Joint positions at the start, shape (n_joints,).
     """
 
+    fetches = True
+    """Whether it can take a parcel before the car is there."""
+
     def __init__(self, arm: int, start_rad: FloatArray) -> None:
         self.arm = arm
         self.state = ServiceState.IDLE
@@ -46,13 +68,38 @@ class ArmService:
         self.grip = False
         self.speed = 1.0
         """Playback speed, below 1 when the arm is slow."""
+        self.gate: Gate | None = None
+        """Asked before every motion; None = always free to move."""
+        self.paused = False
+        """Whether the gate has stopped a motion."""
         self.busy_s = 0.0
         """Time spent planning and moving [s]."""
         self._steps: tuple[Step, ...] = ()
+        self._back: tuple[Step, ...] = ()
         self._at = 0
         self._elapsed_s = 0.0
         self._carrying = False
         self.parcel = -1
+        self.grip_height_m = 0.0
+        """The tip's height over the underside of a parcel that was fetched [m]."""
+
+    @property
+    def carries(self) -> bool:
+        """Whether a parcel is in the grip."""
+        return self._carrying
+
+    @property
+    def under_way(self) -> Trajectory | None:
+        """The motion that has begun and is not over."""
+        if self.state is not ServiceState.MOVING or self._elapsed_s == 0.0:
+            return None
+        step = self._steps[self._at]
+        return step if isinstance(step, Trajectory) else None
+
+    @property
+    def done_s(self) -> float:
+        """How much of the present step is done [s]."""
+        return self._elapsed_s
 
     @property
     def dock_is_clear(self) -> bool:
@@ -67,14 +114,26 @@ class ArmService:
 
     def play(self, transfer: Transfer) -> None:
         """Start a planned transfer."""
-        self.state = ServiceState.MOVING
-        self.parcel = transfer.parcel
-        self._steps, self._at, self._elapsed_s, self._carrying = transfer.steps, 0, 0.0, False
+        self.parcel, self.grip_height_m = transfer.parcel, transfer.grip_height_m
+        self._back = transfer.back
+        self._begin(transfer.steps)
+
+    def put_back(self) -> None:
+        """Put a fetched parcel back on its slot and come home."""
+        steps, self._back = self._back, ()
+        self._begin(steps)
 
     def reset(self) -> None:
         """Leave a final state and be ready for the next transfer."""
         self.state = ServiceState.IDLE
         self._steps, self._at = (), 0
+
+    def refused(self) -> None:
+        """There is no plan: be ready for another transfer, when what was fetched is put back."""
+        if self._back:
+            self.put_back()
+        else:
+            self.reset()
 
     def release(self) -> None:
         """Let go of whatever the arm holds."""
@@ -90,10 +149,10 @@ class ArmService:
         self.qd[:] = 0.0
         if self.state in (ServiceState.PLANNING, ServiceState.MOVING):
             self.busy_s += tick_s
-        if self.state is not ServiceState.MOVING:
-            return
-        if self._carrying and held != self.parcel:
+        if self._carrying and held != self.parcel and self.state in (ServiceState.MOVING, ServiceState.HOLDING):
             self._end(ServiceState.DROPPED)
+            return
+        if self.state is not ServiceState.MOVING or not self._may_move():
             return
         left_s = tick_s * self.speed
         while left_s > 0.0 and self.state is ServiceState.MOVING:
@@ -105,6 +164,8 @@ class ArmService:
             self._next()
             return left_s
         if isinstance(step, Trajectory):
+            if self._elapsed_s == 0.0 and self.gate is not None and not self.gate.may_start(step):
+                return 0.0
             self._elapsed_s += left_s
             over_s = self._elapsed_s - step.duration_s
             self.q, self.qd = step.sample(min(self._elapsed_s, step.duration_s))
@@ -131,9 +192,25 @@ class ArmService:
     def _next(self) -> None:
         self._at += 1
         self._elapsed_s = 0.0
-        if self._at == len(self._steps):
+        if self._at < len(self._steps):
+            return
+        if self._back:
+            self.state = ServiceState.HOLDING
+        else:
             self._end(ServiceState.DONE)
+
+    def _begin(self, steps: tuple[Step, ...]) -> None:
+        self.state = ServiceState.MOVING
+        self._steps, self._at, self._elapsed_s = steps, 0, 0.0
+
+    def _may_move(self) -> bool:
+        if self.paused and self.gate is not None:
+            self.paused = not self.gate.may_go_on()
+        return not self.paused
 
     def _end(self, state: ServiceState) -> None:
         self.state = state
-        self._carrying = False
+        self._carrying = self.paused = False
+        self._back = ()
+        if self.gate is not None and state is ServiceState.DROPPED:
+            self.gate.look_again()

@@ -43,12 +43,48 @@ class TransferRequest:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FetchRequest:
+    """Question: the way to a parcel, and up again with it, before it is known where a car will stand."""
+
+    arm: int
+    parcel: int
+    size_m: tuple[float, float, float]
+    pick_pose: FloatArray
+    """World pose of the parcel's centre, shape (7,)."""
+    pick_via: int
+    """Slot index."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeliverRequest:
+    """Question: the rest of a transfer whose parcel was fetched."""
+
+    arm: int
+    parcel: int
+    size_m: tuple[float, float, float]
+    pick_via: int
+    """Slot index over which the arm waits."""
+    place_via: int
+    """Slot index or `TRAY`."""
+    car_pose: FloatArray
+    """Estimated pose x, y, yaw of the car at the dock."""
+    grip_height_m: float
+    """The tip's height over the parcel's underside [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class HomeRequest:
     """Question: the way home from where a failed transfer left the arm."""
 
     arm: int
     q: FloatArray
     """Joint positions now [rad], shape (n_joints,)."""
+    others: FloatArray | None = None
+    """Another arm that may stand in the way, as spheres x, y, z, radius in the world [m], shape (k, 4)."""
+
+
+ArmRequest = TransferRequest | FetchRequest | DeliverRequest | HomeRequest
+"""What an arm planner answers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,3 +96,7 @@ class Transfer:
     steps: tuple[Step, ...]
     reason: str = ""
     """Empty when the steps are valid."""
+    back: tuple[Step, ...] = ()
+    """Of a fetched parcel: how it is put back and the arm comes home; empty for what ends at home."""
+    grip_height_m: float = 0.0
+    """Of a fetched parcel: the tip's height over its underside [m]."""

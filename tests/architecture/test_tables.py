@@ -67,6 +67,8 @@ FAMILIES = [
                 "array_cache",
                 "cartesian",
                 "collision",
+                "composite",
+                "coordination",
                 "ik",
                 "kinematics",
                 "problem",
@@ -74,6 +76,8 @@ FAMILIES = [
                 "rrt_connect_config",
                 "shortcut",
                 "spheres",
+                "timed_path",
+                "together",
                 "trajectory",
             }
         ),

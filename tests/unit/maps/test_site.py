@@ -109,7 +109,11 @@ def test_undecodable_file_is_refused(tmp_path):
     ("plan", "error", "message"),
     [
         (changed(1, 0, "#"), StationError, "pick_1 at row 2, column 2 has 0 arms beside it"),
-        (changed(1, 2, "A"), StationError, "pick_1 at row 2, column 2 has 2 arms"),
+        (
+            changed(0, 1, "A"),
+            StationError,
+            "pick_1 at row 2, column 2 has 2 arms beside it, must have one 'A', or",
+        ),
         (changed(3, 0, "A"), StationError, "arm at row 4, column 1 has no dock beside it"),
         (["_#....._", "AP....DA", "......._", "#......#"], StationError, "stands on the lane cell"),
         (["_......_", "AP....DA", "_......_", "###..###", "###K####"], LaneError, "parking cell at row 5, column 4"),
@@ -128,6 +132,23 @@ def test_plan_that_cannot_work_is_refused(plan, error, message):
     with pytest.raises(error) as caught:
         site_from_plan(plan, name="s")
     assert message in str(caught.value)
+
+
+def test_a_dock_with_two_arms_is_two_stations():
+    site = load_site("twin")
+    assert [station.name for station in site.stations] == ["pick_1", "pick_2", "drop_1", "drop_2"]
+    first, second = site.stations[:2]
+    assert first.dock == second.dock
+    tray = np.array(first.dock.tray_xy)
+    to_arm = [np.array(station.arm.pose[:2]) - tray for station in (first, second)]
+    np.testing.assert_allclose(to_arm[0], -to_arm[1])
+    np.testing.assert_allclose(np.linalg.norm(to_arm, axis=1), 0.6)
+
+
+def test_both_arms_of_a_dock_want_the_car_at_one_place():
+    plan = load_site("twin").plan
+    with pytest.raises(StationError, match=r"pick_1\.stop_offset_m is 0\.1 and stations\.pick_2"):
+        site_from_plan(plan, name="s", options={"pick_1": StationOptions(stop_offset_m=0.1)})
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,6 @@ def row(allocator: str = "greedy", robots: int = 2, seed: int = 0, **changes: ob
         "visiting": 0.0,
         "fault": 0.0,
         "idle": 0.02,
-        "visiting": 0.0,
         "stations": "pick_1=0.5000/0.1000 drop_1=0.6000/0.2000",
         "stalled": False,
         "state_hash": "abc",

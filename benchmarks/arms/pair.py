@@ -1,0 +1,255 @@
+"""Two arms, one tray: both bring parcels to the tray of one car; who waits for whom is scheduled."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pybullet
+from scipy.interpolate import CubicHermiteSpline
+
+from benchmarks.harness import Row, Trial
+from fleet.robots import iiwa_spec
+from fleet.robots.iiwa import iiwa_urdf
+from fleet.robots.tools import TOOLS
+from fleet.stations.arm_spheres import arm_spheres
+from planners.motion.collision import Boxes, CollisionChecker
+from planners.motion.coordination import ArmInWorld, Schedule
+from planners.motion.ik import SrsGeometry
+from planners.motion.kinematics import flange_from_tip
+from planners.motion.rrt_connect_native import RrtConnectNative
+from planners.motion.timed_path import Dwell, TimedPath
+from planners.motion.together import STEP_S, Trip, Way, plan_together
+from planners.motion.trajectory import Trajectory
+
+FloatArray = npt.NDArray[np.float64]
+
+INSTANCES_N, QUICK_INSTANCES_N = 200, 10
+BASE_Y_M = 0.55
+"""The arms look the same way, this far to either side of the tray's centre line [m]."""
+DWELL_S = 0.4
+"""Rest over the tray and over the table, for the grip [s]."""
+REFEREE_S = 0.01
+TARGET_MS = 15.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """One instance."""
+
+    way: Way
+    paths: tuple[TimedPath, ...]
+    found: Schedule
+    cpu_ms: float
+
+    @property
+    def alone_s(self) -> list[float]:
+        """How long each arm takes when there is no other [s]."""
+        return [path.duration_s for path in self.paths]
+
+
+class Cell:
+    """Two iiwa with suction cups at their real limits, the tray of a car between them, a table beside each.
+
+    Bases 1.10 m apart, tray 0.45 m ahead of both, so that each reaches all of it.
+    """
+
+    def __init__(self) -> None:
+        self.tool = TOOLS["suction"]
+        self.spec = iiwa_spec(self.tool)
+        model = arm_spheres(self.spec, self.tool)
+        self.srs = SrsGeometry.from_joints(self.spec.base_from_joint, self.spec.lower_rad, self.spec.upper_rad)
+        self.planner = RrtConnectNative()
+        self.bases = [np.array([0.0, side * BASE_Y_M, 0.0]) for side in (-1, 1)]
+        self.checkers = [CollisionChecker(model, _boxes(base), margin=0.02) for base in self.bases]
+        self.arms = []
+        for base in self.bases:
+            pose = np.eye(4)
+            pose[:3, 3] = base
+            self.arms.append(ArmInWorld(model, pose))
+
+    def places(self, rng: np.random.Generator, deliveries_n: int) -> list[list[FloatArray]]:
+        """Goal sets of both arms: over its table, over the tray, over its table, ...; each shape (k, 7)."""
+        return [[self._goals(rng, arm, over_tray=k % 2 == 1) for k in range(2 * deliveries_n + 1)] for arm in range(2)]
+
+    def solve(self, places: Sequence[Sequence[FloatArray]], seed: int) -> Outcome | None:
+        """Plan every leg, then the schedule; None if nothing was found."""
+        begin = time.process_time()
+        first, second = (self._trip(arm, own) for arm, own in enumerate(places))
+        both = plan_together((first, second), self.planner, seed=seed)
+        if both.found is None:
+            return None
+        cpu_ms = (time.process_time() - begin) * 1e3
+        return Outcome(way=both.way, paths=both.paths, found=both.found, cpu_ms=cpu_ms)
+
+    def _goals(self, rng: np.random.Generator, arm: int, *, over_tray: bool) -> FloatArray:
+        side = (-1, 1)[arm]
+        while True:
+            y = rng.uniform(-0.15, 0.10) if over_tray else rng.uniform(0.7, 1.0)
+            point = np.array([rng.uniform(0.25, 0.5), side * y, rng.uniform(0.30, 0.45)])
+            yaw = rng.uniform(-np.pi, np.pi)
+            tip = np.eye(4)
+            tip[:3, :3] = [[np.cos(yaw), np.sin(yaw), 0], [np.sin(yaw), -np.cos(yaw), 0], [0, 0, -1]]
+            tip[:3, 3] = point - self.bases[arm]
+            q = self.srs.ik_all(flange_from_tip(tip, self.tool.length_m))
+            q = q[self.checkers[arm].batch(q)] if len(q) else q
+            if len(q):
+                return q
+
+    def _trip(self, arm: int, places: Sequence[FloatArray]) -> Trip:
+        spec = self.spec
+        return Trip(
+            arm=self.arms[arm],
+            checker=self.checkers[arm],
+            max_velocity=spec.max_velocity_radps,
+            max_acceleration=spec.max_acceleration_radps2,
+            start=places[0][np.argmin(np.abs(places[0] - spec.home_rad).max(axis=1))],
+            stops=places[1:],
+            dwell_s=DWELL_S,
+        )
+
+
+class Referee:
+    """Plays motions in PyBullet and measures distances there; knows nothing of spheres, samples or diagrams."""
+
+    def __init__(self, cell: Cell) -> None:
+        self._client = pybullet.connect(pybullet.DIRECT)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "arm.urdf"
+            path.write_text(iiwa_urdf(cell.tool), encoding="utf-8")
+            self._arms = [
+                pybullet.loadURDF(str(path), base.tolist(), useFixedBase=True, physicsClientId=self._client)
+                for base in cell.bases
+            ]
+
+    def least_m(self, motions: Sequence[FloatArray], cutoff_m: float = 0.1) -> float:
+        """Smallest distance over motions of both arms, each (t, 7), at most `cutoff_m`; negative if they overlap."""
+        least = cutoff_m
+        for angles in zip(*motions, strict=True):
+            for arm, q in zip(self._arms, angles, strict=True):
+                pybullet.resetJointStatesMultiDof(arm, list(range(7)), [[x] for x in q], physicsClientId=self._client)
+            points = pybullet.getClosestPoints(*self._arms, distance=least, physicsClientId=self._client)
+            least = min([least, *(point[8] for point in points)])
+        return least
+
+    def close(self) -> None:
+        """End the connection."""
+        pybullet.disconnect(self._client)
+
+
+def measure_pair(trial: Trial) -> Iterable[Row]:
+    """Solve instances with one delivery each, and with three, and let the referee judge them."""
+    cell, n = Cell(), QUICK_INSTANCES_N if trial.quick else INSTANCES_N
+    referee = Referee(cell)
+    try:
+        yield from _one_each(trial, cell, referee, n)
+        yield from _three_each(trial, cell, referee, max(5, n // 10))
+    finally:
+        referee.close()
+
+
+def _one_each(trial: Trial, cell: Cell, referee: Referee, n: int) -> Iterator[Row]:
+    instances = [(seed, cell.places(np.random.default_rng((trial.seeds[0], seed)), 1)) for seed in range(n)]
+    cell.solve(instances[0][1], 0)  # compiles
+    outcomes = [cell.solve(places, seed) for seed, places in instances]
+    solved = [outcome for outcome in outcomes if outcome is not None]
+    distances = [referee.least_m(_played(outcome)) for outcome in solved]
+    for distance_m in distances:
+        trial.check(distance_m > 0.0, f"pair: arms overlap by {-distance_m * 1e3:.1f} mm in a schedule")
+    blind = sum(referee.least_m(_unscheduled(outcome)) <= 0.0 for outcome in solved)
+    again = [cell.solve(places, seed) for seed, places in instances[:20]]
+    equal = sum(_digest(a) == _digest(b) for a, b in zip(outcomes, again, strict=False))
+    trial.check(equal == len(again), f"pair: {len(again) - equal} of {len(again)} schedules differ when solved again")
+    ratio = np.array([outcome.found.makespan_s / max(outcome.alone_s) for outcome in solved])
+    turns = np.array([outcome.found.makespan_s / sum(outcome.alone_s) for outcome in solved])
+    cpu_ms = np.array([outcome.cpu_ms for outcome in solved])
+    composite = sum(outcome.way is Way.COMPOSITE for outcome in solved)
+    trial.notes.append(f"Two arms, one tray: {composite} of {n} instances needed a composite plan.")
+    yield Row(
+        name="two arms, one tray: solved and collision-free", value=100 * len(solved) / n, unit="%", target=">= 100"
+    )
+    yield Row(name="... without a schedule they collide in", value=100 * blind / n, unit="%")
+    yield Row(name="... least distance by PyBullet's meshes", value=min(distances) * 1e3, unit="mm", target=">= 0")
+    yield Row(
+        name="... makespan over collision-blind bound, median", value=float(np.median(ratio)), unit="", target="<= 1.1"
+    )
+    yield Row(name="... the same, 95th percentile", value=float(np.percentile(ratio, 95)), unit="")
+    yield Row(name="... makespan over taking turns, median", value=float(np.median(turns)), unit="")
+    yield Row(
+        name="... plan and schedule, median", value=float(np.median(cpu_ms)), unit="ms CPU", target=f"<= {TARGET_MS:g}"
+    )
+    yield Row(name="... the same, 95th percentile", value=float(np.percentile(cpu_ms, 95)), unit="ms CPU")
+
+
+def _three_each(trial: Trial, cell: Cell, referee: Referee, n: int) -> Iterator[Row]:
+    ratios = []
+    for seed in range(n):
+        outcome = cell.solve(cell.places(np.random.default_rng((trial.seeds[0], 1, seed)), 3), seed)
+        trial.check(outcome is not None, f"pair: three deliveries each, seed {seed}: no schedule")
+        if outcome is not None:
+            distance_m = referee.least_m(_played(outcome))
+            trial.check(distance_m > 0.0, f"pair: three deliveries each, seed {seed}: arms overlap")
+            ratios.append(outcome.found.makespan_s / max(outcome.alone_s))
+    yield Row(
+        name="three parcels each: makespan over blind bound, median",
+        value=float(np.median(ratios)) if ratios else np.nan,
+        unit="",
+        target="<= 1.1",
+    )
+
+
+def _played(outcome: Outcome) -> list[FloatArray]:
+    """Both motions as scheduled, densely, each (t, 7)."""
+    times = np.arange(0.0, outcome.found.makespan_s + REFEREE_S, REFEREE_S)
+    return [
+        _densely(path.legs, np.array([outcome.found.along_s(arm, float(t)) for t in times]))
+        for arm, path in enumerate(outcome.paths)
+    ]
+
+
+def _unscheduled(outcome: Outcome) -> list[FloatArray]:
+    """Both motions when nobody waits."""
+    times = np.arange(0.0, max(outcome.alone_s) + REFEREE_S, REFEREE_S)
+    return [_densely(path.legs, times) for path in outcome.paths]
+
+
+def _densely(legs: Sequence[Trajectory | Dwell], along_s: FloatArray) -> FloatArray:
+    """Configurations at times of an arm's own motion, interpolated by SciPy, shape (t, 7)."""
+    out = np.empty((len(along_s), 7))
+    begin_s, rest = 0.0, np.zeros(7)
+    for leg in legs:
+        steps_s = np.ceil((leg.duration_s / STEP_S) - 1e-9) * STEP_S
+        now = along_s >= begin_s - 1e-9
+        if isinstance(leg, Dwell):
+            out[now] = rest
+        else:
+            rest = leg.q[-1]
+            out[now] = CubicHermiteSpline(leg.t, leg.q, leg.qd)(np.clip(along_s[now] - begin_s, 0.0, leg.duration_s))
+        begin_s += steps_s
+    return out
+
+
+def _digest(outcome: Outcome | None) -> str:
+    if outcome is None:
+        return ""
+    parts = [outcome.found.index.tobytes(), *(path.q.tobytes() for path in outcome.paths)]
+    return hashlib.sha256(b"".join(parts)).hexdigest()
+
+
+def _boxes(base: FloatArray) -> Boxes:
+    """Floor, car with its tray, and both tables, as the arm at a base sees them."""
+    parts = [Boxes.one((0.0, 0.0, -0.05), (3.0, 3.0, 0.05), min_frame=3)]
+    x = 0.45
+    solid = [((x, 0.0, 0.09), (0.22, 0.15, 0.09)), ((x, 0.0, 0.19), (0.17, 0.13, 0.006))]
+    for side in (-1, 1):
+        solid.append(((x + side * 0.17, 0.0, 0.225), (0.005, 0.13, 0.04)))
+        solid.append(((x, side * 0.13, 0.225), (0.17, 0.005, 0.04)))
+        solid.append(((x, side * 0.95, 0.12), (0.2, 0.2, 0.12)))
+    parts += [Boxes.one(np.array(centre) - base, half) for centre, half in solid]
+    return Boxes.join(*parts)

@@ -1,0 +1,159 @@
+"""TimedPath: what an arm does over time, cut into equal steps, with bounds on how far it strays from each sample."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from planners.errors import PlanningError
+from planners.motion.trajectory import Trajectory
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_SAME_RAD = 1e-6  # legs that join end and start at the same configuration
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dwell:
+    """An arm that rests for a while, such as to grip."""
+
+    duration_s: float
+    """How long [s], >= 0."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimedPath:
+    """One arm's motion, sampled at multiples of `step_s`."""
+
+    step_s: float
+    q: FloatArray
+    """Joint angles at the samples [rad], shape (k, n)."""
+    stray: FloatArray
+    """No joint is farther than this from its sample during the half steps before and after it [rad], shape (k, n)."""
+    rests: BoolArray
+    """Samples at which the arm stands still, so that it may wait there for as long as it likes, shape (k,)."""
+    legs: tuple[Trajectory | Dwell, ...]
+    """What it was made of."""
+    starts: tuple[int, ...]
+    """Sample at which each leg begins."""
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last sample [s]."""
+        return (len(self.q) - 1) * self.step_s
+
+    def at(self, along_s: float) -> FloatArray:
+        """Configuration when `along_s` of the motion is done [s], shape (n,)."""
+        number = max(0, bisect_right(self.starts, along_s / self.step_s + 1e-9) - 1)
+        leg, start = self.legs[number], self.starts[number]
+        if isinstance(leg, Dwell):
+            rest: FloatArray = self.q[start].copy()
+            return rest
+        return leg.sample(along_s - start * self.step_s)[0]
+
+
+def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
+    """Cut motions and rests that follow each other into equal steps.
+
+    Every leg takes a whole number of steps: the arm rests for the remainder of its last one. Between its samples a
+    trajectory is a cubic in each joint, which stays between its four Bezier points; that bounds how far the arm strays
+    from a sample of the path, whatever lies between them (Farin, Curves and Surfaces for CAGD, 2002, convex hull
+    property).
+
+    Args:
+        legs: Motions from rest to rest and rests between them, at least one motion.
+        step_s: Length of a step [s], > 0.
+
+    Raises:
+        PlanningError: Malformed input, or a leg does not start where the one before ends.
+    """
+    motions = [leg for leg in legs if isinstance(leg, Trajectory)]
+    if not (np.isfinite(step_s) and step_s > 0) or not motions:
+        raise PlanningError(f"timed_path: step_s {step_s}, {len(motions)} motions; expected > 0 and at least 1")
+    here = motions[0].q[0]
+    q, stray, rests = [here[None]], [np.zeros((1, len(here)))], [np.array([True])]
+    starts, count = [], 1
+    for number, leg in enumerate(legs):
+        starts.append(count - 1)
+        if isinstance(leg, Dwell):
+            steps = int(np.ceil(leg.duration_s / step_s - 1e-9))
+            q.append(np.repeat(here[None], steps, axis=0))
+            stray.append(np.zeros((steps, len(here))))
+            rests.append(np.ones(steps, dtype=np.bool_))
+        else:
+            if leg.q.shape[1] != len(here) or np.abs(leg.q[0] - here).max() > _SAME_RAD:
+                raise PlanningError(f"timed_path: leg {number} starts at {leg.q[0]}, the one before ends at {here}")
+            sampled, bound = samples_of(leg, step_s)
+            steps = len(sampled) - 1
+            # The sample where two legs meet belongs to both.
+            stray[-1][-1] = np.maximum(stray[-1][-1], bound[0])
+            q.append(sampled[1:])
+            stray.append(bound[1:])
+            rests.append(np.arange(1, steps + 1) == steps)
+            here = leg.q[-1]
+        count += steps
+    return TimedPath(
+        step_s=float(step_s),
+        q=np.concatenate(q),
+        stray=np.concatenate(stray),
+        rests=np.concatenate(rests),
+        legs=tuple(legs),
+        starts=tuple(starts),
+    )
+
+
+def samples_of(
+    leg: Trajectory, step_s: float, *, begin_s: float = 0.0, pace: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Sample what is left of a trajectory.
+
+    Args:
+        leg: From rest to rest.
+        step_s: Time between samples [s], > 0.
+        begin_s: How much of it is done at the first sample [s].
+        pace: How fast it is played, 1 for as planned, > 0.
+
+    Returns:
+        Joint angles, the last sample at the end [rad], shape (k, n), and bounds on how far each joint is from them
+        during the half steps before and after [rad], shape (k, n).
+    """
+    if len(leg.t) == 1:
+        return leg.q.copy(), np.zeros_like(leg.q)
+    fine_s = float(leg.t[1] - leg.t[0])
+    steps = max(1, int(np.ceil((leg.duration_s - begin_s) / (step_s * pace) - 1e-9)))
+    q = np.empty((steps + 1, leg.q.shape[1]))
+    stray = np.empty_like(q)
+    _sample_all(leg.q, leg.qd, fine_s, float(begin_s), step_s * pace, q, stray)
+    q[-1] = leg.q[-1]
+    return q, stray
+
+
+@njit(cache=True)
+def _sample_all(fine_q, fine_qd, fine_s, begin_s, step_s, q, stray):  # type: ignore[no-untyped-def]
+    """Fill `q` and `stray` (k, n) from samples (m, n) that are `fine_s` apart."""
+    last = fine_q.shape[0] - 2
+    for k in range(q.shape[0]):
+        time = begin_s + k * step_s
+        at = min(int(time / fine_s + 1e-9), last)
+        u = min(1.0, time / fine_s - at)
+        begin = max(0, min(int(np.floor((time - step_s / 2) / fine_s + 1e-9)), last))
+        end = max(begin, min(int(np.ceil((time + step_s / 2) / fine_s - 1e-9)) - 1, last))
+        for j in range(q.shape[1]):
+            rise = fine_q[at + 1, j] - fine_q[at, j]
+            m0 = fine_s * fine_qd[at, j]
+            m1 = fine_s * fine_qd[at + 1, j]
+            q[k, j] = fine_q[at, j] + u * (m0 + u * (3.0 * rise - 2.0 * m0 - m1 + u * (m0 + m1 - 2.0 * rise)))
+            low = q[k, j]
+            high = q[k, j]
+            for f in range(begin, end + 1):
+                b1 = fine_q[f, j] + fine_s * fine_qd[f, j] / 3.0
+                b2 = fine_q[f + 1, j] - fine_s * fine_qd[f + 1, j] / 3.0
+                low = min(low, fine_q[f, j], b1, b2, fine_q[f + 1, j])
+                high = max(high, fine_q[f, j], b1, b2, fine_q[f + 1, j])
+            stray[k, j] = max(high - q[k, j], q[k, j] - low)
