@@ -68,7 +68,10 @@ def measure_day(trial: Trial) -> Iterable[Row]:
         yield Row(name="  cars beyond a cap", value=day.over_cap_n, unit="", target="<= 0")
         yield Row(name="  robot contacts", value=summary.robot_contacts, unit="", target="<= 0")
         yield Row(
-            name="  time accounted for", value=sum(summary.time_share_percent.values()), unit="%", target=">= 100"
+            name="  time accounted for",
+            value=round(sum(summary.time_share_percent.values()), 6),
+            unit="%",
+            target=">= 100",
         )
         for account, share in summary.time_share_percent.items():
             yield Row(name=f"  {account.replace('_', ' ')}", value=share, unit="% of the cars' time")
