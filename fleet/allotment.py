@@ -297,7 +297,7 @@ class Allotment:
         else:
             stops = self._ways.stops(task)
             rest_n, stand_s = self._ways.rest(task)
-            home_n = float(charging.moves_home(np.array(stops[-1].states[:1]))[0])
+            home_n = float(charging.moves_home(np.array(stops[-1][0].states[:1]))[0])
             allowed = charging.allows_way(cars.tolist(), moves[cars] + rest_n + home_n, stand_s)
         codes[cars[~allowed]] = _CODE[PairReason.LOW_CHARGE]
 
@@ -362,18 +362,20 @@ class Allotment:
     def _shop(self, cars: npt.NDArray[np.int64], tasks: list[Task], held: Mapping[int, Task], now_s: float) -> Shop:
         """The same cars and tasks with the arms they book; the clock starts now."""
         stations = list(self._by_name.values())
-        visited = {place.name: place for task in tasks if task.visit is not None for place in self._ways.stops(task)}
+        visited = list(
+            dict.fromkeys(stop for task in tasks if task.visit is not None for stop in self._ways.stops(task))
+        )
         n_stations, n_known = len(stations), len(stations) + len(cars)
         n_places = n_known + len(visited)
         # Stations in their order, then where each car is, then what is visited; nobody drives to where a car was.
-        docks, stops = [station.dock_state for station in stations], [place.states[0] for place in visited.values()]
+        docks, stops = [station.dock_state for station in stations], [stop[0].states[0] for stop in visited]
         states = np.concatenate((docks, self._executor.tail_states()[cars], stops)).astype(np.int32)
         travel_s = np.full((n_places, n_places), np.inf)
         for k, station in enumerate(stations):
             moves = self._traffic.tables.to(station.dock_state)[states].astype(np.float64)
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
-        for k, there in enumerate(visited.values(), start=n_known):
-            moves = self._ways.moves_from(there, states)
+        for k, stop in enumerate(visited, start=n_known):
+            moves = self._ways.moves_from(stop, states)
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
         np.fill_diagonal(travel_s, 0.0)
         service_s = np.array(
@@ -382,11 +384,11 @@ class Allotment:
         # Cars that are not planned come before those that are.
         others_n = [len([car for car in self._bookings.cars(k) if car not in held]) for k in range(n_stations)]
         left_s = np.array([self._service_times.left_s(k, now_s) for k in range(n_stations)])
-        number_of = {name: k for k, name in enumerate(visited, start=n_known)}
+        number_of = {stop: k for k, stop in enumerate(visited, start=n_known)}
         jobs = [
             [self._by_name[name].arm for name in (task.pick, task.delivery.drop)]
             if task.visit is None
-            else [number_of[stop.name] for stop in self._ways.stops(task)]
+            else [number_of[stop] for stop in self._ways.stops(task)]
             for task in tasks
         ]
         place = np.concatenate(jobs).astype(np.int32)
