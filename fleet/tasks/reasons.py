@@ -64,6 +64,8 @@ class TaskReason(StrEnum):
     UNREACHABLE = "unreachable"
     NO_CAPABLE_CAR = "no_capable_car"
     """Every car that could carry it is out of service."""
+    CARS_CHARGE = "cars_charge"
+    """Every car that could take it has to charge before."""
     WAITS_FOR_ITS_CAR = "waits_for_its_car"
     """The car that did the leg before cannot go on at present."""
     NO_FREE_CAR = "no_free_car"
