@@ -296,6 +296,8 @@ class Allotment:
             return TaskReason.NO_CAPABLE_CAR, "every car that could do it is out of service"
         if reasons <= unfit | {PairReason.NO_WAY}:
             return TaskReason.UNREACHABLE, f"no car has a way to {' and on to '.join(ends)}"
+        if reasons <= unfit | {PairReason.NO_WAY, PairReason.LOW_CHARGE, PairReason.CAR_CHARGES}:
+            return TaskReason.CARS_CHARGE, "every car that could take it has to charge before"
         if full:
             return TaskReason.STATION_FULL, f"{' or '.join(ends)} has no room for one more car"
         if PairReason.OTHER_CAR in reasons and PairReason.LEFT_OVER not in reasons:

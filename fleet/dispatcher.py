@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from fleet.allotment import Allotment
@@ -294,7 +295,8 @@ class Dispatcher:
         least_s = self._pricing.least_s(task, self._fastest_move_s)
         if task.order.release_s + least_s > task.order.due_s:
             left_s = task.order.due_s - task.order.release_s
-            text = f"it is due {left_s:.1f} s after its release, and takes {least_s:.1f} s from {task.next_words}"
+            takes = f"takes {least_s:.1f} s from" if math.isfinite(least_s) else "there is no way on from"
+            text = f"it is due {left_s:.1f} s after its release, and {takes} {task.next_words}"
             self.reasons.warn(task, text)
 
     def _allocate(self, tick: int, now_s: float) -> None:

@@ -220,8 +220,7 @@ class Docks:
         self._roster.release(car, CarPhase.RETIRED if in_tray else CarPhase.IDLE)
 
     def _loaded(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
-        if task.pick_slot is not None:
-            station.free_slot(task.pick_slot)
+        self._stock.vacate(task)
         self._attempts[task.index] = 0
         self._board.move(task, TaskState.CARRIED, now_s, f"measured in the tray of car_{car}")
         self._roster.changed = True

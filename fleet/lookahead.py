@@ -85,28 +85,30 @@ class Lookahead:
             held: Tasks that cars have already and may still give away, by car.
         """
         now_s, n_stations = prices.now_s, len(self._stations)
-        visited = {place.name: place for task in tasks if task.visit is not None for place in self._ways.stops(task)}
+        visited = list(
+            dict.fromkeys(stop for task in tasks if task.visit is not None for stop in self._ways.stops(task))
+        )
         n_known = n_stations + len(cars)
         # Stations in their order, then where each car is, then what is visited; nobody drives to where a car was.
         docks = [station.dock_state for station in self._stations]
-        stops = [place.states[0] for place in visited.values()]
+        stops = [stop[0].states[0] for stop in visited]
         states = np.concatenate((docks, prices.states[cars], stops)).astype(np.int32)
         travel_s = np.full((len(states), len(states)), np.inf)
         for k, dock_state in enumerate(docks):
             moves = self._traffic.tables.to(dock_state)[states].astype(np.float64)
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
-        for k, there in enumerate(visited.values(), start=n_known):
-            moves = self._ways.moves_from(there, states)
+        for k, stop in enumerate(visited, start=n_known):
+            moves = self._ways.moves_from(stop, states)
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
         np.fill_diagonal(travel_s, 0.0)
         service_s = np.array(
             [self._service_times.of(station.arm, station.direction).mean_s for station in self._stations]
         )
-        number_of = {name: k for k, name in enumerate(visited, start=n_known)}
+        number_of = {stop: k for k, stop in enumerate(visited, start=n_known)}
         jobs = [
             [self._arm_of[task.pick], self._arm_of[task.delivery.drop]]
             if task.visit is None
-            else [number_of[stop.name] for stop in self._ways.stops(task)]
+            else [number_of[stop] for stop in self._ways.stops(task)]
             for task in tasks
         ]
         stops_n = np.array([len(job) for job in jobs])

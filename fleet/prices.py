@@ -223,7 +223,7 @@ class Pricing:
         else:
             stops = self._ways.stops(task)
             rest_n, stand_s = self._ways.rest(task)
-            home_n = float(charging.moves_home(np.array(stops[-1].states[:1]))[0])
+            home_n = float(charging.moves_home(np.array(stops[-1][0].states[:1]))[0])
             allowed = charging.allows_way(cars.tolist(), moves[cars] + rest_n + home_n, stand_s)
         codes[cars[~allowed]] = _CODE[PairReason.LOW_CHARGE]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -84,11 +85,23 @@ class Stock:
     def withdraw(self, task: Task, now_s: float, reason: str) -> None:
         """Cancel a task that has no parcel in a car; a parcel on its slot leaves the warehouse."""
         if task.pick_slot is not None:
-            self._world.remove_parcel(task.parcel)
-            self.left_n += 1
+            if task.state is not TaskState.BACKLOG:
+                self._world.remove_parcel(task.parcel)
+                self.left_n += 1
+                self._log("parcel_left", task=task.order.name, station=task.pick, slot=task.pick_slot)
             self._by_name[task.pick].free_slot(task.pick_slot)
-            self._log("parcel_left", task=task.order.name, station=task.pick, slot=task.pick_slot)
         self._board.move(task, TaskState.CANCELLED, now_s, reason)
+
+    def vacate(self, task: Task) -> None:
+        """Give back the slot that a task's parcel has left, to the next leg of its order that begins there, if any."""
+        if task.pick_slot is None:
+            return
+        station = self._by_name[task.pick]
+        station.free_slot(task.pick_slot)
+        for leg in self._board.legs_after(task):
+            if leg.pick == task.pick and leg.pick_slot is None and leg.state is TaskState.BACKLOG:
+                leg.pick_slot = station.take_slot(leg.index)
+                return
 
     def balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world."""
@@ -137,28 +150,49 @@ class Stock:
         return self._board.released_n, free, self._board.closed_n
 
     def _fill(self, now_s: float) -> bool:
-        """Put parcels on free pick slots: the most urgent class first, then as planned, then first come first."""
+        """Put parcels on free pick slots: the most urgent class first, then as planned, then first come first.
+
+        An order of several legs begins when it can have a slot of each of its stations at once, and the slots that are
+        free are kept for it until then: if its car had to wait for a slot between two legs, it might wait for parcels
+        that wait for this very car.
+        """
         filled = False
+        kept: Counter[str] = Counter()
         backlog = self._board.in_state(TaskState.BACKLOG)
         for task in sorted(backlog, key=lambda task: (task.order.priority.rank, self._turn_s(task))):
-            if task.visit is not None or not self._backlog.may_begin(task, now_s):
+            if task.visit is not None:
                 continue
-            free = [name for name in task.delivery.picks if self._by_name[name].free_n]
-            if not free:
-                picks = " and ".join(task.delivery.picks)
-                self._reasons.note(task, TaskReason.WAITS_FOR_SLOT, f"no slot of {picks} is free", now_s)
-                continue
-            # The cheapest source; of equal ones, the first that was named.
-            source = free[0] if len(free) == 1 else min(free, key=lambda name: self._source_cost(name, task))
-            self._enter(task, self._by_name[source], now_s)
-            filled = True
+            if not self._backlog.may_begin(task, now_s):
+                if task.state is TaskState.FAILED and task.pick_slot is not None:
+                    self._by_name[task.pick].free_slot(task.pick_slot)
+            elif task.pick_slot is not None or self._take_slots(task, kept, now_s):
+                self._enter(task, now_s)
+                filled = True
         return filled
 
-    def _enter(self, task: Task, station: Station, now_s: float) -> None:
-        slot = station.take_slot(task.index)
+    def _take_slots(self, task: Task, kept: Counter[str], now_s: float) -> bool:
+        """Take a slot for a task, and one of each other station that its order needs; False if they are not free."""
+        legs = self._board.legs_after(task)
+        free = [name for name in task.delivery.picks if self._by_name[name].free_n > kept[name]]
+        others = {leg.pick: leg for leg in reversed(legs) if leg.pick != task.pick}
+        if not free or any(self._by_name[name].free_n <= kept[name] for name in others):
+            if legs:
+                kept.update((task.pick, *others))
+                cause = f"not every one of {', '.join((task.pick, *sorted(others)))} has a free slot for its order"
+            else:
+                cause = f"no slot of {' and '.join(task.delivery.picks)} is free"
+            self._reasons.note(task, TaskReason.WAITS_FOR_SLOT, cause, now_s)
+            return False
+        # The cheapest source; of equal ones, the first that was named.
+        task.pick = free[0] if len(free) == 1 else min(free, key=lambda name: self._source_cost(name, task))
+        for leg in (task, *others.values()):
+            leg.pick_slot = self._by_name[leg.pick].take_slot(leg.index)
+        return True
+
+    def _enter(self, task: Task, now_s: float) -> None:
+        station, slot = self._by_name[task.pick], task.pick_slot
         if slot is None:
-            raise AssertionError("a station with a free slot gives one")
-        task.pick, task.pick_slot = station.name, slot
+            raise AssertionError("a task that enters has a slot")
         x, y, z = station.place.slots[slot]
         size = task.delivery.size_m
         pose = np.array([x, y, z + size[2] / 2 + DROP_M, 0.0, 0.0, 0.0, 1.0])

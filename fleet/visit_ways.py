@@ -12,9 +12,12 @@ from fleet.stations.booking import Bookings
 from fleet.tasks.board import Task
 from planners.mapf.distance_table import UNREACHABLE
 
+Stop = tuple[Place, ...]
+"""Places of which the nearest will do."""
+
 
 class VisitWays:
-    """Ways of visits. At a stop for which several places will do, the first stands for all when the way on is counted.
+    """Ways of visits. The way on from a stop for which several places will do is counted from the first of them.
 
     Args:
         places: Where cars can be sent.
@@ -27,10 +30,7 @@ class VisitWays:
 
     def to_stop(self, task: Task, tails: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
         """Moves of each car to where a visit goes on, `UNREACHABLE` where there is no way, shape (n_cars,)."""
-        places = [self._places.named(name) for name in task.next_stop]
-        # Of several the nearest that has room, or that its car has already.
-        free = [place for place in places if place.name == task.place or self.room(place) > 0]
-        return np.asarray(np.minimum.reduce([self._places.moves(place, tails) for place in free or places]))
+        return self.moves_from(self.stops(task)[0], tails)
 
     def rest(self, task: Task) -> tuple[float, float]:
         """Moves of a visit from where it goes on to its end, at most `UNREACHABLE`, and how long it stands [s]."""
@@ -38,22 +38,25 @@ class VisitWays:
         moves = sum(self.moves(here, there) for here, there in pairwise(stops))
         return min(moves, float(UNREACHABLE)), self.stand_s(task) * len(stops)
 
-    def stops(self, task: Task) -> list[Place]:
-        """The stops that a visit has before it."""
+    def stops(self, task: Task) -> list[Stop]:
+        """The stops that a visit has before it, at least one; of the next those places that have room, if any has."""
         stops = task.visit.stops[task.stops_n :] if task.visit is not None else ()
-        return [self._places.named(stop[0]) for stop in stops]
+        first, *rest = [tuple(map(self._places.named, stop)) for stop in stops]
+        # Its car, if it has one, has room there already.
+        free = tuple(place for place in first if place.name == task.place or self.room(place) > 0)
+        return [free or first, *rest]
 
     def stand_s(self, task: Task) -> float:
         """How long a visit stands at each stop [s]."""
         return task.visit.stand_s if task.visit is not None else 0.0
 
-    def moves(self, here: Place, there: Place) -> float:
-        """Moves from one place to another, `UNREACHABLE` if there is no way."""
-        return float(self._places.moves(there, np.array(here.states[:1], dtype=np.int32))[0])
+    def moves(self, here: Stop, there: Stop) -> float:
+        """Moves from one stop to another, `UNREACHABLE` if there is no way."""
+        return float(self.moves_from(there, np.array(here[0].states[:1], dtype=np.int32))[0])
 
-    def moves_from(self, place: Place, states: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-        """Moves from each of some states to a place, `UNREACHABLE` where there is no way, shape of `states`."""
-        return self._places.moves(place, states)
+    def moves_from(self, stop: Stop, states: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+        """Moves from each of some states to a stop, `UNREACHABLE` where there is no way, shape of `states`."""
+        return np.asarray(np.minimum.reduce([self._places.moves(place, states) for place in stop]))
 
     def room(self, place: Place) -> int:
         """Cars a place still takes, at least 1 in a lane, where nobody books."""

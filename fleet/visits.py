@@ -119,7 +119,7 @@ class Visits:
         wanted: set[int] = set()
         if not self._any:
             return wanted
-        chargers = self._places.charger_numbers
+        chargers = [n for n in self._places.charger_numbers if not self._traffic.blocked[self._places.cells[n]]]
         for task in self._board.in_state(TaskState.READY):
             if task.visit is not None and self._reasons.present(task) is TaskReason.STATION_FULL:
                 numbers = [self._places.named(name).number for name in task.next_stop]

@@ -48,7 +48,13 @@ def check(design: Design) -> None:
         require_allocator(allocator, "--allocators")
     require(design.planner in PLANNERS, "--planner", design.planner, ", ".join(PLANNERS))
     if design.orders is not None:
-        read_orders(design.orders, site, [Ability(max_payload_kg=racecar_spec().max_payload_kg)])
+        payload_kg = racecar_spec().max_payload_kg
+        # What the smallest fleet can do all can.
+        cars = [
+            Ability(max_payload_kg=payload_kg, capabilities=frozenset({f"car_{car}"}))
+            for car in range(min(design.robots))
+        ]
+        read_orders(design.orders, site, cars, chargers_n=len(site.chargers) if design.battery else 0)
 
 
 def run_study(

@@ -106,6 +106,7 @@ class Task:
     shunned: set[int] = field(default_factory=set)
     """Cars it was taken from because they did not get there, which come last."""
     pick_slot: int | None = None
+    """Slot its parcel lies on, or that is promised to it."""
     drop_slot: int | None = None
     reason: str = ""
     """Cause of the last transition."""
@@ -173,6 +174,7 @@ class TaskBoard:
         self._listener = listener
         self.legs = [task for task in self.tasks if task.order.same_car_as]
         """Tasks that are kept for the car of the task before."""
+        self._next_leg = {task.order.same_car_as: task for task in self.legs}
         self._by_state: dict[TaskState, dict[int, Task]] = {state: {} for state in TaskState}
         for task in self.tasks:
             self._by_state[TaskState.ORDERED][task.index] = task
@@ -202,6 +204,13 @@ class TaskBoard:
             near = difflib.get_close_matches(name, self._by_name, n=3) or list(self._by_name)[:3]
             raise UnknownTask(f"task is {name!r}; valid: the id of an order, such as {', '.join(near) or 'none'}")
         return self._by_name[name]
+
+    def legs_after(self, task: Task) -> list[Task]:
+        """What the car of a task has to do for the same order afterwards."""
+        legs: list[Task] = []
+        while (leg := self._next_leg.get((legs[-1] if legs else task).order.name)) is not None:
+            legs.append(leg)
+        return legs
 
     def waits_for(self, task: Task) -> Task | None:
         """An order before this one that is not done yet; one that never will be goes first."""

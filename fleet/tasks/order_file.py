@@ -168,6 +168,7 @@ def _csv_rows(path: Path, text: str) -> list[_Row]:
             rows.append(_Row(where=where, fields=dict(zip(header, row, strict=True))))
         else:
             fault = f"{len(row)} fields; valid: {len(header)} ({','.join(header)})"
+            fault += ", and what holds a comma, such as a cell, in quotes" if len(row) > len(header) else ""
             # Whoever waits for this order can be told that it was refused.
             name = row[header.index("id")] if len(row) > header.index("id") else ""
             rows.append(_Row(where=where, fields={"id": name}, fault=fault))

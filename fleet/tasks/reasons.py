@@ -66,6 +66,8 @@ class TaskReason(StrEnum):
     """Every car that could carry it is out of service."""
     PLANNED = "planned"
     """A car that is busy is to take it when it is free."""
+    CARS_CHARGE = "cars_charge"
+    """Every car that could take it has to charge before."""
     WAITS_FOR_ITS_CAR = "waits_for_its_car"
     """The car that did the leg before cannot go on at present."""
     NO_FREE_CAR = "no_free_car"

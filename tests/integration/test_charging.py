@@ -11,6 +11,7 @@ from fleet.insight.metrics import Summary
 from fleet.roster import CarPhase
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import TaskState
+from fleet.tasks.reasons import TaskReason
 
 SMALL_PACK = BatteryConfig(enabled=True, capacity_wh=3.0, charge_w=60.0, start=0.5)
 """Lasts for minutes, so that a short run sees many sessions."""
@@ -68,6 +69,17 @@ def test_a_task_that_would_strand_the_car_is_refused() -> None:
     charged = [event for event in log if event.kind == "to_charger" and event.sim_s < first.sim_s]
     assert charged, "charging comes before the first task"
     assert (summary.tasks_done, summary.cars_stranded) == (6, 0)
+
+
+def test_a_task_for_which_nobody_has_the_charge_says_so() -> None:
+    battery = BatteryConfig(
+        enabled=True, capacity_wh=3.0, start=0.1, critical=0.0, margin=0.0, low=0.11, idle_below=0.3
+    )
+    config = RunConfig(battery=battery, fidelity=Fidelity.GRID, robots=3, tasks=3, arms=ArmConfig(workers_n=0))
+    with Simulation(config) as simulation:
+        simulation.tick()
+        reports = [simulation.explain_assignment(task.order.name) for task in simulation.board.tasks]
+        assert {report.reason for report in reports} == {TaskReason.CARS_CHARGE}
 
 
 def test_without_the_rules_a_car_would_be_stranded() -> None:

@@ -255,6 +255,31 @@ def test_legs_are_done_by_one_car_with_nothing_in_between(make: Make) -> None:
         assert done[first : first + 3] == legs
 
 
+def test_a_car_between_two_legs_never_waits_for_parcels_that_wait_for_it(make: Make) -> None:
+    """One car, and more parcels than slots, some of them more urgent."""
+    tour = {"id": "tour", "type": "multi_stop", "stops": ["pick_1>drop_1", "pick_2>drop_1", "pick_1>drop_2"]}
+    others = [
+        parcel(f"o{k}", f"pick_{1 + k % 2}", priority="emergency" if k % 3 == 0 else "normal", release_s=k)
+        for k in range(16)
+    ]
+    with make(tour | {"mass_kg": 0.3, "size_m": 0.06}, *others, duration_s=2000.0) as simulation:
+        simulation.run(check)
+        assert {task.state for task in simulation.board.tasks} == {TaskState.COLLECTED}
+        done = sorted(simulation.board.tasks, key=lambda task: task.done_s or 0.0)
+        assert "tour_1 tour_2 tour_3" in " ".join(task.order.name for task in done)
+
+
+@pytest.mark.parametrize("leg", ["tour_1", "tour_2", "tour_3"])
+def test_slots_that_were_promised_to_a_cancelled_order_are_free_again(make: Make, leg: str) -> None:
+    tour = {"id": "tour", "type": "multi_stop", "stops": ["pick_1>drop_1", "pick_2>drop_1", "pick_1>drop_2"]}
+    with make(tour | {"mass_kg": 0.3, "size_m": 0.06}, {"id": "end", "type": "park", "release_s": 200}) as simulation:
+        until(simulation, "tour_1", TaskState.ASSIGNED)
+        simulation.cancel(leg)
+        simulation.run(check)
+        assert simulation.parcel_balance() == 0
+        assert all(station.free_n == len(station.contents) for station in simulation.stations)
+
+
 def test_another_car_goes_on_where_one_died_between_two_legs(make: Make) -> None:
     tour = {"id": "tour", "type": "multi_stop", "stops": ["pick_1>drop_1", "pick_2>drop_2"]}
     with make(tour | {"mass_kg": 0.3, "size_m": 0.06}, robots=2) as simulation:
