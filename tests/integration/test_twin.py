@@ -73,6 +73,17 @@ def test_the_same_seed_is_the_same_run() -> None:
     assert hashes[0] == hashes[1] != hashes[2]
 
 
+def test_a_planning_process_gives_the_same_run() -> None:
+    hashes = []
+    for workers_n in (0, 1):
+        arms = ArmConfig(workers_n=workers_n, planner=PLANNER.planner)
+        config = RunConfig(site="twin", fidelity=Fidelity.KINEMATIC, robots=6, duration_s=40.0, arms=arms)
+        with Simulation(config) as simulation:
+            run(simulation)
+            hashes.append(simulation.state_hash())
+    assert hashes[0] == hashes[1]
+
+
 @pytest.mark.bullet
 @pytest.mark.parametrize("grip", [Grip.SUCTION, pytest.param(Grip.FRICTION, marks=pytest.mark.slow)])
 def test_both_arms_serve_one_dock_in_the_physical_world(grip: Grip) -> None:
