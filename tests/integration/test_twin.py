@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig
 from fleet.simulation import Event, Simulation
 from fleet.stations.service import ServiceState
 from fleet.tasks.board import TaskState
+from maps.site import load_site, save_site, site_from_plan
 
 PLANNER = ArmConfig(workers_n=0, planner="rrt_connect_native")
 
@@ -47,6 +50,20 @@ def test_both_arms_serve_one_dock(fidelity: Fidelity) -> None:
     assert stations["drop_1"].service_mean_s > 6.0
 
 
+def test_two_arms_unload_at_one_dock(tmp_path: Path) -> None:
+    """The same floor with picks and drops exchanged: both arms come to the tray empty, and leave it loaded."""
+    swapped = [line.translate(str.maketrans("PD", "DP")) for line in load_site("twin").plan]
+    save_site(site_from_plan(swapped, name="unload"), tmp_path / "unload.toml")
+    config = RunConfig(
+        site=str(tmp_path / "unload.toml"), fidelity=Fidelity.KINEMATIC, robots=6, tasks=16, arms=PLANNER
+    )
+    with Simulation(config) as simulation:
+        run(simulation)
+        check(simulation)
+        stations = simulation.summary().stations
+    assert min(stations["drop_1"].transfers_n, stations["drop_2"].transfers_n) > 3
+
+
 def test_the_same_seed_is_the_same_run() -> None:
     hashes = []
     for seed in (3, 3, 4):
@@ -54,6 +71,17 @@ def test_the_same_seed_is_the_same_run() -> None:
             run(simulation)
             hashes.append(simulation.state_hash())
     assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_a_planning_process_gives_the_same_run() -> None:
+    hashes = []
+    for workers_n in (0, 1):
+        arms = ArmConfig(workers_n=workers_n, planner=PLANNER.planner)
+        config = RunConfig(site="twin", fidelity=Fidelity.KINEMATIC, robots=6, duration_s=40.0, arms=arms)
+        with Simulation(config) as simulation:
+            run(simulation)
+            hashes.append(simulation.state_hash())
+    assert hashes[0] == hashes[1]
 
 
 @pytest.mark.bullet
