@@ -82,7 +82,7 @@ class Referee:
     def _load(self, car: int) -> Iterator[int]:
         """The parcel that rides in a car."""
         task = self._simulation.dispatcher.roster.task_of[car]
-        if task is not None and self._simulation.dispatcher.loaded[car] and task.parcel in self._parcels:
+        if task is not None and self._simulation.dispatcher.roster.loaded[car] and task.parcel in self._parcels:
             yield self._parcels[task.parcel]
 
     def _distance_m(self, a: int, b: int) -> float:

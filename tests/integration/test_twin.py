@@ -44,7 +44,9 @@ def test_both_arms_serve_one_dock(fidelity: Fidelity) -> None:
         check(simulation)
         stations = simulation.summary().stations
     assert min(stations["pick_1"].transfers_n, stations["pick_2"].transfers_n) > 4
-    assert sum(event.kind == "fetched_ahead" for event in events) == 24
+    fetched = [event.facts["task"] for event in events if event.kind == "fetched_ahead"]
+    assert len(set(fetched)) >= 20, "few cars come so late or lose their task so often that it is not worth it"
+    assert len(fetched) <= 24 + sum(event.kind == "put_back" for event in events)
     # A car stands at the dock for less time than at one with a single arm, which takes 6.7 s.
     assert stations["pick_1"].service_mean_s < 5.5
     assert stations["drop_1"].service_mean_s > 6.0
