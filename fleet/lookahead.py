@@ -22,8 +22,8 @@ from planners.mapf.distance_table import UNREACHABLE
 
 AGED_S = 150.0
 """The end of a task of this age, times the weight of ageing, counts twice [s]."""
-SLOT_S = 15.0
-"""A slot is expected to become free so soon if no car is under way to empty one [s]."""
+SLOT_S = 20.0
+"""Time from one parcel that leaves a station to the next, as far as no car is under way for it yet [s]."""
 
 
 class Lookahead:
@@ -143,15 +143,25 @@ class Lookahead:
         held: Mapping[int, Task],
         travel_s: npt.NDArray[np.float64],
     ) -> npt.NDArray[np.float64]:
-        """When each parcel is likely to lie on a slot: if it does not yet, when the next car empties one [s]."""
-        emptied_s: dict[str, float] = {}
+        """When each parcel is likely to lie on a slot [s]: if it does not yet, when so many cars have emptied one.
+
+        Those of a station come in the order of the last plan.
+        """
+        emptied_s: dict[str, list[float]] = {station.name: [] for station in self._stations}
         for row, car in enumerate(cars.tolist()):
             if car in held and held[car].visit is None:
                 pick = held[car].pick
-                way_s = float(travel_s[len(self._stations) + row, self._arm_of[pick]])
-                emptied_s[pick] = min(emptied_s.get(pick, np.inf), way_s)
-        waits = [task.state is TaskState.BACKLOG for task in tasks]
-        return np.array([emptied_s.get(t.pick, SLOT_S) if w else 0.0 for t, w in zip(tasks, waits, strict=True)])
+                emptied_s[pick].append(float(travel_s[len(self._stations) + row, self._arm_of[pick]]))
+        for times in emptied_s.values():
+            times.sort(reverse=True)
+        release_s = np.zeros(len(tasks))
+        waiting = [k for k, task in enumerate(tasks) if task.state is TaskState.BACKLOG]
+        last_s: dict[str, float] = {}
+        for k in sorted(waiting, key=lambda k: (tasks[k].order.priority.rank, self.turn_s(tasks[k]), tasks[k].index)):
+            pick = tasks[k].pick
+            release_s[k] = emptied_s[pick].pop() if emptied_s[pick] else last_s.get(pick, 0.0) + SLOT_S
+            last_s[pick] = float(release_s[k])
+        return release_s
 
     def _proposal(
         self, tasks: list[Task], cars: npt.NDArray[np.intp]
