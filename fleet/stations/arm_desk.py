@@ -118,9 +118,7 @@ class ArmDesk:
             elif service.state in (ServiceState.MISSED, ServiceState.DROPPED):
                 self._reasons[service.arm] = f"arm_{service.arm} {service.state} the parcel"
                 service.release()
-                others = service.gate.other_arm() if service.gate is not None else None
-                question = HomeRequest(arm=service.arm, q=service.q.copy(), others=others)
-                self._ask(service.arm, self._planner.submit(question), tick)
+                self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
 
     def busy_s(self) -> npt.NDArray[np.float64]:
         """Time each arm has worked so far [s], shape (n_arms,)."""

@@ -200,7 +200,7 @@ class CellPlanner:
         """Plan the way home from anywhere."""
         # A failed line ends low, beside things: first straight up, then home.
         up = self._climb(request.q)
-        result = self._search(self._beside(request.others), up[-1], self._spec.home_rad)
+        result = self._search(self._empty, up[-1], self._spec.home_rad)
         if not result.solved:
             return Transfer(arm=request.arm, parcel=-1, steps=(), reason=f"no way home ({result.status.value})")
         moves = [] if len(up) == 1 else [self._timed(up, LINE_SPEED, self._line)]
@@ -398,19 +398,6 @@ class CellPlanner:
             held = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2) if loaded else None
             ways[a, b, loaded] = self._confirmed(self._timed(path, 1.0, checker), self._boxes, held)
         return ways[a, b, loaded]
-
-    def _beside(self, others: FloatArray | None) -> CollisionChecker:
-        """The obstacles with an arm that stands in the way: around each of its spheres a box."""
-        if others is None:
-            return self._empty
-        k = len(others)
-        boxes = Boxes(
-            centre=self.cell.base_from_world(others[:, :3]),
-            half=np.repeat(others[:, 3:], 3, axis=1),
-            yaw=np.zeros(k),
-            min_frame=np.zeros(k, dtype=np.int64),
-        )
-        return CollisionChecker(self._model, Boxes.join(self._boxes, boxes), margin=MARGIN_M)
 
     def _search(self, checker: CollisionChecker, start: FloatArray, goal: FloatArray) -> MotionResult:
         problem = MotionProblem(checker=checker, start=start, goals=goal[None], max_iterations=self._iterations_n)

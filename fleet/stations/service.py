@@ -43,10 +43,7 @@ class Gate(Protocol):
         """Whether a motion that was stopped may go on."""
 
     def look_again(self) -> None:
-        """The arm does something else than it was said to do."""
-
-    def other_arm(self) -> FloatArray:
-        """Spheres of another arm that may stand in the way, x, y, z, radius [m], shape (k, 4)."""
+        """The arm is at another pace than it was said to be."""
 
 
 class ArmService:
@@ -79,6 +76,7 @@ class ArmService:
         self._at = 0
         self._elapsed_s = 0.0
         self._carrying = False
+        self._lost = False
         self.parcel = -1
         self.grip_height_m = 0.0
         """The tip's height over the underside of a parcel that was fetched [m]."""
@@ -150,8 +148,11 @@ class ArmService:
         if self.state in (ServiceState.PLANNING, ServiceState.MOVING):
             self.busy_s += tick_s
         if self._carrying and held != self.parcel and self.state in (ServiceState.MOVING, ServiceState.HOLDING):
-            self._end(ServiceState.DROPPED)
-            return
+            if self.gate is None or self.under_way is None:
+                self._end(ServiceState.DROPPED)
+                return
+            # Another arm counts on this motion: it is ended first.
+            self._lost = True
         if self.state is not ServiceState.MOVING or not self._may_move():
             return
         left_s = tick_s * self.speed
@@ -171,6 +172,9 @@ class ArmService:
             self.q, self.qd = step.sample(min(self._elapsed_s, step.duration_s))
             self.qd = self.qd * self.speed
             if over_s < 0.0:
+                return 0.0
+            if self._lost:
+                self._end(ServiceState.DROPPED)
                 return 0.0
             self._next()
             return over_s
@@ -210,7 +214,5 @@ class ArmService:
 
     def _end(self, state: ServiceState) -> None:
         self.state = state
-        self._carrying = self.paused = False
+        self._carrying = self._lost = self.paused = False
         self._back = ()
-        if self.gate is not None and state is ServiceState.DROPPED:
-            self.gate.look_again()

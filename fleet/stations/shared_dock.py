@@ -36,8 +36,8 @@ class SharedDock:
       the motion that leads there until the start of the one that leads away.
     * A motion starts only if it stays clear of what the other arm does meanwhile: of the rest of its present motion, in
       step, and then of where that ends. This is the diagonal of the coordination diagram of the two motions.
-    * An arm that stands still unexpectedly (a dropped parcel, a change of pace) makes the other look again, and stop if
-      it has to.
+    * A motion that has begun is ended, also if the parcel is lost on the way: the other arm counts on it. An arm that
+      changes its pace makes the other look again, and stop if it has to.
 
     Args:
         arms: Both arms with nothing in their grips.
@@ -88,17 +88,11 @@ class SharedDock:
         return apart_in_step(self._rest_of(own), self._present(1 - own), MARGIN_M)
 
     def look_again(self, changed: int) -> None:
-        """An arm stands still, or has changed its pace: the other one stops if they would meet, and if need be both."""
+        """An arm has changed its pace: the other one stops if they would meet, and if need be both."""
         for own in (1 - changed, changed):
             service = self._services[own]
             if service.under_way is not None and not service.paused:
                 service.paused = not self.may_go_on(own)
-
-    def spheres(self, own: int) -> FloatArray:
-        """Where the arm is now: x, y, z, radius in the world [m], shape (k, 4)."""
-        now = self._here(own)
-        rows = np.concatenate([np.arange(first, end) for _, first, end in now.parts])
-        return np.column_stack([now.centre[0, rows], now.radius[0, rows]])
 
     def _present(self, own: int) -> SweptArm:
         """What is left of an arm's motion; where it rests, if it rests."""
@@ -183,7 +177,3 @@ class _Gate:
     def look_again(self) -> None:
         """See `SharedDock`."""
         self._dock.look_again(self._own)
-
-    def other_arm(self) -> FloatArray:
-        """Spheres of the other arm in the world, x, y, z, radius [m], shape (k, 4)."""
-        return self._dock.spheres(1 - self._own)

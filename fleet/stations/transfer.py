@@ -79,8 +79,6 @@ class HomeRequest:
     arm: int
     q: FloatArray
     """Joint positions now [rad], shape (n_joints,)."""
-    others: FloatArray | None = None
-    """Another arm that may stand in the way, as spheres x, y, z, radius in the world [m], shape (k, 4)."""
 
 
 ArmRequest = TransferRequest | FetchRequest | DeliverRequest | HomeRequest
