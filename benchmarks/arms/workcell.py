@@ -9,7 +9,7 @@ from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arm_spheres import arm_spheres
 from planners.motion.arm_model import ArmModel
-from planners.motion.collision import Boxes
+from planners.motion.obstacles import Boxes
 
 TOOL = TOOLS["friction"]
 FLOOR_FRAME = 2

@@ -17,9 +17,10 @@ from fleet.world.protocol import FloatArray
 from planners.motion import MOTION_PLANNERS
 from planners.motion.arm_model import ArmModel
 from planners.motion.cartesian import cartesian_line
-from planners.motion.collision import Boxes, CollisionChecker
+from planners.motion.collision import CollisionChecker
 from planners.motion.ik import SrsGeometry
 from planners.motion.kinematics import flange_from_tip
+from planners.motion.obstacles import Boxes
 from planners.motion.problem import MotionProblem, MotionResult
 from planners.motion.spheres import box_spheres
 from planners.motion.trajectory import Trajectory, retime

@@ -38,6 +38,8 @@ class ArmModel:
     """Indices of spheres tested against each other, lower frame first, shape (p, 2)."""
     tool_length: float
     """From the last link frame to the tool tip along +z [m]."""
+    sphere_part: IntArray | None = None
+    """Rigid part of each sphere, shape (k,): its frame, or n+1 for the tool; None if there is none."""
 
     def __post_init__(self) -> None:
         n = len(joint_rows(self.base_from_joint))
@@ -149,6 +151,7 @@ def build_arm_model(
         sphere_frame=frame,
         self_pairs=sphere_pairs(part, part_pairs.tolist()),
         tool_length=float(tool_length),
+        sphere_part=part,
     )
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from planners.motion.collision import CollisionChecker, edge_free
+from planners.motion.collision import CollisionChecker
+from planners.motion.scene_kernel import edge_free
 
 FloatArray = npt.NDArray[np.float64]
 
