@@ -311,12 +311,13 @@ class OffsetGeometry:
         return found if len(found) else self._solve(base_from_flange, self._grid(n_last * _FINE))
 
     def _grid(self, n: int) -> FloatArray:
-        return self.lower[-1] + (self.upper[-1] - self.lower[-1]) * (np.arange(n) + 0.5) / n
+        grid: FloatArray = self.lower[-1] + (self.upper[-1] - self.lower[-1]) * (np.arange(n) + 0.5) / n
+        return grid
 
     def _solve(self, base_from_flange: npt.ArrayLike, lasts: FloatArray) -> FloatArray:
         pose = np.ascontiguousarray(base_from_flange, dtype=np.float64)
         out = np.empty((_MOST * (min(len(lasts), 4 * _GRID) + 1), _N_JOINTS))
-        n = int(_solutions(pose, lasts, self.joints, self.shoulder, self.lower, self.upper, out))
+        n = _solutions(pose, lasts, self.joints, self.shoulder, self.lower, self.upper, out)
         return out[:n]
 
 
