@@ -73,6 +73,7 @@ FAMILIES = [
                 "inverse",
                 "kinematics",
                 "obstacles",
+                "ompl_planner",
                 "problem",
                 "reeds_shepp",
                 "rrt_connect_config",
