@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterable
 from benchmarks.arms.checks import measure_checks
 from benchmarks.arms.free import measure_free
 from benchmarks.arms.inverse import measure_inverse
+from benchmarks.arms.plans import measure_plans
 from benchmarks.harness import Benchmark, Row, Trial, in_groups
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
+    "plans": measure_plans,
     "collision": measure_checks,
     "ik": measure_inverse,
     "free": measure_free,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import numpy.typing as npt
 
@@ -16,6 +14,7 @@ from planners.motion.scene_kernel import (
     clearance,
     edge_free,
     pack_scene,
+    path_free,
     spheres_at,
     state_free,
     states_free,
@@ -172,6 +171,12 @@ class CollisionChecker:
         )
         """What `edge_free` takes after its two configurations, for kernels that plan: the scene and scratch memory."""
         self._shape = (n,)
+        self._held = held_spheres
+        self._capsules = capsules
+
+    def with_margin(self, margin: float) -> CollisionChecker:
+        """The same scene with another distance kept from obstacles [m]."""
+        return CollisionChecker(self.model, self.boxes, self._held, margin, self._capsules)
 
     def free(self, q: npt.ArrayLike) -> bool:
         """Whether one configuration (n,) is free of obstacles (with margin) and of itself; limits are not looked at."""
@@ -183,10 +188,12 @@ class CollisionChecker:
 
     def path_free(self, path: npt.ArrayLike) -> bool:
         """Whether a piecewise straight path (m, n) is free, its first configuration included."""
-        points = np.asarray(path, dtype=np.float64)
-        if len(points) == 0 or not self.free(points[0]):
+        points = np.ascontiguousarray(path, dtype=np.float64)
+        if len(points) == 0:
             return False
-        return all(self.edge(a, b) for a, b in pairwise(points))
+        if points.ndim != 2 or points.shape[1:] != self._shape:
+            raise PlanningError(f"path: shape {points.shape}, expected (m, {self._shape[0]})")
+        return bool(path_free(points, self.scene))
 
     def batch(self, q: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """`free` for many configurations (m, n), shape (m,)."""

@@ -126,7 +126,11 @@ class OmplPlanner:
         return MotionResult(path=path, status=MotionStatus.SOLVED, iterations=iterations)
 
     def search(self, problem: MotionProblem, goals: FloatArray, spent: Callable[[], bool]) -> FloatArray | None:
-        """The bare planner: no early way out, no shortening.
+        """The bare planner, without shortening.
+
+        Informed planners of OMPL 2.0.1 never return once a path is as short as the straight line to its goal: goals
+        that a straight line reaches are kept from the planner, and so are those that are farther than the nearest of
+        them.
 
         Args:
             problem: Start, seed and scene.
@@ -140,6 +144,19 @@ class OmplPlanner:
             StuckPlannerError: See `plan`.
             InfiniteLimitsError: See `plan`.
         """
+        checker = problem.checker
+        distance = np.linalg.norm(goals - problem.start, axis=1)
+        straight = [i for i in np.argsort(distance, kind="stable") if checker.edge(problem.start, goals[i])][:1]
+        if straight:
+            best = np.stack([problem.start, goals[straight[0]]])
+            goals = goals[distance < distance[straight[0]]]
+            if len(goals) == 0:
+                return best
+            path = self._search(problem, goals, spent)
+            return path if path is not None and _length(path) < distance[straight[0]] else best
+        return self._search(problem, goals, spent)
+
+    def _search(self, problem: MotionProblem, goals: FloatArray, spent: Callable[[], bool]) -> FloatArray | None:
         checker = problem.checker
         n = checker.model.n_joints
         if not np.all(np.isfinite(checker.model.upper - checker.model.lower)):
@@ -182,6 +199,10 @@ class OmplPlanner:
         if not setup.haveExactSolutionPath():
             return None
         return np.array([state[0:n] for state in setup.getSolutionPath().getStates()])
+
+
+def _length(path: FloatArray) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def _state(si: ob.SpaceInformation, q: FloatArray) -> ob.State:

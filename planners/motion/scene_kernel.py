@@ -376,6 +376,17 @@ def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def path_free(path, scene):  # type: ignore[no-untyped-def]
+    """Whether a piecewise straight path (m, n), m >= 1, is free, its first configuration included."""
+    if not state_free(path[0], scene):
+        return False
+    for i in range(path.shape[0] - 1):  # noqa: SIM110 - compiled
+        if not edge_free(path[i], path[i + 1], scene):
+            return False
+    return True
+
+
+@njit(cache=True)
 def spheres_at(q, scene, out):  # type: ignore[no-untyped-def]
     """Sphere centres in the base frame (k, 3)."""
     joints, spheres, _, _, _, parts, _, _, _, _ = _open(scene)
