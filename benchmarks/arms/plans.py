@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,6 +156,10 @@ def _reference_rad(bench: Bench, route: Route, seed: int, limit_s: float) -> flo
     """Length of AORRTC's path after some CPU time, from where the straight way out ends to the same goals."""
     goals = route.goals if route.goals is not None else route.travel[-1:]
     problem = MotionProblem(checker=bench.travel, start=route.travel[0], goals=goals, seed=seed)
-    end_s = time.process_time() + limit_s
-    path = OmplPlanner("AORRTC").search(problem, goals, lambda: time.process_time() > end_s)
+
+    def budget(share: float) -> Callable[[], bool]:
+        end_s = time.process_time() + share * limit_s
+        return lambda: time.process_time() > end_s
+
+    path = OmplPlanner("AORRTC").search(problem, goals, budget)
     return np.inf if path is None else _length(path)

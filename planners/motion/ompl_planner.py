@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from types import MappingProxyType
 
@@ -22,6 +23,10 @@ FloatArray = npt.NDArray[np.float64]
 _WAITS = "asks its termination condition in a second thread, which waits for Python's lock for ever"
 REFUSED = MappingProxyType({"PRM": _WAITS, "PRMstar": _WAITS})
 """Planners that hang with a termination condition that counts, and why; measured with OMPL 2.0.1."""
+ONE_GOAL = frozenset({"AORRTC"})
+"""Planners that search on for ever in one call once their path is shorter than the way to another goal would be."""
+GOALS_IN_TURN = 4
+"""Goals that such a planner is given one after the other, nearest first, each with its share of the budget."""
 OMPL_PLANNERS: tuple[str, ...] = tuple(
     name
     for name in sorted(dir(og))
@@ -112,12 +117,17 @@ class OmplPlanner:
             return settled
         used = 0
 
-        def spent() -> bool:
-            nonlocal used
-            used += 1
-            return used > problem.max_iterations
+        def budget(share: float) -> Callable[[], bool]:
+            end = min(problem.max_iterations, used + math.ceil(share * problem.max_iterations))
 
-        path = self.search(problem, goals, spent)
+            def spent() -> bool:
+                nonlocal used
+                used += 1
+                return used > end
+
+            return spent
+
+        path = self.search(problem, goals, budget)
         iterations = min(used, problem.max_iterations)
         if path is None:
             nothing = np.empty((0, problem.checker.model.n_joints))
@@ -125,17 +135,19 @@ class OmplPlanner:
         path = shorten(path, problem.checker, rounds=self.config.shortcut_rounds, seed=problem.seed)
         return MotionResult(path=path, status=MotionStatus.SOLVED, iterations=iterations)
 
-    def search(self, problem: MotionProblem, goals: FloatArray, spent: Callable[[], bool]) -> FloatArray | None:
+    def search(
+        self, problem: MotionProblem, goals: FloatArray, budget: Callable[[float], Callable[[], bool]]
+    ) -> FloatArray | None:
         """The bare planner, without shortening.
 
-        Informed planners of OMPL 2.0.1 never return once a path is as short as the straight line to its goal: goals
-        that a straight line reaches are kept from the planner, and so are those that are farther than the nearest of
-        them.
+        Informed planners of OMPL 2.0.1 never return from one call once a path is as short as the straight line to its
+        goal: goals that a straight line reaches are kept from the planner, and so are goals beyond the nearest of them.
 
         Args:
             problem: Start, seed and scene.
             goals: Valid goals [rad], shape (k, n), k >= 1.
-            spent: Asked by the planner again and again; ends it when true.
+            budget: From a share of the whole budget to what the planner asks again and again, and which ends it when
+                true.
 
         Returns:
             Corners [rad], shape (m, n); None if there is no path.
@@ -144,19 +156,29 @@ class OmplPlanner:
             StuckPlannerError: See `plan`.
             InfiniteLimitsError: See `plan`.
         """
-        checker = problem.checker
         distance = np.linalg.norm(goals - problem.start, axis=1)
-        straight = [i for i in np.argsort(distance, kind="stable") if checker.edge(problem.start, goals[i])][:1]
-        if straight:
-            best = np.stack([problem.start, goals[straight[0]]])
-            goals = goals[distance < distance[straight[0]]]
-            if len(goals) == 0:
-                return best
-            path = self._search(problem, goals, spent)
-            return path if path is not None and _length(path) < distance[straight[0]] else best
-        return self._search(problem, goals, spent)
+        goals, distance = goals[np.argsort(distance, kind="stable")], np.sort(distance)
+        best: FloatArray | None = None
+        shortest = np.inf
+        for goal, way in zip(goals, distance, strict=True):
+            if problem.checker.edge(problem.start, goal):
+                best, shortest = np.stack([problem.start, goal]), float(way)
+                break
+        nearer = goals[distance < shortest]
+        if len(nearer) and self.name not in ONE_GOAL:
+            path = self._search(problem, nearer, budget(1.0))
+            return path if path is not None and _length(path) < shortest else best
+        turns = min(len(nearer), GOALS_IN_TURN)
+        for goal in nearer[:turns]:
+            if np.linalg.norm(goal - problem.start) >= shortest:
+                break
+            path = self._search(problem, goal[None], budget(1.0 / turns))
+            if path is not None and _length(path) < shortest:
+                best, shortest = path, _length(path)
+        return best
 
     def _search(self, problem: MotionProblem, goals: FloatArray, spent: Callable[[], bool]) -> FloatArray | None:
+        """One call of the planner."""
         checker = problem.checker
         n = checker.model.n_joints
         if not np.all(np.isfinite(checker.model.upper - checker.model.lower)):
