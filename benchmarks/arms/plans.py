@@ -143,9 +143,11 @@ def _check(trial: Trial, bench: Bench, k: int, problem: RouteProblem, route: Rou
     apart = np.abs(problem.tips - reached).max(axis=(1, 2)).min()
     trial.check(apart < 1e-3, f"plan {k}: ends {apart} off every wanted pose")
     for leg in route.legs:
-        rate = np.abs(np.diff(leg.q, axis=0)) / np.diff(leg.t)[:, None]
-        over = float((rate / spec.max_velocity_radps).max())
-        trial.check(over < 1.002, f"plan {k}: a joint moves {over:.3f} times as fast as it may")
+        dt_s = leg.t[1] - leg.t[0]
+        for order, limit in ((1, spec.max_velocity_radps), (2, spec.max_acceleration_radps2)):
+            still = np.concatenate([leg.q[:1], leg.q, leg.q[-1:]])
+            share = float((np.abs(np.diff(still, order, axis=0)) / dt_s**order / limit).max())
+            trial.check(share <= 1.0, f"plan {k}: difference {order} of a joint is {share:.4f} times its limit")
 
 
 def _length(path: FloatArray) -> float:

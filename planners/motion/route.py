@@ -20,6 +20,8 @@ from planners.motion.trajectory import Trajectory, retime
 FloatArray = npt.NDArray[np.float64]
 
 
+_SPEED_SHARE, _ACCELERATION_SHARE = 0.995, 0.98
+"""Parts of the limits that are planned with: `retime` keeps its limits up to 0.3 % and 1 %."""
 _WORTH = 0.95
 """A goal is worth a try if its distance is less than so much of the best path's length."""
 
@@ -270,8 +272,8 @@ class RoutePlanner:
         for deviation in self.config.corner_rad if speed == 1.0 else self.config.corner_rad[-1:]:
             trajectory = retime(
                 path,
-                self._velocity * speed,
-                self._acceleration * speed,
+                self._velocity * (speed * _SPEED_SHARE),
+                self._acceleration * (speed * _ACCELERATION_SHARE),
                 self.config.sample_s,
                 max_deviation_rad=deviation,
             )
