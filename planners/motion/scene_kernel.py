@@ -22,8 +22,9 @@ _FINEST_RAD = 0.01  # intervals shorter than this are not split again
 _HEADER = 10
 _SPHERE = 4  # centre, radius
 _PART = 5  # frame, first and end sphere, first and end box
-MAX_PARTS = 62
-"""Parts of one arm with what it holds; the kernels keep a bit for each."""
+MAX_PARTS = 50
+"""Parts of one arm with what it holds; the kernels keep a bit for each, in what may be a float."""
+_LAST_BIT = 50  # groups beyond it share a bit
 
 
 def pack_scene(
@@ -67,7 +68,7 @@ def pack_scene(
     whole = np.concatenate([np.ravel(a) for a in ints]).astype(np.uint64)
     real = np.concatenate([np.ravel(a) for a in floats]).astype(np.float64)
     header = np.array([n, k, m, b, len(groups), len(runs), len(partners), len(whole), len(real), 0], dtype=np.uint64)
-    scratch = np.zeros(14 * n + 12 + 3 * (k + m) + 2 * m * (n + 1) + n + 2 * _QUEUE)
+    scratch = np.zeros(14 * n + 12 + 3 * (k + m) + 2 * m * (n + 1) + n + 2 + 4 * _QUEUE)
     return np.concatenate([header.view(np.float64), whole.view(np.float64), real, scratch])
 
 
@@ -105,7 +106,7 @@ def _margin(scene):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _open_scratch(scene):  # type: ignore[no-untyped-def]
-    """Views: frames, points, tops, turns, reach, total, q, queue."""
+    """Views: frames, points, tops, turns, reach, total, q, queue (from, to, parts, groups), todo."""
     header = scene[:_HEADER].view(np.int64)
     n, k, m = header[0], header[1], header[2]
     at = _HEADER + header[7] + header[8]
@@ -123,7 +124,10 @@ def _open_scratch(scene):  # type: ignore[no-untyped-def]
     at += m * (n + 1)
     q = scene[at : at + n]
     at += n
-    return frames, points, tops, turns, reach, total, q, scene[at : at + 2 * _QUEUE].reshape((_QUEUE, 2))
+    todo = scene[at : at + 2].view(np.int64)
+    at += 2
+    queue = scene[at : at + 4 * _QUEUE].reshape((_QUEUE, 4))
+    return frames, points, tops, turns, reach, total, q, queue, todo
 
 
 @njit(cache=True)
@@ -224,18 +228,25 @@ def _state(  # type: ignore[no-untyped-def]
     tops,
     turns,
     reach,
+    todo,
 ):
     """COLLISION, NEAR (free, but not for all motion within `reach`) or CLEAR; without `moving`, reach is zero.
 
     `reach` (m, n+1): bound on how far a sphere of part p moves while joints f..n-1 make their allowed motion. Only when
-    the sphere around a part is near does the test look at the part's own spheres.
+    the sphere around a part is near does the test look at the part's own spheres. `todo` (2,): parts and groups that are
+    tested at all, a bit each; those that are not clear for all of the motion stay set.
     """
+    todo_parts = todo[0] if moving else -1
+    todo_groups = todo[1] if moving else -1
+    left_parts = 0
+    left_groups = 0
     _frames_into(joints, q, turns, frames)
-    is_near = False
     placed = 0  # a bit per part
     for p in range(parts.shape[0] - 1, -1, -1):  # tip first: it hits most
         f = parts[p, 0]
         _put(frames, f, hulls, p, tops, p)
+        if todo_parts & (1 << p) == 0:
+            continue
         way = reach[p, 0] if moving else 0.0
         hull_wide = hulls[p, 3] + max(margin, way)
         top_x, top_y, top_z = tops[p, 0], tops[p, 1], tops[p, 2]
@@ -268,8 +279,11 @@ def _state(  # type: ignore[no-untyped-def]
                 if square < (r + margin) * (r + margin):
                     return COLLISION
                 if square < (r + way) * (r + way):
-                    is_near = True
+                    left_parts |= 1 << p
     for g in range(groups.shape[0]):
+        bit = 1 << min(g, _LAST_BIT)
+        if todo_groups & bit == 0:
+            continue
         i = int(groups[g, 0])
         j = int(groups[g, 1])
         way = reach[j, parts[i, 0]] if moving else 0.0
@@ -300,16 +314,18 @@ def _state(  # type: ignore[no-untyped-def]
                 if square < r * r:
                     return COLLISION
                 if square < (r + way) * (r + way):
-                    is_near = True
-    return NEAR if is_near else CLEAR
+                    left_groups |= bit
+    todo[0] = left_parts
+    todo[1] = left_groups
+    return CLEAR if left_parts | left_groups == 0 else NEAR
 
 
 @njit(cache=True)
 def state_free(q, scene):  # type: ignore[no-untyped-def]
     """Whether one configuration is free, with the margin."""
     joints, spheres, hulls, boxes, _, parts, groups, runs, partners, near = _open(scene)
-    frames, points, tops, turns, reach, _, _, _ = _open_scratch(scene)
-    state = _state(q, False, _margin(scene), joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach)  # noqa: E501  # fmt: skip
+    frames, points, tops, turns, reach, _, _, _, todo = _open_scratch(scene)
+    state = _state(q, False, _margin(scene), joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
     return state != COLLISION
 
 
@@ -317,9 +333,9 @@ def state_free(q, scene):  # type: ignore[no-untyped-def]
 def states_free(q, out, scene):  # type: ignore[no-untyped-def]
     """`state_free` for many configurations (m, n)."""
     joints, spheres, hulls, boxes, _, parts, groups, runs, partners, near = _open(scene)
-    frames, points, tops, turns, reach, _, _, _ = _open_scratch(scene)
+    frames, points, tops, turns, reach, _, _, _, todo = _open_scratch(scene)
     for i in range(q.shape[0]):
-        state = _state(q[i], False, _margin(scene), joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach)  # noqa: E501  # fmt: skip
+        state = _state(q[i], False, _margin(scene), joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
         out[i] = state != COLLISION
 
 
@@ -327,13 +343,14 @@ def states_free(q, out, scene):  # type: ignore[no-untyped-def]
 def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
     """Whether the straight joint-space motion from a to b is free; a itself is taken as free.
 
-    Intervals are halved breadth first until motion bounds prove each free. `scene` is `CollisionChecker.scene`.
+    Intervals are halved breadth first until motion bounds prove each free; what is proven for an interval is not tested
+    again in its halves. `scene` is `CollisionChecker.scene`.
     """
     joints, spheres, hulls, boxes, lever, parts, groups, runs, partners, near = _open(scene)
-    frames, points, tops, turns, reach, total, q, queue = _open_scratch(scene)
+    frames, points, tops, turns, reach, total, q, queue, todo = _open_scratch(scene)
     margin = _margin(scene)
     n = q.shape[0]
-    if _state(b, False, margin, joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach) == COLLISION:  # noqa: E501  # fmt: skip
+    if _state(b, False, margin, joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo) == COLLISION:  # noqa: E501  # fmt: skip
         return False
     length = 0.0
     for i in range(n):
@@ -347,12 +364,16 @@ def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
             total[p, i] = bound
     queue[0, 0] = 0.0
     queue[0, 1] = 1.0
+    queue[0, 2] = -1.0
+    queue[0, 3] = -1.0
     head = 0
     tail = 1
     last_width = 0.0
     while head < tail:
         lo = queue[head % _QUEUE, 0]
         hi = queue[head % _QUEUE, 1]
+        todo[0] = int(queue[head % _QUEUE, 2])
+        todo[1] = int(queue[head % _QUEUE, 3])
         head += 1
         middle = 0.5 * (lo + hi)
         width = hi - lo
@@ -363,7 +384,7 @@ def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
                 for i in range(n + 1):
                     reach[p, i] = 0.5 * width * total[p, i]
             last_width = width
-        state = _state(q, True, margin, joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach)  # noqa: E501  # fmt: skip
+        state = _state(q, True, margin, joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
         if state == COLLISION:
             return False
         if state == NEAR and width * length > _FINEST_RAD:
@@ -371,6 +392,8 @@ def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
                 slot = tail % _QUEUE
                 queue[slot, 0] = middle if h else lo
                 queue[slot, 1] = hi if h else middle
+                queue[slot, 2] = todo[0]
+                queue[slot, 3] = todo[1]
                 tail += 1
     return True
 
@@ -390,7 +413,7 @@ def path_free(path, scene):  # type: ignore[no-untyped-def]
 def spheres_at(q, scene, out):  # type: ignore[no-untyped-def]
     """Sphere centres in the base frame (k, 3)."""
     joints, spheres, _, _, _, parts, _, _, _, _ = _open(scene)
-    frames, _, _, turns, _, _, _, _ = _open_scratch(scene)
+    frames, _, _, turns, _, _, _, _, _ = _open_scratch(scene)
     _frames_into(joints, q, turns, frames)
     for p in range(parts.shape[0]):
         _place(p, frames, parts, spheres, out)
@@ -400,7 +423,7 @@ def spheres_at(q, scene, out):  # type: ignore[no-untyped-def]
 def clearance(q, scene):  # type: ignore[no-untyped-def]
     """Smallest distance from a sphere to an obstacle; negative when they overlap."""
     joints, spheres, _, boxes, _, parts, _, _, _, _ = _open(scene)
-    frames, points, _, turns, _, _, _, _ = _open_scratch(scene)
+    frames, points, _, turns, _, _, _, _, _ = _open_scratch(scene)
     _frames_into(joints, q, turns, frames)
     best = np.inf
     for p in range(parts.shape[0]):
