@@ -31,6 +31,8 @@ ARRIVE_M = np.array([0.0, 0.0, 0.12])
 TRAVEL_MARGIN_M, LINE_MARGIN_M = 0.01, 0.002
 DROP_M = 0.09
 """Tip above the tray's floor when the parcel is let go."""
+LIMIT_MARGIN_RAD = 0.06
+"""Parcels are gripped so far from joint limits, as at the stations: postures at a limit may have no way out at all."""
 YAWS = 8
 """Orientations about the vertical that the parcel may be put down in."""
 
@@ -108,6 +110,8 @@ def _problems(bench: Bench, rng: np.random.Generator, n: int) -> list[RouteProbl
         side = rng.choice([-1.0, 1.0])
         pick[:3, 3] = rng.uniform(0.62, 0.68), side * rng.uniform(0.12, 0.40), shelf + rng.uniform(0.10, 0.16)
         starts = inverse.ik_all(flange_from_tip(pick, spec.tool_length_m))
+        inside = (starts > spec.lower_rad + LIMIT_MARGIN_RAD) & (starts < spec.upper_rad - LIMIT_MARGIN_RAD)
+        starts = starts[inside.all(axis=1)]
         starts = starts[bench.line.batch(starts)]
         x, y, floor = workcell.TRAY_M
         where = x + rng.uniform(-0.08, 0.08), y + rng.uniform(-0.05, 0.05), floor + DROP_M

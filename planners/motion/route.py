@@ -105,12 +105,16 @@ class RouteConfig:
 
     goals_n: int = 24
     """Goals given to the search: the nearest ones that do not collide."""
+    most_goals_n: int = 400
+    """Goals given to a second search, if the first finds no path."""
+    first_iterations: int = 3_000
+    """Budget of the first search, in the planner's own unit."""
     tries_n: int = 4
     """Searches of which the shortest path is taken."""
     good_ratio: float = 1.1
     """A path no longer than so many times the distance to the nearest goal ends the tries."""
     max_iterations: int = 20_000
-    """Budget of one search."""
+    """Budget of the second search."""
     line_speed: float = 0.6
     """Share of the speed and acceleration limits used on straight lines."""
     corner_rad: tuple[float, ...] = (0.1, 0.03, 0.01)
@@ -169,13 +173,25 @@ class RoutePlanner:
         out = self._way_out(problem)
         if out is None:
             return self._failed(RouteStatus.NO_LINE_FROM_START)
-        goals, poses, status = self._goals(problem, out[-1])
-        if len(goals) == 0:
-            return self._failed(status)
+        # The nearest goals make short paths; what cannot be reached at all is found out by offering many.
+        for goals_n, budget in (
+            (self.config.goals_n, self.config.first_iterations),
+            (self.config.most_goals_n, self.config.max_iterations),
+        ):
+            goals, poses, status = self._goals(problem, out[-1], goals_n)
+            route = self._to_goals(problem, out, goals, poses, budget) if len(goals) else self._failed(status)
+            if route.status is not RouteStatus.NO_PATH:
+                break
+        return route
+
+    def _to_goals(
+        self, problem: RouteProblem, out: FloatArray, goals: FloatArray, poses: npt.NDArray[np.int64], budget: int
+    ) -> Route:
+        """Search, and search again without goals that no straight line leads in from."""
         offered = goals
         status = RouteStatus.NO_PATH
         while len(goals):
-            result = self._shortest(problem, out[-1], goals)
+            result = self._shortest(problem, out[-1], goals, budget)
             if not result.solved:
                 break
             chosen = int(np.argmin(np.abs(goals - result.path[-1]).max(axis=1)))
@@ -213,7 +229,9 @@ class RoutePlanner:
         line = straight_line(self._inverse, self._descent, q, tip, self._tool_m)
         return line if line is not None and self._line.path_free(line) else None
 
-    def _goals(self, problem: RouteProblem, start: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64], RouteStatus]:
+    def _goals(
+        self, problem: RouteProblem, start: FloatArray, wanted: int
+    ) -> tuple[FloatArray, npt.NDArray[np.int64], RouteStatus]:
         """The nearest free configurations where arrivals begin (k, n), and the pose each belongs to (k,)."""
         found, pose = [], []
         for i, tip in enumerate(problem.tips):
@@ -224,7 +242,6 @@ class RoutePlanner:
             pose.append(np.full(len(solutions), i))
         q, poses = np.concatenate(found), np.concatenate(pose)
         order = np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")
-        wanted = self.config.goals_n
         picked: list[int] = []
         for first in range(0, len(order), 4 * wanted):
             rows = order[first : first + 4 * wanted]
@@ -234,14 +251,12 @@ class RoutePlanner:
         status = RouteStatus.UNREACHABLE if len(q) == 0 else RouteStatus.GOALS_COLLIDE
         return q[picked[:wanted]], poses[picked[:wanted]], status
 
-    def _shortest(self, problem: RouteProblem, start: FloatArray, goals: FloatArray) -> MotionResult:
+    def _shortest(self, problem: RouteProblem, start: FloatArray, goals: FloatArray, budget: int) -> MotionResult:
         """The shortest path of several searches; one that is nearly straight ends them."""
         config = self.config
         distance = np.linalg.norm(goals - start, axis=1)
         good = config.good_ratio * float(distance.min())
-        query = MotionProblem(
-            checker=self._travel, start=start, goals=goals, seed=problem.seed, max_iterations=config.max_iterations
-        )
+        query = MotionProblem(checker=self._travel, start=start, goals=goals, seed=problem.seed, max_iterations=budget)
         best = self._planner.plan(query)
         for attempt in range(1, config.tries_n):
             if not best.solved or best.length_rad <= good:

@@ -15,8 +15,8 @@ from planners.motion.obstacles import ROW
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-COLLISION, NEAR, CLEAR = 0, 1, 2
-"""States of a configuration: `NEAR` is free, but not proven free for the motion that was asked about."""
+COLLISION = -1.0
+"""What `_state` gives for a configuration that is not free."""
 _QUEUE = 8192  # waiting sub-intervals of one edge; 20 rad at the finest step has 4096
 _FINEST_RAD = 0.01  # intervals shorter than this are not split again
 _HEADER = 10
@@ -210,7 +210,7 @@ def _box_gap(x, y, z, wide, boxes, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _state(  # type: ignore[no-untyped-def]
+def _state(  # type: ignore[no-untyped-def]  # noqa: PLR0912 - one pass over parts and groups
     q,
     moving,
     margin,
@@ -230,16 +230,17 @@ def _state(  # type: ignore[no-untyped-def]
     reach,
     todo,
 ):
-    """COLLISION, NEAR (free, but not for all motion within `reach`) or CLEAR; without `moving`, reach is zero.
+    """COLLISION, or the share of the motion within `reach` that is free for sure; without `moving`, reach is zero.
 
     `reach` (m, n+1): bound on how far a sphere of part p moves while joints f..n-1 make their allowed motion. Only when
-    the sphere around a part is near does the test look at the part's own spheres. `todo` (2,): parts and groups that are
-    tested at all, a bit each; those that are not clear for all of the motion stay set.
+    the sphere around a part is near does the test look at the part's own spheres. `todo` (2,): parts and groups that
+    are tested at all, a bit each; those that are not clear for all of the motion stay set.
     """
     todo_parts = todo[0] if moving else -1
     todo_groups = todo[1] if moving else -1
     left_parts = 0
     left_groups = 0
+    share = 1.0
     _frames_into(joints, q, turns, frames)
     placed = 0  # a bit per part
     for p in range(parts.shape[0] - 1, -1, -1):  # tip first: it hits most
@@ -280,6 +281,7 @@ def _state(  # type: ignore[no-untyped-def]
                     return COLLISION
                 if square < (r + way) * (r + way):
                     left_parts |= 1 << p
+                    share = min(share, (np.sqrt(square) - r) / way)
     for g in range(groups.shape[0]):
         bit = 1 << min(g, _LAST_BIT)
         if todo_groups & bit == 0:
@@ -315,9 +317,10 @@ def _state(  # type: ignore[no-untyped-def]
                     return COLLISION
                 if square < (r + way) * (r + way):
                     left_groups |= bit
+                    share = min(share, (np.sqrt(square) - r) / way)
     todo[0] = left_parts
     todo[1] = left_groups
-    return CLEAR if left_parts | left_groups == 0 else NEAR
+    return share
 
 
 @njit(cache=True)
@@ -343,8 +346,9 @@ def states_free(q, out, scene):  # type: ignore[no-untyped-def]
 def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
     """Whether the straight joint-space motion from a to b is free; a itself is taken as free.
 
-    Intervals are halved breadth first until motion bounds prove each free; what is proven for an interval is not tested
-    again in its halves. `scene` is `CollisionChecker.scene`.
+    Breadth first: the middle of an interval is tested, motion bounds prove a part around it free, and the rest on both
+    sides waits in a queue. What is clear for a whole interval is not tested again inside. `scene` is
+    `CollisionChecker.scene`.
     """
     joints, spheres, hulls, boxes, lever, parts, groups, runs, partners, near = _open(scene)
     frames, points, tops, turns, reach, total, q, queue, todo = _open_scratch(scene)
@@ -368,7 +372,6 @@ def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
     queue[0, 3] = -1.0
     head = 0
     tail = 1
-    last_width = 0.0
     while head < tail:
         lo = queue[head % _QUEUE, 0]
         hi = queue[head % _QUEUE, 1]
@@ -376,22 +379,20 @@ def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
         todo[1] = int(queue[head % _QUEUE, 3])
         head += 1
         middle = 0.5 * (lo + hi)
-        width = hi - lo
+        half = 0.5 * (hi - lo)
         for i in range(n):
             q[i] = a[i] + (b[i] - a[i]) * middle
-        if width != last_width:
-            for p in range(parts.shape[0]):
-                for i in range(n + 1):
-                    reach[p, i] = 0.5 * width * total[p, i]
-            last_width = width
-        state = _state(q, True, margin, joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
-        if state == COLLISION:
+        for p in range(parts.shape[0]):
+            for i in range(n + 1):
+                reach[p, i] = half * total[p, i]
+        share = _state(q, True, margin, joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
+        if share == COLLISION:
             return False
-        if state == NEAR and width * length > _FINEST_RAD:
-            for h in range(2):
+        if share < 1.0 and 2.0 * half * length > _FINEST_RAD:
+            for side in range(2):
                 slot = tail % _QUEUE
-                queue[slot, 0] = middle if h else lo
-                queue[slot, 1] = hi if h else middle
+                queue[slot, 0] = middle + share * half if side else lo
+                queue[slot, 1] = hi if side else middle - share * half
                 queue[slot, 2] = todo[0]
                 queue[slot, 3] = todo[1]
                 tail += 1
@@ -407,6 +408,47 @@ def path_free(path, scene):  # type: ignore[no-untyped-def]
         if not edge_free(path[i], path[i + 1], scene):
             return False
     return True
+
+
+@njit(cache=True)
+def _inside(q, lower, upper):  # type: ignore[no-untyped-def]
+    for i in range(q.shape[0]):  # noqa: SIM110 - compiled
+        if not lower[i] <= q[i] <= upper[i]:
+            return False
+    return True
+
+
+@njit(cache=True)
+def straight_goal(start, goals, lower, upper, scene, order, distance):  # type: ignore[no-untyped-def]
+    """Check both ends of a query and try the straight lines, nearest goal first.
+
+    Fills `order` (k,) with the rows of the goals that are inside the limits and free, nearest first, and `distance`
+    (k,) with their joint-space distances. Returns their number (-1 if the start is not inside and free), and the row of
+    the nearest goal that a free straight line leads to, or -1.
+    """
+    if not _inside(start, lower, upper) or not state_free(start, scene):
+        return -1, -1
+    n = 0
+    for row in range(goals.shape[0]):
+        if not _inside(goals[row], lower, upper) or not state_free(goals[row], scene):
+            continue
+        square = 0.0
+        for i in range(start.shape[0]):
+            square += (goals[row, i] - start[i]) ** 2
+        at = n
+        while at > 0 and distance[at - 1] > square:
+            distance[at] = distance[at - 1]
+            order[at] = order[at - 1]
+            at -= 1
+        distance[at] = square
+        order[at] = row
+        n += 1
+    for k in range(n):
+        distance[k] = np.sqrt(distance[k])
+    for k in range(n):
+        if edge_free(start, goals[order[k]], scene):
+            return n, order[k]
+    return n, -1
 
 
 @njit(cache=True)
