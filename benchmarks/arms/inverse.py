@@ -41,13 +41,14 @@ def measure_inverse(trial: Trial) -> Iterable[Row]:
     for name, arm in arms.items():
         descent = NumericInverse.from_joints(*arm)
         if name != "xArm 6":
-            yield from _solver(trial, f"{name}, closed form", inverse_kinematics(*arm), arm)
-        yield from _solver(trial, f"{name}, descent", descent, arm)
+            yield from solver_rows(trial, f"{name}, closed form", inverse_kinematics(*arm), arm)
+        yield from solver_rows(trial, f"{name}, descent", descent, arm)
 
 
-def _solver(
+def solver_rows(
     trial: Trial, name: str, inverse: InverseKinematics, arm: tuple[FloatArray, FloatArray, FloatArray]
 ) -> Iterable[Row]:
+    """One solver on one arm: joint transforms (n, 4, 4) and limits (n,), (n,)."""
     base_from_joint, lower, upper = arm
     rng = np.random.default_rng(trial.seeds[0])
     q = rng.uniform(lower, upper, (QUICK_POSES if trial.quick else N_POSES, len(lower)))
