@@ -155,7 +155,7 @@ class ArmConfig:
     """Planning and timing of the arms."""
 
     planner: str = "rrt_connect"
-    """Name in `planners.motion.MOTION_PLANNERS`."""
+    """Name in `planners.motion.MOTION_PLANNERS`, or one of the names in `OMPL_PLANNERS` there."""
     latency_s: float = 0.25
     """Simulated time from a request to the tick at which its plan lands [s]."""
     iterations_n: int = 20_000

@@ -22,7 +22,7 @@ from fleet.stations.arm_spheres import arm_spheres
 from fleet.stations.cell_planner import CellPlanner, Held, KnownWays, UnreachableError
 from fleet.stations.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer
 from fleet.world.protocol import FloatArray
-from planners.motion.collision import Boxes
+from planners.motion.obstacles import Boxes
 
 if TYPE_CHECKING:
     from fleet.world.bullet.confirm import HeldBox, PathConfirmer

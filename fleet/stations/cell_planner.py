@@ -23,12 +23,13 @@ from fleet.stations.transfer import (
 )
 from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.protocol import FloatArray
-from planners.motion import MOTION_PLANNERS
+from planners.motion import motion_planner
 from planners.motion.arm_model import ArmModel
 from planners.motion.cartesian import cartesian_line
-from planners.motion.collision import Boxes, CollisionChecker
+from planners.motion.collision import CollisionChecker
 from planners.motion.ik import SrsGeometry
 from planners.motion.kinematics import flange_from_tip
+from planners.motion.obstacles import Boxes
 from planners.motion.problem import MotionProblem, MotionResult
 from planners.motion.spheres import box_spheres
 from planners.motion.trajectory import Trajectory, retime
@@ -109,7 +110,7 @@ class CellPlanner:
         spec: The arm's limits and rest position.
         tool: Decides how a parcel is approached.
         car: Gives the tray's orientation-free size.
-        planner: Name in `MOTION_PLANNERS`.
+        planner: Of `motion_planner`.
         iterations_n: Budget of one search.
         known: Ways of other cells with the same surroundings, shared.
         confirm: The physics engine's last word, if there is an engine.
@@ -131,7 +132,7 @@ class CellPlanner:
         self.cell = cell
         self._model, self._spec, self._tool, self._car = model, spec, tool, car
         self._srs = SrsGeometry.from_joints(spec.base_from_joint, spec.lower_rad, spec.upper_rad)
-        self._planner = MOTION_PLANNERS[planner]()
+        self._planner = motion_planner(planner)
         self._iterations_n = iterations_n
         self._confirm = confirm
         boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)

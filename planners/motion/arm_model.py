@@ -38,6 +38,8 @@ class ArmModel:
     """Indices of spheres tested against each other, lower frame first, shape (p, 2)."""
     tool_length: float
     """From the last link frame to the tool tip along +z [m]."""
+    sphere_part: IntArray | None = None
+    """Rigid part of each sphere, shape (k,): its frame, or n+1 for the tool; None if there is none."""
 
     def __post_init__(self) -> None:
         n = len(joint_rows(self.base_from_joint))
@@ -118,10 +120,53 @@ def build_arm_model(
         for vertices, k in zip(link_vertices, spheres_per_link, strict=True)
     ]
     tool = np.reshape(np.asarray(tool_centre, dtype=np.float64), (-1, 3))
-    centre = np.concatenate([*(c for c, _ in fitted), tool])
-    radius = np.concatenate([*(r for _, r in fitted), np.asarray(tool_radius, dtype=np.float64).reshape(-1)])
-    part = np.concatenate([np.full(len(r), i) for i, (_, r) in enumerate(fitted)] + [np.full(len(tool), n + 1)])
-    part = part.astype(np.int64)
+    covers = [(i, c, r) for i, (c, r) in enumerate(fitted)]
+    covers.append((n + 1, tool, np.asarray(tool_radius, dtype=np.float64).reshape(-1)))
+    return assemble(
+        base_from_joint=base_from_joint,
+        lower=lower,
+        upper=upper,
+        covers=covers,
+        tool_length=tool_length,
+        cache_dir=cache_dir,
+        seed=seed,
+    )
+
+
+def assemble(
+    *,
+    base_from_joint: npt.ArrayLike,
+    lower: npt.ArrayLike,
+    upper: npt.ArrayLike,
+    covers: Sequence[tuple[int, FloatArray, FloatArray]],
+    tool_length: float = 0.0,
+    touching: Sequence[tuple[int, int]] | None = None,
+    colliding: Sequence[tuple[int, int]] = (),
+    cache_dir: Path | None = None,
+    seed: int = 0,
+) -> ArmModel:
+    """Put an arm's spheres together and choose the self-collision pairs.
+
+    Args:
+        base_from_joint: Fixed transform before each joint, shape (n, 4, 4).
+        lower: Lower joint limits [rad], shape (n,).
+        upper: Upper joint limits [rad], shape (n,).
+        covers: Rigid part (0 base, i what moves with joint i, n+1 what is fixed to the last link), sphere centres in
+            the part's frame (k, 3) and radii (k,) [m]; a part may have several.
+        tool_length: From the last link frame to the tool tip along +z [m].
+        touching: Pairs of parts that touch by construction and are not tested, lower one first, neighbours included;
+            None takes neighbours, and pairs whose spheres overlap in more than half of all configurations.
+        colliding: Pairs that are tested although they are neighbours.
+        cache_dir: Directory for the pairs; None finds them anew.
+        seed: Seed of the sampled self-collision statistics.
+
+    Returns:
+        The arm model.
+    """
+    n = len(joint_rows(base_from_joint))
+    centre = np.concatenate([np.reshape(c, (-1, 3)) for _, c, _ in covers])
+    radius = np.concatenate([np.reshape(r, -1) for _, _, r in covers])
+    part = np.concatenate([np.full(len(r), i, dtype=np.int64) for i, _, r in covers])
     frame = np.minimum(part, n)
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
 
@@ -134,12 +179,15 @@ def build_arm_model(
             sphere_radius=radius,
             sphere_frame=frame,
             sphere_part=part,
+            touching=touching,
             seed=seed,
         )
         return {"pairs": found}
 
-    inputs = (base_from_joint, low, high, centre, radius, frame, part, seed)
-    part_pairs = cached_arrays(cache_dir, "pairs1", inputs, pairs)["pairs"]
+    said = np.array([] if touching is None else [(-1, -1), *touching])
+    inputs = (base_from_joint, low, high, centre, radius, frame, part, seed, said)
+    part_pairs = cached_arrays(cache_dir, "pairs2", inputs, pairs)["pairs"]
+    part_pairs = np.unique(np.concatenate([part_pairs, np.reshape(colliding, (-1, 2)).astype(np.int64)]), axis=0)
     return ArmModel(
         base_from_joint=np.asarray(base_from_joint, dtype=np.float64),
         lower=low,
@@ -149,6 +197,7 @@ def build_arm_model(
         sphere_frame=frame,
         self_pairs=sphere_pairs(part, part_pairs.tolist()),
         tool_length=float(tool_length),
+        sphere_part=part,
     )
 
 

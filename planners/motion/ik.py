@@ -17,7 +17,6 @@ N_BRANCHES = 8
 """Elbow, shoulder and wrist each have two postures."""
 
 _N_JOINTS = 7
-_UNLIMITED = np.full(_N_JOINTS, -np.inf)
 _FIT_TOLERANCE = 1e-6
 _STRAIGHT = 1e-9  # below this the shoulder-wrist line is vertical and the reference plane is free
 
@@ -102,21 +101,164 @@ def branch_into(target, arm_angle, branch, geometry, q):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _solutions(pose, arm_angles, first_branch, end_branch, geometry, lower, upper, out):  # type: ignore[no-untyped-def]
-    """Solutions inside the limits, for all given arm angles and a range of branches; returns their number."""
+def _circle_into(target, bend, geometry, shoulder, wrist):  # type: ignore[no-untyped-def]
+    """Shoulder and wrist rotation over the arm angle: cos * [0] + sin * [1] + [2], each (3, 3, 3); the elbow angle.
+
+    The elbow angle is NaN if the wrist is out of reach.
+    """
+    upper_arm, fore_arm = geometry[2, 0, 0], geometry[2, 0, 1]
+    x, y, z = target[0, 3], target[1, 3], target[2, 3]
+    square = x * x + y * y + z * z
+    ce = (square - upper_arm * upper_arm - fore_arm * fore_arm) / (2.0 * upper_arm * fore_arm)
+    if ce > 1.0 or ce < -1.0 or square < _STRAIGHT:
+        return np.nan
+    elbow = bend * np.arccos(ce)
+    se = np.sin(elbow)
+    radius = np.hypot(x, y)
+    turn = np.arctan2(y, x) if radius > _STRAIGHT else 0.0
+    tilt = np.arctan2(radius, z) - np.arctan2(-fore_arm * se, upper_arm + fore_arm * ce)
+    ct, st, cl, sl = np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)
+    length = np.sqrt(square)
+    x /= length
+    y /= length
+    z /= length
+    for j in range(3):  # Rodrigues, column by column, as in `branch_into`
+        if j == 0:
+            ax, ay, az = ct * cl, st * cl, -sl
+        elif j == 1:
+            ax, ay, az = -st, ct, 0.0
+        else:
+            ax, ay, az = ct * sl, st * sl, cl
+        along = x * ax + y * ay + z * az
+        shoulder[2, 0, j], shoulder[2, 1, j], shoulder[2, 2, j] = along * x, along * y, along * z
+        shoulder[0, 0, j], shoulder[0, 1, j], shoulder[0, 2, j] = ax - along * x, ay - along * y, az - along * z
+        shoulder[1, 0, j] = y * az - z * ay
+        shoulder[1, 1, j] = z * ax - x * az
+        shoulder[1, 2, j] = x * ay - y * ax
+    for c in range(3):
+        for j in range(3):
+            wrist[c, 0, j] = wrist[c, 1, j] = wrist[c, 2, j] = 0.0
+            for k in range(3):
+                wrist[c, 0, j] += (shoulder[c, k, 0] * ce + shoulder[c, k, 2] * se) * target[k, j]
+                wrist[c, 1, j] += shoulder[c, k, 1] * target[k, j]
+                wrist[c, 2, j] += (shoulder[c, k, 2] * ce - shoulder[c, k, 0] * se) * target[k, j]
+    return elbow
+
+
+@njit(cache=True, inline="always")
+def _on_circle(part, i, j, c, s):  # type: ignore[no-untyped-def]
+    return part[0, i, j] * c + part[1, i, j] * s + part[2, i, j]
+
+
+@njit(cache=True)
+def _wrapped(angle):  # type: ignore[no-untyped-def]
+    if angle > np.pi:
+        return angle - 2.0 * np.pi
+    return angle + 2.0 * np.pi if angle < -np.pi else angle
+
+
+@njit(cache=True)
+def _four_branches(arm_angle, elbow, shoulder, wrist, geometry, lower, upper, out, n):  # type: ignore[no-untyped-def]
+    """Append the solutions inside the limits at one arm angle and elbow side to `out`; returns their new number."""
+    c = np.cos(arm_angle)
+    s = np.sin(arm_angle)
+    turned = np.empty((2, 3))  # the three joints of shoulder and wrist, bent to the positive side
+    for part in range(2):
+        m = wrist if part else shoulder
+        x, y = _on_circle(m, 0, 2, c, s), _on_circle(m, 1, 2, c, s)
+        flat = np.hypot(x, y)
+        turned[part, 0] = np.arctan2(y, x)
+        turned[part, 1] = np.arctan2(flat, _on_circle(m, 2, 2, c, s))
+        # The last joint takes what the first leaves, which stays exact where the two are nearly in line.
+        cf, sf = (x / flat, y / flat) if flat > 0.0 else (1.0, 0.0)
+        turned[part, 2] = np.arctan2(
+            cf * _on_circle(m, 1, 0, c, s) - sf * _on_circle(m, 0, 0, c, s),
+            cf * _on_circle(m, 1, 1, c, s) - sf * _on_circle(m, 0, 1, c, s),
+        )
+    q = np.empty(7)
+    for half in range(4):  # bit 0 shoulder, bit 1 wrist; the branches of one elbow side, in order
+        for part in range(2):
+            flip = (half >> part) & 1 == 0
+            first = 4 * part
+            q[first] = _wrapped(turned[part, 0] + np.pi) if flip else turned[part, 0]
+            q[first + 1] = -turned[part, 1] if flip else turned[part, 1]
+            q[first + 2] = _wrapped(turned[part, 2] + np.pi) if flip else turned[part, 2]
+        q[3] = elbow
+        inside = True
+        for i in range(7):
+            q[i] *= geometry[3, i // 4, i % 4]
+            inside = inside and lower[i] <= q[i] <= upper[i]
+        if inside:
+            for i in range(7):
+                out[n, i] = q[i]
+            n += 1
+    return n
+
+
+@njit(cache=True)
+def _roots(part, theta, row, roots, n):  # type: ignore[no-untyped-def]
+    """Append the arm angles at which one joint of the shoulder or the wrist is at +-theta or theta + pi.
+
+    Each of the three joints makes an equation a cos + b sin + c = 0. `row` is 0 to 2, the joint.
+    """
+    if row == 1:
+        a, b, c = part[0, 2, 2], part[1, 2, 2], part[2, 2, 2] - np.cos(theta)
+    else:
+        ct, st = np.cos(theta), np.sin(theta)
+        if row == 0:
+            a = part[0, 1, 2] * ct - part[0, 0, 2] * st
+            b = part[1, 1, 2] * ct - part[1, 0, 2] * st
+            c = part[2, 1, 2] * ct - part[2, 0, 2] * st
+        else:
+            a = part[0, 2, 1] * ct + part[0, 2, 0] * st
+            b = part[1, 2, 1] * ct + part[1, 2, 0] * st
+            c = part[2, 2, 1] * ct + part[2, 2, 0] * st
+    size = np.hypot(a, b)
+    if size <= abs(c):
+        return n
+    middle = np.arctan2(b, a)
+    apart = np.arccos(-c / size)
+    roots[n] = _wrapped(middle + apart)
+    roots[n + 1] = _wrapped(middle - apart)
+    return n + 2
+
+
+@njit(cache=True)
+def _solutions(pose, n_angles, geometry, lower, upper, out):  # type: ignore[no-untyped-def]
+    """Solutions inside the limits on a grid of arm angles, and one in every interval of arm angles between its points.
+
+    Between two neighbouring arm angles at which a joint is at a limit, a branch is inside the limits or it is not.
+    Returns the number of solutions.
+    """
     target = np.empty((3, 4))
     wrist_target_into(pose, geometry, target)
+    shoulder = np.empty((3, 3, 3))
+    wrist = np.empty((3, 3, 3))
+    roots = np.empty(24 + 2)
     n = 0
-    for a in range(arm_angles.shape[0]):
-        for branch in range(first_branch, end_branch):
-            q = out[n]  # overwritten by the next one unless it counts
-            if not branch_into(target, arm_angles[a], branch, geometry, q):
+    step = 2.0 * np.pi / n_angles
+    for bend_bit in range(2):
+        elbow = _circle_into(target, 1.0 if bend_bit else -1.0, geometry, shoulder, wrist)
+        if np.isnan(elbow) or not lower[3] <= elbow * geometry[3, 0, 3] <= upper[3]:
+            continue
+        for a in range(n_angles):
+            n = _four_branches(-np.pi + a * step, elbow, shoulder, wrist, geometry, lower, upper, out, n)
+        m = 0
+        for joint in (0, 1, 2, 4, 5, 6):
+            part = wrist if joint > 3 else shoulder
+            sign = geometry[3, joint // 4, joint % 4]
+            m = _roots(part, sign * lower[joint], joint % 4, roots, m)
+            m = _roots(part, sign * upper[joint], joint % 4, roots, m)
+        if m == 0:
+            continue
+        roots[:m].sort()
+        roots[m] = roots[0] + 2.0 * np.pi
+        for i in range(m):
+            # The grid starts at -pi: is one of its points in between?
+            if np.floor((roots[i + 1] + np.pi) / step) > np.floor((roots[i] + np.pi) / step):
                 continue
-            inside = True
-            for i in range(7):
-                inside = inside and lower[i] <= q[i] <= upper[i]
-            if inside:
-                n += 1
+            middle = 0.5 * (roots[i] + roots[i + 1])
+            n = _four_branches(middle, elbow, shoulder, wrist, geometry, lower, upper, out, n)
     return n
 
 
@@ -203,24 +345,25 @@ class SrsGeometry:
         """
         if not 0 <= branch < N_BRANCHES:
             raise PlanningError(f"ik_branch: branch {branch}, expected 0 to {N_BRANCHES - 1}")
-        out = np.empty((2, _N_JOINTS))
-        angles = np.array([float(arm_angle)])
-        n = _solutions(_pose(base_from_flange), angles, branch, branch + 1, self.packed, _UNLIMITED, -_UNLIMITED, out)
-        return out[0] if n else None
+        target, q = np.empty((3, 4)), np.empty(_N_JOINTS)
+        wrist_target_into(_pose(base_from_flange), self.packed, target)
+        return q if branch_into(target, float(arm_angle), branch, self.packed, q) else None
 
     def ik_all(self, base_from_flange: npt.ArrayLike, n_arm_angles: int = 24) -> FloatArray:
-        """All solutions inside the joint limits on a regular grid of arm angles.
+        """All solutions inside the joint limits, on a regular grid of arm angles and in every gap of it.
+
+        The arm angles for which a branch respects the limits are intervals, whose ends are known in closed form. An
+        interval between two points of the grid gives its middle: no branch is missed because it is narrow.
 
         Args:
             base_from_flange: Wanted pose of the last link frame, shape (4, 4).
             n_arm_angles: Arm angles over the full circle, >= 1; times 8 branches are tried.
 
         Returns:
-            Solutions [rad], shape (m, 7), m >= 0, ordered by arm angle, then branch.
+            Solutions [rad], shape (m, 7), m >= 0, ordered by elbow side, then arm angle.
         """
-        out = np.empty((N_BRANCHES * n_arm_angles + 1, _N_JOINTS))
-        angles = -np.pi + 2.0 * np.pi * np.arange(n_arm_angles) / n_arm_angles
-        n = _solutions(_pose(base_from_flange), angles, 0, N_BRANCHES, self.packed, self.lower, self.upper, out)
+        out = np.empty((N_BRANCHES * n_arm_angles + 8 * 24, _N_JOINTS))
+        n = _solutions(_pose(base_from_flange), n_arm_angles, self.packed, self.lower, self.upper, out)
         return out[:n]
 
     def arm_angle_and_branch(self, q: npt.ArrayLike) -> tuple[float, int]:

@@ -38,6 +38,23 @@ def link_frames_into(joints, q, frames):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def jacobian_into(frames, jacobian):  # type: ignore[no-untyped-def]
+    """Linear (rows 0-2) and angular (3-5) velocity of the last frame per joint velocity, base frame, shape (6, n)."""
+    n = jacobian.shape[1]
+    for i in range(n):
+        ax, ay, az = frames[i + 1, 0, 2], frames[i + 1, 1, 2], frames[i + 1, 2, 2]
+        x = frames[n, 0, 3] - frames[i + 1, 0, 3]
+        y = frames[n, 1, 3] - frames[i + 1, 1, 3]
+        z = frames[n, 2, 3] - frames[i + 1, 2, 3]
+        jacobian[0, i] = ay * z - az * y
+        jacobian[1, i] = az * x - ax * z
+        jacobian[2, i] = ax * y - ay * x
+        jacobian[3, i] = ax
+        jacobian[4, i] = ay
+        jacobian[5, i] = az
+
+
+@njit(cache=True)
 def _frames_batch(joints, q, frames):  # type: ignore[no-untyped-def]
     for i in range(q.shape[0]):
         link_frames_into(joints, q[i], frames[i])
@@ -87,6 +104,30 @@ def link_frames(base_from_joint: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
     frames[..., :3, :] = rows
     frames[..., 3, 3] = 1.0
     return frames if np.ndim(q) == 2 else frames[0]
+
+
+def jacobian(base_from_joint: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
+    """Velocity of the last link frame per joint velocity, in the base frame.
+
+    Args:
+        base_from_joint: Fixed transform from the previous link to each joint, shape (n, 4, 4).
+        q: Joint angles [rad], shape (n,).
+
+    Returns:
+        Rows 0 to 2 linear [m/rad], 3 to 5 angular [rad/rad], shape (6, n).
+
+    Raises:
+        PlanningError: Shapes do not fit.
+    """
+    joints = joint_rows(base_from_joint)
+    angles = np.ascontiguousarray(q, dtype=np.float64)
+    if angles.shape != (len(joints),):
+        raise PlanningError(f"q: shape {angles.shape}, expected ({len(joints)},), one angle per joint")
+    frames = np.empty((len(joints) + 1, 3, 4))
+    link_frames_into(joints, angles, frames)
+    out = np.empty((6, len(joints)))
+    jacobian_into(frames, out)
+    return out
 
 
 def flange_from_tip(base_from_tip: npt.ArrayLike, tool_length_m: float) -> FloatArray:

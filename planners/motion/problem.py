@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from planners.errors import PlanningError
 from planners.motion.collision import CollisionChecker
+from planners.motion.scene_kernel import straight_goal
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -96,18 +97,18 @@ def settle_early(problem: MotionProblem) -> tuple[MotionResult | None, FloatArra
     Returns:
         A result if the query is settled (else None), and the valid goals, nearest first, shape (k, n).
     """
-    checker = problem.checker
-    n = checker.model.n_joints
-    nothing = np.empty((0, n))
-    if not (checker.model.within_limits(problem.start) and checker.free(problem.start)):
-        return MotionResult(path=nothing, status=MotionStatus.INVALID_START, iterations=0), nothing
-    goals = problem.goals[checker.model.within_limits(problem.goals)]
-    goals = goals[checker.batch(goals)]
-    if len(goals) == 0:
-        return MotionResult(path=nothing, status=MotionStatus.INVALID_GOAL, iterations=0), nothing
-    goals = goals[np.argsort(np.linalg.norm(goals - problem.start, axis=1), kind="stable")]
-    for goal in goals:
-        if checker.edge(problem.start, goal):
-            path = np.stack([problem.start, goal])
-            return MotionResult(path=path, status=MotionStatus.SOLVED, iterations=0), goals
-    return None, goals
+    model = problem.checker.model
+    nothing = np.empty((0, model.n_joints))
+    start = np.ascontiguousarray(problem.start, dtype=np.float64)
+    goals = np.ascontiguousarray(problem.goals, dtype=np.float64)
+    order, distance = np.empty(len(goals), dtype=np.int64), np.empty(len(goals))
+    n, row = straight_goal(start, goals, model.lower, model.upper, problem.checker.scene, order, distance)
+    if n <= 0:
+        status = MotionStatus.INVALID_START if n < 0 else MotionStatus.INVALID_GOAL
+        return MotionResult(path=nothing, status=status, iterations=0), nothing
+    valid = goals[order[:n]]
+    if row < 0:
+        return None, valid
+    path = np.empty((2, model.n_joints))
+    path[0], path[1] = start, goals[row]
+    return MotionResult(path=path, status=MotionStatus.SOLVED, iterations=0), valid

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from planners.motion.collision import edge_free
 from planners.motion.problem import MotionProblem, MotionResult, MotionStatus, settle_early
 from planners.motion.rrt_connect_config import RrtConnectConfig
+from planners.motion.scene_kernel import edge_free
 from planners.motion.shortcut import shorten, uniform
 
 

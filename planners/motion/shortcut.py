@@ -6,9 +6,15 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from planners.motion.collision import CollisionChecker, edge_free
+from planners.motion.collision import CollisionChecker
+from planners.motion.scene_kernel import edge_free
 
 FloatArray = npt.NDArray[np.float64]
+
+_IDLE_ROUNDS = 4
+"""So many rounds without a gain end the shortening."""
+_LEAST_GAIN = 0.005
+"""A cut is tried only if it saves this share of the path."""
 
 
 @njit(cache=True)
@@ -45,16 +51,20 @@ def _shorten(path, n, rounds, random, scene):  # type: ignore[no-untyped-def]
     along = np.empty(path.shape[0])
     a = np.empty(path.shape[1])
     b = np.empty(path.shape[1])
+    changed = True
+    idle = 0
     for _ in range(rounds):
         # Drop every corner that is not needed, then cut between two random points.
         i = 1
-        while i < n - 1:
+        while changed and i < n - 1:
             if edge_free(path[i - 1], path[i + 1], scene):
                 _move(path, i + 1, n, -1)
                 n -= 1
             else:
                 i += 1
-        if n < 3:
+        idle = 0 if changed else idle + 1
+        changed = False
+        if n < 3 or idle == _IDLE_ROUNDS:
             break
         for _ in range(10):
             along[0] = 0.0
@@ -77,12 +87,13 @@ def _shorten(path, n, rounds, random, scene):  # type: ignore[no-untyped-def]
             for k in range(path.shape[1]):
                 a[k] = path[i, k] + (path[i + 1, k] - path[i, k]) * u
                 b[k] = path[j, k] + (path[j + 1, k] - path[j, k]) * v
-            if _gap(a, b) > last - first - 1e-3 or not edge_free(a, b, scene):
+            if _gap(a, b) > last - first - _LEAST_GAIN * along[n - 1] or not edge_free(a, b, scene):
                 continue
             # The rests of the cut edges are checked anew, so that every edge of the result passes the edge check.
             if not (edge_free(path[i], a, scene) and edge_free(b, path[j + 1], scene)):
                 continue
             # Corners i+1..j give way to a and b.
+            changed = True
             grow = 2 - (j - i)
             _move(path, j + 1, n, grow)
             n += grow

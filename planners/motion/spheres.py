@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ _LLOYD_STEPS = 25
 _NEAR_M = 0.03  # the samples are 0.1-0.2 rad apart, so a near miss may hide a hit
 _MOSTLY_TOUCHING = 0.5
 _MINIMUM_POINTS = 4  # a volume needs four points
+_SMALL_M, _LONG_M = 0.12, 0.2
 _STL_HEADER = 84  # 80 bytes of comment, then the triangle count as uint32
 _STL_TRIANGLE = np.dtype([("normal", "<3f4"), ("corners", "<9f4"), ("attribute", "<u2")])
 
@@ -89,6 +91,12 @@ def fit_spheres(vertices: npt.ArrayLike, k: int, seed: int) -> tuple[FloatArray,
     return best[1], best[2]
 
 
+def sphere_count(vertices: npt.ArrayLike) -> int:
+    """A number of spheres that suits a link of this size: four for a long one of a human-sized arm, two for a small."""
+    size = float(np.ptp(np.asarray(vertices), axis=0).max())
+    return 2 if size < _SMALL_M else 3 if size < _LONG_M else 4
+
+
 def fit_spheres_cached(
     vertices: npt.ArrayLike, k: int, seed: int, directory: Path | None
 ) -> tuple[FloatArray, FloatArray]:
@@ -137,6 +145,7 @@ def link_self_pairs(
     sphere_radius: FloatArray,
     sphere_frame: IntArray,
     sphere_part: IntArray,
+    touching: Sequence[tuple[int, int]] | None = None,
     seed: int = 0,
     n_samples: int = 4000,
 ) -> IntArray:
@@ -154,6 +163,8 @@ def link_self_pairs(
         sphere_radius: Radii [m], shape (k,).
         sphere_frame: Frame of each sphere, shape (k,).
         sphere_part: Rigid part of each sphere, shape (k,); two parts may share a frame (a link and its tool).
+        touching: Pairs that are known to touch by construction; they are skipped, and no others for overlapping
+            often. None for not known.
         seed: Seed of the sampled configurations.
         n_samples: Number of configurations.
 
@@ -167,12 +178,14 @@ def link_self_pairs(
     pairs = []
     for a, i in enumerate(parts):
         for j in parts[a + 1 :]:
+            if touching is not None and (int(i), int(j)) in touching:
+                continue
             first, second = np.flatnonzero(sphere_part == i), np.flatnonzero(sphere_part == j)
             if abs(int(sphere_frame[first[0]]) - int(sphere_frame[second[0]])) <= 1:
                 continue
             distance = np.linalg.norm(centre[:, first][:, :, None] - centre[:, second][:, None], axis=-1)
             gap = np.min(distance - sphere_radius[first][:, None] - sphere_radius[second], axis=(1, 2))
-            if gap.min() < _NEAR_M and np.mean(gap < 0.0) < _MOSTLY_TOUCHING:
+            if gap.min() < _NEAR_M and (touching is not None or np.mean(gap < 0.0) < _MOSTLY_TOUCHING):
                 pairs.append((int(i), int(j)))
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 

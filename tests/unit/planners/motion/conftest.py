@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planners.motion.arm_model import ArmModel, build_arm_model
-from planners.motion.collision import Boxes
 from planners.motion.ik import SrsGeometry
+from planners.motion.obstacles import Boxes
 from planners.motion.spheres import read_binary_stl
 
 IIWA = Path(pybullet_data.getDataPath()) / "kuka_iiwa"

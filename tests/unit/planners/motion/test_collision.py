@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from planners.errors import PlanningError
-from planners.motion.collision import Boxes, CollisionChecker
+from planners.motion.collision import CollisionChecker
 from planners.motion.kinematics import link_frames
+from planners.motion.obstacles import Boxes, Capsules
 from planners.motion.spheres import box_spheres
 
 HOME = np.array([0, 0.2, 0, -1.5, 0, 1.4, 0])
@@ -60,6 +61,40 @@ def test_free_and_clearance_match_the_reference(iiwa, station, held, carries):  
     np.testing.assert_array_equal(checker.batch(q), free)
     assert [checker.free(x) for x in q[:50]] == free[:50].tolist()
     np.testing.assert_allclose([checker.clearance(x) for x in q], [c for c, _ in expected], atol=1e-9)
+
+
+def test_capsules_match_segment_distances(iiwa):  # type: ignore[no-untyped-def]
+    ends = (
+        np.array([[0.5, 0.1, 0.2], [0.2, -0.5, 0.9], [-0.4, 0.3, 0.7]]),
+        np.array([[0.6, -0.4, 0.8], [0.2, -0.5, 0.4], [-0.4, 0.3, 0.7]]),
+    )
+    radius = np.array([0.05, 0.1, 0.15])
+    rods = Capsules(start=ends[0], end=ends[1], radius=radius, min_frame=np.array([0, 4, 0]))
+    checker = CollisionChecker(iiwa, Boxes(), margin=0.0, capsules=rods)
+    dense = ends[0][:, None] + np.linspace(0, 1, 2001)[:, None] * (ends[1] - ends[0])[:, None]
+    alone = CollisionChecker(iiwa, Boxes(), margin=0.0)
+    n_hit = 0
+    for q in np.random.default_rng(5).uniform(iiwa.lower, iiwa.upper, (60, 7)):
+        centre = alone.sphere_centres(q)
+        part = np.sort(iiwa.sphere_part)
+        gap = np.inf
+        for points, r, frame in zip(dense, radius, rods.min_frame, strict=True):
+            own = np.linalg.norm(centre[:, None] - points, axis=2).min(axis=1) - r
+            own -= iiwa.sphere_radius[np.argsort(iiwa.sphere_part, kind="stable")]
+            gap = min(gap, own[part >= frame].min())
+        assert checker.clearance(q) == pytest.approx(gap, abs=2e-4)
+        if abs(gap) > 2e-4:
+            assert checker.free(q) == (alone.free(q) and gap > 0)
+        n_hit += gap < 0
+    assert 10 < n_hit < 50
+
+
+def test_another_arm_at_rest_is_an_obstacle(iiwa):  # type: ignore[no-untyped-def]
+    other = CollisionChecker(iiwa, Boxes()).sphere_centres(np.zeros(7)) + np.array([0.5, 0.0, 0.0])
+    spheres = Capsules.spheres(other, iiwa.sphere_radius[np.argsort(iiwa.sphere_part, kind="stable")])
+    checker = CollisionChecker(iiwa, Boxes(), capsules=spheres)
+    assert checker.free(np.zeros(7))
+    assert not checker.free([0.0, 1.2, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def test_accepted_edges_are_free_everywhere(iiwa, station, held):  # type: ignore[no-untyped-def]
@@ -119,3 +154,7 @@ def test_malformed_input_is_named(iiwa):  # type: ignore[no-untyped-def]
         Boxes.one((0, 0, 0), (0.1, 0.0, 0.1))
     with pytest.raises(PlanningError, match=r"expected \(7,\)"):
         CollisionChecker(iiwa, Boxes()).free(np.zeros(6))
+    with pytest.raises(PlanningError, match="radii"):
+        Capsules.one((0, 0, 0), (0, 0, 1), 0.0)
+    with pytest.raises(PlanningError, match="finite"):
+        Boxes.one((0, 0, np.nan), (1, 1, 1))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.motion.collision import Boxes, CollisionChecker
+from planners.motion.collision import CollisionChecker
+from planners.motion.obstacles import Boxes
 from planners.motion.shortcut import shorten
 
 

@@ -1,0 +1,32 @@
+"""Benchmark of arms: collision checks, inverse kinematics, and plans, against the usual way in PyBullet.
+
+A group is a function from a `Trial` to rows; it checks every answer before it counts a time. A new group is one file
+here and one line in `GROUPS`. Times are CPU time of one process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from benchmarks.arms.checks import measure_checks
+from benchmarks.arms.free import measure_free
+from benchmarks.arms.inverse import measure_inverse
+from benchmarks.arms.plans import measure_plans
+from benchmarks.harness import Benchmark, Row, Trial, in_groups
+
+GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
+    "plans": measure_plans,
+    "collision": measure_checks,
+    "ik": measure_inverse,
+    "free": measure_free,
+}
+
+
+BENCHMARK = Benchmark(
+    name="arms",
+    summary="arms: collision checks, inverse kinematics and plans",
+    measure=in_groups(GROUPS),
+    seeds=(0,),
+    quick_seeds=(0,),
+    groups=tuple(GROUPS),
+)

@@ -1,0 +1,153 @@
+"""Arms read from URDF, SDF and MJCF: they move as the engine says, never call a collision free, refuse bad files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+import pytest
+
+from fleet.world.bullet.arm_file import ArmFile, ArmFileError, load, read_arm
+from fleet.world.bullet.client import Client
+from fleet.world.bullet.dynamics import ArmDynamics
+from planners.motion.collision import CollisionChecker
+from planners.motion.ik import SrsGeometry
+from planners.motion.ik_offset import OffsetGeometry
+from planners.motion.obstacles import Boxes
+
+pytestmark = pytest.mark.bullet
+
+DATA = Path(pybullet_data.getDataPath())
+MJCF = """<mujoco model="a"><compiler angle="radian"/><worldbody><body name="b0" pos="0 0 0.1">
+<geom type="cylinder" size="0.05 0.1"/><body name="l1" pos="0 0 0.2">
+<joint name="j1" type="hinge" axis="0 0 1" range="-2 2" limited="true"/>
+<geom type="capsule" fromto="0 0 0.05 0 0.1 0.3" size="0.04"/><body name="l2" pos="0 0 0.35">
+<joint name="j2" type="hinge" axis="0 1 0" pos="0 0 0.02" range="-1.5 1.5" limited="true"/>
+<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.04"/><body name="l3" pos="0.36 0 0">
+<joint name="j3" type="hinge" axis="0.6 -0.8 0" range="-1 1" limited="true"/>
+<geom type="box" size="0.1 0.03 0.03" pos="0.1 0 0"/><geom type="sphere" size="0.05" pos="0.2 0 0"/>
+</body></body></body></body></worldbody></mujoco>"""
+URDF = """<robot name="r"><link name="base"><collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
+<link name="arm"><inertial><mass value="2"/><origin xyz="0 0 0.25"/><inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0"
+ixz="0" iyz="0"/></inertial><collision><origin xyz="0 0 0.25"/><geometry><cylinder length="0.5" radius="0.05"/>
+</geometry></collision></link>{joint}</robot>"""
+HINGE = """<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.1"/>
+<axis xyz="0 1 0"/><limit lower="-1.5" upper="1.5" effort="10" velocity="2"/></joint>"""
+
+
+def written(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def engine_disagrees(arm: ArmFile, n: int) -> int:
+    """States that the engine's bodies collide in although our spheres are free; forward kinematics on the way."""
+    client = Client()
+    body = load(client, arm.path)[arm.body]
+    for name, value in arm.frozen.items():
+        names = [client.getJointInfo(body, i)[1].decode() for i in range(client.getNumJoints(body))]
+        client.resetJointState(body, names.index(name), value)
+    local = client.getDynamicsInfo(body, -1)
+    base = np.array(client.invertTransform(*local[3:5])[0]) + client.getBasePositionAndOrientation(body)[0]
+    centre, half = np.array([0.45, 0.1, 0.5]), np.array([0.1, 0.15, 0.2])
+    shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=half.tolist())
+    box = client.createMultiBody(baseCollisionShapeIndex=shape, basePosition=(centre + base).tolist())
+    checker = CollisionChecker(arm.model, Boxes.one(centre, half), margin=0.0)
+    links = [link for link in arm.part_of_link]
+    pairs = [
+        (a, b)
+        for a in links
+        for b in links
+        if arm.part_of_link[a] < arm.part_of_link[b] and (arm.part_of_link[a], arm.part_of_link[b]) not in arm.touching
+    ]
+    wrong = 0
+    for q in np.random.default_rng(4).uniform(arm.model.lower, arm.model.upper, (n, arm.model.n_joints)):
+        for joint, angle in zip(arm.joint_index, q.tolist(), strict=True):
+            client.resetJointState(body, joint, angle)
+        state = client.getLinkState(body, arm.joint_index[-1], computeForwardKinematics=1)
+        last = arm.flange(q) @ np.linalg.inv(arm.link_from_frame[-1])
+        np.testing.assert_allclose(np.array(state[4]) - base, last[:3, 3], atol=1e-4)
+        if checker.free(q):
+            touches = list(client.getClosestPoints(body, box, 0.0))
+            for a, b in pairs:
+                touches += client.getClosestPoints(body, body, 0.0, linkIndexA=a, linkIndexB=b)
+            wrong += any(point[8] < 0 for point in touches)
+    client.close()
+    return wrong
+
+
+def test_mjcf_arm_with_tilted_axes(tmp_path: Path) -> None:
+    arm = read_arm(written(tmp_path, "arm.xml", MJCF))
+    assert arm.joint_names == ("j1", "j2", "j3")
+    np.testing.assert_allclose(arm.model.upper, [2.0, 1.5, 1.0])
+    assert engine_disagrees(arm, 400) == 0
+
+
+def test_one_joint_in_numbers(tmp_path: Path) -> None:
+    arm = read_arm(written(tmp_path, "r.urdf", URDF.format(joint=HINGE)), tool_length_m=0.5)
+    assert (arm.max_velocity_radps.tolist(), arm.max_torque_nm.tolist()) == ([2.0], [10.0])
+    # The last frame's z is the joint's axis, and a quarter turn about y takes z to x.
+    np.testing.assert_allclose(arm.flange([0.0])[:3, 2], [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(arm.flange([0.0])[:3, 3], [0, 0, 0.1])
+    np.testing.assert_allclose(arm.jacobian([0.3])[3:, 0], [0, 1, 0], atol=1e-12)
+    dynamics = ArmDynamics(arm)
+    np.testing.assert_allclose(dynamics.mass_matrix([0.2]), [[0.1 + 2 * 0.25**2]], rtol=1e-5)
+    # Lying flat, gravity pulls 2 kg at 0.25 m; upright it pulls nothing.
+    np.testing.assert_allclose(dynamics.inverse_dynamics([np.pi / 2], [0], [0]), [-2 * 9.81 * 0.25], rtol=1e-5)
+    np.testing.assert_allclose(dynamics.inverse_dynamics([0], [0], [1.0]), [0.225], rtol=1e-5)
+    with pytest.raises(ArmFileError, match="valid: 1 finite"):
+        dynamics.inverse_dynamics([0.0], [np.nan], [0.0])
+    dynamics.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("none.urdf", None, "no such file"),
+        ("arm.dae", "x", "unknown kind '.dae'"),
+        ("broken.urdf", "<robot", "cannot load"),
+        ("broken.xml", "<mujoco", "not XML"),
+        ("fixed.urdf", URDF.format(joint=HINGE.replace("revolute", "fixed")), "no movable joint"),
+        ("slide.urdf", URDF.format(joint=HINGE.replace("revolute", "prismatic")), "'turn' of the chain slides"),
+        ("bare.urdf", URDF.format(joint=HINGE).replace("collision>", "visual>"), "no collision shapes"),
+    ],
+)
+def test_bad_files_are_named(tmp_path: Path, name: str, text: str | None, message: str) -> None:
+    path = tmp_path / name
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    with pytest.raises(ArmFileError, match=message):
+        read_arm(path)
+
+
+def test_unknown_names_are_told(tmp_path: Path) -> None:
+    path = written(tmp_path, "r.urdf", URDF.format(joint=HINGE))
+    with pytest.raises(ArmFileError, match="no link 'hand'; valid: arm"):
+        read_arm(path, tip="hand")
+    with pytest.raises(ArmFileError, match="no joint 'finger'"):
+        read_arm(path, frozen={"finger": 0.0})
+    with pytest.raises(ArmFileError, match="no link 'x'; valid: base, arm"):
+        read_arm(path, allowed=[("x", "arm")])
+
+
+@pytest.mark.slow
+def test_the_arms_that_ship_with_the_engine() -> None:
+    panda = read_arm(DATA / "franka_panda/panda.urdf", frozen={"panda_finger_joint1": 0.04})
+    assert isinstance(panda.inverse, OffsetGeometry)
+    assert panda.frozen == {"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.0}
+    xarm = read_arm(DATA / "xarm/xarm6_robot.urdf")
+    iiwa = read_arm(DATA / "kuka_iiwa/kuka_with_gripper2.sdf", tip="lbr_iiwa_link_7")
+    assert isinstance(iiwa.inverse, SrsGeometry)
+    assert [arm.model.n_joints for arm in (panda, xarm, iiwa)] == [7, 6, 7]
+    for arm in (panda, xarm, iiwa):
+        assert engine_disagrees(arm, 300) == 0
+        q = np.random.default_rng(0).uniform(arm.model.lower, arm.model.upper)
+        for found in arm.inverse.ik_all(arm.flange(q)):
+            np.testing.assert_allclose(arm.flange(found), arm.flange(q), atol=1e-4)
+    dynamics = ArmDynamics(panda)
+    mass = dynamics.mass_matrix(np.zeros(7))
+    np.testing.assert_allclose(mass, mass.T, atol=1e-9)
+    assert np.linalg.eigvalsh(mass).min() > 0
+    dynamics.close()
