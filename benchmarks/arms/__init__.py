@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from benchmarks.arms.checks import measure_checks
 from benchmarks.arms.free import measure_free
 from benchmarks.arms.inverse import measure_inverse
+from benchmarks.arms.pair import measure_pair
 from benchmarks.arms.plans import measure_plans
 from benchmarks.harness import Benchmark, Row, Trial, in_groups
 
@@ -19,6 +20,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "collision": measure_checks,
     "ik": measure_inverse,
     "free": measure_free,
+    "pair": measure_pair,
 }
 
 

@@ -21,10 +21,11 @@ from fleet.robots import iiwa_spec
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.tools import TOOLS
 from fleet.stations.arm_spheres import arm_spheres
-from planners.motion.collision import Boxes, CollisionChecker
+from planners.motion.collision import CollisionChecker
 from planners.motion.coordination import ArmInWorld, Schedule
 from planners.motion.ik import SrsGeometry
 from planners.motion.kinematics import flange_from_tip
+from planners.motion.obstacles import Boxes
 from planners.motion.rrt_connect_native import RrtConnectNative
 from planners.motion.timed_path import Dwell, TimedPath
 from planners.motion.together import STEP_S, Trip, Way, plan_together
