@@ -79,7 +79,8 @@ class Allotment:
         bookings: Room at the stations.
         service_times: How long the arms take.
         pricing: What each task costs each car.
-        lookahead: For allocators that plan ahead.
+        lookahead: What can be given out, for allocators that plan ahead.
+        filling: The same with what waits for a slot, which says in which order slots are filled.
         ways: Of visits.
         reason_book: Told about every decision.
     """
@@ -94,6 +95,7 @@ class Allotment:
         service_times: ServiceTimes,
         pricing: Pricing,
         lookahead: Lookahead,
+        filling: Lookahead,
         ways: VisitWays,
         reason_book: ReasonBook,
     ) -> None:
@@ -104,6 +106,7 @@ class Allotment:
         self._service_times = service_times
         self._pricing = pricing
         self._lookahead = lookahead
+        self._filling = filling
         self._ways = ways
         self._reasons = reason_book
         self._allocator = allocator_named(config.allocator)
@@ -131,10 +134,10 @@ class Allotment:
         if not ready and len(held) < 2:
             return Choice(taken=[], given=[])
         soon = {car: outlook for car, outlook in busy.items() if outlook.free_s <= self._soon_s}
-        prices = self._pricing.of([*ready, *held.values(), *self._to_come()], standing, kept, soon, now_s)
+        prices = self._pricing.of([*ready, *held.values()], standing, kept, soon, now_s)
         offered, full = self._offered(prices, len(ready))
         column_of, later = self._allocate(prices, [*offered, *range(len(ready), len(prices.tasks))], held, soon)
-        self._keep_reasons(prices, len(ready) + len(held), full, column_of, later)
+        self._keep_reasons(prices, full, column_of, later)
         taken, given = [], []
         for car, task in held.items():
             if column_of[car] < 0 or prices.tasks[column_of[car]] is not task:
@@ -144,10 +147,31 @@ class Allotment:
                 given.append((car, prices.tasks[column]))
         return Choice(taken=taken, given=given)
 
+    def plan_filling(
+        self,
+        standing: Sequence[PairReason | None],
+        held: Mapping[int, Task],
+        kept: Mapping[int, Task],
+        busy: Mapping[int, Outlook],
+        now_s: float,
+    ) -> None:
+        """Plan also what waits for a slot, so that slots are filled in the order of the plan; as for `choose`.
+
+        Cars are not sent by this plan: what they are to do first is often not there yet.
+        """
+        waiting = self._to_come() if self._plans_ahead else []
+        if not waiting:
+            return
+        tasks = [*self._board.in_state(TaskState.READY), *held.values(), *waiting]
+        prices = self._pricing.of(tasks, standing, kept, busy, now_s)
+        columns = [column for column in range(len(tasks)) if prices.offers(column)]
+        cars = np.flatnonzero(np.isfinite(prices.cost_s).any(axis=1))
+        if columns and len(cars):
+            problem = self._problem(prices, columns, cars, held, self._filling)
+            self._filling.keep(prices, problem, self._allocator.allocate(problem), columns, cars)
+
     def _to_come(self) -> list[Task]:
-        """Deliveries to plan whose parcels do not lie on slots yet, the most urgent class first, then the oldest."""
-        if not self._plans_ahead:
-            return []
+        """Deliveries whose parcels do not lie on slots yet, the most urgent class first, then the oldest."""
         waiting = [task for task in self._board.in_state(TaskState.BACKLOG) if task.visit is None]
         free = [task for task in waiting if self._board.waits_for(task) is None]
         return sorted(free, key=lambda task: (task.order.priority.rank, task.index))[:PLAN_N]
@@ -208,21 +232,11 @@ class Allotment:
         cars = np.flatnonzero(np.isfinite(prices.cost_s[:, columns]).any(axis=1))
         if not columns or not len(cars):
             return column_of, later
-        at = {prices.tasks[column].index: k for k, column in enumerate(columns)}
-        tasks = [prices.tasks[column] for column in columns]
-        shop = self._lookahead.shop(prices, tasks, cars, held) if self._plans_ahead else None
-        problem = AllocationProblem(
-            cost=prices.cost_s[np.ix_(cars, np.array(columns))],
-            class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
-            since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
-            held=np.array([at[held[car].index] if car in held else NO_TASK for car in cars.tolist()], dtype=np.int32),
-            keep_gain=self._config.keep_gain_s,
-            keep_share=self._config.keep_share,
-            shop=shop,
-        )
+        lookahead = self._lookahead if self._plans_ahead else None
+        problem = self._problem(prices, columns, cars, held, lookahead)
         assignment = self._allocator.allocate(problem)
-        if shop is not None:
-            self._lookahead.keep(prices, tasks, cars, shop, assignment)
+        if lookahead is not None:
+            lookahead.keep(prices, problem, assignment, columns, cars)
         pairs = np.ix_(cars, np.array(columns))
         told = _CODE_OF[reasons(problem, assignment)]
         prices.codes[pairs] = np.where(np.isfinite(problem.cost), told, prices.codes[pairs])
@@ -234,10 +248,32 @@ class Allotment:
                 if car in soon:
                     later[column] = car
                     prices.codes[car, column] = _CODE[PairReason.PLANNED_LATER]
-                elif column_of[car] < 0 and prices.tasks[column].state is not TaskState.BACKLOG:
+                elif column_of[car] < 0:
                     column_of[car] = column
                     prices.codes[car, column] = _CODE[PairReason.CHOSEN]
         return column_of, later
+
+    def _problem(
+        self,
+        prices: Prices,
+        columns: list[int],
+        cars: npt.NDArray[np.intp],
+        held: Mapping[int, Task],
+        lookahead: Lookahead | None,
+    ) -> AllocationProblem:
+        """Some tasks and cars as the allocators read them."""
+        tasks = [prices.tasks[column] for column in columns]
+        at = {task.index: k for k, task in enumerate(tasks)}
+        has = [at.get(held[car].index, NO_TASK) if car in held else NO_TASK for car in cars.tolist()]
+        return AllocationProblem(
+            cost=prices.cost_s[np.ix_(cars, np.array(columns))],
+            class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
+            since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
+            held=np.array(has, dtype=np.int32),
+            keep_gain=self._config.keep_gain_s,
+            keep_share=self._config.keep_share,
+            shop=lookahead.shop(prices, tasks, cars, held) if lookahead is not None else None,
+        )
 
     def _why_taken(self, prices: Prices, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
         """Why a car loses a task, in words."""
@@ -253,7 +289,6 @@ class Allotment:
     def _keep_reasons(
         self,
         prices: Prices,
-        asked_n: int,
         full: set[int],
         column_of: npt.NDArray[np.int64],
         later: Mapping[int, int],
@@ -263,7 +298,7 @@ class Allotment:
         taker_of = np.full(len(prices.tasks), -1)
         cars = np.flatnonzero(column_of >= 0)
         taker_of[column_of[cars]] = cars
-        for k, (task, taker) in enumerate(zip(prices.tasks[:asked_n], taker_of[:asked_n].tolist(), strict=True)):
+        for k, (task, taker) in enumerate(zip(prices.tasks, taker_of.tolist(), strict=True)):
             codes = prices.codes[:, k].copy()
             if k in full:
                 codes[codes == free] = _CODE[PairReason.NOT_OFFERED]

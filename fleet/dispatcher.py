@@ -140,13 +140,16 @@ class Dispatcher:
             traffic=traffic,
             executor=executor,
         )
-        lookahead = Lookahead(
-            config=config.allocation,
-            stations=stations,
-            bookings=self.bookings,
-            service_times=self.service_times,
-            ways=ways,
-            traffic=traffic,
+        lookahead, filling = (
+            Lookahead(
+                config=config.allocation,
+                stations=stations,
+                bookings=self.bookings,
+                service_times=self.service_times,
+                ways=ways,
+                traffic=traffic,
+            )
+            for _ in range(2)
         )
         self._allotment = Allotment(
             config=config.allocation,
@@ -156,11 +159,12 @@ class Dispatcher:
             service_times=self.service_times,
             pricing=self._pricing,
             lookahead=lookahead,
+            filling=filling,
             ways=ways,
             reason_book=self.reasons,
         )
         self.stock = Stock(
-            board, stations, desk.car, world, log, backlog, self.reasons, self._pricing.source_cost, lookahead.turn_s
+            board, stations, desk.car, world, log, backlog, self.reasons, self._pricing.source_cost, filling.turn_s
         )
         self._fetching = Fetching(stations, desk, self.stock, traffic, executor, world.tick_s, log)
         self._outlooks = Outlooks(self._stations, self.roster, self.service_times, traffic, executor)
@@ -316,6 +320,8 @@ class Dispatcher:
             outlook = self._outlooks.of(car, now_s) if standing[car] is not None else None
             if outlook is not None:
                 busy[car] = outlook
+        if tick % self._price_period == 0:
+            self._allotment.plan_filling(standing, held, self.roster.kept(), busy, now_s)
         choice = self._allotment.choose(standing, held, self.roster.kept(), busy, now_s)
         for car, reason in choice.taken:
             self.roster.unassign(held[car], now_s, reason)

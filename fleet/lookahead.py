@@ -16,7 +16,7 @@ from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
 from fleet.traffic import Traffic
 from fleet.visit_ways import VisitWays
-from planners.allocation.problem import Assignment
+from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.shop import NO_STATION, Shop
 from planners.mapf.distance_table import UNREACHABLE
 
@@ -63,17 +63,23 @@ class Lookahead:
         return self._turn_s.get(task.index, np.inf)
 
     def keep(
-        self, prices: Prices, tasks: list[Task], cars: npt.NDArray[np.intp], shop: Shop, assignment: Assignment
+        self,
+        prices: Prices,
+        problem: AllocationProblem,
+        assignment: Assignment,
+        columns: list[int],
+        cars: npt.NDArray[np.intp],
     ) -> None:
-        """Remember a plan for the tasks and cars of a shop."""
+        """Remember the plan for some tasks, by their columns among the prices, and some cars."""
         self._plan, self._turn_s = [], {}
-        if assignment.timetable is None:
+        if assignment.timetable is None or problem.shop is None:
             return
-        start_s = assignment.timetable.start_s[shop.first_stop[:-1]].tolist()
+        start_s = assignment.timetable.start_s[problem.shop.first_stop[:-1]].tolist()
         car_of = {k: int(cars[row]) for row, sequence in enumerate(assignment.sequence) for k in sequence}
         for k in sorted(car_of, key=lambda k: (start_s[k], k)):
-            self._plan.append((tasks[k].index, car_of[k]))
-            self._turn_s[tasks[k].index] = prices.now_s + start_s[k]
+            task = prices.tasks[columns[k]]
+            self._plan.append((task.index, car_of[k]))
+            self._turn_s[task.index] = prices.now_s + start_s[k]
 
     def shop(self, prices: Prices, tasks: list[Task], cars: npt.NDArray[np.intp], held: Mapping[int, Task]) -> Shop:
         """Tasks, cars and the arms they book; the clock starts now.
