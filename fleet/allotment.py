@@ -60,6 +60,20 @@ def require_allocator(name: str, what: str) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Situation:
+    """What cars are about, as far as it matters for who gets what."""
+
+    standing: Sequence[PairReason | None]
+    """Why each car cannot take a task now, shape (n_cars,); None = it can."""
+    held: Mapping[int, Task]
+    """Tasks that cars have but may still give away, by car; these cars can take another."""
+    kept: Mapping[int, Task]
+    """Tasks that no other car may have, by car; these cars can take no other."""
+    busy: Mapping[int, Outlook]
+    """When cars will be free that cannot take a task now, as far as that is known, by car."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Choice:
     """What an allocation changes."""
 
@@ -113,28 +127,13 @@ class Allotment:
         self._plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
         self._soon_s = np.inf if self._plans_ahead else float(getattr(self._allocator, "soon_s", 0.0))
 
-    def choose(
-        self,
-        standing: Sequence[PairReason | None],
-        held: Mapping[int, Task],
-        kept: Mapping[int, Task],
-        busy: Mapping[int, Outlook],
-        now_s: float,
-    ) -> Choice:
-        """Pairs of a car and a task, at most one for each.
-
-        Args:
-            standing: Why each car cannot take a task now, shape (n_cars,); None = it can.
-            held: Tasks that cars have but may still give away, by car; these cars can take another.
-            kept: Tasks that no other car may have, by car; these cars can take no other.
-            busy: When cars will be free that cannot take a task now, as far as that is known, by car.
-            now_s: Simulated time [s].
-        """
-        ready = self._board.in_state(TaskState.READY)
+    def choose(self, situation: Situation, now_s: float) -> Choice:
+        """Pairs of a car and a task, at most one for each."""
+        ready, held = self._board.in_state(TaskState.READY), situation.held
         if not ready and len(held) < 2:
             return Choice(taken=[], given=[])
-        soon = {car: outlook for car, outlook in busy.items() if outlook.free_s <= self._soon_s}
-        prices = self._pricing.of([*ready, *held.values()], standing, kept, soon, now_s)
+        soon = {car: outlook for car, outlook in situation.busy.items() if outlook.free_s <= self._soon_s}
+        prices = self._pricing.of([*ready, *held.values()], situation.standing, situation.kept, soon, now_s)
         offered, full = self._offered(prices, len(ready))
         column_of, later = self._allocate(prices, [*offered, *range(len(ready), len(prices.tasks))], held, soon)
         self._keep_reasons(prices, full, column_of, later)
@@ -147,27 +146,20 @@ class Allotment:
                 given.append((car, prices.tasks[column]))
         return Choice(taken=taken, given=given)
 
-    def plan_filling(
-        self,
-        standing: Sequence[PairReason | None],
-        held: Mapping[int, Task],
-        kept: Mapping[int, Task],
-        busy: Mapping[int, Outlook],
-        now_s: float,
-    ) -> None:
-        """Plan also what waits for a slot, so that slots are filled in the order of the plan; as for `choose`.
+    def plan_filling(self, situation: Situation, now_s: float) -> None:
+        """Plan also what waits for a slot, so that slots are filled in the order of the plan.
 
         Cars are not sent by this plan: what they are to do first is often not there yet.
         """
         waiting = self._to_come() if self._plans_ahead else []
         if not waiting:
             return
-        tasks = [*self._board.in_state(TaskState.READY), *held.values(), *waiting]
-        prices = self._pricing.of(tasks, standing, kept, busy, now_s)
+        tasks = [*self._board.in_state(TaskState.READY), *situation.held.values(), *waiting]
+        prices = self._pricing.of(tasks, situation.standing, situation.kept, situation.busy, now_s)
         columns = [column for column in range(len(tasks)) if prices.offers(column)]
         cars = np.flatnonzero(np.isfinite(prices.cost_s).any(axis=1))
         if columns and len(cars):
-            problem = self._problem(prices, columns, cars, held, self._filling)
+            problem = self._problem(prices, columns, cars, situation.held, self._filling)
             self._filling.keep(prices, problem, self._allocator.allocate(problem), columns, cars)
 
     def _to_come(self) -> list[Task]:

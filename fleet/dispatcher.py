@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from fleet.allotment import Allotment
+from fleet.allotment import Allotment, Situation
 from fleet.approach import Approach
 from fleet.charging import Charging
 from fleet.config import RunConfig
@@ -320,9 +320,10 @@ class Dispatcher:
             outlook = self._outlooks.of(car, now_s) if standing[car] is not None else None
             if outlook is not None:
                 busy[car] = outlook
+        situation = Situation(standing=standing, held=held, kept=self.roster.kept(), busy=busy)
         if tick % self._price_period == 0:
-            self._allotment.plan_filling(standing, held, self.roster.kept(), busy, now_s)
-        choice = self._allotment.choose(standing, held, self.roster.kept(), busy, now_s)
+            self._allotment.plan_filling(situation, now_s)
+        choice = self._allotment.choose(situation, now_s)
         for car, reason in choice.taken:
             self.roster.unassign(held[car], now_s, reason)
             self.roster.stand_down(car)
