@@ -82,7 +82,7 @@ class Approach:
                 if phase is CarPhase.HELD:
                     self._begin(car, task, tick, now_s)
                 elif phase in _DRIVING and self._is_near(car, station) and not self._bookings.book(car):
-                    self._hold(car, task, self._full(station))
+                    self._hold(car, task, self._bookings.full_words(station.arm, station.name))
 
     def _begin(self, car: int, task: Task, tick: int, now_s: float) -> None:
         """Send a bound car on its way, unless it would only stand in the lanes before a busy arm."""
@@ -92,11 +92,13 @@ class Approach:
         if early_s > EARLY_S:
             why = f"{station.name} is busy and it would come {early_s:.0f} s too early"
         elif self._is_near(car, station) and not self._bookings.book(car):
-            why = self._full(station)
+            why = self._bookings.full_words(station.arm, station.name)
         if why:
             if self._roster.phase[car] is not CarPhase.HELD:
                 self._hold(car, task, why)
             return
+        if self._roster.phase[car] in (CarPhase.HELD, CarPhase.CHARGING):
+            task.reason = f"car_{car} may go on to {station.name}"
         if self._roster.phase[car] is CarPhase.HELD:
             self._log("called", car=f"car_{car}", task=task.order.name, station=station.name)
         self._roster.enter(car, CarPhase.TO_DROP if task.state is TaskState.CARRIED else CarPhase.TO_PICK)
@@ -112,10 +114,6 @@ class Approach:
 
     def _is_near(self, car: int, station: Station) -> bool:
         return self._moves(car, station) <= NEAR_N
-
-    def _full(self, station: Station) -> str:
-        there = ", ".join(f"car_{other}" for other in self._bookings.cars(station.arm))
-        return f"{station.name} is full ({there})"
 
     def _hold(self, car: int, task: Task, why: str) -> None:
         """Let a car wait in a parking place."""

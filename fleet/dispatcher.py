@@ -28,7 +28,7 @@ from fleet.stock import Log, Stock
 from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import CANCELLABLE, Task, TaskBoard, TaskState
 from fleet.tasks.order import Ability
-from fleet.tasks.reasons import PairReason, ReasonBook
+from fleet.tasks.reasons import PairReason, ReasonBook, TaskReason
 from fleet.traffic import Traffic
 from fleet.visit_ways import VisitWays
 from fleet.visits import Visits
@@ -185,6 +185,7 @@ class Dispatcher:
         )
         self.visits = Visits(
             places=places,
+            ways=ways,
             board=board,
             backlog=backlog,
             reasons=self.reasons,
@@ -361,6 +362,10 @@ class Dispatcher:
     def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
         # A visit has to find room where it goes first; a delivery waits its turn.
         if task.visit is not None and not self.visits.book(car, task):
+            # Another visit that was given out with it took the only place.
+            text = f"{task.next_words} has no room for one more car"
+            self.reasons.note(task, TaskReason.STATION_FULL, text, now_s)
+            self.roster.changed = True
             return
         task.car = car
         self.roster.task_of[car] = task

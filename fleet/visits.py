@@ -17,6 +17,7 @@ from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import Priority, Visit
 from fleet.tasks.reasons import ReasonBook, TaskReason
 from fleet.traffic import Traffic
+from fleet.visit_ways import VisitWays
 from fleet.world.protocol import World
 from planners.mapf.distance_table import UNREACHABLE
 
@@ -30,6 +31,7 @@ class Visits:
 
     Args:
         places: Where cars can be sent.
+        ways: Tells where there is room.
         board: The tasks.
         backlog: Tells which tasks wait for others.
         reasons: Tells why a task waits.
@@ -46,6 +48,7 @@ class Visits:
         self,
         *,
         places: Places,
+        ways: VisitWays,
         board: TaskBoard,
         backlog: Backlog,
         reasons: ReasonBook,
@@ -60,6 +63,7 @@ class Visits:
         self.progress_s = 0.0
         """When a stop was last made [s]."""
         self._places = places
+        self._ways = ways
         self._board = board
         self._backlog = backlog
         self._reasons = reasons
@@ -86,11 +90,14 @@ class Visits:
                 self._roster.changed = True
 
     def book(self, car: int, task: Task) -> bool:
-        """Let a car have the nearest place with room of those that come next; False if there is none."""
-        self._roster.leave(car)
+        """Let a car have the nearest place with room of those that come next; False if there is none.
+
+        Only a car that gets one gives up the place that it had.
+        """
         place = self._nearest(car, task)
         if place is None:
             return False
+        self._roster.leave(car)
         if place.number != NOT_BOOKED:
             self._bookings.bind(car, place.number)
             self._bookings.book(car)
@@ -111,6 +118,7 @@ class Visits:
         """Let cars that are held back go on when there is room."""
         for car, task in self._visiting(CarPhase.HELD):
             if self._bookings.book(car):
+                task.reason = f"car_{car} may go on to {task.place}"
                 self._log("called", car=f"car_{car}", task=task.order.name, place=task.place)
                 self.send(car, task, tick)
 
@@ -157,14 +165,9 @@ class Visits:
         best, best_n = None, float(UNREACHABLE)
         for place in map(self._places.named, task.next_stop):
             moves_n = float(self._places.moves(place, tail)[0])
-            if moves_n < best_n and self._has_room(place):
+            if moves_n < best_n and self._ways.room(place) > 0:
                 best, best_n = place, moves_n
         return best
-
-    def _has_room(self, place: Place) -> bool:
-        if place.number == NOT_BOOKED:
-            return True
-        return self._bookings.room(place.number) > 0
 
     def _arrive(self, car: int, task: Task, now_s: float) -> None:
         self._came_s[car] = self.progress_s = now_s
@@ -206,8 +209,9 @@ class Visits:
             self._roster.release(car)
             return
         place = places[0]
-        why = f"{place.name} is full ({', '.join(f'car_{other}' for other in self._bookings.cars(place.number))})"
+        why = self._bookings.full_words(place.number, place.name)
         task.place, task.reason = place.name, f"car_{car} is held: {why}"
+        self._roster.leave(car)
         self._bookings.bind(car, place.number)
         self._roster.enter(car, CarPhase.HELD)
         self._roster.changed = True

@@ -44,6 +44,10 @@ class Bookings:
         """Cars a place still takes."""
         return self.caps[place] - len(self.cars(place))
 
+    def full_words(self, place: int, name: str) -> str:
+        """What to say to a car that finds no room at a place of a name."""
+        return f"{name} is full ({', '.join(f'car_{car}' for car in self.cars(place))})"
+
     def waiting(self, place: int) -> list[int]:
         """Cars that are bound for a place and have not booked it."""
         return [car for car in self._bound[place] if car not in self._booked[place]]

@@ -44,14 +44,19 @@ class Watch:
                 known = self.longest_passing_s.get(station.arm, 0.0)
                 self.longest_passing_s[station.arm] = max(known, float(passing.max(initial=0.0)))
         self.most = max(self.most, *(len(bookings.cars(station.arm)) for station in simulation.stations))
+        roster = simulation.dispatcher.roster
+        for phase, task in zip(roster.phase, roster.task_of, strict=True):
+            if task is not None and phase in (CarPhase.TO_PICK, CarPhase.TO_DROP):
+                assert " is held: " not in task.reason, "who goes on is not held any more"
         tails = simulation.executor.tail_states()
         for station in simulation.stations:
             near = simulation.traffic.tables.to(station.dock_state)[tails] <= NEAR_N
-            phases = simulation.dispatcher.roster.phase
             come = {
                 car
                 for car, goal in enumerate(simulation.traffic.goals)
-                if goal == station.dock_state and near[car] and phases[car] in (CarPhase.TO_PICK, CarPhase.TO_DROP)
+                if goal == station.dock_state
+                and near[car]
+                and roster.phase[car] in (CarPhase.TO_PICK, CarPhase.TO_DROP)
             }
             there = set(np.flatnonzero(tails == station.dock_state).tolist())
             unbooked = come - set(bookings.cars(station.arm))

@@ -190,6 +190,25 @@ def test_two_visits_to_one_place_come_one_after_the_other(make: Make) -> None:
         assert b.since_s[TaskState.VISITING] > a.since_s[TaskState.DONE]
 
 
+def test_who_finds_its_place_taken_by_a_visit_given_out_with_its_own_says_so(make: Make) -> None:
+    """A place with two for a choice takes the only one of the other; both cars are on their way to chargers."""
+    pack = BatteryConfig(enabled=True, start=0.7)
+    with make(
+        {"id": "any", "type": "park", "places": ["parking_9", "parking_8"], "priority": "emergency", "release_s": 1.2},
+        {"id": "that", "type": "park", "places": "parking_8", "release_s": 1.2},
+        robots=2,
+        battery=pack,
+    ) as simulation:
+        until(simulation, "any", TaskState.ASSIGNED)
+        report = simulation.explain_assignment("that")
+        assert (simulation.board.named("any").place, report.reason) == ("parking_8", TaskReason.STATION_FULL)
+        roster, bookings = simulation.dispatcher.roster, simulation.dispatcher.bookings
+        going = roster.phase.index(CarPhase.TO_CHARGER)
+        assert bookings.has(going), "it goes on to the charger it had"
+        simulation.run(check)
+        assert {task.state for task in simulation.board.tasks} == {TaskState.DONE}
+
+
 def test_a_patrol_is_held_while_its_next_place_is_full(make: Make) -> None:
     log: list[Event] = []
     with make(
@@ -198,6 +217,9 @@ def test_a_patrol_is_held_while_its_next_place_is_full(make: Make) -> None:
         robots=2,
         log=log,
     ) as simulation:
+        while not any(event.kind == "called" for event in log):
+            simulation.tick()
+        assert simulation.explain_assignment("walk").cause == "car_1 may go on to parking_9"
         simulation.run(check)
     words = [(event.kind, event.facts["task"]) for event in log if event.kind in ("held", "called")]
     assert words == [("held", "walk"), ("called", "walk")]
