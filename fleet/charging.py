@@ -119,7 +119,9 @@ class Charging:
                 roster.unassign(task, now_s, f"the battery of car_{car} is at {self.batteries.charge[car]:.0%}")
                 roster.release(car)
         low = [car for car in range(len(roster.phase)) if self._is_low(car) and self._may_charge(car)]
-        short = not all(self._send(car, tick, wanted) for car in self._by_need(low)) or bool(wanted)
+        low = [car for car in low if self._has_way(car)]
+        sent = [self._send(car, tick, wanted) for car in self._by_need(low)]
+        short = not all(sent) or bool(wanted)
         for car, phase in enumerate(roster.phase):
             if phase is not CarPhase.CHARGING or not (self.is_full(car) or (short and self._has_enough(car))):
                 continue
@@ -141,8 +143,7 @@ class Charging:
             if phase is CarPhase.IDLE and self.batteries.charge[car] < below and self._executor.idle(car)
         ]
         for car in self._by_need(idle):
-            if not self._send(car, tick, wanted):
-                break
+            self._send(car, tick, wanted)
 
     def allows(
         self, cars: list[int], to_pick: FloatArray, pick: Station, drop: Station, load_kg: float
@@ -205,6 +206,10 @@ class Charging:
         """Whether a charging car may be given a task, or make room."""
         return bool(self.batteries.charge[car] >= self.batteries.config.enough)
 
+    def _has_way(self, car: int) -> bool:
+        """Whether a car can come to a charger at all; nobody has to make room for one that cannot."""
+        return bool(np.isfinite(self.moves_home(self._executor.tail_states()[[car]])[0]))
+
     def _may_charge(self, car: int) -> bool:
         """Whether a car is free to go to a charger: without a task, or held back with its parcel."""
         task, phase = self._roster.task_of[car], self._roster.phase[car]
@@ -212,7 +217,7 @@ class Charging:
         return held or phase is CarPhase.IDLE
 
     def _send(self, car: int, tick: int, wanted: Set[int]) -> bool:
-        """Send a car to a charger that no visit wants; False if none is free."""
+        """Send a car to a charger that no visit wants; False if none that it can come to is free."""
         place = self._free_charger(int(self._executor.tail_states()[car]), wanted)
         if place is None:
             return False
@@ -220,6 +225,9 @@ class Charging:
         self._bookings.bind(car, place)
         self._bookings.book(car)
         self._roster.enter(car, CarPhase.TO_CHARGER)
+        task = self._roster.task_of[car]
+        if task is not None:
+            task.reason = f"car_{car} charges meanwhile: {task.reason}"
         self._traffic.rank[car] = LOADED_RANK_S
         self._traffic.send(car, self._state_of(place), stay=True, tick=tick)
         self._log("to_charger", car=f"car_{car}", charge=round(float(self.batteries.charge[car]), 3))

@@ -123,6 +123,23 @@ def test_cars_make_room_for_those_that_need_the_charger_more() -> None:
     assert summary.cars_stranded == 0
 
 
+@pytest.mark.parametrize("charge", [0.2, 0.7], ids=["low", "idle"])
+def test_a_car_that_is_cut_off_keeps_nobody_from_charging(charge: float) -> None:
+    config = RunConfig(
+        battery=BatteryConfig(enabled=True), fidelity=Fidelity.GRID, robots=2, tasks=1, arms=ArmConfig(workers_n=0)
+    )
+    with Simulation(config) as simulation:
+        assert simulation.batteries is not None
+        simulation.batteries.charge[:] = (charge - 0.05, charge)
+        lanes = simulation.site.lanes
+        for cell in lanes[lanes[:, 0] == simulation.site.parking[0], 1].tolist():
+            simulation.traffic.set_blocked(cell, True)
+        simulation.cancel("order_1")
+        for _ in range(2):
+            simulation.tick()
+        assert simulation.dispatcher.roster.phase == [CarPhase.IDLE, CarPhase.TO_CHARGER]
+
+
 def test_a_site_without_that_many_chargers() -> None:
     config = RunConfig(battery=BatteryConfig(enabled=True, chargers_n=9))
     with pytest.raises(ConfigError, match=r"battery.chargers_n is 9; valid: 1 to 2 \(chargers of site small\)"):
