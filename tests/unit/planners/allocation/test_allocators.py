@@ -92,6 +92,25 @@ def test_bids_count_the_way_from_the_task_before(allocator: Auction | Cbba) -> N
     assert allocator.allocate(problem).sequence == ((0, 1), (2,))
 
 
+@pytest.mark.parametrize("allocator", [Auction(), Cbba()])
+@pytest.mark.parametrize("held", [0, 1])
+def test_two_tasks_of_one_place_are_not_exchanged_for_nothing(allocator: Auction | Cbba, held: int) -> None:
+    """Both begin and end at the same places; the only vehicle that is near does the one that it holds first."""
+    place_m = np.array([0.0, 500.0, 10.0, 30.0])
+    shop = Shop(
+        travel_s=np.abs(place_m[:, None] - place_m[None]),
+        start=np.array([0, 1]),
+        ready_s=np.zeros(2),
+        first_stop=np.array([0, 2, 4]),
+        place=np.array([2, 3, 2, 3]),
+        station=np.full(4, -1),
+        service_s=np.ones(4),
+    )
+    cost = shop.travel_s[:2, [2, 2]]
+    problem = AllocationProblem(cost=cost, shop=shop, held=np.array([held, -1], dtype=np.int32), keep_gain=5.0)
+    assert allocator.allocate(problem).sequence == ((held, 1 - held), ())
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_talking_ends_where_one_auctioneer_would(seed: int) -> None:
     """With one task each, the agreement is the greedy choice, as its authors prove."""
