@@ -186,6 +186,10 @@ class EstimateConfig:
         require(0 <= self.latency_ticks <= 30, "estimate.latency_ticks", self.latency_ticks, "an integer from 0 to 30")
 
 
+RATES_PER_H = (1e-3, 1e5)
+"""Least and greatest rate of a stream: from one order in six weeks to more than any site can take."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class StreamConfig:
     """A stream of generated orders with due dates and priorities."""
@@ -211,7 +215,8 @@ class StreamConfig:
     def __post_init__(self) -> None:
         require(self.kind in list(StreamKind), "--stream", self.kind, ", ".join(StreamKind))
         object.__setattr__(self, "kind", StreamKind(self.kind))
-        _positive("--rate", self.rate_per_h)
+        low_n, high_n = RATES_PER_H
+        require(low_n <= self.rate_per_h <= high_n, "--rate", self.rate_per_h, f"a number from {low_n:g} to {high_n:g}")
         _positive("stream.wave_s", self.wave_s)
         _not_negative("stream.zipf", self.zipf)
         require(0 < self.wave_share <= 1, "stream.wave_share", self.wave_share, "a number > 0, at most 1")

@@ -179,7 +179,7 @@ def _json_rows(path: Path, text: str) -> list[_Row]:
     valid = "a list of objects"
     try:
         items = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # also a whole number of more digits than Python reads
         raise OrdersError(f"orders file {path}: not JSON ({error}); valid: {valid}") from error
     if not isinstance(items, list):
         raise OrdersError(f"orders file {path}: holds {type(items).__name__}; valid: {valid}")

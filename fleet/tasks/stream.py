@@ -7,12 +7,14 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import StreamConfig, StreamKind
+from fleet.config import StreamConfig, StreamKind, require
 from fleet.tasks.order import Delivery, Priority
 from maps.site import Site
 
 EDGE_M = (0.05, 0.08)
 MASS_KG = (0.1, 0.5)
+MAX_ORDERS_N = 1_000_000
+"""More are not drawn: they take minutes and gigabytes before the run begins."""
 
 
 def stream_orders(
@@ -32,7 +34,13 @@ def stream_orders(
 
     Returns:
         Orders, ascending in release time.
+
+    Raises:
+        ConfigError: So long a stream at such a rate has more than `MAX_ORDERS_N` orders.
     """
+    longest_s = 3600.0 * MAX_ORDERS_N / config.rate_per_h
+    valid = f"at most {longest_s:g} with --rate {config.rate_per_h:g} and without --tasks"
+    require(n_orders is not None or duration_s <= longest_s, "--duration", duration_s, valid)
     arrivals, places, parcels, terms = rng.spawn(4)
     times = _arrivals(config, duration_s, n_orders, arrivals)
     picks = _Popular(site.station_names("pick"), config, places)

@@ -175,7 +175,11 @@ def test_circles_and_those_who_wait_for_them() -> None:
     assert "was refused" in why["d"]
 
 
-@pytest.mark.parametrize(("text", "expected"), [("{", "not JSON"), ("{}", "holds dict"), ("[]", "no orders")])
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("{", "not JSON"), ("{}", "holds dict"), ("[]", "no orders"), (f"[{'9' * 5000}]", "not JSON")],
+    ids=["cut off", "no list", "empty", "a number too long"],
+)
 def test_json_that_holds_no_orders(read: Read, text: str, expected: str) -> None:
     with pytest.raises(OrdersError, match=expected):
         read(text, "json")

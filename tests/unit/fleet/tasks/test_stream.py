@@ -77,8 +77,19 @@ def test_due_dates_and_classes_have_their_shares(medium_site: Site) -> None:
 
 @pytest.mark.parametrize(
     "settings",
-    [{"rate_per_h": 0.0}, {"due_share": 1.5}, {"slack_s": (5.0, 1.0)}, {"emergency_share": 0.6, "idle_share": 0.6}],
+    [
+        {"rate_per_h": 0.0},
+        {"rate_per_h": 1e9},
+        {"due_share": 1.5},
+        {"slack_s": (5.0, 1.0)},
+        {"emergency_share": 0.6, "idle_share": 0.6},
+    ],
 )
 def test_settings_out_of_range(settings: dict[str, object]) -> None:
     with pytest.raises(ConfigError, match="valid"):
         StreamConfig(**settings)  # type: ignore[arg-type]
+
+
+def test_a_stream_without_end_is_refused(medium_site: Site) -> None:
+    with pytest.raises(ConfigError, match=r"--duration is 1000000000.0; valid: at most 3e\+07 with --rate 120"):
+        stream_orders(medium_site, StreamConfig(), 1e9, None, np.random.default_rng(0))
