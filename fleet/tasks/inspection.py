@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet.tasks.fields import Fields, OrdersError
+from fleet.tasks.fields import Fields
 from fleet.tasks.order import Order, Visit
 from fleet.tasks.task_type import Setting
 
@@ -18,8 +18,6 @@ class InspectType:
 
     def orders(self, shared: Order, fields: Fields, setting: Setting) -> tuple[Order, ...]:
         """See `TaskType`."""
-        places = setting.places.places(fields, "places")
-        if len(places) != 1:
-            raise OrdersError(f"places is {fields.text('places')!r}; valid: one place")
-        stand_s = setting.places.stand_s(fields, places, STAND_S)
-        return (Visit.of(shared, kind="inspect", stops=(places,), stand_s=stand_s, inspects=True),)
+        place = setting.places.one(fields, "places")
+        stand_s = setting.places.stand_s(fields, (place,), STAND_S)
+        return (Visit.of(shared, kind="inspect", stops=((place,),), stand_s=stand_s, inspects=True),)

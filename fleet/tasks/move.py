@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet.tasks.fields import Fields, OrdersError
+from fleet.tasks.fields import Fields
 from fleet.tasks.order import Order, Visit
 from fleet.tasks.task_type import Setting
 
@@ -15,8 +15,6 @@ class MoveType:
 
     def orders(self, shared: Order, fields: Fields, setting: Setting) -> tuple[Order, ...]:
         """See `TaskType`."""
-        places = setting.places.places(fields, "places")
-        if len(places) != 1:
-            raise OrdersError(f"places is {fields.text('places')!r}; valid: one place")
-        stand_s = setting.places.stand_s(fields, places, 0.0)
-        return (Visit.of(shared, kind="move", stops=(places,), stand_s=stand_s),)
+        place = setting.places.one(fields, "places")
+        stand_s = setting.places.stand_s(fields, (place,), 0.0)
+        return (Visit.of(shared, kind="move", stops=((place,),), stand_s=stand_s),)

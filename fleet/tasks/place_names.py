@@ -49,6 +49,17 @@ class PlaceNames:
         """
         return tuple(self._place(word, name) for word in fields.words(name))
 
+    def one(self, fields: Fields, name: str) -> str:
+        """The place in a field that must hold one.
+
+        Raises:
+            OrdersError: It holds none or several, or no place that a car can go to.
+        """
+        places = self.places(fields, name)
+        if len(places) != 1:
+            raise OrdersError(f"{name} is {fields.text(name)!r}; valid: one place")
+        return places[0]
+
     def stand_s(self, fields: Fields, stops: tuple[str, ...], default: float) -> float:
         """How long a car is to stand at each of some places [s].
 
