@@ -15,7 +15,7 @@ from planners.allocation.shop_plan import arrays_of, planned
 from planners.errors import PlanningError
 
 ITERATIONS = 2000
-"""Plans tried by default: 2 ms for 10 tasks, 15 ms for 80."""
+"""Plans tried by default: 2.8 ms for 10 tasks, 20.6 ms for 80."""
 WINDOW_N = 100
 """Tasks planned ahead at most by default."""
 REGRETS = (0.0, 0.5, 1.0, 2.0)
