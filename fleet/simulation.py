@@ -232,10 +232,12 @@ class Simulation:
             self.on_event(Event(tick=self.now, sim_s=round(self.sim_s, 6), kind=kind, facts=facts))
 
     def state_hash(self) -> str:
-        """Hash of the physical state and of the task states: equal runs, equal hashes."""
+        """Hash of the physical state, of the task states and of the batteries: equal runs, equal hashes."""
         digest = hashlib.sha256(self.world.state_bytes())
         digest.update(",".join(task.state for task in self.board.tasks).encode())
         digest.update(str(self.now).encode())
+        if self.batteries is not None:
+            digest.update(self.batteries.charge.tobytes())
         return digest.hexdigest()[:16]
 
     def parcel_balance(self) -> int:
