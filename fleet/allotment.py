@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig
-from fleet.errors import ConfigError
+from fleet.errors import ConfigError, FleetError
 from fleet.lookahead import Lookahead
 from fleet.outlook import Outlook
 from fleet.prices import Prices, Pricing
@@ -19,9 +19,10 @@ from fleet.stations.station import Station
 from fleet.tasks.board import UNDER_WAY, Task, TaskBoard, TaskState
 from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
 from fleet.visit_ways import VisitWays
-from planners.allocation import AllocatorError, allocator_named
-from planners.allocation.problem import NO_TASK, AllocationProblem
+from planners.allocation import ALLOCATORS, AllocatorError, allocator_named
+from planners.allocation.problem import NO_TASK, AllocationProblem, Assignment
 from planners.allocation.reasons import Reason, reasons
+from planners.allocation.validate import faults
 
 _PAIR_REASON = {
     Reason.CHOSEN: PairReason.CHOSEN,
@@ -41,6 +42,10 @@ PLAN_N = 100
 _CODE = CODE_OF_REASON
 _CODE_OF = np.array([_CODE[_PAIR_REASON[reason]] for reason in Reason], dtype=np.int8)
 """What the planners' reasons are called here, by their value."""
+
+
+class AllocationFault(FleetError):
+    """An allocator of one's own gave an answer that is not legal."""
 
 
 def require_allocator(name: str, what: str) -> None:
@@ -97,6 +102,7 @@ class Allotment:
         filling: The same with what waits for a slot, which says in which order slots are filled.
         ways: Of visits.
         reason_book: Told about every decision.
+        log: Called as ``log("allocator_note", **facts)`` when the allocator has something new to say.
     """
 
     def __init__(
@@ -112,6 +118,7 @@ class Allotment:
         filling: Lookahead,
         ways: VisitWays,
         reason_book: ReasonBook,
+        log: Callable[..., None],
     ) -> None:
         self._config = config
         self._board = board
@@ -123,12 +130,18 @@ class Allotment:
         self._filling = filling
         self._ways = ways
         self._reasons = reason_book
+        self._log = log
+        self._notes: set[str] = set()
         self._allocator = allocator_named(config.allocator)
         self._plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
         self._soon_s = np.inf if self._plans_ahead else float(getattr(self._allocator, "soon_s", 0.0))
 
     def choose(self, situation: Situation, now_s: float) -> Choice:
-        """Pairs of a car and a task, at most one for each."""
+        """Pairs of a car and a task, at most one for each.
+
+        Raises:
+            AllocationFault: An allocator of one's own gave an answer that is not legal.
+        """
         ready, held = self._board.in_state(TaskState.READY), situation.held
         if not ready and len(held) < 2:
             return Choice(taken=[], given=[])
@@ -160,7 +173,7 @@ class Allotment:
         cars = np.flatnonzero(np.isfinite(prices.cost_s).any(axis=1))
         if columns and len(cars):
             problem = self._problem(prices, columns, cars, situation.held, self._filling)
-            self._filling.keep(prices, problem, self._allocator.allocate(problem), columns, cars)
+            self._filling.keep(prices, problem, self._answer(problem), columns, cars)
 
     def _to_come(self) -> list[Task]:
         """Deliveries whose parcels do not lie on slots yet, the most urgent class first, then the oldest."""
@@ -226,7 +239,7 @@ class Allotment:
             return column_of, later
         lookahead = self._lookahead if self._plans_ahead else None
         problem = self._problem(prices, columns, cars, held, lookahead)
-        assignment = self._allocator.allocate(problem)
+        assignment = self._answer(problem)
         if lookahead is not None:
             lookahead.keep(prices, problem, assignment, columns, cars)
         pairs = np.ix_(cars, np.array(columns))
@@ -244,6 +257,18 @@ class Allotment:
                     column_of[car] = column
                     prices.codes[car, column] = _CODE[PairReason.CHOSEN]
         return column_of, later
+
+    def _answer(self, problem: AllocationProblem) -> Assignment:
+        """What the allocator says; that of one's own is checked, because nobody else has."""
+        found = self._allocator.allocate(problem)
+        name = self._config.allocator
+        if name not in ALLOCATORS and (wrong := faults(problem, found)):
+            what = f"{wrong[0].kind} for vehicle and task {wrong[0].pair}" if wrong[0].pair else wrong[0].kind
+            raise AllocationFault(f"allocator {name!r}: its answer has {what}; valid: an Assignment without faults")
+        if found.note and found.note not in self._notes:
+            self._notes.add(found.note)
+            self._log("allocator_note", allocator=name, note=found.note)
+        return found
 
     def _problem(
         self,

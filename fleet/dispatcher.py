@@ -162,6 +162,7 @@ class Dispatcher:
             filling=filling,
             ways=ways,
             reason_book=self.reasons,
+            log=log,
         )
         self.stock = Stock(
             board, stations, desk.car, world, log, backlog, self.reasons, self._pricing.source_cost, filling.turn_s

@@ -50,6 +50,7 @@ LOUD = frozenset(
         "car_lost",
         "order_refused",
         "impossible_due",
+        "allocator_note",
     }
 )
 """Events that a person should notice in the log."""
@@ -121,6 +122,8 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         watch = _Watch(simulation, recorder)
 
         def emit(event: Event) -> None:
+            if event.kind == "allocator_note":
+                progress.say(str(event.facts["note"]))
             run_file.event(tick=event.tick, sim_s=event.sim_s, kind=event.kind, **event.facts)
             watch.note(event)
 
