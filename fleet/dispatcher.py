@@ -229,13 +229,15 @@ class Dispatcher:
         """End what cannot go on, and give out tasks."""
         self._take_back(now_s)
         self._time_out(now_s)
+        wanted = self.visits.chargers_wanted()
         if self.charging is not None:
-            self.charging.send_low(tick, now_s, self.visits.chargers_wanted())
+            self.charging.send_low(tick, now_s, wanted)
         if self.roster.changed or tick % self._price_period == 0:
             self.roster.changed = False
             self._allocate(tick, now_s)
+            wanted = self.visits.chargers_wanted()
         if self.charging is not None:
-            self.charging.send_idle(tick, self.visits.chargers_wanted())
+            self.charging.send_idle(tick, wanted)
         self._parking.send(tick)
 
     def cancel(self, task: Task, now_s: float, reason: str) -> None:
