@@ -29,7 +29,7 @@ class Tours:
         gained = np.zeros(problem.cost.shape)
         holders, held, worth = problem.kept()
         gained[holders, held] = worth
-        self._worth_s = gained.tolist()
+        self._worth_s = gained
         inside = np.add.reduceat(inside_s, first) if shop.n_jobs else np.zeros(0)
         self._own_s = np.where(np.isinf(problem.cost), np.inf, inside - gained).tolist()
         self._from_start_s = shop.travel_s[np.ix_(shop.start, shop.place[first])].tolist()
@@ -46,7 +46,7 @@ class Tours:
                 added += between_s[task][tour[position]] - legs_s[tour[position]]
             if position == 0 and tour:
                 # What goes before a held task lets it change hands as well.
-                added += self._worth_s[vehicle][tour[0]]
+                added += float(self._worth_s[vehicle, tour[0]])
             if added < least:
                 least, where = added, position
         return least, where
