@@ -208,7 +208,7 @@ class Charging:
 
     def _has_way(self, car: int) -> bool:
         """Whether a car can come to a charger at all; nobody has to make room for one that cannot."""
-        return bool(np.isfinite(self.moves_home(self._executor.tail_states()[[car]])[0]))
+        return bool(np.isfinite(self.moves_home(self._executor.tail_states()[[car]].astype(np.int64))[0]))
 
     def _may_charge(self, car: int) -> bool:
         """Whether a car is free to go to a charger: without a task, or held back with its parcel."""

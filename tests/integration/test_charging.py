@@ -137,7 +137,14 @@ def test_a_car_that_is_cut_off_keeps_nobody_from_charging(charge: float) -> None
         simulation.cancel("order_1")
         for _ in range(2):
             simulation.tick()
-        assert simulation.dispatcher.roster.phase == [CarPhase.IDLE, CarPhase.TO_CHARGER]
+        roster = simulation.dispatcher.roster
+        assert roster.phase == [CarPhase.IDLE, CarPhase.TO_CHARGER]
+        while roster.phase[1] is not CarPhase.CHARGING:
+            simulation.tick()
+        simulation.batteries.charge[1] = simulation.batteries.config.enough + 0.05
+        for _ in range(round(1.5 / simulation.tick_s)):
+            simulation.tick()
+        assert roster.phase[1] is CarPhase.CHARGING, "it need not make room for one that cannot come"
 
 
 def test_a_site_without_that_many_chargers() -> None:
