@@ -19,7 +19,7 @@ REFERENCE, ALLOCATOR = "greedy", "regret_lns"
 SEEDS_N, QUICK_SEEDS_N = 20, 2
 HOURS, QUICK_HOURS = 2.0, 0.1
 RATE_PER_H = 540.0
-"""More than the fleet can do, so that the allocator decides how much is delivered, not only when.
+"""More than the fleet can do, so that the allocator decides how much is delivered, not only when."""
 
 
 def measure_on_time(trial: Trial) -> Iterable[Row]:

@@ -219,7 +219,8 @@ def test_a_patrol_is_held_while_its_next_place_is_full(make: Make) -> None:
     ) as simulation:
         while not any(event.kind == "called" for event in log):
             simulation.tick()
-        assert simulation.explain_assignment("walk").cause == "car_1 may go on to parking_9"
+        car = next(event for event in log if event.kind == "called").facts["car"]
+        assert simulation.explain_assignment("walk").cause == f"{car} may go on to parking_9"
         simulation.run(check)
     words = [(event.kind, event.facts["task"]) for event in log if event.kind in ("held", "called")]
     assert words == [("held", "walk"), ("called", "walk")]
