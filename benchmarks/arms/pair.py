@@ -52,11 +52,8 @@ class Outcome:
     paths: tuple[TimedPath, ...]
     found: Schedule
     cpu_ms: float
-
-    @property
-    def alone_s(self) -> list[float]:
-        """How long each arm takes when there is no other [s]."""
-        return [path.duration_s for path in self.paths]
+    alone_s: tuple[float, ...]
+    """How long each arm takes at least when there is no other [s]."""
 
 
 class Cell:
@@ -91,7 +88,7 @@ class Cell:
         if both.found is None:
             return None
         cpu_ms = (time.process_time() - begin) * 1e3
-        return Outcome(way=both.way, paths=both.paths, found=both.found, cpu_ms=cpu_ms)
+        return Outcome(way=both.way, paths=both.paths, found=both.found, cpu_ms=cpu_ms, alone_s=both.alone_s)
 
     def _goals(self, rng: np.random.Generator, arm: int, *, over_tray: bool) -> FloatArray:
         side = (-1, 1)[arm]
@@ -229,7 +226,7 @@ def _played(outcome: Outcome) -> list[FloatArray]:
 
 def _unscheduled(outcome: Outcome) -> list[FloatArray]:
     """Both motions when nobody waits."""
-    times = np.arange(0.0, max(outcome.alone_s) + REFEREE_S, REFEREE_S)
+    times = np.arange(0.0, max(path.duration_s for path in outcome.paths) + REFEREE_S, REFEREE_S)
     return [_densely(path.legs, times) for path in outcome.paths]
 
 

@@ -99,6 +99,21 @@ class SweptArm:
     def __len__(self) -> int:
         return len(self.rests)
 
+    def thinned(self, every: int) -> SweptArm:
+        """One of `every` samples, the last one among them: what lies between them is not covered."""
+        kept = np.arange(len(self) - 1, -1, -every)[::-1]
+        total = np.concatenate([[0.0], np.cumsum(self.change)])
+        # A rest between two samples that are kept counts for the later one.
+        rested = np.concatenate([[0], np.cumsum(self.rests)])
+        before = np.concatenate([[-1], kept[:-1]])
+        return SweptArm(
+            centre=self.centre[kept],
+            radius=self.radius[kept],
+            parts=self.parts,
+            change=np.diff(total[kept]),
+            rests=rested[kept + 1] > rested[before + 1],
+        )
+
 
 def swept(arm: ArmInWorld, path: TimedPath) -> SweptArm:
     """Cover an arm's motion with spheres.
@@ -135,6 +150,11 @@ def cover(arm: ArmInWorld, q: FloatArray, stray: FloatArray, rests: BoolArray) -
     base = np.ascontiguousarray(arm.world_from_base[:3], dtype=np.float64)
     _place_all(arm.joints, arm.spheres, arm.lever, base, np.ascontiguousarray(q), stray, centre, radius, change)
     return SweptArm(centre=centre, radius=radius, parts=arm.parts, change=change, rests=rests)
+
+
+def at_rest(arm: ArmInWorld, q: FloatArray) -> SweptArm:
+    """Cover an arm that stands still at q (n,)."""
+    return cover(arm, q[None], np.zeros((1, len(q))), np.array([True]))
 
 
 def apart_in_step(a: SweptArm, b: SweptArm, margin_m: float = MARGIN_M) -> bool:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation, Slerp
 
-from planners.motion.cartesian import cartesian_line
+from planners.motion.cartesian import cartesian_line, turned
 from planners.motion.ik import SrsGeometry
 from planners.motion.ik_numeric import NumericInverse
 from planners.motion.inverse import InverseKinematics
@@ -59,11 +58,12 @@ def straight_line(
 def _by_descent(
     descent: NumericInverse, q_start: FloatArray, first: FloatArray, last: FloatArray, n_steps: int, tool_m: float
 ) -> FloatArray | None:
-    turns = Slerp([0.0, 1.0], Rotation.from_matrix(np.stack([first[:3, :3], last[:3, :3]])))
+    parts = np.arange(1, n_steps + 1) / n_steps
+    turns = turned(np.ascontiguousarray(first[:3, :3]), np.ascontiguousarray(last[:3, :3]), parts)
     path = [q_start]
-    for part in np.arange(1, n_steps + 1) / n_steps:
+    for part, turn in zip(parts, turns, strict=True):
         pose = np.eye(4)
-        pose[:3, :3] = turns(part).as_matrix()
+        pose[:3, :3] = turn
         pose[:3, 3] = first[:3, 3] + part * (last[:3, 3] - first[:3, 3]) - tool_m * pose[:3, 2]
         q = descent.ik_near(pose, path[-1])
         if q is None or np.abs(q - path[-1]).max() > _MAX_JOINT_STEP_RAD:

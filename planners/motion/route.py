@@ -106,15 +106,17 @@ class RouteConfig:
     goals_n: int = 24
     """Goals given to the search: the nearest ones that do not collide."""
     most_goals_n: int = 400
-    """Goals given to a second search, if the first finds no path."""
+    """Goals given to further searches, if the first finds no path."""
     first_iterations: int = 3_000
     """Budget of the first search, in the planner's own unit."""
     tries_n: int = 4
     """Searches of which the shortest path is taken."""
-    good_ratio: float = 1.1
+    good_ratio: float = 1.25
     """A path no longer than so many times the distance to the nearest goal ends the tries."""
+    restarts_n: int = 3
+    """Further searches, each with random numbers of its own."""
     max_iterations: int = 20_000
-    """Budget of the second search."""
+    """Budget of each of them."""
     line_speed: float = 0.6
     """Share of the speed and acceleration limits used on straight lines."""
     corner_rad: tuple[float, ...] = (0.1, 0.03, 0.01)
@@ -174,12 +176,14 @@ class RoutePlanner:
         if out is None:
             return self._failed(RouteStatus.NO_LINE_FROM_START)
         # The nearest goals make short paths; what cannot be reached at all is found out by offering many.
-        for goals_n, budget in (
-            (self.config.goals_n, self.config.first_iterations),
-            (self.config.most_goals_n, self.config.max_iterations),
-        ):
+        config = self.config
+        searches = [(config.goals_n, config.first_iterations)]
+        searches += [(config.most_goals_n, config.max_iterations)] * config.restarts_n
+        for attempt, (goals_n, budget) in enumerate(searches):
             goals, poses, status = self._goals(problem, out[-1], goals_n)
-            route = self._to_goals(problem, out, goals, poses, budget) if len(goals) else self._failed(status)
+            # A search that takes very long with some random numbers is often short with others.
+            query = replace(problem, seed=problem.seed + attempt * config.tries_n)
+            route = self._to_goals(query, out, goals, poses, budget) if len(goals) else self._failed(status)
             if route.status is not RouteStatus.NO_PATH:
                 break
         return route
@@ -263,6 +267,8 @@ class RoutePlanner:
                 break
             # Only goals that are nearer than the path is long can shorten it.
             nearer = goals[distance < _WORTH * best.length_rad]
+            if len(nearer) == 0:
+                break
             other = self._planner.plan(replace(query, goals=nearer, seed=problem.seed + attempt))
             if other.solved and other.length_rad < best.length_rad:
                 best = other

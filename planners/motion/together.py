@@ -12,7 +12,17 @@ import numpy.typing as npt
 from planners.errors import PlanningError
 from planners.motion.collision import CollisionChecker
 from planners.motion.composite import CompositePlanner, CompositeProblem
-from planners.motion.coordination import MARGIN_M, ArmInWorld, Schedule, schedule
+from planners.motion.coordination import (
+    MARGIN_M,
+    ArmInWorld,
+    Schedule,
+    SweptArm,
+    at_rest,
+    free_cells,
+    schedule,
+    schedule_in,
+    swept,
+)
 from planners.motion.problem import MotionPlanner, MotionProblem
 from planners.motion.timed_path import Dwell, TimedPath, timed_path
 from planners.motion.trajectory import Trajectory, retime
@@ -22,8 +32,14 @@ FloatArray = npt.NDArray[np.float64]
 SAMPLE_S = 0.01
 STEP_S = 0.02
 """Step of the coordination diagram: half of it changed makespans by 0.2 %, twice of it by 4 % [s]."""
+MOTIONS_N = 3
+"""Motions of each arm that are tried with each other."""
+SHARED_RAD = 0.35
+"""Two postures differ if a joint does by so much; other postures at a stop may leave the other arm more room [rad]."""
+COARSE = 8
+"""Pairs of motions are compared by diagrams with only one of so many samples."""
 TRIES_N = 4
-"""Sets of paths for which a schedule is looked for."""
+"""Pairs of motions for which a schedule is looked for, most promising first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,6 +85,17 @@ class Together:
     """Motion of each arm; empty if there is no way."""
     found: Schedule | None
     """None if there is no way."""
+    alone_s: tuple[float, ...] = ()
+    """How long each arm would take at least if there were no other: the shortest of its motions that were tried [s]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Motion:
+    """One arm's way through all its stops."""
+
+    path: TimedPath
+    cover: SweptArm
+    coarse: SweptArm
 
 
 def plan_together(
@@ -76,8 +103,10 @@ def plan_together(
 ) -> Together:
     """Plan two trips that begin at once.
 
-    Each arm gets paths of its own, and the coordination diagram says who waits for whom. If there is no schedule, other
-    paths are tried, and at last both arms are planned as one, which takes longer and needs trips of a single stop.
+    Each arm gets several motions, with other postures at the stops where the arms could meet. Coarse coordination
+    diagrams tell which pair of motions promises the earliest end, the exact diagram of that pair who waits for whom. If
+    there is no schedule, other pairs are tried, and at last both arms are planned as one, which takes longer and needs
+    trips of a single stop.
 
     Args:
         trips: One for each arm.
@@ -85,25 +114,87 @@ def plan_together(
         seed: The same trips and seed give the same bytes.
         margin_m: Distance kept between the arms [m], >= 0.
     """
-    arms = [trip.arm for trip in trips]
-    for attempt in range(TRIES_N):
-        legs = [_legs(trip, planner, seed + attempt) for trip in trips]
-        if not all(legs):
-            continue
-        paths = tuple(timed_path(own, STEP_S) for own in legs)
-        found = schedule(arms, paths, margin_m)
+    first, second = ([_near(stop, trip) for stop in trip.stops] for trip in trips)
+    motions = (
+        _motions(trips[0], first, second, trips[1].arm, planner, seed),
+        _motions(trips[1], second, first, trips[0].arm, planner, seed),
+    )
+    pairs = [(a, b) for a in motions[0] for b in motions[1]]
+    promised = np.array([_coarse_steps(a, b, margin_m) for a, b in pairs])
+    for k in np.argsort(promised, kind="stable")[:TRIES_N]:
+        pair = pairs[k]
+        found = _scheduled(pair[0].cover, pair[1].cover, margin_m)
         if found.solved:
-            return Together(way=Way.DECOUPLED, paths=paths, found=found)
+            alone_s = tuple(min(motion.path.duration_s for motion in own) for own in motions)
+            paths = (pair[0].path, pair[1].path)
+            return Together(way=Way.DECOUPLED, paths=paths, found=found, alone_s=alone_s)
     if all(len(trip.stops) == 1 for trip in trips):
         return _as_one(trips, seed, margin_m)
     return Together(way=Way.NONE, paths=(), found=None)
 
 
-def _legs(trip: Trip, planner: MotionPlanner, seed: int) -> list[Trajectory | Dwell]:
+def _near(goals: FloatArray, trip: Trip) -> FloatArray:
+    """Goals in the order of the time that the slowest joint needs from the start."""
+    time_s = np.max(np.abs(goals - trip.start) / trip.max_velocity, axis=1)
+    order: FloatArray = goals[np.argsort(time_s, kind="stable")]
+    return order
+
+
+def _motions(
+    trip: Trip,
+    stops: Sequence[FloatArray],
+    others: Sequence[FloatArray],
+    other: ArmInWorld,
+    planner: MotionPlanner,
+    seed: int,
+) -> list[_Motion]:
+    """Different ways through all stops; what stops have goals is given nearest first, those of the other arm too."""
+    shared = [any(not _apart(trip.arm, goals[0], other, theirs[0]) for theirs in others) for goals in stops]
+    postures = [_different(goals) if meet else [] for goals, meet in zip(stops, shared, strict=True)]
+    n = max(1, min(MOTIONS_N, max(len(own) for own in postures)))
+    motions = []
+    for k in range(n):
+        # A stop that has no more postures begins with the first again.
+        chosen = [own[k % len(own)][None] if own else goals for goals, own in zip(stops, postures, strict=True)]
+        legs = _legs(trip, chosen, planner, seed + k)
+        if legs:
+            path = timed_path(legs, STEP_S)
+            cover = swept(trip.arm, path)
+            motions.append(_Motion(path=path, cover=cover, coarse=cover.thinned(COARSE)))
+    return motions
+
+
+def _apart(arm: ArmInWorld, q: FloatArray, other: ArmInWorld, theirs: FloatArray) -> bool:
+    """Whether two arms at rest keep their distance."""
+    return bool(free_cells(at_rest(arm, q), at_rest(other, theirs))[0, 0])
+
+
+def _different(goals: FloatArray) -> list[FloatArray]:
+    """The first goals that differ from all before, at most `MOTIONS_N`."""
+    picked: list[FloatArray] = []
+    for q in goals:
+        if all(np.abs(q - other).max() > SHARED_RAD for other in picked):
+            picked.append(q)
+        if len(picked) == MOTIONS_N:
+            break
+    return picked
+
+
+def _coarse_steps(a: _Motion, b: _Motion, margin_m: float) -> float:
+    """Steps until both are done, by the coarse diagram; infinite if it has no way."""
+    found = _scheduled(a.coarse, b.coarse, margin_m)
+    return len(found.index) if found.solved else np.inf
+
+
+def _scheduled(a: SweptArm, b: SweptArm, margin_m: float) -> Schedule:
+    return schedule_in([free_cells(a, b, margin_m)], [a.rests, b.rests], STEP_S)
+
+
+def _legs(trip: Trip, stops: Sequence[FloatArray], planner: MotionPlanner, seed: int) -> list[Trajectory | Dwell]:
     """One arm's motions; empty if a stop cannot be reached."""
     here = trip.start
     legs: list[Trajectory | Dwell] = []
-    for goals in trip.stops:
+    for goals in stops:
         result = planner.plan(MotionProblem(checker=trip.checker, start=here, goals=goals, seed=seed))
         if not result.solved:
             return []
@@ -116,7 +207,7 @@ def _legs(trip: Trip, planner: MotionPlanner, seed: int) -> list[Trajectory | Dw
 def _as_one(trips: tuple[Trip, Trip], seed: int, margin_m: float) -> Together:
     """Both arms in one search, to the first pair of goals, nearest first, to which there is a way."""
     first, second = trips
-    near = [e.stops[0][np.argsort(np.linalg.norm(e.stops[0] - e.start, axis=1), kind="stable")] for e in trips]
+    near = [_near(trip.stops[0], trip) for trip in trips]
     pairs = sorted(
         ((i, j) for i in range(len(near[0])) for j in range(len(near[1]))), key=lambda pair: (sum(pair), pair)
     )
@@ -140,5 +231,6 @@ def _as_one(trips: tuple[Trip, Trip], seed: int, margin_m: float) -> Together:
         paths = tuple(timed_path([motion], STEP_S) for motion in motions)
         found = schedule([first.arm, second.arm], paths, margin_m)
         if found.solved:
-            return Together(way=Way.COMPOSITE, paths=paths, found=found)
+            alone_s = tuple(path.duration_s for path in paths)
+            return Together(way=Way.COMPOSITE, paths=paths, found=found, alone_s=alone_s)
     return Together(way=Way.NONE, paths=(), found=None)

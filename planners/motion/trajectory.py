@@ -173,42 +173,51 @@ def _speeds(size, tangent, curve, max_velocity, max_acceleration):  # type: igno
     return speed
 
 
-def _sampled(
-    path: FloatArray,
-    cells: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    speed: FloatArray,
-    fine_dt: float,
-    per_sample: int,
-    width: int,
-) -> tuple[FloatArray, FloatArray]:
+@njit(cache=True)
+def _sampled(path, size, point, tangent, curve, speed, fine_dt, per_sample, width):  # type: ignore[no-untyped-def]
     """Positions and velocities every `per_sample` fine steps, averaged over `width` fine steps; each (k, n)."""
-    size, point, tangent, curve = cells
+    m, n = tangent.shape
     pace = np.sqrt(speed)
-    time = np.concatenate([[0.0], np.cumsum(2.0 * size / (pace[:-1] + pace[1:]))])
+    time = np.zeros(m + 1)
+    for c in range(m):
+        time[c + 1] = time[c] + 2.0 * size[c] / (pace[c] + pace[c + 1])
     # Slow down a little, so that the end falls on a sample.
-    total = int(np.ceil(time[-1] / fine_dt - 1e-9)) + width - 1
+    total = int(np.ceil(time[m] / fine_dt - 1e-9)) + width - 1
     total += -total % per_sample
     moving = total - width + 1
-    stretch = moving * fine_dt / time[-1]
-    at = np.minimum(np.arange(moving + 1) * (fine_dt / stretch), time[-1])
-    cell = np.minimum(np.searchsorted(time, at, side="right") - 1, len(size) - 1)
-    since = at - time[cell]
-    push = (speed[cell + 1] - speed[cell]) / (2.0 * size[cell])
-    s = np.clip(since * (pace[cell] + 0.5 * push * since), 0.0, size[cell])[:, None]
-    rate = (np.maximum(0.0, pace[cell] + push * since) / stretch)[:, None]
-    q = point[cell] + s * (tangent[cell] + 0.5 * curve[cell] * s)
-    qd = (tangent[cell] + curve[cell] * s) * rate
-    q[0], q[-1], qd[0], qd[-1] = path[0], path[-1], 0.0, 0.0
-    means = []
-    for fine in (q, qd):
-        rest = np.concatenate([np.repeat(fine[:1], width, axis=0), fine, np.repeat(fine[-1:], width - 1, axis=0)])
-        # Relative to the start, sums stay small and their rounding far below the limits.
-        sums = np.cumsum(rest - fine[0], axis=0)
-        ends = width - 1 + np.arange(total // per_sample + 1) * per_sample
-        means.append(fine[0] + (sums[ends + 1] - sums[ends + 1 - width]) / width)
-    q, qd = means
-    q[0], q[-1], qd[0], qd[-1] = path[0], path[-1], 0.0, 0.0
-    return q, qd
+    stretch = moving * fine_dt / time[m]
+    # Sums of the fine samples, with rest before and behind. Relative to the start, they stay small and their rounding
+    # far below the limits.
+    sums = np.zeros((total + width + 2, 2, n))
+    c = 0
+    for row in range(total + width + 1):
+        fine = row - width
+        if 0 < fine < moving:
+            at = min(fine * (fine_dt / stretch), time[m])
+            while c < m - 1 and time[c + 1] <= at:
+                c += 1
+            since = at - time[c]
+            push = (speed[c + 1] - speed[c]) / (2.0 * size[c])
+            s = min(max(since * (pace[c] + 0.5 * push * since), 0.0), size[c])
+            rate = max(0.0, pace[c] + push * since) / stretch
+        for j in range(n):
+            q = qd = 0.0
+            if 0 < fine < moving:
+                q = point[c, j] + s * (tangent[c, j] + 0.5 * curve[c, j] * s) - path[0, j]
+                qd = (tangent[c, j] + curve[c, j] * s) * rate
+            elif fine >= moving:
+                q = path[-1, j] - path[0, j]
+            sums[row + 1, 0, j] = sums[row, 0, j] + q
+            sums[row + 1, 1, j] = sums[row, 1, j] + qd
+    k = total // per_sample + 1
+    means = np.zeros((2, k, n))
+    for sample in range(k):
+        end = width + 1 + sample * per_sample
+        for j in range(n):
+            means[0, sample, j] = path[0, j] + (sums[end, 0, j] - sums[end - width, 0, j]) / width
+            means[1, sample, j] = (sums[end, 1, j] - sums[end - width, 1, j]) / width
+    means[0, 0], means[0, k - 1], means[1, 0], means[1, k - 1] = path[0], path[-1], 0.0, 0.0
+    return means[0], means[1]
 
 
 def retime(
@@ -267,5 +276,5 @@ def retime(
     width = max(1, round(smoothing_s / fine_dt))
     cells = _cells(corners, max_deviation_rad)
     speed = _speeds(cells[0], cells[2], cells[3], velocity, acceleration)
-    q, qd = _sampled(corners, cells, speed, fine_dt, per_sample, width)
+    q, qd = _sampled(corners, *cells, speed, fine_dt, per_sample, width)
     return Trajectory(t=np.arange(len(q), dtype=np.float64) * float(dt_s), q=q, qd=qd)

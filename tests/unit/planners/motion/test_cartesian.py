@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planners.errors import PlanningError
-from planners.motion.cartesian import cartesian_line
+from planners.motion.cartesian import cartesian_line, turned
 from planners.motion.kinematics import flange_from_tip
 
 TOOL = 0.185
@@ -63,3 +63,20 @@ def test_out_of_reach_and_jumps_are_none(srs):  # type: ignore[no-untyped-def]
 def test_malformed_input_is_named(srs):  # type: ignore[no-untyped-def]
     with pytest.raises(PlanningError, match="n_steps 0"):
         cartesian_line(srs, np.zeros(7), np.eye(4), 0)
+
+
+def test_turns_have_a_constant_rate_and_reach_their_end():  # type: ignore[no-untyped-def]
+    rng = np.random.default_rng(0)
+    parts = np.linspace(0.0, 1.0, 5)
+    rotation_vectors = [*rng.normal(size=(20, 3)), np.zeros(3), *(np.pi * np.eye(3)), 1e-9 * np.eye(3)[0]]
+    for first, relative in zip(Rotation.random(25, random_state=1), rotation_vectors, strict=True):
+        last = first * Rotation.from_rotvec(relative)
+        on_the_way = Rotation.from_matrix(turned(first.as_matrix(), last.as_matrix(), parts))
+        np.testing.assert_allclose(on_the_way[0].as_matrix(), first.as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(on_the_way[-1].as_matrix(), last.as_matrix(), atol=1e-12)
+        angles = (on_the_way[0].inv() * on_the_way).magnitude()
+        np.testing.assert_allclose(angles, parts * _angle_between(first, last), atol=1e-9)
+
+
+def _angle_between(first: Rotation, last: Rotation) -> float:
+    return float((first.inv() * last).magnitude())
