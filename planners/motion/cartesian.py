@@ -80,7 +80,7 @@ def turned(first, last, parts):  # type: ignore[no-untyped-def]
         j, k = (i + 1) % 3, (i + 2) % 3
         four[i] = 1.0 + relative[i, i] - relative[j, j] - relative[k, k]
     four[3] = 1.0 + relative[0, 0] + relative[1, 1] + relative[2, 2]
-    largest = np.argmax(four)
+    largest = int(np.argmax(four))
     quat = np.empty(4)
     quat[largest] = four[largest]
     if largest == 3:
