@@ -162,9 +162,16 @@ class ArmConfig:
     """Budget of one transit search."""
     workers_n: int = 1
     """Planning processes; 0 plans inside the simulation's own process. The result is the same."""
+    velocity_radps: float | None = None
+    """Speed limit of every joint [rad/s]; None = those of the real arm, joint by joint."""
+    acceleration_radps2: float | None = None
+    """The same for accelerations [rad/s^2]."""
 
     def __post_init__(self) -> None:
         _not_negative("arms.latency_s", self.latency_s)
+        for name in ("velocity_radps", "acceleration_radps2"):
+            limit = getattr(self, name)
+            require(limit is None or 0 < limit <= 100, f"arms.{name}", limit, "a number > 0, at most 100, or None")
         require(self.iterations_n >= 1, "arms.iterations_n", self.iterations_n, "an integer >= 1")
         require(self.workers_n in (0, 1), "arms.workers_n", self.workers_n, "0 or 1")
 
@@ -291,6 +298,7 @@ EVENT_PARAMETERS: dict[str, dict[str, tuple[float, float]]] = {
     "car_dead": {},
     "arm_slow": {"factor": (0.01, 1.0), "duration_s": (0.0, 1e6)},
     "lane_blocked": {"duration_s": (0.0, 1e6)},
+    "grip_lost": {"carried_s": (0.0, 60.0)},
     "car_pushed": {"dx_m": (-2.0, 2.0), "dy_m": (-2.0, 2.0), "dyaw_rad": (-3.2, 3.2)},
 }
 """What can be said of each kind of event, with the least and the greatest value."""
@@ -340,6 +348,8 @@ class RunConfig:
     """Simulated time after which the run ends even if tasks are open [s]."""
     fidelity: Fidelity = Fidelity.PHYSICS
     grip: Grip = Grip.SUCTION
+    grip_force_n: float | None = None
+    """Most force of the cup, or of each finger [N]; None = 100 and 40. Orders that it cannot hold are refused."""
     connect: Connect = Connect.DIRECT
     shared_memory_key: int = 12347
     """Key of a running physics server; used with SHARED_MEMORY only."""
@@ -364,6 +374,8 @@ class RunConfig:
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
         _positive("--duration", self.duration_s)
+        if self.grip_force_n is not None:
+            _positive("--grip-force", self.grip_force_n)
         names = [f"car_{car}" for car in range(self.robots)]
         for name in self.cars:
             require(name in names, "cars", name, f"car_0 to {names[-1]}")

@@ -17,6 +17,8 @@ OBSTACLE_HALF_M = (0.25, 0.25, 0.2)
 """Half size of the box that blocks a lane [m]."""
 DURATION_S = 60.0
 """How long a slow arm or a blocked lane lasts if the event does not say."""
+CARRIED_S = 1.0
+"""How long an arm has carried a parcel when its grip is lost if the event does not say [s]."""
 SLOW_FACTOR = 0.5
 """Speed of a slow arm if the event does not say."""
 
@@ -38,6 +40,7 @@ class Disturbances:
             self._target(event)
         self._timeline = deque(sorted(events, key=lambda event: event.time_s))
         self._ends: dict[tuple[str, int], float] = {}
+        self._carries_since_s: dict[int, float] = {}
 
     def tick(self, tick: int) -> None:
         """Apply what is due and end what has lasted long enough."""
@@ -62,22 +65,38 @@ class Disturbances:
         elif event.kind == "arm_slow":
             simulation.desk.slow(target, parameters.get("factor", SLOW_FACTOR))
             self._last(event, target, now_s)
-        elif (event.kind, target) not in self._ends and not self._block(target):
-            # Somebody is in the cell: the obstacle falls as soon as it is free.
+        elif not (self._drop(event, target, now_s) if event.kind == "grip_lost" else self._cover(event, target, now_s)):
+            # The arm carries nothing yet, or somebody is in the cell: it happens as soon as it can.
             later = ScenarioEvent(
                 time_s=now_s + simulation.tick_s, kind=event.kind, target=event.target, parameters=parameters
             )
             self._timeline.append(later)
             self._timeline = deque(sorted(self._timeline, key=lambda e: e.time_s))
             return
-        else:
-            self._last(event, target, now_s)
         simulation.log("disturbance", disturbance=event.kind, target=event.target, **parameters)
 
     def _last(self, event: ScenarioEvent, target: int, now_s: float) -> None:
         """Note when an event is over; of two that overlap, the later end counts."""
         end_s = now_s + event.parameters.get("duration_s", DURATION_S)
         self._ends[event.kind, target] = max(end_s, self._ends.get((event.kind, target), 0.0))
+
+    def _drop(self, event: ScenarioEvent, arm: int, now_s: float) -> bool:
+        """Let an arm's tool fail if it has carried a parcel long enough."""
+        if not self._simulation.desk.services[arm].carries:
+            self._carries_since_s.pop(arm, None)
+            return False
+        since_s = self._carries_since_s.setdefault(arm, now_s)
+        if now_s - since_s < event.parameters.get("carried_s", CARRIED_S):
+            return False
+        self._simulation.world.fail_grip(arm)
+        return True
+
+    def _cover(self, event: ScenarioEvent, cell: int, now_s: float) -> bool:
+        """Block a cell if nobody is in it."""
+        if (event.kind, cell) not in self._ends and not self._block(cell):
+            return False
+        self._last(event, cell, now_s)
+        return True
 
     def _block(self, cell: int) -> bool:
         simulation = self._simulation
@@ -110,7 +129,11 @@ class Disturbances:
             ok = ok and bool(grid.free[numbers[0], numbers[1]])
             require(ok, f"target of {event.kind}", event.target, "row,col of a free cell")
             return int(grid.index(numbers[0], numbers[1]))
-        prefix, n = ("arm_", simulation.world.n_arms) if event.kind == "arm_slow" else ("car_", simulation.world.n_cars)
+        prefix, n = (
+            ("arm_", simulation.world.n_arms)
+            if event.kind.startswith(("arm_", "grip_"))
+            else ("car_", simulation.world.n_cars)
+        )
         number = event.target.removeprefix(prefix)
         ok = event.target.startswith(prefix) and number.isdecimal() and int(number) < n
         require(ok, f"target of {event.kind}", event.target, f"{prefix}0 to {prefix}{n - 1}")

@@ -11,7 +11,7 @@ from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.service import ServiceState
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
-from fleet.stations.transfer import TRAY, TransferRequest
+from fleet.stations.transfer import LOOSE, TRAY, TransferRequest
 from fleet.stock import Stock
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.traffic import Traffic
@@ -132,14 +132,20 @@ class Docks:
         slot = task.pick_slot if loading else task.drop_slot
         if slot is None:
             raise AssertionError("a task in service has a slot")
-        self._attempts[task.index] = self._attempts.get(task.index, 0) + 1
+        attempt = self._attempts[task.index] = self._attempts.get(task.index, 0) + 1
+        pick_via = slot if loading else TRAY
+        at_source = self._stock.on_slot(task, slot, station) if loading else self._stock.in_tray(task, car)
+        fetched = bool(self._world.held()[station.arm] == task.parcel)
+        # What the usual way did not get twice is gripped as it lies, on whatever face.
+        if not fetched and (not at_source or attempt == MAX_ATTEMPTS):
+            pick_via = LOOSE
         self._desk.submit(
             TransferRequest(
                 arm=station.arm,
                 parcel=task.parcel,
                 size_m=task.delivery.size_m,
                 pick_pose=self._stock.pose(task),
-                pick_via=slot if loading else TRAY,
+                pick_via=pick_via,
                 place_via=TRAY if loading else slot,
                 car_pose=self._executor.driver.estimate[car].copy(),
             ),
@@ -195,27 +201,23 @@ class Docks:
         if not self._desk.is_idle(station.arm):
             return
         at_source = on_slot if loading else in_tray
-        if at_source and self._roster.phase[car] is CarPhase.RECOVERING:
+        if (at_source or loading) and self._roster.phase[car] is CarPhase.RECOVERING:
             # The car was pushed from under the arm: it comes back to the dock, or another does.
             if loading:
                 self._roster.unassign(task, now_s, f"car_{car} left its lane")
             else:
                 self._board.move(task, TaskState.CARRIED, now_s, f"car_{car} left its lane")
             return
-        if at_source and self._attempts[task.index] < MAX_ATTEMPTS:
-            self._log(
-                "transfer_repeated",
-                task=task.order.name,
-                station=station.name,
-                cause=self._desk.reason(station.arm),
-            )
+        cause = self._desk.reason(station.arm) or "the parcel is not where it was set down"
+        x, y, z = (round(float(v), 3) for v in self._stock.pose(task)[:3])
+        if self._attempts[task.index] < MAX_ATTEMPTS:
+            where = {} if at_source else {"x_m": x, "y_m": y, "z_m": z}
+            self._log("transfer_repeated", task=task.order.name, station=station.name, cause=cause, **where)
             self._request(station, task, car, tick)
             return
-        x, y, z = (round(float(v), 3) for v in self._stock.pose(task)[:3])
-        cause = self._desk.reason(station.arm) or "the parcel is not where it was set down"
         reason = f"{cause} at {station.name}; parcel lies at ({x}, {y}, {z})"
         self._board.move(task, TaskState.FAILED, now_s, reason)
-        if slot is not None and not on_slot:
+        if slot is not None and not self._stock.obstructs(task, slot, station):
             station.free_slot(slot)
         self._roster.release(car, CarPhase.RETIRED if in_tray else CarPhase.IDLE)
 

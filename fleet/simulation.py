@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.allotment import require_allocator
-from fleet.config import CarConfig, RunConfig, require
+from fleet.config import CarConfig, Fidelity, RunConfig, require
 from fleet.dispatcher import Dispatcher
 from fleet.disturbance import Disturbances
 from fleet.driving import Driver, PathDriver, StateDriver
 from fleet.executor import Executor
 from fleet.insight.metrics import Metrics, Summary
+from fleet.insight.slip import SlipMeter
 from fleet.recovery import Recovery
 from fleet.robots.battery import Batteries
 from fleet.robots.tools import TOOLS
@@ -28,7 +29,7 @@ from fleet.stations.shared_dock import share_docks
 from fleet.stations.station import Station
 from fleet.tasks.batches import Batches
 from fleet.tasks.board import Task, TaskBoard, TaskState
-from fleet.tasks.order import Ability, generate_orders
+from fleet.tasks.order import MAX_GENERATED_KG, Ability, generate_orders
 from fleet.tasks.order_file import OrderBook, read_orders
 from fleet.tasks.reasons import AssignmentReport
 from fleet.tasks.stream import stream_orders
@@ -113,7 +114,7 @@ class Simulation:
         start_states = np.array(
             [self.graph.states_of_cell(cell)[0] for cell in self.site.parking[: config.robots]], dtype=np.int32
         )
-        self.scene: Scene = scene_of(self.site, self.graph.state_pose[start_states], config.grip)
+        self.scene: Scene = scene_of(self.site, self.graph.state_pose[start_states], config.grip, config.arms)
         self.abilities = self._abilities()
         book = self._orders(np.random.default_rng(orders_seed))
         self.orders, self.refused = book.orders, book.refused
@@ -159,6 +160,8 @@ class Simulation:
             self.disturbances = Disturbances(self, config.events)
             docks = [station.place.dock.cell for station in self.stations]
             self.metrics = Metrics(self.world.n_cars, self.tick_s, self.site.grid.cell_xy(docks))
+            # Without physics parcels stick rigidly to their tools.
+            self.slip_meter = SlipMeter(self.scene.arm, self.scene.arm_base) if self._in_physics else None
             self.arm_planner.wait_ready()
             undo.pop_all()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
@@ -169,6 +172,10 @@ class Simulation:
     def sim_s(self) -> float:
         """Simulated time [s]."""
         return self.now * self.tick_s
+
+    @property
+    def _in_physics(self) -> bool:
+        return self.config.fidelity is Fidelity.PHYSICS
 
     @property
     def finished(self) -> bool:
@@ -194,6 +201,8 @@ class Simulation:
         self.recovery.tick(self.now)
         self.desk.tick(self.now, self.world.held())
         self.world.step(*self._merged(commands, actions))
+        if self.slip_meter is not None:
+            self.slip_meter.tick(self.desk.services, self.world)
         roster, speeds = self.dispatcher.roster, self.world.car_speeds()
         self.metrics.tick(speeds, roster.loaded, roster.bound)
         self.metrics.ledger.tick(
@@ -305,10 +314,17 @@ class Simulation:
         return tuple(found)
 
     def _orders(self, rng: np.random.Generator) -> OrderBook:
+        grip_kg = TOOLS[self.config.grip].payload_kg(self.config.grip_force_n)
         if self.config.orders is not None:
             battery = self.config.battery
             chargers_n = len(self.site.chargers[: battery.chargers_n]) if battery.enabled else 0
-            return read_orders(self.config.orders, self.site, self.abilities, chargers_n=chargers_n)
+            return read_orders(self.config.orders, self.site, self.abilities, chargers_n=chargers_n, grip_kg=grip_kg)
+        require(
+            grip_kg >= MAX_GENERATED_KG,
+            "--grip-force",
+            self.config.grip_force_n,
+            f"a force that holds {MAX_GENERATED_KG} kg, the heaviest generated parcel; this one holds {grip_kg:.3g} kg",
+        )
         if self.config.stream is not None:
             orders = stream_orders(self.site, self.config.stream, self.config.duration_s, self.config.tasks, rng)
             return OrderBook(orders=orders)
@@ -316,10 +332,13 @@ class Simulation:
 
     def _arm_planner(self) -> ArmPlanner:
         names = tuple(station.name for station in self.site.stations)
-        return make_arm_planner(arm_cells(self.site, self.scene), names, self.config)
+        return make_arm_planner(arm_cells(self.site, self.scene), names, self.scene.arm, self.config)
 
     def _desk(self) -> ArmDesk:
-        return ArmDesk(self.arm_planner, self.config.arms, self.scene.car, self.scene.arm_start, self.tick_s)
+        scene = self.scene
+        return ArmDesk(
+            self.arm_planner, self.config.arms, scene.car, scene.arm_start, self.tick_s, lost=self._parcel_lost
+        )
 
     def _driver(self, start_states: npt.NDArray[np.int32], rng: np.random.Generator) -> Driver:
         if isinstance(self.world, GridWorld):
@@ -338,6 +357,14 @@ class Simulation:
         car = f"car_{task.car}" if task.car is not None else None
         self.log("task", task=task.order.name, before=before, state=task.state, car=car, cause=task.reason)
         self.batches.moved(task, before, now_s)
+
+    def _parcel_lost(self, arm: int, parcel: int) -> str:
+        """Tell the log of a parcel that an arm has lost from its grip; returns why, in words."""
+        cause = self.world.grip_loss(arm)
+        x, y, z = (round(float(v), 3) for v in self.dispatcher.stock.pose(self.board.tasks[parcel])[:3])
+        name = self.board.tasks[parcel].order.name
+        self.log("parcel_dropped", task=name, arm=f"arm_{arm}", x_m=x, y_m=y, z_m=z, cause=cause)
+        return cause
 
     def _merged(
         self, commands: FloatArray, actions: Actions | None

@@ -11,6 +11,7 @@ from fleet.robots.spec import CarSpec
 from fleet.stations.station import Station
 from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.order import MAX_EDGE_M
 from fleet.tasks.reasons import ReasonBook, TaskReason
 from fleet.world.protocol import FloatArray, ParcelBody, World
 
@@ -119,6 +120,13 @@ class Stock:
         pose = self.pose(task)
         lift_m = pose[2] - z - _half_height(pose, task.delivery.size_m)
         return bool(np.hypot(pose[0] - x, pose[1] - y) <= ON_SLOT_M and abs(lift_m) <= ON_SLOT_LIFT_M)
+
+    def obstructs(self, task: Task, slot: int, station: Station) -> bool:
+        """Whether a task's parcel lies on or over a slot, or so near that another one could not stand there."""
+        x, y, z = station.place.slots[slot]
+        pose = self.pose(task)
+        near_m = (MAX_EDGE_M + float(np.linalg.norm(task.delivery.size_m))) / 2
+        return bool(np.hypot(pose[0] - x, pose[1] - y) <= near_m and pose[2] > z)
 
     def in_tray(self, task: Task, car: int) -> bool:
         """Whether a task's parcel lies in a car's tray."""

@@ -1,4 +1,4 @@
-"""Benchmark of arms: collision checks, inverse kinematics, and plans, against the usual way in PyBullet.
+"""Benchmark of arms: collision checks, inverse kinematics and plans, against the usual way in PyBullet; and grasps.
 
 A group is a function from a `Trial` to rows; it checks every answer before it counts a time. A new group is one file
 here and one line in `GROUPS`. Times are CPU time of one process.
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 
 from benchmarks.arms.checks import measure_checks
 from benchmarks.arms.free import measure_free
+from benchmarks.arms.grasp import measure_grasp
 from benchmarks.arms.inverse import measure_inverse
 from benchmarks.arms.pair import measure_pair
 from benchmarks.arms.plans import measure_plans
@@ -21,12 +22,13 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "ik": measure_inverse,
     "free": measure_free,
     "pair": measure_pair,
+    "grasp": measure_grasp,
 }
 
 
 BENCHMARK = Benchmark(
     name="arms",
-    summary="arms: collision checks, inverse kinematics and plans",
+    summary="arms: collision checks, inverse kinematics, plans and grasps",
     measure=in_groups(GROUPS),
     seeds=(0,),
     quick_seeds=(0,),

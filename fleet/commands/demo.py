@@ -60,6 +60,8 @@ class Demo:
     """Cars have batteries and go to charge."""
     grip: Grip = Grip.SUCTION
     """How the arms hold parcels."""
+    grip_force: float | None = None
+    """Most force of the cup, or of each finger [N]; default 100 and 40. Orders that it cannot hold are refused."""
     fidelity: Fidelity = Fidelity.PHYSICS
     """How robots are moved."""
     planner: str = "pibt"
@@ -97,6 +99,7 @@ class Demo:
             duration_s=self.duration,
             fidelity=self.fidelity,
             grip=self.grip,
+            grip_force_n=self.grip_force,
             connect=Connect.GUI if self.gui else Connect.DIRECT,
             traffic=TrafficConfig(planner=self.planner),
             battery=BatteryConfig(enabled=self.battery),
@@ -159,6 +162,9 @@ def _table(result: dict[str, object]) -> Table:
         ("distance empty", "{distance_empty_m:.1f} m"),
         ("waiting in lanes, all cars", "{waiting_s:.1f} s"),
         ("arm utilisation, mean", "{arm_utilisation:.1%}"),
+        ("parcels dropped", "{parcels_dropped}"),
+        ("slip in the grip, median", "{slip_median_m:.4f} m"),
+        ("slip in the grip, most", "{slip_max_m:.4f} m"),
         ("lowest charge", "{lowest_charge:.0%}"),
         ("charging sessions, all cars", "{charging_sessions}"),
         ("bottleneck", "{bottleneck}"),

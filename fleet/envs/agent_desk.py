@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from fleet.config import ArmConfig
 from fleet.errors import FleetError
 from fleet.robots.spec import CarSpec
@@ -87,6 +89,7 @@ class AgentDesk(ArmDesk):
         car: Model of the cars that are served.
         start_rad: Joint positions at the start, shape (n_arms, n_joints).
         tick_s: Length of a tick [s].
+        lost: See `ArmDesk`.
         by_agent: Arms that agents move.
     """
 
@@ -98,9 +101,10 @@ class AgentDesk(ArmDesk):
         start_rad: FloatArray,
         tick_s: float,
         *,
+        lost: Callable[[int, int], str],
         by_agent: frozenset[int],
     ) -> None:
-        super().__init__(planner, config, car, start_rad, tick_s)
+        super().__init__(planner, config, car, start_rad, tick_s, lost=lost)
         self._by_agent = by_agent
         for arm in by_agent:
             self.services[arm] = AgentService(arm, start_rad[arm])

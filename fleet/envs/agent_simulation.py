@@ -41,7 +41,15 @@ class AgentSimulation(Simulation):
     def _desk(self) -> AgentDesk:
         by_agent = frozenset(range(self.world.n_arms)) if self.arms_by_agent else frozenset()
         scene = self.scene
-        return AgentDesk(self.arm_planner, self.config.arms, scene.car, scene.arm_start, self.tick_s, by_agent=by_agent)
+        return AgentDesk(
+            self.arm_planner,
+            self.config.arms,
+            scene.car,
+            scene.arm_start,
+            self.tick_s,
+            lost=self._parcel_lost,
+            by_agent=by_agent,
+        )
 
     def _driver(self, start_states: npt.NDArray[np.int32], rng: np.random.Generator) -> AgentDriver:
         return AgentDriver(

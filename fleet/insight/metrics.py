@@ -79,6 +79,14 @@ class Summary:
     parcel_balance: int
     parcels_misplaced: int
     """Parcels that are not where the books say, looked up in the world."""
+    parcels_dropped: int
+    """Parcels that arms have lost from their grips."""
+    slip_median_m: float | None
+    """How far parcels lay at release from where they were gripped, seen from the tool, median over what arms carried;
+    None without physics, or if nothing was carried."""
+    slip_max_m: float | None
+    slip_turn_max_rad: float | None
+    """The most that one turned in the grip."""
     lowest_charge: float | None
     """Least state of charge any car ever had, 0 to 1; None without batteries."""
     charging_sessions: int
@@ -130,6 +138,8 @@ class Metrics:
         contacts = world.contacts()
         clearance = world.min_clearance_m()
         sim_s = simulation.sim_s
+        meter = simulation.slip_meter
+        slips_m = [slip.slip_m for slip in meter.slips] if meter is not None else []
         batteries, charging = simulation.batteries, simulation.dispatcher.charging
         return Summary(
             tasks_total=len(board.tasks),
@@ -156,6 +166,10 @@ class Metrics:
             min_clearance_m=round(clearance, 4) if np.isfinite(clearance) else None,
             parcel_balance=simulation.parcel_balance(),
             parcels_misplaced=len(simulation.dispatcher.stock.misplaced()),
+            parcels_dropped=simulation.desk.dropped_n,
+            slip_median_m=round(float(np.median(slips_m)), 6) if slips_m else None,
+            slip_max_m=round(max(slips_m), 6) if slips_m else None,
+            slip_turn_max_rad=round(max(slip.turn_rad for slip in meter.slips), 5) if meter and slips_m else None,
             lowest_charge=round(batteries.lowest, 4) if batteries is not None else None,
             charging_sessions=charging.sessions_n if charging is not None else 0,
             cars_stranded=int((batteries.charge <= 0.0).sum()) if batteries is not None else 0,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -76,3 +76,14 @@ class ArmSpec:
     home_rad: npt.NDArray[np.float64]
     visuals: tuple[Visual, ...]
     """Links: 'link_0'..'link_7' (link i moves with joint i) and 'tool' (rigid in the last link)."""
+
+    def with_limits(self, velocity_radps: float | None, acceleration_radps2: float | None) -> ArmSpec:
+        """The same arm with one limit for all joints; None leaves its own."""
+        velocity, acceleration = (
+            own if limit is None else np.full(self.n_joints, float(limit))
+            for limit, own in (
+                (velocity_radps, self.max_velocity_radps),
+                (acceleration_radps2, self.max_acceleration_radps2),
+            )
+        )
+        return replace(self, max_velocity_radps=velocity, max_acceleration_radps2=acceleration)

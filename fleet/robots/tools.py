@@ -24,6 +24,14 @@ _FINGER_MOUNT_M = _FLANGE_FACE_M + _PALM_SIZE_M[2]
 _FINGER_TRAVEL_M = 0.055
 # Pads grip best a little above the finger ends: the tip is 13 mm inside them.
 _FRICTION_TIP_M = 0.222
+# Rubber pads on cardboard; the physics engine multiplies the coefficients of both.
+_PAD_FRICTION = 1.0
+CARDBOARD_FRICTION = 0.8
+"""Coefficient of friction of a parcel."""
+
+_GRAVITY_MPS2 = 9.81
+_RESERVE = 3.0
+"""Times its weight that a parcel must be held with: lifted and braked at 3 rad/s, it pulls with up to twice of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +42,10 @@ class Tool:
     """Key in `TOOLS`: 'suction' or 'friction'."""
     length_m: float
     """From the arm's last link frame to the tool tip along its +z [m]."""
+    force_n: float
+    """Most force of the cup, or of each finger [N], unless a run says otherwise."""
+    force_share: float
+    """What it holds up of that force: all of it for a cup, what two pads rub for fingers."""
     touch_links: tuple[str, ...]
     """Links that hold the parcel: the cup, or both fingers."""
     finger_joints: tuple[str, ...]
@@ -44,6 +56,14 @@ class Tool:
     """Half of the tool's largest extent across its axis, fingers open [m]."""
     visuals: tuple[Visual, ...]
     """Parts in the link 'tool', which is the arm's last link frame."""
+
+    def payload_kg(self, force_n: float | None = None) -> float:
+        """Heaviest parcel that is held three times over [kg].
+
+        Args:
+            force_n: Most force of the cup, or of each finger [N]; None = its usual one.
+        """
+        return self.force_share * (self.force_n if force_n is None else force_n) / (_RESERVE * _GRAVITY_MPS2)
 
 
 def tool_urdf(tool: Tool, flange: str) -> str:
@@ -73,6 +93,7 @@ def tool_urdf(tool: Tool, flange: str) -> str:
             middle=_FINGER_SIZE_M[2] / 2,
             size=spaced(_FINGER_SIZE_M),
             mount=_FINGER_MOUNT_M,
+            friction=_PAD_FRICTION,
             opening=_FINGER_TRAVEL_M,
         )
         for name, side in zip(tool.touch_links, (1, -1), strict=True)
@@ -93,6 +114,8 @@ def _suction() -> Tool:
     return Tool(
         name="suction",
         length_m=_CUP_TIP_M,
+        force_n=100.0,
+        force_share=1.0,
         touch_links=("cup",),
         finger_joints=(),
         finger_travel_m=0.0,
@@ -113,6 +136,8 @@ def _friction() -> Tool:
     return Tool(
         name="friction",
         length_m=_FRICTION_TIP_M,
+        force_n=40.0,
+        force_share=2 * _PAD_FRICTION * CARDBOARD_FRICTION,
         touch_links=("finger_left", "finger_right"),
         finger_joints=("finger_left_slide", "finger_right_slide"),
         finger_travel_m=_FINGER_TRAVEL_M,

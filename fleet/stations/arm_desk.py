@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -39,10 +40,18 @@ class ArmDesk:
         car: Model of the cars that are served.
         start_rad: Joint positions at the start, shape (n_arms, n_joints).
         tick_s: Length of a tick [s].
+        lost: Called as ``lost(arm, parcel)`` when an arm has lost a parcel from its grip; returns why, in words.
     """
 
     def __init__(
-        self, planner: ArmPlanner, config: ArmConfig, car: CarSpec, start_rad: FloatArray, tick_s: float
+        self,
+        planner: ArmPlanner,
+        config: ArmConfig,
+        car: CarSpec,
+        start_rad: FloatArray,
+        tick_s: float,
+        *,
+        lost: Callable[[int, int], str] | None = None,
     ) -> None:
         self.car = car
         self.services = [ArmService(arm, q) for arm, q in enumerate(start_rad)]
@@ -50,6 +59,9 @@ class ArmDesk:
         self.qd = np.zeros_like(start_rad)
         self.grip = np.zeros(len(start_rad), dtype=np.bool_)
         self._planner = planner
+        self._lost = lost
+        self.dropped_n = 0
+        """Parcels that arms have lost from their grips."""
         self._latency = round(config.latency_s / tick_s)
         self._tick_s = tick_s
         self._due: dict[int, tuple[int, int]] = {}
@@ -117,6 +129,9 @@ class ArmDesk:
                 service.reset()
             elif service.state in (ServiceState.MISSED, ServiceState.DROPPED):
                 self._reasons[service.arm] = f"arm_{service.arm} {service.state} the parcel"
+                self.dropped_n += service.state is ServiceState.DROPPED
+                if service.state is ServiceState.DROPPED and self._lost is not None:
+                    self._reasons[service.arm] += f" ({self._lost(service.arm, service.parcel)})"
                 service.release()
                 self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from fleet.config import Fidelity, RunConfig
 from fleet.errors import FleetError
-from fleet.robots import iiwa_spec, racecar_spec
+from fleet.robots import racecar_spec
+from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arm_cell import ArmCell
 from fleet.stations.arm_spheres import arm_spheres
@@ -42,6 +43,7 @@ class ArmSetup:
     cells: tuple[ArmCell, ...]
     names: tuple[str, ...]
     """Station of each cell, for messages."""
+    spec: ArmSpec
     tool: str
     planner: str
     iterations_n: int
@@ -98,7 +100,7 @@ class LocalArmPlanner:
 
     def __init__(self, setup: ArmSetup) -> None:
         tool = TOOLS[setup.tool]
-        spec, car = iiwa_spec(tool), racecar_spec()
+        spec, car = setup.spec, racecar_spec()
         model = arm_spheres(spec, tool)
         known: dict[bytes, KnownWays] = {}
         self._answers: dict[int, Transfer] = {}
@@ -265,12 +267,13 @@ READY, FAILED = 0, -1
 
 
 def make_arm_planner(
-    cells: tuple[ArmCell, ...], names: tuple[str, ...], config: RunConfig
+    cells: tuple[ArmCell, ...], names: tuple[str, ...], spec: ArmSpec, config: RunConfig
 ) -> LocalArmPlanner | WorkerArmPlanner:
     """The planner that the configuration asks for; a worker starts at once and works on while others set up."""
     setup = ArmSetup(
         cells=cells,
         names=names,
+        spec=spec,
         tool=str(config.grip),
         planner=config.arms.planner,
         iterations_n=config.arms.iterations_n,

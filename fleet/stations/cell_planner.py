@@ -11,7 +11,9 @@ from fleet.errors import FleetError
 from fleet.robots.spec import ArmSpec, CarSpec
 from fleet.robots.tools import Tool
 from fleet.stations.arm_cell import ArmCell
+from fleet.stations.loose import UngrippableError, loose_grips
 from fleet.stations.transfer import (
+    LOOSE,
     TRAY,
     DeliverRequest,
     FetchRequest,
@@ -31,6 +33,7 @@ from planners.motion.ik import SrsGeometry
 from planners.motion.kinematics import flange_from_tip
 from planners.motion.obstacles import Boxes
 from planners.motion.problem import MotionProblem, MotionResult
+from planners.motion.route import RoutePlanner, RouteProblem
 from planners.motion.spheres import box_spheres
 from planners.motion.trajectory import Trajectory, retime
 
@@ -60,6 +63,10 @@ CORNER_RAD = (0.1, 0.03, 0.01)
 """How far corners may be cut, largest first [rad]."""
 CONFIRM_EVERY = 5
 """One in this many samples of a motion is shown to the physics engine: 0.05 s apart."""
+LOOSE_LIFT_M = 0.12
+"""Straight way down to a parcel that lies anywhere, and up again [m]."""
+NEIGHBOUR_M = 0.2
+"""Slots that are nearer than this to such a parcel are taken for empty: it may lie on them [m]."""
 LINE_STEP_M = 0.01
 """Distance of the inverse-kinematics points of a straight line [m]."""
 LINE_TURN_RAD = 0.1
@@ -141,7 +148,8 @@ class CellPlanner:
         dock = Boxes.one(cell.dock_box[0], cell.dock_box[1], yaw=cell.dock_yaw)
         self._empty = CollisionChecker(model, boxes, margin=MARGIN_M)
         self._over_cars = CollisionChecker(model, Boxes.join(boxes, dock), margin=MARGIN_M)
-        self._loaded = CollisionChecker(model, boxes, held_spheres=(held[0] + below, held[1]), margin=MARGIN_M)
+        self._largest = (held[0] + below, held[1])
+        self._loaded = CollisionChecker(model, boxes, held_spheres=self._largest, margin=MARGIN_M)
         self._boxes = boxes
         self._line_boxes = self._without_slots(boxes)
         self._line = CollisionChecker(model, self._line_boxes, margin=LINE_MARGIN_M)
@@ -166,8 +174,8 @@ class CellPlanner:
     def transfer(self, request: TransferRequest) -> Transfer:
         """Plan a transfer; a `reason` instead of steps when there is none."""
         try:
-            return self._transfer(request)
-        except UnreachableError as error:
+            return self._retrieval(request) if request.pick_via == LOOSE else self._transfer(request)
+        except (UnreachableError, UngrippableError) as error:
             return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
 
     def fetch(self, request: FetchRequest) -> Transfer:
@@ -222,15 +230,56 @@ class CellPlanner:
         )
         return Transfer(arm=request.arm, parcel=request.parcel, steps=steps)
 
+    def _retrieval(self, request: TransferRequest) -> Transfer:
+        """Take a parcel from wherever it lies, by a way that is searched for, and place it as any other."""
+        pose = np.eye(4)
+        pose[:3, 3] = self.cell.base_from_world(request.pick_pose[:3])
+        pose[:3, :3] = _turned_z(-self.cell.base_pose[3]) @ _matrix(request.pick_pose[3:])
+        grips = loose_grips(pose, request.size_m, self._tool, SUCTION_GAP_M, PICK_ABOVE_BOTTOM_M)
+        boxes = self._without_slots(self._boxes, near=pose[:3, 3])
+        spec = self._spec
+        router = RoutePlanner(
+            self._srs,
+            CollisionChecker(self._model, boxes, margin=MARGIN_M),
+            CollisionChecker(self._model, boxes, margin=LINE_MARGIN_M),
+            self._planner,
+            spec.max_velocity_radps,
+            spec.max_acceleration_radps2,
+        )
+        up = np.array([0.0, 0.0, LOOSE_LIFT_M])
+        route = router.plan(RouteProblem(start=spec.home_rad, tips=grips.tips, leave=np.zeros(3), arrive=up))
+        if not route.solved:
+            x, y, z = np.round(pose[:3, 3], 3)
+            raise UnreachableError(
+                f"no way to the parcel at ({x}, {y}, {z}) in the arm's base frame ({route.status.value})"
+            )
+        held = Held(size_m=grips.size_m, below_tip_m=grips.height_m - grips.size_m[2] / 2)
+        there, lower = (self._confirmed(leg, boxes, None) for leg in route.legs)
+        lift = self._confirmed(_reversed(lower), boxes, held)
+        loaded = CollisionChecker(self._model, boxes, held_spheres=self._largest, margin=MARGIN_M)
+        carry = self._search(loaded, lift.q[-1], self._via(request.place_via))
+        if not carry.solved:
+            raise UnreachableError(f"no way with the parcel from where it lies ({carry.status.value})")
+        largest = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2)
+        over = self._confirmed(self._timed(carry.path, 1.0, loaded), boxes, largest)
+        steps = (there, lower, Signal.GRIP, lift, over)
+        down = self._setting_down(request, request.place_via, grips.height_m, held)
+        return Transfer(arm=request.arm, parcel=request.parcel, steps=steps + down)
+
     def _delivery(
         self, request: TransferRequest | DeliverRequest, pick: int, place: int, grip_height: float
     ) -> tuple[Step, ...]:
         """From above where the parcel was picked to where it is placed, and home."""
         held = Held(size_m=request.size_m, below_tip_m=grip_height - request.size_m[2] / 2)
+        return (self._way(pick, place, loaded=True), *self._setting_down(request, place, grip_height, held))
+
+    def _setting_down(
+        self, request: TransferRequest | DeliverRequest, place: int, grip_height: float, held: Held
+    ) -> tuple[Step, ...]:
+        """From above a place down to it, and home."""
         down = self._approach(place, self._place_tip(request, grip_height))
         lower, lift = self._lines(down, held, None)
         return (
-            self._way(pick, place, loaded=True),
             lower,
             Signal.RELEASE,
             lift,
@@ -427,11 +476,19 @@ class CellPlanner:
                 raise UnreachableError(f"the physics engine refuses a motion: {wrong}")
         return trajectory
 
-    def _without_slots(self, boxes: Boxes) -> Boxes:
-        """The obstacles of straight lines: without the parcels assumed on the slots, whose places are the targets."""
+    def _without_slots(self, boxes: Boxes, near: FloatArray | None = None) -> Boxes:
+        """The obstacles of straight lines: without the parcels assumed on the slots, whose places are the targets.
+
+        Args:
+            boxes: All obstacles.
+            near: Only on slots around this point, in the base frame [m], shape (3,); None = on all.
+        """
         half = MAX_EDGE_M / 2
-        tops = self.cell.slots + np.array([0.0, 0.0, half])
-        gap = np.linalg.norm(boxes.centre[:, None] - tops[None], axis=2).min(axis=1) if len(tops) else np.inf
+        slots = self.cell.slots
+        if near is not None:
+            slots = slots[np.linalg.norm(slots[:, :2] - near[:2], axis=1) < NEIGHBOUR_M]
+        tops = slots + np.array([0.0, 0.0, half])
+        gap = np.linalg.norm(boxes.centre[:, None] - tops[None], axis=2).min(axis=1, initial=np.inf)
         keep = (gap > 1e-6) | (np.abs(boxes.half - half).max(axis=1) > 1e-6)
         return Boxes(
             centre=boxes.centre[keep], half=boxes.half[keep], yaw=boxes.yaw[keep], min_frame=boxes.min_frame[keep]
@@ -453,10 +510,15 @@ def _down(yaw: float) -> FloatArray:
 
 def _yawed(tip: FloatArray, yaw: float) -> FloatArray:
     """A tip pose turned about the vertical through it."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
     turned = tip.copy()
-    turned[:3, :3] = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ tip[:3, :3]
+    turned[:3, :3] = _turned_z(yaw) @ tip[:3, :3]
     return turned
+
+
+def _turned_z(yaw: float) -> FloatArray:
+    """Turn about the vertical as a 3x3 matrix."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _matrix(quat_xyzw: FloatArray) -> FloatArray:

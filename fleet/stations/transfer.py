@@ -10,6 +10,8 @@ from planners.motion.trajectory import Trajectory
 
 TRAY = -1
 """Via index of the dock's tray; slots are 0, 1, ..."""
+LOOSE = -3
+"""In place of a via index: the parcel lies where no via point leads to."""
 
 
 class Signal(StrEnum):
@@ -35,7 +37,7 @@ class TransferRequest:
     pick_pose: FloatArray
     """World pose of the parcel's centre, shape (7,)."""
     pick_via: int
-    """Slot index or `TRAY`."""
+    """Slot index, `TRAY` or `LOOSE`."""
     place_via: int
     """Slot index or `TRAY`."""
     car_pose: FloatArray

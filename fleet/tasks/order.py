@@ -14,6 +14,8 @@ from maps.site import Site
 
 MIN_EDGE_M, MAX_EDGE_M = 0.04, 0.10
 MIN_MASS_KG, MAX_MASS_KG = 0.05, 2.0
+MAX_GENERATED_KG = 0.5
+"""Heaviest parcel of an order that is not read from a file [kg]."""
 
 
 class Priority(StrEnum):
@@ -104,16 +106,19 @@ class Ability:
         return order.payload_kg <= self.max_payload_kg and self.capabilities.issuperset(order.needs)
 
 
-def misfit(order: Order, abilities: Sequence[Ability]) -> str | None:
-    """Say why no car can take an order.
+def misfit(order: Order, abilities: Sequence[Ability], grip_kg: float = math.inf) -> str | None:
+    """Say why no car, or no arm, can take an order.
 
     Args:
         order: The order.
         abilities: One for each car.
+        grip_kg: Heaviest parcel that the arms' tools hold [kg].
 
     Returns:
-        Field, value and valid values; None if there is a car for it.
+        Field, value and valid values; None if it can be done.
     """
+    if order.payload_kg > grip_kg:
+        return f"mass_kg is '{order.payload_kg:g}'; valid: at most {grip_kg:.3g}, what the arms' grip holds"
     if any(ability.fits(order) for ability in abilities):
         return None
     payload_kg = max(ability.max_payload_kg for ability in abilities)
@@ -150,7 +155,7 @@ def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Gener
                 release_s=round(release_s, 3),
                 pick=picks[int(rng.integers(len(picks)))],
                 drop=drops[int(rng.integers(len(drops)))],
-                mass_kg=round(float(rng.uniform(0.1, 0.5)), 3),
+                mass_kg=round(float(rng.uniform(0.1, MAX_GENERATED_KG)), 3),
                 size_m=(round(float(edges[0]), 4), round(float(edges[1]), 4), round(float(edges[2]), 4)),
             )
         )

@@ -63,7 +63,9 @@ class OrderBook:
     refused: tuple[Refusal, ...] = ()
 
 
-def read_orders(path: Path, site: Site, abilities: Sequence[Ability], *, chargers_n: int = 0) -> OrderBook:
+def read_orders(
+    path: Path, site: Site, abilities: Sequence[Ability], *, chargers_n: int = 0, grip_kg: float = math.inf
+) -> OrderBook:
     """Read orders from a CSV file, or from a JSON file if its name ends in ``.json``.
 
     Every order has the fields ``id,release_s`` and those that its ``type`` asks for (see `TASK_TYPES`; without one it
@@ -80,6 +82,7 @@ def read_orders(path: Path, site: Site, abilities: Sequence[Ability], *, charger
         site: Gives the valid names of stations and places.
         abilities: What each car can carry.
         chargers_n: Chargers in use; 0 = cars have no batteries.
+        grip_kg: Heaviest parcel that the arms' tools hold [kg].
 
     Returns:
         The orders, and those that were refused in the order of the file.
@@ -106,7 +109,7 @@ def read_orders(path: Path, site: Site, abilities: Sequence[Ability], *, charger
     for row in rows:
         name = row.fields.get("id", "")
         try:
-            orders = _unfold(row, setting, abilities)
+            orders = _unfold(row, setting, abilities, grip_kg)
             twice = next((word for word in (name, *(order.name for order in orders)) if word in taken), None)
             if twice is not None:
                 of = f", and that of {taken[twice]!r} has this number" if twice != taken[twice] else ""
@@ -224,7 +227,7 @@ def _edges_text(value: object) -> str | None:
     return None if None in sizes else ";".join(size for size in sizes if size is not None)
 
 
-def _unfold(row: _Row, setting: Setting, abilities: Sequence[Ability]) -> tuple[Order, ...]:
+def _unfold(row: _Row, setting: Setting, abilities: Sequence[Ability], grip_kg: float) -> tuple[Order, ...]:
     """The deliveries and visits of one order, one round after the other.
 
     Raises:
@@ -246,7 +249,7 @@ def _unfold(row: _Row, setting: Setting, abilities: Sequence[Ability]) -> tuple[
     if strange is not None:
         raise OrdersError(f"{strange} is {fields.text(strange)!r}; valid: nothing, a {word} has {', '.join(own)}")
     rounds = [kind.orders(one, fields, setting) for one in _rounds(shared, fields)]
-    cause = misfit(rounds[0][0], abilities)
+    cause = misfit(rounds[0][0], abilities, grip_kg)
     if cause is not None:
         raise OrdersError(cause)
     return tuple(order for orders in rounds for order in orders)

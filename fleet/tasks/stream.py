@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import StreamConfig, StreamKind, require
-from fleet.tasks.order import Delivery, Priority
+from fleet.tasks.order import MAX_GENERATED_KG, Delivery, Priority
 from maps.site import Site
 
 EDGE_M = (0.05, 0.08)
-MASS_KG = (0.1, 0.5)
+MASS_KG = (0.1, MAX_GENERATED_KG)
 MAX_ORDERS_N = 1_000_000
 """More are not drawn: they take minutes and gigabytes before the run begins."""
 

@@ -17,7 +17,12 @@ def make_world(scene: Scene, graph: LaneGraph, config: RunConfig) -> World:
         from fleet.world.bullet.config import BulletConfig
         from fleet.world.bullet.world import BulletWorld
 
-        settings = BulletConfig(connect=config.connect, shared_memory_key=config.shared_memory_key, grip=config.grip)
+        settings = BulletConfig(
+            connect=config.connect,
+            shared_memory_key=config.shared_memory_key,
+            grip=config.grip,
+            grip_force_n=config.grip_force_n,
+        )
         return BulletWorld(scene, settings)
     if config.fidelity is Fidelity.KINEMATIC:
         return KinematicWorld(scene)

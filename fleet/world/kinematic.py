@@ -14,7 +14,7 @@ from fleet.errors import ConfigError, FleetError
 from fleet.robots.spec import CarSpec
 from fleet.world.arms import ServoArms
 from fleet.world.parcels import Parcels, ParcelSnapshot
-from fleet.world.protocol import Contacts, FloatArray, IntArray, ParcelBody
+from fleet.world.protocol import TOOL_FAILED, Contacts, FloatArray, IntArray, ParcelBody
 from fleet.world.scene import Scene
 from fleet.world.surroundings import Surroundings, SurroundingsSnapshot
 
@@ -103,6 +103,7 @@ class PlanarSnapshot:
     cars: tuple[npt.NDArray[np.generic], ...]
     arms: tuple[FloatArray, FloatArray]
     parcels: ParcelSnapshot
+    failed: npt.NDArray[np.bool_]
     surroundings: SurroundingsSnapshot
 
 
@@ -124,6 +125,7 @@ class PlanarWorld:
         self._cars = cars
         self._arms = ServoArms(scene.arm, scene.arm_base, scene.arm_start, tick_s)
         self._parcels = Parcels(scene.boxes, scene.car, self.n_arms)
+        self._failed = np.zeros(self.n_arms, dtype=np.bool_)
         self._surroundings = Surroundings(scene, self._arms)
 
     def step(
@@ -140,7 +142,8 @@ class PlanarWorld:
             raise CommandError(f"step: car_commands, arm_q, grip have shapes {shapes}; valid: {valid}")
         self._cars.step(car_commands)
         self._arms.step(arm_q)
-        self._parcels.update(self._cars.poses, self._arms.tips, grip)
+        self._failed &= grip
+        self._parcels.update(self._cars.poses, self._arms.tips, grip & ~self._failed)
         self._surroundings.observe(self._cars.poses, self._parcels.held_spheres())
 
     def car_poses(self) -> FloatArray:
@@ -199,6 +202,14 @@ class PlanarWorld:
         """See `World`."""
         self._cars.push(car, dx_m, dy_m, dyaw_rad)
 
+    def fail_grip(self, arm: int) -> None:
+        """See `World`; the parcel falls within the next tick."""
+        self._failed[arm] = True
+
+    def grip_loss(self, arm: int) -> str:
+        """See `World`; tools lose nothing unless they fail."""
+        return TOOL_FAILED if self._failed[arm] else ""
+
     def contacts(self) -> Contacts:
         """See `World`."""
         return Contacts(robot=self._surroundings.robot_contacts_n, static=self._surroundings.static_contacts_n)
@@ -217,6 +228,7 @@ class PlanarWorld:
             cars=self._cars.save(),
             arms=self._arms.save(),
             parcels=self._parcels.save(),
+            failed=self._failed.copy(),
             surroundings=self._surroundings.save(),
         )
 
@@ -231,6 +243,7 @@ class PlanarWorld:
         self._cars.load(snapshot.cars)
         self._arms.load(snapshot.arms)
         self._parcels.load(snapshot.parcels)
+        self._failed = snapshot.failed.copy()
         self._surroundings.load(snapshot.surroundings)
 
     def state_bytes(self) -> bytes:

@@ -11,6 +11,9 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+TOOL_FAILED = "its tool has failed"
+"""Why a parcel was lost that was dropped by `World.fail_grip`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ParcelBody:
@@ -99,6 +102,12 @@ class World(Protocol):
 
     def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """Shove a car sideways: what a careless human does. Physics applies an impulse towards it, others displace."""
+
+    def fail_grip(self, arm: int) -> None:
+        """Let an arm's tool fail: it drops what it holds, and holds nothing until it was told to let go."""
+
+    def grip_loss(self, arm: int) -> str:
+        """Why an arm's tool lost what it held last, in words; empty if it did not."""
 
     def contacts(self) -> Contacts:
         """Contacts so far."""

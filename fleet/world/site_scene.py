@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import Grip
+from fleet.config import ArmConfig, Grip
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
@@ -22,13 +22,14 @@ SHELF_GAP_M = 0.03
 """Kept free around a shelf inside its cells [m]."""
 
 
-def scene_of(site: Site, car_start: FloatArray, grip: Grip) -> Scene:
+def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | None = None) -> Scene:
     """Build the scene of a site.
 
     Args:
         site: The site.
         car_start: Rear-axle poses, shape (n_cars, 3).
         grip: Decides the arms' tool.
+        arms: May set other speed limits than the real arm's.
 
     Returns:
         Walls and shelves merged into as few boxes as rectangles allow, a pedestal for every slot, robots at their
@@ -43,6 +44,8 @@ def scene_of(site: Site, car_start: FloatArray, grip: Grip) -> Scene:
             half = (PEDESTAL_HALF_M, PEDESTAL_HALF_M, z / 2)
             boxes.append(StaticBox(kind="pedestal", centre_m=(float(x), float(y), z / 2), half_m=half))
     arm = iiwa_spec(TOOLS[grip])
+    if arms is not None:
+        arm = arm.with_limits(arms.velocity_radps, arms.acceleration_radps2)
     return Scene(
         size_m=(site.grid.cols * site.grid.cell_m, site.grid.rows * site.grid.cell_m),
         boxes=tuple(boxes),

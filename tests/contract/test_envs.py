@@ -277,7 +277,9 @@ class PlannedArms:
         simulation = env.simulation
         assert simulation is not None
         names = tuple(station.name for station in simulation.stations)
-        planner = make_arm_planner(arm_cells(simulation.site, simulation.scene), names, simulation.config)
+        planner = make_arm_planner(
+            arm_cells(simulation.site, simulation.scene), names, simulation.scene.arm, simulation.config
+        )
         scene = simulation.scene
         self._simulation = simulation
         self._desk = ArmDesk(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)

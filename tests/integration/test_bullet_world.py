@@ -220,7 +220,7 @@ def test_a_grip_lifts_a_parcel_and_drops_it_when_told(make_world: MakeWorld, gri
 
 def test_a_parcel_above_the_limit_of_the_cup_is_dropped(make_world: MakeWorld) -> None:
     low, high = above(SLOT[0], SLOT[2] + 0.083, "suction"), above(SLOT[0], SLOT[2] + 0.183, "suction")
-    world = make_world(arms=[(0.0, 0.0, 0.0, 0.0)], boxes=(SLOT_BOX,), start=low, suction_limit_n=24.0)
+    world = make_world(arms=[(0.0, 0.0, 0.0, 0.0)], boxes=(SLOT_BOX,), start=low, grip_force_n=24.0)
     world.add_parcel(parcel(5, mass_kg=2.0))
     run(world, 0.2, q=low, grip=True)
     sweep(world, low, high, 2.0, grip=True)  # 19.6 N of weight and little more

@@ -20,15 +20,13 @@ class BulletConfig:
     """Collision shape of the wheels."""
     tick_s: float = 1 / 60
     """Length of one tick [s]."""
-    suction_limit_n: float = 100.0
-    """Most force a cup holds [N]; less for light parcels, see `SuctionGrip`."""
-    finger_force_n: float = 40.0
-    """Force limit of each finger [N]: holds 2 kg at these frictions, and more would squeeze light boxes out."""
+    grip_force_n: float | None = None
+    """Most force of a cup, less for light parcels (see `SuctionGrip`), or of each finger [N]; None = the tool's."""
 
     def __post_init__(self) -> None:
         require(self.tick_s > 0, "bullet.tick_s", self.tick_s, "a number > 0")
-        require(self.suction_limit_n > 0, "bullet.suction_limit_n", self.suction_limit_n, "a number > 0")
-        require(self.finger_force_n > 0, "bullet.finger_force_n", self.finger_force_n, "a number > 0")
+        force_ok = self.grip_force_n is None or self.grip_force_n > 0
+        require(force_ok, "bullet.grip_force_n", self.grip_force_n, "a number > 0, or None")
         require(self.wheels in ("sphere", "cylinder"), "bullet.wheels", self.wheels, "sphere, cylinder")
 
     @property

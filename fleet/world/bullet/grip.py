@@ -12,6 +12,7 @@ from fleet.world.bullet.arms import Arms
 from fleet.world.bullet.client import Client
 from fleet.world.bullet.frames import rotation
 from fleet.world.bullet.parcels import Parcels
+from fleet.world.protocol import TOOL_FAILED
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -46,6 +47,8 @@ class GripDevice(Protocol):
 
     held: list[int]
     """Parcel in each arm's tool, -1 for none."""
+    loss: list[str]
+    """Why each arm's tool lost what it held last, in words; empty if it did not."""
 
     def command(self, grip: npt.NDArray[np.bool_]) -> None:
         """Take what each arm should do in the coming tick: hold (True) or let go."""
@@ -55,6 +58,9 @@ class GripDevice(Protocol):
 
     def after_step(self) -> None:
         """Act after a physics step, when contacts are known."""
+
+    def fail(self, arm: int) -> None:
+        """Drop what an arm holds, and hold nothing until it was told to let go."""
 
     def forget(self, parcel: int) -> None:
         """Let go of a parcel that is about to leave the world."""
@@ -92,6 +98,7 @@ class SuctionGrip:
         self._limit = [0.0] * n
         self._overload = [0] * n
         self._dropped = [False] * n
+        self.loss = [""] * n
         self._cup = arms.names.get("cup", -1)
 
     def command(self, grip: npt.NDArray[np.bool_]) -> None:
@@ -118,13 +125,18 @@ class SuctionGrip:
                 axis = rotation(np.array(self._link(arm)[5]))[:, 2]
                 pull = float(force @ axis)
                 shear = float(np.linalg.norm(force - pull * axis))
-                over = np.hypot(max(pull, 0.0), shear) > self._limit[arm]
+                load = float(np.hypot(max(pull, 0.0), shear))
             else:
-                over = False
-            self._overload[arm] = self._overload[arm] + 1 if over else 0
+                load = 0.0
+            self._overload[arm] = self._overload[arm] + 1 if load > self._limit[arm] else 0
             if self._overload[arm] >= _OVERLOAD_STEPS:
-                self._let_go(arm)
-                self._dropped[arm] = True
+                self._lose(arm, f"it pulled with {load:.1f} N, the cup holds {self._limit[arm]:.1f} N")
+
+    def fail(self, arm: int) -> None:
+        """Break the vacuum."""
+        if self.held[arm] >= 0:
+            self._lose(arm, TOOL_FAILED)
+        self._dropped[arm] = True
 
     def forget(self, parcel: int) -> None:
         """Let go of a parcel that is about to leave the world."""
@@ -134,18 +146,19 @@ class SuctionGrip:
 
     def memory(self) -> Any:
         """Parcel and constraint of every cup."""
-        return list(self.held), list(self._constraint), list(self._limit), list(self._overload), list(self._dropped)
+        lists = (self.held, self._constraint, self._limit, self._overload, self._dropped, self.loss)
+        return tuple(list(part) for part in lists)
 
     def recall(self, memory: Any) -> None:
         """Return to `memory`: a constraint that was removed since is made again where the parcel is now."""
-        held, constraint, limit, overload, dropped = memory
+        held, constraint, limit, overload, dropped, loss = memory
         for arm, parcel in enumerate(self.held):
             if parcel >= 0 and self._constraint[arm] != constraint[arm]:
                 self._let_go(arm)
         for arm, parcel in enumerate(held):
             if parcel >= 0 and self._constraint[arm] != constraint[arm]:
                 self._stick(arm, parcel)
-        self._limit, self._overload, self._dropped = list(limit), list(overload), list(dropped)
+        self._limit, self._overload, self._dropped, self.loss = list(limit), list(overload), list(dropped), list(loss)
 
     def _link(self, arm: int) -> Any:
         return self._client.getLinkState(self._arms.bodies[arm], self._cup, computeForwardKinematics=1)
@@ -182,6 +195,11 @@ class SuctionGrip:
         client.changeConstraint(constraint, maxForce=_CONSTRAINT_MARGIN * self._limit[arm])
         client.setCollisionFilterPair(body, box, self._cup, -1, 0)
         self.held[arm], self._constraint[arm], self._overload[arm] = parcel, constraint, 0
+        self.loss[arm] = ""
+
+    def _lose(self, arm: int, cause: str) -> None:
+        self._let_go(arm)
+        self._dropped[arm], self.loss[arm] = True, cause
 
     def _let_go(self, arm: int) -> None:
         self._client.removeConstraint(self._constraint[arm])
@@ -223,13 +241,17 @@ class FrictionGrip:
         self.held = [-1] * n
         self._closed: list[bool | None] = [None] * n
         self._steady = [0] * n
+        self._failed = [False] * n
+        self.loss = [""] * n
         for body in arms.bodies:
             for finger in self._fingers:
                 client.resetJointState(body, finger, arms.tool.finger_travel_m)
 
     def command(self, grip: npt.NDArray[np.bool_]) -> None:
         """Open and close as told."""
-        for arm, on in enumerate(grip.tolist()):
+        for arm, told in enumerate(grip.tolist()):
+            self._failed[arm] &= told
+            on = told and not self._failed[arm]
             if on == self._closed[arm]:
                 continue
             self._closed[arm] = on
@@ -264,9 +286,18 @@ class FrictionGrip:
                 self._steady[arm] -= 1
                 if self._steady[arm] == 0:
                     self.held[arm] = -1
+                    self.loss[arm] = f"it slipped from the fingers, which press with {self._force_n:g} N"
             else:
                 self._steady[arm] = self._steady[arm] + 1 if both else 0
                 self.held[arm] = min(both) if self._steady[arm] >= _FIRM_STEPS else -1
+                if self.held[arm] >= 0:
+                    self.loss[arm] = ""
+
+    def fail(self, arm: int) -> None:
+        """Open the fingers, from the next tick on."""
+        if self.held[arm] >= 0:
+            self.loss[arm] = TOOL_FAILED
+        self._failed[arm] = True
 
     def forget(self, parcel: int) -> None:
         """Let go of a parcel that is about to leave the world."""
@@ -274,11 +305,11 @@ class FrictionGrip:
 
     def memory(self) -> Any:
         """Parcel of every hand, and for how long it has been or can do without touch."""
-        return list(self.held), list(self._steady)
+        return list(self.held), list(self._steady), list(self._failed), list(self.loss)
 
     def recall(self, memory: Any) -> None:
         """Return to `memory`."""
-        self.held, self._steady = (list(part) for part in memory)
+        self.held, self._steady, self._failed, self.loss = (list(part) for part in memory)
         self._closed = [None] * len(self.held)  # the next command sets every finger anew
 
     def _move(self, arm: int, finger: int, target: float) -> None:
@@ -298,11 +329,10 @@ def make_grip(
     arms: Arms,
     parcels: Parcels,
     *,
-    limit_n: float,
     force_n: float,
     touched: list[dict[int, set[int]]],
 ) -> GripDevice:
     """Make the grip of a kind; see `SuctionGrip` and `FrictionGrip`."""
     if kind is Grip.FRICTION:
         return FrictionGrip(client, arms, force_n, touched)
-    return SuctionGrip(client, arms, parcels, limit_n)
+    return SuctionGrip(client, arms, parcels, force_n)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fleet.robots.tools import CARDBOARD_FRICTION
 from fleet.world.bullet.client import Client, PhysicsError
 from fleet.world.protocol import ParcelBody
 
 FloatArray = npt.NDArray[np.float64]
 
-# Cardboard; Bullet multiplies the coefficients of both bodies.
-_FRICTION = 0.8
 _SPINNING_FRICTION = 0.05
 _RGBA = (0.72, 0.53, 0.34, 1.0)
 
@@ -59,7 +58,7 @@ class Parcels:
             basePosition=pose[:3],
             baseOrientation=pose[3:],
         )
-        client.changeDynamics(body, -1, lateralFriction=_FRICTION, spinningFriction=_SPINNING_FRICTION)
+        client.changeDynamics(body, -1, lateralFriction=CARDBOARD_FRICTION, spinningFriction=_SPINNING_FRICTION)
         self._bodies[parcel.parcel] = body
         self.by_body[body] = parcel.parcel
         self.shapes[parcel.parcel] = parcel

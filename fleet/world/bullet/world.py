@@ -136,8 +136,7 @@ class BulletWorld:
                     client,
                     self._arms,
                     self._parcels,
-                    limit_n=config.suction_limit_n,
-                    force_n=config.finger_force_n,
+                    force_n=config.grip_force_n or tool.force_n,
                     touched=self._monitor.touched,
                 )
         except BaseException:
@@ -243,6 +242,14 @@ class BulletWorld:
     def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """Shove a car for half a second: by that much in the world's frame, unless something is in the way."""
         self._cars.push(car, np.array([dx_m, dy_m, dyaw_rad]))
+
+    def fail_grip(self, arm: int) -> None:
+        """Let an arm's tool fail: the vacuum breaks down, or the fingers open, until it is told to let go."""
+        self._grip.fail(arm)
+
+    def grip_loss(self, arm: int) -> str:
+        """Why an arm's tool lost what it held last, in words; empty if it did not."""
+        return self._grip.loss[arm]
 
     def contacts(self) -> Contacts:
         """Contacts so far; `fleet.world.bullet.contacts` says what counts."""

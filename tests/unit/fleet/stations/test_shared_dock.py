@@ -32,6 +32,7 @@ def planner():
     setup = ArmSetup(
         cells=arm_cells(SITE, SCENE)[:2],
         names=("pick_1", "pick_2"),
+        spec=SCENE.arm,
         tool=TOOL.name,
         planner="rrt_connect_native",
         iterations_n=20_000,

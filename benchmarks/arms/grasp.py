@@ -1,0 +1,115 @@
+"""Parcels in the real physics: an arm picks, the car drives, another arm unloads; share delivered, slip, cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from benchmarks.harness import Row, Trial
+from fleet.config import ArmConfig, Grip, RunConfig
+from fleet.insight.slip import Slip
+from fleet.simulation import Simulation
+from fleet.stations.service import ArmService, ServiceState
+from fleet.stations.service_time import Direction
+
+SITE, CARS_N = "cell", 3
+PARCELS_N, QUICK_PARCELS = 200, 2
+FAST_PARCELS_N, QUICK_FAST_PARCELS = 40, 1
+"""Parcels of the runs with faster arms, which are there for the cycle."""
+FAST_RADPS, FAST_RADPS2 = 3.0, 12.0
+"""Limits of the faster arms: those that the targets of their cycle were measured with."""
+SLIP_MM = {Grip.SUCTION: 0.1, Grip.FRICTION: 5.0}
+CYCLE_S = {Grip.SUCTION: 7.4, Grip.FRICTION: 9.3}
+FAST_CYCLE_S = {Grip.SUCTION: 6.1, Grip.FRICTION: 7.7}
+
+
+@dataclass(kw_only=True)
+class Delivered:
+    """What became of the parcels of one run."""
+
+    done: int = 0
+    total: int = 0
+    dropped: int = 0
+    repeated: int = 0
+    slips: list[Slip] = field(default_factory=list)
+    pick_s: list[float] = field(default_factory=list)
+    """From the start of an arm at rest at home until it is there again, for each parcel it put into a tray [s]."""
+    unload_s: list[float] = field(default_factory=list)
+    """The same for parcels from the tray to the rack."""
+
+
+def measure_grasp(trial: Trial) -> Iterable[Row]:
+    """Random parcels of 5 to 8 cm and 0.1 to 0.5 kg, with each grip; fast arms once more for their cycle."""
+    for grip in Grip:
+        count = QUICK_PARCELS if trial.quick else PARCELS_N
+        usual = deliver(trial, grip, count, ArmConfig())
+        fast = ArmConfig(velocity_radps=FAST_RADPS, acceleration_radps2=FAST_RADPS2)
+        quick = deliver(trial, grip, QUICK_FAST_PARCELS if trial.quick else FAST_PARCELS_N, fast)
+        slip_mm = [1e3 * slip.slip_m for slip in usual.slips]
+        share = 100 * usual.done / usual.total
+        yield Row(name=f"{grip}: {count} parcels delivered", value=share, unit="%", target=">= 99")
+        yield Row(name="  parcels dropped on the way", value=usual.dropped, unit="")
+        yield Row(name="  transfers tried again", value=usual.repeated, unit="")
+        yield Row(name="  slip in the grip, median", value=float(np.median(slip_mm)), unit="mm")
+        yield Row(name="  slip, most", value=max(slip_mm), unit="mm", target=f"<= {SLIP_MM[grip]}")
+        most_mm = max(1e3 * slip.most_m for slip in usual.slips)
+        yield Row(name="  slip, most at any moment", value=most_mm, unit="mm")
+        turn = np.degrees(max(slip.turn_rad for slip in usual.slips))
+        yield Row(name="  turn in the grip, most", value=float(turn), unit="deg")
+        cycle_s = float(np.median(usual.pick_s))
+        yield Row(name="  cycle, rack to tray, median", value=cycle_s, unit="s", target=f"<= {CYCLE_S[grip]}")
+        yield Row(name="  most", value=max(usual.pick_s), unit="s")
+        yield Row(name="  cycle, tray to rack, median", value=float(np.median(usual.unload_s)), unit="s")
+        share = 100 * quick.done / quick.total
+        yield Row(name=f"{grip} at {FAST_RADPS:g} rad/s: {quick.total} delivered", value=share, unit="%")
+        cycle_s = float(np.median(quick.pick_s))
+        yield Row(name="  cycle, rack to tray, median", value=cycle_s, unit="s", target=f"<= {FAST_CYCLE_S[grip]}")
+        slip_mm = [1e3 * slip.slip_m for slip in quick.slips]
+        yield Row(name="  slip, most", value=max(slip_mm), unit="mm")
+
+
+def deliver(trial: Trial, grip: Grip, parcels_n: int, arms: ArmConfig) -> Delivered:
+    """Run a site until its parcels are delivered, and check what must hold for every parcel."""
+    found = Delivered(total=parcels_n)
+    config = RunConfig(
+        site=SITE,
+        robots=CARS_N,
+        tasks=parcels_n,
+        seed=trial.seeds[0],
+        grip=grip,
+        arms=arms,
+        duration_s=100.0 * parcels_n,
+    )
+    repeated: list[object] = []
+    with Simulation(
+        config, on_event=lambda event: repeated.append(event) if event.kind == "transfer_repeated" else None
+    ) as simulation:
+        begun: dict[int, int] = {}
+        while not simulation.finished:
+            simulation.tick()
+            for service in simulation.desk.services:
+                _watch(simulation, service, begun, found)
+        summary = simulation.summary()
+        meter = simulation.slip_meter
+        found.slips = list(meter.slips) if meter is not None else []
+    found.done, found.dropped, found.repeated = summary.tasks_done, summary.parcels_dropped, len(repeated)
+    where = f"{grip}, {parcels_n} parcels"
+    # Of two carries for each parcel, the rack's and the tray's, none may be left out.
+    trial.check(len(found.slips) >= 2 * found.done, f"{where}: {len(found.slips)} carries of {found.done} parcels")
+    trial.check(summary.parcel_balance == 0, f"{where}: {summary.parcel_balance} parcels are lost")
+    trial.check(summary.parcels_misplaced == 0, f"{where}: {summary.parcels_misplaced} parcels are misplaced")
+    trial.check(summary.robot_contacts == 0, f"{where}: {summary.robot_contacts} contacts between robots")
+    return found
+
+
+def _watch(simulation: Simulation, service: ArmService, begun: dict[int, int], found: Delivered) -> None:
+    """Note when an arm sets out, and how long it took when it is back."""
+    arm = service.arm
+    if service.state is ServiceState.MOVING:
+        begun.setdefault(arm, simulation.now)
+    elif service.state is ServiceState.IDLE and arm in begun:
+        took_s = (simulation.now - begun.pop(arm)) * simulation.tick_s
+        to_car = simulation.stations[arm].direction is Direction.TO_CAR
+        (found.pick_s if to_car else found.unload_s).append(took_s)
