@@ -36,8 +36,21 @@ class BulletConfig:
 
     @property
     def iterations_n(self) -> int:
-        """Solver iterations: 10 lost 1 of 12 parcels held by friction; suction and the cars need no more."""
-        return 50 if self.grip is Grip.FRICTION else 10
+        """Solver iterations: with 10, 1 of 12 parcels held by friction was lost, and those under cups crept by 0.35 mm.
+
+        The engine stops sooner when nothing changes any more, so cups cost hardly more with 30, and creep by 0.03 mm.
+        """
+        return 50 if self.grip is Grip.FRICTION else 30
+
+    @property
+    def contact_breaking_m(self) -> float:
+        """Distance from which contacts are dropped [m].
+
+        The engine's 2 cm keep four points under every rolling wheel, 1 mm one, which halves the cost of a car. But pads
+        grip with anchored friction (`FrictionGrip`), and an anchor must outlive a rattle: with 1 mm it does not, and
+        parcels slid by 9 mm.
+        """
+        return 0.02 if self.grip is Grip.FRICTION else 0.001
 
     @property
     def substep_s(self) -> float:

@@ -221,8 +221,9 @@ def _gap(offset: FloatArray, axis: FloatArray, turn: FloatArray, half: FloatArra
 class FrictionGrip:
     """Two fingers that close with limited force; a parcel is held while both touch it.
 
-    The second finger follows the first one's measured position, which keeps the parcel centred: two independent fingers
-    push it to one side and lose it.
+    The pads' friction is anchored: where a pad has touched a parcel, a spring holds it. The second finger follows the
+    first one's measured position, which keeps the parcel centred: two independent fingers push it to one side and lose
+    it.
 
     Args:
         client: Connection.
@@ -246,6 +247,9 @@ class FrictionGrip:
         for body in arms.bodies:
             for finger in self._fingers:
                 client.resetJointState(body, finger, arms.tool.finger_travel_m)
+                # Friction alone only stops velocities, step by step, and lets a parcel creep out at 4 mm/s; an anchor
+                # also takes back the way.
+                client.changeDynamics(body, finger, frictionAnchor=1)
 
     def command(self, grip: npt.NDArray[np.bool_]) -> None:
         """Open and close as told."""

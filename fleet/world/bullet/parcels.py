@@ -20,10 +20,12 @@ class Parcels:
 
     Args:
         client: Connection.
+        anchored: Whether their friction is anchored, as the pads of fingers need it.
     """
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: Client, *, anchored: bool = False) -> None:
         self._client = client
+        self._anchored = anchored
         self._bodies: dict[int, int] = {}
         self.shapes: dict[int, ParcelBody] = {}
         """Size and mass of every parcel; the pose is that of its entry."""
@@ -58,7 +60,13 @@ class Parcels:
             basePosition=pose[:3],
             baseOrientation=pose[3:],
         )
-        client.changeDynamics(body, -1, lateralFriction=CARDBOARD_FRICTION, spinningFriction=_SPINNING_FRICTION)
+        client.changeDynamics(
+            body,
+            -1,
+            lateralFriction=CARDBOARD_FRICTION,
+            spinningFriction=_SPINNING_FRICTION,
+            frictionAnchor=self._anchored,
+        )
         self._bodies[parcel.parcel] = body
         self.by_body[body] = parcel.parcel
         self.shapes[parcel.parcel] = parcel

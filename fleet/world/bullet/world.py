@@ -29,9 +29,6 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _GRAVITY_MPS2 = 9.81
-# Contacts farther apart than this are dropped. The engine's 2 cm keep four points under every rolling wheel, 1 mm one,
-# which halves the cost of a car.
-_CONTACT_BREAKING_M = 0.001
 _FLOOR_FRICTION = 1.0
 # What a car may gain on top of its present speed within one tick, braking and shoves included.
 _NEAR_MARGIN_M = 0.05
@@ -111,7 +108,7 @@ class BulletWorld:
                     client.setPhysicsEngineParameter(
                         fixedTimeStep=config.substep_s,
                         numSolverIterations=config.iterations_n,
-                        contactBreakingThreshold=_CONTACT_BREAKING_M,
+                        contactBreakingThreshold=config.contact_breaking_m,
                         deterministicOverlappingPairs=1,
                     )
                 floor = self._add_floor()
@@ -119,7 +116,7 @@ class BulletWorld:
                 self._arms = Arms(
                     client, scene.arm, scene.arm_base, scene.arm_start, tool, config.substeps_n, config.substep_s
                 )
-                self._parcels = Parcels(client)
+                self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)
                 self._monitor = ContactMonitor(
                     client, scene.car, self._cars.bodies, self._arms.bodies, config.substep_s
                 )
