@@ -11,7 +11,7 @@ from fleet.errors import FleetError
 from fleet.robots.spec import ArmSpec, CarSpec
 from fleet.robots.tools import Tool
 from fleet.stations.arm_cell import ArmCell
-from fleet.stations.loose import UngrippableError, loose_grips
+from fleet.stations.loose import LooseGrips, UngrippableError, loose_grips
 from fleet.stations.transfer import (
     LOOSE,
     TRAY,
@@ -33,7 +33,7 @@ from planners.motion.ik import SrsGeometry
 from planners.motion.kinematics import flange_from_tip
 from planners.motion.obstacles import Boxes
 from planners.motion.problem import MotionProblem, MotionResult
-from planners.motion.route import RoutePlanner, RouteProblem
+from planners.motion.route import RouteConfig, RoutePlanner, RouteProblem
 from planners.motion.spheres import box_spheres
 from planners.motion.trajectory import Trajectory, retime
 
@@ -59,12 +59,18 @@ PROBE_M = {"suction": 0.03, "friction": 0.015}
 """A via point must reach this far to the side of the nominal place [m]: parcels never lie exactly on it."""
 PICK_ABOVE_BOTTOM_M = 0.026
 """Fingers close at least this far above a parcel's underside, clear of the support [m]."""
+EASY_WIDTH_M = 0.09
+"""Parcels up to this wide leave open fingers 1 cm of play on each side [m]."""
 CORNER_RAD = (0.1, 0.03, 0.01)
 """How far corners may be cut, largest first [rad]."""
 CONFIRM_EVERY = 5
 """One in this many samples of a motion is shown to the physics engine: 0.05 s apart."""
-LOOSE_LIFT_M = 0.12
-"""Straight way down to a parcel that lies anywhere, and up again [m]."""
+LOOSE_LIFT_M = (0.30, 0.12)
+"""Straight ways down to a parcel that lies anywhere, and up again, in the order they are tried: the first leads out
+between pedestals, the second is within reach on top of them [m]."""
+NEAR_VIA_M = 0.3
+"""Parcels that are nearer than this to a slot or the tray are tried to be reached over its via point first [m]."""
+LOOSE_ROUTE = RouteConfig(most_goals_n=48, tries_n=2)
 NEIGHBOUR_M = 0.2
 """Slots that are nearer than this to such a parcel are taken for empty: it may lie on them [m]."""
 LINE_STEP_M = 0.01
@@ -236,7 +242,41 @@ class CellPlanner:
         pose[:3, 3] = self.cell.base_from_world(request.pick_pose[:3])
         pose[:3, :3] = _turned_z(-self.cell.base_pose[3]) @ _matrix(request.pick_pose[3:])
         grips = loose_grips(pose, request.size_m, self._tool, SUCTION_GAP_M, PICK_ABOVE_BOTTOM_M)
+        held = Held(size_m=grips.size_m, below_tip_m=grips.height_m - grips.size_m[2] / 2)
+        over = self._from_via(grips, held, request.place_via)
         boxes = self._without_slots(self._boxes, near=pose[:3, 3])
+        refusal = ""
+        for lift_m in LOOSE_LIFT_M if over is None else ():
+            try:
+                over = self._loose_ways(grips, held, boxes, lift_m, request.place_via)
+                break
+            except UnreachableError as error:
+                refusal = refusal or str(error)
+        if over is None:
+            x, y, z = np.round(pose[:3, 3], 3)
+            raise UnreachableError(f"{refusal}, which lies at ({x}, {y}, {z}) in the arm's base frame")
+        down = self._setting_down(request, request.place_via, grips.height_m, held)
+        return Transfer(arm=request.arm, parcel=request.parcel, steps=over + down)
+
+    def _from_via(self, grips: LooseGrips, held: Held, place: int) -> tuple[Step, ...] | None:
+        """The way over the nearest via point, down to the parcel, up again and on, if straight lines lead there."""
+        at = grips.tips[0, :2, 3]
+        places = {TRAY: self.cell.tray, **dict(enumerate(self.cell.slots))}
+        via = min(places, key=lambda k: float(np.hypot(*(places[k][:2] - at))))
+        if np.hypot(*(places[via][:2] - at)) > NEAR_VIA_M:
+            return None
+        alike = np.einsum("kij,ij->k", grips.tips[:, :3, :3], self._via_tip(via)[:3, :3])
+        for k in np.argsort(-alike, kind="stable"):
+            try:
+                lower, lift = self._lines(self._approach(via, grips.tips[k]), None, held)
+                over = () if via == place else (self._way(via, place, loaded=True),)
+                return (self._way(HOME, via, loaded=False), lower, Signal.GRIP, lift, *over)
+            except UnreachableError:
+                continue
+        return None
+
+    def _loose_ways(self, grips: LooseGrips, held: Held, boxes: Boxes, lift_m: float, place: int) -> tuple[Step, ...]:
+        """From rest down to a parcel that lies anywhere, up again with it, and on to above its place."""
         spec = self._spec
         router = RoutePlanner(
             self._srs,
@@ -245,26 +285,21 @@ class CellPlanner:
             self._planner,
             spec.max_velocity_radps,
             spec.max_acceleration_radps2,
+            LOOSE_ROUTE,
         )
-        up = np.array([0.0, 0.0, LOOSE_LIFT_M])
+        up = np.array([0.0, 0.0, lift_m])
         route = router.plan(RouteProblem(start=spec.home_rad, tips=grips.tips, leave=np.zeros(3), arrive=up))
         if not route.solved:
-            x, y, z = np.round(pose[:3, 3], 3)
-            raise UnreachableError(
-                f"no way to the parcel at ({x}, {y}, {z}) in the arm's base frame ({route.status.value})"
-            )
-        held = Held(size_m=grips.size_m, below_tip_m=grips.height_m - grips.size_m[2] / 2)
+            raise UnreachableError(f"no way to the parcel ({route.status.value})")
         there, lower = (self._confirmed(leg, boxes, None) for leg in route.legs)
         lift = self._confirmed(_reversed(lower), boxes, held)
         loaded = CollisionChecker(self._model, boxes, held_spheres=self._largest, margin=MARGIN_M)
-        carry = self._search(loaded, lift.q[-1], self._via(request.place_via))
+        carry = self._search(loaded, lift.q[-1], self._via(place))
         if not carry.solved:
-            raise UnreachableError(f"no way with the parcel from where it lies ({carry.status.value})")
+            raise UnreachableError(f"no way on with the parcel ({carry.status.value})")
         largest = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2)
         over = self._confirmed(self._timed(carry.path, 1.0, loaded), boxes, largest)
-        steps = (there, lower, Signal.GRIP, lift, over)
-        down = self._setting_down(request, request.place_via, grips.height_m, held)
-        return Transfer(arm=request.arm, parcel=request.parcel, steps=steps + down)
+        return (there, lower, Signal.GRIP, lift, over)
 
     def _delivery(
         self, request: TransferRequest | DeliverRequest, pick: int, place: int, grip_height: float
@@ -325,16 +360,20 @@ class CellPlanner:
         return grips
 
     def _finger_turns(self, rotation: FloatArray, half: FloatArray, via_tip: FloatArray) -> list[float]:
-        """Turns that put the fingers across two opposite sides, the narrower pair of sides first, small turns first."""
-        across = sorted((k for k in range(3) if abs(rotation[2, k]) < np.sqrt(0.5)), key=lambda k: half[k])
+        """Turns that put the fingers across two opposite sides: small turns first, and across wide sides last.
+
+        A turn costs more time than anything else on the way down.
+        """
+        across = [k for k in range(3) if abs(rotation[2, k]) < np.sqrt(0.5)]
         present = np.arctan2(via_tip[1, 0], via_tip[0, 0])
-        turns = []
+        turns: list[tuple[bool, float]] = []
         for k in across:
+            wide = bool(2 * half[k] > EASY_WIDTH_M)
             # The parcel's axes are in the world frame, the tip's in the base frame.
             wanted = np.arctan2(rotation[1, k], rotation[0, k]) - self.cell.base_pose[3]
             small = float((wanted - present + np.pi / 2) % np.pi - np.pi / 2)
-            turns += [small, small - np.pi if small > 0 else small + np.pi]
-        return turns
+            turns += [(wide, small), (wide, small - np.pi if small > 0 else small + np.pi)]
+        return [turn for _, turn in sorted(turns, key=lambda turn: (turn[0], abs(turn[1])))]
 
     def _place_tip(self, request: TransferRequest | DeliverRequest, grip_height: float) -> FloatArray:
         if request.place_via == TRAY:
