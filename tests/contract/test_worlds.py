@@ -243,6 +243,25 @@ def test_pick_place_and_ride(case: Case, world: World) -> None:
     assert world.contacts().static == 0
 
 
+def test_a_tool_that_fails_drops_what_it_holds_and_holds_again_when_it_was_off(case: Case, world: World) -> None:
+    world.add_parcel(parcel(9, SLOT[0], SLOT[1], SLOT[2]))
+    top = SLOT[2] + SIZE_M[2]
+    reach(case, world, (SLOT[0], SLOT[1], top + 0.003), grip=False)
+    run(case, world, 0.3, grip=True)
+    reach(case, world, (SLOT[0], SLOT[1], top + 0.05), grip=True, seconds=1.0)
+    assert (world.held().tolist(), world.grip_loss(0)) == ([9], "")
+    world.fail_grip(0)
+    run(case, world, 0.5, grip=True)
+    assert world.held().tolist() == [-1]
+    assert world.grip_loss(0) == "its tool has failed"
+    assert world.parcel_poses()[0, 2] == pytest.approx(top - SIZE_M[2] / 2, abs=0.005)
+    reach(case, world, (SLOT[0], SLOT[1], top + 0.003), grip=True, seconds=1.0)
+    assert world.held().tolist() == [-1]
+    run(case, world, 0.1)
+    run(case, world, 0.3, grip=True)
+    assert (world.held().tolist(), world.grip_loss(0)) == ([9], "")
+
+
 def test_rays_meet_walls_cars_and_run_time_boxes(case: Case, world: World) -> None:
     run(case, world, 0.1)
     origins = np.array([[1.5, 4.5, 0.2], [3.0, LANE_Y_M, 0.08], [1.5, 4.5, 0.2]])

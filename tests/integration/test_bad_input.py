@@ -49,6 +49,8 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
     ("words", "expected"),
     [
         (["--robots", "x"], ["--robots is 'x'", "an integer"]),
+        (["--grip-force", "-1"], ["--grip-force is -1.0", "a number > 0"]),
+        (["--grip-force", "2"], ["--grip-force is 2.0", "holds 0.5 kg", "this one holds 0.068 kg"]),
         (["--robots=1.5"], ["--robots is '1.5'", "an integer"]),
         (["--robots"], ["--robots has no value"]),
         (["--robots", "0"], ["--robots is 0", "an integer >= 1"]),

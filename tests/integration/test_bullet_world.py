@@ -229,6 +229,7 @@ def test_a_parcel_above_the_limit_of_the_cup_is_dropped(make_world: MakeWorld) -
     run(world, 0.1, q=low, grip=True)
     sweep(world, low, high, 0.3, grip=True)
     assert world.held()[0] == -1
+    assert "N, the cup holds 24.0 N" in world.grip_loss(0)
     assert world.parcel_poses()[0, 2] < SLOT[2] + 0.06
 
 

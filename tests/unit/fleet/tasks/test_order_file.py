@@ -36,6 +36,15 @@ def read(small_site: Site, tmp_path: Path) -> Read:
     return read_text
 
 
+def test_a_parcel_that_no_grip_holds_is_refused(small_site: Site, tmp_path: Path) -> None:
+    path = tmp_path / "orders.csv"
+    path.write_text(HEADER + GOOD + "b,0,pick_1,drop_1,0.9,0.06\n", encoding="utf-8")
+    book = read_orders(path, small_site, CARS, grip_kg=0.68)
+    assert [order.name for order in book.orders] == ["a"]
+    (refusal,) = book.refused
+    assert refusal.cause == "mass_kg is '0.9'; valid: at most 0.68, what the arms' grip holds"
+
+
 def test_orders_are_read_in_the_order_of_their_release(read: Read) -> None:
     orders = read(
         HEADER

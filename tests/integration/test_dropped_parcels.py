@@ -1,0 +1,99 @@
+"""Parcels that an arm loses: noticed, found, picked again, or the task fails with a reason; never lost in silence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fleet.config import ArmConfig, Fidelity, Grip, RunConfig, ScenarioEvent
+from fleet.insight.metrics import Summary
+from fleet.simulation import Event, Simulation
+from fleet.stations.service import ServiceState
+from fleet.tasks.board import TaskState
+
+SETTINGS = {"site": "cell", "robots": 1, "tasks": 1, "duration_s": 150.0, "arms": ArmConfig(workers_n=0)}
+
+
+def drop(arm: int, carried_s: float, **settings: object) -> tuple[Summary, list[Event]]:
+    log: list[Event] = []
+    event = ScenarioEvent(time_s=0.0, kind="grip_lost", target=f"arm_{arm}", parameters={"carried_s": carried_s})
+    config = RunConfig(**SETTINGS | {"fidelity": Fidelity.KINEMATIC, "events": (event,)} | settings)  # type: ignore[arg-type]
+    with Simulation(config, on_event=log.append) as simulation:
+        simulation.run()
+        return simulation.summary(), log
+
+
+def of_kind(log: list[Event], kind: str) -> list[Event]:
+    return [event for event in log if event.kind == kind]
+
+
+def check_done(summary: Summary) -> None:
+    assert (summary.tasks_done, summary.tasks_failed, summary.parcels_dropped) == (1, 0, 1)
+    assert (summary.parcel_balance, summary.parcels_misplaced) == (0, 0)
+    assert (summary.robot_contacts, summary.static_contacts) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("arm", "carried_s", "beside"), [(0, 0.3, False), (0, 1.0, True), (1, 0.3, False)], ids=["slot", "floor", "tray"]
+)
+def test_a_dropped_parcel_is_picked_again_from_where_it_lies(arm: int, carried_s: float, beside: bool) -> None:
+    summary, log = drop(arm, carried_s)
+    check_done(summary)
+    (dropped,) = of_kind(log, "parcel_dropped")
+    assert dropped.facts["cause"] == "its tool has failed"
+    assert dropped.facts["arm"] == f"arm_{arm}"
+    again = of_kind(log, "transfer_repeated")
+    assert again[0].facts["cause"] == f"arm_{arm} dropped the parcel (its tool has failed)"
+    assert ("x_m" in again[0].facts) == beside
+
+
+def test_a_parcel_that_falls_where_no_arm_gets_fails_its_task_with_a_reason() -> None:
+    log: list[Event] = []
+    config = RunConfig(**SETTINGS | {"fidelity": Fidelity.KINEMATIC})  # type: ignore[arg-type]
+    with Simulation(config, on_event=log.append) as simulation:
+        while not simulation.desk.services[0].carries:
+            simulation.tick()
+        # Thrown, not dropped: into the next lane.
+        simulation.world.fail_grip(0)
+        simulation.tick()
+        poses = simulation.world._parcels.poses  # type: ignore[attr-defined]
+        poses[0, :2] += (0.0, 1.5)
+        assert simulation.desk.services[0].state in (ServiceState.PLANNING, ServiceState.MOVING)
+        simulation.run()
+        summary = simulation.summary()
+        task = simulation.board.tasks[0]
+        x, y, _ = simulation.dispatcher.stock.pose(task)[:3]
+    assert (summary.tasks_done, summary.tasks_failed, summary.parcel_balance) == (0, 1, 0)
+    assert task.state is TaskState.FAILED
+    assert "no way to the parcel" in task.reason
+    assert f"parcel lies at ({round(float(x), 3)}, {round(float(y), 3)}, " in task.reason
+
+
+@pytest.mark.bullet
+@pytest.mark.slow
+@pytest.mark.parametrize("grip", list(Grip))
+def test_a_parcel_dropped_in_physics_is_picked_again_and_the_run_repeats(grip: Grip) -> None:
+    runs = [drop(0, 0.2, fidelity=Fidelity.PHYSICS, grip=grip) for _ in range(2)]
+    summary, log = runs[0]
+    check_done(summary)
+    assert len(of_kind(log, "transfer_repeated")) >= 1
+    assert summary.state_hash == runs[1][0].state_hash
+    assert summary.slip_max_m is not None
+    assert summary.slip_max_m < (0.0001 if grip is Grip.SUCTION else 0.005)
+
+
+@pytest.mark.bullet
+def test_an_overloaded_cup_says_so() -> None:
+    log: list[Event] = []
+    config = RunConfig(**SETTINGS | {"fidelity": Fidelity.PHYSICS})  # type: ignore[arg-type]
+    with Simulation(config, on_event=log.append) as simulation:
+        while not simulation.desk.services[0].carries:
+            simulation.tick()
+        simulation.world._grip._limit[0] = 0.5  # type: ignore[attr-defined]
+        while not of_kind(log, "parcel_dropped"):
+            simulation.tick()
+        cause = str(of_kind(log, "parcel_dropped")[0].facts["cause"])
+        assert cause.startswith("it pulled with ")
+        assert cause.endswith(" N, the cup holds 0.5 N")
+        assert simulation.desk.dropped_n == 1
+        assert np.all(simulation.world.held() == -1)
