@@ -48,8 +48,8 @@ class Demo:
     """CSV or JSON file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m and, if wanted, type
     and other columns, which the README lists."""
     events: Path | None = None
-    """TOML file of disturbances: [[event]] tables of time_s, kind (car_dead, arm_slow, lane_blocked, car_pushed),
-    target and parameters."""
+    """TOML file of disturbances: [[event]] tables of time_s, kind (car_dead, car_pushed, arm_slow, grip_lost,
+    lane_blocked), target and parameters."""
     seed: int = 0
     """Seed of everything random; the same seed gives the same run."""
     duration: float = 3600.0
