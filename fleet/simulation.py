@@ -359,8 +359,13 @@ class Simulation:
         self.batches.moved(task, before, now_s)
 
     def _parcel_lost(self, arm: int, parcel: int) -> str:
-        """Tell the log of a parcel that an arm has lost from its grip; returns why, in words."""
-        cause = self.world.grip_loss(arm)
+        """Tell the log of a parcel that an arm has lost from its grip; returns why, in words.
+
+        One that was fetched ahead may have left the world, because its task was cancelled: that is no loss.
+        """
+        if parcel not in self.world.parcel_ids():
+            return ""
+        cause = self.world.grip_loss(arm) or "why is not known"
         x, y, z = (round(float(v), 3) for v in self.dispatcher.stock.pose(self.board.tasks[parcel])[:3])
         name = self.board.tasks[parcel].order.name
         self.log("parcel_dropped", task=name, arm=f"arm_{arm}", x_m=x, y_m=y, z_m=z, cause=cause)

@@ -40,7 +40,8 @@ class ArmDesk:
         car: Model of the cars that are served.
         start_rad: Joint positions at the start, shape (n_arms, n_joints).
         tick_s: Length of a tick [s].
-        lost: Called as ``lost(arm, parcel)`` when an arm has lost a parcel from its grip; returns why, in words.
+        lost: Called as ``lost(arm, parcel)`` when an arm has lost a parcel from its grip; returns why, in words, or
+            nothing if it was taken away on purpose.
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class ArmDesk:
         start_rad: FloatArray,
         tick_s: float,
         *,
-        lost: Callable[[int, int], str] | None = None,
+        lost: Callable[[int, int], str] = lambda arm, parcel: "",
     ) -> None:
         self.car = car
         self.services = [ArmService(arm, q) for arm, q in enumerate(start_rad)]
@@ -129,9 +130,10 @@ class ArmDesk:
                 service.reset()
             elif service.state in (ServiceState.MISSED, ServiceState.DROPPED):
                 self._reasons[service.arm] = f"arm_{service.arm} {service.state} the parcel"
-                self.dropped_n += service.state is ServiceState.DROPPED
-                if service.state is ServiceState.DROPPED and self._lost is not None:
-                    self._reasons[service.arm] += f" ({self._lost(service.arm, service.parcel)})"
+                cause = self._lost(service.arm, service.parcel) if service.state is ServiceState.DROPPED else ""
+                if cause:
+                    self.dropped_n += 1
+                    self._reasons[service.arm] += f" ({cause})"
                 service.release()
                 self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
 
