@@ -73,6 +73,8 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--rate",
         "60",
         "--battery",
+        "--grip-force",
+        "30",
     )
     changed = {
         field.name for field in dataclasses.fields(Demo) if getattr(command, field.name) != getattr(Demo(), field.name)
