@@ -12,6 +12,8 @@ from numba import njit
 
 from fleet.errors import ConfigError, FleetError
 from fleet.robots.spec import CarSpec
+from fleet.sensors.camera import Camera, CameraImage
+from fleet.sensors.errors import SensorError
 from fleet.world.arms import ServoArms
 from fleet.world.parcels import Parcels, ParcelSnapshot
 from fleet.world.protocol import TOOL_FAILED, Contacts, FloatArray, IntArray, ParcelBody
@@ -221,6 +223,14 @@ class PlanarWorld:
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """See `World`; in the plane: z is ignored, a body that contains a ray's origin does not stop it."""
         return self._surroundings.rays(origins, ends, self._cars.poses)
+
+    def image(self, camera: Camera) -> CameraImage:
+        """Refuse: nothing here has a body that could be seen.
+
+        Raises:
+            SensorError: Always.
+        """
+        raise SensorError(f"camera {camera.name}: this world has no bodies to see; valid: fidelity physics")
 
     def save(self) -> PlanarSnapshot:
         """See `World`."""

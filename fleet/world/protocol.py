@@ -8,6 +8,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from fleet.sensors.camera import Camera, CameraImage
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
@@ -117,6 +119,13 @@ class World(Protocol):
 
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,)."""
+
+    def image(self, camera: Camera) -> CameraImage:
+        """What a camera sees now.
+
+        Raises:
+            SensorError: A world without bodies to see.
+        """
 
     def save(self) -> object:
         """A snapshot for `load` in this process."""

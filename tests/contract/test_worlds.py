@@ -13,6 +13,8 @@ from scipy.optimize import least_squares
 
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
+from fleet.sensors.camera import Camera
+from fleet.sensors.errors import SensorError
 from fleet.world.grid import GridConfig, GridWorld
 from fleet.world.kinematic import KinematicConfig, KinematicWorld
 from fleet.world.protocol import ParcelBody, World
@@ -158,6 +160,17 @@ def test_answers_are_copies(world: World) -> None:
     before = world.state_bytes()
     for ask in (world.car_poses, world.car_speeds, world.arm_positions, world.held):
         ask()[:] = 5
+    assert world.state_bytes() == before
+
+
+def test_an_image_or_a_named_refusal(world: World) -> None:
+    camera = Camera.looking_at("eye", eye_m=(1.0, 1.0, 2.0), target_m=(2.0, 1.0, 0.0), width_px=32, height_px=24)
+    if isinstance(world, KinematicWorld | GridWorld):
+        with pytest.raises(SensorError, match=r"camera eye: .*; valid: fidelity physics"):
+            world.image(camera)
+        return
+    before = world.state_bytes()
+    assert world.image(camera).depth_m.shape == (24, 32)
     assert world.state_bytes() == before
 
 

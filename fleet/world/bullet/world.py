@@ -13,7 +13,9 @@ import numpy.typing as npt
 from fleet.config import Grip
 from fleet.errors import ConfigError
 from fleet.robots.tools import TOOLS
+from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.bullet.arms import Arms
+from fleet.world.bullet.camera import render
 from fleet.world.bullet.cars import FLOOR_GROUP, Cars
 from fleet.world.bullet.clearance import arm_gap, near_cars
 from fleet.world.bullet.client import Client, PhysicsError, quiet
@@ -266,6 +268,10 @@ class BulletWorld:
             part = slice(first, first + _RAYS_PER_CALL)
             fractions.extend(hit[2] for hit in self._client.rayTestBatch(origins[part].tolist(), ends[part].tolist()))
         return np.array(fractions)
+
+    def image(self, camera: Camera) -> CameraImage:
+        """What a camera sees now, rendered without a display; changes nothing."""
+        return render(self._client, camera, self._parcels.by_body)
 
     def save(self) -> Snapshot:
         """Remember this moment; see the class for how exact a return is."""
