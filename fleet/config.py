@@ -27,6 +27,15 @@ class Grip(StrEnum):
     FRICTION = "friction"
 
 
+class Perception(StrEnum):
+    """How it is known where a parcel lies that an arm is to pick."""
+
+    TRUTH = "truth"
+    """From the world itself."""
+    CAMERA = "camera"
+    """From an image of the station's camera."""
+
+
 class Connect(StrEnum):
     """How the physics engine is reached."""
 
@@ -350,6 +359,9 @@ class RunConfig:
     grip: Grip = Grip.SUCTION
     grip_force_n: float | None = None
     """Most force of the cup, or of each finger [N]; None = 100 and 40. Orders that it cannot hold are refused."""
+    perception: Perception = Perception.TRUTH
+    askew: bool = False
+    """Parcels are put on the racks anyhow: up to 15 mm beside the middle of the slot, and turned by any angle."""
     connect: Connect = Connect.DIRECT
     shared_memory_key: int = 12347
     """Key of a running physics server; used with SHARED_MEMORY only."""
@@ -364,11 +376,13 @@ class RunConfig:
     battery: BatteryConfig = field(default_factory=BatteryConfig)
 
     def __post_init__(self) -> None:
-        for name, kind in (("fidelity", Fidelity), ("grip", Grip), ("connect", Connect)):
+        for name, kind in (("fidelity", Fidelity), ("grip", Grip), ("perception", Perception), ("connect", Connect)):
             # Plain words are welcome from Python; what follows compares members.
             value = getattr(self, name)
             require(value in list(kind), name, value, ", ".join(kind))
             object.__setattr__(self, name, kind(value))
+        seen = self.perception is Perception.TRUTH or self.fidelity is Fidelity.PHYSICS
+        require(seen, "--perception", str(self.perception), "truth, or camera with --fidelity physics")
         require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
         require(self.tasks is None or self.tasks >= 1, "--tasks", self.tasks, "an integer >= 1")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")

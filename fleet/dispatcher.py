@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from fleet.allotment import Allotment, Situation
 from fleet.approach import Approach
 from fleet.charging import Charging
+from fleet.config import Perception as PerceptionKind
 from fleet.config import RunConfig
 from fleet.docks import Docks
 from fleet.errors import FleetError
@@ -16,6 +19,7 @@ from fleet.fetching import Fetching
 from fleet.lookahead import Lookahead
 from fleet.outlook import Outlook, Outlooks
 from fleet.parking import Parking
+from fleet.perception import Perception, SeenPoses, TruePoses
 from fleet.places import Places
 from fleet.prices import Pricing
 from fleet.robots.battery import Batteries
@@ -79,6 +83,7 @@ class Dispatcher:
         world: Where parcels appear and vanish.
         abilities: What each car can carry.
         batteries: State of charge of the cars; None for cars that never need to charge.
+        askew: Draws how parcels are put on their slots; None = exactly.
         log: Called as ``log(kind, **facts)`` for every event.
     """
 
@@ -96,6 +101,7 @@ class Dispatcher:
         world: World,
         abilities: Sequence[Ability],
         batteries: Batteries | None,
+        askew: np.random.Generator | None,
         log: Log,
     ) -> None:
         self.board = board
@@ -165,9 +171,21 @@ class Dispatcher:
             log=log,
         )
         self.stock = Stock(
-            board, stations, desk.car, world, log, backlog, self.reasons, self._pricing.source_cost, filling.turn_s
+            board,
+            stations,
+            desk.car,
+            world,
+            log,
+            backlog,
+            self.reasons,
+            self._pricing.source_cost,
+            filling.turn_s,
+            askew,
         )
-        self._fetching = Fetching(stations, desk, self.stock, traffic, executor, world.tick_s, log)
+        self.perception: Perception = TruePoses(self.stock)
+        if config.perception is PerceptionKind.CAMERA:
+            self.perception = SeenPoses(stations, desk.car, world, self.stock, log)
+        self._fetching = Fetching(stations, desk, self.perception, traffic, executor, world.tick_s, log)
         self._outlooks = Outlooks(self._stations, self.roster, self.service_times, traffic, executor)
         self._docks = Docks(
             graph=graph,
@@ -176,6 +194,7 @@ class Dispatcher:
             roster=self.roster,
             approach=self._approach,
             stock=self.stock,
+            perception=self.perception,
             desk=desk,
             service_times=self.service_times,
             traffic=traffic,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from fleet.approach import Approach
 from fleet.executor import Executor
+from fleet.perception import Perception
 from fleet.roster import CarPhase, Roster
 from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.service import ServiceState
@@ -35,6 +36,7 @@ class Docks:
         roster: What cars are about.
         approach: Sends loaded cars on.
         stock: Tells where parcels really are.
+        perception: Tells the arms where parcels lie.
         desk: Arm planning and playback.
         service_times: Learns how long the arms take.
         traffic: Told who stands fixed, and which docks to go round.
@@ -53,6 +55,7 @@ class Docks:
         roster: Roster,
         approach: Approach,
         stock: Stock,
+        perception: Perception,
         desk: ArmDesk,
         service_times: ServiceTimes,
         traffic: Traffic,
@@ -68,6 +71,7 @@ class Docks:
         self._roster = roster
         self._approach = approach
         self._stock = stock
+        self._perception = perception
         self._desk = desk
         self._service_times = service_times
         self._traffic = traffic
@@ -139,12 +143,16 @@ class Docks:
         # What the usual way did not get twice is gripped as it lies, on whatever face.
         if not fetched and (not at_source or attempt == MAX_ATTEMPTS):
             pick_via = LOOSE
+        sighting = self._perception.find(task, station)
+        if sighting.reason:
+            self._desk.refuse(station.arm, task.parcel, sighting.reason, tick)
+            return
         self._desk.submit(
             TransferRequest(
                 arm=station.arm,
                 parcel=task.parcel,
-                size_m=task.delivery.size_m,
-                pick_pose=self._stock.pose(task),
+                size_m=sighting.size_m,
+                pick_pose=sighting.pose,
                 pick_via=pick_via,
                 place_via=TRAY if loading else slot,
                 car_pose=self._executor.driver.estimate[car].copy(),

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from fleet.executor import Executor
+from fleet.perception import Perception
 from fleet.roster import CarPhase, Roster
 from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.service import ServiceState
 from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
 from fleet.stations.transfer import FetchRequest
-from fleet.stock import Stock
 from fleet.tasks.board import Task, TaskState
 from fleet.traffic import Traffic
 
@@ -33,7 +33,7 @@ class Fetching:
     Args:
         stations: In the order of the arms.
         desk: Arm planning and playback.
-        stock: Tells where parcels are.
+        perception: Tells where parcels lie.
         traffic: Gives distances.
         executor: Tells where cars are.
         tick_s: Length of a tick [s].
@@ -44,7 +44,7 @@ class Fetching:
         self,
         stations: Sequence[Station],
         desk: ArmDesk,
-        stock: Stock,
+        perception: Perception,
         traffic: Traffic,
         executor: Executor,
         tick_s: float,
@@ -59,7 +59,7 @@ class Fetching:
             and desk.services[station.arm].fetches
         ]
         self._desk = desk
-        self._stock = stock
+        self._perception = perception
         self._traffic = traffic
         self._executor = executor
         self._log = log
@@ -98,14 +98,17 @@ class Fetching:
         if task.pick_slot is None:
             return
         self._fetches[task.index] = self._fetches.get(task.index, 0) + 1
+        sighting = self._perception.find(task, station)
+        if sighting.reason:
+            return
         self._task[station.arm] = task
         self._log("fetched_ahead", task=task.order.name, station=station.name, car=f"car_{task.car}")
         self._desk.fetch(
             FetchRequest(
                 arm=station.arm,
                 parcel=task.parcel,
-                size_m=task.delivery.size_m,
-                pick_pose=self._stock.pose(task),
+                size_m=sighting.size_m,
+                pick_pose=sighting.pose,
                 pick_via=task.pick_slot,
             ),
             tick,

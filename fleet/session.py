@@ -46,6 +46,7 @@ LOUD = frozenset(
         "plan_cut",
         "rejoin_impossible",
         "transfer_repeated",
+        "parcel_not_located",
         "disturbance",
         "car_lost",
         "order_refused",

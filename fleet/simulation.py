@@ -109,7 +109,7 @@ class Simulation:
         require(traffic.planner in PLANNERS, "--planner", traffic.planner, ", ".join(PLANNERS))
         require_allocator(allocation.allocator, "--allocator")
         self.on_event = on_event
-        orders_seed, estimate_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(3)
+        orders_seed, estimate_seed, traffic_seed, askew_seed = np.random.SeedSequence(config.seed).spawn(4)
         self.graph: LaneGraph = build_lane_graph(self.site)
         start_states = np.array(
             [self.graph.states_of_cell(cell)[0] for cell in self.site.parking[: config.robots]], dtype=np.int32
@@ -154,6 +154,7 @@ class Simulation:
                 world=self.world,
                 abilities=self.abilities,
                 batteries=self.batteries,
+                askew=np.random.default_rng(askew_seed) if config.askew else None,
                 log=self.log,
             )
             self.recovery = Recovery(self)

@@ -21,6 +21,8 @@ ON_SLOT_LIFT_M = 0.015
 """And its lower side this close to the slot's surface [m]."""
 DROP_M = 0.001
 """A new parcel appears this far above its slot [m]."""
+ASKEW_M = 0.015
+"""Parcels that are put down anyhow lie within this of the middle of their slot, along x and along y [m]."""
 
 Log = Callable[..., None]
 _NOT_IN_WORLD = (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED, TaskState.CANCELLED)
@@ -39,6 +41,7 @@ class Stock:
         reasons: Told why a task waits.
         source_cost: Called as ``source_cost(pick, task)``: what it costs to bring a task's parcel from a pick station.
         turn_s: Called as ``turn_s(task)``: when a task is planned to be picked [s], inf = that is not planned.
+        askew: Draws how parcels are put on their slots; None = exactly in the middle and straight.
     """
 
     def __init__(
@@ -52,6 +55,7 @@ class Stock:
         reasons: ReasonBook,
         source_cost: Callable[[str, Task], float],
         turn_s: Callable[[Task], float],
+        askew: np.random.Generator | None,
     ) -> None:
         self.entered_n = 0
         self.left_n = 0
@@ -66,6 +70,7 @@ class Stock:
         self._reasons = reasons
         self._source_cost = source_cost
         self._turn_s = turn_s
+        self._askew = askew
 
     def tick(self, now_s: float) -> bool:
         """Take out what is to be collected, and put the parcels of released orders on free pick slots.
@@ -203,11 +208,19 @@ class Stock:
             raise AssertionError("a task that enters has a slot")
         x, y, z = station.place.slots[slot]
         size = task.delivery.size_m
-        pose = np.array([x, y, z + size[2] / 2 + DROP_M, 0.0, 0.0, 0.0, 1.0])
+        dx, dy, half_yaw = self._placing()
+        pose = np.array([x + dx, y + dy, z + size[2] / 2 + DROP_M, 0.0, 0.0, np.sin(half_yaw), np.cos(half_yaw)])
         self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.delivery.mass_kg, pose=pose))
         self.entered_n += 1
         self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
         self._board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
+
+    def _placing(self) -> tuple[float, float, float]:
+        """How a parcel is put on its slot: beside the middle along x and y [m], and half its turn [rad]."""
+        if self._askew is None:
+            return 0.0, 0.0, 0.0
+        dx, dy = self._askew.uniform(-ASKEW_M, ASKEW_M, 2).tolist()
+        return dx, dy, float(self._askew.uniform(-np.pi / 2, np.pi / 2))
 
     def _collect(self, station: Station, slot: int, now_s: float) -> None:
         content = station.contents[slot]

@@ -18,6 +18,7 @@ from fleet.config import (
     Connect,
     Fidelity,
     Grip,
+    Perception,
     RunConfig,
     StreamConfig,
     StreamKind,
@@ -62,6 +63,10 @@ class Demo:
     """How the arms hold parcels."""
     grip_force: float | None = None
     """Most force of the cup, or of each finger [N]; default 100 and 40. Orders that it cannot hold are refused."""
+    perception: Perception = Perception.TRUTH
+    """How the arms know where a parcel lies: truth, or camera, which needs --fidelity physics."""
+    askew: bool = False
+    """Parcels are put on the racks beside the middle of their slot and turned."""
     fidelity: Fidelity = Fidelity.PHYSICS
     """How robots are moved."""
     planner: str = "pibt"
@@ -100,6 +105,8 @@ class Demo:
             fidelity=self.fidelity,
             grip=self.grip,
             grip_force_n=self.grip_force,
+            perception=self.perception,
+            askew=self.askew,
             connect=Connect.GUI if self.gui else Connect.DIRECT,
             traffic=TrafficConfig(planner=self.planner),
             battery=BatteryConfig(enabled=self.battery),
@@ -165,6 +172,10 @@ def _table(result: dict[str, object]) -> Table:
         ("parcels dropped", "{parcels_dropped}"),
         ("slip in the grip, median", "{slip_median_m:.4f} m"),
         ("slip in the grip, most", "{slip_max_m:.4f} m"),
+        ("parcels located by cameras", "{parcels_located}"),
+        ("looks without a result", "{looks_failed}"),
+        ("error of a located parcel, median", "{pose_error_median_mm:.2f} mm"),
+        ("error of a located parcel, most", "{pose_error_max_mm:.2f} mm"),
         ("lowest charge", "{lowest_charge:.0%}"),
         ("charging sessions, all cars", "{charging_sessions}"),
         ("bottleneck", "{bottleneck}"),
@@ -184,6 +195,10 @@ def _table(result: dict[str, object]) -> Table:
         field = form.split("{")[1].split("}")[0].split(":")[0]
         if "charg" in field and result["lowest_charge"] is None:
             continue  # cars without batteries
+        if field in ("parcels_located", "looks_failed", "pose_error_median_mm", "pose_error_max_mm") and not (
+            result["parcels_located"] or result["looks_failed"]
+        ):
+            continue  # no cameras
         if ("batch" in field and not result["batches"]) or (field == "visits_done" and not result[field]):
             continue
         table.add_row(name, "-" if result[field] is None else form.format(**result))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 from fleet.world.protocol import FloatArray
 
 if TYPE_CHECKING:
+    from fleet.perception import Perception
     from fleet.simulation import Simulation
 
 _WAITING = (TaskState.BACKLOG, TaskState.READY, *UNDER_WAY)
@@ -87,6 +88,16 @@ class Summary:
     slip_max_m: float | None
     slip_turn_max_rad: float | None
     """The most that one turned in the grip."""
+    parcels_located: int
+    """Times a camera told where a parcel lies."""
+    looks_failed: int
+    """Times it could not."""
+    pose_error_median_mm: float | None
+    """Distance from the located to the true centre of a parcel, median [mm]; None if no camera located any."""
+    pose_error_max_mm: float | None
+    turn_error_median_deg: float | None
+    """Turn between the located and the true edges of a parcel, median [deg]."""
+    turn_error_max_deg: float | None
     lowest_charge: float | None
     """Least state of charge any car ever had, 0 to 1; None without batteries."""
     charging_sessions: int
@@ -170,6 +181,7 @@ class Metrics:
             slip_median_m=round(float(np.median(slips_m)), 6) if slips_m else None,
             slip_max_m=round(max(slips_m), 6) if slips_m else None,
             slip_turn_max_rad=round(max(slip.turn_rad for slip in meter.slips), 5) if meter and slips_m else None,
+            **_seen(simulation.dispatcher.perception),
             lowest_charge=round(batteries.lowest, 4) if batteries is not None else None,
             charging_sessions=charging.sessions_n if charging is not None else 0,
             cars_stranded=int((batteries.charge <= 0.0).sum()) if batteries is not None else 0,
@@ -207,6 +219,20 @@ class Metrics:
             f"{simulation.stations[worst].name} (arm_{worst}): busy {time.busy / ticks:.0%} of the time, "
             f"cars waiting for it {time.contended / ticks:.0%}"
         )
+
+
+def _seen(perception: Perception) -> dict[str, Any]:
+    """Figures of what cameras located."""
+    apart_mm = [1000.0 * error.distance_m for error in perception.errors]
+    turn_deg = [math.degrees(error.turn_rad) for error in perception.errors]
+    return {
+        "parcels_located": len(apart_mm),
+        "looks_failed": perception.blind_n,
+        "pose_error_median_mm": round(float(np.median(apart_mm)), 3) if apart_mm else None,
+        "pose_error_max_mm": round(max(apart_mm), 3) if apart_mm else None,
+        "turn_error_median_deg": round(float(np.median(turn_deg)), 3) if turn_deg else None,
+        "turn_error_max_deg": round(max(turn_deg), 3) if turn_deg else None,
+    }
 
 
 def _shares(time: CarTime) -> dict[str, float]:

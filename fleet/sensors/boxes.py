@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -219,7 +220,7 @@ class _Scan:
         return hidden / max(outline, 1)
 
 
-def _shifted(image: npt.NDArray, axis: int, step: int, fill: float | bool) -> npt.NDArray:  # type: ignore[type-arg]
+def _shifted(image: npt.NDArray[Any], axis: int, step: int, fill: float | bool) -> npt.NDArray[Any]:
     """Every pixel's neighbour one step along an axis."""
     moved = np.roll(image, -step, axis=axis)
     edge = -1 if step > 0 else 0

@@ -14,6 +14,9 @@ from fleet.stations.service import ArmService, ServiceState
 from fleet.stations.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer, TransferRequest
 from fleet.world.protocol import FloatArray, IntArray
 
+LOOK_AGAIN_S = 1.0
+"""Time from a look that did not find a parcel to the next: what hid it may have moved [s]."""
+
 
 class ArmPlanner(Protocol):
     """Answers requests in the order they were made; the answer depends on the request alone."""
@@ -65,7 +68,7 @@ class ArmDesk:
         """Parcels that arms have lost from their grips."""
         self._latency = round(config.latency_s / tick_s)
         self._tick_s = tick_s
-        self._due: dict[int, tuple[int, int]] = {}
+        self._due: dict[int, tuple[int, int | Transfer]] = {}
         self._reasons = [""] * len(start_rad)
 
     def is_idle(self, arm: int) -> bool:
@@ -107,6 +110,13 @@ class ArmDesk:
             )
         self._ask(request.arm, self._planner.submit(question), tick)
 
+    def refuse(self, arm: int, parcel: int, reason: str, tick: int) -> None:
+        """Answer a transfer for which no request can be made, as its parcel was not found, after `LOOK_AGAIN_S`."""
+        self._reasons[arm] = ""
+        self.services[arm].request()
+        refusal = Transfer(arm=arm, parcel=parcel, steps=(), reason=reason)
+        self._due[arm] = (tick + round(LOOK_AGAIN_S / self._tick_s), refusal)
+
     def slow(self, arm: int, factor: float) -> None:
         """Play an arm's motions at a fraction of their speed."""
         self.services[arm].speed = factor
@@ -116,10 +126,10 @@ class ArmDesk:
 
     def tick(self, tick: int, held: IntArray) -> None:
         """Land the answers that are due and advance every busy arm; fills `q`, `qd` and `grip`."""
-        for arm, (due_tick, ticket) in list(self._due.items()):
+        for arm, (due_tick, answer) in list(self._due.items()):
             if due_tick <= tick:
                 del self._due[arm]
-                self._land(arm, self._planner.result(ticket))
+                self._land(arm, answer if isinstance(answer, Transfer) else self._planner.result(answer))
         for service in self.services:
             if service.state is ServiceState.IDLE:
                 continue
