@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fleet.config import RunConfig
+from fleet.config import Perception, RunConfig
 from fleet.insight.metrics import Summary
 from fleet.interrupts import interrupts
 from fleet.progress import Progress
@@ -200,6 +200,7 @@ def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
         tick_s=simulation.tick_s,
         plots={"speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)}
         | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
+        cameras=floor.station_names if simulation.config.perception is Perception.CAMERA else (),
         serve=session.serve,
         port=session.port,
     )
@@ -237,6 +238,8 @@ class _Watch:
         cars = range(world.n_cars)
         clearance = world.min_clearance_m()
         changed, self._changed_tasks = self._changed_tasks, {}
+        perception = simulation.dispatcher.perception
+        views, perception.looks = perception.looks, {}
         self._recorder.record(
             Frame(
                 tick=simulation.now,
@@ -255,6 +258,7 @@ class _Watch:
                 paths=tuple(simulation.driver.remaining(car) for car in cars) if fresh else None,
                 plans=tuple(simulation.executor.planned_line(car) for car in cars) if fresh else None,
                 plan_epoch=self._epoch,
+                views=views,
                 metrics=_charge(simulation)
                 | {
                     "mean_speed_mps": float(np.mean(np.abs(speeds))),

@@ -1,4 +1,4 @@
-"""Benchmark of arms: collision checks, inverse kinematics and plans, against the usual way in PyBullet; and grasps.
+"""Benchmark of arms: collision checks, inverse kinematics, plans, against the usual way in PyBullet; grasps and cameras.
 
 A group is a function from a `Trial` to rows; it checks every answer before it counts a time. A new group is one file
 here and one line in `GROUPS`. Times are CPU time of one process.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from benchmarks.arms.camera import measure_camera
 from benchmarks.arms.checks import measure_checks
 from benchmarks.arms.free import measure_free
 from benchmarks.arms.grasp import measure_grasp
@@ -23,12 +24,13 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "free": measure_free,
     "pair": measure_pair,
     "grasp": measure_grasp,
+    "camera": measure_camera,
 }
 
 
 BENCHMARK = Benchmark(
     name="arms",
-    summary="arms: collision checks, inverse kinematics, plans and grasps",
+    summary="arms: collision checks, inverse kinematics, plans, grasps and picking by camera",
     measure=in_groups(GROUPS),
     seeds=(0,),
     quick_seeds=(0,),

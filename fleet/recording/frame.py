@@ -10,6 +10,8 @@ from typing import Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
+from fleet.sensors.camera import CameraImage
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
@@ -51,6 +53,8 @@ class Frame:
     """Number of plans that have landed so far."""
     metrics: Mapping[str, float] = field(default_factory=dict)
     """Name -> value; the same keys in every frame."""
+    views: Mapping[str, CameraImage] = field(default_factory=dict)
+    """Station -> what its camera saw; only images that were taken since the last frame, which nobody changes."""
 
     def copied(self) -> Frame:
         """A frame that shares no array with the simulation."""
@@ -72,6 +76,7 @@ class Frame:
             plans=_copies(self.plans),
             plan_epoch=self.plan_epoch,
             metrics=dict(self.metrics),
+            views=dict(self.views),
         )
 
 

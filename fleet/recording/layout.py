@@ -12,6 +12,7 @@ import rerun.blueprint as rrb
 
 from fleet.recording.frame import FloorPlan
 from fleet.recording.scenery import CAMERA, LABELS, PIXELS_PER_M
+from fleet.recording.views import VIEWS
 from fleet.world.scene import Scene
 
 _LANES_N = 10
@@ -27,13 +28,14 @@ _ELEVATION_RAD = math.radians(60.0)
 _MARGIN_M = 0.6
 
 
-def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str]) -> rrb.Blueprint:
-    """Views for a run: scene, plan from above, one station close up, state lanes, plots, log.
+def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str], cameras: Sequence[str]) -> rrb.Blueprint:
+    """Views for a run: scene, plan from above, one station close up, cameras, state lanes, plots, log.
 
     Args:
         scene: Gives the extent of the floor and the number of robots.
         floor: Gives the name of the site.
         plots: Titles of the metric plots; their entities are ``/metrics/<title>``.
+        cameras: Names of the cameras; their entities are ``/world/cameras/<name>``.
     """
     few = len(scene.car_start) + len(scene.arm_base) <= _LANES_N
     site = _eye_view(f"Site {floor.name}", *_overview(scene.size_m, 2.0 if few else 2.8))
@@ -41,16 +43,20 @@ def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str]) -> rrb.Blueprin
     above = rrb.Spatial2DView(
         origin=f"/{CAMERA}",
         name="From above",
-        contents=["/world/**"],
+        contents=["/world/**", f"- /{VIEWS}/**"],
         visual_bounds=rrb.VisualBounds2D(
             x_range=(-(0.03 * width + _MARGIN_M) * PIXELS_PER_M, (1.03 * width + _MARGIN_M) * PIXELS_PER_M),
             y_range=(-(0.05 * depth + _MARGIN_M) * PIXELS_PER_M, (1.07 * depth + _MARGIN_M) * PIXELS_PER_M),
         ),
     )
-    close = []
+    close: list[rrb.Spatial3DView | rrb.Tabs] = []
     if len(scene.arm_base):
         name = floor.station_names[0] if floor.station_names else "arm_0"
-        close.append(_eye_view(f"Close-up {name}", *_closeup(scene.arm_base[0]), hidden=(CAMERA, LABELS)))
+        close.append(
+            _eye_view(f"Close-up {name}", *_closeup(scene.arm_base[0]), hidden=(CAMERA, LABELS, f"{VIEWS}/**"))
+        )
+    if cameras:
+        close = [rrb.Tabs(*close, *_camera_views(scene, cameras))]
     plans = rrb.Horizontal(above, *close, column_shares=[5, 3][: 1 + len(close)])
     plotted = _plots(plots)
     text = rrb.Tabs(
@@ -90,6 +96,23 @@ def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str]) -> rrb.Blueprin
     )
 
 
+def _camera_views(scene: Scene, cameras: Sequence[str]) -> list[rrb.Grid | rrb.Spatial3DView]:
+    """Colours and depths of all cameras side by side, and all depths as points in the scene."""
+    grids = [
+        rrb.Grid(
+            *(
+                rrb.Spatial2DView(origin=f"/{VIEWS}/{camera}", name=f"{camera} {word}", contents=[f"$origin/{word}"])
+                for camera in cameras
+            ),
+            name=title,
+        )
+        for title, word in (("Cameras", "rgb"), ("Depths", "depth"))
+    ]
+    eye, target = _closeup(scene.arm_base[0])
+    cloud = _eye_view("Points seen", eye, target, hidden=(CAMERA, LABELS, "world/parcels"))
+    return [*grids, cloud]
+
+
 def _lanes(name: str, *kinds: str) -> rrb.StateTimelineView:
     window = rrb.TimeAxis(
         view_range=rr.TimeRange(
@@ -119,7 +142,11 @@ def _plots(titles: Sequence[str]) -> rrb.Tabs:
 
 
 def _eye_view(
-    name: str, eye: npt.NDArray[np.float64], target: npt.NDArray[np.float64], *, hidden: tuple[str, ...] = (CAMERA,)
+    name: str,
+    eye: npt.NDArray[np.float64],
+    target: npt.NDArray[np.float64],
+    *,
+    hidden: tuple[str, ...] = (CAMERA, f"{VIEWS}/**"),
 ) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin="/world",

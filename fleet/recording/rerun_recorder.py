@@ -42,6 +42,7 @@ class RerunRecorder:
         tick_s: Length of a tick [s].
         rate_hz: Frames per simulated second at most; a slower tick records every tick.
         plots: Title -> names of the metrics drawn together; empty = all metrics in one plot.
+        cameras: Names of the cameras whose views come with frames.
         serve: Host a live server on 127.0.0.1.
         port: Its port.
 
@@ -59,6 +60,7 @@ class RerunRecorder:
         tick_s: float,
         rate_hz: float = 30.0,
         plots: Mapping[str, Sequence[str]] | None = None,
+        cameras: Sequence[str] = (),
         serve: bool = False,
         port: int = 9876,
     ) -> None:
@@ -85,7 +87,13 @@ class RerunRecorder:
             with path.open("wb"):
                 pass
             self._stream: Stream = Stream(
-                path=path, scene=scene, floor=floor, about=about, plots=plots or {}, port=port if serve else None
+                path=path,
+                scene=scene,
+                floor=floor,
+                about=about,
+                plots=plots or {},
+                cameras=cameras,
+                port=port if serve else None,
             )
         except (OSError, RuntimeError, ValueError) as error:
             raise RecordingError(f"recording {path} cannot be opened: {error}") from error

@@ -18,6 +18,7 @@ from fleet.recording.frame import FloorPlan, Frame, LogLine
 from fleet.recording.layout import layout
 from fleet.recording.poses import Array, Part, arm_link_poses, car_link_poses, parts
 from fleet.recording.scenery import log_part, log_scenery, log_tags
+from fleet.recording.views import VIEWS, log_camera, log_image
 from fleet.world.scene import Scene
 
 CAR_TAGS = "world/cars/tag"
@@ -37,6 +38,7 @@ class Stream:
         floor: Lanes, stations, parking.
         about: Facts on the run for the reader: seed, settings, versions.
         plots: Title -> names of the metrics drawn together; empty = all metrics in one plot.
+        cameras: Names of the cameras whose views may come.
         port: Port of the live server; None = no server.
     """
 
@@ -48,6 +50,7 @@ class Stream:
         floor: FloorPlan,
         about: Mapping[str, object],
         plots: Mapping[str, Sequence[str]],
+        cameras: Sequence[str],
         port: int | None,
     ) -> None:
         self._scene = scene
@@ -57,6 +60,7 @@ class Stream:
         self._words: tuple[object, ...] = ()
         self._states: dict[str, set[str]] = {}
         self._counts: tuple[str, ...] = ()
+        self._cameras: set[str] = set()
         self._rec = rr.RecordingStream("fleet", batcher_config=rr.ChunkBatcherConfig(flush_tick=_FLUSH_TICK_S))
         self._rec.set_log_time_enabled(False)
         self.uri = ""
@@ -65,7 +69,7 @@ class Stream:
             server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_SERVER_MEMORY)
             self.uri = server.uri
             sinks.append(server)
-        self._rec.set_sinks(*sinks, default_blueprint=layout(scene, floor, tuple(self._plots)))
+        self._rec.set_sinks(*sinks, default_blueprint=layout(scene, floor, tuple(self._plots), cameras))
         self._rec.send_recording_name(f"{floor.name}, {len(scene.car_start)} cars")
         log_scenery(self._rec, scene, floor)
         self._rec.log("about", rr.TextDocument(_markdown(floor.name, about), media_type="text/markdown"), static=True)
@@ -97,6 +101,7 @@ class Stream:
             self._write_scalars(frames, index)
             self._write_paths(frames)
             self._write_states(frames)
+            self._write_views(frames)
         if lines:
             index = _index([line.tick for line in lines], [line.sim_s for line in lines])
             columns = rr.TextLog.columns(text=[line.text for line in lines], level=[line.level for line in lines])
@@ -238,6 +243,17 @@ class Stream:
                     known.add(state)
                     self._configure(path, sorted(known))
                 self._rec.log(path, rr.StateChange(state=state))
+
+    def _write_views(self, frames: Sequence[Frame]) -> None:
+        for frame in frames:
+            if frame.views:
+                self._at(frame)
+            for name, image in frame.views.items():
+                path = f"{VIEWS}/{name}"
+                if name not in self._cameras:
+                    self._cameras.add(name)
+                    log_camera(self._rec, path, image.camera)
+                log_image(self._rec, path, image)
 
     def _configure(self, path: str, states: Sequence[str]) -> None:
         """Give every state seen so far its colour: states without one may look alike."""

@@ -1,5 +1,6 @@
 """Recordings read back from their files: complete, true to the frames, readable after any end."""
 
+import io
 import os
 import signal
 import socket
@@ -11,9 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image as Picture
 
 from fleet.recording import FloorPlan, Frame, LogLine, RecordingError, RerunRecorder
 from fleet.recording.check import verify_recording
+from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.scene import Scene
 
 Frames = Callable[[int], Iterator[Frame]]
@@ -196,6 +199,30 @@ def test_no_parcels_no_arms_no_paths_is_a_recording_too(tmp_path: Path, site: Si
             )
             recorder.record(bare)
     assert verify_recording(tmp_path / "a.rrd").frames == 5
+
+
+def test_what_a_camera_saw_is_shown_once_behind_its_pinhole(tmp_path: Path, site: Site, frames: Frames) -> None:
+    from dataclasses import replace
+
+    camera = Camera.looking_at("eye", eye_m=(1, 1, 2), target_m=(2, 1, 0), width_px=40, height_px=30, far_m=4.0)
+    depth = np.linspace(1.0, 3.0, 1200, dtype=np.float32).reshape(30, 40)
+    depth[0, 0] = np.inf
+    nothing = np.full((30, 40), -1, dtype=np.int32)
+    rgb = np.full((30, 40, 3), 128, dtype=np.uint8)
+    image = CameraImage(camera=camera, rgb=rgb, depth_m=depth, body=nothing, link=nothing, parcel=nothing)
+    path = tmp_path / "a.rrd"
+    with open_recorder(path, site, cameras=("pick_1",)) as recorder:
+        for k, frame in enumerate(frames(4)):
+            recorder.record(replace(frame, views={"pick_1": image} if k == 1 else {}))
+    assert verify_recording(path).verified
+    blobs = rows(path, "/world/cameras/pick_1/depth", "EncodedDepthImage:blob")
+    assert list(blobs) == [2]
+    stored = np.asarray(Picture.open(io.BytesIO(bytes(blobs[2][0]))))
+    assert stored[0, 0] == 0
+    np.testing.assert_allclose(stored.ravel()[1:] * 4.0 / 65_535, depth.ravel()[1:], atol=1e-4)
+    picture = Picture.open(io.BytesIO(bytes(rows(path, "/world/cameras/pick_1/rgb", "EncodedImage:blob")[2][0])))
+    assert picture.size == (40, 30)
+    assert "/world/cameras/pick_1" in verify_recording(path).entities
 
 
 def test_to_a_file_the_simulation_waits_and_nothing_is_lost(
