@@ -69,6 +69,8 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--fidelity", "real"], ["--fidelity is 'real'", "physics, kinematic, grid"]),
         (["--robtos", "3"], ["--robtos", "did you mean --robots?", "--fidelity"]),
         (["--no-record", "yes"], ["'yes'", "--help"]),
+        (["--perception", "radar"], ["--perception is 'radar'", "truth, camera"]),
+        (["--perception", "camera", "--fidelity", "grid"], ["--perception is 'camera'", "--fidelity physics"]),
         (["--gui", "--fidelity", "grid"], ["--gui", "--fidelity physics"]),
         (["--serve", "--no-record"], ["--serve", "without --no-record"]),
         (["--view", "--no-record"], ["--view", "without --no-record"]),
