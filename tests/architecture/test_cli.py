@@ -8,7 +8,7 @@ import tyro
 
 from fleet.cli import COMMANDS, OPTIONS, SITE_COMMANDS, main
 from fleet.commands.demo import Demo
-from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, RunConfig, StreamKind
+from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, Perception, RunConfig, StreamKind
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
@@ -43,15 +43,15 @@ def test_every_command_can_run(name: str) -> None:
 
 def test_the_demo_has_the_defaults_of_a_run() -> None:
     command, config = parsed("demo"), RunConfig()
-    for name in ("site", "robots", "tasks", "stream", "orders", "seed", "grip", "fidelity"):
+    for name in ("site", "robots", "tasks", "stream", "orders", "seed", "grip", "perception", "askew", "fidelity"):
         assert getattr(command, name) == getattr(config, name)
     assert command.duration == config.duration_s
     assert command.planner == config.traffic.planner
     assert command.allocator == config.allocation.allocator
 
 
-@pytest.mark.parametrize("choice", [*Fidelity, *Grip])
-def test_every_choice_parses_as_it_is_written(choice: Fidelity | Grip) -> None:
+@pytest.mark.parametrize("choice", [*Fidelity, *Grip, *Perception])
+def test_every_choice_parses_as_it_is_written(choice: Fidelity | Grip | Perception) -> None:
     option = type(choice).__name__.lower()
     assert getattr(parsed("demo", f"--{option}", choice.value), option) is choice
 
@@ -75,6 +75,7 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--battery",
         "--grip-force",
         "30",
+        "--askew",
     )
     changed = {
         field.name for field in dataclasses.fields(Demo) if getattr(command, field.name) != getattr(Demo(), field.name)
@@ -82,6 +83,7 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
     # The others choose among names, which the test above and the test of bad input do.
     assert {field.name for field in dataclasses.fields(Demo)} - changed == {
         "grip",
+        "perception",
         "fidelity",
         "planner",
         "allocator",
@@ -111,7 +113,7 @@ def test_the_demo_s_help_names_every_choice(capsys: pytest.CaptureFixture[str]) 
     with pytest.raises(SystemExit):
         main(["demo", "--help"])
     said = capsys.readouterr().out
-    for name in (*PLANNERS, *ALLOCATORS, *EVENT_PARAMETERS, *Grip, *Fidelity, *StreamKind):
+    for name in (*PLANNERS, *ALLOCATORS, *EVENT_PARAMETERS, *Grip, *Perception, *Fidelity, *StreamKind):
         assert name in said
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.arms import GROUPS, checks, free, inverse, plans
+from benchmarks.arms import GROUPS, camera, checks, free, inverse, plans
+from benchmarks.arms.bin_cell import BinCell, Pick
 from benchmarks.harness import Trial
 from planners.motion.collision import CollisionChecker
 from planners.motion.ik_numeric import NumericInverse
@@ -15,6 +16,8 @@ from planners.motion.rrt_connect_native import RrtConnectNative
 @pytest.fixture
 def trial(monkeypatch: pytest.MonkeyPatch) -> Trial:
     for module, name, value in (
+        (camera, "QUICK_BINS", 1),
+        (camera, "PARCELS_N", (2, 2)),
         (checks, "QUICK_STATES", 400),
         (checks, "QUICK_TIMED", 200),
         (checks, "QUICK_USUAL", 50),
@@ -64,3 +67,13 @@ def test_a_solution_beside_the_pose_is_told(trial: Trial, monkeypatch: pytest.Mo
     monkeypatch.setattr(NumericInverse, "ik_all", lambda self, pose: np.zeros((1, 7)))
     list(inverse.solver_rows(trial, "x", NumericInverse.from_joints(*limits), limits))
     assert "x: pose 0:" in trial.failures[0]
+
+
+@pytest.mark.bullet
+def test_a_parcel_located_elsewhere_is_told(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(BinCell, "error", lambda self, box: (0.2, 0.0))
+    monkeypatch.setattr(BinCell, "pick", lambda self, box, seed: Pick(picked=False, reason="not tried", sim_s=0.0))
+    rows = {row.name.strip(): row.value for row in camera.measure_camera(trial)}
+    assert "is located 0.200 m from where it is" in trial.failures[0]
+    assert rows["bins emptied"] == 0
+    assert trial.notes[0].startswith("camera: attempts that failed: not tried: 6")
