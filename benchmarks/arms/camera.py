@@ -28,6 +28,7 @@ class _Tally:
     """What is counted over all bins."""
 
     parcels: int = 0
+    located: int = 0
     picked: int = 0
     first_try: int = 0
     bins_empty: int = 0
@@ -54,7 +55,13 @@ def measure_camera(trial: Trial) -> Iterable[Row]:
         trial.notes.append(f"camera: attempts that failed: {found}")
     errors_mm, turns_deg = 1e3 * np.array(tally.errors_m), np.degrees(tally.turns_rad)
     yield Row(
-        name=f"camera: {tally.parcels} parcels in {n_bins} bins, picked",
+        name=f"camera: {tally.parcels} parcels in {n_bins} bins, located",
+        value=100 * tally.located / tally.parcels,
+        unit="%",
+        target=">= 95",
+    )
+    yield Row(
+        name="  picked",
         value=100 * tally.picked / tally.parcels,
         unit="%",
         target=">= 95",
@@ -79,6 +86,7 @@ def _empty(trial: Trial, cell: BinCell, rng: np.random.Generator, tally: _Tally)
     inside = set(cell.in_bin())
     tally.parcels += len(inside)
     tries: Counter[int] = Counter()
+    located: set[int] = set()
     while True:
         begin_s = time.process_time()
         image = cell.look()
@@ -86,6 +94,7 @@ def _empty(trial: Trial, cell: BinCell, rng: np.random.Generator, tally: _Tally)
         search = locate_boxes(cell.camera, image.depth_m, image.parcel, support_z_m=FLOOR_Z_M)
         tally.render_s.append(looked_s - begin_s)
         tally.locate_s.append(time.process_time() - looked_s)
+        located.update(box.label for box in search.boxes if not box.obstructed)
         wanted = [box for box in search.boxes if not box.obstructed and tries[box.label] < TRIES_N]
         if not wanted:
             if search.status is not LocateStatus.NOTHING_SEEN:
@@ -105,4 +114,5 @@ def _empty(trial: Trial, cell: BinCell, rng: np.random.Generator, tally: _Tally)
             tally.pick_s.append(pick.sim_s)
         else:
             tally.reasons[pick.reason] += 1
+    tally.located += len(located & inside)
     tally.bins_empty += not cell.in_bin()

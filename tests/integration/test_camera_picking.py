@@ -140,6 +140,18 @@ def test_parcels_are_delivered_by_what_cameras_see() -> None:
     assert max(apart_mm) < 2.0
 
 
+def test_the_same_seed_sees_and_does_the_same() -> None:
+    hashes, errors = [], []
+    for _ in range(2):
+        with Simulation(replace(SEEING, duration_s=10.0)) as simulation:
+            simulation.run()
+            hashes.append(simulation.state_hash())
+            errors.append(simulation.dispatcher.perception.errors)
+    assert hashes[0] == hashes[1]
+    assert errors[0] == errors[1]
+    assert len(errors[0]) == 1
+
+
 @pytest.mark.parametrize("fault", ["covered", "out of reach"])
 def test_a_parcel_that_is_not_found_ends_in_a_reason(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
     with Simulation(SEEING) as simulation:
