@@ -31,8 +31,11 @@ SAMPLES_N = 48
 """Pixels of a body through which planes are tried."""
 ON_PLANE_M = 0.002
 """Points this near a plane belong to it [m]."""
-LEAST_UP = math.cos(math.radians(50.0))
-"""A face looks up if the upward part of its normal is at least this."""
+LEAST_SHARE = 0.2
+"""A face has at least this part of a body's points: a plane laid across an edge has about a tenth."""
+LEAST_UP = math.cos(math.radians(60.0))
+"""A face looks up if the upward part of its normal is at least this: one face of a box always does, even on its corner
+(54.7 degrees)."""
 IN_FRONT_M = 0.015
 """What is nearer to the camera than its neighbour on a face by more than this hides some of the face [m]; a wall that a
 parcel stands at, seen under 10 degrees, is nearer by about 6 mm per millimetre of image."""
@@ -258,7 +261,7 @@ def _upper_plane(points: FloatArray, body: Mask) -> tuple[FloatArray, FloatArray
     votes = (np.abs(tried @ cloud.T - offsets[:, None]) < ON_PLANE_M).sum(axis=1)
     votes[tried[:, 2] < LEAST_UP] = 0
     best = int(np.argmax(votes))
-    if votes[best] < LEAST_PX:
+    if votes[best] < max(LEAST_PX, LEAST_SHARE * len(cloud)):
         return None
     normal, offset = tried[best], offsets[best]
     for _ in range(2):

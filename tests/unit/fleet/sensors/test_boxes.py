@@ -31,10 +31,12 @@ class Box:
     yaw_rad: float = 0.0
     tilt_rad: float = 0.0
     """About its own x axis."""
+    pitch_rad: float = 0.0
+    """About its own y axis, before that."""
 
     @property
     def rotation(self) -> np.ndarray:
-        return Rotation.from_euler("zyx", (self.yaw_rad, 0.0, self.tilt_rad)).as_matrix()
+        return Rotation.from_euler("ZYX", (self.yaw_rad, self.pitch_rad, self.tilt_rad)).as_matrix()
 
 
 def taken(boxes: list[Box], camera: Camera = CAMERA) -> tuple[np.ndarray, np.ndarray]:
@@ -94,6 +96,22 @@ def test_a_box_that_leans() -> None:
         assert errors(seen, box)[0] < 1.5e-3
         assert seen.tilt_rad == pytest.approx(abs(tilt), abs=0.02)
         assert seen.world_from_top[:3, 2] @ box.rotation[:, 2] > 0.999
+
+
+@pytest.mark.parametrize("least_up", [0.5, 0.7])
+def test_a_box_on_its_corner_has_a_face_or_none_but_no_plane_across_its_edges(
+    monkeypatch: pytest.MonkeyPatch, least_up: float
+) -> None:
+    monkeypatch.setattr("fleet.sensors.boxes.LEAST_UP", least_up)
+    corner = math.atan(math.sqrt(0.5))
+    box = Box((0.07, 0.07, 0.07), (0.05, -0.04, 0.09), yaw_rad=0.4, tilt_rad=math.radians(45.0), pitch_rad=corner)
+    search = locate_boxes(CAMERA, *taken([box]), 0.0)
+    assert (search.status is LocateStatus.FOUND) == (least_up < 1 / math.sqrt(3))
+    for seen in search.boxes:
+        normals = box.rotation.T @ seen.world_from_top[:3, 2]
+        assert np.abs(normals).max() > 0.999
+        face = np.array(box.centre_m) + 0.035 * seen.world_from_top[:3, 2]
+        assert np.linalg.norm(seen.world_from_top[:3, 3] - face) < 2e-3
 
 
 def test_a_noisy_depth() -> None:
