@@ -16,6 +16,7 @@ from typing import Any, NoReturn, get_type_hints
 
 import tyro
 
+from fleet.commands.calibrate import Calibrate
 from fleet.commands.demo import Demo
 from fleet.commands.lorr import Lorr
 from fleet.commands.plan import Plan
@@ -27,7 +28,7 @@ from planners.errors import PlanningError
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
-COMMANDS: dict[str, type[Any]] = {"demo": Demo, "lorr": Lorr, "plan": Plan, "study": Study}
+COMMANDS: dict[str, type[Any]] = {"calibrate": Calibrate, "demo": Demo, "lorr": Lorr, "plan": Plan, "study": Study}
 SITE_COMMANDS: dict[str, type[Any]] = {
     "check": SiteCheck,
     "list": SiteList,

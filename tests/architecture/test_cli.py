@@ -14,6 +14,7 @@ from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
 ALL = {**COMMANDS, **{f"site {name}": command for name, command in SITE_COMMANDS.items()}}
 REQUIRED = {
+    "calibrate": ["motion.csv"],
     "lorr": ["problem.json"],
     "plan": ["--map", "in.map", "--scen", "in.scen"],
     "site check": ["small"],

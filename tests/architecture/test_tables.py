@@ -93,7 +93,7 @@ FAMILIES = [
     Family(
         package="fleet.robots",
         tables=("ROBOTS",),
-        support=frozenset({"battery", "description", "estimator", "model", "pursuit", "spec", "tools"}),
+        support=frozenset({"arm_kinds", "battery", "description", "estimator", "model", "pursuit", "spec", "tools"}),
         maker="spec",
     ),
     Family(

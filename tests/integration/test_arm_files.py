@@ -111,6 +111,7 @@ def test_one_joint_in_numbers(tmp_path: Path) -> None:
         ("broken.xml", "<mujoco", "not XML"),
         ("fixed.urdf", URDF.format(joint=HINGE.replace("revolute", "fixed")), "no movable joint"),
         ("slide.urdf", URDF.format(joint=HINGE.replace("revolute", "prismatic")), "'turn' of the chain slides"),
+        ("flat.urdf", URDF.format(joint=HINGE).replace("0.2 0.2 0.1", "0.2 0 0.1"), "a box of size"),
         ("bare.urdf", URDF.format(joint=HINGE).replace("collision>", "visual>"), "no collision shapes"),
     ],
 )

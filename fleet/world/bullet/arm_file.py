@@ -414,6 +414,8 @@ class _Body:
         if kind == client.GEOM_SPHERE:
             return np.zeros((1, 3)), np.array([size[0]])
         if kind == client.GEOM_BOX:
+            if not min(size) > 0:
+                raise ArmFileError(f"{self._path}: a box of size {size}; valid: three numbers > 0 [m]")
             return box_spheres(np.array(size) / 2, _cells(size))
         if kind in (client.GEOM_CYLINDER, client.GEOM_CAPSULE):
             return _rod_spheres(size[0], size[1], ends=kind == client.GEOM_CAPSULE)

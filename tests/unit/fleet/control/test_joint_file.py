@@ -1,0 +1,58 @@
+"""CSV files of joint motions: what is written is read again, and what is wrong is named with its line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fleet.control.joint_file import JointRecording, RecordingFileError, read_recording, write_recording
+
+GOOD = "".join(f"{k / 10},{k / 100},0.5\n" for k in range(6))
+
+
+def test_a_motion_comes_back(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    t = np.arange(6) / 10
+    recording = JointRecording(t=t, q=np.column_stack([np.sin(t), t]), target=np.column_stack([t, t]))
+    write_recording(path, recording)
+    again = read_recording(path, 2)
+    assert again.target is not None
+    for name in ("t", "q", "target"):
+        np.testing.assert_allclose(getattr(again, name), getattr(recording, name), atol=1e-9)
+
+
+@pytest.mark.parametrize("head", ["", "time,q1,q2\n", "# the left arm\nt, q1, q2\n"])
+def test_names_and_remarks_may_be_there(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(head + GOOD, encoding="utf-8")
+    recording = read_recording(path, 2)
+    assert recording.q.shape == (6, 2)
+    assert recording.target is None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (GOOD + "0.6,1\n", r"line 7: 2 columns; valid: 3 as in the rows above"),
+        (GOOD.replace("0.5\n", "0.5,1\n"), r"line 1: 4 columns; valid: 3 \(time, q1 to q2\), or 5"),
+        (GOOD + "0.6,nan,1\n", r"line 7: column 2 is 'nan'; valid: a finite number"),
+        (GOOD + "0.6,a,1\n", r"line 7: column 2 is 'a'"),
+        (GOOD + "0.5,1,1\n", r"line 7: time 0.5 s after 0.5 s; valid: increasing times"),
+        ("time,q2,q1\n" + GOOD, r"line 1: column 'q2'; valid: 'q1'"),
+        ("0,1,1\n", r"1 rows of numbers; valid: at least 5"),
+        ("", r"0 rows of numbers"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RecordingFileError, match=message):
+        read_recording(path, 2)
+
+
+def test_no_file_and_no_text(tmp_path: Path) -> None:
+    with pytest.raises(RecordingFileError, match="no such file"):
+        read_recording(tmp_path / "none.csv", 2)
+    (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(RecordingFileError, match="not a text file"):
+        read_recording(tmp_path / "b.csv", 2)
