@@ -30,6 +30,7 @@ class Arms:
         tool: What the arms hold.
         substeps_n: Physics steps per tick.
         substep_s: Length of a physics step [s].
+        description: URDF text of the arm with its tool; None for the iiwa's. Its first joints are the arm's.
     """
 
     def __init__(
@@ -41,6 +42,7 @@ class Arms:
         tool: Tool,
         substeps_n: int,
         substep_s: float,
+        description: str | None = None,
     ) -> None:
         self._client = client
         self._spec = spec
@@ -55,7 +57,7 @@ class Arms:
         self.names: dict[str, int] = {}
         """Index of every link by its name; a joint has the index of its child link."""
         self.joint_names: dict[str, int] = {}
-        urdf = iiwa_urdf(tool)
+        urdf = description or iiwa_urdf(tool)
         for (x, y, z, yaw), q in zip(base, start, strict=True):
             body = client.load_urdf(
                 urdf,

@@ -112,7 +112,7 @@ class MotionReplay:
             bench.dynamics.mass_matrix(recording.q[0]), frequency_radps, rotor_kgm2=ROTOR_KGM2
         )
         n_steps = int(np.ceil(recording.t[-1] / bench.step_s)) + 1
-        self._times = np.arange(n_steps + 1) * bench.step_s
+        self._times: FloatArray = np.arange(n_steps + 1, dtype=np.float64) * bench.step_s
         wanted = recording.target if drive is Drive.TARGETS else recording.q
         if wanted is None:
             raise ControlError("drive targets: the recording has no set-points")
@@ -125,7 +125,7 @@ class MotionReplay:
         drive.set_friction(damping, friction)
         drive.place(self._recording.q[0], self._start_qd)
         still = np.zeros(drive.n)
-        path = [self._recording.q[0]]
+        path: list[FloatArray] = [self._recording.q[0]]
         for k in range(len(self._times) - 1):
             now = drive.sense()
             weight = dynamics.bias(now.q, still)
@@ -137,7 +137,7 @@ class MotionReplay:
                 drive.torque(pd_torque(self._gains, now.mass, now.bias, weight, error, rate - now.qd, step_s), now)
             bench.step()
             path.append(drive.state()[0])
-        return _columns(self._recording.t, self._times, np.array(path))
+        return _columns(self._recording.t, self._times, np.array(path, dtype=np.float64))
 
 
 def _columns(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:

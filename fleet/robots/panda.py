@@ -1,0 +1,38 @@
+"""Franka Emika Panda with its own hand, read from the description in `pybullet_data`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pybullet_data
+
+from fleet.robots.tools import Tool
+
+FINGER_TRAVEL_M = 0.04
+TIP_M = 0.107 + 0.1034
+"""From the last joint to between the finger tips [m]: Franka Emika, FCI documentation, flange and hand frames."""
+HAND_TURN_RAD = -0.7853981633974483
+"""The hand is mounted an eighth of a turn about the last joint's axis; its fingers open along its y."""
+
+PANDA_HAND = Tool(
+    name="friction",
+    length_m=TIP_M,
+    touch_links=("panda_leftfinger", "panda_rightfinger"),
+    finger_joints=("panda_finger_joint1", "panda_finger_joint2"),
+    finger_travel_m=FINGER_TRAVEL_M,
+    half_width_m=0.105,
+    visuals=(),
+)
+"""Two fingers with a stroke of 80 mm."""
+
+
+def panda_urdf() -> str:
+    """The description as text; meshes are named by absolute path."""
+    path = panda_path()
+    return re.sub(r"package://", f"{path.parent.as_posix()}/", path.read_text(encoding="utf-8"))
+
+
+def panda_path() -> Path:
+    """The description's file."""
+    return Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"

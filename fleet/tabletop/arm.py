@@ -1,0 +1,245 @@
+"""TableArm: plans how one arm takes a thing and puts it down among all others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.robots.arm_kinds import arm_kind
+from fleet.robots.iiwa import iiwa_spec
+from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, TIP_M
+from fleet.robots.spec import ArmSpec
+from fleet.robots.tools import TOOLS, Tool
+from fleet.stations.arm_spheres import arm_spheres, cache_dir
+from fleet.tabletop.hand import Grasp, cup_grasps, down, finger_grasps
+from fleet.world.scene import StaticBox
+from planners.motion import RrtConnectNative
+from planners.motion.arm_model import ArmModel
+from planners.motion.collision import CollisionChecker
+from planners.motion.coordination import ArmInWorld
+from planners.motion.inverse import inverse_kinematics
+from planners.motion.obstacles import Boxes
+from planners.motion.route import Route, RoutePlanner, RouteProblem
+from planners.motion.spheres import box_spheres
+from planners.motion.timed_path import Dwell
+from planners.motion.trajectory import Trajectory
+
+FloatArray = npt.NDArray[np.float64]
+
+LIFT_M = 0.12
+"""Straight way up from the table, and down to it."""
+GRIP_S, RELEASE_S = 0.5, 0.3
+_TRAVEL_MARGIN_M, _LINE_MARGIN_M = 0.01, 0.001
+_FEET_FRAME = 2
+"""Links below this stand on the table."""
+_OFF_TABLE_M = 0.002
+_GRASPS_N = 3
+"""Grasps of a thing that are tried."""
+
+_PANDA_HOME = np.array([0.0, -0.6, 0.0, -2.4, 0.0, 1.8, 0.785])
+Leg = Trajectory | Dwell
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Model:
+    """An arm as planners and engine need it."""
+
+    spec: ArmSpec
+    tool: Tool
+    spheres: ArmModel
+
+
+def load_model(arm: str, tool: str) -> Model:
+    """The model of an arm by the names a `TableScene` has for it and its tool."""
+    if arm == "iiwa":
+        held = TOOLS[tool]
+        spec = iiwa_spec(held)
+        return Model(spec=spec, tool=held, spheres=arm_spheres(spec, held))
+    # Only here: the engine reads the file, and tables of an iiwa do without.
+    from fleet.world.bullet.arm_file import read_arm
+
+    kind = arm_kind("panda")
+    file = read_arm(kind.path, frozen=kind.frozen, tool_length_m=TIP_M, cache_dir=cache_dir())
+    spec = ArmSpec(
+        name="panda",
+        n_joints=len(file.joint_names),
+        urdf=kind.path,
+        base_from_joint=file.model.base_from_joint,
+        lower_rad=file.model.lower,
+        upper_rad=file.model.upper,
+        max_velocity_radps=kind.max_velocity_radps,
+        max_acceleration_radps2=kind.max_acceleration_radps2,
+        max_torque_nm=kind.max_torque_nm,
+        tool_length_m=TIP_M,
+        home_rad=_PANDA_HOME,
+        visuals=(),
+    )
+    return Model(spec=spec, tool=PANDA_HAND, spheres=file.model)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chore:
+    """One thing brought to one spot, as motions with rests for gripping and letting go."""
+
+    thing: int
+    legs: tuple[Leg, ...]
+    grips_at: int
+    """Leg that is the rest for gripping."""
+    frees_at: int
+    """Leg that is the rest for letting go."""
+    below_m: float
+    """Reach of the thing below the tool's tip."""
+    half_width_m: float
+
+    @property
+    def end(self) -> FloatArray:
+        """Where the arm rests afterwards [rad], shape (n,)."""
+        motions = [leg for leg in self.legs if isinstance(leg, Trajectory)]
+        return motions[-1].q[-1]
+
+
+class TableArm:
+    """One arm on its place.
+
+    Args:
+        model: The arm.
+        base: Feet x, y, z, yaw; upright and not turned, shape (4,).
+        fixed: What stands on the table.
+    """
+
+    def __init__(self, model: Model, base: FloatArray, fixed: tuple[StaticBox, ...]) -> None:
+        self._model, self._base = model, np.asarray(base, dtype=np.float64)
+        spec = model.spec
+        self._inverse = inverse_kinematics(spec.base_from_joint, spec.lower_rad, spec.upper_rad)
+        self._fixed = Boxes.join(
+            *(
+                Boxes.one(
+                    np.array(box.centre_m) - self._base[:3],
+                    box.half_m,
+                    min_frame=_FEET_FRAME if box.kind == "table" else 0,
+                )
+                for box in fixed
+            )
+        )
+        self.low = False
+        """Whether the arm rests with its tool down on the table."""
+
+    @property
+    def home(self) -> FloatArray:
+        """Where the arm begins and ends [rad], shape (n,)."""
+        return self._model.spec.home_rad
+
+    def in_world(self, held_m: tuple[float, float] | None) -> ArmInWorld:
+        """The arm as others have to keep clear of it, with a thing that reaches (below the tip, to the side) [m]."""
+        pose = np.eye(4)
+        pose[:3, 3] = self._base[:3]
+        return ArmInWorld(self._model.spheres, pose, None if held_m is None else self._held(*held_m))
+
+    def bring(
+        self, start: FloatArray, thing: int, pose: FloatArray, corners: list[FloatArray], spot: FloatArray, seed: int
+    ) -> Chore | str:
+        """Plan to take a thing and put it on a spot.
+
+        Args:
+            start: Where the arm rests [rad], shape (n,).
+            thing: Which of the things.
+            pose: Centre and orientation of it, shape (7,).
+            corners: Corners of all things in the world, each (v, 3).
+            spot: Where to put it: x, y, and height of its underside when it is let go [m], shape (3,).
+            seed: Seed of the searches.
+
+        Returns:
+            The chore, or why there is none.
+        """
+        own = corners[thing]
+        others = [other for number, other in enumerate(corners) if number != thing]
+        boxes = Boxes.join(self._fixed, *(self._box(other) for other in others))
+        why = "nothing to take hold of it by"
+        for grasp in self._grasps(pose, own, others)[:_GRASPS_N]:
+            pick = self._route(start, grasp.tips, boxes, None, leave_m=LIFT_M if self.low else 0.0, seed=seed)
+            if not pick.solved:
+                why = f"way to it: {pick.status.value}"
+                continue
+            held = self._held(grasp.below_m, grasp.half_width_m)
+            tips = np.stack(
+                [
+                    down(yaw, np.array([spot[0], spot[1], spot[2] + grasp.below_m]))
+                    for yaw in np.linspace(-np.pi, np.pi, 8, endpoint=False)
+                ]
+            )
+            place = self._route(pick.legs[-1].q[-1], tips, boxes, held, leave_m=LIFT_M, seed=seed + 1)
+            if not place.solved:
+                why = f"way from it: {place.status.value}"
+                continue
+            return Chore(
+                thing=thing,
+                legs=(*pick.legs, Dwell(duration_s=GRIP_S), *place.legs, Dwell(duration_s=RELEASE_S)),
+                grips_at=len(pick.legs),
+                frees_at=len(pick.legs) + 1 + len(place.legs),
+                below_m=grasp.below_m,
+                half_width_m=grasp.half_width_m,
+            )
+        return why
+
+    def go_home(self, start: FloatArray, corners: list[FloatArray], seed: int) -> tuple[Trajectory, ...] | str:
+        """Plan the way home; see `bring`."""
+        boxes = Boxes.join(self._fixed, *(self._box(own) for own in corners))
+        tip = self._router(boxes, None).tip(self.home)
+        route = self._route(start, tip[None], boxes, None, leave_m=LIFT_M if self.low else 0.0, seed=seed, arrive_m=0.0)
+        return route.legs if route.solved else f"way home: {route.status.value}"
+
+    def _grasps(self, pose: FloatArray, own: FloatArray, others: list[FloatArray]) -> list[Grasp]:
+        tool = self._model.tool
+        if tool.finger_joints:
+            return finger_grasps(own, others, 2 * tool.finger_travel_m, HAND_TURN_RAD)
+        return cup_grasps(pose, own)
+
+    def _route(
+        self,
+        start: FloatArray,
+        tips: FloatArray,
+        boxes: Boxes,
+        held: tuple[FloatArray, FloatArray] | None,
+        *,
+        leave_m: float,
+        seed: int,
+        arrive_m: float = LIFT_M,
+    ) -> Route:
+        base_tips = tips.copy()
+        base_tips[:, :3, 3] -= self._base[:3]
+        problem = RouteProblem(
+            start=start,
+            tips=base_tips,
+            leave=np.array([0.0, 0.0, leave_m]),
+            arrive=np.array([0.0, 0.0, arrive_m]),
+            seed=seed,
+        )
+        return self._router(boxes, held).plan(problem)
+
+    def _router(self, boxes: Boxes, held: tuple[FloatArray, FloatArray] | None) -> RoutePlanner:
+        spec, model = self._model.spec, self._model.spheres
+        return RoutePlanner(
+            self._inverse,
+            CollisionChecker(model, boxes, held, margin=_TRAVEL_MARGIN_M),
+            CollisionChecker(model, boxes, margin=_LINE_MARGIN_M),
+            RrtConnectNative(),
+            spec.max_velocity_radps,
+            spec.max_acceleration_radps2,
+        )
+
+    def _held(self, below_m: float, half_width_m: float) -> tuple[FloatArray, FloatArray]:
+        """Spheres around the upright box that holds a thing below the tip, in the last link's frame.
+
+        They end with the thing's underside, which stands on the table where lines begin and end; the margin of the
+        travel makes up for the corners that they leave out there.
+        """
+        half = np.array([half_width_m, half_width_m, max(below_m / 2, 0.005)])
+        centre, radius = box_spheres(half)
+        lift = float((centre[:, 2] + radius).max()) - half[2] + _OFF_TABLE_M
+        return centre + np.array([0.0, 0.0, self._model.spec.tool_length_m + half[2] - lift]), radius
+
+    def _box(self, corners: FloatArray) -> Boxes:
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return Boxes.one((low + high) / 2 - self._base[:3], np.maximum((high - low) / 2, 0.002))

@@ -1,0 +1,267 @@
+"""Job: the loop that sorts a table: look, plan, agree on who waits for whom, move; until nothing is left to do."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.tabletop.arm import Chore, Leg, Model, TableArm
+from fleet.tabletop.layout import Layout
+from fleet.world.bullet.table import TICK_S, TableWorld
+from planners.motion.coordination import Schedule, ScheduleStatus, schedule
+from planners.motion.timed_path import TimedPath, timed_path
+from planners.motion.trajectory import Trajectory
+
+FloatArray = npt.NDArray[np.float64]
+
+STEP_S = 0.02
+"""Step of the schedule of two arms."""
+_SETTLE_S = 0.6
+_TRIES_N = 3
+"""Times that a thing is tried before it is given up."""
+_CHOICES_N = 3
+"""Things among which an arm chooses one that goes together with the other arm's."""
+_SPARE_ROUNDS = 2
+_DROP_GAP_M = 0.004
+"""A thing is let go so far above the table."""
+
+
+@dataclass(kw_only=True)
+class Tally:
+    """What came of a job."""
+
+    sorted_n: int = 0
+    objects_n: int = 0
+    rounds_n: int = 0
+    together_n: int = 0
+    """Rounds in which two arms worked at the same time."""
+    missed_n: int = 0
+    """Times that a tool did not get hold of a thing, or lost it."""
+    robot_contacts: int = 0
+    """Ticks in which arms touched each other."""
+    sim_s: float = 0.0
+    reasons: dict[int, str] = field(default_factory=dict)
+    """Why each thing that is not sorted is where it is."""
+
+    @property
+    def done(self) -> bool:
+        """Whether everything is sorted."""
+        return self.sorted_n == self.objects_n
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Part:
+    """What one arm does in a round."""
+
+    path: TimedPath
+    chore: Chore | None
+
+
+class Job:
+    """Sorts one table.
+
+    Args:
+        layout: What belongs where.
+        model: The arms.
+        world: The engine, with the layout's scene.
+        seed: Seed of the searches.
+        watch: Called after every tick.
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        model: Model,
+        world: TableWorld,
+        *,
+        seed: int = 0,
+        watch: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._layout, self._world, self._seed, self._watch = layout, world, seed, watch
+        self._arms = [TableArm(model, base, layout.scene.boxes) for base in layout.scene.arm_base]
+        self._q = np.array([arm.home for arm in self._arms])
+        self._grip = np.zeros(len(self._arms), dtype=np.bool_)
+        self._tries: Counter[int] = Counter()
+        self._used: list[set[int]] = [set() for _ in layout.places]
+        self.tally = Tally(objects_n=len(layout.scene.objects))
+
+    def run(self) -> Tally:
+        """Work until everything is sorted, or nothing that is left can be brought."""
+        self._rest(_SETTLE_S)
+        most = _TRIES_N * len(self._layout.scene.objects) + _SPARE_ROUNDS
+        while self.tally.rounds_n < most:
+            parts = self._round()
+            if not any(part is not None and part.chore is not None for part in parts):
+                break
+            self.tally.rounds_n += 1
+        self._all_home()
+        self._rest(_SETTLE_S)
+        self._count()
+        return self.tally
+
+    def _round(self) -> list[_Part | None]:
+        """Plan and play one chore of each arm that has one; arms that have none go home."""
+        corners = [self._world.object_corners(k) for k in range(self.tally.objects_n)]
+        seed = self._seed + 100 * self.tally.rounds_n
+        options = [self._chores(number, corners, seed) for number in range(len(self._arms))]
+        if len(self._arms) == 1:
+            parts: list[_Part | None] = [options[0][0] if options[0] else None]
+            found = None
+        else:
+            parts, found = self._agree(options, corners, seed)
+        self._play(parts, found)
+        return parts
+
+    def _chores(self, number: int, corners: list[FloatArray], seed: int) -> list[_Part]:
+        """Things that an arm could bring now, nearest first."""
+        arm, layout = self._arms[number], self._layout
+        poses = self._world.object_poses()
+        mine = [k for k, other in enumerate(layout.arm_of) if other == number and self._open(k, poses)]
+        feet = layout.scene.arm_base[number, :2]
+        # Of things that lie on each other, the upper one goes first.
+        mine.sort(key=lambda k: (-round(float(corners[k][:, 2].max()), 2), float(np.linalg.norm(poses[k, :2] - feet))))
+        wanted = 1 if len(self._arms) == 1 else _CHOICES_N
+        chores: list[_Part] = []
+        for k in mine:
+            spot = self._spot(layout.place_of[k], corners)
+            chore = arm.bring(self._q[number], k, poses[k], corners, spot, seed + k)
+            if isinstance(chore, str):
+                self.tally.reasons[k] = chore
+                self._tries[k] += 1
+                continue
+            chores.append(_Part(path=timed_path(chore.legs, STEP_S), chore=chore))
+            if len(chores) == wanted:
+                break
+        return chores
+
+    def _open(self, thing: int, poses: FloatArray) -> bool:
+        """Whether a thing is still to be brought, and worth another try."""
+        place = self._layout.places[self._layout.place_of[thing]]
+        return not place.holds(poses[thing, :3]) and self._tries[thing] < _TRIES_N
+
+    def _spot(self, place: int, corners: list[FloatArray]) -> FloatArray:
+        """The slot of a place that is farthest from everything that lies there: x, y, height of the underside."""
+        slots = self._layout.places[place].slots
+        middles = np.array([(own.min(axis=0) + own.max(axis=0)) / 2 for own in corners])[:, :2]
+        room = np.linalg.norm(slots[:, None] - middles, axis=2).min(axis=1)
+        # Nearly equal room is equal: the first slot is taken.
+        best = int(np.argmax(np.minimum(np.round(room, 2), 0.07)))
+        return np.array([*slots[best], _DROP_GAP_M + self._layout.drop_m])
+
+    def _agree(
+        self, options: list[list[_Part]], corners: list[FloatArray], seed: int
+    ) -> tuple[list[_Part | None], Schedule | None]:
+        """A schedule for two arms: both work, or one works while the other goes home, or both go home."""
+        homes = [self._way_home(number, corners, seed) for number in range(2)]
+        pairs = [(a, b) for a in options[0] for b in options[1]]
+        pairs += [(a, homes[1]) for a in options[0] if homes[1]] + [(homes[0], b) for b in options[1] if homes[0]]
+        for first, second in pairs:
+            if first is None or second is None:
+                continue
+            widest = [self._held_m(part) for part in (first, second)]
+            arms = [arm.in_world(held) for arm, held in zip(self._arms, widest, strict=True)]
+            found = schedule(arms, [first.path, second.path])
+            if found.status is ScheduleStatus.SOLVED:
+                self.tally.together_n += first.chore is not None and second.chore is not None
+                return [first, second], found
+        for part in [part for own in options for part in own]:
+            if part.chore is not None:
+                self.tally.reasons[part.chore.thing] = "no schedule with the other arm"
+        return [None, None], None
+
+    def _held_m(self, part: _Part) -> tuple[float, float] | None:
+        return None if part.chore is None else (part.chore.below_m, part.chore.half_width_m)
+
+    def _way_home(self, number: int, corners: list[FloatArray], seed: int) -> _Part | None:
+        legs = self._arms[number].go_home(self._q[number], corners, seed)
+        if isinstance(legs, str):
+            return None
+        still = Trajectory(t=np.zeros(1), q=self._q[number][None], qd=np.zeros((1, self._q.shape[1])))
+        return _Part(path=timed_path(legs or (still,), STEP_S), chore=None)
+
+    def _all_home(self) -> None:
+        """Both arms at once if they can, else one after the other."""
+        corners = [self._world.object_corners(k) for k in range(self.tally.objects_n)]
+        ways = [self._way_home(number, corners, self._seed) for number in range(len(self._arms))]
+        if len(self._arms) == 2 and all(ways):
+            first, second = ways
+            arms = [arm.in_world(None) for arm in self._arms]
+            if first is not None and second is not None:
+                found = schedule(arms, [first.path, second.path])
+                if found.solved:
+                    self._play([first, second], found)
+            return
+        for number, way in enumerate(ways):
+            self._play([way if k == number else None for k in range(len(self._arms))], None)
+
+    def _play(self, parts: list[_Part | None], found: Schedule | None) -> None:
+        """Let the arms move as agreed."""
+        lasts = [part.path.duration_s for part in parts if part is not None]
+        if not lasts:
+            return
+        duration = found.makespan_s if found is not None else max(lasts)
+        begin = self._world.ticks
+        holding = [-1] * len(parts)
+        while (self._world.ticks - begin) * TICK_S < duration:
+            now, after = ((self._world.ticks - begin + k) * TICK_S for k in (0, 1))
+            q, qd = self._q.copy(), np.zeros_like(self._q)
+            for number, part in enumerate(parts):
+                if part is None:
+                    continue
+                at = [
+                    found.along_s(number, t) if found is not None else min(t, part.path.duration_s)
+                    for t in (now, after)
+                ]
+                q[number], qd[number] = _state(part.path, at[1])
+                if at[1] <= at[0]:
+                    qd[number] = 0.0
+                if part.chore is not None:
+                    starts = part.path.starts
+                    begins, ends = (starts[leg] * STEP_S for leg in (part.chore.grips_at, part.chore.frees_at))
+                    self._grip[number] = begins <= at[1] < ends
+            self._step(q, qd)
+            for number, thing in enumerate(self._world.held()):
+                holding[number] = thing if thing >= 0 else holding[number]
+        for number, part in enumerate(parts):
+            if part is None:
+                continue
+            self._q[number] = part.path.q[-1]
+            self._arms[number].low = part.chore is not None
+            if part.chore is not None:
+                self._tries[part.chore.thing] += 1
+                place = self._layout.places[self._layout.place_of[part.chore.thing]]
+                if not place.holds(self._world.object_poses()[part.chore.thing, :3]):
+                    self.tally.missed_n += 1
+                    got = holding[number] == part.chore.thing
+                    self.tally.reasons[part.chore.thing] = (
+                        "the tool lost it" if got else "the tool did not get hold of it"
+                    )
+
+    def _rest(self, duration_s: float) -> None:
+        for _ in range(round(duration_s / TICK_S)):
+            self._step(self._q, np.zeros_like(self._q))
+
+    def _step(self, q: FloatArray, qd: FloatArray) -> None:
+        self._world.step(q, qd, self._grip)
+        self._watch()
+
+    def _count(self) -> None:
+        layout, tally, poses = self._layout, self.tally, self._world.object_poses()
+        inside = [layout.places[layout.place_of[k]].holds(poses[k, :3]) for k in range(tally.objects_n)]
+        tally.sorted_n = sum(inside)
+        tally.reasons = {k: tally.reasons.get(k, "not tried") for k, good in enumerate(inside) if not good}
+        tally.sim_s = self._world.ticks * TICK_S
+        tally.robot_contacts = self._world.robot_contacts
+
+
+def _state(path: TimedPath, along_s: float) -> tuple[FloatArray, FloatArray]:
+    """Position and velocity of a motion when so much of it is done, each (n,)."""
+    number = max(0, int(np.searchsorted(path.starts, along_s / path.step_s + 1e-9, side="right")) - 1)
+    leg: Leg = path.legs[number]
+    if isinstance(leg, Trajectory):
+        return leg.sample(along_s - path.starts[number] * path.step_s)
+    return path.at(along_s), np.zeros(path.q.shape[1])
