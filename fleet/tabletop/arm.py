@@ -35,10 +35,14 @@ _TRAVEL_MARGIN_M, _LINE_MARGIN_M = 0.01, 0.001
 _FEET_FRAME = 2
 """Links below this stand on the table."""
 _OFF_TABLE_M = 0.002
+_SQUARE_SIDE = 0.74
+"""Half the side of the square whose four spheres cover a circle of radius 1."""
 _GRASPS_N = 3
 """Grasps of a thing that are tried."""
 
 _PANDA_HOME = np.array([0.0, -0.6, 0.0, -2.4, 0.0, 1.8, 0.785])
+_PANDA_ALLOWED = (("panda_link5", "panda_link7"),)
+"""Their spheres overlap by 4 mm in every ordinary posture; the links themselves are apart."""
 Leg = Trajectory | Dwell
 
 
@@ -61,7 +65,7 @@ def load_model(arm: str, tool: str) -> Model:
     from fleet.world.bullet.arm_file import read_arm
 
     kind = arm_kind("panda")
-    file = read_arm(kind.path, frozen=kind.frozen, tool_length_m=TIP_M, cache_dir=cache_dir())
+    file = read_arm(kind.path, frozen=kind.frozen, allowed=_PANDA_ALLOWED, tool_length_m=TIP_M, cache_dir=cache_dir())
     spec = ArmSpec(
         name="panda",
         n_joints=len(file.joint_names),
@@ -89,15 +93,8 @@ class Chore:
     """Leg that is the rest for gripping."""
     frees_at: int
     """Leg that is the rest for letting go."""
-    below_m: float
-    """Reach of the thing below the tool's tip."""
-    half_width_m: float
-
-    @property
-    def end(self) -> FloatArray:
-        """Where the arm rests afterwards [rad], shape (n,)."""
-        motions = [leg for leg in self.legs if isinstance(leg, Trajectory)]
-        return motions[-1].q[-1]
+    reach_m: tuple[float, float]
+    """Reach of the thing below the tool's tip, and to the side."""
 
 
 class TableArm:
@@ -178,8 +175,7 @@ class TableArm:
                 legs=(*pick.legs, Dwell(duration_s=GRIP_S), *place.legs, Dwell(duration_s=RELEASE_S)),
                 grips_at=len(pick.legs),
                 frees_at=len(pick.legs) + 1 + len(place.legs),
-                below_m=grasp.below_m,
-                half_width_m=grasp.half_width_m,
+                reach_m=(grasp.below_m, grasp.half_width_m),
             )
         return why
 
@@ -235,7 +231,8 @@ class TableArm:
         They end with the thing's underside, which stands on the table where lines begin and end; the margin of the
         travel makes up for the corners that they leave out there.
         """
-        half = np.array([half_width_m, half_width_m, max(below_m / 2, 0.005)])
+        side = _SQUARE_SIDE * half_width_m
+        half = np.array([side, side, max(below_m / 2, 0.005)])
         centre, radius = box_spheres(half)
         lift = float((centre[:, 2] + radius).max()) - half[2] + _OFF_TABLE_M
         return centre + np.array([0.0, 0.0, self._model.spec.tool_length_m + half[2] - lift]), radius

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from fleet.tabletop.arm import Chore, Leg, Model, TableArm
 from fleet.tabletop.layout import Layout
 from fleet.world.bullet.table import TICK_S, TableWorld
-from planners.motion.coordination import Schedule, ScheduleStatus, schedule
+from planners.motion.coordination import Schedule, schedule
 from planners.motion.timed_path import TimedPath, timed_path
 from planners.motion.trajectory import Trajectory
 
@@ -156,16 +156,11 @@ class Job:
         self, options: list[list[_Part]], corners: list[FloatArray], seed: int
     ) -> tuple[list[_Part | None], Schedule | None]:
         """A schedule for two arms: both work, or one works while the other goes home, or both go home."""
-        homes = [self._way_home(number, corners, seed) for number in range(2)]
-        pairs = [(a, b) for a in options[0] for b in options[1]]
-        pairs += [(a, homes[1]) for a in options[0] if homes[1]] + [(homes[0], b) for b in options[1] if homes[0]]
-        for first, second in pairs:
-            if first is None or second is None:
-                continue
-            widest = [self._held_m(part) for part in (first, second)]
-            arms = [arm.in_world(held) for arm, held in zip(self._arms, widest, strict=True)]
+        for first, second in self._pairs(options, corners, seed):
+            held = [None if part.chore is None else part.chore.reach_m for part in (first, second)]
+            arms = [arm.in_world(reach) for arm, reach in zip(self._arms, held, strict=True)]
             found = schedule(arms, [first.path, second.path])
-            if found.status is ScheduleStatus.SOLVED:
+            if found.solved:
                 self.tally.together_n += first.chore is not None and second.chore is not None
                 return [first, second], found
         for part in [part for own in options for part in own]:
@@ -173,8 +168,13 @@ class Job:
                 self.tally.reasons[part.chore.thing] = "no schedule with the other arm"
         return [None, None], None
 
-    def _held_m(self, part: _Part) -> tuple[float, float] | None:
-        return None if part.chore is None else (part.chore.below_m, part.chore.half_width_m)
+    def _pairs(self, options: list[list[_Part]], corners: list[FloatArray], seed: int) -> Iterator[tuple[_Part, _Part]]:
+        """What two arms could do in one round, best first; ways home are planned only if it comes to that."""
+        yield from ((a, b) for a in options[0] for b in options[1])
+        for worker in range(2):
+            home = self._way_home(1 - worker, corners, seed) if options[worker] else None
+            if home is not None:
+                yield from ((part, home) if worker == 0 else (home, part) for part in options[worker])
 
     def _way_home(self, number: int, corners: list[FloatArray], seed: int) -> _Part | None:
         legs = self._arms[number].go_home(self._q[number], corners, seed)

@@ -28,6 +28,8 @@ _SLOT_M = 0.085
 _RIM_M = 0.02
 """Height of the rim around a place."""
 _RIM_HALF_M = 0.006
+_FILE_SCALE, _FILE_EDGE_M = 0.6, 0.055
+"""They are 90 mm wide, more than the Panda's hand opens: at this scale, most are 55 mm wide."""
 _FILES_N = 900
 """`random_urdfs` has a thousand objects; the first of them are used, as in pybullet_data's own training sets."""
 
@@ -89,13 +91,13 @@ def pair_layout(seed: int, objects: int = 10) -> Layout:
     """Two iiwa side by side; cubes and cylinders lie between them, each arm brings one kind to its own side."""
     _check("--objects", objects, _MOST)
     rng = np.random.default_rng(seed)
-    places = (_place("cubes", (0.05, 0.98), (3, 2)), _place("cylinders", (0.05, -0.98), (3, 2)))
-    spots = _scattered(rng, objects, (0.30, 0.62), (-0.24, 0.24))
+    places = (_place("cubes", (0.05, 0.93), (3, 2)), _place("cylinders", (0.05, -0.93), (3, 2)))
+    spots = _scattered(rng, objects, (0.26, 0.54), (-0.19, 0.19), apart_m=0.09)
     kinds = [("cube", "cylinder")[i % 2] for i in range(objects)]
     scene = TableScene(
         arm="iiwa",
         tool="suction",
-        arm_base=np.array([[0.0, 0.45, 0.0, 0.0], [0.0, -0.45, 0.0, 0.0]]),
+        arm_base=np.array([[0.0, 0.38, 0.0, 0.0], [0.0, -0.38, 0.0, 0.0]]),
         boxes=(_table((0.1, 0.0), (0.9, 1.3)), *_rims(places)),
         objects=tuple(_thing(rng, kind, spot) for kind, spot in zip(kinds, spots, strict=True)),
     )
@@ -118,10 +120,16 @@ def tray_layout(seed: int, objects: int = 6) -> Layout:
             raise TabletopError(f"{path}: no such file; valid: an installation of pybullet with its data")
         yaw = rng.uniform(-np.pi, np.pi)
         pose = np.array([*spot, 0.10, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
-        size = (0.05, 0.05, 0.05)
+        size = (_FILE_EDGE_M,) * 3
         things.append(
             TableObject(
-                name=f"object_{number:03d}", size_m=size, mass_kg=0.1, pose=pose, rgba=(0.6, 0.6, 0.6, 1.0), path=path
+                name=f"object_{number:03d}",
+                size_m=size,
+                mass_kg=0.1,
+                pose=pose,
+                rgba=(0.6, 0.6, 0.6, 1.0),
+                path=path,
+                scale=_FILE_SCALE,
             )
         )
     scene = TableScene(

@@ -27,6 +27,8 @@ class TableObject:
     rgba: tuple[float, float, float, float]
     path: Path | None = None
     """Its description, for an object from a file."""
+    scale: float = 1.0
+    """Factor on the lengths of the description."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

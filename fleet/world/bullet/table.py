@@ -66,7 +66,9 @@ class TableObjects(Parcels):
         client, number = self._client, len(self.kinds)
         if thing.path is not None:
             with quiet():
-                body = client.loadURDF(str(thing.path), thing.pose[:3].tolist(), thing.pose[3:].tolist())
+                body = client.loadURDF(
+                    str(thing.path), thing.pose[:3].tolist(), thing.pose[3:].tolist(), globalScaling=thing.scale
+                )
         else:
             shape, drawn = self._shapes(thing)
             body = client.createMultiBody(
