@@ -22,6 +22,7 @@ from fleet.commands.lorr import Lorr
 from fleet.commands.plan import Plan
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
 from fleet.commands.study import Study
+from fleet.commands.tabletop import TabletopPair, TabletopSort, TabletopTray
 from fleet.errors import FleetError
 from maps.errors import MapsError
 from planners.errors import PlanningError
@@ -35,6 +36,12 @@ SITE_COMMANDS: dict[str, type[Any]] = {
     "generate": SiteGenerate,
     "convert": SiteConvert,
 }
+TABLETOP_COMMANDS: dict[str, type[Any]] = {"sort": TabletopSort, "tray": TabletopTray, "pair": TabletopPair}
+GROUPS: dict[str, tuple[str, dict[str, type[Any]]]] = {
+    "site": ("Check, list, generate or convert sites.", SITE_COMMANDS),
+    "tabletop": ("Sort a table: one Kuka, a Panda with a tray, or two Kukas.", TABLETOP_COMMANDS),
+}
+"""Words that have commands of their own."""
 OPTIONS = (
     tyro.conf.FlagCreatePairsOff,
     tyro.conf.EnumChoicesFromValues,
@@ -80,8 +87,9 @@ def _parse(words: list[str], prog: str) -> Any:
     """Choose the command and read its options."""
     table: dict[str, type[Any]] = COMMANDS
     name = prog
-    if words and words[0] == "site":
-        table, words, name = SITE_COMMANDS, words[1:], f"{prog} site"
+    if words and words[0] in GROUPS:
+        group, words = words[0], words[1:]
+        table, name = GROUPS[group][1], f"{prog} {group}"
     if words and words[0] in table:
         chosen, words = words[0], words[1:]
         # `python -m fleet.demo` already names its only command.
@@ -89,7 +97,7 @@ def _parse(words: list[str], prog: str) -> Any:
     elif not words or words[0] in ("-h", "--help"):
         _usage(name, table)
     else:
-        valid = ", ".join([*table, *(["site"] if table is COMMANDS else [])])
+        valid = ", ".join([*table, *(GROUPS if table is COMMANDS else [])])
         _fail(name, f"unknown command {words[0]!r}; valid: {valid}")
     complaint = io.StringIO()
     try:
@@ -144,7 +152,7 @@ def _usage(prog: str, table: dict[str, type[Any]]) -> None:
     lines = [f"usage: {prog} COMMAND [options]", "", "commands:"]
     lines += [f"  {name:10s} {(kind.__doc__ or '').strip().splitlines()[0]}" for name, kind in table.items()]
     if table is COMMANDS:
-        lines.append("  site       Check, list, generate or convert sites.")
+        lines += [f"  {word:10s} {what}" for word, (what, _) in GROUPS.items()]
     lines += ["", f"`{prog} COMMAND --help` shows a command's options."]
     print("\n".join(lines))  # noqa: T201
     sys.exit(0)

@@ -120,8 +120,8 @@ class TableArm:
                 for box in fixed
             )
         )
-        self.low = False
-        """Whether the arm rests with its tool down on the table."""
+        self.placed: int | None = None
+        """Thing that the arm has just put down and still stands over; None if its tool is up."""
 
     @property
     def home(self) -> FloatArray:
@@ -152,10 +152,11 @@ class TableArm:
         """
         own = corners[thing]
         others = [other for number, other in enumerate(corners) if number != thing]
-        boxes = Boxes.join(self._fixed, *(self._box(other) for other in others))
+        boxes = self._around(corners, {thing})
+        leaving = self._around(corners, {thing, self.placed})
         why = "nothing to take hold of it by"
         for grasp in self._grasps(pose, own, others)[:_GRASPS_N]:
-            pick = self._route(start, grasp.tips, boxes, None, leave_m=LIFT_M if self.low else 0.0, seed=seed)
+            pick = self._route(start, grasp.tips, leaving, None, leave_m=self._leave_m, seed=seed)
             if not pick.solved:
                 why = f"way to it: {pick.status.value}"
                 continue
@@ -181,10 +182,18 @@ class TableArm:
 
     def go_home(self, start: FloatArray, corners: list[FloatArray], seed: int) -> tuple[Trajectory, ...] | str:
         """Plan the way home; see `bring`."""
-        boxes = Boxes.join(self._fixed, *(self._box(own) for own in corners))
+        boxes = self._around(corners, {self.placed})
         tip = self._router(boxes, None).tip(self.home)
-        route = self._route(start, tip[None], boxes, None, leave_m=LIFT_M if self.low else 0.0, seed=seed, arrive_m=0.0)
+        route = self._route(start, tip[None], boxes, None, leave_m=self._leave_m, seed=seed, arrive_m=0.0)
         return route.legs if route.solved else f"way home: {route.status.value}"
+
+    @property
+    def _leave_m(self) -> float:
+        return 0.0 if self.placed is None else LIFT_M
+
+    def _around(self, corners: list[FloatArray], but: set[int | None]) -> Boxes:
+        """What is in the way: all that stands on the table, and all things but some."""
+        return Boxes.join(self._fixed, *(self._box(own) for number, own in enumerate(corners) if number not in but))
 
     def _grasps(self, pose: FloatArray, own: FloatArray, others: list[FloatArray]) -> list[Grasp]:
         tool = self._model.tool

@@ -6,13 +6,16 @@ from typing import Any
 import pytest
 import tyro
 
-from fleet.cli import COMMANDS, OPTIONS, SITE_COMMANDS, main
+from fleet.cli import COMMANDS, GROUPS, OPTIONS, SITE_COMMANDS, main
 from fleet.commands.demo import Demo
 from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, Perception, RunConfig, StreamKind
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
-ALL = {**COMMANDS, **{f"site {name}": command for name, command in SITE_COMMANDS.items()}}
+ALL = {
+    **COMMANDS,
+    **{f"{group} {name}": command for group, (_, table) in GROUPS.items() for name, command in table.items()},
+}
 REQUIRED = {
     "calibrate": ["motion.csv"],
     "lorr": ["problem.json"],
@@ -132,5 +135,5 @@ def test_without_a_command_the_commands_are_listed(words: list[str], capsys: pyt
         main(words)
     said = capsys.readouterr()
     assert (stop.value.code, said.err) == (0, "")
-    for name in SITE_COMMANDS if words[:1] == ["site"] else [*COMMANDS, "site"]:
+    for name in SITE_COMMANDS if words[:1] == ["site"] else [*COMMANDS, *GROUPS]:
         assert f"\n  {name} " in said.out
