@@ -27,6 +27,15 @@ PANDA_HAND = Tool(
 """Two fingers with a stroke of 80 mm."""
 
 
+PANDA_HAND_BOXES_M = (
+    ((-0.032, -0.104, 0.081), (0.032, 0.101, 0.173), (2, 5, 2)),
+    ((-0.011, 0.040, 0.165), (0.011, 0.067, 0.220), (2, 2, 4)),
+    ((-0.011, -0.067, 0.165), (0.011, -0.040, 0.220), (2, 2, 4)),
+)
+"""Hand and open fingers as boxes: lowest and highest corner in the last joint's frame before `HAND_TURN_RAD`, and cells
+to cover with a sphere each. Extents of the description's collision meshes, rounded up to a millimetre."""
+
+
 def panda_urdf() -> str:
     """The description as text; meshes are named by absolute path."""
     path = panda_path()

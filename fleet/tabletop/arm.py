@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from fleet.robots.arm_kinds import arm_kind
 from fleet.robots.iiwa import iiwa_spec
-from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, TIP_M
+from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, PANDA_HAND_BOXES_M, TIP_M
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS, Tool
 from fleet.stations.arm_spheres import arm_spheres, cache_dir
 from fleet.tabletop.hand import Grasp, cup_grasps, down, finger_grasps
 from fleet.world.scene import StaticBox
 from planners.motion import RrtConnectNative
-from planners.motion.arm_model import ArmModel
+from planners.motion.arm_model import ArmModel, assemble
 from planners.motion.collision import CollisionChecker
 from planners.motion.coordination import ArmInWorld
 from planners.motion.inverse import inverse_kinematics
@@ -25,6 +26,9 @@ from planners.motion.route import Route, RoutePlanner, RouteProblem
 from planners.motion.spheres import box_spheres
 from planners.motion.timed_path import Dwell
 from planners.motion.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from fleet.world.bullet.arm_file import ArmFile
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -66,6 +70,7 @@ def load_model(arm: str, tool: str) -> Model:
 
     kind = arm_kind("panda")
     file = read_arm(kind.path, frozen=kind.frozen, allowed=_PANDA_ALLOWED, tool_length_m=TIP_M, cache_dir=cache_dir())
+    spheres = _with_fine_hand(file)
     spec = ArmSpec(
         name="panda",
         n_joints=len(file.joint_names),
@@ -80,7 +85,33 @@ def load_model(arm: str, tool: str) -> Model:
         home_rad=_PANDA_HOME,
         visuals=(),
     )
-    return Model(spec=spec, tool=PANDA_HAND, spheres=file.model)
+    return Model(spec=spec, tool=PANDA_HAND, spheres=spheres)
+
+
+def _backwards(leg: Trajectory) -> Trajectory:
+    """The same motion from its end to its start."""
+    return Trajectory(t=leg.t, q=leg.q[::-1].copy(), qd=-leg.qd[::-1])
+
+
+def _with_fine_hand(file: ArmFile) -> ArmModel:
+    """The Panda with many small spheres around its hand: few large ones would touch whatever lies beside a thing."""
+    model, n = file.model, len(file.joint_names)
+    parts = model.sphere_frame if model.sphere_part is None else model.sphere_part
+    covers = [(i, model.sphere_centre[parts == i], model.sphere_radius[parts == i]) for i in range(n + 1)]
+    c, s = np.cos(HAND_TURN_RAD), np.sin(HAND_TURN_RAD)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    for low, high, cells in PANDA_HAND_BOXES_M:
+        centre, radius = box_spheres((np.array(high) - np.array(low)) / 2, cells)
+        covers.append((n + 1, (centre + (np.array(low) + np.array(high)) / 2) @ turn.T, radius))
+    return assemble(
+        base_from_joint=model.base_from_joint,
+        lower=model.lower,
+        upper=model.upper,
+        covers=covers,
+        tool_length=TIP_M,
+        touching=file.touching,
+        cache_dir=cache_dir(),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,8 +151,6 @@ class TableArm:
                 for box in fixed
             )
         )
-        self.placed: int | None = None
-        """Thing that the arm has just put down and still stands over; None if its tool is up."""
 
     @property
     def home(self) -> FloatArray:
@@ -140,7 +169,7 @@ class TableArm:
         """Plan to take a thing and put it on a spot.
 
         Args:
-            start: Where the arm rests [rad], shape (n,).
+            start: Where the arm rests, its tool up [rad], shape (n,).
             thing: Which of the things.
             pose: Centre and orientation of it, shape (7,).
             corners: Corners of all things in the world, each (v, 3).
@@ -152,11 +181,10 @@ class TableArm:
         """
         own = corners[thing]
         others = [other for number, other in enumerate(corners) if number != thing]
-        boxes = self._around(corners, {thing})
-        leaving = self._around(corners, {thing, self.placed})
+        boxes = self._around(corners, thing)
         why = "nothing to take hold of it by"
         for grasp in self._grasps(pose, own, others)[:_GRASPS_N]:
-            pick = self._route(start, grasp.tips, leaving, None, leave_m=self._leave_m, seed=seed)
+            pick = self._route(start, grasp.tips, boxes, None, seed)
             if not pick.solved:
                 why = f"way to it: {pick.status.value}"
                 continue
@@ -167,33 +195,37 @@ class TableArm:
                     for yaw in np.linspace(-np.pi, np.pi, 8, endpoint=False)
                 ]
             )
-            place = self._route(pick.legs[-1].q[-1], tips, boxes, held, leave_m=LIFT_M, seed=seed + 1)
+            lift = _backwards(pick.legs[-1])
+            place = self._route(lift.q[-1], tips, boxes, held, seed + 1)
             if not place.solved:
                 why = f"way from it: {place.status.value}"
                 continue
             return Chore(
                 thing=thing,
-                legs=(*pick.legs, Dwell(duration_s=GRIP_S), *place.legs, Dwell(duration_s=RELEASE_S)),
+                legs=(
+                    *pick.legs,
+                    Dwell(duration_s=GRIP_S),
+                    lift,
+                    *place.legs,
+                    Dwell(duration_s=RELEASE_S),
+                    _backwards(place.legs[-1]),
+                ),
                 grips_at=len(pick.legs),
-                frees_at=len(pick.legs) + 1 + len(place.legs),
+                frees_at=len(pick.legs) + 2 + len(place.legs),
                 reach_m=(grasp.below_m, grasp.half_width_m),
             )
         return why
 
     def go_home(self, start: FloatArray, corners: list[FloatArray], seed: int) -> tuple[Trajectory, ...] | str:
         """Plan the way home; see `bring`."""
-        boxes = self._around(corners, {self.placed})
+        boxes = self._around(corners)
         tip = self._router(boxes, None).tip(self.home)
-        route = self._route(start, tip[None], boxes, None, leave_m=self._leave_m, seed=seed, arrive_m=0.0)
+        route = self._route(start, tip[None], boxes, None, seed, arrive_m=0.0)
         return route.legs if route.solved else f"way home: {route.status.value}"
 
-    @property
-    def _leave_m(self) -> float:
-        return 0.0 if self.placed is None else LIFT_M
-
-    def _around(self, corners: list[FloatArray], but: set[int | None]) -> Boxes:
-        """What is in the way: all that stands on the table, and all things but some."""
-        return Boxes.join(self._fixed, *(self._box(own) for number, own in enumerate(corners) if number not in but))
+    def _around(self, corners: list[FloatArray], but: int = -1) -> Boxes:
+        """What is in the way: all that stands on the table, and all things but one."""
+        return Boxes.join(self._fixed, *(self._box(own) for number, own in enumerate(corners) if number != but))
 
     def _grasps(self, pose: FloatArray, own: FloatArray, others: list[FloatArray]) -> list[Grasp]:
         tool = self._model.tool
@@ -207,8 +239,6 @@ class TableArm:
         tips: FloatArray,
         boxes: Boxes,
         held: tuple[FloatArray, FloatArray] | None,
-        *,
-        leave_m: float,
         seed: int,
         arrive_m: float = LIFT_M,
     ) -> Route:
@@ -217,7 +247,7 @@ class TableArm:
         problem = RouteProblem(
             start=start,
             tips=base_tips,
-            leave=np.array([0.0, 0.0, leave_m]),
+            leave=np.zeros(3),
             arrive=np.array([0.0, 0.0, arrive_m]),
             seed=seed,
         )

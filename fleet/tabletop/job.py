@@ -230,7 +230,6 @@ class Job:
             if part is None:
                 continue
             self._q[number] = part.path.q[-1]
-            self._arms[number].placed = None if part.chore is None else part.chore.thing
             if part.chore is not None:
                 self._tries[part.chore.thing] += 1
                 place = self._layout.places[self._layout.place_of[part.chore.thing]]

@@ -92,7 +92,7 @@ def pair_layout(seed: int, objects: int = 10) -> Layout:
     _check("--objects", objects, _MOST)
     rng = np.random.default_rng(seed)
     places = (_place("cubes", (0.05, 0.93), (3, 2)), _place("cylinders", (0.05, -0.93), (3, 2)))
-    spots = _scattered(rng, objects, (0.26, 0.54), (-0.19, 0.19), apart_m=0.09)
+    spots = _scattered(rng, objects, (0.25, 0.525), (-0.185, 0.185), apart_m=0.09)
     kinds = [("cube", "cylinder")[i % 2] for i in range(objects)]
     scene = TableScene(
         arm="iiwa",
@@ -111,7 +111,7 @@ def tray_layout(seed: int, objects: int = 6) -> Layout:
     rng = np.random.default_rng(seed)
     place = _place("box", (0.05, 0.50), (3, 2), half_m=(0.18, 0.16))
     tray = _place("tray", (0.50, 0.0), (1, 1), half_m=(0.18, 0.24))
-    spots = _scattered(rng, objects, (0.38, 0.62), (-0.17, 0.17), apart_m=0.085)
+    spots = _scattered(rng, objects, (0.38, 0.62), (-0.20, 0.20))
     data = Path(pybullet_data.getDataPath()) / "random_urdfs"
     things = []
     for number, spot in zip(rng.choice(_FILES_N, objects, replace=False), spots, strict=True):
@@ -145,7 +145,7 @@ def tray_layout(seed: int, objects: int = 6) -> Layout:
         places=(place,),
         place_of=(0,) * objects,
         arm_of=(0,) * objects,
-        drop_m=0.04,
+        drop_m=0.07,
     )
 
 

@@ -93,7 +93,9 @@ FAMILIES = [
     Family(
         package="fleet.robots",
         tables=("ROBOTS",),
-        support=frozenset({"arm_kinds", "battery", "description", "estimator", "model", "pursuit", "spec", "tools"}),
+        support=frozenset(
+            {"arm_kinds", "battery", "description", "estimator", "model", "panda", "pursuit", "spec", "tools"}
+        ),
         maker="spec",
     ),
     Family(
