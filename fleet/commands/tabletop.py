@@ -103,7 +103,7 @@ class TabletopSort(_Tabletop):
 
     name: ClassVar[str] = "sort"
     objects: int = 9
-    """How many things lie on the table, at most 12."""
+    """How many things lie on the table, at most 10."""
 
     def run(self) -> int:
         """Sort, print and write; returns the exit status."""

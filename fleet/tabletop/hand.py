@@ -82,13 +82,11 @@ def finger_grasps(corners: FloatArray, others: list[FloatArray], opening_m: floa
         width = float(np.ptp(corners[:, :2] @ along))
         if width > opening_m - 2 * _SPARE_M:
             continue
-        blocked = False
-        for side in (-1.0, 1.0):
-            at = middle[0] + side * (opening_m / 2 + _FINGER_HALF_M[0])
-            for other in others:
-                offset = other[:, :2] @ np.stack([along, across], axis=1) - np.array([at, middle[1]])
-                inside = (np.abs(offset) < np.array(_FINGER_HALF_M) + 0.004).all(axis=1) & (other[:, 2] > tip_z - 0.005)
-                blocked |= bool(inside.any())
+        blocked = any(
+            _meets(other, np.stack([along, across], axis=1), np.array([at, middle[1]]), tip_z)
+            for at in (middle[0] - opening_m / 2 - _FINGER_HALF_M[0], middle[0] + opening_m / 2 + _FINGER_HALF_M[0])
+            for other in others
+        )
         if not blocked:
             found.append((width, yaw, middle[0] * along + middle[1] * across))
     grasps = []
@@ -99,3 +97,11 @@ def finger_grasps(corners: FloatArray, others: list[FloatArray], opening_m: floa
         reach = float(np.linalg.norm(corners[:, :2] - xy, axis=1).max())
         grasps.append(Grasp(tips=tips, top_m=top - tip_z, below_m=tip_z - bottom, half_width_m=reach))
     return grasps
+
+
+def _meets(corners: FloatArray, axes: FloatArray, finger: FloatArray, tip_z: float) -> bool:
+    """Whether the box around a thing, in the finger's directions (2, 2), overlaps a finger at a point (2,) of them."""
+    if float(corners[:, 2].max()) < tip_z - _SPARE_M:
+        return False
+    local, half = corners[:, :2] @ axes - finger, np.array(_FINGER_HALF_M)
+    return bool(((local.min(axis=0) < half) & (local.max(axis=0) > -half)).all())

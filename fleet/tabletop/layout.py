@@ -19,7 +19,6 @@ FloatArray = npt.NDArray[np.float64]
 
 KINDS = ("cube", "sphere", "cylinder")
 _COLOURS = {"cube": (0.80, 0.25, 0.22, 1.0), "sphere": (0.20, 0.45, 0.75, 1.0), "cylinder": (0.30, 0.62, 0.30, 1.0)}
-_MOST = 12
 _MASS_KG = (0.05, 0.3)
 _EDGE_M = (0.04, 0.055)
 _APART_M = 0.10
@@ -67,7 +66,7 @@ class Layout:
 
 def sort_layout(seed: int, objects: int = 9) -> Layout:
     """One iiwa; cubes, spheres and cylinders lie in front of it and belong left, right and behind."""
-    _check("--objects", objects, _MOST)
+    _check("--objects", objects, 10)
     rng = np.random.default_rng(seed)
     places = (
         _place("cubes", (0.05, 0.55), (3, 2)),
@@ -89,7 +88,7 @@ def sort_layout(seed: int, objects: int = 9) -> Layout:
 
 def pair_layout(seed: int, objects: int = 10) -> Layout:
     """Two iiwa side by side; cubes and cylinders lie between them, each arm brings one kind to its own side."""
-    _check("--objects", objects, _MOST)
+    _check("--objects", objects, 12)
     rng = np.random.default_rng(seed)
     places = (_place("cubes", (0.05, 0.93), (3, 2)), _place("cylinders", (0.05, -0.93), (3, 2)))
     spots = _scattered(rng, objects, (0.25, 0.525), (-0.185, 0.185), apart_m=0.09)

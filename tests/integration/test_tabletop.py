@@ -1,0 +1,69 @@
+"""Tables are sorted by the commands, the same way for the same seed, with a recording and a result."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from fleet.cli import main
+from fleet.recording.cli import run_rerun
+
+pytestmark = pytest.mark.bullet
+
+
+def ran(words: list[str]) -> int:
+    with pytest.raises(SystemExit) as stop:
+        main(["tabletop", *words])
+    return int(stop.value.code or 0)
+
+
+def result_of(folder: Path) -> dict[str, object]:
+    found: dict[str, object] = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    return found
+
+
+def test_one_arm_sorts_and_the_seed_decides_how(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hashes = []
+    for name in ("a", "b"):
+        words = ["sort", "--objects", "3", "--seed", "1", "--out", str(tmp_path / name)]
+        assert ran([*words, "--no-record"] if name == "b" else words) == 0
+        result = result_of(tmp_path / name)
+        assert (result["sorted"], result["missed"], result["reasons"]) == (3, 0, {})
+        hashes.append(result["state_hash"])
+    assert hashes[0] == hashes[1]
+    assert "recording.rrd" in capsys.readouterr().out
+    assert (tmp_path / "a" / "recording.rrd").stat().st_size > 100_000
+    assert not (tmp_path / "b" / "recording.rrd").exists()
+    assert run_rerun(["rrd", "verify", str(tmp_path / "a" / "recording.rrd")]).returncode == 0
+
+
+def test_two_arms_work_at_the_same_time_and_never_touch(tmp_path: Path) -> None:
+    assert ran(["pair", "--objects", "4", "--no-record", "--out", str(tmp_path)]) == 0
+    result = result_of(tmp_path)
+    assert result["sorted"] == 4
+    assert result["rounds_together"] == result["rounds"] == 2
+    assert result["robot_contacts"] == 0
+
+
+@pytest.mark.slow
+def test_a_panda_empties_a_tray(tmp_path: Path) -> None:
+    assert ran(["tray", "--no-record", "--out", str(tmp_path)]) == 0
+    assert result_of(tmp_path)["sorted"] == 6
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["sort", "--objects", "11"], "--objects is 11; valid: an integer from 1 to 10"),
+        (["tray", "--seed", "-1"], "--seed is -1; valid: an integer >= 0"),
+        (["chess"], "unknown command 'chess'; valid: sort, tray, pair"),
+        (["sort", "--objects", "1", "--out", __file__], "--out"),
+    ],
+)
+def test_bad_input_is_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(words) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
