@@ -186,6 +186,21 @@ def test_the_command_reports_and_writes(
     assert max(figures["rms_rad"]) < 1e-4
 
 
+@pytest.mark.slow
+def test_the_example_gives_back_the_friction_that_it_was_made_with(
+    repository: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Seven joints, noise of 0.1 mrad: damping to 10 %, dry friction to 5 %."""
+    out = tmp_path / "fit.json"
+    with pytest.raises(SystemExit) as stop:
+        main(["calibrate", str(repository / "docs/examples/iiwa_motion.csv"), "--out", str(out)])
+    assert stop.value.code == 0
+    figures = json.loads(out.read_text(encoding="utf-8"))
+    np.testing.assert_allclose(figures["damping_nms_per_rad"], [1.5, 2, 0.8, 1.2, 0.5, 0.3, 0.15], rtol=0.1)
+    np.testing.assert_allclose(figures["friction_nm"], [2, 3, 1, 1.5, 0.4, 0.3, 0.1], rtol=0.05)
+    assert max(figures["rms_rad"]) < 2e-4 < min(figures["rms_before_rad"])
+
+
 @pytest.mark.parametrize(
     ("words", "text", "message"),
     [
