@@ -16,8 +16,8 @@ CUP_GAP_M = 0.003
 _FINGER_HALF_M = (0.012, 0.012)
 """Half the thickness and half the width of a finger, with a margin."""
 _GRIP_YAWS_N = 16
-_INTO_M = 0.035
-"""Fingers reach at most so far below the top of a thing."""
+_INTO_M = 0.024
+"""The tip goes at most so far below the top of a thing: the hand, which is wide, then stays above its neighbours."""
 _FLOOR_M = 0.014
 """The tip stays so far above the table: fingers end 9 mm below it."""
 _SPARE_M = 0.004

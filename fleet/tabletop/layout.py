@@ -96,7 +96,7 @@ def pair_layout(seed: int, objects: int = 10) -> Layout:
     scene = TableScene(
         arm="iiwa",
         tool="suction",
-        arm_base=np.array([[0.0, 0.38, 0.0, 0.0], [0.0, -0.38, 0.0, 0.0]]),
+        arm_base=np.array([[-0.08, 0.38, 0.0, 0.0], [-0.08, -0.38, 0.0, 0.0]]),
         boxes=(_table((0.1, 0.0), (0.9, 1.3)), *_rims(places)),
         objects=tuple(_thing(rng, kind, spot) for kind, spot in zip(kinds, spots, strict=True)),
     )
