@@ -1,4 +1,4 @@
-"""Benchmark of arms: collision checks, inverse kinematics, plans, against the usual way in PyBullet; grasps and cameras.
+"""Benchmark of arms: checks, inverse kinematics and plans against the usual way in PyBullet; grasps and cameras.
 
 A group is a function from a `Trial` to rows; it checks every answer before it counts a time. A new group is one file
 here and one line in `GROUPS`. Times are CPU time of one process.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pybullet_data
 
-from fleet.robots.tools import Tool
+from fleet.robots.tools import CARDBOARD_FRICTION, Tool
 
 FINGER_TRAVEL_M = 0.04
 TIP_M = 0.107 + 0.1034
@@ -18,6 +18,8 @@ HAND_TURN_RAD = -0.7853981633974483
 PANDA_HAND = Tool(
     name="friction",
     length_m=TIP_M,
+    force_n=25.0,
+    force_share=2 * 1.2 * CARDBOARD_FRICTION,
     touch_links=("panda_leftfinger", "panda_rightfinger"),
     finger_joints=("panda_finger_joint1", "panda_finger_joint2"),
     finger_travel_m=FINGER_TRAVEL_M,

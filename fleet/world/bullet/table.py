@@ -28,7 +28,6 @@ SUBSTEP_S = 1.0 / 240.0
 SUBSTEPS_N = 4
 TICK_S = SUBSTEPS_N * SUBSTEP_S
 _ITERATIONS_N = 50
-_SUCTION_N, _FINGER_N = 100.0, 25.0
 _FRICTION, _SPINNING, _ROLLING = 0.8, 0.05, 0.002
 _FINGER_FRICTION = 1.2
 _TABLE_FRICTION = 0.8
@@ -159,8 +158,7 @@ class TableWorld:
                 client,
                 self._arms,
                 self.objects,
-                limit_n=_SUCTION_N,
-                force_n=_FINGER_N,
+                force_n=tool.force_n,
                 touched=self._touched,
             )
         except BaseException:
