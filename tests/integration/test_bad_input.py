@@ -77,7 +77,7 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--tasks", "3", "--orders", "some.csv"], ["--tasks", "without --orders"]),
         (["--stream", "tide"], ["--stream is 'tide'", "valid: poisson, waves, skewed, skewed_waves"]),
         (["--stream", "waves", "--orders", "some.csv"], ["--stream", "without --orders"]),
-        (["--stream", "waves", "--rate", "0"], ["--rate is 0.0", "a number > 0"]),
+        (["--stream", "waves", "--rate", "0"], ["--rate is 0.0", "a number from 0.001"]),
         (["--rate", "10"], ["--rate", "with --stream"]),
         (["--planner", "nope"], ["--planner is 'nope'", "pibt"]),
         (
