@@ -31,6 +31,7 @@ class Bar:
         self._shown = shown
         self._bar: RichProgress | None = None
         self._next = 0.0
+        self._line = ""
         if shown and self._console.is_terminal:
             self._bar = RichProgress(
                 TextColumn("{task.description}"),
@@ -60,11 +61,12 @@ class Bar:
         Args:
             done: How much of the total.
             beside: Text beside the bar.
-            line: What to print where there is no bar.
+            line: What to print where there is no bar, unless it was the last one printed.
         """
         if self._bar is not None:
             self._bar.update(self._task, completed=done, description=beside)
-        else:
+        elif line != self._line:
+            self._line = line
             self._console.print(line)
 
     def __enter__(self) -> Self:
