@@ -32,7 +32,7 @@ FloatArray = npt.NDArray[np.float64]
 SAMPLE_S = 0.01
 STEP_S = 0.02
 """Step of the coordination diagram: half of it changed makespans by 0.2 %, twice of it by 4 % [s]."""
-MOTIONS_N = 3
+MOTIONS_N = 2
 """Motions of each arm that are tried with each other."""
 SHARED_RAD = 0.35
 """Two postures differ if a joint does by so much; other postures at a stop may leave the other arm more room [rad]."""
