@@ -9,7 +9,7 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
-from planners.motion.kinematics import jacobian_into, joint_rows, link_frames_into
+from planners.motion.kinematics import jacobian_into, joint_rows, last_link_pose, link_frames_into
 from planners.motion.shortcut import uniform
 
 FloatArray = npt.NDArray[np.float64]
@@ -203,11 +203,7 @@ class NumericInverse:
 
     def flange(self, q: npt.ArrayLike) -> FloatArray:
         """Pose of the last link in the base frame for one configuration (n,), shape (4, 4)."""
-        frames = np.empty((len(self.lower) + 1, 3, 4))
-        link_frames_into(self.joints, np.ascontiguousarray(q, dtype=np.float64), frames)
-        pose = np.eye(4)
-        pose[:3] = frames[-1]
-        return pose
+        return last_link_pose(self.joints, q)
 
     def ik_near(self, base_from_flange: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray | None:
         """The solution that descent from a configuration leads to, without a restart.

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
-from planners.motion.kinematics import joint_rows, link_frames, link_frames_into
+from planners.motion.kinematics import joint_rows, last_link_pose, link_frames
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -277,11 +277,7 @@ class OffsetGeometry:
 
     def flange(self, q: npt.ArrayLike) -> FloatArray:
         """Pose of the last link in the base frame for one configuration (7,), shape (4, 4)."""
-        frames = np.empty((_N_JOINTS + 1, 3, 4))
-        link_frames_into(self.joints, np.ascontiguousarray(q, dtype=np.float64), frames)
-        pose = np.eye(4)
-        pose[:3] = frames[-1]
-        return pose
+        return last_link_pose(self.joints, q)
 
     def at_last_joint(self, base_from_flange: npt.ArrayLike, q7_rad: float) -> FloatArray:
         """All solutions inside the limits with the last joint at an angle.

@@ -130,6 +130,23 @@ def jacobian(base_from_joint: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
     return out
 
 
+def last_link_pose(joints: FloatArray, q: npt.ArrayLike) -> FloatArray:
+    """Pose of the last link in the base frame; without checks, for solvers that ask often.
+
+    Args:
+        joints: What `joint_rows` gives, shape (n, 3, 4).
+        q: Joint angles [rad], shape (n,).
+
+    Returns:
+        Shape (4, 4).
+    """
+    frames = np.empty((len(joints) + 1, 3, 4))
+    link_frames_into(joints, np.ascontiguousarray(q, dtype=np.float64), frames)
+    pose = np.eye(4)
+    pose[:3] = frames[-1]
+    return pose
+
+
 def flange_from_tip(base_from_tip: npt.ArrayLike, tool_length_m: float) -> FloatArray:
     """Pose of the last link frame that puts the tool tip, ahead on its +z, at a pose.
 
