@@ -181,7 +181,7 @@ class CauseWatch:
                 self._set_at_rest(car, phase, tick)
         self._seen = [*roster.phase]
         idle = [car for car, phase in enumerate(roster.phase) if phase is CarPhase.IDLE]
-        if idle:
+        if idle and (given != self._given or phases != self._phases or tables is not self._tables):
             self._why_idle.fill(self.rows, idle)
         self._given, self._booked, self._phases, self._tables = given, booked, phases, tables
 

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
 from fleet.tasks.board import DONE_STATES, Task, TaskState
-from fleet.tasks.reasons import PAIR_REASONS, PairReason, TaskReason
+from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, PairReason, TaskReason
 
 if TYPE_CHECKING:
     from fleet.simulation import Simulation
 
 _PASSED = frozenset({PairReason.CAR_BUSY, PairReason.CAR_OUT, PairReason.CAR_CHARGES, PairReason.CHOSEN})
 """What was true when tasks were last given out, and is not of a car that is idle."""
+_DETAIL_OF_CODE = np.array(
+    [DETAIL_OF["next_round" if reason in _PASSED else reason] for reason in PAIR_REASONS], dtype=np.int32
+)
+_NOT_OFFERED, _NO_WAY = CODE_OF_REASON[PairReason.NOT_OFFERED], CODE_OF_REASON[PairReason.NO_WAY]
 
 
 class WhyIdle:
@@ -32,20 +38,20 @@ class WhyIdle:
         """Fill the rows of idle cars."""
         board = self._simulation.board
         first = next(filter(None, map(board.first_in, (TaskState.READY, TaskState.BACKLOG, TaskState.ORDERED))), None)
-        for car in cars:
-            row = rows[car]
-            row[Column.CAUSE], row[Column.BY], row[Column.CELL] = Cause.NO_TASK, NONE, NONE
-            row[Column.PLACE], row[Column.UNTIL], row[Column.DETAIL] = NONE, NONE, 0
-            row[Column.TASK] = NONE if first is None else first.index
-            if self._must_charge(car):
-                self._charger(row, car)
-            elif first is not None and first.state is TaskState.READY:
-                self._ready(row, car, first)
-            elif first is not None and first.state is TaskState.BACKLOG:
-                self._backlog(row, first)
-            elif first is not None:
-                row[Column.DETAIL] = DETAIL_OF[TaskReason.NOT_RELEASED]
-                row[Column.UNTIL] = round(first.order.release_s / self._simulation.tick_s)
+        row = np.full(len(Column), NONE, dtype=np.int32)
+        row[Column.CAUSE], row[Column.DETAIL] = Cause.NO_TASK, 0
+        row[Column.TASK] = NONE if first is None else first.index
+        if first is not None and first.state is TaskState.BACKLOG:
+            self._backlog(row, first)
+        elif first is not None and first.state is TaskState.ORDERED:
+            row[Column.DETAIL] = DETAIL_OF[TaskReason.NOT_RELEASED]
+            row[Column.UNTIL] = round(first.order.release_s / self._simulation.tick_s)
+        rows[cars] = row
+        if first is not None and first.state is TaskState.READY:
+            self._ready(rows, cars, first)
+        if self._simulation.dispatcher.charging is not None:
+            for car in filter(self._must_charge, cars):
+                self._charger(rows[car], car)
 
     def _must_charge(self, car: int) -> bool:
         charging = self._simulation.dispatcher.charging
@@ -62,20 +68,22 @@ class WhyIdle:
         if taken:
             row[Column.BY], row[Column.PLACE] = max(taken, key=lambda pair: float(batteries.charge[pair[0]]))
 
-    def _ready(self, row: CauseRows, car: int, task: Task) -> None:
+    def _ready(self, rows: CauseRows, cars: list[int], task: Task) -> None:
         """A car that is free could begin with the task."""
         reasons = self._simulation.dispatcher.reasons
         decision, present = reasons.decision(task), reasons.present(task)
-        own = PairReason.CHOSEN if decision is None else PAIR_REASONS[int(decision.codes[car])]
-        if own in _PASSED:
-            row[Column.DETAIL] = DETAIL_OF["next_round"]
-        elif own is PairReason.NO_WAY or present is TaskReason.UNREACHABLE:
-            self._no_way(row, car, task)
-        elif own is PairReason.NOT_OFFERED and present is TaskReason.STATION_FULL:
-            row[Column.DETAIL] = DETAIL_OF[present]
-            row[Column.PLACE], row[Column.BY] = self._full(task)
-        else:
-            row[Column.DETAIL] = DETAIL_OF[own]
+        if decision is None:
+            rows[cars, Column.DETAIL] = DETAIL_OF["next_round"]
+            return
+        codes = decision.codes[cars]
+        rows[cars, Column.DETAIL] = _DETAIL_OF_CODE[codes]
+        if present is TaskReason.STATION_FULL:
+            full = [car for car, code in zip(cars, codes.tolist(), strict=True) if code == _NOT_OFFERED]
+            rows[full, Column.DETAIL] = DETAIL_OF[present]
+            rows[full, Column.PLACE], rows[full, Column.BY] = self._full(task)
+        for car, code in zip(cars, codes.tolist(), strict=True):
+            if code == _NO_WAY or present is TaskReason.UNREACHABLE:
+                self._no_way(rows[car], car, task)
 
     def _backlog(self, row: CauseRows, task: Task) -> None:
         """The task waits itself."""
