@@ -248,9 +248,11 @@ class Stock:
         dx, dy = pose[0] - x, pose[1] - y
         ahead = np.cos(yaw) * dx + np.sin(yaw) * dy - self._car.tray_x_m
         left = -np.sin(yaw) * dx + np.cos(yaw) * dy
-        length, width, _ = self._car.tray_size_m
+        length, width, height = self._car.tray_size_m
         inside = abs(ahead) <= length / 2 and abs(left) <= width / 2
-        return bool(inside and pose[2] > self._car.tray_floor_z_m - 0.02)
+        # A parcel may rest on others' edges or on the rim, but one that is still in the air over the tray is not in it.
+        up = pose[2] - self._car.tray_floor_z_m
+        return bool(inside and -0.02 < up < height + MAX_EDGE_M)
 
 
 def _half_height(pose: FloatArray, size_m: tuple[float, float, float]) -> float:

@@ -97,3 +97,34 @@ def test_an_overloaded_cup_says_so() -> None:
         assert cause.endswith(" N, the cup holds 0.5 N")
         assert simulation.desk.dropped_n == 1
         assert np.all(simulation.world.held() == -1)
+
+
+def test_a_parcel_in_the_air_over_a_tray_is_not_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    config = RunConfig(site="cell", robots=1, tasks=1, fidelity=Fidelity.KINEMATIC, arms=ArmConfig(workers_n=0))
+    with Simulation(config) as simulation:
+        task, stock = simulation.board.tasks[0], simulation.dispatcher.stock
+        while task.state is not TaskState.CARRIED:
+            simulation.tick()
+        pose = stock.pose(task)
+        for lift_m, inside in ((0.0, True), (0.06, True), (0.2, False)):
+            raised = pose + np.array([0.0, 0.0, lift_m, 0.0, 0.0, 0.0, 0.0])
+            monkeypatch.setattr(stock, "pose", lambda _, raised=raised: raised)
+            assert stock.in_tray(task, 0) is inside
+
+
+@pytest.mark.slow
+@pytest.mark.bullet
+def test_fingers_let_go_of_a_parcel_that_they_have_held_for_long() -> None:
+    """In this run contacts that the engine keeps had turned on the way, and pulled the parcel up with the hand."""
+    config = RunConfig(site="cell", robots=3, tasks=20, seed=4, grip=Grip.FRICTION, arms=ArmConfig(workers_n=0))
+    with Simulation(config) as simulation:
+        task = simulation.board.named("order_2")
+        while task.state is not TaskState.LOADING or simulation.world.held()[0] != task.parcel:
+            simulation.tick()
+        while simulation.world.held()[0] == task.parcel:
+            simulation.tick()
+        for _ in range(round(1.0 / simulation.tick_s)):
+            simulation.tick()
+        car = simulation.scene.car
+        on_floor_m = car.tray_floor_z_m + max(task.delivery.size_m) / 2
+        assert simulation.dispatcher.stock.pose(task)[2] < on_floor_m + 0.01

@@ -232,9 +232,12 @@ class FrictionGrip:
         touched: Parcels that each arm's links touch: ``touched[arm][link]`` is a set of parcel ids, kept by the caller.
     """
 
-    def __init__(self, client: Client, arms: Arms, force_n: float, touched: list[dict[int, set[int]]]) -> None:
+    def __init__(
+        self, client: Client, arms: Arms, parcels: Parcels, force_n: float, touched: list[dict[int, set[int]]]
+    ) -> None:
         self._client = client
         self._arms = arms
+        self._parcels = parcels
         self._force_n = force_n
         self._touched = touched
         self._fingers = [arms.names[name] for name in arms.tool.touch_links] if arms.bodies else []
@@ -259,6 +262,8 @@ class FrictionGrip:
             if on == self._closed[arm]:
                 continue
             self._closed[arm] = on
+            if not on and self.held[arm] >= 0:
+                self._renew_contacts(arm, self.held[arm])
             target = 0.0 if on else self._arms.tool.finger_travel_m
             for finger in self._fingers:
                 self._move(arm, finger, target)
@@ -316,6 +321,17 @@ class FrictionGrip:
         self.held, self._steady, self._failed, self.loss = (list(part) for part in memory)
         self._closed = [None] * len(self.held)  # the next command sets every finger anew
 
+    def _renew_contacts(self, arm: int, parcel: int) -> None:
+        """Let the engine forget where the pads touch a parcel, and find it out anew in the next substep.
+
+        Contacts that are kept while a parcel is held turn with its edges; some end up with a normal that points back at
+        the pad, and then hold an opening finger to the parcel.
+        """
+        body, box = self._arms.bodies[arm], self._parcels.body(parcel)
+        for finger in self._fingers:
+            self._client.setCollisionFilterPair(body, box, finger, -1, 0)
+            self._client.setCollisionFilterPair(body, box, finger, -1, 1)
+
     def _move(self, arm: int, finger: int, target: float) -> None:
         self._client.setJointMotorControl2(
             self._arms.bodies[arm],
@@ -338,5 +354,5 @@ def make_grip(
 ) -> GripDevice:
     """Make the grip of a kind; see `SuctionGrip` and `FrictionGrip`."""
     if kind is Grip.FRICTION:
-        return FrictionGrip(client, arms, force_n, touched)
+        return FrictionGrip(client, arms, parcels, force_n, touched)
     return SuctionGrip(client, arms, parcels, force_n)
