@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -23,6 +26,8 @@ FloatArray = npt.NDArray[np.float64]
 N_PROBLEMS, QUICK_PROBLEMS = 1_000, 12
 N_COMPARED, QUICK_COMPARED = 60, 2
 REFERENCE_S, QUICK_REFERENCE_S = 1.0, 0.2
+AGAIN_N = 20
+"""Problems that are solved again, in this process and in another."""
 PARCEL_M = 0.08
 """Edge of the parcel in the grip; its upper third is between the fingers."""
 BELOW_TIP_M = 0.02
@@ -46,6 +51,12 @@ class Bench:
     router: RoutePlanner
 
 
+def digests(seed: int, n: int = AGAIN_N) -> list[str]:
+    """Digests of the routes of the first problems, to be compared across processes."""
+    bench = _bench()
+    return [_digest(bench.router.plan(problem)) for problem in _problems(bench, np.random.default_rng(seed), n)]
+
+
 def measure_plans(trial: Trial) -> Iterable[Row]:
     """Each plan: inverse kinematics, straight way out, search, shortening, straight way in, timing."""
     bench = _bench()
@@ -63,8 +74,14 @@ def measure_plans(trial: Trial) -> Iterable[Row]:
             _check(trial, bench, k, problem, route)
         else:
             trial.notes.append(f"plan {k}: {route.status.value}")
-    again = bench.router.plan(problems[0])
-    trial.check(again.travel.tobytes() == routes[0].travel.tobytes(), "plan 0: the same seed gave another path")
+    first = [_digest(route) for route in routes[:AGAIN_N]]
+    again = digests(trial.seeds[0], len(first))
+    trial.check(again == first, "plans: the same seeds gave other paths")
+    command = f"from benchmarks.arms.plans import digests; print(*digests({trial.seeds[0]}, {len(first)}))"
+    other = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
+    trial.check(
+        other.stdout.split()[-len(first) :] == first, "plans: the same seeds gave other paths in another process"
+    )
     solved = [route for route in routes if route.solved]
     yield Row(name=f"rack to car, {n:,} plans solved", value=100 * len(solved) / n, unit="%", target=">= 100")
     yield Row(name="  time of a plan, median", value=float(np.median(spent_ms)), unit="ms", target="<= 8")
@@ -152,6 +169,13 @@ def _check(trial: Trial, bench: Bench, k: int, problem: RouteProblem, route: Rou
             still = np.concatenate([leg.q[:1], leg.q, leg.q[-1:]])
             share = float((np.abs(np.diff(still, order, axis=0)) / dt_s**order / limit).max())
             trial.check(share <= 1.0, f"plan {k}: difference {order} of a joint is {share:.4f} times its limit")
+
+
+def _digest(route: Route) -> str:
+    """Of every path, and of what it becomes in time."""
+    paths = [route.out, route.travel, route.into]
+    timed = [array for leg in route.legs for array in (leg.t, leg.q, leg.qd)]
+    return hashlib.sha256(b"".join(array.tobytes() for array in [*paths, *timed])).hexdigest()
 
 
 def _length(path: FloatArray) -> float:

@@ -19,8 +19,9 @@ from fleet.robots import racecar_spec
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arm_cell import ArmCell
+from fleet.stations.arm_motions import Held, UnreachableError
 from fleet.stations.arm_spheres import arm_spheres
-from fleet.stations.cell_planner import CellPlanner, Held, KnownWays, UnreachableError
+from fleet.stations.cell_planner import CellPlanner, KnownWays
 from fleet.stations.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer
 from fleet.world.protocol import FloatArray
 from planners.motion.obstacles import Boxes

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
-from fleet.errors import FleetError
 from fleet.robots.spec import ArmSpec, CarSpec
 from fleet.robots.tools import Tool
 from fleet.stations.arm_cell import ArmCell
+from fleet.stations.arm_motions import LINE_SPEED, ArmMotions, Confirm, Held, UnreachableError, backwards
 from fleet.stations.loose import LooseGrips, UngrippableError, loose_grips
+from fleet.stations.retrieval import Margins, Retrieval
 from fleet.stations.transfer import (
     LOOSE,
     TRAY,
@@ -27,15 +27,12 @@ from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.protocol import FloatArray
 from planners.motion import motion_planner
 from planners.motion.arm_model import ArmModel
-from planners.motion.cartesian import cartesian_line
 from planners.motion.collision import CollisionChecker
-from planners.motion.ik import SrsGeometry
 from planners.motion.kinematics import flange_from_tip
 from planners.motion.obstacles import Boxes
 from planners.motion.problem import MotionProblem, MotionResult
-from planners.motion.route import RouteConfig, RoutePlanner, RouteProblem
 from planners.motion.spheres import box_spheres
-from planners.motion.trajectory import Trajectory, retime
+from planners.motion.trajectory import Trajectory
 
 HOME = -2
 """Via index of the rest position."""
@@ -49,8 +46,6 @@ SUCTION_GAP_M = 0.003
 """The cup stops this far above the parcel; suction bridges 10 mm."""
 RELEASE_M = 0.004
 """A parcel is let go this far above its support [m]."""
-LINE_SPEED = 0.6
-"""Share of the joint speed limits used on straight lines."""
 LIMIT_MARGIN_RAD = 0.06
 """Via points keep this far from joint limits, so that lines to parcels beside them stay inside."""
 TOOL_YAWS = 16
@@ -61,44 +56,10 @@ PICK_ABOVE_BOTTOM_M = 0.026
 """Fingers close at least this far above a parcel's underside, clear of the support [m]."""
 EASY_WIDTH_M = 0.09
 """Parcels up to this wide leave open fingers 1 cm of play on each side [m]."""
-CORNER_RAD = (0.1, 0.03, 0.01)
-"""How far corners may be cut, largest first [rad]."""
-CONFIRM_EVERY = 5
-"""One in this many samples of a motion is shown to the physics engine: 0.05 s apart."""
-LOOSE_LIFT_M = (0.30, 0.12)
-"""Straight ways down to a parcel that lies anywhere, and up again, in the order they are tried: the first leads out
-between pedestals, the second is within reach on top of them [m]."""
 NEAR_VIA_M = 0.3
 """Parcels that are nearer than this to a slot or the tray are tried to be reached over its via point first [m]."""
-LOOSE_ROUTE = RouteConfig(most_goals_n=48, tries_n=2)
 NEIGHBOUR_M = 0.2
 """Slots that are nearer than this to such a parcel are taken for empty: it may lie on them [m]."""
-LINE_STEP_M = 0.01
-"""Distance of the inverse-kinematics points of a straight line [m]."""
-LINE_TURN_RAD = 0.1
-"""And their turn."""
-SAMPLE_S = 0.01
-"""Sample period of trajectories; between samples they are interpolated [s]."""
-
-
-class Confirm(Protocol):
-    """The physics engine's last word on a motion."""
-
-    def __call__(self, boxes: Boxes, path: FloatArray, held: Held | None) -> str:
-        """Check a path (k, n) among boxes in the arm's base frame; returns what is wrong, empty if nothing."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Held:
-    """A parcel in the grip."""
-
-    size_m: tuple[float, float, float]
-    below_tip_m: float
-    """Its centre lies this far beyond the tool tip [m]."""
-
-
-class UnreachableError(FleetError):
-    """An arm cannot serve a place of its station."""
 
 
 @dataclass(kw_only=True)
@@ -144,10 +105,9 @@ class CellPlanner:
     ) -> None:
         self.cell = cell
         self._model, self._spec, self._tool, self._car = model, spec, tool, car
-        self._srs = SrsGeometry.from_joints(spec.base_from_joint, spec.lower_rad, spec.upper_rad)
+        self._motions = ArmMotions(spec, tool, confirm)
         self._planner = motion_planner(planner)
         self._iterations_n = iterations_n
-        self._confirm = confirm
         boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)
         held = box_spheres((MAX_EDGE_M / 2,) * 3)
         below = np.array([0.0, 0.0, tool.length_m + MAX_EDGE_M / 2])
@@ -159,6 +119,15 @@ class CellPlanner:
         self._boxes = boxes
         self._line_boxes = self._without_slots(boxes)
         self._line = CollisionChecker(model, self._line_boxes, margin=LINE_MARGIN_M)
+        self._retrieval = Retrieval(
+            self._motions,
+            model=model,
+            spec=spec,
+            tool=tool,
+            planner=self._planner,
+            iterations_n=iterations_n,
+            margins=Margins(travel_m=MARGIN_M, line_m=LINE_MARGIN_M),
+        )
         self._known = known if known is not None else KnownWays()
         self._known.vias[HOME] = spec.home_rad
 
@@ -180,7 +149,7 @@ class CellPlanner:
     def transfer(self, request: TransferRequest) -> Transfer:
         """Plan a transfer; a `reason` instead of steps when there is none."""
         try:
-            return self._retrieval(request) if request.pick_via == LOOSE else self._transfer(request)
+            return self._retrieved(request) if request.pick_via == LOOSE else self._transfer(request)
         except (UnreachableError, UngrippableError) as error:
             return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
 
@@ -194,7 +163,7 @@ class CellPlanner:
             return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
         via = request.pick_via
         # Upwards with the parcel is as free as downwards with it.
-        back = (_reversed(lift), Signal.RELEASE, _reversed(lower), self._way(via, HOME, loaded=False))
+        back = (backwards(lift), Signal.RELEASE, backwards(lower), self._way(via, HOME, loaded=False))
         return Transfer(
             arm=request.arm,
             parcel=request.parcel,
@@ -218,8 +187,8 @@ class CellPlanner:
         result = self._search(self._empty, up[-1], self._spec.home_rad)
         if not result.solved:
             return Transfer(arm=request.arm, parcel=-1, steps=(), reason=f"no way home ({result.status.value})")
-        moves = [] if len(up) == 1 else [self._timed(up, LINE_SPEED, self._line)]
-        moves.append(self._timed(result.path, 1.0, self._empty))
+        moves = [] if len(up) == 1 else [self._motions.timed(up, LINE_SPEED, self._line)]
+        moves.append(self._motions.timed(result.path, 1.0, self._empty))
         return Transfer(arm=request.arm, parcel=-1, steps=tuple(moves))
 
     def _transfer(self, request: TransferRequest) -> Transfer:
@@ -236,7 +205,7 @@ class CellPlanner:
         )
         return Transfer(arm=request.arm, parcel=request.parcel, steps=steps)
 
-    def _retrieval(self, request: TransferRequest) -> Transfer:
+    def _retrieved(self, request: TransferRequest) -> Transfer:
         """Take a parcel from wherever it lies, by a way that is searched for, and place it as any other."""
         pose = np.eye(4)
         pose[:3, 3] = self.cell.base_from_world(request.pick_pose[:3])
@@ -244,17 +213,13 @@ class CellPlanner:
         grips = loose_grips(pose, request.size_m, self._tool, SUCTION_GAP_M, PICK_ABOVE_BOTTOM_M)
         held = Held(size_m=grips.size_m, below_tip_m=grips.height_m - grips.size_m[2] / 2)
         over = self._from_via(grips, held, request.place_via)
-        boxes = self._without_slots(self._boxes, near=pose[:3, 3])
-        refusal = ""
-        for lift_m in LOOSE_LIFT_M if over is None else ():
-            try:
-                over = self._loose_ways(grips, held, boxes, lift_m, request.place_via)
-                break
-            except UnreachableError as error:
-                refusal = refusal or str(error)
         if over is None:
-            x, y, z = np.round(pose[:3, 3], 3)
-            raise UnreachableError(f"{refusal}, which lies at ({x}, {y}, {z}) in the arm's base frame")
+            boxes = self._without_slots(self._boxes, near=pose[:3, 3])
+            try:
+                over = self._retrieval.steps(grips, held, boxes, self._via(request.place_via))
+            except UnreachableError as error:
+                x, y, z = np.round(pose[:3, 3], 3)
+                raise UnreachableError(f"{error}, which lies at ({x}, {y}, {z}) in the arm's base frame") from error
         down = self._setting_down(request, request.place_via, grips.height_m, held)
         return Transfer(arm=request.arm, parcel=request.parcel, steps=over + down)
 
@@ -274,32 +239,6 @@ class CellPlanner:
             except UnreachableError:
                 continue
         return None
-
-    def _loose_ways(self, grips: LooseGrips, held: Held, boxes: Boxes, lift_m: float, place: int) -> tuple[Step, ...]:
-        """From rest down to a parcel that lies anywhere, up again with it, and on to above its place."""
-        spec = self._spec
-        router = RoutePlanner(
-            self._srs,
-            CollisionChecker(self._model, boxes, margin=MARGIN_M),
-            CollisionChecker(self._model, boxes, margin=LINE_MARGIN_M),
-            self._planner,
-            spec.max_velocity_radps,
-            spec.max_acceleration_radps2,
-            LOOSE_ROUTE,
-        )
-        up = np.array([0.0, 0.0, lift_m])
-        route = router.plan(RouteProblem(start=spec.home_rad, tips=grips.tips, leave=np.zeros(3), arrive=up))
-        if not route.solved:
-            raise UnreachableError(f"no way to the parcel ({route.status.value})")
-        there, lower = (self._confirmed(leg, boxes, None) for leg in route.legs)
-        lift = self._confirmed(_reversed(lower), boxes, held)
-        loaded = CollisionChecker(self._model, boxes, held_spheres=self._largest, margin=MARGIN_M)
-        carry = self._search(loaded, lift.q[-1], self._via(place))
-        if not carry.solved:
-            raise UnreachableError(f"no way on with the parcel ({carry.status.value})")
-        largest = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2)
-        over = self._confirmed(self._timed(carry.path, 1.0, loaded), boxes, largest)
-        return (there, lower, Signal.GRIP, lift, over)
 
     def _delivery(
         self, request: TransferRequest | DeliverRequest, pick: int, place: int, grip_height: float
@@ -325,7 +264,7 @@ class CellPlanner:
     def _lines(self, down: FloatArray, before: Held | None, after: Held | None) -> tuple[Trajectory, Trajectory]:
         """The motions down a line and up again, with what is in the grip on each."""
         lower, lift = (
-            self._confirmed(self._timed(path, LINE_SPEED, self._line), self._line_boxes, load)
+            self._motions.confirmed(self._motions.timed(path, LINE_SPEED, self._line), self._line_boxes, load)
             for path, load in ((down, before), (down[::-1], after))
         )
         return lower, lift
@@ -402,22 +341,15 @@ class CellPlanner:
         return path
 
     def _straight(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
-        line = self._cartesian(q, tip)
+        line = self._motions.line(q, tip)
         return line if line is not None and self._line.path_free(line) else None
-
-    def _cartesian(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
-        start = self._tip(q)
-        way_m = float(np.linalg.norm(tip[:3, 3] - start[:3, 3]))
-        turn_rad = float(np.arccos(np.clip((np.trace(start[:3, :3].T @ tip[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
-        steps = max(2, int(np.ceil(way_m / LINE_STEP_M)), int(np.ceil(turn_rad / LINE_TURN_RAD)))
-        return cartesian_line(self._srs, q, tip, steps, tool_length_m=self._tool.length_m)
 
     def _climb(self, q: FloatArray) -> FloatArray:
         """As far up as it goes, at most `LIFT_M`; at least the present configuration, shape (k, n)."""
         for lift in (LIFT_M, LIFT_M / 2):
-            tip = self._tip(q)
+            tip = self._motions.tip(q)
             tip[2, 3] += lift
-            line = self._cartesian(q, tip)
+            line = self._motions.line(q, tip)
             if line is not None and self._empty.free(line[-1]):
                 return line
         return q[None]
@@ -429,13 +361,7 @@ class CellPlanner:
         return vias[place]
 
     def _via_tip(self, place: int) -> FloatArray:
-        return self._tip(self._via(place))
-
-    def _tip(self, q: FloatArray) -> FloatArray:
-        flange = self._srs.flange(q)
-        tip = flange.copy()
-        tip[:3, 3] += flange[:3, 2] * self._tool.length_m
-        return tip
+        return self._motions.tip(self._via(place))
 
     def _find_via(self, place: int) -> FloatArray:
         """The configuration above a place from which parcels around it can be reached, nearest to rest and tray."""
@@ -445,7 +371,7 @@ class CellPlanner:
         for yaw in np.linspace(-np.pi, np.pi, TOOL_YAWS, endpoint=False):
             tip = _down(yaw)
             tip[:3, 3] = support[0], support[1], support[2] + MAX_EDGE_M + LIFT_M
-            candidates.append(self._srs.ik_all(flange_from_tip(tip, self._tool.length_m)))
+            candidates.append(self._motions.srs.ik_all(flange_from_tip(tip, self._tool.length_m)))
         q = np.concatenate(candidates)
         inside = ((q > self._spec.lower_rad + LIMIT_MARGIN_RAD) & (q < self._spec.upper_rad - LIMIT_MARGIN_RAD)).all(1)
         q = q[inside]
@@ -463,7 +389,7 @@ class CellPlanner:
         lowest = PICK_ABOVE_BOTTOM_M if self._tool.finger_joints else 0.04
         r = PROBE_M[self._tool.name]
         for dx, dy in ((0.0, 0.0), (r, r), (r, -r), (-r, r), (-r, -r)):
-            tip = self._tip(q)
+            tip = self._motions.tip(q)
             tip[:3, 3] = support[0] + dx, support[1] + dy, tip[2, 3]
             across = self._straight(q, tip)
             if across is None:
@@ -485,35 +411,12 @@ class CellPlanner:
                 raise UnreachableError(f"no way between via points {low} and {high} ({result.status.value})")
             path = result.path if a == low else result.path[::-1]
             held = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2) if loaded else None
-            ways[a, b, loaded] = self._confirmed(self._timed(path, 1.0, checker), self._boxes, held)
+            ways[a, b, loaded] = self._motions.confirmed(self._motions.timed(path, 1.0, checker), self._boxes, held)
         return ways[a, b, loaded]
 
     def _search(self, checker: CollisionChecker, start: FloatArray, goal: FloatArray) -> MotionResult:
         problem = MotionProblem(checker=checker, start=start, goals=goal[None], max_iterations=self._iterations_n)
         return self._planner.plan(problem)
-
-    def _timed(self, path: FloatArray, speed: float, checker: CollisionChecker) -> Trajectory:
-        """Fastest motion along a path; corners are cut less if cutting them would touch something."""
-        spec = self._spec
-        trajectory: Trajectory | None = None
-        for deviation in CORNER_RAD if speed == 1.0 else CORNER_RAD[-1:]:
-            trajectory = retime(
-                path,
-                spec.max_velocity_radps * speed,
-                spec.max_acceleration_radps2 * speed,
-                dt_s=SAMPLE_S,
-                max_deviation_rad=deviation,
-            )
-            if checker.batch(trajectory.q).all():
-                return trajectory
-        raise UnreachableError("a timed motion leaves its path too far")
-
-    def _confirmed(self, trajectory: Trajectory, boxes: Boxes, held: Held | None) -> Trajectory:
-        if self._confirm is not None:
-            wrong = self._confirm(boxes, trajectory.q[::CONFIRM_EVERY], held)
-            if wrong:
-                raise UnreachableError(f"the physics engine refuses a motion: {wrong}")
-        return trajectory
 
     def _without_slots(self, boxes: Boxes, near: FloatArray | None = None) -> Boxes:
         """The obstacles of straight lines: without the parcels assumed on the slots, whose places are the targets.
@@ -532,11 +435,6 @@ class CellPlanner:
         return Boxes(
             centre=boxes.centre[keep], half=boxes.half[keep], yaw=boxes.yaw[keep], min_frame=boxes.min_frame[keep]
         )
-
-
-def _reversed(motion: Trajectory) -> Trajectory:
-    """The same motion backwards."""
-    return Trajectory(t=motion.t, q=motion.q[::-1].copy(), qd=-motion.qd[::-1])
 
 
 def _down(yaw: float) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,9 +19,9 @@ from fleet.world.scene import StaticBox
 from planners.motion import RrtConnectNative
 from planners.motion.arm_model import ArmModel, assemble
 from planners.motion.collision import CollisionChecker
-from planners.motion.coordination import ArmInWorld
+from planners.motion.coordination import ArmInWorld, at_rest
 from planners.motion.inverse import inverse_kinematics
-from planners.motion.obstacles import Boxes
+from planners.motion.obstacles import Boxes, Capsules
 from planners.motion.route import Route, RoutePlanner, RouteProblem
 from planners.motion.spheres import box_spheres
 from planners.motion.timed_path import Dwell
@@ -36,6 +36,8 @@ LIFT_M = 0.12
 """Straight way up from the table, and down to it."""
 GRIP_S, RELEASE_S = 0.5, 0.3
 _TRAVEL_MARGIN_M, _LINE_MARGIN_M = 0.01, 0.001
+_ARM_MARGIN_M = 0.05
+"""Distance to the other arm's resting spheres: those of a schedule are wider by what an arm moves in half a step."""
 _FEET_FRAME = 2
 """Links below this stand on the table."""
 _OFF_TABLE_M = 0.002
@@ -48,6 +50,8 @@ _PANDA_HOME = np.array([0.0, -0.6, 0.0, -2.4, 0.0, 1.8, 0.785])
 _PANDA_ALLOWED = (("panda_link5", "panda_link7"),)
 """Their spheres overlap by 4 mm in every ordinary posture; the links themselves are apart."""
 Leg = Trajectory | Dwell
+NOBODY = Capsules()
+"""No other arm."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,6 +132,14 @@ class Chore:
     """Reach of the thing below the tool's tip, and to the side."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Around:
+    """What is in an arm's way, in its base frame."""
+
+    boxes: Boxes
+    arms: Capsules
+
+
 class TableArm:
     """One arm on its place.
 
@@ -163,8 +175,21 @@ class TableArm:
         pose[:3, 3] = self._base[:3]
         return ArmInWorld(self._model.spheres, pose, None if held_m is None else self._held(*held_m))
 
+    def resting(self, q: FloatArray) -> Capsules:
+        """The room that the arm takes at q (n,), spheres in the world."""
+        own = at_rest(self.in_world(None), q)
+        spheres_n = own.parts[:, 2].max()
+        return Capsules.spheres(own.centre[0, :spheres_n], own.radius[0, :spheres_n])
+
     def bring(
-        self, start: FloatArray, thing: int, pose: FloatArray, corners: list[FloatArray], spot: FloatArray, seed: int
+        self,
+        start: FloatArray,
+        thing: int,
+        pose: FloatArray,
+        corners: list[FloatArray],
+        spot: FloatArray,
+        seed: int,
+        other: Capsules = NOBODY,
     ) -> Chore | str:
         """Plan to take a thing and put it on a spot.
 
@@ -175,16 +200,17 @@ class TableArm:
             corners: Corners of all things in the world, each (v, 3).
             spot: Where to put it: x, y, and height of its underside when it is let go [m], shape (3,).
             seed: Seed of the searches.
+            other: Another arm at rest, in the world.
 
         Returns:
             The chore, or why there is none.
         """
         own = corners[thing]
         others = [other for number, other in enumerate(corners) if number != thing]
-        boxes = self._around(corners, thing)
+        around = self._around(corners, other, thing)
         why = "nothing to take hold of it by"
         for grasp in self._grasps(pose, own, others)[:_GRASPS_N]:
-            pick = self._route(start, grasp.tips, boxes, None, seed)
+            pick = self._route(start, grasp.tips, around, None, seed)
             if not pick.solved:
                 why = f"way to it: {pick.status.value}"
                 continue
@@ -196,7 +222,7 @@ class TableArm:
                 ]
             )
             lift = _backwards(pick.legs[-1])
-            place = self._route(lift.q[-1], tips, boxes, held, seed + 1)
+            place = self._route(lift.q[-1], tips, around, held, seed + 1)
             if not place.solved:
                 why = f"way from it: {place.status.value}"
                 continue
@@ -216,16 +242,20 @@ class TableArm:
             )
         return why
 
-    def go_home(self, start: FloatArray, corners: list[FloatArray], seed: int) -> tuple[Trajectory, ...] | str:
-        """Plan the way home; see `bring`."""
-        boxes = self._around(corners)
-        tip = self._router(boxes, None).tip(self.home)
-        route = self._route(start, tip[None], boxes, None, seed, arrive_m=0.0)
+    def go_home(
+        self, start: FloatArray, corners: list[FloatArray], seed: int, other: Capsules = NOBODY
+    ) -> tuple[Trajectory, ...] | str:
+        """Plan the way to the home posture; see `bring`."""
+        route = self._router(self._around(corners, other), None).travel(start, self.home[None], seed)
         return route.legs if route.solved else f"way home: {route.status.value}"
 
-    def _around(self, corners: list[FloatArray], but: int = -1) -> Boxes:
-        """What is in the way: all that stands on the table, and all things but one."""
-        return Boxes.join(self._fixed, *(self._box(own) for number, own in enumerate(corners) if number != but))
+    def _around(self, corners: list[FloatArray], other: Capsules, but: int = -1) -> _Around:
+        """What is in the way: all that stands on the table, all things but one, and another arm."""
+        feet = self._base[:3]
+        return _Around(
+            boxes=Boxes.join(self._fixed, *(self._box(own) for number, own in enumerate(corners) if number != but)),
+            arms=replace(other, start=other.start - feet, end=other.end - feet, radius=other.radius + _ARM_MARGIN_M),
+        )
 
     def _grasps(self, pose: FloatArray, own: FloatArray, others: list[FloatArray]) -> list[Grasp]:
         tool = self._model.tool
@@ -237,28 +267,23 @@ class TableArm:
         self,
         start: FloatArray,
         tips: FloatArray,
-        boxes: Boxes,
+        around: _Around,
         held: tuple[FloatArray, FloatArray] | None,
         seed: int,
-        arrive_m: float = LIFT_M,
     ) -> Route:
         base_tips = tips.copy()
         base_tips[:, :3, 3] -= self._base[:3]
         problem = RouteProblem(
-            start=start,
-            tips=base_tips,
-            leave=np.zeros(3),
-            arrive=np.array([0.0, 0.0, arrive_m]),
-            seed=seed,
+            start=start, tips=base_tips, leave=np.zeros(3), arrive=np.array([0.0, 0.0, LIFT_M]), seed=seed
         )
-        return self._router(boxes, held).plan(problem)
+        return self._router(around, held).plan(problem)
 
-    def _router(self, boxes: Boxes, held: tuple[FloatArray, FloatArray] | None) -> RoutePlanner:
+    def _router(self, around: _Around, held: tuple[FloatArray, FloatArray] | None) -> RoutePlanner:
         spec, model = self._model.spec, self._model.spheres
         return RoutePlanner(
             self._inverse,
-            CollisionChecker(model, boxes, held, margin=_TRAVEL_MARGIN_M),
-            CollisionChecker(model, boxes, margin=_LINE_MARGIN_M),
+            CollisionChecker(model, around.boxes, held, margin=_TRAVEL_MARGIN_M, capsules=around.arms),
+            CollisionChecker(model, around.boxes, margin=_LINE_MARGIN_M, capsules=around.arms),
             RrtConnectNative(),
             spec.max_velocity_radps,
             spec.max_acceleration_radps2,

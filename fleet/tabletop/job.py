@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from fleet.tabletop.arm import Chore, Leg, Model, TableArm
+from fleet.tabletop.arm import NOBODY, Chore, Leg, Model, TableArm
 from fleet.tabletop.layout import Layout
 from fleet.world.bullet.table import TICK_S, TableWorld
 from planners.motion.coordination import Schedule, schedule
+from planners.motion.obstacles import Capsules
 from planners.motion.timed_path import TimedPath, timed_path
 from planners.motion.trajectory import Trajectory
 
@@ -119,6 +120,8 @@ class Job:
     def _chores(self, number: int, corners: list[FloatArray], seed: int) -> list[_Part]:
         """Things that an arm could bring now, nearest first."""
         arm, layout = self._arms[number], self._layout
+        # The other arm may always go home first, whatever it does meanwhile.
+        beside = self._beside(number)
         poses = self._world.object_poses()
         mine = [k for k, other in enumerate(layout.arm_of) if other == number and self._open(k, poses)]
         feet = layout.scene.arm_base[number, :2]
@@ -128,7 +131,7 @@ class Job:
         chores: list[_Part] = []
         for k in mine:
             spot = self._spot(layout.place_of[k], corners)
-            chore = arm.bring(self._q[number], k, poses[k], corners, spot, seed + k)
+            chore = arm.bring(self._q[number], k, poses[k], corners, spot, seed + k, beside)
             if isinstance(chore, str):
                 self.tally.reasons[k] = chore
                 self._tries[k] += 1
@@ -155,11 +158,9 @@ class Job:
     def _agree(
         self, options: list[list[_Part]], corners: list[FloatArray], seed: int
     ) -> tuple[list[_Part | None], Schedule | None]:
-        """A schedule for two arms: both work, or one works while the other goes home, or both go home."""
+        """A schedule for two arms: both work, or one works while the other goes home."""
         for first, second in self._pairs(options, corners, seed):
-            held = [None if part.chore is None else part.chore.reach_m for part in (first, second)]
-            arms = [arm.in_world(reach) for arm, reach in zip(self._arms, held, strict=True)]
-            found = schedule(arms, [first.path, second.path])
+            found = self._scheduled(first, second)
             if found.solved:
                 self.tally.together_n += first.chore is not None and second.chore is not None
                 return [first, second], found
@@ -172,31 +173,43 @@ class Job:
         """What two arms could do in one round, best first; ways home are planned only if it comes to that."""
         yield from ((a, b) for a in options[0] for b in options[1])
         for worker in range(2):
-            home = self._way_home(1 - worker, corners, seed) if options[worker] else None
+            # The worker waits where it rests until the other is home, if it has to.
+            home = self._way_home(1 - worker, corners, seed, self._q[worker]) if options[worker] else None
             if home is not None:
                 yield from ((part, home) if worker == 0 else (home, part) for part in options[worker])
 
-    def _way_home(self, number: int, corners: list[FloatArray], seed: int) -> _Part | None:
-        legs = self._arms[number].go_home(self._q[number], corners, seed)
+    def _scheduled(self, first: _Part, second: _Part) -> Schedule:
+        held = [None if part.chore is None else part.chore.reach_m for part in (first, second)]
+        arms = [arm.in_world(reach) for arm, reach in zip(self._arms, held, strict=True)]
+        return schedule(arms, [first.path, second.path])
+
+    def _beside(self, number: int, other_q: FloatArray | None = None) -> Capsules:
+        """The other arm as this one sees it at rest: at home, unless told otherwise."""
+        if len(self._arms) == 1:
+            return NOBODY
+        other = self._arms[1 - number]
+        return other.resting(other.home if other_q is None else other_q)
+
+    def _way_home(
+        self, number: int, corners: list[FloatArray], seed: int, other_q: FloatArray | None = None
+    ) -> _Part | None:
+        legs = self._arms[number].go_home(self._q[number], corners, seed, self._beside(number, other_q))
         if isinstance(legs, str):
             return None
         still = Trajectory(t=np.zeros(1), q=self._q[number][None], qd=np.zeros((1, self._q.shape[1])))
         return _Part(path=timed_path(legs or (still,), STEP_S), chore=None)
 
     def _all_home(self) -> None:
-        """Both arms at once if they can, else one after the other."""
+        """Both arms, as far as they can; the second does not count on the first one's resting where it is now."""
         corners = [self._world.object_corners(k) for k in range(self.tally.objects_n)]
-        ways = [self._way_home(number, corners, self._seed) for number in range(len(self._arms))]
-        if len(self._arms) == 2 and all(ways):
-            first, second = ways
-            arms = [arm.in_world(None) for arm in self._arms]
-            if first is not None and second is not None:
-                found = schedule(arms, [first.path, second.path])
-                if found.solved:
-                    self._play([first, second], found)
+        if len(self._arms) == 1:
+            self._play([self._way_home(0, corners, self._seed)], None)
             return
-        for number, way in enumerate(ways):
-            self._play([way if k == number else None for k in range(len(self._arms))], None)
+        first, second = self._way_home(0, corners, self._seed, self._q[1]), self._way_home(1, corners, self._seed)
+        if first is not None and second is not None:
+            found = self._scheduled(first, second)
+            if found.solved:
+                self._play([first, second], found)
 
     def _play(self, parts: list[_Part | None], found: Schedule | None) -> None:
         """Let the arms move as agreed."""

@@ -14,7 +14,7 @@ from planners.motion.ik_numeric import NumericInverse
 from planners.motion.inverse import InverseKinematics
 from planners.motion.kinematics import flange_from_tip
 from planners.motion.lines import straight_line, tip_pose
-from planners.motion.problem import MotionPlanner, MotionProblem, MotionResult
+from planners.motion.problem import MotionPlanner, MotionProblem, MotionResult, MotionStatus
 from planners.motion.trajectory import Trajectory, retime
 
 FloatArray = npt.NDArray[np.float64]
@@ -188,6 +188,26 @@ class RoutePlanner:
                 break
         return route
 
+    def travel(self, start: FloatArray, goals: FloatArray, seed: int = 0) -> Route:
+        """Find, shorten and time a way between configurations, without straight lines at its ends.
+
+        Args:
+            start: Start [rad], shape (n,).
+            goals: Goals, any of which will do [rad], shape (k, n), k >= 1.
+            seed: The same start, goals and seed give the same bytes, in any process.
+
+        Returns:
+            The route, or a status that says why there is none.
+        """
+        for attempt in range(1 + self.config.restarts_n):
+            budget = self.config.max_iterations if attempt else self.config.first_iterations
+            result = self._shortest(start, goals, seed + attempt * self.config.tries_n, budget)
+            if result.solved:
+                return self._timed(start[None], result.path, result.path[-1:], goals)
+            if result.status is MotionStatus.INVALID_GOAL:
+                return self._failed(RouteStatus.GOALS_COLLIDE)
+        return self._failed(RouteStatus.NO_PATH)
+
     def _to_goals(
         self, problem: RouteProblem, out: FloatArray, goals: FloatArray, poses: npt.NDArray[np.int64], budget: int
     ) -> Route:
@@ -195,7 +215,7 @@ class RoutePlanner:
         offered = goals
         status = RouteStatus.NO_PATH
         while len(goals):
-            result = self._shortest(problem, out[-1], goals, budget)
+            result = self._shortest(out[-1], goals, problem.seed, budget)
             if not result.solved:
                 break
             chosen = int(np.argmin(np.abs(goals - result.path[-1]).max(axis=1)))
@@ -255,12 +275,12 @@ class RoutePlanner:
         status = RouteStatus.UNREACHABLE if len(q) == 0 else RouteStatus.GOALS_COLLIDE
         return q[picked[:wanted]], poses[picked[:wanted]], status
 
-    def _shortest(self, problem: RouteProblem, start: FloatArray, goals: FloatArray, budget: int) -> MotionResult:
+    def _shortest(self, start: FloatArray, goals: FloatArray, seed: int, budget: int) -> MotionResult:
         """The shortest path of several searches; one that is nearly straight ends them."""
         config = self.config
         distance = np.linalg.norm(goals - start, axis=1)
         good = config.good_ratio * float(distance.min())
-        query = MotionProblem(checker=self._travel, start=start, goals=goals, seed=problem.seed, max_iterations=budget)
+        query = MotionProblem(checker=self._travel, start=start, goals=goals, seed=seed, max_iterations=budget)
         best = self._planner.plan(query)
         for attempt in range(1, config.tries_n):
             if not best.solved or best.length_rad <= good:
@@ -269,7 +289,7 @@ class RoutePlanner:
             nearer = goals[distance < _WORTH * best.length_rad]
             if len(nearer) == 0:
                 break
-            other = self._planner.plan(replace(query, goals=nearer, seed=problem.seed + attempt))
+            other = self._planner.plan(replace(query, goals=nearer, seed=seed + attempt))
             if other.solved and other.length_rad < best.length_rad:
                 best = other
         return best

@@ -69,6 +69,16 @@ def test_a_solution_beside_the_pose_is_told(trial: Trial, monkeypatch: pytest.Mo
     assert "x: pose 0:" in trial.failures[0]
 
 
+@pytest.mark.slow
+def test_paths_that_differ_when_planned_again_are_told(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plans, "_digest", lambda route: str(id(route)))
+    list(plans.measure_plans(trial))
+    assert [failure.removeprefix("plans: the same seeds gave other paths") for failure in trial.failures] == [
+        "",
+        " in another process",
+    ]
+
+
 @pytest.mark.bullet
 def test_a_parcel_located_elsewhere_is_told(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(BinCell, "error", lambda self, box: (0.2, 0.0))

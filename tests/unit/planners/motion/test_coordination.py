@@ -248,11 +248,13 @@ def test_a_composite_plan_says_why_there_is_none(iiwa, arms):  # type: ignore[no
         CompositeProblem(arms=arms, checkers=(free, free), start=REST, goal=apart)
 
 
-def _trip(iiwa, arm, start, *stops) -> Trip:  # type: ignore[no-untyped-def]
-    floor = Boxes.one((0.0, 0.0, -0.05), (2.0, 2.0, 0.05), min_frame=2)
+FLOOR = Boxes.one((0.0, 0.0, -0.05), (2.0, 2.0, 0.05), min_frame=2)
+
+
+def _trip(iiwa, arm, start, *stops, obstacles=FLOOR) -> Trip:  # type: ignore[no-untyped-def]
     return Trip(
         arm=arm,
-        checker=CollisionChecker(iiwa, floor),
+        checker=CollisionChecker(iiwa, obstacles),
         max_velocity=MAX_VELOCITY,
         max_acceleration=MAX_ACCELERATION,
         start=start,
@@ -282,6 +284,22 @@ def test_two_errands_get_the_cheapest_way_that_works(iiwa, arms, referee):  # ty
         again = plan_together(trips, planner).found
         assert again is not None
         assert again.index.tobytes() == both.found.index.tobytes()
+
+
+@pytest.mark.parametrize("seed", [6, 10, 73, 126])
+def test_motions_keep_clear_of_obstacles_beside_straight_lines(iiwa, arms, seed):  # type: ignore[no-untyped-def]
+    # Posts where joints lead at their own pace (6, 10), and where corners lead that are cut widely (73, 126).
+    rng = np.random.default_rng(seed)
+    posts = [
+        Boxes.one((*rng.uniform((0.2, 0.05), (0.6, 0.4)), rng.uniform(0.2, 0.9)), rng.uniform(0.02, 0.1, 3))
+        for _ in range(4)
+    ]
+    obstacles = Boxes.join(FLOOR, *posts)
+    aside = REST + 4 * TURN
+    first = _trip(iiwa, arms[0], aside, OVER_TRAY, obstacles=obstacles)
+    both = plan_together((first, _trip(iiwa, arms[1], REST, REST + TURN)), RrtConnectNative())
+    assert both.way is Way.DECOUPLED
+    assert CollisionChecker(iiwa, obstacles, margin=0.0).path_free(both.paths[0].q)
 
 
 def test_bad_input_is_named(iiwa, arms, paths):  # type: ignore[no-untyped-def]
