@@ -18,6 +18,7 @@ import tyro
 
 from fleet.commands.calibrate import Calibrate
 from fleet.commands.demo import Demo
+from fleet.commands.diff import Diff
 from fleet.commands.lorr import Lorr
 from fleet.commands.plan import Plan
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
@@ -29,7 +30,14 @@ from planners.errors import PlanningError
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
-COMMANDS: dict[str, type[Any]] = {"calibrate": Calibrate, "demo": Demo, "lorr": Lorr, "plan": Plan, "study": Study}
+COMMANDS: dict[str, type[Any]] = {
+    "calibrate": Calibrate,
+    "demo": Demo,
+    "diff": Diff,
+    "lorr": Lorr,
+    "plan": Plan,
+    "study": Study,
+}
 SITE_COMMANDS: dict[str, type[Any]] = {
     "check": SiteCheck,
     "list": SiteList,

@@ -29,6 +29,7 @@ from fleet.recording import (
 from fleet.roster import CarPhase
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
+from fleet.tracing import Tracer
 
 NAP_S = 0.1
 """Longest single sleep of a run that is held back to a given speed [s]."""
@@ -81,7 +82,7 @@ class SessionConfig:
     """How a run is watched and kept."""
 
     out: Path
-    """Directory for `recording.rrd`, `run.jsonl` and `result.json`."""
+    """Directory for `recording.rrd`, `run.jsonl`, `run.trace` and `result.json`."""
     record: bool = True
     serve: bool = False
     """Host a live viewer on the loopback interface."""
@@ -115,6 +116,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
         recorder = stack.enter_context(_recorder(simulation, session))
+        tracer = stack.enter_context(Tracer(simulation, session.out))
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         if session.serve:
             progress.say(f"live: rerun --connect rerun+http://127.0.0.1:{session.port}/proxy")
@@ -131,7 +133,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         for event in events:
             emit(event)
         simulation.on_event = emit
-        wall_s, first_move_s = _loop(simulation, session, watch, progress, started, interrupted)
+        wall_s, first_move_s = _loop(simulation, session, tracer, watch, progress, started, interrupted)
         summary = simulation.summary()
         result = Result(
             **{field.name: getattr(summary, field.name) for field in fields(summary)},
@@ -153,6 +155,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
 def _loop(
     simulation: Simulation,
     session: SessionConfig,
+    tracer: Tracer,
     watch: _Watch,
     progress: Progress,
     started: float,
@@ -163,6 +166,7 @@ def _loop(
     begin = time.perf_counter()
     while not simulation.finished and not interrupted:
         simulation.tick()
+        tracer.tick()
         watch.look()
         progress.look()
         if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):

@@ -19,6 +19,7 @@ from typing import Any, Self
 import numpy as np
 
 from fleet.recording.errors import OutputError
+from fleet.recording.trace_file import TRACE
 
 RECORDING = "recording.rrd"
 EVENTS = "run.jsonl"
@@ -105,7 +106,7 @@ def prepare_output(directory: Path) -> Path:
                 path.rmdir()
         reason = error.strerror or str(error)
         raise OutputError(f"--out {directory}: {reason}; valid: a directory that can be written") from error
-    old = [directory / name for name in (RECORDING, EVENTS, RESULT)]
+    old = [directory / name for name in (RECORDING, EVENTS, TRACE, RESULT)]
     for path in old:
         if path.is_dir():
             raise OutputError(f"--out {directory}: {path.name} is a directory; valid: a file, or nothing there")
@@ -198,29 +199,47 @@ def read_run(directory: Path) -> RunRecord:
         Header, events and result.
 
     Raises:
-        OutputError: There is no run file, or it has no header; names the line.
+        OutputError: There is no run file, it has no header, or a file of the run is something else; names the line.
     """
     path = directory / EVENTS
+    valid = "valid: the --out directory of a run"
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:
-        raise OutputError(f"no run in {directory}: {EVENTS}: {error.strerror}") from error
+        raise OutputError(f"no run in {directory}: {EVENTS}: {error.strerror}; {valid}") from error
+    except UnicodeDecodeError as error:
+        raise OutputError(f"{path} is no run file: it is not text; {valid}") from error
     items: list[dict[str, Any]] = []
     for number, line in enumerate(lines, start=1):
         try:
-            items.append(json.loads(line))
+            item = json.loads(line)
         except json.JSONDecodeError as error:
-            if number == len(lines):
+            if number == len(lines) and items:
                 break
             raise OutputError(f"{path}, line {number}: {error.msg}; valid: one JSON object per line") from error
-    if not items or items[0].get("kind") != "run":
+        if not isinstance(item, dict):
+            raise OutputError(f"{path}, line {number}: {line[:20]!r}; valid: one JSON object per line")
+        items.append(item)
+    header = items[0] if items else {}
+    if header.get("kind") != "run" or not {"config", "seed", "versions"} <= header.keys():
         raise OutputError(f"{path}, line 1: valid: the object of kind 'run' with config, seed and versions")
-    result = directory / RESULT
-    header = items[0]
     return RunRecord(
         config=header["config"],
         seed=header["seed"],
         versions=header["versions"],
         events=tuple(items[1:]),
-        result=json.loads(result.read_text(encoding="utf-8")) if result.is_file() else None,
+        result=_read_result(directory / RESULT),
     )
+
+
+def _read_result(path: Path) -> dict[str, Any] | None:
+    """The figures of a run, None if it has none."""
+    if not path.is_file():
+        return None
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path} cannot be read: {error}; valid: the figures of a run as JSON") from error
+    if not isinstance(result, dict):
+        raise OutputError(f"{path}: {type(result).__name__}; valid: the figures of a run as one JSON object")
+    return result

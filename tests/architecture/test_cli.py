@@ -18,6 +18,7 @@ ALL = {
 }
 REQUIRED = {
     "calibrate": ["motion.csv"],
+    "diff": ["run_1", "run_2"],
     "lorr": ["problem.json"],
     "plan": ["--map", "in.map", "--scen", "in.scen"],
     "site check": ["small"],
