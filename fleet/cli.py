@@ -21,6 +21,7 @@ from fleet.commands.demo import Demo
 from fleet.commands.diff import Diff
 from fleet.commands.lorr import Lorr
 from fleet.commands.plan import Plan
+from fleet.commands.report import Report
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
 from fleet.commands.study import Study
 from fleet.commands.tabletop import TabletopPair, TabletopSort, TabletopTray
@@ -36,6 +37,7 @@ COMMANDS: dict[str, type[Any]] = {
     "diff": Diff,
     "lorr": Lorr,
     "plan": Plan,
+    "report": Report,
     "study": Study,
 }
 SITE_COMMANDS: dict[str, type[Any]] = {
