@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fleet.insight.cause_file import CAUSES, LEGEND
 from fleet.recording.trace_file import UNKNOWN, Quantity, Trace
 from fleet.report.run import Run, flat
 
@@ -15,6 +16,8 @@ NOT_FIGURES = frozenset({"wall_s", "real_time_factor", "first_move_s", "seed", "
 """What a result holds that says how fast the machine was, or what was run."""
 _NOT_SETTINGS = frozenset({"connect", "shared_memory_key"})
 """How the physics engine was reached, which decides nothing."""
+_TRACED = frozenset({CAUSES, LEGEND})
+"""Lines of the run file that follow from what is compared anyway."""
 _SAID = {
     Quantity.PHASE: "{robot} is {a} in A and {b} in B",
     Quantity.PLACE: "{robot} is bound for {a} in A and for {b} in B",
@@ -156,18 +159,18 @@ def _first(a: Run, b: Run) -> Divergence | None:
 
 def _events(a: Run, b: Run) -> tuple[int, str, str] | None:
     """Tick, car and sentence of the first event that is not the same in both."""
-    for one, other in zip(a.record.events, b.record.events, strict=False):
+    events_a, events_b = ([event for event in run.record.events if event.get("kind") not in _TRACED] for run in (a, b))
+    for one, other in zip(events_a, events_b, strict=False):
         if one != other:
             tick_a, tick_b = one.get("tick", 0), other.get("tick", 0)
             said_a = _event_words(one) if tick_a <= tick_b else "nothing"
             said_b = _event_words(other) if tick_b <= tick_a else "nothing"
             event = one if tick_a <= tick_b else other
             return min(tick_a, tick_b), str(event.get("car") or ""), f"A: {said_a}; B: {said_b}"
-    n = min(len(a.record.events), len(b.record.events))
-    for name, run in (("A", a), ("B", b)):
-        shorter = b if run is a else a
-        if len(run.record.events) > n and shorter.record.result is not None:  # else it was killed
-            event = run.record.events[n]
+    n = min(len(events_a), len(events_b))
+    for name, events, shorter in (("A", events_a, b), ("B", events_b, a)):
+        if len(events) > n and shorter.record.result is not None:  # else it was killed
+            event = events[n]
             return event.get("tick", 0), str(event.get("car") or ""), f"only in {name}: {_event_words(event)}"
     return None
 

@@ -13,6 +13,7 @@ import numpy as np
 from fleet.insight.ledger import percentages
 from fleet.report.plots import columns, dots, heat_map, stacked_bars, steps
 from fleet.report.run import Run
+from fleet.report.style import STYLE
 from fleet.report.table import Table
 from fleet.report.tables import FAULTS
 
@@ -38,36 +39,6 @@ BUCKETS = {
 }
 """Accounts of the ledger in the order of the bars: what they are called, and their colour."""
 
-_STYLE = """
-:root { color-scheme: light dark; --paper: #ffffff; --ink: #1f2328; --quiet: #656d76; --grid: #e3e6ea; --card: #f6f7f9;
-  --wall: #8b949e; --shelf: #d8c9b4; --heat: #c2410c; --heat2: #0f766e; --line: #0072b2; --warn: #b42318;
-  --b0: #c5cad1; --b1: #0067a8; --b2: #6bb5e6; --b3: #1a9c74; --b4: #d9480f; --b5: #b57edc; --b6: #f2a900; --b7: #d6c716;
-  --b8: #9f1239; --b9: #8a9a3b; }
-@media (prefers-color-scheme: dark) { :root { --paper: #14171c; --ink: #e6e8eb; --quiet: #98a1ab; --grid: #2c323a;
-  --card: #1c2128; --wall: #56606c; --shelf: #4d4336; --heat: #fb8a4c; --heat2: #2dd4bf; --line: #5cb3ea; --warn: #ff8f80;
-  --b0: #4a525c; --b1: #2f8fd6; --b2: #8fd0f7; --b3: #2fc294; --b4: #f4713a; --b5: #c79bea; --b6: #f6bb3b; --b7: #e5d94a;
-  --b8: #e0527f; --b9: #a9ba54; } }
-* { box-sizing: border-box; }
-body { font: 15px/1.5 system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif; color: var(--ink);
-  background: var(--paper); max-width: 72rem; margin: 2rem auto 4rem; padding: 0 1.2rem; }
-h1 { font-size: 1.6rem; margin: 0; } h2 { font-size: 1.2rem; margin: 2.6rem 0 .2rem; } h3 { font-size: 1rem; margin: 1rem 0 .2rem; }
-p { margin: .2rem 0 .8rem; } .quiet, figcaption { color: var(--quiet); font-size: 13.5px; } .warn { color: var(--warn); font-weight: 600; }
-svg { max-width: 100%; height: auto; display: block; } figure { margin: .4rem 0; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(8rem, 1fr)); gap: .7rem; margin: 1.2rem 0; }
-.tile { background: var(--card); border-radius: .6rem; padding: .6rem .9rem; } .tile b { display: block; font-size: 1.45rem; line-height: 1.3;
-  font-variant-numeric: tabular-nums; } .tile span { color: var(--quiet); font-size: 13px; }
-.two { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(28rem, 100%), 1fr)); gap: .6rem 1.6rem; align-items: start; }
-.three { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(17rem, 100%), 1fr)); gap: .6rem 1.6rem; align-items: start; }
-.legend { display: flex; flex-wrap: wrap; gap: .2rem 1.1rem; margin: .5rem 0; font-size: 13.5px; }
-.legend i { display: inline-block; width: .8rem; height: .8rem; border-radius: .15rem; margin-right: .4rem; vertical-align: -1px; }
-.scroll { overflow-x: auto; } table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; font-size: 13.5px; }
-th, td { padding: .22rem .6rem; text-align: right; border-bottom: 1px solid var(--grid); white-space: nowrap; }
-th { color: var(--quiet); font-weight: 600; vertical-align: bottom; white-space: normal; } .l { text-align: left; } .w { white-space: normal; }
-tr.sum td { font-weight: 600; } td.bar { width: 40%; padding-right: 0; } td.bar i { display: block; height: .75rem; border-radius: .15rem; }
-details { margin: .6rem 0; } summary { cursor: pointer; color: var(--quiet); } code { background: var(--card); padding: .1rem .35rem; border-radius: .2rem; }
-@media print { details { display: block; } }
-"""
-
 
 def write_page(path: Path, run: Run, tables: Mapping[str, Table]) -> None:
     """Write the page.
@@ -86,7 +57,7 @@ def write_page(path: Path, run: Run, tables: Mapping[str, Table]) -> None:
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
-<style>{_STYLE}</style>
+<style>{STYLE}</style>
 </head>
 <body>
 {body}
@@ -180,7 +151,9 @@ def _progress(run: Run, tables: Mapping[str, Table]) -> str:
     edges = np.append(progress["from_s"], progress["to_s"][-1:])
     width = progress["to_s"][0] - progress["from_s"][0]
     rate = columns(edges, progress["per_h"], color="var(--line)", x_label="time [s]", unit="per hour")
-    opened = steps(progress["to_s"], {"open tasks": progress["open_n"].astype(float)}, colors=["var(--b6)"], x_label="time [s]")
+    opened = steps(
+        progress["to_s"], {"open tasks": progress["open_n"].astype(float)}, colors=["var(--b6)"], x_label="time [s]"
+    )
     parts = [
         _figure("Throughput", f"tasks done per hour, in stretches of {width:g} s", rate.svg()),
         _figure("Open tasks", "released and not ended", opened.svg()),
@@ -220,30 +193,29 @@ def _heat(run: Run, tables: Mapping[str, Table]) -> str:
         if name.startswith("wait_"):
             what = name.removeprefix("wait_").removesuffix("_s").replace("_", " ")
             maps.append((f"Waiting: {what}", _WAITING.get(what, what), name, "var(--heat)", "s"))
-    if len(maps) == 1:
-        maps.append(("Time", "how long cars were in each cell, standing or driving", "cars_s", "var(--heat)", "s"))
     figures = [
         _figure(title, caption, heat_map(plan, floor(name), color=color, unit=unit).svg())
         for title, caption, name, color, unit in maps
         if len(cells) and cells[name].any()
     ]
     return f"""<h2>Where on the floor</h2>
-<p class="quiet">Cells by row and column from the top left; point at one to read its value. Colours grow with the root of the value.</p>
+<p class="quiet">Cells by row and column from the top left; point at one to read its value. Colours grow with the root
+of the value.</p>
 <div class="two">{"".join(figures)}</div>"""
 
 
 _WAITING = {
-    "traffic": "time that cars stood in each cell because of other cars",
-    "station": "time that cars stood in each cell because of a station, an arm, a slot or a charger",
-    "plan": "time that cars stood in each cell because a plan had not come",
-    "blocked": "time that cars stood in each cell because of obstacles, dead and lost cars",
+    "traffic": "time that cars waited in each cell for other cars",
+    "station": "time that cars waited or were held back in each cell for a station, arm or charger",
+    "plan": "time that cars waited in each cell for a plan",
+    "blocked": "time that cars waited in each cell because of obstacles, dead and lost cars",
 }
 
 
 def _blame(run: Run, tables: Mapping[str, Table]) -> str:
     del run
-    blame = tables.get("blame")
-    if blame is None or not len(blame):
+    blame = tables["blame"]
+    if not len(blame):
         return ""
     parts = []
     for kind, title in (("cell", "Cells"), ("robot", "Robots"), ("station", "Stations")):
@@ -251,13 +223,13 @@ def _blame(run: Run, tables: Mapping[str, Table]) -> str:
         if rows:
             most = max(row["seconds"] for row in rows)
             lines = "".join(
-                f'<tr><td class="l">{escape(str(row["name"]))}</td><td>{row["seconds"]:.1f} s</td>'
-                f'<td class="bar"><i style="width:{100 * row["seconds"] / most:.1f}%;background:var(--b4)"></i></td></tr>'
+                f'<tr><td class="l">{escape(str(row["name"]))}</td><td>{row["seconds"]:.1f} s</td><td class="bar">'
+                f'<i style="width:{100 * row["seconds"] / most:.1f}%;background:var(--b4)"></i></td></tr>'
                 for row in rows
             )
             parts.append(f"<div><h3>{title}</h3><table>{lines}</table></div>")
     return f"""<h2>Who caused the waiting</h2>
-<p class="quiet">Time that cars and arms waited, added up over all of them: for the cell they could not enter, for the
+<p class="quiet">Time that cars waited, added up over all of them: for the cell they could not enter, for the
 robot at the end of the chain of who waits for whom, and at the station it was about.</p>
 <div class="three">{"".join(parts)}</div>"""
 
@@ -271,8 +243,8 @@ def _stations(run: Run, tables: Mapping[str, Table]) -> str:
     for row in stations.rows():
         busy, contended = 100 * row["busy_share"], 100 * row["contended_share"]
         bar = (
-            f'<i style="width:100%;background:linear-gradient(90deg,var(--b4) {contended:.1f}%,var(--b3) {contended:.1f}%,'
-            f'var(--b3) {busy:.1f}%,var(--grid) {busy:.1f}%)"></i>'
+            f'<i style="width:100%;background:linear-gradient(90deg,var(--b4) {contended:.1f}%,'
+            f'var(--b3) {contended:.1f}%,var(--b3) {busy:.1f}%,var(--grid) {busy:.1f}%)"></i>'
         )
         rows.append(
             f'<tr><td class="l">{escape(row["station"])}</td><td>{row["transfers_n"]:.0f}</td>'
@@ -287,18 +259,25 @@ def _stations(run: Run, tables: Mapping[str, Table]) -> str:
 
 
 def _waits(run: Run, tables: Mapping[str, Table]) -> str:
-    del run
-    waits = tables.get("waits")
-    if waits is None or not len(waits):
+    waits = [row for row in tables["waits"].rows() if row["robot"] in run.legend.robots[: run.legend.n_cars]]
+    if not waits:
         return ""
-    longest = sorted(waits.rows(), key=lambda row: (-row["seconds"], row["from_s"], row["robot"]))[:_WAITS_N]
+    longest = sorted(waits, key=lambda row: (-row["seconds"], row["from_s"], row["robot"]))[:_WAITS_N]
     rows = [
-        [row["robot"], f"{row['from_s']:.1f}", f"{row['to_s']:.1f}", f"{row['seconds']:.1f}", row["explanation"]]
+        [row["robot"], f"{row['from_s']:.1f}", f"{row['to_s']:.1f}", f"{row['seconds']:.1f}", _why(row["explanation"])]
         for row in longest
     ]
-    return f"""<h2>The longest waits</h2>
-<p class="quiet">{_counted(len(longest), len(waits), "waits")}; <code>python -m fleet why ROBOT --at TIME RUN</code> explains any other moment.</p>
-{_table(["robot", "from [s]", "to [s]", "waited [s]", "why, at its end"], rows, left=1, words=(4,))}"""
+    heads = ["robot", "from [s]", "to [s]", "waited [s]", "why, in the middle of the longest part of it"]
+    return f"""<h2>The longest waits of cars</h2>
+<p class="quiet">{_counted(len(longest), len(waits), "waits of cars for a second or more")};
+<code>python -m fleet why ROBOT --at TIME RUN</code> explains any other moment.</p>
+{_table(heads, rows, left=1, words=(4,))}"""
+
+
+def _why(explanation: str) -> str:
+    """An explanation without whom it is about and since when, which stands beside it."""
+    head, _, reason = explanation.partition(": ")
+    return reason if " has waited " in head else explanation
 
 
 def _events(run: Run, tables: Mapping[str, Table]) -> str:

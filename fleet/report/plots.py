@@ -16,12 +16,16 @@ WIDTH = 1080
 """Of a plot over the whole page [px]."""
 HALF = 520
 _TICKS_N = 5
+_NUMBERS_PX = 18.0
+"""Room for the numbers of rows and columns."""
 _MANY_N = 30
 """More bars than this are drawn thin."""
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
-def stacked_bars(names: Sequence[str], parts: Mapping[str, npt.NDArray[np.float64]], colors: Mapping[str, str]) -> Drawing:
+def stacked_bars(
+    names: Sequence[str], parts: Mapping[str, npt.NDArray[np.float64]], colors: Mapping[str, str]
+) -> Drawing:
     """One bar for each name, of the same length, divided into parts.
 
     Args:
@@ -80,9 +84,7 @@ def columns(
         (x0, y0), (x1, y1) = spot(float(edges[k]), height), spot(float(edges[k + 1]), 0.0)
         said = f"{edges[k]:g} to {edges[k + 1]:g}: {height:.4g} {unit}"
         if height > 0:
-            sheet.marks.append(
-                Box(at=(x0 + 0.5, y0), size=(max(x1 - x0 - 1.0, 1.0), y1 - y0), color=color, title=said)
-            )
+            sheet.marks.append(Box(at=(x0 + 0.5, y0), size=(max(x1 - x0 - 1.0, 1.0), y1 - y0), color=color, title=said))
     return sheet
 
 
@@ -101,7 +103,9 @@ def steps(
     return sheet
 
 
-def dots(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], said: Sequence[str], *, color: str, x_label: str) -> Drawing:
+def dots(
+    x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], said: Sequence[str], *, color: str, x_label: str
+) -> Drawing:
     """One dot for each pair of numbers, with a word for each that is shown when it is pointed at."""
     sheet = Drawing(width=HALF, height=230)
     spot = _axes(sheet, (0.0, max(float(x.max(initial=0.0)), 1.0)), float(y.max(initial=0.0)), x_label)
@@ -110,7 +114,9 @@ def dots(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], said: Sequence[
     return sheet
 
 
-def heat_map(plan: Sequence[str], values: npt.NDArray[np.float64], *, color: str, unit: str, width: int = HALF) -> Drawing:
+def heat_map(
+    plan: Sequence[str], values: npt.NDArray[np.float64], *, color: str, unit: str, width: int = HALF
+) -> Drawing:
     """A floor from above, its cells the darker the greater their value.
 
     Args:
@@ -121,24 +127,31 @@ def heat_map(plan: Sequence[str], values: npt.NDArray[np.float64], *, color: str
         width: Of the sheet [px].
     """
     rows, cols = values.shape
-    step = min(width / cols, 26.0)
-    sheet = Drawing(width=width, height=round(step * rows + 30))
-    left = (width - step * cols) / 2
+    step = min((width - 2 * _NUMBERS_PX) / cols, 26.0)
+    sheet = Drawing(width=width, height=round(step * rows + _NUMBERS_PX + 30))
+    left, top = (width - step * cols) / 2, _NUMBERS_PX
+    every = 5 if step < 22.0 else 1
+    for col in range(0, cols, every):
+        at = (left + (col + 0.5) * step, top - 5)
+        sheet.marks.append(Words(at=at, text=str(col), anchor="middle", size=10, color=QUIET))
+    for row in range(0, rows, every):
+        at = (left - 5, top + (row + 0.5) * step + 3.5)
+        sheet.marks.append(Words(at=at, text=str(row), anchor="end", size=10, color=QUIET))
     for row, line in enumerate(plan):
         for kind, fill in (("#", WALL), ("=", SHELF)):
             for first, n in _runs(line, kind):
-                sheet.marks.append(Box(at=(left + first * step, row * step), size=(n * step, step), color=fill))
+                sheet.marks.append(Box(at=(left + first * step, top + row * step), size=(n * step, step), color=fill))
         for col, what in enumerate(line):
             if what in _BAYS:
-                at = (left + col * step + 1, row * step + 1)
+                at = (left + col * step + 1, top + row * step + 1)
                 sheet.marks.append(Box(at=at, size=(step - 2, step - 2), color=GRID, opacity=0.8, title=_BAYS[what]))
     most = float(values.max(initial=0.0))
     for row, col in np.argwhere(values > 0).tolist():
         value = float(values[row, col])
         said = f"cell ({row}, {col}): {value:.4g} {unit}"
-        at = (left + col * step, row * step)
+        at = (left + col * step, top + row * step)
         sheet.marks.append(Box(at=at, size=(step, step), color=color, opacity=_shade(value, most), title=said))
-    y = step * rows + 10
+    y = top + step * rows + 10
     for k in range(_TICKS_N + 1):
         opacity = _shade(most * k / _TICKS_N, most)
         sheet.marks.append(Box(at=(left + 18.0 * k, y), size=(18.0, 12.0), color=color, opacity=opacity))

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fleet.insight.cause_file import read_causes
+from fleet.insight.cause_log import CauseLog
+from fleet.insight.legend import Legend
 from fleet.recording.errors import OutputError
 from fleet.recording.run_file import EVENTS, RunRecord, read_run
 from fleet.recording.trace_file import TRACE, Trace, read_trace
@@ -20,6 +23,10 @@ class Run:
     record: RunRecord
     """Settings, events, and the figures if it came to its end."""
     trace: Trace
+    causes: CauseLog
+    """What each robot was about, and whom it waited for."""
+    legend: Legend
+    """What the numbers in the causes stand for."""
 
     @property
     def title(self) -> str:
@@ -38,6 +45,7 @@ def load_run(directory: Path) -> Run:
 
     Raises:
         OutputError: It holds no run, or one of another version; says which file is wrong.
+        CauseFileError: Its run file tells no causes, or tells them in another way.
     """
     if not directory.is_dir():
         what = "is a file" if directory.exists() else "does not exist"
@@ -51,7 +59,8 @@ def load_run(directory: Path) -> Run:
     trace = read_trace(directory)
     if not trace.n_ticks:
         raise OutputError(f"{directory / TRACE} holds no tick: the run ended at once; valid: a run of a second or more")
-    return Run(directory=directory, record=record, trace=trace)
+    causes, legend = read_causes(record.events, str(directory / EVENTS))
+    return Run(directory=directory, record=record, trace=trace, causes=causes, legend=legend)
 
 
 def flat(tree: Any, name: str = "") -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 from fleet.recording.trace_file import Quantity
 from fleet.report.run import Run, flat
 from fleet.report.table import Table, table
+from fleet.report.waits import blame_of, standing_of, waits_of
 
 BINS_N = 40
 """About so many bars over the time of a run."""
@@ -51,6 +52,8 @@ def tables_of(run: Run) -> dict[str, Table]:
         figures_of(run),
         robots_of(run),
         stations_of(run),
+        blame_of(run),
+        waits_of(run),
         cells_of(run),
         tasks,
         progress_of(run, tasks),
@@ -86,21 +89,28 @@ def stations_of(run: Run) -> Table:
 
 
 def cells_of(run: Run) -> Table:
-    """How often each cell was driven into, and how long cars were in it, for cells in which any ever was."""
+    """How often each cell was driven into, how long cars were in it, and how long they waited there, by what for.
+
+    Cells in which no car ever was are left out.
+    """
     trace = run.trace
     cols = len(trace.plan[0])
     visits: dict[int, int] = defaultdict(int)
     ticks_in: dict[int, int] = defaultdict(int)
     for car in range(trace.n_cars):
         ticks, cells = trace.series(car, Quantity.CELL)
-        for k, (cell, stay) in enumerate(zip(cells.tolist(), np.diff(ticks, append=trace.n_ticks).tolist(), strict=True)):
+        for k, (cell, stay) in enumerate(
+            zip(cells.tolist(), np.diff(ticks, append=trace.n_ticks).tolist(), strict=True)
+        ):
             if cell >= 0:
                 visits[cell] += k > 0
                 ticks_in[cell] += stay
-    rows = [
-        (cell // cols, cell % cols, visits[cell], round(ticks_in[cell] * trace.tick_s, 6)) for cell in sorted(ticks_in)
-    ]
-    return table("cells", ("row", "col", "visits_n", "cars_s"), rows)
+    stood = standing_of(run)
+    rows = []
+    for cell in sorted(ticks_in):
+        waits = (round(float(seconds[cell]), 6) for seconds in stood.values())
+        rows.append((cell // cols, cell % cols, visits[cell], round(ticks_in[cell] * trace.tick_s, 6), *waits))
+    return table("cells", ("row", "col", "visits_n", "cars_s", *(f"wait_{group}_s" for group in stood)), rows)
 
 
 def tasks_of(run: Run) -> Table:
@@ -122,7 +132,9 @@ def tasks_of(run: Run) -> Table:
         since, end = life.get("released"), life.get("end")
         waited = None if since is None or "first" not in life else life["first"] - since
         flow = None if since is None or end is None else end - since
-        rows.append((name, life["state"], life["car"], since, *(life.get(state) for state in states), end, waited, flow))
+        rows.append(
+            (name, life["state"], life["car"], since, *(life.get(state) for state in states), end, waited, flow)
+        )
     heads = ("task", "state", "car", "released_s", *(f"{state}_s" for state in states), "done_s", "waiting_s", "flow_s")
     return table("tasks", heads, rows)
 

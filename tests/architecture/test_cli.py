@@ -21,6 +21,7 @@ REQUIRED = {
     "diff": ["run_1", "run_2"],
     "lorr": ["problem.json"],
     "plan": ["--map", "in.map", "--scen", "in.scen"],
+    "report": ["run"],
     "site check": ["small"],
     "site generate": ["out.toml"],
     "site convert": ["in.map", "out.toml"],
