@@ -1,13 +1,14 @@
 """TraceFile: a digest of every tick of a run, and what its robots did and were told, written down on change.
 
-Two runs can be compared with it to the tick without keeping the positions of everything at every tick: equal ticks have
-equal digests. A file is a line of JSON and, for about each second, three arrays in numpy's own format, so that all but
-the last second of a killed run can be read.
+Two runs can be compared with it to the tick without keeping the positions of everything at every tick: as long as two
+runs are the same, so are their digests, which are made of all motion and of what has changed. A file is a line of JSON
+and blocks of some ticks, each written out at once: all whole blocks of a killed run can be read.
 """
 
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -24,8 +25,6 @@ from maps.grid import HEADING_NAMES
 
 TRACE = "run.trace"
 VERSION = 1
-BLOCK_N = 60
-"""Ticks that are written at once."""
 UNKNOWN = np.iinfo(np.int32).min
 """What a quantity is before it is known."""
 
@@ -52,6 +51,9 @@ class Quantity(IntEnum):
 
 CHANGE = np.dtype([("tick", "<i4"), ("robot", "<u2"), ("quantity", "u1"), ("value", "<i4")])
 """One change; robots are the cars, then the arms."""
+_DIGEST, _MARK = np.dtype("<u8"), np.dtype("<u2")
+_SIZES = struct.Struct("<II")
+"""Begins a block: how many ticks it has, and how many changes."""
 
 
 class TraceFile:
@@ -76,32 +78,28 @@ class TraceFile:
         self._file.write(json.dumps(header, separators=(",", ":")).encode() + b"\n")
         n = n_cars + n_arms
         self._known = np.full((len(Quantity), n), UNKNOWN, dtype=np.int64)
-        self._digests = np.zeros(BLOCK_N, dtype=np.uint64)
-        self._marks = np.zeros((BLOCK_N, n), dtype=np.uint16)
-        self._changes = np.zeros(len(Quantity) * n * BLOCK_N, dtype=CHANGE)
-        self._rows = self._changes_n = 0
 
-    def tick(self, tick: int, values: Ints, motion: FloatArray) -> None:
-        """Note how a tick ended; ticks come one after the other.
+    def write(self, tick: int, values: Ints, motion: FloatArray) -> None:
+        """Write how some ticks ended; call it with the first tick after those of the last call.
 
         Args:
-            tick: Which.
-            values: `Quantity` of each robot; `UNKNOWN` where a robot has none, shape (n_quantities, n_robots).
-            motion: Whatever decides how each robot goes on to move, shape (n_robots, k).
+            tick: The first of them.
+            values: `Quantity` of each robot at each tick; `UNKNOWN` where a robot has none, shape (n_ticks,
+                n_quantities, n_robots).
+            motion: Whatever decides how each robot goes on to move, shape (n_ticks, n_robots, k).
         """
-        fresh = self._changes[self._changes_n :]
-        digest, changed = _digest(tick, values, motion, self._known, self._marks[self._rows], fresh)
-        self._digests[self._rows] = digest
-        self._rows += 1
-        self._changes_n += changed
-        if self._rows == BLOCK_N:
-            self._write()
+        n_ticks, n_quantities, n_robots = values.shape
+        digests = np.zeros(n_ticks, dtype=_DIGEST)
+        marks = np.zeros((n_ticks, n_robots), dtype=_MARK)
+        changes = np.zeros(n_ticks * n_quantities * n_robots, dtype=CHANGE)
+        changes_n = _digest(tick, values, motion, self._known, digests, marks, changes)
+        self._file.write(_SIZES.pack(n_ticks, changes_n))
+        self._file.write(digests.tobytes() + marks.tobytes() + changes[:changes_n].tobytes())
+        self._file.flush()
 
     def close(self) -> None:
-        """Write what is left; calling twice is harmless."""
-        if not self._file.closed:
-            self._write()
-            self._file.close()
+        """Close the file; calling twice is harmless."""
+        self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -110,14 +108,6 @@ class TraceFile:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    def _write(self) -> None:
-        if self._rows:
-            for array in (self._digests, self._marks):
-                np.save(self._file, array[: self._rows])
-            np.save(self._file, self._changes[: self._changes_n])
-            self._file.flush()
-        self._rows = self._changes_n = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,15 +202,8 @@ def read_trace(directory: Path) -> Trace:
             raise OutputError(f"{path} is no trace: its first line is something else; {valid}") from error
         if kind != "trace" or version != VERSION:
             raise OutputError(f"{path}: kind {kind!r}, version {version!r}; {valid}")
-        blocks: list[Sequence[npt.NDArray[Any]]] = []
-        try:
-            while True:
-                blocks.append([np.load(file, allow_pickle=False) for _ in range(3)])
-        except (ValueError, EOFError, OSError):
-            pass  # the end, or where the process was killed
-    n = header["cars"] + header["arms"]
-    empty = [np.zeros(0, np.uint64), np.zeros((0, n), np.uint16), np.zeros(0, CHANGE)]
-    digests, marks, changes = (np.concatenate([empty[k], *(block[k] for block in blocks)]) for k in range(3))
+        content = file.read()
+    digests, marks, changes = _blocks(content, header["cars"] + header["arms"])
     return Trace(
         tick_s=header["tick_s"],
         n_cars=header["cars"],
@@ -235,6 +218,23 @@ def read_trace(directory: Path) -> Trace:
         marks=marks,
         changes=changes,
     )
+
+
+def _blocks(content: bytes, n_robots: int) -> tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]:
+    """Digests, marks and changes of all blocks; a last one that was cut off is left out."""
+    digests, marks, changes = [np.zeros(0, _DIGEST)], [np.zeros((0, n_robots), _MARK)], [np.zeros(0, CHANGE)]
+    at = 0
+    while len(content) - at >= _SIZES.size:
+        ticks_n, changes_n = _SIZES.unpack_from(content, at)
+        sizes = (ticks_n * _DIGEST.itemsize, ticks_n * n_robots * _MARK.itemsize, changes_n * CHANGE.itemsize)
+        at += _SIZES.size
+        if len(content) - at < sum(sizes):
+            break
+        digests.append(np.frombuffer(content, _DIGEST, ticks_n, at))
+        marks.append(np.frombuffer(content, _MARK, ticks_n * n_robots, at + sizes[0]).reshape(ticks_n, n_robots))
+        changes.append(np.frombuffer(content, CHANGE, changes_n, at + sizes[0] + sizes[1]))
+        at += sum(sizes)
+    return np.concatenate(digests), np.concatenate(marks), np.concatenate(changes)
 
 
 def _name(names: Sequence[str], index: int) -> str:
@@ -252,27 +252,29 @@ def _mix(hashed, word):
 
 
 @njit(cache=True)
-def _digest(tick, values, motion, known, marks, changes):
-    """Digest of all, marks of each, and rows for what has changed; returns the digest and how many rows."""
-    n_quantities, n_robots = values.shape
-    whole = np.uint64(0xCBF29CE484222325)
-    changed = 0
+def _digest(first, values, motion, known, digests, marks, changes):
+    """Digest of each tick, marks of each robot, and rows for what has changed; returns how many rows."""
+    n_ticks, n_quantities, n_robots = values.shape
     bits = (motion + 0.0).view(np.uint64)  # + 0.0: no negative zeros
-    for robot in range(n_robots):
-        own = np.uint64(0xCBF29CE484222325)
-        for k in range(bits.shape[1]):
-            own = _mix(own, bits[robot, k])
-        marks[robot] = np.uint16((own ^ (own >> np.uint64(16))) & np.uint64(0xFFFF))
-        whole = _mix(whole, own)
-        for quantity in range(n_quantities):
-            value = values[quantity, robot]
-            whole = _mix(whole, np.uint64(value))
-            if value != known[quantity, robot]:
-                known[quantity, robot] = value
-                row = changes[changed]
-                row.tick = tick
-                row.robot = robot
-                row.quantity = quantity
-                row.value = value
-                changed += 1
-    return whole, changed
+    changed = 0
+    for k in range(n_ticks):
+        whole = np.uint64(0xCBF29CE484222325)
+        for robot in range(n_robots):
+            own = np.uint64(0xCBF29CE484222325)
+            for number in range(bits.shape[2]):
+                own = _mix(own, bits[k, robot, number])
+            marks[k, robot] = np.uint16((own ^ (own >> np.uint64(16))) & np.uint64(0xFFFF))
+            whole = _mix(whole, own)
+            for quantity in range(n_quantities):
+                value = values[k, quantity, robot]
+                if value != known[quantity, robot]:
+                    known[quantity, robot] = value
+                    whole = _mix(_mix(whole, np.uint64(value)), np.uint64(n_quantities * robot + quantity))
+                    row = changes[changed]
+                    row.tick = first + k
+                    row.robot = robot
+                    row.quantity = quantity
+                    row.value = value
+                    changed += 1
+        digests[k] = whole
+    return changed

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fleet.recording import OutputError
-from fleet.recording.trace_file import BLOCK_N, TRACE, UNKNOWN, Quantity, TraceFile, read_trace
+from fleet.recording.trace_file import TRACE, UNKNOWN, Quantity, TraceFile, read_trace
 
 ABOUT = {
     "tick_s": 0.05,
@@ -18,6 +18,7 @@ ABOUT = {
     "phases": ("idle", "to_pick"),
     "arm_states": ("idle", "moving"),
 }
+BLOCK_N = 60
 Alter = Callable[[int, np.ndarray, np.ndarray], None]
 
 
@@ -28,11 +29,15 @@ def write(directory: Path, ticks_n: int, alter: Alter = lambda tick, values, mot
     values[:, :2] = 0
     values[:2, 2] = 0
     motion = np.zeros((3, 4))
+    rows = []
+    for tick in range(ticks_n):
+        motion[:2, 0] = 0.05 * tick
+        alter(tick, values, motion)
+        rows.append((values.copy(), motion.copy()))
     with TraceFile(directory, n_cars=2, n_arms=1, about=ABOUT) as file:
-        for tick in range(ticks_n):
-            motion[:2, 0] = 0.05 * tick
-            alter(tick, values, motion)
-            file.tick(tick, values, motion)
+        for first in range(0, ticks_n, BLOCK_N):
+            block = rows[first : first + BLOCK_N]
+            file.write(first, np.stack([row[0] for row in block]), np.stack([row[1] for row in block]))
     return directory
 
 
