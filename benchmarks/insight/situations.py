@@ -208,6 +208,8 @@ def _is_behind_queue(simulation: Simulation, car: int) -> bool:
     if not _may_be_behind_queue(simulation, car) or _phase(simulation, car) is not CarPhase.TO_PICK:
         return False
     served, poses = int(simulation.dispatcher.roster.served[0]), simulation.world.car_poses()
+    if served < 0 or _phase(simulation, served) is not CarPhase.LOADING:
+        return False
     row = [car]
     for one in row:
         away_m = np.hypot(*(poses - poses[one])[:, :2].T)
@@ -216,11 +218,9 @@ def _is_behind_queue(simulation: Simulation, car: int) -> bool:
 
 
 def _may_be_behind_queue(simulation: Simulation, car: int) -> bool:
-    """A car is on its way to the other pick station while the slow arm is at work on one."""
-    passes = _bound_for(simulation, car, 1)
-    served = int(simulation.dispatcher.roster.served[0])
-    works = served >= 0 and _phase(simulation, served) is CarPhase.LOADING
-    return passes and works and simulation.desk.services[0].speed < 1.0
+    """A car is on its way to the other pick station while the slow arm is at work, or on its way home."""
+    works = not simulation.desk.is_idle(0) and simulation.desk.services[0].speed < 1.0
+    return works and _bound_for(simulation, car, 1)
 
 
 def _is_slow_arm(root: Link) -> bool:

@@ -46,8 +46,8 @@ class Legend:
             UnknownRobot: There is none of that name.
         """
         if name not in self.robots:
-            arms = f", arm_0 to arm_{self.n_arms - 1}" if self.n_arms else ""
-            raise UnknownRobot(f"robot is {name!r}; valid: car_0 to car_{self.n_cars - 1}{arms}")
+            ranges = ", ".join(_range(kind, n) for kind, n in (("car", self.n_cars), ("arm", self.n_arms)) if n)
+            raise UnknownRobot(f"robot is {name!r}; valid: {ranges}")
         return self.robots.index(name)
 
     def tick(self, time_s: float, end_tick: int) -> int:
@@ -68,6 +68,10 @@ class Legend:
     def place(self, place: int) -> str:
         """Name of a place, empty for none."""
         return self.places[place] if 0 <= place < len(self.places) else ""
+
+
+def _range(kind: str, n: int) -> str:
+    return f"{kind}_0 to {kind}_{n - 1}" if n > 1 else f"{kind}_0"
 
 
 def legend_of(simulation: Simulation) -> Legend:
