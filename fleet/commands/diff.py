@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 SAME, DIFFERENT = 0, 1
 PLAIN_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""
+_LEDGER = ("car_ticks.", "arm_ticks.", "blame.")
+"""Figures of single robots and cells, which are too many to print."""
 _BESIDE_N, _SPREAD_N = 6, 8
 """Most lines and robots that are told; the rest is counted."""
 
@@ -109,7 +111,7 @@ def _table(figures: tuple[Pair, ...]) -> Table:
     for name in ("figure", "A", "B", "B - A"):
         table.add_column(name, justify="left" if name == "figure" else "right", no_wrap=name == "figure")
     for pair in figures:
-        if not pair.name.startswith("car_ticks."):
+        if not pair.name.startswith(_LEDGER):
             table.add_row(pair.name, _value(pair.a), _value(pair.b), _change(pair))
     return table
 

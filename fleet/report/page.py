@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fleet.insight.ledger import percentages
+from fleet.insight.time_table import NOBODY
 from fleet.report.plots import columns, dots, heat_map, stacked_bars, steps
 from fleet.report.run import Run
 from fleet.report.style import STYLE
@@ -18,26 +19,27 @@ from fleet.report.table import Table
 from fleet.report.tables import FAULTS
 
 PAGE = "report.html"
+_OPEN_N = 8
+"""Most robots whose table is open from the start."""
 _EVENTS_N, _WAITS_N, _TOP_N = 60, 25, 10
 """Most rows of the lists; all of them are in the CSV files."""
 
-BUCKETS = {
+ACCOUNTS = {
     "driving_loaded": ("driving loaded", "var(--b1)"),
     "driving_empty": ("driving empty", "var(--b2)"),
     "served": ("arm service", "var(--b3)"),
-    "arm_service": ("arm service", "var(--b3)"),
     "charging": ("charging", "var(--b5)"),
     "visiting": ("on a visit", "var(--b9)"),
     "traffic": ("blocked by traffic", "var(--b4)"),
-    "blocked": ("blocked by traffic", "var(--b4)"),
     "queue": ("station queue", "var(--b6)"),
-    "station_queue": ("station queue", "var(--b6)"),
     "plan_late": ("plan late", "var(--b7)"),
     "fault": ("fault", "var(--b8)"),
+    "awaiting": ("waits for a car", "var(--b2)"),
     "idle": ("no task", "var(--b0)"),
-    "no_task": ("no task", "var(--b0)"),
 }
 """Accounts of the ledger in the order of the bars: what they are called, and their colour."""
+WAITING = ("traffic", "queue", "plan_late")
+"""Those of them in which a robot waits."""
 
 
 def write_page(path: Path, run: Run, tables: Mapping[str, Table]) -> None:
@@ -88,7 +90,7 @@ def _tiles(run: Run, tables: Mapping[str, Table]) -> str:
     flow = tasks["flow_s"][np.isfinite(tasks["flow_s"])] if len(tasks) else np.zeros(0)
     hours = run.trace.n_ticks * run.trace.tick_s / 3600.0
     shares = result.get("time_share_percent", {})
-    waits = sum(shares.get(name, 0.0) for name in ("traffic", "blocked", "queue", "station_queue", "plan_late"))
+    waits = sum(shares.get(name, 0.0) for name in WAITING)
     faults = int(np.isin(events["kind"], [kind.replace("_", " ") for kind in FAULTS]).sum()) if len(events) else 0
     tiles = [
         (f"{done} of {result.get('tasks_total', len(tasks))}", "tasks done"),
@@ -111,26 +113,34 @@ def _ledger(run: Run, tables: Mapping[str, Table]) -> str:
     robots = tables["robots"]
     if not len(robots):
         return ""
-    del run
     accounts = [name for name in robots.columns if name != "robot"]
-    order = list(BUCKETS)
-    accounts.sort(key=lambda name: order.index(name[:-2]) if name[:-2] in order else len(order))
-    used = [name for name in accounts if robots[name].any()]
-    names = {name: BUCKETS.get(name[:-2], (name[:-2].replace("_", " "), "var(--quiet)")) for name in accounts}
-    total = np.maximum(sum(robots[name] for name in accounts), 1e-9)
-    fleet = sum(robots[name].sum() for name in accounts)
-    bars = {names[name][0]: np.append(robots[name].sum() / fleet, robots[name] / total) for name in used}
-    plot = stacked_bars(["all", *robots["robot"].tolist()], bars, {names[name][0]: names[name][1] for name in used})
-    heads = ["robot", *(names[name][0] + " [%]" for name in used), "sum [%]", "time [s]"]
-    sums = {name: float(robots[name].sum()) for name in accounts}
-    rows = [_ledger_row("all", sums, used)]
-    rows += [_ledger_row(row["robot"], {name: row[name] for name in accounts}, used) for row in robots.rows()]
-    listing = _table(heads, rows, left=1, sums=1)
+    accounts.sort(key=lambda name: list(ACCOUNTS).index(name[:-2]))
+    parts = []
+    for title, rows in (("Cars", slice(run.legend.n_cars)), ("Arms", slice(run.legend.n_cars, None))):
+        names = robots["robot"][rows].tolist()
+        used = [name for name in accounts if robots[name][rows].any()]
+        if not names or not used:
+            continue
+        seconds = np.array([robots[name][rows] for name in accounts])
+        seconds = np.column_stack([seconds.sum(axis=1), seconds])
+        shares = seconds / np.maximum(seconds.sum(axis=0), 1e-9)
+        bars = {ACCOUNTS[name[:-2]][0]: shares[accounts.index(name)] for name in used}
+        colors = {ACCOUNTS[name[:-2]][0]: ACCOUNTS[name[:-2]][1] for name in used}
+        plot = stacked_bars(["all", *names], bars, colors)
+        heads = ["robot", *(f"{ACCOUNTS[name[:-2]][0]} [%]" for name in used), "sum [%]", "time [s]"]
+        lines = [
+            _ledger_row(name, dict(zip(accounts, column, strict=True)), used)
+            for name, column in zip(["all", *names], seconds.T.tolist(), strict=True)
+        ]
+        listing = _table(heads, lines, left=1, sums=1)
+        opened = " open" if len(names) <= _OPEN_N else ""
+        parts.append(
+            f"<h3>{title}</h3>{_legend(colors)}<figure>{plot.svg()}</figure>"
+            f"<details{opened}><summary>as a table</summary>{listing}</details>"
+        )
     return f"""<h2>Where the time went</h2>
 <p class="quiet">Every tick of every robot is in exactly one account; a bar is all the time of one robot.</p>
-{_legend({names[name][0]: names[name][1] for name in used})}
-<figure>{plot.svg()}</figure>
-<details{" open" if len(robots) <= 20 else ""}><summary>as a table</summary>{listing}</details>"""
+{"".join(parts)}"""
 
 
 def _ledger_row(name: str, seconds: Mapping[str, float], used: Sequence[str]) -> list[str]:
@@ -192,7 +202,7 @@ def _heat(run: Run, tables: Mapping[str, Table]) -> str:
     for name in cells.columns:
         if name.startswith("wait_"):
             what = name.removeprefix("wait_").removesuffix("_s").replace("_", " ")
-            maps.append((f"Waiting: {what}", _WAITING.get(what, what), name, "var(--heat)", "s"))
+            maps.append((f"Waiting: {what}", _GROUPS.get(what, what), name, "var(--heat)", "s"))
     figures = [
         _figure(title, caption, heat_map(plan, floor(name), color=color, unit=unit).svg())
         for title, caption, name, color, unit in maps
@@ -204,7 +214,7 @@ of the value.</p>
 <div class="two">{"".join(figures)}</div>"""
 
 
-_WAITING = {
+_GROUPS = {
     "traffic": "time that cars waited in each cell for other cars",
     "station": "time that cars waited or were held back in each cell for a station, arm or charger",
     "plan": "time that cars waited in each cell for a plan",
@@ -214,23 +224,30 @@ _WAITING = {
 
 def _blame(run: Run, tables: Mapping[str, Table]) -> str:
     del run
-    blame = tables["blame"]
-    if not len(blame):
-        return ""
+    seconds: dict[tuple[str, str], dict[str, float]] = {}
+    for row in tables["blame"].rows():
+        if row["account"] in WAITING and row["name"] != NOBODY:
+            seconds.setdefault((row["kind"], row["name"]), {})[row["account"]] = row["seconds"]
     parts = []
-    for kind, title in (("cell", "Cells"), ("robot", "Robots"), ("station", "Stations")):
-        rows = [row for row in blame.rows() if row["kind"] == kind][:_TOP_N]
-        if rows:
-            most = max(row["seconds"] for row in rows)
-            lines = "".join(
-                f'<tr><td class="l">{escape(str(row["name"]))}</td><td>{row["seconds"]:.1f} s</td><td class="bar">'
-                f'<i style="width:{100 * row["seconds"] / most:.1f}%;background:var(--b4)"></i></td></tr>'
-                for row in rows
+    for kind, title in (("cell", "Cells"), ("robot", "Robots"), ("place", "Stations and other places")):
+        sums = {name: sum(by.values()) for (of, name), by in seconds.items() if of == kind}
+        top = sorted(sums, key=lambda name: (-sums[name], name))[:_TOP_N]
+        lines = ""
+        for name in top:
+            bars = "".join(
+                f'<i style="width:{100 * by / sums[top[0]]:.1f}%;background:{ACCOUNTS[account][1]}"></i>'
+                for account in WAITING
+                if (by := seconds[kind, name].get(account, 0.0))
             )
+            lines += f'<tr><td class="l">{escape(name)}</td><td>{sums[name]:.1f} s</td><td class="bar">{bars}</td></tr>'
+        if top:
             parts.append(f"<div><h3>{title}</h3><table>{lines}</table></div>")
+    if not parts:
+        return ""
     return f"""<h2>Who caused the waiting</h2>
-<p class="quiet">Time that cars waited, added up over all of them: for the cell they could not enter, for the
-robot at the end of the chain of who waits for whom, and at the station it was about.</p>
+<p class="quiet">Time that robots waited, put down to the cell they could not enter, to the robot at the end of the
+chain of who waits for whom, and to the station or other place that it was about: the same time, seen three times.</p>
+{_legend(dict(ACCOUNTS[account] for account in WAITING))}
 <div class="three">{"".join(parts)}</div>"""
 
 

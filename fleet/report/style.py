@@ -40,7 +40,7 @@ th { color: var(--quiet); font-weight: 600; vertical-align: bottom; white-space:
 .w { white-space: normal; }
 tr.sum td { font-weight: 600; }
 td.bar { width: 40%; padding-right: 0; }
-td.bar i { display: block; height: .75rem; border-radius: .15rem; }
+td.bar i { display: inline-block; height: .75rem; vertical-align: middle; }
 details { margin: .6rem 0; }
 summary { cursor: pointer; color: var(--quiet); }
 code { background: var(--card); padding: .1rem .35rem; border-radius: .2rem; }

@@ -6,15 +6,12 @@ import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fleet.errors import FleetError
-
-if TYPE_CHECKING:
-    import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
+from fleet.insight.time_table import data_frame
 
 Column = npt.NDArray[Any]
 
@@ -49,17 +46,13 @@ class Table:
                 writer.writerow("" if value != value else value for value in row.values())  # noqa: PLR0124 - nan
         return path
 
-    def frame(self) -> pandas.DataFrame:
-        """The same as a data frame.
+    def frame(self) -> Any:
+        """The same as a pandas data frame.
 
         Raises:
-            FleetError: The package pandas, which nothing else here needs, is not installed.
+            NoPandas: pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise FleetError("a data frame needs the package pandas; valid: pip install pandas, or columns") from error
-        return pandas.DataFrame(dict(self.columns))
+        return data_frame({name: column.tolist() for name, column in self.columns.items()})
 
 
 def table(name: str, heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> Table:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from fleet.insight.time_table import NOBODY
 from fleet.recording.trace_file import Quantity
 from fleet.report.run import Run, flat
 from fleet.report.table import Table, table
-from fleet.report.waits import blame_of, standing_of, waits_of
+from fleet.report.waits import standing_of, waits_of
 
 BINS_N = 40
 """About so many bars over the time of a run."""
@@ -45,7 +46,7 @@ FAULTS = NOTABLE - {"disturbance_over", "rejoin", "rejoined", "disturbance"}
 def tables_of(run: Run) -> dict[str, Table]:
     """All tables of a run by their names.
 
-    A run that did not come to its end has no figures: then `figures`, `robots` and `stations` are empty.
+    A run that did not come to its end has no figures: then `figures`, `robots`, `blame` and `stations` are empty.
     """
     tasks = tasks_of(run)
     made = [
@@ -65,19 +66,34 @@ def tables_of(run: Run) -> dict[str, Table]:
 def figures_of(run: Run) -> Table:
     """Every single figure of the result."""
     leaves = flat(run.record.result or {})
-    groups = ("stations.", "car_ticks.", "versions.")
+    groups = ("stations.", "car_ticks.", "arm_ticks.", "blame.", "versions.")
     rows = [(name, str(value)) for name, value in leaves.items() if value is not None and not name.startswith(groups)]
     return table("figures", ("figure", "value"), rows)
 
 
 def robots_of(run: Run) -> Table:
-    """Time of each robot in each account of the ledger [s]; a row adds up to the time of the run."""
-    ledger: Mapping[str, Mapping[str, int]] = (run.record.result or {}).get("car_ticks", {})
+    """Time of each robot in each account of the ledger [s], cars first; a row adds up to the time of the run."""
+    result = run.record.result or {}
+    ledger: dict[str, Mapping[str, int]] = result.get("car_ticks", {}) | result.get("arm_ticks", {})
     accounts = list(dict.fromkeys(account for ticks in ledger.values() for account in ticks))
     rows = []
     for robot, ticks in ledger.items():
         rows.append((robot, *(round(ticks.get(account, 0) * run.trace.tick_s, 6) for account in accounts)))
     return table("robots", ("robot", *(f"{account}_s" for account in accounts)), rows)
+
+
+def blame_of(run: Run) -> Table:
+    """Time of all robots by account, and the robot, cell and place that it is put down to, see `Ledger`.
+
+    What is put down to a robot is the same time as what is put down to a cell, and to a place.
+    """
+    blame = (run.record.result or {}).get("blame", {})
+    rows = []
+    for kind in ("robot", "cell", "place"):
+        for row in _rows(blame.get(f"{kind}s", {})):
+            name = row.get(kind) or (f"({row['row']}, {row['col']})" if row["row"] >= 0 else NOBODY)
+            rows.append((kind, name, row["account"], round(row["ticks"] * run.trace.tick_s, 6)))
+    return table("blame", ("kind", "name", "account", "seconds"), rows)
 
 
 def stations_of(run: Run) -> Table:
@@ -171,3 +187,8 @@ def events_of(run: Run) -> Table:
 def _ends(event: Mapping[str, Any]) -> bool:
     """Whether an event ends a task; that its parcel is collected afterwards does not."""
     return event.get("kind") == "task" and event["state"] in ENDED and event.get("before") not in DONE
+
+
+def _rows(columns: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
+    """Columns row by row."""
+    return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]

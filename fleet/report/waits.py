@@ -1,15 +1,14 @@
-"""Waits: the waits of a run with their explanations, who and what caused them, and where cars were meanwhile."""
+"""Waits: the waits of a run with their explanations, and where cars were meanwhile."""
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from fleet.insight.cause_log import ROBOT, TICK
-from fleet.insight.causes import NONE, OWN, Cause, CauseRows, Column, roots
+from fleet.insight.causes import NONE, OWN, Cause, CauseRows, Column
 from fleet.insight.explain import explain
 from fleet.recording.trace_file import Quantity
 from fleet.report.run import Run
@@ -69,31 +68,6 @@ def waits_of(run: Run) -> Table:
     found.sort(key=lambda wait: (wait[1], wait[0]))
     heads = ("robot", "from_s", "to_s", "seconds", "cause", "by", "root", "place", "row", "col", "at_s", "explanation")
     return table("waits", (*heads, "release"), found)
-
-
-def blame_of(run: Run) -> Table:
-    """Time that cars waited, by the cell they could not enter, the robot at the root, and the station it was about.
-
-    The root is the robot at the end of the chain of who waits for whom, tick by tick; of a chain without an end the
-    first of its circle. What one wait adds to a cell, a robot and a station is the same time seen three times.
-    """
-    legend = run.legend
-    seconds: dict[tuple[str, str], float] = defaultdict(float)
-    for rows, lasts, _ in _sweep(run):
-        cars = np.flatnonzero(_WAITS[rows[: legend.n_cars, Column.CAUSE]])
-        if not len(cars):
-            continue
-        ends = roots(rows)
-        for car in cars.tolist():
-            cell, place, root = rows[car, Column.CELL], int(rows[car, Column.PLACE]), int(ends[car])
-            if cell != NONE:
-                seconds["cell", "({}, {})".format(*divmod(int(cell), legend.cols))] += lasts
-            if root != car:
-                seconds["robot", legend.robots[root]] += lasts
-            if Cause(rows[car, Column.CAUSE]) in GROUPS["station"] and place != NONE:
-                seconds["station", legend.place(place)] += lasts
-    ordered = sorted(seconds.items(), key=lambda item: (item[0][0], -item[1], item[0][1]))
-    return table("blame", ("kind", "name", "seconds"), [(kind, name, round(s, 6)) for (kind, name), s in ordered])
 
 
 def standing_of(run: Run) -> dict[str, npt.NDArray[np.float64]]:
