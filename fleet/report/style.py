@@ -39,7 +39,7 @@ th { color: var(--quiet); font-weight: 600; vertical-align: bottom; white-space:
 .l { text-align: left; }
 .w { white-space: normal; }
 tr.sum td { font-weight: 600; }
-td.bar { width: 40%; padding-right: 0; }
+td.bar { width: 40%; padding-right: 0; text-align: left; }
 td.bar i { display: inline-block; height: .75rem; vertical-align: middle; }
 details { margin: .6rem 0; }
 summary { cursor: pointer; color: var(--quiet); }
