@@ -56,12 +56,14 @@ class Tracer:
         self._poses, self._speeds = np.zeros((BLOCK_N, n_cars, 3)), np.zeros((BLOCK_N, n_cars))
         self._arms = np.zeros((BLOCK_N, 2, n_arms), dtype=np.int64)
         self._joints = np.zeros((BLOCK_N, n_arms, n_joints))
-        self._rows = 0
+        self._first = self._rows = 0
 
     def tick(self) -> None:
         """Note the tick that has just ended."""
         simulation, row = self._simulation, self._rows
         world, dispatcher, dependencies = simulation.world, simulation.dispatcher, simulation.executor.dependencies
+        if row == 0:
+            self._first = simulation.now - 1
         cars = self._cars[row]
         cars[0] = dispatcher.roster.phase_index
         cars[1] = dispatcher.bookings.place_of
@@ -95,7 +97,7 @@ class Tracer:
             self._arms[:n],
             self._joints[:n],
         )
-        self._file.write(self._simulation.now - n, values, motion)
+        self._file.write(self._first, values, motion)
 
     def __enter__(self) -> Self:
         return self

@@ -114,8 +114,8 @@ def _pairs(a: Mapping[str, Any], b: Mapping[str, Any]) -> tuple[Pair, ...]:
 def _begin(a: Run, b: Run) -> Divergence | None:
     """What makes two runs different from the beginning, so that their ticks cannot be compared."""
     for what, of_a, of_b in (
-        ("there are {} cars in A and {} in B", a.trace.n_cars, b.trace.n_cars),
-        ("there are {} arms in A and {} in B", a.trace.n_arms, b.trace.n_arms),
+        ("cars: {} in A, {} in B", a.trace.n_cars, b.trace.n_cars),
+        ("arms: {} in A, {} in B", a.trace.n_arms, b.trace.n_arms),
         ("a tick lasts {:.4g} s in A and {:.4g} s in B", a.trace.tick_s, b.trace.tick_s),
     ):
         if of_a != of_b:

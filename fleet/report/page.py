@@ -185,7 +185,9 @@ def _progress(run: Run, tables: Mapping[str, Table]) -> str:
         if waited.size:
             n = min(30, max(8, int(math.sqrt(waited.size)) * 2))
             heights, bins = np.histogram(waited, bins=n, range=(0.0, max(float(waited.max()), 1.0)))
-            plot = columns(bins, heights.astype(float), color="var(--b5)", x_label="waiting [s]", unit="tasks")
+            plot = columns(
+                bins, heights.astype(float), color="var(--b5)", x_label="waiting [s]", unit="tasks", whole=True
+            )
             parts.append(_figure("Waiting for a car", "tasks by the time from release until a car had it", plot.svg()))
     return f'<h2>Tasks over time</h2>\n<div class="two">{"".join(parts)}</div>'
 

@@ -66,7 +66,7 @@ def columns(
     color: str,
     x_label: str,
     unit: str,
-    width: int = HALF,
+    whole: bool = False,
 ) -> Drawing:
     """Columns side by side.
 
@@ -76,10 +76,11 @@ def columns(
         color: Of the columns.
         x_label: Under the axis.
         unit: Of the heights, for the words shown when one is pointed at.
-        width: Of the sheet [px].
+        whole: Whether heights are counts.
     """
-    sheet = Drawing(width=width, height=230)
-    spot = _axes(sheet, (float(edges[0]), float(edges[-1])), float(heights.max(initial=0.0)), x_label)
+    sheet = Drawing(width=HALF, height=230)
+    span = (float(edges[0]), float(edges[-1]))
+    spot = _axes(sheet, span, float(heights.max(initial=0.0)), x_label, whole=whole)
     for k, height in enumerate(heights.tolist()):
         (x0, y0), (x1, y1) = spot(float(edges[k]), height), spot(float(edges[k + 1]), 0.0)
         said = f"{edges[k]:g} to {edges[k + 1]:g}: {height:.4g} {unit}"
@@ -193,9 +194,9 @@ class _Axes:
         return left + (x - low) / (high - low) * (right - left), bottom - y / self._y_end * (bottom - top)
 
 
-def _axes(sheet: Drawing, x: tuple[float, float], y_most: float, x_label: str) -> _Axes:
-    """Draw axes with round numbers."""
-    y_step = _round_step(y_most)
+def _axes(sheet: Drawing, x: tuple[float, float], y_most: float, x_label: str, *, whole: bool = False) -> _Axes:
+    """Draw axes with round numbers, upwards with whole ones if asked."""
+    y_step = max(_round_step(y_most), 1.0 if whole else 0.0)
     y_end = y_step * max(1, math.ceil(y_most / y_step - 1e-9))
     low, high = x if x[1] > x[0] else (x[0], x[0] + 1.0)
     spot = _Axes(sheet, (low, high), y_end)

@@ -79,7 +79,7 @@ def test_another_seed_is_a_setting_too(base: Path, tmp_path: Path, capsys: pytes
 def test_fleets_of_other_size_part_at_the_start(base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, said, _ = diff([str(base), str(run(tmp_path / "b", robots=1)), "--no-record"], capsys)
     assert status == 1
-    assert "first difference, tick 0 (0.00 s), start: there are 2 cars in A and 1 in B" in said
+    assert "first difference, tick 0 (0.00 s), start: cars: 2 in A, 1 in B" in said
 
 
 def test_a_run_that_was_cut_off_is_the_same_until_then(
