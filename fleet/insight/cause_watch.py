@@ -29,11 +29,11 @@ _RULES = np.array(
 )
 """Cars on their way change from tick to tick; the others only when something is decided."""
 # Kernels know plain numbers only.
-_DRIVES, _SETS_OFF, _CELL, _TURN, _CLOSED, _BLOCKED, _HALTED = (
-    int(cause)
-    for cause in (Cause.DRIVES, Cause.SETS_OFF, Cause.CELL, Cause.TURN, Cause.CLOSED, Cause.BLOCKED, Cause.HALTED)
-)
+_DRIVES, _SETS_OFF, _CELL, _TURN = int(Cause.DRIVES), int(Cause.SETS_OFF), int(Cause.CELL), int(Cause.TURN)
+_CLOSED, _BLOCKED, _HALTED = int(Cause.CLOSED), int(Cause.BLOCKED), int(Cause.HALTED)
+_AWAITS, _NO_TASK = int(Cause.AWAITS), int(Cause.NO_TASK)
 _CAUSE, _BY, _AT, _PLACE, _UNTIL, _TASK, _DETAIL = map(int, Column)
+_FREE = (ServiceState.IDLE, ServiceState.HOLDING)
 _REMEMBERED_N = 4096
 _LOOK_UP = -2  # on its way without a move
 
@@ -64,9 +64,13 @@ class CauseWatch:
         self._why_idle = WhyIdle(simulation)
         self._given, self._booked, self._phases = (-1, -1), -1, -1
         self._tables: object = None
+        self._seen: list[CarPhase | None] = [None] * self._n_cars
         self._next: dict[tuple[int, int], int] = {}
         self._next_ways: object = None
-        self._arm_key: list[object] = [None] * simulation.world.n_arms
+        self._gated = any(service.gate is not None for service in simulation.desk.services)
+        self._arm_changes: list[object] = [None] * simulation.world.n_arms
+        self._arm_bookings_n = -1
+        self._arms_due: float = 0.0
         self._arm_until = [NONE] * simulation.world.n_arms
         self._clear_tick = [NONE] * simulation.world.n_arms
         self._halted_by = np.full(self._n_cars, NONE, dtype=np.int32)
@@ -103,7 +107,7 @@ class CauseWatch:
         )
         if without_move:
             self._look_at_without_move(tick)
-        _leave_out_arms_that_await(self.rows, self._n_cars)
+        _leave_out_free_arms(self.rows, self._n_cars)
         self.log.append(tick, self.rows)
 
     def _look_at_without_move(self, tick: int) -> None:
@@ -171,13 +175,11 @@ class CauseWatch:
         tables = simulation.traffic.tables
         if (given, booked, phases) == (self._given, self._booked, self._phases) and tables is self._tables:
             return
-        if phases != self._phases or given[0] != self._given[0]:
-            for car, phase in enumerate(roster.phase):
+        given_out = given[0] != self._given[0]
+        for car, (phase, before) in enumerate(zip(roster.phase, self._seen, strict=True)):
+            if given_out or phase is not before or phase is CarPhase.HELD:
                 self._set_at_rest(car, phase, tick)
-        elif booked != self._booked:
-            for car, phase in enumerate(roster.phase):
-                if phase is CarPhase.HELD:
-                    self._set_held(car)
+        self._seen = [*roster.phase]
         idle = [car for car, phase in enumerate(roster.phase) if phase is CarPhase.IDLE]
         if idle:
             self._why_idle.fill(self.rows, idle)
@@ -238,18 +240,20 @@ class CauseWatch:
         return tick + max(0, round(batteries.charge_s(target - charge) / self._simulation.tick_s))
 
     def _look_at_arms(self, tick: int) -> None:
-        """Arms: each when its step, its pace or the cars bound for it change, or it takes longer than was said."""
+        """Arms, when what one does or who is bound for it changes, or it takes longer than was said."""
+        services = self._simulation.desk.services
+        changes: list[object] = [service.changes_n for service in services]
+        if self._gated:
+            changes = [(service.changes_n, service.waits_for) for service in services]
         bookings_n = self._simulation.dispatcher.bookings.changes_n
-        for arm, service in enumerate(self._simulation.desk.services):
-            if service.state is ServiceState.IDLE:
-                key: object = bookings_n
-            elif service.state is ServiceState.HOLDING:
-                key = (bookings_n,)
-            else:
-                key = (service.state, service.step, service.speed, service.waits_for)
-            if key != self._arm_key[arm] or NONE < self._arm_until[arm] <= tick:
-                self._arm_key[arm] = key
+        if changes == self._arm_changes and bookings_n == self._arm_bookings_n and tick < self._arms_due:
+            return
+        for arm, change in enumerate(changes):
+            bound_differ = bookings_n != self._arm_bookings_n and services[arm].state in _FREE
+            if change != self._arm_changes[arm] or bound_differ or NONE < self._arm_until[arm] <= tick:
                 self._set_arm(arm, tick)
+        self._arm_changes, self._arm_bookings_n = changes, bookings_n
+        self._arms_due = min((until for until in self._arm_until if until != NONE), default=np.inf)
 
     def _set_arm(self, arm: int, tick: int) -> None:
         simulation = self._simulation
@@ -260,7 +264,7 @@ class CauseWatch:
         task = dispatcher.roster.task_of[served] if served >= 0 else None
         self.rows[robot, _TASK] = NONE if task is None else task.index
         clear = until = NONE
-        if service.state in (ServiceState.IDLE, ServiceState.HOLDING):
+        if service.state in _FREE:
             bound = [car for car in dispatcher.bookings.bound(arm) if car != served]
             booked = [car for car in bound if dispatcher.bookings.has(car)]
             if bound:
@@ -341,9 +345,12 @@ def _look_at_bound(rows, rules, phase, speeds, q, closed, blocked, wreck_of, doc
 
 
 @njit(cache=True)
-def _leave_out_arms_that_await(rows, n_cars):
-    """A car does not wait for an arm that awaits just this car: its dock is opened, or it is called, in a moment."""
+def _leave_out_free_arms(rows, n_cars):
+    """Nothing keeps a car from an arm that is free and awaits it, or that has a dock closed: in a moment it is open."""
     for car in range(n_cars):
         arm = rows[car, _BY]
-        if arm >= n_cars and rows[arm, _BY] == car:
+        if arm < n_cars:
+            continue
+        free = rows[arm, _CAUSE] == _AWAITS or rows[arm, _CAUSE] == _NO_TASK
+        if rows[arm, _BY] == car or (free and rows[car, _CAUSE] == _CLOSED):
             rows[car, _CAUSE], rows[car, _BY] = _SETS_OFF, NONE

@@ -123,7 +123,7 @@ class ArmDesk:
 
     def slow(self, arm: int, factor: float) -> None:
         """Play an arm's motions at a fraction of their speed."""
-        self.services[arm].speed = factor
+        self.services[arm].set_speed(factor)
         gate = self.services[arm].gate
         if gate is not None:
             gate.look_again()

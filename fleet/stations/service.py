@@ -68,7 +68,9 @@ class ArmService:
         self.qd = np.zeros_like(self.q)
         self.grip = False
         self.speed = 1.0
-        """Playback speed, below 1 when the arm is slow."""
+        """Playback speed, below 1 when the arm is slow; see `set_speed`."""
+        self.changes_n = 0
+        """Grows whenever the state, the step or the speed changes."""
         self.gate: Gate | None = None
         """Asked before every motion; None = always free to move."""
         self.paused = False
@@ -111,23 +113,23 @@ class ArmService:
         begins = self._elapsed_s == 0.0 and isinstance(self._steps[self._at], Trajectory)
         return self.gate.other if self.paused or begins else -1
 
-    @property
-    def step(self) -> int:
-        """Number of the present step of the transfer."""
-        return self._at
+    def set_speed(self, speed: float) -> None:
+        """Play motions at another speed from now on."""
+        self.speed = speed
+        self.changes_n += 1
 
     def left_s(self) -> tuple[float, float]:
         """Time until the dock is clear, and until the transfer is over, at the present speed if nothing stops it."""
         if self.state is not ServiceState.MOVING:
             return 0.0, 0.0
-        clear_s = left_s = -self._elapsed_s / self.speed
+        clear_s = left_s = -self._elapsed_s
         cleared = self.dock_is_clear
         for step in self._steps[self._at :]:
             if step is Signal.CLEAR and not cleared:
                 clear_s, cleared = left_s, True
             elif step is not Signal.CLEAR:
-                left_s += step.duration_s / self.speed if isinstance(step, Trajectory) else SETTLE_S
-        return max(0.0, clear_s if cleared else left_s), max(0.0, left_s)
+                left_s += step.duration_s if isinstance(step, Trajectory) else SETTLE_S
+        return max(0.0, clear_s if cleared else left_s) / self.speed, max(0.0, left_s) / self.speed
 
     @property
     def dock_is_clear(self) -> bool:
@@ -138,6 +140,7 @@ class ArmService:
 
     def request(self) -> None:
         """Note that a plan was asked for."""
+        self.changes_n += 1
         self.state = ServiceState.PLANNING
 
     def play(self, transfer: Transfer) -> None:
@@ -153,6 +156,7 @@ class ArmService:
 
     def reset(self) -> None:
         """Leave a final state and be ready for the next transfer."""
+        self.changes_n += 1
         self.state = ServiceState.IDLE
         self._steps, self._at = (), 0
 
@@ -224,6 +228,7 @@ class ArmService:
         return 0.0
 
     def _next(self) -> None:
+        self.changes_n += 1
         self._at += 1
         self._elapsed_s = 0.0
         if self._at < len(self._steps):
@@ -234,6 +239,7 @@ class ArmService:
             self._end(ServiceState.DONE)
 
     def _begin(self, steps: tuple[Step, ...]) -> None:
+        self.changes_n += 1
         self.state = ServiceState.MOVING
         self._steps, self._at, self._elapsed_s = steps, 0, 0.0
 
@@ -243,6 +249,7 @@ class ArmService:
         return not self.paused
 
     def _end(self, state: ServiceState) -> None:
+        self.changes_n += 1
         self.state = state
         self._carrying = self._lost = self.paused = False
         self._back = ()
