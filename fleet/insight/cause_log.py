@@ -34,6 +34,9 @@ class CauseLog:
         """Ticks so far."""
         self._n = 0
         self._table: Changes = np.empty((1024, _WIDTH), dtype=np.int32)
+        self._before = np.empty(1024, dtype=np.int32)
+        """Number of the same robot's change before each, so that its history is walked without the others."""
+        self._newest = np.full(n_robots, NONE, dtype=np.int32)
         self._last = np.full((n_robots, len(Column)), NONE, dtype=np.int32)
 
     def __len__(self) -> int:
@@ -41,20 +44,23 @@ class CauseLog:
 
     def append(self, tick: int, rows: CauseRows) -> None:
         """Keep what has changed; ticks come in order, and each comes once."""
-        if self._n + self.n_robots > len(self._table):
-            self._table = np.concatenate([self._table, np.empty_like(self._table)])
-        self._n = _append(self._table, self._n, self._last, rows, tick)
+        self._make_room(self.n_robots)
+        self._n = _append(self._table, self._before, self._newest, self._n, self._last, rows, tick)
         self.end_tick = tick + 1
 
     def extend(self, changes: Changes, end_tick: int) -> None:
-        """Keep changes that are read from a file, those of one robot in order."""
-        short = self._n + len(changes) - len(self._table)
-        if short > 0:
-            more = np.empty((max(short, len(self._table)), _WIDTH), dtype=np.int32)
-            self._table = np.concatenate([self._table, more])
-        self._table[self._n : self._n + len(changes)] = changes
+        """Keep changes that are read from a file, in the order of time."""
+        self._make_room(len(changes))
+        _extend(self._table, self._before, self._newest, self._n, changes)
         self._n += len(changes)
         self.end_tick = max(self.end_tick, end_tick)
+
+    def _make_room(self, n: int) -> None:
+        short = self._n + n - len(self._table)
+        if short > 0:
+            more = max(short, len(self._table))
+            self._table = np.concatenate([self._table, np.empty((more, _WIDTH), dtype=np.int32)])
+            self._before = np.concatenate([self._before, np.empty(more, dtype=np.int32)])
 
     def since(self, first: int) -> Changes:
         """Changes from a number on, a view, shape (k, 2 + len(Column))."""
@@ -69,16 +75,27 @@ class CauseLog:
         rows[robots] = newest_first[newest, 2:]
         return rows
 
-    def of(self, robot: int, tick: int | None = None) -> Changes:
-        """Changes of one robot, up to a tick if one is given, shape (k, 2 + len(Column))."""
+    def of(self, robot: int) -> Changes:
+        """All changes of one robot, shape (k, 2 + len(Column))."""
         table = self._table[: self._n]
-        if tick is not None:
-            table = table[: int(np.searchsorted(table[:, TICK], tick, side="right"))]
         return table[table[:, ROBOT] == robot]
+
+    def number(self, robot: int, tick: int) -> int:
+        """Number of the change that tells what a robot is about in a tick, `NONE` if it has none yet."""
+        return int(_number(self._table, self._before, self._newest[robot], tick))
+
+    def before(self, number: int) -> int:
+        """Number of the change of the same robot before one, `NONE` for the first."""
+        return int(self._before[number])
+
+    def change(self, number: int) -> list[int]:
+        """Tick, robot, and the columns of `Column`."""
+        row: list[int] = self._table[number].tolist()
+        return row
 
 
 @njit(cache=True)
-def _append(table, n, last, rows, tick):
+def _append(table, before, newest, n, last, rows, tick):
     for robot in range(len(rows)):
         same = True
         for k in range(rows.shape[1]):
@@ -92,5 +109,24 @@ def _append(table, n, last, rows, tick):
         for k in range(rows.shape[1]):
             table[n, 2 + k] = rows[robot, k]
             last[robot, k] = rows[robot, k]
+        before[n] = newest[robot]
+        newest[robot] = n
         n += 1
     return n
+
+
+@njit(cache=True)
+def _extend(table, before, newest, n, changes):
+    for k in range(len(changes)):
+        robot = changes[k, ROBOT]
+        table[n + k] = changes[k]
+        before[n + k] = newest[robot]
+        newest[robot] = n + k
+
+
+@njit(cache=True)
+def _number(table, before, newest, tick):
+    number = newest
+    while number != NONE and table[number, TICK] > tick:
+        number = before[number]
+    return number

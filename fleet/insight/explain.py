@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
-from fleet.insight.cause_log import TICK, CauseLog, Changes
+from fleet.insight.cause_log import TICK, CauseLog
 from fleet.insight.causes import DETAILS, NO_WAIT, NONE, OWN, Cause, Column
-from fleet.insight.legend import Legend
+from fleet.insight.legend import Legend, OutsideRun
 from fleet.insight.words import predicate, reason, release
 
 
@@ -87,11 +86,6 @@ class Explanation:
         return text
 
 
-class _Span(NamedTuple):
-    since_tick: int
-    row: Changes
-
-
 def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explanation:
     """Say why a robot waits.
 
@@ -111,15 +105,19 @@ def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explana
         UnknownRobot: There is no such robot.
         OutsideRun: The run was not under way then.
     """
-    number, tick = legend.robot(robot), legend.tick(time_s, log.end_tick)
+    robot_number, tick = legend.robot(robot), legend.tick(time_s, log.end_tick)
     numbers: list[int] = []
     chain: list[Link] = []
-    while number != NONE and number not in numbers:
-        span = _span(log, number, tick)
-        numbers.append(number)
-        chain.append(_link(span, number, tick, legend))
-        number = int(span.row[2 + Column.BY])
-    cycle = numbers[numbers.index(number) :] if number != NONE else []
+    while robot_number != NONE and robot_number not in numbers:
+        numbers.append(robot_number)
+        change = log.number(robot_number, tick)
+        if change == NONE:
+            break  # a file that does not begin at the beginning
+        chain.append(_link(log.change(change), _since_tick(log, change), tick, legend))
+        robot_number = log.change(change)[2 + Column.BY]
+    if not chain:
+        raise OutsideRun(f"time is {time_s:g} s: nothing is told of {robot} then; valid: a later time")
+    cycle = numbers[numbers.index(robot_number) :] if robot_number in numbers[: len(chain)] else []
     return Explanation(
         robot=robot,
         time_s=time_s,
@@ -128,24 +126,22 @@ def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explana
     )
 
 
-def _span(log: CauseLog, robot: int, tick: int) -> _Span:
-    """The row of a robot in a tick, and since when it has been about the like."""
-    changes = log.of(robot, tick)
-    kind = _kind(changes[-1])
-    first = len(changes) - 1
-    while first > 0 and _kind(changes[first - 1]) == kind:
-        first -= 1
-    return _Span(int(changes[first, TICK]), changes[-1])
+def _since_tick(log: CauseLog, change: int) -> int:
+    """Since when a robot has been about the like of a change."""
+    kind = _kind(log.change(change))
+    while (before := log.before(change)) != NONE and _kind(log.change(before)) == kind:
+        change = before
+    return log.change(change)[TICK]
 
 
-def _kind(change: Changes) -> int:
+def _kind(change: list[int]) -> int:
     """The same number for all causes of waiting, one of its own for each other."""
-    cause = Cause(int(change[2 + Column.CAUSE]))
+    cause = Cause(change[2 + Column.CAUSE])
     return int(cause) if cause in OWN else NONE
 
 
-def _link(span: _Span, robot: int, tick: int, legend: Legend) -> Link:
-    cause, by, cell, place, until, task, detail = span.row[2:].tolist()
+def _link(change: list[int], since_tick: int, tick: int, legend: Legend) -> Link:
+    _, robot, cause, by, cell, place, until, task, detail = change
     names = legend.robots
     return Link(
         robot=names[robot],
@@ -153,7 +149,7 @@ def _link(span: _Span, robot: int, tick: int, legend: Legend) -> Link:
         by="" if by == NONE else names[by],
         cell=legend.cell(cell),
         place=legend.place(place),
-        since_s=span.since_tick * legend.tick_s,
+        since_s=since_tick * legend.tick_s,
         left_s=None if until == NONE else max(0.0, (until - tick) * legend.tick_s),
         task="" if task == NONE else legend.task_name(task),
         detail=DETAILS[detail],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from fleet.errors import FleetError
@@ -34,7 +35,7 @@ class Legend:
     """Stations in the order of their arms, chargers, parking places."""
     task_name: Callable[[int], str]
 
-    @property
+    @cached_property
     def robots(self) -> tuple[str, ...]:
         """Names in the order of the rows of causes: cars, then arms."""
         return robot_names(self.n_cars, self.n_arms)

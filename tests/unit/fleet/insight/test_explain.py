@@ -138,6 +138,14 @@ def test_the_rows_of_any_tick_can_be_had() -> None:
     assert all(np.array_equal(log.at(tick), present) for tick, present in enumerate(made))
 
 
+def test_what_is_not_told_yet_is_refused() -> None:
+    log = CauseLog(4)
+    for tick in range(50, 60):
+        log.append(tick, queue(until=161))
+    with pytest.raises(OutsideRun, match="nothing is told of car_2"):
+        explain(log, LEGEND_OF_THREE, "car_2", 1.0)
+
+
 # --- the run file
 
 
