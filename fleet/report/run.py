@@ -60,6 +60,10 @@ def load_run(directory: Path) -> Run:
     if not trace.n_ticks:
         raise OutputError(f"{directory / TRACE} holds no tick: the run ended at once; valid: a run of a second or more")
     causes, legend = read_causes(record.events, str(directory / EVENTS))
+    if (legend.n_cars, legend.n_arms, legend.cols) != (trace.n_cars, trace.n_arms, len(trace.plan[0])):
+        raise OutputError(
+            f"{directory}: {EVENTS} and {TRACE} are of two runs; valid: the files of one run, as it left them"
+        )
     return Run(directory=directory, record=record, trace=trace, causes=causes, legend=legend)
 
 

@@ -13,7 +13,9 @@ import pytest
 from fleet.cli import main
 from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.causes import OWN, Cause
+from fleet.insight.ledger import Account
 from fleet.insight.time_table import NoPandas
+from fleet.report.page import ACCOUNTS
 from fleet.report.run import Run, load_run
 from fleet.report.table import Table, table
 from fleet.report.tables import tables_of
@@ -79,6 +81,10 @@ def test_each_robot_s_accounts_add_up_to_the_run(tables: dict[str, Table]) -> No
     sums = sum(robots[name] for name in robots.columns if name != "robot")
     assert np.allclose(sums, SECONDS, atol=1e-6)
     assert robots["robot"].tolist()[:CARS_N] == [f"car_{car}" for car in range(CARS_N)]
+
+
+def test_every_account_of_the_ledger_has_a_name_and_a_colour() -> None:
+    assert set(ACCOUNTS) == {account.name.lower() for account in Account}
 
 
 def test_cars_are_somewhere_all_the_time(tables: dict[str, Table]) -> None:
@@ -185,6 +191,12 @@ def test_a_run_that_was_killed_still_has_a_page(run: Run, tmp_path: Path) -> Non
         (lambda cut: (cut / "run.trace").write_text('{"kind":"trace","version":7}\n'), "version 7"),
         (lambda cut: (cut / "run.trace").unlink(), "no trace in"),
         (lambda cut: (cut / "report").write_text("a file"), "valid: a directory that can be written"),
+        (
+            lambda cut: (cut / "run.trace").write_bytes(
+                (cut / "run.trace").read_bytes().replace(b'"plan":["#', b'"plan":["##', 1)
+            ),
+            "are of two runs",
+        ),
     ],
 )
 def test_what_is_no_run_is_one_line(
