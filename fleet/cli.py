@@ -18,8 +18,10 @@ import tyro
 
 from fleet.commands.calibrate import Calibrate
 from fleet.commands.demo import Demo
+from fleet.commands.diff import Diff
 from fleet.commands.lorr import Lorr
 from fleet.commands.plan import Plan
+from fleet.commands.report import Report
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
 from fleet.commands.study import Study
 from fleet.commands.tabletop import TabletopPair, TabletopSort, TabletopTray
@@ -33,8 +35,10 @@ BAD_INPUT, INTERRUPTED = 2, 130
 COMMANDS: dict[str, type[Any]] = {
     "calibrate": Calibrate,
     "demo": Demo,
+    "diff": Diff,
     "lorr": Lorr,
     "plan": Plan,
+    "report": Report,
     "study": Study,
     "why": Why,
 }

@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from fleet.config import Perception, RunConfig
+from fleet.display import Display
 from fleet.insight.cause_file import CAUSES, LEGEND, CauseWriter
 from fleet.insight.metrics import Summary
 from fleet.interrupts import interrupts
+from fleet.pace import Pace
 from fleet.progress import Progress
 from fleet.recording import (
     RECORDING,
@@ -31,9 +33,8 @@ from fleet.recording import (
 from fleet.roster import CarPhase
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
+from fleet.tracing import Tracer
 
-NAP_S = 0.1
-"""Longest single sleep of a run that is held back to a given speed [s]."""
 COUNTED = {
     "waiting": (TaskState.ORDERED, TaskState.BACKLOG, TaskState.READY),
     "under way": UNDER_WAY,
@@ -83,7 +84,7 @@ class SessionConfig:
     """How a run is watched and kept."""
 
     out: Path
-    """Directory for `recording.rrd`, `run.jsonl` and `result.json`."""
+    """Directory for `recording.rrd`, `run.jsonl`, `run.trace` and `result.json`."""
     record: bool = True
     serve: bool = False
     """Host a live viewer on the loopback interface."""
@@ -117,6 +118,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
         recorder = stack.enter_context(_recorder(simulation, session))
+        tracer = stack.enter_context(Tracer(simulation, session.out))
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         if session.serve:
             progress.say(f"live: rerun --connect rerun+http://127.0.0.1:{session.port}/proxy")
@@ -139,6 +141,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         def look() -> None:
             for tick, facts in causes.lines():
                 run_file.event(tick=tick, sim_s=tick * simulation.tick_s, kind=CAUSES, **facts)
+            tracer.tick()
             watch.look()
             progress.look()
 
@@ -171,22 +174,21 @@ def _loop(
 ) -> tuple[float, float | None]:
     """Tick until finished; an interrupt lets the present tick end and stops there."""
     first_move_s: float | None = None
+    window = getattr(simulation.world, "window", None)
+    pace = Pace(session.speed)
+    display = None if window is None else Display(simulation, window, pace)
     begin = time.perf_counter()
+    pace.change(session.speed, simulation.sim_s)
     while not simulation.finished and not interrupted:
         simulation.tick()
         look()
         if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
             first_move_s = round(time.perf_counter() - started, 3)
             simulation.log("first_move")
-        if session.speed > 0:
-            _wait_until(begin + simulation.sim_s / session.speed, interrupted)
+        if display is not None:
+            display.look(interrupted)
+        pace.wait(simulation.sim_s, interrupted)
     return time.perf_counter() - begin, first_move_s
-
-
-def _wait_until(time_s: float, interrupted: list[int]) -> None:
-    """Sleep, in short naps: an interrupt only fills the list, and must not have to wait for the end of a long one."""
-    while not interrupted and (left_s := time_s - time.perf_counter()) > 0:
-        time.sleep(min(left_s, NAP_S))
 
 
 def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:

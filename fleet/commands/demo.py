@@ -84,7 +84,7 @@ class Demo:
     port: int = 9876
     """Port of --serve."""
     gui: bool = False
-    """Show the physics engine's own window."""
+    """Show the physics engine's own window, with lanes, paths, names, and sliders for speed and pause."""
 
     def run(self) -> int:
         """Run and print the result; returns the exit status."""

@@ -19,6 +19,7 @@ from typing import Any, Self
 import numpy as np
 
 from fleet.recording.errors import OutputError
+from fleet.recording.trace_file import TRACE
 
 RECORDING = "recording.rrd"
 EVENTS = "run.jsonl"
@@ -105,7 +106,7 @@ def prepare_output(directory: Path) -> Path:
                 path.rmdir()
         reason = error.strerror or str(error)
         raise OutputError(f"--out {directory}: {reason}; valid: a directory that can be written") from error
-    old = [directory / name for name in (RECORDING, EVENTS, RESULT)]
+    old = [directory / name for name in (RECORDING, EVENTS, TRACE, RESULT)]
     for path in old:
         if path.is_dir():
             raise OutputError(f"--out {directory}: {path.name} is a directory; valid: a file, or nothing there")

@@ -1,4 +1,4 @@
-"""Drawing: lines, areas and words on a sheet, as SVG for a page and as PNG for a document."""
+"""Drawing: lines, areas, boxes and words on a sheet, as SVG for a page and as PNG for a document."""
 
 from __future__ import annotations
 
@@ -48,6 +48,19 @@ class Dot:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Box:
+    """A rectangle; `at` is its upper left corner."""
+
+    at: Spot
+    size: tuple[float, float]
+    """Width and height [px]."""
+    color: str
+    opacity: float = 1.0
+    title: str = ""
+    """What a page shows when it is pointed at."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Words:
     """One line of text; `at` is its base line."""
 
@@ -60,7 +73,7 @@ class Words:
     bold: bool = False
 
 
-Mark = Line | Area | Dot | Words
+Mark = Line | Area | Dot | Box | Words
 
 
 @dataclass(kw_only=True)
@@ -91,6 +104,9 @@ class Drawing:
             elif isinstance(mark, Line):
                 for piece in _dashes(mark.points) if mark.dashed else [mark.points]:
                     pen.line(_zoomed(piece, zoom), fill=mark.color, width=round(mark.width * zoom), joint="curve")
+            elif isinstance(mark, Box):
+                far = (mark.at[0] + mark.size[0], mark.at[1] + mark.size[1])
+                pen.rectangle(_zoomed([mark.at, far], zoom), fill=f"{mark.color}{round(255 * mark.opacity):02x}")
             elif isinstance(mark, Dot):
                 pen.circle(_zoomed([mark.at], zoom)[0], mark.radius * zoom, fill=mark.color)
             else:
@@ -128,6 +144,11 @@ def _svg(mark: Mark) -> str:
         at = f'cx="{mark.at[0]:.1f}" cy="{mark.at[1]:.1f}" r="{mark.radius:g}"'
         title = f"<title>{escape(mark.title)}</title>" if mark.title else ""
         return f'<circle {at} fill="{mark.color}">{title}</circle>'
+    if isinstance(mark, Box):
+        at = f'x="{mark.at[0]:.1f}" y="{mark.at[1]:.1f}" width="{mark.size[0]:.1f}" height="{mark.size[1]:.1f}"'
+        pale = f' fill-opacity="{mark.opacity:.2f}"' if mark.opacity < 1.0 else ""
+        title = f"<title>{escape(mark.title)}</title>" if mark.title else ""
+        return f'<rect {at} fill="{mark.color}"{pale}>{title}</rect>'
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in mark.points)
     if isinstance(mark, Area):
         return f'<polygon points="{points}" fill="{mark.color}" fill-opacity="{_PALE}"/>'

@@ -117,6 +117,10 @@ class DependencyGraph:
             self._tails = np.where(q.queued > q.finished, q.move_to[last], q.state)
         return self._tails.copy()
 
+    def granted_n(self) -> Longs:
+        """Number of moves each agent was granted so far, shape (n,)."""
+        return self._q.granted.copy()
+
     def extend(self, plan: StatePlan) -> None:
         """Queue the moves of a plan behind those there are; a refused plan changes nothing.
 

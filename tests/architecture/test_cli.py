@@ -18,8 +18,10 @@ ALL = {
 }
 REQUIRED = {
     "calibrate": ["motion.csv"],
+    "diff": ["run_1", "run_2"],
     "lorr": ["problem.json"],
     "plan": ["--map", "in.map", "--scen", "in.scen"],
+    "report": ["run"],
     "site check": ["small"],
     "site generate": ["out.toml"],
     "site convert": ["in.map", "out.toml"],

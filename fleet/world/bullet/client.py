@@ -20,6 +20,7 @@ from fleet.errors import FleetError
 _SERVER_TIMEOUT_S = 30.0
 # The window's thread prints while it draws its first two frames.
 _FIRST_FRAMES_N = 6
+_WINDOW = "--width=1280 --height=800"
 _REHEARSAL = "import pybullet as p, sys; i = p.connect(p.GUI); i < 0 or p.disconnect(i); sys.exit(i < 0)"
 _REHEARSAL_S = 60.0
 
@@ -80,9 +81,10 @@ class Client:
         if connect is Connect.GUI:
             _rehearse()
         key = (shared_memory_key,) if connect is Connect.SHARED_MEMORY else ()
+        options = {"options": _WINDOW} if connect is Connect.GUI else {}
         with quiet():
             try:
-                self.id = pybullet.connect(getattr(pybullet, connect.value), *key)
+                self.id = pybullet.connect(getattr(pybullet, connect.value), *key, **options)
             except pybullet.error as reason:  # a second window in this process
                 raise PhysicsError(f"connect {connect.value}: {reason}") from reason
             if self.id >= 0 and connect is Connect.GUI:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import Grip
+from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots.tools import TOOLS
 from fleet.sensors.camera import Camera, CameraImage
@@ -23,7 +23,7 @@ from fleet.world.bullet.config import BulletConfig
 from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
-from fleet.world.bullet.window import arranged
+from fleet.world.bullet.window import Window, arranged
 from fleet.world.protocol import Contacts, ParcelBody
 from fleet.world.scene import Scene
 
@@ -141,6 +141,8 @@ class BulletWorld:
         except BaseException:
             client.close()
             raise
+        self.window = Window(client, self._cars.bodies) if config.connect is Connect.GUI else None
+        """The engine's own window, if it has one here."""
         self._min_clearance_m = np.inf
         self._radii = np.array([*_LINK_RADII_M, tool.half_width_m])
         self._car_pairs = np.zeros((64, 2), dtype=np.int64)

@@ -1,0 +1,48 @@
+"""The report command: a run as one page that needs no network, and as tables."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from fleet.recording.errors import OutputError
+
+WRITTEN = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Write a run as one HTML page with plots that opens offline, and its tables as CSV."""
+
+    of: Annotated[Path, tyro.conf.Positional]
+    """Directory of the run, its --out."""
+    out: Path | None = None
+    """Directory for report.html and the CSV files; default: report, in the directory of the run."""
+
+    def run(self) -> int:
+        """Write and say where; returns the exit status."""
+        from fleet.report.page import PAGE, write_page
+        from fleet.report.run import load_run
+        from fleet.report.tables import tables_of
+
+        run = load_run(self.of)
+        tables = tables_of(run)
+        out = self.of / "report" if self.out is None else self.out
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            for table in tables.values():
+                table.write_csv(out)
+            write_page(out / PAGE, run, tables)
+        except OSError as error:
+            what = f"--out {out}: {error.strerror or error}"
+            raise OutputError(f"{what}; valid: a directory that can be written") from error
+        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console.print(f"{run.directory}: {run.title}", soft_wrap=True)
+        console.print(f"page: {out / PAGE}", soft_wrap=True)
+        console.print(f"tables: {', '.join(f'{name}.csv' for name in tables)} in {out}", soft_wrap=True)
+        return WRITTEN

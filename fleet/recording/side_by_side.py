@@ -1,0 +1,102 @@
+"""SideBySide: two recordings in one, each below a root of its own, on the same time line."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
+
+from fleet.recording.errors import RecordingError
+from fleet.recording.scenery import CAMERA, PIXELS_PER_M
+from fleet.recording.views import VIEWS
+
+ROOTS = ("a", "b")
+_MARGIN_M = 0.6
+
+
+def write_side_by_side(
+    recordings: Sequence[Path], path: Path, *, titles: Sequence[str], size_m: tuple[float, float]
+) -> None:
+    """Write both recordings into one, so that one time cursor moves through both.
+
+    Args:
+        recordings: Two of them.
+        path: File to write; replaced if it exists.
+        titles: What the two are called.
+        size_m: Extent of the floor along x and y [m].
+
+    Raises:
+        RecordingError: One cannot be read, or the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("ab"):
+            pass
+    except OSError as error:
+        raise RecordingError(f"--out {path}: {error.strerror or error}; valid: a file that can be written") from error
+    if any(path.samefile(recording) for recording in recordings):
+        raise RecordingError(f"--out {path}: a recording that is compared; valid: another file")
+    rec = rr.RecordingStream("fleet")
+    rec.set_log_time_enabled(False)
+    rec.set_sinks(rr.FileSink(str(path)), default_blueprint=_layout(titles, size_m))
+    rec.send_recording_name(" | ".join(titles))
+    for root, recording in zip(ROOTS, recordings, strict=True):
+        _send(rec, root, recording)
+    rec.flush(timeout_sec=60.0)
+    rec.disconnect()
+
+
+def _send(rec: rr.RecordingStream, root: str, recording: Path) -> None:
+    """Copy all data of a recording below a root."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a missing footer: what is there is copied
+        try:
+            for chunk in RrdReader(recording).stream():
+                if not str(chunk.entity_path).startswith("/__"):
+                    rec.send_chunks(chunk.with_entity_path(f"/{root}{chunk.entity_path}"))
+        except (OSError, RuntimeError, ValueError) as error:
+            raise RecordingError(f"{recording} cannot be read as a recording: {error}") from error
+
+
+def _layout(titles: Sequence[str], size_m: tuple[float, float]) -> rrb.Blueprint:
+    """Both floors from above, what their cars do, how many tasks are done and their logs, left and right."""
+    width, depth = size_m
+    columns = []
+    for root, title in zip(ROOTS, titles, strict=True):
+        name = root.upper()
+        above = rrb.Spatial2DView(
+            origin=f"/{root}/{CAMERA}",
+            name=title,
+            contents=[f"/{root}/world/**", f"- /{root}/{VIEWS}/**"],
+            visual_bounds=rrb.VisualBounds2D(
+                x_range=(-_MARGIN_M * PIXELS_PER_M, (width + _MARGIN_M) * PIXELS_PER_M),
+                y_range=(-_MARGIN_M * PIXELS_PER_M, (depth + _MARGIN_M) * PIXELS_PER_M),
+            ),
+        )
+        states = rrb.Tabs(
+            rrb.StateTimelineView(origin=f"/{root}/states", name=f"{name}: cars", contents=["$origin/cars/**"]),
+            rrb.StateTimelineView(origin=f"/{root}/states", name=f"{name}: arms", contents=["$origin/arms/**"]),
+        )
+        told = rrb.Tabs(
+            rrb.TimeSeriesView(
+                origin=f"/{root}/counts", name=f"{name}: tasks", axis_x=rrb.TimeAxis(link="LinkToGlobal")
+            ),
+            rrb.TextLogView(
+                origin=f"/{root}/log",
+                name=f"{name}: log",
+                columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["LogLevel", "Body"]),
+            ),
+        )
+        columns.append(rrb.Vertical(above, states, told, row_shares=[5, 3, 2]))
+    return rrb.Blueprint(
+        rrb.Horizontal(*columns),
+        rrb.TopPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="paused"),
+        auto_views=False,
+    )

@@ -1,0 +1,280 @@
+"""TraceFile: a digest of every tick of a run, and what its robots did and were told, written down on change.
+
+Two runs can be compared with it to the tick without keeping the positions of everything at every tick: as long as two
+runs are the same, so are their digests, which are made of all motion and of what has changed. A file is a line of JSON
+and blocks of some ticks, each written out at once: all whole blocks of a killed run can be read.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from fleet.recording.errors import OutputError
+from maps.grid import HEADING_NAMES
+
+TRACE = "run.trace"
+VERSION = 1
+UNKNOWN = np.iinfo(np.int32).min
+"""What a quantity is before it is known."""
+
+Ints = npt.NDArray[np.int64]
+FloatArray = npt.NDArray[np.float64]
+
+
+class Quantity(IntEnum):
+    """What is written down of each robot when it changes, in the order in which it is decided within a tick."""
+
+    PHASE = 0
+    """What a car is about: index into the phases of the header; of an arm, its state."""
+    PLACE = 1
+    """Station or other bookable place a car is bound for or at; -1 for none. Of an arm, the car it serves."""
+    GOAL = 2
+    """State a car is sent to, as 4 * cell + heading; -1 for none."""
+    PLAN_END = 3
+    """State in which its plan ends so far, in the same form."""
+    GRANTED = 4
+    """Moves a car was granted so far."""
+    CELL = 5
+    """Cell its rear axle is in; -1 off the floor."""
+
+
+CHANGE = np.dtype([("tick", "<i4"), ("robot", "<u2"), ("quantity", "u1"), ("value", "<i4")])
+"""One change; robots are the cars, then the arms."""
+_DIGEST, _MARK = np.dtype("<u8"), np.dtype("<u2")
+_SIZES = struct.Struct("<II")
+"""Begins a block: how many ticks it has, and how many changes."""
+
+
+class TraceFile:
+    """Writes the trace of a run; use as a context manager, or call `close`.
+
+    Args:
+        directory: As returned by `prepare_output`.
+        n_cars: Number of cars.
+        n_arms: Number of arms.
+        about: What a reader needs to name things, see `Trace`.
+
+    Raises:
+        OutputError: The file cannot be opened.
+    """
+
+    def __init__(self, directory: Path, *, n_cars: int, n_arms: int, about: Mapping[str, object]) -> None:
+        try:
+            self._file: BinaryIO = (directory / TRACE).open("wb")
+        except OSError as error:
+            raise OutputError(f"--out {directory}: {TRACE} cannot be written: {error.strerror}") from error
+        header = {"kind": "trace", "version": VERSION, "cars": n_cars, "arms": n_arms, **about}
+        self._file.write(json.dumps(header, separators=(",", ":")).encode() + b"\n")
+        n = n_cars + n_arms
+        self._known = np.full((len(Quantity), n), UNKNOWN, dtype=np.int64)
+
+    def write(self, tick: int, values: Ints, motion: FloatArray) -> None:
+        """Write how some ticks ended; call it with the first tick after those of the last call.
+
+        Args:
+            tick: The first of them.
+            values: `Quantity` of each robot at each tick; `UNKNOWN` where a robot has none, shape (n_ticks,
+                n_quantities, n_robots).
+            motion: Whatever decides how each robot goes on to move, shape (n_ticks, n_robots, k).
+        """
+        n_ticks, n_quantities, n_robots = values.shape
+        digests = np.zeros(n_ticks, dtype=_DIGEST)
+        marks = np.zeros((n_ticks, n_robots), dtype=_MARK)
+        changes = np.zeros(n_ticks * n_quantities * n_robots, dtype=CHANGE)
+        changes_n = _digest(tick, values, motion, self._known, digests, marks, changes)
+        self._file.write(_SIZES.pack(n_ticks, changes_n))
+        self._file.write(digests.tobytes() + marks.tobytes() + changes[:changes_n].tobytes())
+        self._file.flush()
+
+    def close(self) -> None:
+        """Close the file; calling twice is harmless."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trace:
+    """The trace of a run."""
+
+    tick_s: float
+    """Length of a tick [s]."""
+    n_cars: int
+    n_arms: int
+    plan: tuple[str, ...]
+    """The drawing of the site, one character for each cell."""
+    cell_m: float
+    """Edge of a cell [m]."""
+    stations: tuple[str, ...]
+    """Their names, in the order of the arms."""
+    places: tuple[str, ...]
+    """Names of all bookable places, stations first."""
+    phases: tuple[str, ...]
+    """Phases of cars."""
+    arm_states: tuple[str, ...]
+    digests: npt.NDArray[np.uint64]
+    """One for each tick from the first, shape (n_ticks,)."""
+    marks: npt.NDArray[np.uint16]
+    """A short digest of how each robot stands and moves, shape (n_ticks, n_robots)."""
+    changes: npt.NDArray[Any]
+    """Rows of type `CHANGE`, ascending in tick."""
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Names of all robots."""
+        return (*(f"car_{k}" for k in range(self.n_cars)), *(f"arm_{k}" for k in range(self.n_arms)))
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Extent of the floor along x and y [m]."""
+        return len(self.plan[0]) * self.cell_m, len(self.plan) * self.cell_m
+
+    @property
+    def n_ticks(self) -> int:
+        """Number of ticks."""
+        return len(self.digests)
+
+    def series(self, robot: int, quantity: Quantity) -> tuple[Ints, Ints]:
+        """Ticks at which a quantity of a robot changed, and its values from then on, each shape (k,)."""
+        rows = self.changes[(self.changes["robot"] == robot) & (self.changes["quantity"] == quantity)]
+        return rows["tick"].astype(np.int64), rows["value"].astype(np.int64)
+
+    def words(self, quantity: Quantity, robot: int, value: int) -> str:
+        """A value as a person would say it."""
+        if value == UNKNOWN:
+            return "unknown"
+        car = robot < self.n_cars
+        columns = len(self.plan[0])
+        if quantity is Quantity.PHASE:
+            return _name(self.phases if car else self.arm_states, value)
+        if quantity is Quantity.PLACE:
+            return (_name(self.places, value) if car else f"car_{value}") if value >= 0 else "none"
+        if quantity is Quantity.GRANTED:
+            return f"{value} moves"
+        if value < 0:
+            return "none"
+        if quantity is Quantity.CELL:
+            return f"cell ({value // columns}, {value % columns})"
+        cell, heading = divmod(value, 4)
+        return f"cell ({cell // columns}, {cell % columns}) facing {HEADING_NAMES[heading]}"
+
+
+def read_trace(directory: Path) -> Trace:
+    """Read the trace of a run up to where it is whole.
+
+    Args:
+        directory: The run's output directory.
+
+    Returns:
+        The trace; without ticks if the run ended in its first second.
+
+    Raises:
+        OutputError: There is no trace, it is of another version, or it is something else.
+    """
+    path = directory / TRACE
+    valid = f"valid: a run of this version of fleet, whose {TRACE} has version {VERSION}"
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise OutputError(f"no trace in {directory}: {TRACE}: {error.strerror}; {valid}") from error
+    with file:
+        try:
+            header = json.loads(file.readline(1 << 20))
+            kind, version = header["kind"], header["version"]
+        except (ValueError, TypeError, KeyError, UnicodeDecodeError) as error:
+            raise OutputError(f"{path} is no trace: its first line is something else; {valid}") from error
+        if kind != "trace" or version != VERSION:
+            raise OutputError(f"{path}: kind {kind!r}, version {version!r}; {valid}")
+        content = file.read()
+    digests, marks, changes = _blocks(content, header["cars"] + header["arms"])
+    return Trace(
+        tick_s=header["tick_s"],
+        n_cars=header["cars"],
+        n_arms=header["arms"],
+        plan=tuple(header["plan"]),
+        cell_m=header["cell_m"],
+        stations=tuple(header["stations"]),
+        places=tuple(header["places"]),
+        phases=tuple(header["phases"]),
+        arm_states=tuple(header["arm_states"]),
+        digests=digests,
+        marks=marks,
+        changes=changes,
+    )
+
+
+def _blocks(content: bytes, n_robots: int) -> tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]:
+    """Digests, marks and changes of all blocks; a last one that was cut off is left out."""
+    digests, marks, changes = [np.zeros(0, _DIGEST)], [np.zeros((0, n_robots), _MARK)], [np.zeros(0, CHANGE)]
+    at = 0
+    while len(content) - at >= _SIZES.size:
+        ticks_n, changes_n = _SIZES.unpack_from(content, at)
+        sizes = (ticks_n * _DIGEST.itemsize, ticks_n * n_robots * _MARK.itemsize, changes_n * CHANGE.itemsize)
+        at += _SIZES.size
+        if len(content) - at < sum(sizes):
+            break
+        digests.append(np.frombuffer(content, _DIGEST, ticks_n, at))
+        marks.append(np.frombuffer(content, _MARK, ticks_n * n_robots, at + sizes[0]).reshape(ticks_n, n_robots))
+        changes.append(np.frombuffer(content, CHANGE, changes_n, at + sizes[0] + sizes[1]))
+        at += sum(sizes)
+    return np.concatenate(digests), np.concatenate(marks), np.concatenate(changes)
+
+
+def _name(names: Sequence[str], index: int) -> str:
+    return names[index] if 0 <= index < len(names) else f"number {index}"
+
+
+@njit(cache=True)
+def _mix(hashed, word):
+    """One round of FNV-1a on 64-bit words, with a shift, as its product moves bits only upwards.
+
+    Source: G. Fowler, L. C. Noll, K.-P. Vo, "The FNV Non-Cryptographic Hash Algorithm", RFC 9923.
+    """
+    hashed = (hashed ^ word) * np.uint64(0x100000001B3)
+    return hashed ^ (hashed >> np.uint64(32))
+
+
+@njit(cache=True)
+def _digest(first, values, motion, known, digests, marks, changes):
+    """Digest of each tick, marks of each robot, and rows for what has changed; returns how many rows."""
+    n_ticks, n_quantities, n_robots = values.shape
+    bits = (motion + 0.0).view(np.uint64)  # + 0.0: no negative zeros
+    changed = 0
+    for k in range(n_ticks):
+        whole = np.uint64(0xCBF29CE484222325)
+        for robot in range(n_robots):
+            own = np.uint64(0xCBF29CE484222325)
+            for number in range(bits.shape[2]):
+                own = _mix(own, bits[k, robot, number])
+            marks[k, robot] = np.uint16((own ^ (own >> np.uint64(16))) & np.uint64(0xFFFF))
+            whole = _mix(whole, own)
+            for quantity in range(n_quantities):
+                value = values[k, quantity, robot]
+                if value != known[quantity, robot]:
+                    known[quantity, robot] = value
+                    whole = _mix(_mix(whole, np.uint64(value)), np.uint64(n_quantities * robot + quantity))
+                    row = changes[changed]
+                    row.tick = first + k
+                    row.robot = robot
+                    row.quantity = quantity
+                    row.value = value
+                    changed += 1
+        digests[k] = whole
+    return changed

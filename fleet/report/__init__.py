@@ -1,0 +1,1 @@
+"""Report: what became of a run, for reading afterwards, and how two runs differ."""

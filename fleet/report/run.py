@@ -1,0 +1,77 @@
+"""Run: the files of one run, read and found to fit together."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fleet.insight.cause_file import read_causes
+from fleet.insight.cause_log import CauseLog
+from fleet.insight.legend import Legend
+from fleet.recording.errors import OutputError
+from fleet.recording.run_file import EVENTS, RunRecord, read_run
+from fleet.recording.trace_file import TRACE, Trace, read_trace
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """A run that has ended, one way or the other."""
+
+    directory: Path
+    record: RunRecord
+    """Settings, events, and the figures if it came to its end."""
+    trace: Trace
+    causes: CauseLog
+    """What each robot was about, and whom it waited for."""
+    legend: Legend
+    """What the numbers in the causes stand for."""
+
+    @property
+    def title(self) -> str:
+        """Site, cars, seed and length in a few words."""
+        config, trace = self.record.config, self.trace
+        cars = f"{trace.n_cars} car{'s' if trace.n_cars != 1 else ''}"
+        words = f"{Path(str(config['site'])).stem}, {cars}, seed {self.record.seed}, {config['fidelity']}"
+        return f"{words}, {trace.n_ticks * trace.tick_s:.1f} s"
+
+
+def load_run(directory: Path) -> Run:
+    """Read a run.
+
+    Args:
+        directory: What was its `--out`.
+
+    Raises:
+        OutputError: It holds no run, or one of another version; says which file is wrong.
+        CauseFileError: Its run file tells no causes, or tells them in another way.
+    """
+    if not directory.is_dir():
+        what = "is a file" if directory.exists() else "does not exist"
+        raise OutputError(f"no run in {directory}: it {what}; valid: the --out directory of a run")
+    record = read_run(directory)
+    for name in ("site", "fidelity"):
+        if not isinstance(record.config, dict) or name not in record.config:
+            raise OutputError(
+                f"{directory / EVENTS}, line 1: config has no {name}; valid: a run of this version of fleet"
+            )
+    trace = read_trace(directory)
+    if not trace.n_ticks:
+        raise OutputError(f"{directory / TRACE} holds no tick: the run ended at once; valid: a run of a second or more")
+    causes, legend = read_causes(record.events, str(directory / EVENTS))
+    if (legend.n_cars, legend.n_arms, legend.cols) != (trace.n_cars, trace.n_arms, len(trace.plan[0])):
+        raise OutputError(
+            f"{directory}: {EVENTS} and {TRACE} are of two runs; valid: the files of one run, as it left them"
+        )
+    return Run(directory=directory, record=record, trace=trace, causes=causes, legend=legend)
+
+
+def flat(tree: Any, name: str = "") -> dict[str, Any]:
+    """A tree of settings or figures as one level, such as `traffic.planner`; lists are leaves."""
+    if not isinstance(tree, dict):
+        return {name: json.dumps(tree) if isinstance(tree, list) else tree}
+    leaves: dict[str, Any] = {}
+    for key, value in tree.items():
+        leaves |= flat(value, f"{name}.{key}" if name else str(key))
+    return leaves

@@ -1,0 +1,223 @@
+"""`fleet report`: its figures are the run's own, seen from several sides, and the page needs nothing but itself."""
+
+import csv
+import re
+import shutil
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fleet.cli import main
+from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.insight.causes import OWN, Cause
+from fleet.insight.ledger import Account
+from fleet.insight.time_table import NoPandas
+from fleet.report.page import ACCOUNTS
+from fleet.report.run import Run, load_run
+from fleet.report.table import Table, table
+from fleet.report.tables import tables_of
+from fleet.report.waits import GROUPS
+from fleet.session import SessionConfig, run_session
+
+CARS_N, SECONDS = 6, 60.0
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Return a run in which six cars queue and meet, one dies, and the last tasks are left open."""
+    out = tmp_path_factory.mktemp("report") / "run"
+    config = RunConfig(
+        site="small",
+        robots=CARS_N,
+        tasks=12,
+        duration_s=SECONDS,
+        fidelity=Fidelity.KINEMATIC,
+        arms=ArmConfig(workers_n=0),
+        events=(ScenarioEvent(time_s=30.0, kind="car_dead", target="car_4"),),
+    )
+    run_session(config, SessionConfig(out=out, record=False, progress=False))
+    return load_run(out)
+
+
+@pytest.fixture(scope="module")
+def tables(run: Run) -> dict[str, Table]:
+    """Return its tables."""
+    return tables_of(run)
+
+
+class Page(HTMLParser):
+    """Collects the elements and the text of a page, and demands that each element is closed."""
+
+    VOID = frozenset({"meta", "br"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_each_robot_s_accounts_add_up_to_the_run(tables: dict[str, Table]) -> None:
+    robots = tables["robots"]
+    sums = sum(robots[name] for name in robots.columns if name != "robot")
+    assert np.allclose(sums, SECONDS, atol=1e-6)
+    assert robots["robot"].tolist()[:CARS_N] == [f"car_{car}" for car in range(CARS_N)]
+
+
+def test_every_account_of_the_ledger_has_a_name_and_a_colour() -> None:
+    assert set(ACCOUNTS) == {account.name.lower() for account in Account}
+
+
+def test_cars_are_somewhere_all_the_time(tables: dict[str, Table]) -> None:
+    assert tables["cells"]["cars_s"].sum() == pytest.approx(CARS_N * SECONDS)
+
+
+def test_waiting_in_cells_is_waiting_in_causes(run: Run, tables: dict[str, Table]) -> None:
+    rows = run.causes.since(0)
+    expected = dict.fromkeys(GROUPS, 0.0)
+    for car in range(CARS_N):
+        own = rows[rows[:, 1] == car]
+        for change, end in zip(own, [*own[1:, 0], run.causes.end_tick], strict=True):
+            for group, causes in GROUPS.items():
+                expected[group] += (end - change[0]) * run.legend.tick_s * (Cause(change[2]) in causes)
+    assert sum(expected.values()) > 5.0
+    for group, seconds in expected.items():
+        assert tables["cells"][f"wait_{group}_s"].sum() == pytest.approx(seconds, abs=1e-3)
+
+
+def test_every_cause_of_waiting_of_a_car_has_a_group() -> None:
+    grouped = frozenset().union(*GROUPS.values())
+    assert sum(map(len, GROUPS.values())) == len(grouped)
+    assert frozenset(Cause) - OWN - grouped == {Cause.AWAITS}
+
+
+def test_waits_are_explained_and_lie_in_the_run(tables: dict[str, Table]) -> None:
+    waits = list(tables["waits"].rows())
+    assert any(wait["robot"].startswith("car_") for wait in waits)
+    for wait in waits:
+        assert 0.0 <= wait["from_s"] <= wait["at_s"] <= wait["to_s"] <= SECONDS
+        assert wait["seconds"] == pytest.approx(wait["to_s"] - wait["from_s"])
+        assert wait["explanation"].startswith(wait["robot"])
+
+
+def test_what_is_put_down_to_anything_is_what_was_spent(tables: dict[str, Table]) -> None:
+    blame, robots = tables["blame"], tables["robots"]
+    for kind in ("cell", "robot", "place"):
+        for account in ("traffic", "queue", "plan_late"):
+            put_down = blame["seconds"][(blame["kind"] == kind) & (blame["account"] == account)].sum()
+            assert put_down == pytest.approx(np.nansum(robots[f"{account}_s"]))
+    assert np.nansum(robots["queue_s"]) > 1.0
+
+
+def test_tasks_agree_with_the_result(run: Run, tables: dict[str, Table]) -> None:
+    tasks, result = tables["tasks"], run.record.result
+    assert result is not None
+    done = np.isfinite(tasks["done_s"])
+    assert done.sum() == result["tasks_done"] > 0
+    assert tasks["flow_s"][done].mean() == pytest.approx(result["task_time_mean_s"], abs=0.01)
+    assert (tasks["waiting_s"][done] <= tasks["flow_s"][done]).all()
+
+
+def test_tasks_over_time_add_up(tables: dict[str, Table]) -> None:
+    progress, tasks = tables["progress"], tables["tasks"]
+    ended = np.isin(tasks["state"], ["delivered", "collected", "failed", "cancelled"])
+    assert progress["done_n"].sum() == np.isfinite(tasks["done_s"]).sum()
+    assert progress["open_n"][-1] == (np.isfinite(tasks["released_s"]) & ~ended).sum()
+    assert progress["to_s"][-1] == pytest.approx(SECONDS)
+
+
+def test_the_dead_car_is_among_the_events(tables: dict[str, Table]) -> None:
+    assert ("car lost", 30.0) in [(row["kind"], row["time_s"]) for row in tables["events"].rows()]
+
+
+def test_the_page_needs_nothing_else_and_says_all(
+    run: Run, tables: dict[str, Table], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["report", str(run.directory), "--out", str(tmp_path / "page")])
+    assert stop.value.code == 0
+    assert str(tmp_path / "page" / "report.html") in capsys.readouterr().out
+    text = (tmp_path / "page" / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert [tag for tag, _ in page.seen if tag in ("script", "link", "img", "iframe", "object")] == []
+    assert [found for found in re.findall(r"https?://[^\"' <]*", text) if found != "http://www.w3.org/2000/svg"] == []
+    assert "url(" not in text
+    for heading in ("Where the time went", "Who caused the waiting", "The longest waits", "Where on the floor",
+                    "Throughput", "Stations", "Faults and events", "All figures"):  # fmt: skip
+        assert heading in page.text
+    assert page.text.count("100.0") >= CARS_N + 1
+    assert "nan" not in page.text
+    for name, one in tables.items():
+        with (tmp_path / "page" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert len(rows) == len(one)
+        assert rows == [] or list(rows[0]) == list(one.columns)
+
+
+def test_a_run_that_was_killed_still_has_a_page(run: Run, tmp_path: Path) -> None:
+    cut = tmp_path / "run"
+    shutil.copytree(run.directory, cut)
+    (cut / "result.json").unlink()
+    with pytest.raises(SystemExit) as stop:
+        main(["report", str(cut)])
+    assert stop.value.code == 0
+    assert "did not come to its end" in Page((cut / "report" / "report.html").read_text(encoding="utf-8")).text
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (shutil.rmtree, "does not exist; valid: the --out directory of a run"),
+        (lambda cut: (cut / "run.jsonl").unlink(), "no run in"),
+        (lambda cut: (cut / "run.trace").write_text('{"kind":"trace","version":7}\n'), "version 7"),
+        (lambda cut: (cut / "run.trace").unlink(), "no trace in"),
+        (lambda cut: (cut / "report").write_text("a file"), "valid: a directory that can be written"),
+        (
+            lambda cut: (cut / "run.trace").write_bytes(
+                (cut / "run.trace").read_bytes().replace(b'"plan":["#', b'"plan":["##', 1)
+            ),
+            "are of two runs",
+        ),
+    ],
+)
+def test_what_is_no_run_is_one_line(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str], spoil: object, said: str
+) -> None:
+    bad = tmp_path / "run"
+    shutil.copytree(run.directory, bad)
+    spoil(bad)  # type: ignore[operator]
+    with pytest.raises(SystemExit) as stop:
+        main(["report", str(bad)])
+    told = capsys.readouterr()
+    assert (stop.value.code, told.out, told.err.count("\n")) == (2, "", 1)
+    assert said in told.err
+
+
+def test_a_table_without_pandas_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(NoPandas, match="pip install pandas"):
+        table("some", ("a",), [(1,)]).frame()
+
+
+def test_unknown_values_are_empty_cells(tmp_path: Path) -> None:
+    path = table("some", ("a", "b"), [(None, "x"), (1.5, None)]).write_csv(tmp_path)
+    assert path.read_text(encoding="utf-8").split() == ["a,b", ",x", "1.5,"]
