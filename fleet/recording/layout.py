@@ -28,7 +28,9 @@ _ELEVATION_RAD = math.radians(60.0)
 _MARGIN_M = 0.6
 
 
-def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str], cameras: Sequence[str]) -> rrb.Blueprint:
+def layout(
+    scene: Scene, floor: FloorPlan, plots: Sequence[str], cameras: Sequence[str], *, internals: bool = False
+) -> rrb.Blueprint:
     """Views for a run: scene, plan from above, one station close up, cameras, state lanes, plots, log.
 
     Args:

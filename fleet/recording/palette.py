@@ -53,6 +53,20 @@ DOCK = 0x4A3F6BFF
 LABEL = 0xE5E7EBFF
 
 
+WAIT = 0xF59E0BFF
+"""Arrows from whoever waits to whom it waits for."""
+CYCLE = 0xEF4444FF
+"""Whoever waits in a circle."""
+CAUSE_COLOURS = {
+    "traffic": 0xF59E0BFF,
+    "station": 0x8B5CF6FF,
+    "blocked": 0xEF4444FF,
+    "plan late": 0xFACC15FF,
+    "charging": 0x14B8A6FF,
+}
+"""Colours of the causes of standing still."""
+
+
 def identity_colour(identity: int, *, value: float = 1.0, alpha: int = 255) -> int:
     """A colour that stays with an id for the whole run."""
     red, green, blue = colorsys.hsv_to_rgb((0.55 + identity * _GOLDEN) % 1.0, 0.55, value)
@@ -74,3 +88,9 @@ def packed(rgba: tuple[float, float, float, float]) -> int:
     """Pack components in [0, 1] into one integer."""
     red, green, blue, alpha = (round(255 * min(1.0, max(0.0, c))) for c in rgba)
     return (red << 24) | (green << 16) | (blue << 8) | alpha
+
+
+def cause_colour(cause: str) -> int:
+    """Colour of a cause of standing still; the same name always gets the same colour."""
+    known = CAUSE_COLOURS.get(cause)
+    return known if known is not None else state_colour(cause)

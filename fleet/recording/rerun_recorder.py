@@ -1,4 +1,4 @@
-"""RerunRecorder: writes a rerun recording from a worker thread; the simulation only hands over copies."""
+"""RerunRecorder: writes a rerun recording from a worker thread; the simulation only hands over frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _BATCH_N = 240
 """Frames that wake the worker early; larger batches are cheaper per frame."""
-_BATCH_S = 0.5
+_BATCH_S = 0.3
 """Wall time after which a smaller batch is written anyway [s]."""
 _QUEUE_N = 960
 """Frames that may wait; beyond it the simulation waits (file) or frames are dropped (live)."""
@@ -43,6 +43,8 @@ class RerunRecorder:
         rate_hz: Frames per simulated second at most; a slower tick records every tick.
         plots: Title -> names of the metrics drawn together; empty = all metrics in one plot.
         cameras: Names of the cameras whose views come with frames.
+        lidar: Whether frames come with scans.
+        internals: Whether frames come with what the planners think.
         serve: Host a live server on 127.0.0.1.
         port: Its port.
 
@@ -61,6 +63,8 @@ class RerunRecorder:
         rate_hz: float = 30.0,
         plots: Mapping[str, Sequence[str]] | None = None,
         cameras: Sequence[str] = (),
+        lidar: bool = False,
+        internals: bool = False,
         serve: bool = False,
         port: int = 9876,
     ) -> None:
@@ -93,6 +97,8 @@ class RerunRecorder:
                 about=about,
                 plots=plots or {},
                 cameras=cameras,
+                lidar=lidar,
+                internals=internals,
                 port=port if serve else None,
             )
         except (OSError, RuntimeError, ValueError) as error:
@@ -110,15 +116,14 @@ class RerunRecorder:
         return tick % self._every == 0
 
     def record(self, frame: Frame) -> None:
-        """Queue a copy of a frame."""
-        copy = frame.copied()
+        """Queue a frame; nobody else may change its arrays from now on."""
         with self._changed:
             if len(self._frames) >= _QUEUE_N and self._live:
                 self.dropped_n += 1
                 return
             while len(self._frames) >= _QUEUE_N and self._failure is None:
                 self._changed.wait()
-            self._frames.append(copy)
+            self._frames.append(frame)
             if len(self._frames) == _BATCH_N:
                 self._changed.notify_all()
 

@@ -1,0 +1,287 @@
+"""Watch: turns the state of a run into frames for its recorder, each thing as often as an eye needs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import Perception
+from fleet.recording import FloorPlan, Frame, LogLine, Recorder, RerunRecorder, Wait, versions
+from fleet.roster import PHASES, CarPhase
+from fleet.sensors.lidar import Lidar
+from fleet.simulation import Event, Simulation
+from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
+
+COUNTED = {
+    "waiting": (TaskState.ORDERED, TaskState.BACKLOG, TaskState.READY),
+    "under way": UNDER_WAY,
+    "done": DONE_STATES,
+    "failed": (TaskState.FAILED,),
+    "cancelled": (TaskState.CANCELLED,),
+}
+"""Groups of task states that are counted over time."""
+LOUD = frozenset(
+    {
+        "off_lane",
+        "plan_cut",
+        "rejoin_impossible",
+        "transfer_repeated",
+        "parcel_not_located",
+        "disturbance",
+        "car_lost",
+        "order_refused",
+        "impossible_due",
+        "allocator_note",
+    }
+)
+"""Events that a person should notice in the log."""
+_WORDS = ("idle", "driving", "waiting", "docked", "fault", "held", "charging", "standing")
+_DRIVES, _WAITS, _HELD = (_WORDS.index(word) for word in ("driving", "waiting", "held"))
+_WORD_OF = {
+    CarPhase.TO_PICK: _DRIVES,
+    CarPhase.TO_DROP: _DRIVES,
+    CarPhase.TO_CHARGER: _DRIVES,
+    CarPhase.TO_PLACE: _DRIVES,
+    CarPhase.LOADING: _WORDS.index("docked"),
+    CarPhase.UNLOADING: _WORDS.index("docked"),
+    CarPhase.HELD: _HELD,
+    CarPhase.CHARGING: _WORDS.index("charging"),
+    CarPhase.STANDING: _WORDS.index("standing"),
+    CarPhase.DEAD: _WORDS.index("fault"),
+    CarPhase.RECOVERING: _WORDS.index("fault"),
+}
+_WORD_OF_PHASE = np.array([_WORD_OF.get(phase, 0) for phase in PHASES])
+_SLOW_MPS = 0.05
+"""A car on its way that is slower than this waits."""
+_CLEARANCE_M = 2.0
+"""Clearances are plotted up to this [m]."""
+_SAMPLE_S = 0.2
+"""Between figures, cells, and lidar scans [s]."""
+_LINES_S = 0.5
+"""Between looks at the ways of the cars [s]."""
+_WHY_S = 1.0
+"""Between looks at who waits for whom, and why [s]."""
+_CONGESTION_S = 5.0
+"""Between heat maps [s]."""
+
+
+def open_recorder(
+    simulation: Simulation,
+    path: Path,
+    *,
+    serve: bool = False,
+    port: int = 9876,
+    lidar: bool = False,
+    internals: bool = False,
+) -> RerunRecorder:
+    """Open a recording of a run.
+
+    Args:
+        simulation: The run.
+        path: File to write; replaced if it exists.
+        serve: Also host a live server on the loopback interface.
+        port: Its port.
+        lidar: Whether a view of scans is wanted.
+        internals: Whether a view of what the planners think is wanted.
+
+    Raises:
+        RecordingError: The file cannot be opened, or the port is taken.
+    """
+    site, graph = simulation.site, simulation.graph
+    centres = site.grid.cell_xy
+    floor = FloorPlan(
+        name=site.name,
+        lanes=centres(site.lanes.ravel()).reshape(-1, 2, 2),
+        station_names=tuple(station.name for station in site.stations),
+        station_xy=np.array([station.arm.pose[:2] for station in site.stations]),
+        dock_xy=centres([int(graph.state_cell[station.dock_state]) for station in simulation.stations]),
+        parking_xy=centres(list(site.parking)),
+        cell_xy=centres(np.arange(graph.n_cells)),
+    )
+    return RerunRecorder(
+        path=path,
+        scene=simulation.scene,
+        floor=floor,
+        about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
+        tick_s=simulation.tick_s,
+        plots={"speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)}
+        | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
+        cameras=floor.station_names if simulation.config.perception is Perception.CAMERA else (),
+        lidar=lidar,
+        internals=internals,
+        serve=serve,
+        port=port,
+    )
+
+
+class Watch:
+    """Makes the frames of a run.
+
+    Bodies move in every frame. Everything else is sampled less often, or handed over when it has changed: a frame is
+    made in the time of the run.
+
+    Args:
+        simulation: The run.
+        recorder: Takes the frames.
+        lidar: Whether cars scan around themselves with a lidar, for the recording only.
+        internals: Whether the path planner's priorities are recorded.
+    """
+
+    def __init__(
+        self, simulation: Simulation, recorder: Recorder, *, lidar: bool = False, internals: bool = False
+    ) -> None:
+        self._simulation = simulation
+        self._recorder = recorder
+        car = simulation.scene.car
+        self._lidar = Lidar(ahead_m=car.front_m + 0.01, height_m=car.height_m) if lidar else None
+        self._internals = internals
+        self._wheel = np.zeros(simulation.world.n_cars)
+        self._rolled_s = 0.0
+        self._sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
+        self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in simulation.board.tasks}
+        self._epoch = -1
+        self._due_s: dict[float, float] = {}
+        self._codes = np.full(simulation.world.n_cars, -1)
+        self._car_words: tuple[str, ...] = ()
+        self._arm_words: tuple[str, ...] = ()
+        self._parcels = np.empty(0, dtype=np.int64)
+        self._parcel_sizes = np.empty((0, 3))
+        self._waits: tuple[Wait, ...] = ()
+        self._stood_s: dict[str, npt.NDArray[np.float64]] = {}
+
+    def note(self, event: Event) -> None:
+        """Take an event into the log and, if it is a task's, into its lane."""
+        level = "WARN" if event.kind in LOUD or event.facts.get("state") == TaskState.FAILED else "INFO"
+        self._recorder.log(LogLine(tick=event.tick, sim_s=event.sim_s, text=_sentence(event), level=level))
+        if event.kind == "task":
+            self._changed_tasks[str(event.facts["task"])] = str(event.facts["state"])
+
+    def look(self) -> None:
+        """Record the present tick if a frame is due."""
+        if not self._recorder.due(self._simulation.now):
+            return
+        simulation = self._simulation
+        world = simulation.world
+        speeds = world.car_speeds()
+        self._roll(speeds)
+        self._look_at_words(speeds)
+        self._look_at_parcels(world.parcel_ids())
+        changed, self._changed_tasks = self._changed_tasks, {}
+        perception = simulation.dispatcher.perception
+        views, perception.looks = perception.looks, {}
+        frame = Frame(
+            tick=simulation.now,
+            sim_s=simulation.sim_s,
+            car_poses=world.car_poses(),
+            car_steering=world.car_steering(),
+            wheel_angle=self._wheel.copy(),
+            arm_q=world.arm_positions(),
+            parcel_ids=self._parcels,
+            parcel_poses=world.parcel_poses(),
+            parcel_size_m=self._parcel_sizes,
+            car_state=self._car_words,
+            arm_state=self._arm_words,
+            task_state=changed,
+            plan_epoch=self._epoch,
+            views=views,
+        )
+        if self._beat(_SAMPLE_S):
+            self._sample(frame, speeds)
+        if self._beat(_LINES_S):
+            self._look_at_lines(frame)
+        if self._beat(_WHY_S):
+            self._look_at_waits(frame)
+        self._recorder.record(frame)
+
+    def _beat(self, period_s: float) -> bool:
+        """Whether what is looked at once in a period is due."""
+        now_s = self._simulation.sim_s
+        due = now_s >= self._due_s.get(period_s, 0.0) - 1e-9
+        if due:
+            self._due_s[period_s] = now_s + period_s
+        return due
+
+    def _roll(self, speeds: npt.NDArray[np.float64]) -> None:
+        """Turn the wheels by what the cars have driven since the last frame."""
+        now_s = self._simulation.sim_s
+        self._wheel += speeds * (now_s - self._rolled_s) / self._simulation.scene.car.wheel_radius_m
+        self._rolled_s = now_s
+
+    def _look_at_words(self, speeds: npt.NDArray[np.float64]) -> None:
+        """States of cars and arms; the tuples stay the same objects until a word changes."""
+        codes = _WORD_OF_PHASE[self._simulation.dispatcher.roster.phase_index]
+        codes[(codes == _DRIVES) & (np.abs(speeds) <= _SLOW_MPS)] = _WAITS
+        if not np.array_equal(codes, self._codes):
+            self._codes = codes
+            self._car_words = tuple(_WORDS[code] for code in codes.tolist())
+        arms = tuple(service.state for service in self._simulation.desk.services)
+        if arms != self._arm_words:
+            self._arm_words = arms
+
+    def _look_at_parcels(self, ids: npt.NDArray[np.int64]) -> None:
+        if not np.array_equal(ids, self._parcels):
+            self._parcels = ids
+            self._parcel_sizes = np.array([self._sizes[k] for k in ids.tolist()]).reshape(-1, 3)
+
+    def _sample(self, frame: Frame, speeds: npt.NDArray[np.float64]) -> None:
+        """Figures, cells and scans."""
+        simulation = self._simulation
+        frame.metrics = {
+            "mean_speed_mps": float(np.abs(speeds).mean()),
+            "min_clearance_m": min(simulation.world.min_clearance_m(), _CLEARANCE_M),
+        }
+        if simulation.batteries is not None:
+            frame.metrics["lowest_charge"] = float(simulation.batteries.charge.min())
+        frame.task_counts = {name: sum(map(simulation.board.count, states)) for name, states in COUNTED.items()}
+        frame.held_by = simulation.executor.dependencies.holders()
+        frame.next_of = simulation.executor.dependencies.next_visitors()
+        if self._lidar is not None:
+            frame.scan_origins, frame.scans = self._lidar.scan(frame.car_poses, simulation.world.rays)
+
+    def _look_at_lines(self, frame: Frame) -> None:
+        """Ways that are granted, and ways that are planned beyond."""
+        simulation = self._simulation
+        cars = range(simulation.world.n_cars)
+        self._epoch = frame.plan_epoch = simulation.traffic.plans_n
+        frame.paths = tuple(simulation.driver.remaining(car) for car in cars)
+        frame.plans = tuple(simulation.executor.planned_line(car) for car in cars)
+        if self._internals:
+            frame.priorities = simulation.traffic.priorities
+
+    def _look_at_waits(self, frame: Frame) -> None:
+        """Who waits for whom now, and where cars have stood so far."""
+        simulation = self._simulation
+        waits = [self._wait(car) for car in np.flatnonzero((self._codes == _WAITS) | (self._codes == _HELD)).tolist()]
+        found = tuple(wait for wait in waits if wait is not None)
+        for wait in found:
+            cells = self._stood_s.setdefault(wait.cause, np.zeros(simulation.graph.n_cells))
+            x, y = frame.car_poses[int(wait.who.removeprefix("car_")), :2]
+            cells[simulation.site.grid.index(*simulation.site.grid.cell_at(x, y))] += _WHY_S
+        if found != self._waits:
+            self._waits = frame.waits = found
+        frame.explanations = {wait.who: f"waits for {wait.whom} ({wait.cause})" for wait in found}
+        if self._beat(_CONGESTION_S):
+            frame.stood_s = {cause: cells.copy() for cause, cells in self._stood_s.items()}
+
+    def _wait(self, car: int) -> Wait | None:
+        simulation = self._simulation
+        blockers = simulation.executor.dependencies.blockers(car)
+        if blockers:
+            return Wait(who=f"car_{car}", whom=f"car_{blockers[0][0]}", cause="traffic", cell=blockers[0][1])
+        place = int(simulation.dispatcher.bookings.place_of[car])
+        if 0 <= place < len(simulation.stations):
+            station = simulation.stations[place]
+            cell = int(simulation.graph.state_cell[station.dock_state])
+            return Wait(who=f"car_{car}", whom=station.name, cause="station", cell=cell)
+        return None
+
+
+def _sentence(event: Event) -> str:
+    """An event as a person would read it."""
+    facts = event.facts
+    if event.kind == "task":
+        car = f" ({facts['car']})" if facts["car"] else ""
+        return f"{facts['task']} is {facts['state']}{car}: {facts['cause']}"
+    return f"{event.kind.replace('_', ' ')}: " + ", ".join(f"{key} {value}" for key, value in facts.items())
