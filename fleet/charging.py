@@ -73,6 +73,11 @@ class Charging:
         self._service_times = service_times
         self._log = log
 
+    @property
+    def places(self) -> range:
+        """Numbers of the chargers in use among the places that are booked."""
+        return range(self._first, self._first + len(self.states))
+
     def spares(self, car: int) -> bool:
         """Whether a car without a task, as far as its battery goes, may be given one."""
         if self._roster.phase[car] in AT_CHARGER:

@@ -105,11 +105,13 @@ class Dispatcher:
         log: Log,
     ) -> None:
         self.board = board
+        self.allocations_n = 0
+        """How often tasks were given out."""
         self._config = config
         self._traffic = traffic
         self._executor = executor
         self._stations = {station.name: station for station in stations}
-        places = Places(site, graph, stations, traffic)
+        self.places = places = Places(site, graph, stations, traffic)
         caps = [config.allocation.station_cap_n] * len(stations)
         caps += [1] * (len(places.cells) - len(stations))
         self.bookings = Bookings(caps, world.n_cars)
@@ -328,6 +330,7 @@ class Dispatcher:
 
     def _allocate(self, tick: int, now_s: float) -> None:
         """Give tasks to cars that are free, and exchange those that are not picked yet where much is gained."""
+        self.allocations_n += 1
         tails = self._executor.tail_states()
         held: dict[int, Task] = {}
         busy: dict[int, Outlook] = {}

@@ -73,6 +73,11 @@ class Executor:
         """State each car stands in when all it has is done, shape (n_cars,)."""
         return self.dependencies.tail_states()
 
+    @property
+    def closed(self) -> npt.NDArray[np.bool_]:
+        """Cells into which nobody is let at present, shape (n_cells,)."""
+        return self._closed
+
     def close(self, cell: int) -> None:
         """Grant nobody entry to a cell until as many calls of `open`; cars that hold it keep it."""
         self._closed_n[cell] += 1

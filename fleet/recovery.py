@@ -88,6 +88,16 @@ class Recovery:
         self._simulation.traffic.set_dead(car, [])
         self._wrecks.setdefault(car, _Wreck(still_since=self._simulation.now))
 
+    @property
+    def active(self) -> bool:
+        """True when a car is off its lane or dead."""
+        return bool(self._rejoining or self._wrecks)
+
+    def halted_by(self) -> dict[int, int]:
+        """Cars that stand because their granted way leads through another one, and that one."""
+        stopped: dict[int, _Rejoin | _Wreck] = {**self._wrecks, **self._rejoining}
+        return {other: car for car, obstacle in stopped.items() for other in obstacle.halted}
+
     def tick(self, tick: int) -> None:
         """Notice cars that are off their lane, and move those that are being recovered on by one step."""
         driver = self._simulation.driver

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fleet.config import RunConfig
+from fleet.insight.cause_file import CAUSES, LEGEND, CauseWriter
 from fleet.insight.metrics import Summary
 from fleet.interrupts import interrupts
 from fleet.progress import Progress
@@ -107,7 +109,17 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         for event in events:
             emit(event)
         simulation.on_event = emit
-        wall_s, first_move_s = _loop(simulation, session, watch, progress, started, interrupted)
+        causes = CauseWriter(simulation.causes.log, simulation.legend)
+        run_file.event(tick=0, sim_s=0.0, kind=LEGEND, **causes.head())
+
+        def look() -> None:
+            for tick, facts in causes.lines():
+                run_file.event(tick=tick, sim_s=tick * simulation.tick_s, kind=CAUSES, **facts)
+            watch.look()
+            progress.look()
+
+        wall_s, first_move_s = _loop(simulation, session, look, started, interrupted)
+        simulation.log("run_ended")
         summary = simulation.summary()
         result = Result(
             **{field.name: getattr(summary, field.name) for field in fields(summary)},
@@ -129,8 +141,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
 def _loop(
     simulation: Simulation,
     session: SessionConfig,
-    watch: Watch,
-    progress: Progress,
+    look: Callable[[], None],
     started: float,
     interrupted: list[int],
 ) -> tuple[float, float | None]:
@@ -139,8 +150,7 @@ def _loop(
     begin = time.perf_counter()
     while not simulation.finished and not interrupted:
         simulation.tick()
-        watch.look()
-        progress.look()
+        look()
         if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
             first_move_s = round(time.perf_counter() - started, 3)
             simulation.log("first_move")

@@ -16,6 +16,9 @@ from fleet.dispatcher import Dispatcher
 from fleet.disturbance import Disturbances
 from fleet.driving import Driver, PathDriver, StateDriver
 from fleet.executor import Executor
+from fleet.insight.cause_watch import CauseWatch
+from fleet.insight.explain import Explanation, explain
+from fleet.insight.legend import Legend, legend_of
 from fleet.insight.metrics import Metrics, Summary
 from fleet.insight.slip import SlipMeter
 from fleet.recovery import Recovery
@@ -160,6 +163,8 @@ class Simulation:
             self.recovery = Recovery(self)
             self.disturbances = Disturbances(self, config.events)
             docks = [station.place.dock.cell for station in self.stations]
+            self.causes = CauseWatch(self)
+            self.legend: Legend = legend_of(self)
             self.metrics = Metrics(self.world.n_cars, self.tick_s, self.site.grid.cell_xy(docks))
             # Without physics parcels stick rigidly to their tools.
             self.slip_meter = SlipMeter(self.scene.arm, self.scene.arm_base) if self._in_physics else None
@@ -205,6 +210,7 @@ class Simulation:
         if self.slip_meter is not None:
             self.slip_meter.tick(self.desk.services, self.world)
         roster, speeds = self.dispatcher.roster, self.world.car_speeds()
+        self.causes.tick(self.now, speeds)
         self.metrics.tick(speeds, roster.loaded, roster.bound)
         self.metrics.ledger.tick(
             roster.phase_index,
@@ -288,6 +294,22 @@ class Simulation:
             UnknownTask: There is no such order.
         """
         return self.dispatcher.reasons.report(self.board.named(name))
+
+    def explain(self, robot: str, time_s: float | None = None) -> Explanation:
+        """Say why a robot waits: who or what keeps it, the root of that, and what would release it.
+
+        Args:
+            robot: Such as ``car_2`` or ``arm_0``.
+            time_s: When, from the start of the run until now [s]; None = now.
+
+        Returns:
+            Its `str` is a sentence.
+
+        Raises:
+            UnknownRobot: There is no such robot.
+            OutsideRun: The run was not under way then.
+        """
+        return explain(self.causes.log, self.legend, robot, self.sim_s if time_s is None else time_s)
 
     def summary(self) -> Summary:
         """Figures of the run so far."""

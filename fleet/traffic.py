@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from fleet.config import TrafficConfig
 from fleet.executor import Executor
@@ -15,11 +16,14 @@ from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.problem import Instance, Plan
 
 NO_GOAL = -1
+NO_CELL = -1
+NO_CAR = -1
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Pending:
     due_tick: int
+    goals: npt.NDArray[np.int32]
     plan: Plan
 
 
@@ -53,6 +57,11 @@ class Traffic:
         self._blocked_n = np.zeros(graph.n_cells, dtype=np.int64)
         self._dead_cells: dict[int, list[int]] = {}
         self._avoided = np.zeros(graph.n_cells, dtype=np.bool_)
+        self.wreck_of = np.full(graph.n_cells, NO_CAR, dtype=np.int32)
+        """The dead car that blocks each cell, shape (n_cells,)."""
+        self.landed_goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
+        """The goals that the last plan was made for, shape (n_cars,)."""
+        self._free_tables: DistanceTable | None = None
         self._set_tables()
         self.plans_n = 0
         self.priorities = np.zeros(n_cars)
@@ -86,6 +95,8 @@ class Traffic:
         self.goals[car] = NO_GOAL
         self._count_blocked(self._dead_cells.get(car, []), -1)
         self._dead_cells[car] = cells
+        self.wreck_of[self.wreck_of == car] = NO_CAR
+        self.wreck_of[cells] = car
         self._count_blocked(cells, 1)
 
     def set_blocked(self, cell: int, blocked: bool) -> None:
@@ -100,6 +111,40 @@ class Traffic:
     def reachable(self, state: int, goal: int) -> bool:
         """Whether there is a way from a state to another past all that is blocked."""
         return int(self.tables.to(goal)[state]) < UNREACHABLE
+
+    @property
+    def ways(self) -> DistanceTable:
+        """The distances that plans are made with; another object whenever they have changed."""
+        return self._ways
+
+    def next_plan_tick(self, tick: int) -> int:
+        """When the next plan lands: that which is under way, or else that which is asked for next."""
+        if self._pending is not None:
+            return self._pending.due_tick
+        return (tick // self._period + 1) * self._period + self._latency
+
+    def next_cell(self, state: int, goal: int) -> int:
+        """The cell that comes next on the shortest way from a state to a goal, `NO_CELL` if there is no way."""
+        return self._step(self._ways, state, goal)[0]
+
+    def obstacle(self, state: int, goal: int) -> int:
+        """The first blocked cell on what would be the shortest way to a goal, `NO_CELL` if there would be none."""
+        if self._free_tables is None:
+            self._free_tables = DistanceTable(self.graph, np.zeros_like(self.blocked))
+        while state != goal:
+            cell, state = self._step(self._free_tables, state, goal)
+            if cell == NO_CELL or self.blocked[cell]:
+                return cell
+        return NO_CELL
+
+    def _step(self, tables: DistanceTable, state: int, goal: int) -> tuple[int, int]:
+        """Cell and state that come next on the shortest way."""
+        graph, left = self.graph, tables.to(goal)
+        states = graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]]
+        if not states.size or left[state] >= UNREACHABLE:
+            return NO_CELL, state
+        best = int(states[left[states].argmin()])
+        return int(graph.state_cell[best]), best
 
     def _count_blocked(self, cells: list[int], change: int) -> None:
         self._blocked_n[cells] += change
@@ -134,10 +179,12 @@ class Traffic:
         """
         landed = False
         if self._pending is None and (self._wanted or tick % self._period == 0):
-            self._pending = _Pending(due_tick=tick + self._latency, plan=self._plan(tick))
+            due_tick = tick + self._latency
+            self._pending = _Pending(due_tick=due_tick, goals=self.goals.copy(), plan=self._plan(tick))
             self._wanted = False
         if self._pending is not None and self._pending.due_tick <= tick:
             self.executor.accept(self._pending.plan)
+            self.landed_goals = self._pending.goals
             self._pending = None
             self.plans_n += 1
             landed = True

@@ -136,6 +136,13 @@ class Visits:
         # Who is held with a visit waits there already.
         return wanted | {number for number in chargers if self._bookings.waiting(number)}
 
+    def leave_s(self, car: int) -> float | None:
+        """When a car that stands on a visit goes on [s]; None if that is not known."""
+        task = self._roster.task_of[car]
+        if task is None or task.visit is None or task.visit.until_full:
+            return None
+        return float(self._came_s[car]) + task.visit.stand_s
+
     def has_way(self, car: int, task: Task) -> bool:
         """Whether a car can come to its place."""
         tail = int(self._executor.tail_states()[car])

@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import Perception
+from fleet.insight.causes import NONE, OWN, Cause, Column
+from fleet.insight.explain import explain
 from fleet.recording import FloorPlan, Frame, LogLine, Recorder, RerunRecorder, Wait, versions
 from fleet.roster import PHASES, CarPhase
 from fleet.sensors.lidar import Lidar
@@ -37,6 +39,19 @@ LOUD = frozenset(
     }
 )
 """Events that a person should notice in the log."""
+CONGESTION = {
+    "traffic": (Cause.CELL, Cause.TURN, Cause.YIELDS, Cause.HALTED),
+    "station": (Cause.CLOSED, Cause.STATION_FULL, Cause.ARM_BUSY, Cause.ARM, Cause.SLOT),
+    "blocked": (Cause.BLOCKED,),
+    "plan late": (Cause.PLAN_LATE,),
+    "charging": (Cause.CHARGER,),
+}
+"""What is drawn in one colour where cars stand because of it."""
+_GROUP_OF = np.full(len(Cause), -1)
+for _number, _causes in enumerate(CONGESTION.values()):
+    _GROUP_OF[list(_causes)] = _number
+_HOLDS_UP = np.array([cause not in OWN for cause in Cause])
+"""Whether a cause keeps a robot from what it is about."""
 _WORDS = ("idle", "driving", "waiting", "docked", "fault", "held", "charging", "standing")
 _DRIVES, _WAITS, _HELD = (_WORDS.index(word) for word in ("driving", "waiting", "held"))
 _WORD_OF = {
@@ -149,7 +164,8 @@ class Watch:
         self._parcels = np.empty(0, dtype=np.int64)
         self._parcel_sizes = np.empty((0, 3))
         self._waits: tuple[Wait, ...] = ()
-        self._stood_s: dict[str, npt.NDArray[np.float64]] = {}
+        self._explained = False
+        self._stood_s = np.zeros((len(CONGESTION), simulation.graph.n_cells))
 
     def note(self, event: Event) -> None:
         """Take an event into the log and, if it is a task's, into its lane."""
@@ -237,6 +253,7 @@ class Watch:
         frame.task_counts = {name: sum(map(simulation.board.count, states)) for name, states in COUNTED.items()}
         frame.held_by = simulation.executor.dependencies.holders()
         frame.next_of = simulation.executor.dependencies.next_visitors()
+        self._look_at_congestion(frame)
         if self._lidar is not None:
             frame.scan_origins, frame.scans = self._lidar.scan(frame.car_poses, simulation.world.rays)
 
@@ -251,31 +268,49 @@ class Watch:
             frame.priorities = simulation.traffic.priorities
 
     def _look_at_waits(self, frame: Frame) -> None:
-        """Who waits for whom now, and where cars have stood so far."""
+        """Who waits for whom now, and why."""
         simulation = self._simulation
-        waits = [self._wait(car) for car in np.flatnonzero((self._codes == _WAITS) | (self._codes == _HELD)).tolist()]
-        found = tuple(wait for wait in waits if wait is not None)
-        for wait in found:
-            cells = self._stood_s.setdefault(wait.cause, np.zeros(simulation.graph.n_cells))
-            x, y = frame.car_poses[int(wait.who.removeprefix("car_")), :2]
-            cells[simulation.site.grid.index(*simulation.site.grid.cell_at(x, y))] += _WHY_S
-        if found != self._waits:
-            self._waits = frame.waits = found
-        frame.explanations = {wait.who: f"waits for {wait.whom} ({wait.cause})" for wait in found}
-        if self._beat(_CONGESTION_S):
-            frame.stood_s = {cause: cells.copy() for cause, cells in self._stood_s.items()}
+        rows, legend = simulation.causes.rows, simulation.legend
+        names = legend.robots
+        waiting = np.flatnonzero(_HOLDS_UP[rows[:, Column.CAUSE]]).tolist()
+        waits = tuple(self._wait(names[robot], rows[robot].tolist()) for robot in waiting)
+        if waits != self._waits:
+            self._waits = frame.waits = waits
+        if waits or self._explained:
+            # Of the last tick that was looked at: the present one has not been.
+            last_s = frame.sim_s - simulation.tick_s
+            frame.explanations = {
+                names[robot]: str(explain(simulation.causes.log, legend, names[robot], last_s)) for robot in waiting
+            }
+        self._explained = bool(waits)
 
-    def _wait(self, car: int) -> Wait | None:
+    def _wait(self, name: str, row: list[int]) -> Wait:
+        """What a robot waits for: a robot, else a place or a cell."""
+        legend = self._simulation.legend
+        cause, by, cell, place = row[Column.CAUSE], row[Column.BY], row[Column.CELL], row[Column.PLACE]
+        word = Cause(cause).name.lower().replace("_", " ")
+        if by != NONE:
+            return Wait(who=name, whom=legend.robots[by], cause=word)
+        if cell != NONE:
+            return Wait(who=name, whom=f"cell {legend.cell(cell)}", cause=word, cell=cell)
+        if place != NONE:
+            at = self._simulation.dispatcher.places.cells[place]
+            return Wait(who=name, whom=legend.place(place), cause=word, cell=at)
+        return Wait(who=name, whom=word, cause=word)
+
+    def _look_at_congestion(self, frame: Frame) -> None:
+        """Add up where cars stand and why."""
         simulation = self._simulation
-        blockers = simulation.executor.dependencies.blockers(car)
-        if blockers:
-            return Wait(who=f"car_{car}", whom=f"car_{blockers[0][0]}", cause="traffic", cell=blockers[0][1])
-        place = int(simulation.dispatcher.bookings.place_of[car])
-        if 0 <= place < len(simulation.stations):
-            station = simulation.stations[place]
-            cell = int(simulation.graph.state_cell[station.dock_state])
-            return Wait(who=f"car_{car}", whom=station.name, cause="station", cell=cell)
-        return None
+        grid = simulation.site.grid
+        n_cars = simulation.world.n_cars
+        group = _GROUP_OF[simulation.causes.rows[:n_cars, Column.CAUSE]]
+        stands = (group >= 0) & ((self._codes == _WAITS) | (self._codes == _HELD))
+        xy = frame.car_poses[stands, :2] / grid.cell_m
+        col = np.clip(xy[:, 0].astype(np.int64), 0, grid.cols - 1)
+        row = np.clip(grid.rows - 1 - np.floor(xy[:, 1]).astype(np.int64), 0, grid.rows - 1)
+        np.add.at(self._stood_s, (group[stands], grid.index(row, col)), _SAMPLE_S)
+        if self._beat(_CONGESTION_S):
+            frame.stood_s = dict(zip(CONGESTION, self._stood_s.copy(), strict=True))
 
 
 def _sentence(event: Event) -> str:

@@ -28,6 +28,8 @@ _ARROW_Z = 0.75
 """Over the cars, under the names of stations [m]."""
 _PIXELS_PER_M = 40.0
 """Scale of the graph: nodes keep their size, so it decides how far they are apart."""
+_BESIDE_M = 0.6
+"""Along both axes [m]."""
 _FULL_S = 60.0
 """Standing time in a cell from which on its plate has its full colour [s]."""
 _SEEN_S = 1.0
@@ -127,7 +129,12 @@ class Coordination:
     def _look(self, frame: Frame, waits: Sequence[Wait]) -> _Look:
         ring = cyclic((wait.who, wait.whom) for wait in waits)
         xy = {f"car_{k}": pose[:2] for k, pose in enumerate(frame.car_poses)} | self._fixed_xy
-        xy |= {wait.whom: self._cell_xy[wait.cell] for wait in waits if wait.whom not in xy}
+        # What is nowhere, such as a plan that is late, is drawn beside who waits for it.
+        xy |= {
+            wait.whom: self._cell_xy[wait.cell] if wait.cell >= 0 else xy[wait.who] + _BESIDE_M
+            for wait in waits
+            if wait.whom not in xy
+        }
         names = sorted({name for wait in waits for name in (wait.who, wait.whom)})
         inside = [wait.who in ring and wait.whom in ring for wait in waits]
         return _Look(

@@ -72,6 +72,10 @@ class Batteries:
         )
         self.lowest = min(self.lowest, float(lowest))
 
+    def charge_s(self, share: float) -> float:
+        """Time at a charger that brings a share of the capacity [s]."""
+        return share * self._capacity_j / self.config.charge_w
+
     def share(self, way_m: Floats | float, time_s: Floats | float, load_kg: float = 0.0) -> Floats:
         """What a way and a time awake take from a battery, as a share of its capacity, in the arguments' shape."""
         return np.asarray((way_m * force_n(load_kg) + time_s * self.config.awake_w) / self._capacity_j)

@@ -89,6 +89,10 @@ class ArmDesk:
         """Let an arm put back what it has fetched."""
         self.services[arm].put_back()
 
+    def due_tick(self, arm: int) -> int | None:
+        """Tick at which the plan that was asked for an arm lands; None = none was."""
+        return self._due[arm][0] if arm in self._due else None
+
     def reason(self, arm: int) -> str:
         """Why the arm's last transfer failed; empty when it did not."""
         return self._reasons[arm]

@@ -26,6 +26,8 @@ class Bookings:
         self.caps = tuple(caps)
         self.place_of: npt.NDArray[np.int64] = np.full(n_cars, -1, dtype=np.int64)
         """Place each car is bound for or at, -1 for none, shape (n_cars,)."""
+        self.changes_n = 0
+        """Grows whenever a car is bound for a place, books it, leaves it or has gone."""
         self.most = [0] * len(caps)
         """Most cars each place ever had at once."""
         self._bound: list[list[int]] = [[] for _ in caps]
@@ -59,6 +61,7 @@ class Bookings:
 
     def bind(self, car: int, place: int) -> None:
         """Let a car be bound for a place, after all others; what it was bound for before must have been left."""
+        self.changes_n += 1
         self._bound[place].append(car)
         self.place_of[car] = place
 
@@ -69,6 +72,7 @@ class Bookings:
             return True
         if self.room(place) <= 0:
             return False
+        self.changes_n += 1
         self._booked[place].append(car)
         self.most[place] = max(self.most[place], len(self.cars(place)))
         return True
@@ -78,6 +82,7 @@ class Bookings:
         place = int(self.place_of[car])
         if place < 0:
             return
+        self.changes_n += 1
         self.place_of[car] = -1
         self._bound[place].remove(car)
         if car in self._booked[place]:
@@ -96,5 +101,6 @@ class Bookings:
         """
         staying = [(car, place) for car, place in self._leaving if stands_at(car, place)]
         cleared = len(staying) < len(self._leaving)
+        self.changes_n += cleared
         self._leaving = staying
         return cleared

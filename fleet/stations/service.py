@@ -42,6 +42,10 @@ class Gate(Protocol):
     def may_go_on(self) -> bool:
         """Whether a motion that was stopped may go on."""
 
+    @property
+    def other(self) -> int:
+        """The arm that this one waits for when it may not move."""
+
     def look_again(self) -> None:
         """The arm is at another pace than it was said to be."""
 
@@ -98,6 +102,32 @@ class ArmService:
     def done_s(self) -> float:
         """How much of the present step is done [s]."""
         return self._elapsed_s
+
+    @property
+    def waits_for(self) -> int:
+        """The arm whose motions keep this one from moving, -1 = none."""
+        if self.gate is None or self.state is not ServiceState.MOVING:
+            return -1
+        begins = self._elapsed_s == 0.0 and isinstance(self._steps[self._at], Trajectory)
+        return self.gate.other if self.paused or begins else -1
+
+    @property
+    def step(self) -> int:
+        """Number of the present step of the transfer."""
+        return self._at
+
+    def left_s(self) -> tuple[float, float]:
+        """Time until the dock is clear, and until the transfer is over, at the present speed if nothing stops it."""
+        if self.state is not ServiceState.MOVING:
+            return 0.0, 0.0
+        clear_s = left_s = -self._elapsed_s / self.speed
+        cleared = self.dock_is_clear
+        for step in self._steps[self._at :]:
+            if step is Signal.CLEAR and not cleared:
+                clear_s, cleared = left_s, True
+            elif step is not Signal.CLEAR:
+                left_s += step.duration_s / self.speed if isinstance(step, Trajectory) else SETTLE_S
+        return max(0.0, clear_s if cleared else left_s), max(0.0, left_s)
 
     @property
     def dock_is_clear(self) -> bool:

@@ -87,6 +87,10 @@ class SharedDock:
         """Whether what is left of an arm's present motion stays clear of what the other arm does now."""
         return apart_in_step(self._rest_of(own), self._present(1 - own), MARGIN_M)
 
+    def other(self, own: int) -> int:
+        """Index in the world of the arm over the same dock."""
+        return self._services[1 - own].arm
+
     def look_again(self, changed: int) -> None:
         """An arm has changed its pace: the other one stops if they would meet, and if need be both."""
         for own in (1 - changed, changed):
@@ -173,6 +177,11 @@ class _Gate:
     def may_go_on(self) -> bool:
         """See `SharedDock`."""
         return self._dock.may_go_on(self._own)
+
+    @property
+    def other(self) -> int:
+        """The other arm of the dock."""
+        return self._dock.other(self._own)
 
     def look_again(self) -> None:
         """See `SharedDock`."""

@@ -56,6 +56,11 @@ class Station:
         """Note that the parcel on a slot leaves at a given time; times must not decrease."""
         self._leaving.append((time_s, slot))
 
+    @property
+    def next_collect_s(self) -> float | None:
+        """When the next parcel leaves [s]; None if none is about to."""
+        return self._leaving[0][0] if self._leaving else None
+
     def collect_due(self, now_s: float) -> list[int]:
         """Slots whose parcels leave now."""
         slots = []

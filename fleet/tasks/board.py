@@ -171,6 +171,8 @@ class TaskBoard:
         self._by_name = {task.order.name: task for task in self.tasks}
         self._unreleased = deque(self.tasks)
         self._open = len(self.tasks)
+        self.moves_n = 0
+        """Transitions of all tasks so far."""
         self._listener = listener
         self.legs = [task for task in self.tasks if task.order.same_car_as]
         """Tasks that are kept for the car of the task before."""
@@ -222,6 +224,10 @@ class TaskBoard:
         """Tasks in any of the given states, in the order they entered them."""
         return [task for state in states for task in self._by_state[state].values()]
 
+    def first_in(self, state: TaskState) -> Task | None:
+        """The task that has been in a state longest."""
+        return next(iter(self._by_state[state].values()), None)
+
     def count(self, state: TaskState) -> int:
         """Number of tasks in a state."""
         return len(self._by_state[state])
@@ -259,6 +265,7 @@ class TaskBoard:
         if state not in _NEXT[task.state]:
             valid = ", ".join(sorted(_NEXT[task.state])) or "none"
             raise IllegalTransition(f"task {task.order.name}: {task.state} -> {state}; valid next states: {valid}")
+        self.moves_n += 1
         before = task.state
         del self._by_state[before][task.index]
         self._by_state[state][task.index] = task

@@ -202,6 +202,10 @@ class ReasonBook:
         known = self._reason.get(task.index)
         return known[0] if known is not None else None
 
+    def decision(self, task: Task) -> Decision | None:
+        """How the cars were judged for a task when the allocator last considered it."""
+        return self._decision.get(task.index)
+
     def decide(self, task: Task, decision: Decision) -> None:
         """Keep how the cars were judged for a task."""
         self._decision[task.index] = decision

@@ -16,6 +16,7 @@ from planners.execution.queues import (
     BoolArray,
     IntArray,
     Longs,
+    Queues,
     append,
     cut_off,
     empty_queues,
@@ -89,6 +90,11 @@ class DependencyGraph:
                     "valid: distinct cells"
                 )
             hold(self._q, agent, cell)
+
+    @property
+    def queues(self) -> Queues:
+        """The arrays behind it, for kernels that only read; the next change may replace them."""
+        return self._q
 
     # --- plans
 

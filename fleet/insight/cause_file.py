@@ -1,0 +1,137 @@
+"""Cause file: causes as lines of the run file, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from fleet.errors import FleetError
+from fleet.insight.cause_log import CauseLog, Changes
+from fleet.insight.causes import DETAILS, NONE, Cause, Column
+from fleet.insight.legend import Legend
+
+LEGEND, CAUSES = "causes_legend", "causes"
+"""Kinds of the lines."""
+VERSION = 1
+_TASK = 1 + int(Column.TASK)
+
+
+class CauseFileError(FleetError):
+    """A run tells no causes, or tells them in another way."""
+
+
+class CauseWriter:
+    """Turns what was logged since the last time into lines of the run file.
+
+    Args:
+        log: Of a run that goes on.
+        legend: What its numbers stand for.
+    """
+
+    def __init__(self, log: CauseLog, legend: Legend) -> None:
+        self._log = log
+        self._legend = legend
+        self._written = 0
+        self._named: set[int] = set()
+
+    def head(self) -> dict[str, object]:
+        """The facts of the line that comes before all others."""
+        legend = self._legend
+        return {
+            "version": VERSION,
+            "tick_s": legend.tick_s,
+            "cols": legend.cols,
+            "cars": legend.n_cars,
+            "arms": legend.n_arms,
+            "places": legend.places,
+            "columns": ["robot", *(column.name.lower() for column in Column)],
+            "causes": [cause.name.lower() for cause in Cause],
+            "details": DETAILS,
+        }
+
+    def lines(self) -> Iterable[tuple[int, dict[str, object]]]:
+        """Ticks with changes since the last call, and the facts of their lines."""
+        changes = self._log.since(self._written).tolist()
+        self._written = len(self._log)
+        rows_of: dict[int, list[list[int]]] = {}
+        for tick, *row in changes:
+            rows_of.setdefault(tick, []).append(row)
+        for tick, rows in rows_of.items():
+            fresh = {row[_TASK] for row in rows} - self._named - {NONE}
+            self._named |= fresh
+            names = {str(task): self._legend.task_name(task) for task in sorted(fresh)}
+            yield tick, {"rows": rows} | ({"tasks": names} if names else {})
+
+
+def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseLog, Legend]:
+    """Read causes back.
+
+    Args:
+        events: Lines of a run file after the first.
+        where: Opens every message, such as the path.
+
+    Returns:
+        The causes, and what their numbers stand for. The run ends with the last line that has a tick.
+
+    Raises:
+        CauseFileError: There are none, they are of another version, or a line is not as it should be.
+    """
+    head: Mapping[str, Any] | None = None
+    names: dict[int, str] = {}
+    changes: list[list[int]] = []
+    end_tick = 0
+    try:
+        for event in events:
+            kind = event["kind"]
+            end_tick = max(end_tick, int(event["tick"]))
+            if kind == LEGEND:
+                head = event
+            elif kind == CAUSES:
+                changes += [[event["tick"], *row] for row in event["rows"]]
+                names |= {int(task): name for task, name in event.get("tasks", {}).items()}
+                end_tick = max(end_tick, int(event["tick"]) + 1)
+        if head is None:
+            raise CauseFileError(f"{where}: tells no causes; valid: a run of this version of fleet")
+        _check(head, where)
+        legend = Legend(
+            tick_s=float(head["tick_s"]),
+            cols=int(head["cols"]),
+            n_cars=int(head["cars"]),
+            n_arms=int(head["arms"]),
+            places=tuple(head["places"]),
+            task_name=lambda task: names.get(task, f"task {task}"),
+        )
+        log = CauseLog(legend.n_cars + legend.n_arms)
+        table = np.array(changes, dtype=np.int32).reshape(-1, 2 + len(Column))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise CauseFileError(
+            f"{where}: causes cannot be read ({error}); valid: a run file as it was written"
+        ) from error
+    _check_rows(table, legend, where)
+    log.extend(table, end_tick)
+    return log, legend
+
+
+def _check(head: Mapping[str, Any], where: str) -> None:
+    if head["version"] != VERSION:
+        raise CauseFileError(f"{where}: causes of version {head['version']!r}; valid: {VERSION}")
+    known = [cause.name.lower() for cause in Cause]
+    if list(head["causes"]) != known or tuple(head["details"]) != DETAILS:
+        raise CauseFileError(f"{where}: other causes than this version of fleet knows; valid: a run of this version")
+
+
+def _check_rows(table: Changes, legend: Legend, where: str) -> None:
+    """Refuse numbers that stand for nothing."""
+    n_robots = legend.n_cars + legend.n_arms
+    highest = {1: n_robots, 2: len(Cause), 2 + Column.BY: n_robots, 2 + Column.DETAIL: len(DETAILS)}
+    for column, end in highest.items():
+        least = NONE if column == 2 + Column.BY else 0
+        wrong = np.flatnonzero((table[:, column] < least) | (table[:, column] >= end))
+        if wrong.size:
+            tick, value = table[wrong[0], 0], table[wrong[0], column]
+            raise CauseFileError(f"{where}: causes of tick {tick}: {value}; valid: {least} to {end - 1}")
+    late = np.flatnonzero(np.diff(table[:, 0]) < 0)
+    if late.size:
+        raise CauseFileError(f"{where}: causes of tick {table[late[0] + 1, 0]} come late; valid: ticks in order")

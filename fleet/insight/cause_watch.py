@@ -1,0 +1,335 @@
+"""CauseWatch: finds out in every tick what each robot is about, and whom it waits for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from fleet.insight.cause_log import CauseLog
+from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
+from fleet.insight.ledger import STANDING_MPS
+from fleet.insight.why_idle import WhyIdle
+from fleet.roster import PHASES, CarPhase
+from fleet.stations.service import ServiceState
+from fleet.world.protocol import FloatArray
+from planners.execution.queues import NOBODY, move_at
+
+if TYPE_CHECKING:
+    from fleet.simulation import Simulation
+
+_BOUND, _REST = 0, 1
+_RULES = np.array(
+    [
+        _BOUND if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE) else _REST
+        for phase in PHASES
+    ],
+    dtype=np.int64,
+)
+"""Cars on their way change from tick to tick; the others only when something is decided."""
+# Kernels know plain numbers only.
+_DRIVES, _SETS_OFF, _CELL, _TURN, _CLOSED, _BLOCKED, _HALTED = (
+    int(cause)
+    for cause in (Cause.DRIVES, Cause.SETS_OFF, Cause.CELL, Cause.TURN, Cause.CLOSED, Cause.BLOCKED, Cause.HALTED)
+)
+_CAUSE, _BY, _AT, _PLACE, _UNTIL, _TASK, _DETAIL = map(int, Column)
+_REMEMBERED_N = 4096
+_LOOK_UP = -2  # on its way without a move
+
+
+class CauseWatch:
+    """The causes of all robots, tick by tick.
+
+    It only looks: nothing in the run depends on it. What changes from tick to tick is found by a kernel, the rest is
+    looked up when phases, bookings, or the tasks given out have changed.
+
+    Args:
+        simulation: The run that is watched.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._n_cars = simulation.world.n_cars
+        n_robots = self._n_cars + simulation.world.n_arms
+        self.rows: CauseRows = np.full((n_robots, len(Column)), NONE, dtype=np.int32)
+        """The present tick."""
+        self.rows[:, Column.CAUSE] = Cause.NO_TASK
+        self.rows[:, Column.DETAIL] = 0
+        self.log = CauseLog(n_robots)
+        graph = simulation.graph
+        self._dock_at = np.full(graph.n_cells, NONE, dtype=np.int32)
+        for station in simulation.stations:
+            self._dock_at[graph.state_cell[station.dock_state]] = station.arm
+        self._why_idle = WhyIdle(simulation)
+        self._given, self._booked, self._phases = (-1, -1), -1, -1
+        self._next: dict[tuple[int, int], int] = {}
+        self._next_ways: object = None
+        self._arm_key: list[object] = [None] * simulation.world.n_arms
+        self._arm_until = [NONE] * simulation.world.n_arms
+        self._clear_tick = [NONE] * simulation.world.n_arms
+        self._halted_by = np.full(self._n_cars, NONE, dtype=np.int32)
+
+    def tick(self, tick: int, speeds: FloatArray) -> None:
+        """Look at the tick that was just done.
+
+        Args:
+            tick: Its number.
+            speeds: Signed speeds of the cars [m/s], shape (n_cars,).
+        """
+        simulation = self._simulation
+        self._look_at_arms(tick)
+        self._look_at_rest(tick)
+        self._halted_by[:] = NONE
+        if simulation.recovery.active:
+            for car, by in simulation.recovery.halted_by().items():
+                self._halted_by[car] = by
+        executor, traffic = simulation.executor, simulation.traffic
+        roster = simulation.dispatcher.roster
+        without_move = _look_at_bound(
+            self.rows,
+            _RULES,
+            roster.phase_index,
+            speeds,
+            executor.dependencies.queues,
+            executor.closed,
+            traffic.blocked,
+            traffic.wreck_of,
+            self._dock_at,
+            simulation.dispatcher.bookings.place_of,
+            self._halted_by,
+            self._n_cars,
+        )
+        if without_move:
+            self._look_at_without_move(tick)
+        self.log.append(tick, self.rows)
+
+    def _look_at_without_move(self, tick: int) -> None:
+        """Cars on their way that stand and have no move left: they are there, or nothing is planned for them."""
+        simulation = self._simulation
+        traffic = simulation.traffic
+        tails = simulation.executor.tail_states()
+        for car in (self.rows[:, _CAUSE] == _LOOK_UP).nonzero()[0].tolist():
+            tail, goal, place = int(tails[car]), int(traffic.goals[car]), int(self.rows[car, _PLACE])
+            if tail == goal or goal < 0:
+                self._look_at_goal(car, place)
+            elif (cell := self._next_cell(tail, goal)) < 0:
+                cell = traffic.obstacle(tail, goal)
+                self._set(car, Cause.BLOCKED, by=self._wreck(cell), cell=cell, place=place)
+            elif traffic.landed_goals[car] == goal and (by := self._taker(car, cell)) != NONE:
+                self._set(car, Cause.YIELDS, by=by, cell=cell, place=place)
+            else:
+                self._set(car, Cause.PLAN_LATE, place=place, until=traffic.next_plan_tick(tick))
+
+    def _next_cell(self, state: int, goal: int) -> int:
+        """See `Traffic.next_cell`; remembered, because a car that waits asks again in every tick."""
+        traffic = self._simulation.traffic
+        if self._next_ways is not traffic.ways or len(self._next) > _REMEMBERED_N:
+            self._next_ways = traffic.ways
+            self._next.clear()
+        cell = self._next.get((state, goal))
+        if cell is None:
+            cell = self._next[state, goal] = traffic.next_cell(state, goal)
+        return cell
+
+    def _wreck(self, cell: int) -> int:
+        """The dead car that blocks a cell."""
+        return int(self._simulation.traffic.wreck_of[cell]) if cell >= 0 else NONE
+
+    def _taker(self, car: int, cell: int) -> int:
+        """The other car that has a cell, or comes first there."""
+        q = self._simulation.executor.dependencies.queues
+        by = int(q.holder[cell])
+        if by in (NOBODY, car) and q.line_first[cell] >= 0:
+            by = int(q.visit_agent[q.line_first[cell]])
+        return NONE if by in (NOBODY, car) else by
+
+    def _look_at_goal(self, car: int, place: int) -> None:
+        """A car that has come to where it was sent."""
+        simulation = self._simulation
+        phase, task = simulation.dispatcher.roster.phase[car], simulation.dispatcher.roster.task_of[car]
+        cause, by, until = Cause.SETS_OFF, NONE, NONE
+        if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP) and task is not None and simulation.executor.idle(car):
+            station = simulation.stations[place]
+            if not simulation.desk.is_ready(station.arm, task.parcel):
+                cause, by = Cause.ARM, self._n_cars + station.arm
+            elif phase is CarPhase.TO_DROP and task.drop_slot is None and station.free_n == 0:
+                cause, leaves_s = Cause.SLOT, station.next_collect_s
+                until = NONE if leaves_s is None else round(leaves_s / simulation.tick_s)
+        self._set(car, cause, by=by, place=place, until=until)
+
+    def _look_at_rest(self, tick: int) -> None:
+        """Cars that are not on their way; each only if something was decided that may concern it."""
+        simulation = self._simulation
+        dispatcher, roster = simulation.dispatcher, simulation.dispatcher.roster
+        given = (dispatcher.allocations_n, simulation.board.moves_n)
+        booked, phases = dispatcher.bookings.changes_n, roster.changes_n
+        if given == self._given and booked == self._booked and phases == self._phases:
+            return
+        if phases != self._phases or given[0] != self._given[0]:
+            for car, phase in enumerate(roster.phase):
+                self._set_at_rest(car, phase, tick)
+        elif booked != self._booked:
+            for car, phase in enumerate(roster.phase):
+                if phase is CarPhase.HELD:
+                    self._set_held(car)
+        idle = [car for car, phase in enumerate(roster.phase) if phase is CarPhase.IDLE]
+        if idle:
+            self._why_idle.fill(self.rows, idle)
+        self._given, self._booked, self._phases = given, booked, phases
+
+    def _set_at_rest(self, car: int, phase: CarPhase, tick: int) -> None:
+        """A car that is not on its way, and not idle."""
+        simulation = self._simulation
+        dispatcher, roster = simulation.dispatcher, simulation.dispatcher.roster
+        task = roster.task_of[car]
+        if phase is not CarPhase.IDLE:
+            self.rows[car, _TASK] = NONE if task is None else task.index
+        if phase is CarPhase.HELD:
+            self._set_held(car)
+        elif phase in (CarPhase.LOADING, CarPhase.UNLOADING):
+            arm = roster.served.tolist().index(car)
+            self._set(car, Cause.SERVED, by=self._n_cars + arm, place=arm, until=self._clear_tick[arm])
+        elif phase is CarPhase.CHARGING:
+            place = int(dispatcher.bookings.place_of[car])
+            self._set(car, Cause.CHARGES, place=place, until=self._charged_tick(car, tick))
+        elif phase is CarPhase.STANDING:
+            leaves_s, place = dispatcher.visits.leave_s(car), int(dispatcher.bookings.place_of[car])
+            until = NONE if leaves_s is None else round(leaves_s / simulation.tick_s)
+            self._set(car, Cause.VISITS, place=place, until=until)
+        elif phase in (CarPhase.RECOVERING, CarPhase.RETIRED, CarPhase.DEAD):
+            self._set(car, Cause.FAULT, detail=self._fault(car, phase))
+
+    def _fault(self, car: int, phase: CarPhase) -> int:
+        if phase is not CarPhase.DEAD:
+            return DETAIL_OF["off_lane" if phase is CarPhase.RECOVERING else "tray_loaded"]
+        batteries = self._simulation.batteries
+        empty = batteries is not None and batteries.charge[car] <= 0.0
+        return DETAIL_OF["battery_empty" if empty else "dead"]
+
+    def _set_held(self, car: int) -> None:
+        """A car that waits in a parking place for room, or for its time."""
+        dispatcher = self._simulation.dispatcher
+        bookings, served = dispatcher.bookings, dispatcher.roster.served
+        place = int(bookings.place_of[car])
+        if place < 0:
+            return
+        there = [other for other in bookings.cars(place) if other != car]
+        if not bookings.has(car) and bookings.room(place) <= 0 and there:
+            first = int(served[place]) if place < len(served) and int(served[place]) in there else there[0]
+            self._set(car, Cause.STATION_FULL, by=first, place=place)
+        else:
+            self._set(car, Cause.ARM_BUSY, by=self._n_cars + place, place=place)
+
+    def _charged_tick(self, car: int, tick: int) -> int:
+        """When a charging car will have enough, or be full; kept until then, because charging is linear."""
+        row, batteries = self.rows[car], self._simulation.batteries
+        if row[Column.CAUSE] == Cause.CHARGES and row[Column.UNTIL] > tick:
+            return int(row[Column.UNTIL])
+        if batteries is None:
+            return NONE
+        charge, config = float(batteries.charge[car]), batteries.config
+        target = config.enough if charge < config.enough else config.full
+        return tick + max(0, round(batteries.charge_s(target - charge) / self._simulation.tick_s))
+
+    def _look_at_arms(self, tick: int) -> None:
+        """Arms: each when its step, its pace or the cars bound for it change, or it takes longer than was said."""
+        bookings_n = self._simulation.dispatcher.bookings.changes_n
+        for arm, service in enumerate(self._simulation.desk.services):
+            if service.state is ServiceState.IDLE:
+                key: object = bookings_n
+            elif service.state is ServiceState.HOLDING:
+                key = (bookings_n,)
+            else:
+                key = (service.state, service.step, service.speed, service.waits_for)
+            if key != self._arm_key[arm] or NONE < self._arm_until[arm] <= tick:
+                self._arm_key[arm] = key
+                self._set_arm(arm, tick)
+
+    def _set_arm(self, arm: int, tick: int) -> None:
+        simulation = self._simulation
+        dispatcher, service = simulation.dispatcher, simulation.desk.services[arm]
+        served = int(dispatcher.roster.served[arm])
+        slow = DETAIL_OF["slow"] if service.speed < 1.0 else 0
+        robot = self._n_cars + arm
+        task = dispatcher.roster.task_of[served] if served >= 0 else None
+        self.rows[robot, _TASK] = NONE if task is None else task.index
+        clear = until = NONE
+        if service.state in (ServiceState.IDLE, ServiceState.HOLDING):
+            bound = [car for car in dispatcher.bookings.bound(arm) if car != served]
+            booked = [car for car in bound if dispatcher.bookings.has(car)]
+            if bound:
+                self._set(robot, Cause.AWAITS, by=(booked or bound)[0], place=arm)
+            else:
+                self._set(robot, Cause.NO_TASK, place=arm)
+        elif service.state is ServiceState.PLANNING:
+            due = simulation.desk.due_tick(arm)
+            until = NONE if due is None else due
+            self._set(robot, Cause.PLAN_LATE, place=arm, until=until, detail=slow)
+        elif service.waits_for >= 0:
+            self._set(robot, Cause.OTHER_ARM, by=self._n_cars + service.waits_for, place=arm)
+        else:
+            clear_s, left_s = service.left_s()
+            clear, until = tick + round(clear_s / simulation.tick_s), tick + round(left_s / simulation.tick_s)
+            self._set(robot, Cause.WORKS, place=arm, until=until, detail=slow)
+        self._clear_tick[arm], self._arm_until[arm] = clear, until
+        if served >= 0 and self.rows[served, _CAUSE] == Cause.SERVED:
+            self.rows[served, _UNTIL] = clear
+
+    def _set(
+        self,
+        robot: int,
+        cause: Cause,
+        *,
+        by: int = NONE,
+        cell: int = NONE,
+        place: int = NONE,
+        until: int = NONE,
+        detail: int = 0,
+    ) -> None:
+        """Fill a robot's row, but for its task."""
+        self.rows[robot] = (cause, by, cell, place, until, self.rows[robot, _TASK], detail)
+
+
+@njit(cache=True)
+def _look_at_bound(rows, rules, phase, speeds, q, closed, blocked, wreck_of, dock_at, place_of, halted_by, n_cars):
+    """Fill the rows of cars on their way; returns how many of them stand without a move."""
+    without_move = 0
+    for car in range(n_cars):
+        if rules[phase[car]] != _BOUND:
+            continue
+        by = cell = NONE
+        cause = _SETS_OFF
+        if abs(speeds[car]) >= STANDING_MPS:
+            cause = _DRIVES
+        elif halted_by[car] >= 0:
+            cause, by = _HALTED, halted_by[car]
+        elif q.granted[car] > q.finished[car]:
+            pass  # it is about to move
+        elif q.queued[car] > q.granted[car]:
+            move = move_at(q, car, q.granted[car])
+            for k in range(q.swept_ptr[move], q.swept_ptr[move + 1]):
+                swept = q.swept_cell[k]
+                if q.holder[swept] != NOBODY and q.holder[swept] != car:
+                    cause, by, cell = _CELL, q.holder[swept], swept
+                    break
+                first = q.visit_agent[q.line_first[swept]]
+                if first != car and cell == NONE:
+                    cause, by, cell = _TURN, first, swept
+            target = q.state_cell[q.move_to[move]]
+            if cell == NONE and closed[target]:
+                cell = target
+                if blocked[target]:
+                    cause, by = _BLOCKED, wreck_of[target]
+                else:
+                    cause, by = _CLOSED, n_cars + dock_at[target] if dock_at[target] >= 0 else NONE
+        else:
+            cause = _LOOK_UP
+            without_move += 1
+        rows[car, _CAUSE] = cause
+        rows[car, _BY] = by
+        rows[car, _AT] = cell
+        rows[car, _PLACE] = place_of[car]
+        rows[car, _UNTIL] = NONE
+        rows[car, _DETAIL] = 0
+    return without_move

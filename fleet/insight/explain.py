@@ -1,0 +1,160 @@
+"""Explain: why a robot waits, as the chain of who waits for whom, its root, and what would release it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fleet.insight.cause_log import TICK, CauseLog, Changes
+from fleet.insight.causes import DETAILS, NO_WAIT, NONE, OWN, Cause, Column
+from fleet.insight.legend import Legend
+from fleet.insight.words import predicate, reason, release
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """What one robot of a chain is about."""
+
+    robot: str
+    cause: Cause
+    by: str
+    """The robot that it waits for; empty if it waits for none."""
+    cell: tuple[int, int] | None
+    """Row and column of the cell it cannot enter, or that is blocked."""
+    place: str
+    """Station, charger or parking place; empty for none."""
+    since_s: float
+    """Since when it waits, whatever for; of one that does not wait, since when it is about this [s]."""
+    left_s: float | None
+    """Time until this is over, as far as it is known [s]."""
+    task: str
+    """Of a robot without a task the one that it could have, else its own; empty for none."""
+    detail: str
+    """A word of `fleet.insight.causes.DETAILS`."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether something keeps the robot from what it is about."""
+        return self.cause not in OWN
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """Why a robot waits at a time, if it does; its `str` says it in a sentence."""
+
+    robot: str
+    time_s: float
+    chain: tuple[Link, ...]
+    """The robot, the one that it waits for, and so on; ends at the root, or before the first that comes again."""
+    cycle: tuple[str, ...]
+    """Robots that wait for each other in a circle; empty if the chain has an end."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether something keeps the robot."""
+        return self.chain[0].waits
+
+    @property
+    def waited_s(self) -> float:
+        """How long it has waited by then; 0 if it does not [s]."""
+        return self.time_s - self.chain[0].since_s if self.waits else 0.0
+
+    @property
+    def root(self) -> Link:
+        """The end of the chain: what has to change for the whole of it to go on."""
+        return self.chain[-1]
+
+    @property
+    def release(self) -> str:
+        """What would release the robot, in words; empty if nothing keeps it."""
+        if self.cycle:
+            return f"one of {', '.join(self.cycle)} has to give way"
+        return release(self.chain) if self.chain[0].cause not in NO_WAIT else ""
+
+    def __str__(self) -> str:
+        first = self.chain[0]
+        lasts_s = self.time_s - first.since_s
+        if not first.waits and len(self.chain) == 1:
+            head = f"{self.robot} {predicate(first)}"
+            words = [head if first.cause in NO_WAIT else f"{head}, for {lasts_s:.1f} s"]
+        else:
+            verb = "has waited" if first.waits else "has been at it for"
+            words = [f"{self.robot} {verb} {lasts_s:.1f} s: {reason(first)}"]
+            words += [f"which {predicate(link)}" for link in self.chain[1:]]
+        text = ", ".join(words)
+        if self.cycle:
+            text += f"; they wait for each other in a circle: {' -> '.join((*self.cycle, self.cycle[0]))}"
+        return text
+
+
+class _Span(NamedTuple):
+    since_tick: int
+    row: Changes
+
+
+def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explanation:
+    """Say why a robot waits.
+
+    Every robot waits for at most one other at a time, the one that holds what it needs next; so who waits for whom is a
+    chain, and it has an end unless robots wait for each other in a circle.
+
+    Args:
+        log: Causes of the run.
+        legend: What their numbers stand for.
+        robot: Such as ``car_2`` or ``arm_0``.
+        time_s: When [s].
+
+    Returns:
+        Also for a robot that does not wait.
+
+    Raises:
+        UnknownRobot: There is no such robot.
+        OutsideRun: The run was not under way then.
+    """
+    number, tick = legend.robot(robot), legend.tick(time_s, log.end_tick)
+    numbers: list[int] = []
+    chain: list[Link] = []
+    while number != NONE and number not in numbers:
+        span = _span(log, number, tick)
+        numbers.append(number)
+        chain.append(_link(span, number, tick, legend))
+        number = int(span.row[2 + Column.BY])
+    cycle = numbers[numbers.index(number) :] if number != NONE else []
+    return Explanation(
+        robot=robot,
+        time_s=time_s,
+        chain=tuple(chain),
+        cycle=tuple(legend.robots[k] for k in cycle),
+    )
+
+
+def _span(log: CauseLog, robot: int, tick: int) -> _Span:
+    """The row of a robot in a tick, and since when it has been about the like."""
+    changes = log.of(robot, tick)
+    kind = _kind(changes[-1])
+    first = len(changes) - 1
+    while first > 0 and _kind(changes[first - 1]) == kind:
+        first -= 1
+    return _Span(int(changes[first, TICK]), changes[-1])
+
+
+def _kind(change: Changes) -> int:
+    """The same number for all causes of waiting, one of its own for each other."""
+    cause = Cause(int(change[2 + Column.CAUSE]))
+    return int(cause) if cause in OWN else NONE
+
+
+def _link(span: _Span, robot: int, tick: int, legend: Legend) -> Link:
+    cause, by, cell, place, until, task, detail = span.row[2:].tolist()
+    names = legend.robots
+    return Link(
+        robot=names[robot],
+        cause=Cause(cause),
+        by="" if by == NONE else names[by],
+        cell=legend.cell(cell),
+        place=legend.place(place),
+        since_s=span.since_tick * legend.tick_s,
+        left_s=None if until == NONE else max(0.0, (until - tick) * legend.tick_s),
+        task="" if task == NONE else legend.task_name(task),
+        detail=DETAILS[detail],
+    )

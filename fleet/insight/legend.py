@@ -1,0 +1,85 @@
+"""Legend: what the numbers in causes stand for, so that they can be read without the run they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from fleet.errors import FleetError
+from fleet.insight.causes import NONE, robot_names
+
+if TYPE_CHECKING:
+    from fleet.simulation import Simulation
+
+
+class UnknownRobot(FleetError):
+    """No robot has that name."""
+
+
+class OutsideRun(FleetError):
+    """The run was not under way at that time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Legend:
+    """Names of robots, places and tasks, and units of time and place."""
+
+    tick_s: float
+    cols: int
+    """Columns of the floor; cell c lies in row ``c // cols`` and column ``c % cols``."""
+    n_cars: int
+    n_arms: int
+    places: tuple[str, ...]
+    """Stations in the order of their arms, chargers, parking places."""
+    task_name: Callable[[int], str]
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Names in the order of the rows of causes: cars, then arms."""
+        return robot_names(self.n_cars, self.n_arms)
+
+    def robot(self, name: str) -> int:
+        """Number of a robot.
+
+        Raises:
+            UnknownRobot: There is none of that name.
+        """
+        if name not in self.robots:
+            arms = f", arm_0 to arm_{self.n_arms - 1}" if self.n_arms else ""
+            raise UnknownRobot(f"robot is {name!r}; valid: car_0 to car_{self.n_cars - 1}{arms}")
+        return self.robots.index(name)
+
+    def tick(self, time_s: float, end_tick: int) -> int:
+        """The tick that a time belongs to; the end of the run belongs to its last tick.
+
+        Raises:
+            OutsideRun: There is none.
+        """
+        end_s = end_tick * self.tick_s
+        if not 0.0 <= time_s <= end_s or end_tick == 0:
+            raise OutsideRun(f"time is {time_s:g} s; valid: 0 to {end_s:g} s")
+        return min(int(time_s / self.tick_s + 1e-6), end_tick - 1)
+
+    def cell(self, cell: int) -> tuple[int, int] | None:
+        """Row and column of a cell."""
+        return None if cell == NONE else (cell // self.cols, cell % self.cols)
+
+    def place(self, place: int) -> str:
+        """Name of a place, empty for none."""
+        return self.places[place] if 0 <= place < len(self.places) else ""
+
+
+def legend_of(simulation: Simulation) -> Legend:
+    """What the numbers stand for in a run."""
+    site, board = simulation.site, simulation.board
+    name_of = {cell: name for name, cell in site.bays().items()}
+    stations = [station.name for station in simulation.stations]
+    return Legend(
+        tick_s=simulation.tick_s,
+        cols=site.grid.cols,
+        n_cars=simulation.world.n_cars,
+        n_arms=simulation.world.n_arms,
+        places=(*stations, *(name_of[cell] for cell in simulation.dispatcher.places.cells[len(stations) :])),
+        task_name=lambda task: board.tasks[task].order.name,
+    )
