@@ -20,8 +20,7 @@ COUNTED = {
     "waiting": (TaskState.ORDERED, TaskState.BACKLOG, TaskState.READY),
     "under way": UNDER_WAY,
     "done": DONE_STATES,
-    "failed": (TaskState.FAILED,),
-    "cancelled": (TaskState.CANCELLED,),
+    "failed, cancelled": (TaskState.FAILED, TaskState.CANCELLED),
 }
 """Groups of task states that are counted over time."""
 LOUD = frozenset(
@@ -273,16 +272,21 @@ class Watch:
         rows, legend = simulation.causes.rows, simulation.legend
         names = legend.robots
         waiting = np.flatnonzero(_HOLDS_UP[rows[:, Column.CAUSE]]).tolist()
-        waits = tuple(self._wait(names[robot], rows[robot].tolist()) for robot in waiting)
+        # An arm that awaits a car is told of, but holds nobody up.
+        waits = tuple(
+            self._wait(names[robot], rows[robot].tolist())
+            for robot in waiting
+            if rows[robot, Column.CAUSE] != Cause.AWAITS
+        )
         if waits != self._waits:
             self._waits = frame.waits = waits
-        if waits or self._explained:
+        if waiting or self._explained:
             # Of the last tick that was looked at: the present one has not been.
             last_s = frame.sim_s - simulation.tick_s
             frame.explanations = {
                 names[robot]: str(explain(simulation.causes.log, legend, names[robot], last_s)) for robot in waiting
             }
-        self._explained = bool(waits)
+        self._explained = bool(waiting)
 
     def _wait(self, name: str, row: list[int]) -> Wait:
         """What a robot waits for: a robot, else a place or a cell."""

@@ -95,9 +95,8 @@ def values(component: str, items: Sequence[object] | npt.NDArray[Any], offsets: 
 def pairs(component: str, first: Sequence[str], second: Sequence[str], offsets: npt.NDArray[np.int32]) -> ArrowColumn:
     """A column of pairs of words: 'GraphEdges:edges'; k of each."""
     descriptor, kind = _KINDS[component]
-    items = pa.StructArray.from_arrays(
-        [pa.array(first, pa.string()), pa.array(second, pa.string())], fields=[kind.field(0), kind.field(1)]
-    )
+    words = [pa.array(first, pa.string()), pa.array(second, pa.string())]
+    items = pa.StructArray.from_arrays(words, fields=[kind.field(0), kind.field(1)])
     return ArrowColumn(descriptor, pa.ListArray.from_arrays(offsets, items))
 
 

@@ -24,10 +24,12 @@ _PLATE_M = {GRANTED: 0.47, PLANNED: 0.16}
 """Half the edge of the plates on cells [m]."""
 _PLATE_Z = {GRANTED: 0.001, PLANNED: 0.002}
 _ALPHA = {GRANTED: 70, PLANNED: 110}
+_ROWS_N = 7
+"""Rows of the graph after which chains go on beside it."""
 _ARROW_Z = 0.75
 """Over the cars, under the names of stations [m]."""
-_PIXELS_PER_M = 40.0
-"""Scale of the graph: nodes keep their size, so it decides how far they are apart."""
+_NODE_PX = (110.0, 34.0)
+"""Distances between nodes of the graph, along chains and across; a node with its name is 20 high."""
 _BESIDE_M = 0.6
 """Along both axes [m]."""
 _FULL_S = 60.0
@@ -107,7 +109,7 @@ class Coordination:
             index,
             [
                 values("GraphNodes:node_ids", nodes, rows),
-                vectors("GraphNodes:positions", places * (_PIXELS_PER_M, -_PIXELS_PER_M), rows),
+                vectors("GraphNodes:positions", places, rows),
                 values("GraphNodes:labels", nodes, rows),
                 values("GraphNodes:colors", np.concatenate([look.colours for look in looks]), rows),
                 pairs("GraphEdges:edges", [wait.who for wait in waits], [wait.whom for wait in waits], edges),
@@ -139,7 +141,7 @@ class Coordination:
         inside = [wait.who in ring and wait.whom in ring for wait in waits]
         return _Look(
             names=names,
-            places=np.array([xy[name] for name in names]).reshape(-1, 2),
+            places=chains(names, {wait.who: wait.whom for wait in waits}) * _NODE_PX,
             colours=np.array([_node_colour(name, ring) for name in names], np.uint32),
             origins=np.array([xy[wait.who] for wait in waits]).reshape(-1, 2),
             ends=np.array([xy[wait.whom] for wait in waits]).reshape(-1, 2),
@@ -203,6 +205,38 @@ def cyclic(edges: Iterable[tuple[str, str]]) -> frozenset[str]:
         return False
 
     return frozenset(name for name in ahead if returns(name))
+
+
+def chains(names: Sequence[str], ahead: Mapping[str, str]) -> npt.NDArray[np.float64]:
+    """Where to draw who waits for whom: who waits stands right of whom it waits for, each chain in rows of its own.
+
+    Args:
+        names: All nodes.
+        ahead: Who waits -> whom it waits for.
+
+    Returns:
+        Column and row of each node, shape (k, 2); a circle is drawn as a chain that begins anywhere in it.
+    """
+    behind: dict[str, list[str]] = {}
+    for who, whom in ahead.items():
+        behind.setdefault(whom, []).append(who)
+    place: dict[str, tuple[float, float]] = {}
+    left, widest, row = 0.0, 0, 0
+    # Roots first; what is left then are circles.
+    for start in sorted(names, key=lambda name: name in ahead):
+        if row >= _ROWS_N:
+            left, widest, row = left + widest + 1.5, 0, 0
+        open_ = [(start, 0)]
+        while open_:
+            name, column = open_.pop()
+            if name in place:
+                continue
+            place[name] = (left + column, row)
+            widest = max(widest, column)
+            waiting = [who for who in behind.get(name, ()) if who not in place]
+            open_ += [(who, column + 1) for who in reversed(waiting)]
+            row += not waiting
+    return np.array([place[name] for name in names], dtype=np.float64).reshape(-1, 2)
 
 
 def _node_colour(name: str, ring: frozenset[str]) -> int:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
+from fleet.recording.bodies import CAR_BODIES
 from fleet.recording.coordination import CONGESTION, GRAPH, PRIORITIES, WHY
 from fleet.recording.frame import FloorPlan
 from fleet.recording.scenery import CAMERA, LABELS, PIXELS_PER_M
@@ -45,29 +47,33 @@ def layout(
         cameras: Names of the cameras; their entities are ``/world/cameras/<name>``.
     """
     few = len(scene.car_start) + len(scene.arm_base) <= _LANES_N
-    site = _eye_view(f"Site {floor.name}", *_overview(scene.size_m, 2.0 if few else 1.6))
+    # In a small view names would hide the robots.
+    names = {} if few else {f"/{CAR_BODIES}": [rr.Mesh3D.from_fields(), rr.Boxes3D.from_fields(show_labels=False)]}
+    hidden = _FLAT if few else (LABELS, *_FLAT)
+    site = _eye_view(f"Site {floor.name}", *_overview(scene.size_m, 2.0), hidden=hidden, overrides=names)
     above = _from_above("From above", scene, ["/world/**", f"- /{VIEWS}/**", f"- /{CONGESTION}/**"])
     congestion = _from_above(
-        "Standing so far, by cause",
+        "Stood: orange traffic, violet station, red blocked",
         scene,
-        ["/world/boxes/**", "/world/floor/**", f"/{CONGESTION}/**", f"/{LABELS}", f"/{CAMERA}"],
+        ["/world/boxes/**", "/world/floor/**", f"/{CONGESTION}/**", f"/{CAMERA}"],
+        margin=0.0,
     )
-    close: list[rrb.View | rrb.Tabs] = []
+    close: list[rrb.View | rrb.Grid] = []
     if len(scene.arm_base):
         name = floor.station_names[0] if floor.station_names else "arm_0"
         close.append(_eye_view(f"Close-up {name}", *_closeup(scene.arm_base[0]), hidden=(LABELS, *_FLAT)))
         if cameras:
             close += _camera_views(scene, cameras)
     why = rrb.TextDocumentView(origin=f"/{WHY}", name="Why robots wait")
-    graph = rrb.GraphView(origin=f"/{GRAPH}", name="Who waits for whom")
-    text = rrb.Tabs(
+    graph = rrb.GraphView(origin=f"/{GRAPH}", name="Waits")
+    text: list[rrb.View] = [
         rrb.TextLogView(
             origin="/log",
             name="Log",
             columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["LogLevel", "Body"]),
         ),
         rrb.TextDocumentView(origin="/about", name="About"),
-    )
+    ]
     plotted = _plots(plots, [rrb.BarChartView(origin=f"/{PRIORITIES}", name="Priorities")] if internals else [])
     if few:
         n_lanes = len(scene.car_start) + len(scene.arm_base)
@@ -83,21 +89,21 @@ def layout(
                 _lanes("Robots", "cars", "arms"),
                 _lanes("Tasks", "tasks"),
                 why,
-                rrb.Horizontal(plotted, text, column_shares=[6, 5]),
+                rrb.Horizontal(rrb.Tabs(*plotted), rrb.Tabs(*text), column_shares=[6, 5]),
                 row_shares=[(n_lanes + 1.7) * _LANE_PX, 5.5 * _LANE_PX, 110.0, 180.0],
             ),
             column_shares=[3, 2],
         )
     else:
         views = rrb.Horizontal(
-            rrb.Vertical(above, rrb.Horizontal(rrb.Tabs(site, *close), congestion), row_shares=[3, 2]),
+            rrb.Vertical(above, rrb.Horizontal(rrb.Tabs(site, *close), congestion), row_shares=[9, 5]),
             rrb.Vertical(
                 rrb.Tabs(*_car_lanes(len(scene.car_start)), _lanes("Arms", "arms"), _lanes("Tasks", "tasks")),
-                rrb.Horizontal(why, graph, column_shares=[1, 1]),
-                rrb.Horizontal(plotted, text, column_shares=[6, 5]),
-                row_shares=[9, 6, 4],
+                why,
+                rrb.Tabs(graph, *plotted, *text, active_tab=0),
+                row_shares=[8, 4, 5],
             ),
-            column_shares=[6, 5],
+            column_shares=[9, 5],
         )
     return rrb.Blueprint(
         views,
@@ -109,16 +115,17 @@ def layout(
     )
 
 
-def _from_above(name: str, scene: Scene, contents: list[str]) -> rrb.Spatial2DView:
-    """The floor as the camera far above sees it, with a margin for names."""
+def _from_above(name: str, scene: Scene, contents: list[str], *, margin: float = 1.0) -> rrb.Spatial2DView:
+    """The floor as the camera far above sees it, with a margin for names, or without."""
     width, depth = scene.size_m
+    aside, below, over = 0.03 * margin * width, 0.05 * margin * depth, 0.07 * margin * depth
     return rrb.Spatial2DView(
         origin=f"/{CAMERA}",
         name=name,
         contents=contents,
         visual_bounds=rrb.VisualBounds2D(
-            x_range=(-(0.03 * width + _MARGIN_M) * PIXELS_PER_M, (1.03 * width + _MARGIN_M) * PIXELS_PER_M),
-            y_range=(-(0.05 * depth + _MARGIN_M) * PIXELS_PER_M, (1.07 * depth + _MARGIN_M) * PIXELS_PER_M),
+            x_range=(-(aside + _MARGIN_M) * PIXELS_PER_M, (width + aside + _MARGIN_M) * PIXELS_PER_M),
+            y_range=(-(below + _MARGIN_M) * PIXELS_PER_M, (depth + over + _MARGIN_M) * PIXELS_PER_M),
         ),
     )
 
@@ -128,7 +135,7 @@ def _car_lanes(n_cars: int) -> list[rrb.StateTimelineView]:
     tabs = []
     for first in range(0, n_cars, _TAB_N):
         last = min(first + _TAB_N, n_cars) - 1
-        name = "Cars" if n_cars <= _TAB_N else f"Cars {first}-{last}"
+        name = "Cars" if n_cars <= _TAB_N else f"{'' if first else 'Cars '}{first}-{last}"
         tabs.append(_lanes(name, *(f"cars/car_{car}" for car in range(first, last + 1))))
     return tabs
 
@@ -161,11 +168,11 @@ def _lanes(name: str, *kinds: str) -> rrb.StateTimelineView:
     return rrb.StateTimelineView(origin="/states", name=name, contents=contents, time_view=window)
 
 
-def _plots(titles: Sequence[str], more: Sequence[rrb.View]) -> rrb.Tabs:
+def _plots(titles: Sequence[str], more: Sequence[rrb.View]) -> list[rrb.View]:
     origins = {"States": "/counts"} | {title: f"/metrics/{title}" for title in titles}
     if not titles:
         origins["Metrics"] = "/metrics"
-    return rrb.Tabs(
+    return [
         *(
             rrb.TimeSeriesView(
                 origin=origin,
@@ -176,7 +183,7 @@ def _plots(titles: Sequence[str], more: Sequence[rrb.View]) -> rrb.Tabs:
             for name, origin in origins.items()
         ),
         *more,
-    )
+    ]
 
 
 def _eye_view(
@@ -185,12 +192,14 @@ def _eye_view(
     target: npt.NDArray[np.float64],
     *,
     hidden: tuple[str, ...] = _FLAT,
+    overrides: Mapping[Any, Any] | None = None,
 ) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin="/world",
         name=name,
         contents=["$origin/**", *(f"- /{path}" for path in hidden)],
         line_grid=False,
+        overrides=overrides,
         eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
     )
 

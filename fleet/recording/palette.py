@@ -40,6 +40,8 @@ STATE_COLOURS = {
     "visiting": 0xA3E635FF,
     "done": 0x166534FF,
     "failed": 0xEF4444FF,
+    "failed, cancelled": 0xEF4444FF,
+    "under way": 0x3B82F6FF,
     "cancelled": 0xA8A29EFF,
 }
 """Colours of the states of cars, arms and tasks; an unknown state gets a colour of its own from its name."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from fleet.recording.cli import compact
 from fleet.recording.errors import RecordingError
 from fleet.recording.frame import FloorPlan, Frame, LogLine
 from fleet.world.scene import Scene
@@ -21,9 +22,11 @@ if TYPE_CHECKING:
 _BATCH_N = 240
 """Frames that wake the worker early; larger batches are cheaper per frame."""
 _BATCH_S = 0.3
-"""Wall time after which a smaller batch is written anyway [s]."""
+"""Wall time after which a smaller batch is written anyway [s]: what a killed process loses, and the time of writing."""
 _QUEUE_N = 960
 """Frames that may wait; beyond it the simulation waits (file) or frames are dropped (live)."""
+_COMPACT_N = 20
+"""Batches from which on a finished recording is worth compacting."""
 _JOIN_S = 60.0
 """Wall time that `close` gives the worker to write what is queued [s]."""
 
@@ -79,6 +82,7 @@ class RerunRecorder:
         self._changed = threading.Condition()
         self._closing = False
         self._failure: Exception | None = None
+        self._batches_n = 0
         self.dropped_n = 0
         """Frames that were dropped to keep a live run going."""
         self.written_n = 0
@@ -133,7 +137,7 @@ class RerunRecorder:
             self._lines.append(line)
 
     def close(self) -> None:
-        """Write what is queued and the footer.
+        """Write what is queued and the footer, and compact the file.
 
         Raises:
             RecordingError: Writing failed at some time in the run, or does not come to an end.
@@ -148,6 +152,8 @@ class RerunRecorder:
             raise RecordingError(f"recording {self._path}: the writer did not finish within {_JOIN_S:.0f} s")
         if self._failure is not None:
             raise RecordingError(f"recording {self._path} is incomplete: {self._failure}") from self._failure
+        if self._batches_n >= _COMPACT_N:
+            compact(self._path)
 
     def __enter__(self) -> Self:
         return self
@@ -171,7 +177,8 @@ class RerunRecorder:
                 frames, self._frames = self._frames, []
                 lines, self._lines = self._lines, []
                 self._changed.notify_all()
-            if self._failure is None:
+            if self._failure is None and (frames or lines):
+                self._batches_n += 1
                 self._attempt(partial(self._stream.write, frames, lines))
                 self.written_n += len(frames) if self._failure is None else 0
         self._attempt(self._stream.close)

@@ -19,6 +19,8 @@ _CAMERA_Z = 400.0
 """So far up that the projection is nearly parallel [m]."""
 _FEW_N = 8
 """More cars than this are labelled by number alone, so that neighbours stay legible."""
+MANY_N = 30
+"""Of more cars than this the names would hide the floor: they are shown where somebody points."""
 PIXELS_PER_M = 24.0
 """Resolution of the top-down camera; labels have a fixed size in these pixels."""
 _CHEVRON_M = 0.09
@@ -116,7 +118,7 @@ def log_tags(rec: rr.RecordingStream, path: str, n_cars: int, spec: CarSpec) -> 
             half_sizes=[(length / 2, width / 2, 0.004)] * n_cars,
             colors=palette.identity_colours(range(n_cars)),
             labels=[f"car_{i}" if n_cars <= _FEW_N else str(i) for i in range(n_cars)],
-            show_labels=True,
+            show_labels=n_cars <= MANY_N,
             fill_mode="solid",
         ),
         static=True,
