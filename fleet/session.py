@@ -95,7 +95,9 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         recorder = stack.enter_context(_recorder(simulation, session))
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         if session.serve:
-            progress.say(f"live: rerun --connect rerun+http://127.0.0.1:{session.port}/proxy")
+            uri = f"rerun+http://127.0.0.1:{session.port}/proxy"
+            progress.say(f"live: rerun --connect {uri}")
+            progress.say(f"live, in a browser: rerun --web-viewer --bind 127.0.0.1 {uri}")
         for refusal in simulation.refused:
             progress.say(f"order refused: {refusal}")
         watch = Watch(simulation, recorder, lidar=session.lidar, internals=session.internals)
@@ -118,6 +120,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
             watch.look()
             progress.look()
 
+        watch.look()
         wall_s, first_move_s = _loop(simulation, session, look, started, interrupted)
         simulation.log("run_ended")
         summary = simulation.summary()
@@ -173,6 +176,5 @@ def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
         session.out / RECORDING,
         serve=session.serve,
         port=session.port,
-        lidar=session.lidar,
         internals=session.internals,
     )

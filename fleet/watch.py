@@ -87,7 +87,6 @@ def open_recorder(
     *,
     serve: bool = False,
     port: int = 9876,
-    lidar: bool = False,
     internals: bool = False,
 ) -> RerunRecorder:
     """Open a recording of a run.
@@ -97,7 +96,6 @@ def open_recorder(
         path: File to write; replaced if it exists.
         serve: Also host a live server on the loopback interface.
         port: Its port.
-        lidar: Whether a view of scans is wanted.
         internals: Whether a view of what the planners think is wanted.
 
     Raises:
@@ -123,7 +121,6 @@ def open_recorder(
         plots={"speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)}
         | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
         cameras=floor.station_names if simulation.config.perception is Perception.CAMERA else (),
-        lidar=lidar,
         internals=internals,
         serve=serve,
         port=port,

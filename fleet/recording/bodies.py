@@ -28,6 +28,7 @@ from fleet.world.scene import Scene
 CAR_BODIES = f"world/cars/{BODY}"
 """The entity that has one row per frame."""
 TRAILS = "world/trails"
+RAYS, HITS = "world/scans/rays", "world/scans/hits"
 _BASE = "link_0"
 _FEW_N = 8
 """Of more cars than this nobody sees the wheels turn: they are drawn as a part of the body."""
@@ -57,6 +58,8 @@ class Bodies:
         self._trail: deque[Array] = deque(maxlen=round(_TRAIL_S / _TRAIL_STEP_S) + 1)
         self._trail_due_s = 0.0
         colours = palette.identity_colours(range(n_cars), alpha=110)
+        rec.log(RAYS, rr.LineStrips3D.from_fields(colors=_packed(palette.RAY), radii=0.004), static=True)
+        rec.log(HITS, rr.Points3D.from_fields(colors=_packed(palette.HIT), radii=0.03), static=True)
         rec.log(TRAILS, rr.LineStrips3D.from_fields(colors=colours, radii=0.06), static=True)
 
     def write(self, frames: Sequence[Frame]) -> None:
@@ -74,6 +77,7 @@ class Bodies:
         self._write_arms(frames)
         self._write_parcels(frames, index)
         self._write_trails(frames)
+        self._write_scans([frame for frame in frames if frame.scans is not None])
 
     def _opened(self, root: str, parts: Iterable[Part]) -> list[tuple[str, Part]]:
         opened = [(f"{root}/{part.link}", part) for part in parts]
@@ -157,3 +161,22 @@ class Bodies:
         if due:
             rows = offsets_of([len(self._scene.car_start)] * len(due))
             send(self._rec, TRAILS, index_of(due), [strips(lines, 0.006, rows)])
+
+    def _write_scans(self, frames: Sequence[Frame]) -> None:
+        """Rays of the lidars that hit something, and what they hit."""
+        if not frames:
+            return
+        index = index_of(frames)
+        ends = [frame.scans for frame in frames if frame.scans is not None]
+        starts = [frame.scan_origins for frame in frames if frame.scan_origins is not None]
+        rows = offsets_of([len(hits) for hits in ends])
+        hits = snapped(np.concatenate(ends))
+        send(self._rec, HITS, index, [vectors("Points3D:positions", hits, rows)])
+        rays = np.stack([snapped(np.concatenate(starts)), hits], axis=1)
+        height = float(rays[0, 0, 2]) if len(rays) else 0.0
+        send(self._rec, RAYS, index, [strips(list(rays[:, :, :2]), height, rows)])
+
+
+def _packed(colour: int) -> np.ndarray:
+    """An array, because rerun takes a list of integers for the components of one colour."""
+    return np.array([colour], np.uint32)

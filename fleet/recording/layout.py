@@ -36,7 +36,7 @@ _MARGIN_M = 0.6
 
 
 def layout(
-    scene: Scene, floor: FloorPlan, plots: Sequence[str], cameras: Sequence[str], *, internals: bool = False
+    scene: Scene, floor: FloorPlan, plots: Sequence[str], cameras: Sequence[str], *, live: bool, internals: bool
 ) -> rrb.Blueprint:
     """Views for a run: scene, plan from above, one station close up, cameras, state lanes, plots, log.
 
@@ -45,6 +45,8 @@ def layout(
         floor: Gives the name of the site.
         plots: Titles of the metric plots; their entities are ``/metrics/<title>``.
         cameras: Names of the cameras; their entities are ``/world/cameras/<name>``.
+        live: Whether viewers are to follow a run that goes on.
+        internals: Whether to show what the planners think.
     """
     few = len(scene.car_start) + len(scene.arm_base) <= _LANES_N
     # In a small view names would hide the robots.
@@ -110,7 +112,7 @@ def layout(
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="paused"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if live else "paused"),
         auto_views=False,
     )
 

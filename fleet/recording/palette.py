@@ -52,9 +52,12 @@ FLOOR = 0x2A2F38FF
 LANE = 0x7B879AFF
 PARKING = 0x3A4656FF
 DOCK = 0x4A3F6BFF
-LABEL = 0xE5E7EBFF
+LABEL = 0x5B9BD5FF
+"""Legible on the dark and on the light names of a viewer."""
 
 
+RAY, HIT = 0xFB718540, 0xFB7185FF
+"""Rays of lidars, and what they hit."""
 WAIT = 0xF59E0BFF
 """Arrows from whoever waits to whom it waits for."""
 CYCLE = 0xEF4444FF

@@ -46,7 +46,6 @@ class RerunRecorder:
         rate_hz: Frames per simulated second at most; a slower tick records every tick.
         plots: Title -> names of the metrics drawn together; empty = all metrics in one plot.
         cameras: Names of the cameras whose views come with frames.
-        lidar: Whether frames come with scans.
         internals: Whether frames come with what the planners think.
         serve: Host a live server on 127.0.0.1.
         port: Its port.
@@ -66,7 +65,6 @@ class RerunRecorder:
         rate_hz: float = 30.0,
         plots: Mapping[str, Sequence[str]] | None = None,
         cameras: Sequence[str] = (),
-        lidar: bool = False,
         internals: bool = False,
         serve: bool = False,
         port: int = 9876,
@@ -101,7 +99,6 @@ class RerunRecorder:
                 about=about,
                 plots=plots or {},
                 cameras=cameras,
-                lidar=lidar,
                 internals=internals,
                 port=port if serve else None,
             )

@@ -40,7 +40,6 @@ class Stream:
         about: Facts on the run for the reader: seed, settings, versions.
         plots: Title -> names of the metrics drawn together; empty = all metrics in one plot.
         cameras: Names of the cameras whose views may come.
-        lidar: Whether scans may come.
         internals: Whether what the planners think may come.
         port: Port of the live server; None = no server.
     """
@@ -54,7 +53,6 @@ class Stream:
         about: Mapping[str, object],
         plots: Mapping[str, Sequence[str]],
         cameras: Sequence[str],
-        lidar: bool,
         internals: bool,
         port: int | None,
     ) -> None:
@@ -72,9 +70,8 @@ class Stream:
             server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_SERVER_MEMORY)
             self.uri = server.uri
             sinks.append(server)
-        self._rec.set_sinks(
-            *sinks, default_blueprint=layout(scene, floor, tuple(self._plots), cameras, internals=internals)
-        )
+        blueprint = layout(scene, floor, tuple(self._plots), cameras, live=port is not None, internals=internals)
+        self._rec.set_sinks(*sinks, default_blueprint=blueprint)
         self._rec.send_recording_name(f"{floor.name}, {len(scene.car_start)} cars")
         log_scenery(self._rec, scene, floor)
         self._rec.log("about", rr.TextDocument(_markdown(floor.name, about), media_type="text/markdown"), static=True)
