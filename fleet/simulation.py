@@ -18,6 +18,7 @@ from fleet.driving import Driver, PathDriver, StateDriver
 from fleet.executor import Executor
 from fleet.insight.cause_watch import CauseWatch
 from fleet.insight.explain import Explanation, explain
+from fleet.insight.ledger import Ledger
 from fleet.insight.legend import Legend, legend_of
 from fleet.insight.metrics import Metrics, Summary
 from fleet.insight.slip import SlipMeter
@@ -163,9 +164,12 @@ class Simulation:
             self.recovery = Recovery(self)
             self.disturbances = Disturbances(self, config.events)
             docks = [station.place.dock.cell for station in self.stations]
+            ledger = Ledger(
+                self.world.n_cars, self.site.grid.cell_xy(docks), self.graph.n_cells, len(self.dispatcher.places.cells)
+            )
+            self.metrics = Metrics(self.world.n_cars, self.tick_s, ledger)
             self.causes = CauseWatch(self)
             self.legend: Legend = legend_of(self)
-            self.metrics = Metrics(self.world.n_cars, self.tick_s, self.site.grid.cell_xy(docks))
             # Without physics parcels stick rigidly to their tools.
             self.slip_meter = SlipMeter(self.scene.arm, self.scene.arm_base) if self._in_physics else None
             self.arm_planner.wait_ready()
@@ -213,6 +217,7 @@ class Simulation:
         self.causes.tick(self.now, speeds)
         self.metrics.tick(speeds, roster.loaded, roster.bound)
         self.metrics.ledger.tick(
+            self.causes.rows,
             roster.phase_index,
             roster.loaded,
             self.dispatcher.bookings.place_of,

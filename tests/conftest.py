@@ -3,18 +3,44 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:
+    from fleet.simulation import Simulation
     from maps.site import Site
 
 # Bad input to the recorder is an error in tests, where a run would only warn.
 os.environ.setdefault("RERUN_STRICT", "1")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(autouse=True)
+def ledger_of_every_run(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Check, whatever else a test is about, that the ledger of each of its runs adds up to robots x duration."""
+    if (module := sys.modules.get("fleet.simulation")) is None:
+        yield
+        return
+    made: list[Simulation] = []
+    make = module.Simulation.__init__
+
+    def keep(simulation: Simulation, *args: object, **kwargs: object) -> None:
+        make(simulation, *args, **kwargs)
+        made.append(simulation)
+
+    monkeypatch.setattr(module.Simulation, "__init__", keep)
+    yield
+    for simulation in made:
+        ledger, ticks = simulation.metrics.ledger, simulation.now
+        assert (ledger.robots.sum(axis=0) == ticks).all(), "a robot has more or less time than the run"
+        spent = ledger.robots.sum(axis=1)
+        for blamed in (ledger.by_robot, ledger.by_cell, ledger.by_place):
+            assert (blamed.sum(axis=1) == spent).all(), "an account is blamed for more or less than it holds"
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ class Why:
 
     robot: Annotated[str, tyro.conf.Positional]
     """Such as car_2 or arm_0."""
-    run_folder: Annotated[Path, tyro.conf.Positional]
+    folder: Annotated[Path, tyro.conf.Positional]
     """Directory of the run, or its run.jsonl."""
     at: float | None = None
     """Simulated time [s]; the end of the run if not given."""
@@ -31,7 +31,7 @@ class Why:
         from fleet.insight.explain import explain
         from fleet.recording.run_file import EVENTS, plain, read_run
 
-        folder = self.run_folder.parent if self.run_folder.name == EVENTS else self.run_folder
+        folder = self.folder.parent if self.folder.name == EVENTS else self.folder
         log, legend = read_causes(read_run(folder).events, str(folder / EVENTS))
         time_s = log.end_tick * legend.tick_s if self.at is None else self.at
         found = explain(log, legend, self.robot, time_s)

@@ -85,6 +85,20 @@ NO_WAIT = frozenset({Cause.DRIVES, Cause.SETS_OFF, Cause.WORKS})
 """Causes of robots that nothing keeps."""
 OWN = NO_WAIT | {Cause.CHARGES, Cause.VISITS, Cause.NO_TASK, Cause.FAULT, Cause.SERVED}
 """Causes of robots that are not kept from what they are about, and of those that are about nothing."""
+NOT_KEPT_BY_PLACE = frozenset(
+    {
+        Cause.DRIVES,
+        Cause.SETS_OFF,
+        Cause.CELL,
+        Cause.TURN,
+        Cause.BLOCKED,
+        Cause.YIELDS,
+        Cause.PLAN_LATE,
+        Cause.HALTED,
+        Cause.FAULT,
+    }
+)
+"""Causes that have nothing to do with the place the robot is bound for."""
 DETAILS: tuple[str, ...] = tuple(
     dict.fromkeys(
         (
@@ -106,25 +120,3 @@ DETAIL_OF = {word: number for number, word in enumerate(DETAILS)}
 def robot_names(n_cars: int, n_arms: int) -> tuple[str, ...]:
     """Names of all robots, in the order of the rows."""
     return tuple(f"car_{car}" for car in range(n_cars)) + tuple(f"arm_{arm}" for arm in range(n_arms))
-
-
-def roots(rows: CauseRows) -> npt.NDArray[np.int32]:
-    """The robot at the end of the chain of who waits for whom, its own for a robot that waits for none.
-
-    Args:
-        rows: As in `CauseRows`.
-
-    Returns:
-        Shape (n_robots,); for a robot whose chain ends in a cycle the one of the cycle with the least number.
-    """
-    n = len(rows)
-    at = np.where(rows[:, Column.BY] >= 0, rows[:, Column.BY], np.arange(n, dtype=np.int32))
-    # Each round looks twice as far ahead; who waits for none stays at itself.
-    least = np.minimum(np.arange(n, dtype=np.int32), at)
-    end = at
-    for _ in range(max(1, n.bit_length())):
-        least = np.minimum(least, least[end])
-        end = end[end]
-    in_cycle = at[end] != end
-    # Where it ends in a cycle, all that can be reached from there is the cycle.
-    return np.where(in_cycle, least[end], end).astype(np.int32)

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.insight.ledger import STANDING_MPS, CarTime, Ledger, percentages
+from fleet.insight.ledger import STANDING_MPS, ArmTime, CarTime, Ledger, percentages
+from fleet.insight.time_table import Blame, blame_of
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 from fleet.world.protocol import FloatArray
 
@@ -108,8 +109,12 @@ class Summary:
     """The station with the greatest shares of time busy and busy with cars waiting for it, in words."""
     car_ticks: dict[str, CarTime]
     """Ticks of each car by what they were spent on; the sum is the same for each: the ticks of the run."""
+    arm_ticks: dict[str, ArmTime]
+    """The same for each arm."""
     time_share_percent: dict[str, float]
     """The same for all cars together in per cent; adds up to 100."""
+    blame: Blame
+    """Ticks of all robots, put down to the robots, cells and places that caused them."""
     state_hash: str
 
 
@@ -119,11 +124,11 @@ class Metrics:
     Args:
         n_cars: Number of cars.
         tick_s: Length of a tick [s].
-        dock_xy: Centre of each station's dock [m], shape (n_stations, 2).
+        ledger: Where the time goes.
     """
 
-    def __init__(self, n_cars: int, tick_s: float, dock_xy: FloatArray) -> None:
-        self.ledger = Ledger(n_cars, dock_xy)
+    def __init__(self, n_cars: int, tick_s: float, ledger: Ledger) -> None:
+        self.ledger = ledger
         self._tick_s = tick_s
         self._distance_m = np.zeros((2, n_cars))
         self._waiting_s = np.zeros(n_cars)
@@ -188,7 +193,9 @@ class Metrics:
             stations=self._stations(simulation),
             bottleneck=self._bottleneck(simulation),
             car_ticks={f"car_{car}": self.ledger.car_time(car) for car in range(world.n_cars)},
+            arm_ticks={f"arm_{arm}": self.ledger.arm_time(arm) for arm in range(world.n_arms)},
             time_share_percent=_shares(self.ledger.fleet_time()),
+            blame=blame_of(self.ledger, simulation.legend),
             state_hash=simulation.state_hash(),
         )
 

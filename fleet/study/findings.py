@@ -133,7 +133,7 @@ def bottleneck(rows: Sequence[Row]) -> Bottleneck:
         name: np.mean([row.station_shares[name] for row in rows], axis=0).tolist() for name in rows[0].station_shares
     }
     shares = {name: busy for name, (busy, _) in stations.items()}
-    shares["traffic"] = float(np.mean([row.traffic for row in rows]))
+    shares["traffic"] = float(np.mean([row.traffic + row.plan_late for row in rows]))
     if idle < SPARE:
         used = [row.driving_loaded + row.driving_empty + row.served + row.visiting for row in rows]
         shares["cars"] = float(np.mean(used))
@@ -156,7 +156,7 @@ def _point(rows: list[Row], reference: dict[int, Row], has_due_dates: bool) -> P
         robots=rows[0].robots,
         throughput_per_h=_known(rows, lambda row: row.throughput_per_h),
         lateness_s=_mean(rows, (lambda row: row.tardiness_s) if has_due_dates else (lambda row: row.task_time_s)),
-        waiting_share=_known(rows, lambda row: row.traffic + row.queue),
+        waiting_share=_known(rows, lambda row: row.traffic + row.plan_late + row.queue),
         on_time_share=_mean(rows, lambda row: row.on_time_share),
         gain_per_h=None if is_reference else gain,
         bottleneck=bottleneck(rows),

@@ -34,7 +34,7 @@ class Row:
     on_time_share: float | None
     """Done by their due date, of the tasks whose due date came within the run."""
     driving_loaded: float
-    """This and the following eight: share of the cars' time, as the ledger counts it."""
+    """This and the following nine: share of the cars' time, as the ledger counts it."""
     driving_empty: float
     traffic: float
     queue: float
@@ -43,6 +43,7 @@ class Row:
     fault: float
     idle: float
     visiting: float
+    plan_late: float
     stations: str
     """Share of the time each station's arm was busy, and of that in which cars waited meanwhile, as
     ``pick_1=0.52/0.31 drop_1=0.44/0.05``."""

@@ -23,6 +23,7 @@ REQUIRED = {
     "site check": ["small"],
     "site generate": ["out.toml"],
     "site convert": ["in.map", "out.toml"],
+    "why": ["car_0", "run"],
 }
 """Words without which a command has nothing to work on."""
 

@@ -32,6 +32,7 @@ def row(allocator: str = "greedy", robots: int = 2, seed: int = 0, **changes: ob
         "served": 0.28,
         "charging": 0.0,
         "visiting": 0.0,
+        "plan_late": 0.0,
         "fault": 0.0,
         "idle": 0.02,
         "stations": "pick_1=0.5000/0.1000 drop_1=0.6000/0.2000",
