@@ -117,11 +117,12 @@ class Traffic:
         """The distances that plans are made with; another object whenever they have changed."""
         return self._ways
 
-    def next_plan_tick(self, tick: int) -> int:
-        """When the next plan lands: that which is under way, or else that which is asked for next."""
-        if self._pending is not None:
-            return self._pending.due_tick
-        return (tick // self._period + 1) * self._period + self._latency
+    def next_plan_tick(self, car: int, tick: int) -> int:
+        """When the next plan lands that knows where a car is to go."""
+        if self._pending is None:
+            return (tick // self._period + 1) * self._period + self._latency
+        known = self._pending.goals[car] == self.goals[car]
+        return self._pending.due_tick + (0 if known else self._latency)
 
     def next_cell(self, state: int, goal: int) -> int:
         """The cell that comes next on the shortest way from a state to a goal, `NO_CELL` if there is no way."""

@@ -63,6 +63,7 @@ class CauseWatch:
             self._dock_at[graph.state_cell[station.dock_state]] = station.arm
         self._why_idle = WhyIdle(simulation)
         self._given, self._booked, self._phases = (-1, -1), -1, -1
+        self._tables: object = None
         self._next: dict[tuple[int, int], int] = {}
         self._next_ways: object = None
         self._arm_key: list[object] = [None] * simulation.world.n_arms
@@ -102,6 +103,7 @@ class CauseWatch:
         )
         if without_move:
             self._look_at_without_move(tick)
+        _leave_out_arms_that_await(self.rows, self._n_cars)
         self.log.append(tick, self.rows)
 
     def _look_at_without_move(self, tick: int) -> None:
@@ -116,10 +118,8 @@ class CauseWatch:
             elif (cell := self._next_cell(tail, goal)) < 0:
                 cell = traffic.obstacle(tail, goal)
                 self._set(car, Cause.BLOCKED, by=self._wreck(cell), cell=cell, place=place)
-            elif traffic.landed_goals[car] == goal and (by := self._taker(car, cell)) != NONE:
-                self._set(car, Cause.YIELDS, by=by, cell=cell, place=place)
             else:
-                self._set(car, Cause.PLAN_LATE, place=place, until=traffic.next_plan_tick(tick))
+                self._set_next_cell(car, cell, place, tick)
 
     def _next_cell(self, state: int, goal: int) -> int:
         """See `Traffic.next_cell`; remembered, because a car that waits asks again in every tick."""
@@ -136,13 +136,17 @@ class CauseWatch:
         """The dead car that blocks a cell."""
         return int(self._simulation.traffic.wreck_of[cell]) if cell >= 0 else NONE
 
-    def _taker(self, car: int, cell: int) -> int:
-        """The other car that has a cell, or comes first there."""
-        q = self._simulation.executor.dependencies.queues
-        by = int(q.holder[cell])
-        if by in (NOBODY, car) and q.line_first[cell] >= 0:
-            by = int(q.visit_agent[q.line_first[cell]])
-        return NONE if by in (NOBODY, car) else by
+    def _set_next_cell(self, car: int, cell: int, place: int, tick: int) -> None:
+        """A car that a plan has left standing before a cell: somebody has it, or comes first, or the plan is late."""
+        traffic, q = self._simulation.traffic, self._simulation.executor.dependencies.queues
+        holder = int(q.holder[cell])
+        first = int(q.visit_agent[q.line_first[cell]]) if q.line_first[cell] >= 0 else NOBODY
+        if holder not in (NOBODY, car):
+            self._set(car, Cause.CELL, by=holder, cell=cell, place=place)
+        elif first not in (NOBODY, car) and traffic.landed_goals[car] == traffic.goals[car]:
+            self._set(car, Cause.YIELDS, by=first, cell=cell, place=place)
+        else:
+            self._set(car, Cause.PLAN_LATE, place=place, until=traffic.next_plan_tick(car, tick))
 
     def _look_at_goal(self, car: int, place: int) -> None:
         """A car that has come to where it was sent."""
@@ -164,7 +168,8 @@ class CauseWatch:
         dispatcher, roster = simulation.dispatcher, simulation.dispatcher.roster
         given = (dispatcher.allocations_n, simulation.board.moves_n)
         booked, phases = dispatcher.bookings.changes_n, roster.changes_n
-        if given == self._given and booked == self._booked and phases == self._phases:
+        tables = simulation.traffic.tables
+        if (given, booked, phases) == (self._given, self._booked, self._phases) and tables is self._tables:
             return
         if phases != self._phases or given[0] != self._given[0]:
             for car, phase in enumerate(roster.phase):
@@ -176,7 +181,7 @@ class CauseWatch:
         idle = [car for car, phase in enumerate(roster.phase) if phase is CarPhase.IDLE]
         if idle:
             self._why_idle.fill(self.rows, idle)
-        self._given, self._booked, self._phases = given, booked, phases
+        self._given, self._booked, self._phases, self._tables = given, booked, phases, tables
 
     def _set_at_rest(self, car: int, phase: CarPhase, tick: int) -> None:
         """A car that is not on its way, and not idle."""
@@ -333,3 +338,12 @@ def _look_at_bound(rows, rules, phase, speeds, q, closed, blocked, wreck_of, doc
         rows[car, _UNTIL] = NONE
         rows[car, _DETAIL] = 0
     return without_move
+
+
+@njit(cache=True)
+def _leave_out_arms_that_await(rows, n_cars):
+    """A car does not wait for an arm that awaits just this car: its dock is opened, or it is called, in a moment."""
+    for car in range(n_cars):
+        arm = rows[car, _BY]
+        if arm >= n_cars and rows[arm, _BY] == car:
+            rows[car, _CAUSE], rows[car, _BY] = _SETS_OFF, NONE

@@ -108,6 +108,7 @@ DETAILS: tuple[str, ...] = tuple(
             "off_lane",
             "tray_loaded",
             "slow",
+            "next_round",
             *map(str, PairReason),
             *map(str, TaskReason),
         )

@@ -74,13 +74,13 @@ class Explanation:
     def __str__(self) -> str:
         first = self.chain[0]
         lasts_s = self.time_s - first.since_s
-        if not first.waits and len(self.chain) == 1:
-            head = f"{self.robot} {predicate(first)}"
-            words = [head if first.cause in NO_WAIT else f"{head}, for {lasts_s:.1f} s"]
+        if first.waits:
+            words = [f"{self.robot} has waited {lasts_s:.1f} s: {reason(first)}"]
+        elif first.cause in NO_WAIT:
+            words = [f"{self.robot} {predicate(first)}"]
         else:
-            verb = "has waited" if first.waits else "has been at it for"
-            words = [f"{self.robot} {verb} {lasts_s:.1f} s: {reason(first)}"]
-            words += [f"which {predicate(link)}" for link in self.chain[1:]]
+            words = [f"{self.robot}, for {lasts_s:.1f} s now, {predicate(first)}"]
+        words += [f"which {predicate(link)}" for link in self.chain[1:]]
         text = ", ".join(words)
         if self.cycle:
             text += f"; they wait for each other in a circle: {' -> '.join((*self.cycle, self.cycle[0]))}"

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
 from fleet.tasks.board import DONE_STATES, Task, TaskState
 from fleet.tasks.reasons import PAIR_REASONS, PairReason, TaskReason
@@ -13,10 +11,8 @@ from fleet.tasks.reasons import PAIR_REASONS, PairReason, TaskReason
 if TYPE_CHECKING:
     from fleet.simulation import Simulation
 
-_UNFIT = frozenset({PairReason.TOO_HEAVY, PairReason.LACKS_CAPABILITY, PairReason.OTHER_CAR})
-"""What a car will never be able to do; another one will."""
-_COULD = (PairReason.CAR_BUSY, PairReason.CAR_CHARGES, PairReason.LOW_CHARGE, PairReason.CAR_OUT, PairReason.NO_WAY)
-"""Why the cars that could do it do not, the most hopeful first."""
+_PASSED = frozenset({PairReason.CAR_BUSY, PairReason.CAR_OUT, PairReason.CAR_CHARGES, PairReason.CHOSEN})
+"""What was true when tasks were last given out, and is not of a car that is idle."""
 
 
 class WhyIdle:
@@ -67,22 +63,19 @@ class WhyIdle:
             row[Column.BY], row[Column.PLACE] = max(taken, key=lambda pair: float(batteries.charge[pair[0]]))
 
     def _ready(self, row: CauseRows, car: int, task: Task) -> None:
-        """Somebody could begin with the task."""
+        """A car that is free could begin with the task."""
         reasons = self._simulation.dispatcher.reasons
-        decision = reasons.decision(task)
-        if decision is None:
-            return
-        own = PAIR_REASONS[int(decision.codes[car])]
-        row[Column.DETAIL] = DETAIL_OF[own]
-        present = reasons.present(task)
-        if own in _UNFIT:
-            row[Column.BY] = self._who_could(decision.codes, car)
+        decision, present = reasons.decision(task), reasons.present(task)
+        own = PairReason.CHOSEN if decision is None else PAIR_REASONS[int(decision.codes[car])]
+        if own in _PASSED:
+            row[Column.DETAIL] = DETAIL_OF["next_round"]
         elif own is PairReason.NO_WAY or present is TaskReason.UNREACHABLE:
-            row[Column.CELL], row[Column.BY] = self._obstacle(car, task)
-            row[Column.DETAIL] = DETAIL_OF[PairReason.NO_WAY]
-        elif present is TaskReason.STATION_FULL:
+            self._no_way(row, car, task)
+        elif own is PairReason.NOT_OFFERED and present is TaskReason.STATION_FULL:
             row[Column.DETAIL] = DETAIL_OF[present]
             row[Column.PLACE], row[Column.BY] = self._full(task)
+        else:
+            row[Column.DETAIL] = DETAIL_OF[own]
 
     def _backlog(self, row: CauseRows, task: Task) -> None:
         """The task waits itself."""
@@ -97,16 +90,8 @@ class WhyIdle:
             arm = self._arm_of(task.pick)
             row[Column.PLACE], row[Column.BY] = arm, NONE if arm == NONE else simulation.world.n_cars + arm
 
-    def _who_could(self, codes: np.ndarray, car: int) -> int:
-        """Another car that could do it, if it were not for what it is about."""
-        for reason in _COULD:
-            for other, code in enumerate(codes.tolist()):
-                if other != car and PAIR_REASONS[code] is reason:
-                    return other
-        return NONE
-
-    def _obstacle(self, car: int, task: Task) -> tuple[int, int]:
-        """The cell that blocks the way to a task, or on from its first stop, and the dead car in it."""
+    def _no_way(self, row: CauseRows, car: int, task: Task) -> None:
+        """The first blocked cell on the way to a task, or on from its first stop, and the dead car in it."""
         simulation = self._simulation
         traffic, places = simulation.traffic, simulation.dispatcher.places
         names = task.next_stop if task.visit is not None else (task.pick, task.delivery.drop)
@@ -115,9 +100,11 @@ class WhyIdle:
             goal = places.named(name).states[0]
             if start != goal and not traffic.reachable(start, goal):
                 cell = traffic.obstacle(start, goal)
-                return cell, NONE if cell < 0 else int(traffic.wreck_of[cell])
+                row[Column.DETAIL], row[Column.CELL] = DETAIL_OF[PairReason.NO_WAY], cell
+                row[Column.BY] = NONE if cell == NONE else traffic.wreck_of[cell]
+                return
             start = goal if task.visit is None else start
-        return NONE, NONE
+        row[Column.DETAIL] = DETAIL_OF["next_round"]  # it is open again
 
     def _full(self, task: Task) -> tuple[int, int]:
         """The end of a task at which the most cars are, and its arm; of a visit the place and the car there."""

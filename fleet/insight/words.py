@@ -19,24 +19,24 @@ _FAULTS = {
     "tray_loaded": "is out of service with a parcel in its tray",
 }
 _IDLE = {
-    "": "there is no task for it",
-    "not_released": "the next task, {task}, is not released yet{left}",
+    "": "none is open",
+    "next_round": "{task} has not been given out since it is free",
+    "not_released": "none is open, {task} will be the next{left}",
     "waits_for_predecessor": "{task} has to wait for a task before it{of_by}",
     "waits_for_slot": "the parcel of {task} waits for a free slot at {place}{by_arm}",
     "station_full": "{task} has to wait, because {place} takes no more cars at {by}",
     "no_way": "it has no way to {task}: {blocked}",
     "unreachable": "nobody has a way to {task}: {blocked}",
-    "too_heavy": "{task} is too heavy for it{could}",
-    "lacks_capability": "it lacks a capability that {task} needs{could}",
+    "too_heavy": "{task} is too heavy for it",
+    "lacks_capability": "it lacks a capability that {task} needs",
     "low_charge": "it has too little charge for {task}",
-    "other_car": "{task} is kept for the car that did the leg before{could}",
+    "planned_later": "it is to have {task} later",
+    "other_car": "{task} is kept for the car that did the leg before",
     "kept_for_leg": "it is kept for the next leg of its order",
     "shunned": "{task} was taken from it before",
     "not_offered": "{task} has to wait for room at a station",
-    "car_charges": "it is about to charge",
     "no_capable_car": "every car that could do {task} is out of service",
     "cars_charge": "every car that could do {task} has to charge before",
-    "chosen": "{task} is being given to it",
 }
 _LEFT_OVER = "the allocator has not given it {task}"
 
@@ -85,10 +85,9 @@ def _idle(link: Link) -> str:
         task=link.task,
         place=link.place,
         by=link.by,
-        left=_left(link, ", but in "),
+        left=_left(link),
         of_by=f", that of {link.by}" if link.by else "",
         by_arm=f" at {link.by}" if link.by else "",
-        could=f"; that could do {link.by}" if link.by else "",
         blocked=_blocked(link),
     )
 
@@ -97,7 +96,7 @@ def _free(link: Link) -> str:
     if link.detail in ("no_way", "unreachable"):
         return f"cell {link.cell} has to be cleared" if link.cell else "the site needs a way there"
     if link.detail in ("too_heavy", "lacks_capability", "other_car", "no_capable_car"):
-        return f"a car that can do {link.task} has to become free"
+        return "a task that it can do has to come"
     if link.detail in ("", "not_released"):
         return f"the next task has to be released{_left(link, ', which is in ')}"
     return f"{link.task or 'a task'} has to be given to it"
@@ -105,7 +104,7 @@ def _free(link: Link) -> str:
 
 _REASONS: dict[Cause, Phrase] = {
     Cause.DRIVES: lambda link: "it is driving",
-    Cause.SETS_OFF: lambda link: "it is about to move",
+    Cause.SETS_OFF: lambda link: "nothing keeps it, though it stands",
     Cause.CELL: lambda link: f"cell {link.cell} is granted to {link.by}",
     Cause.TURN: lambda link: f"in cell {link.cell} its turn comes after {link.by}",
     Cause.CLOSED: lambda link: f"dock {link.place or link.cell} is closed by {link.by}",
@@ -133,7 +132,7 @@ _REASONS: dict[Cause, Phrase] = {
 }
 _PREDICATES: dict[Cause, Phrase] = {
     Cause.DRIVES: lambda link: f"is driving{f' to {link.place}' if link.place else ''}",
-    Cause.SETS_OFF: lambda link: "is about to move",
+    Cause.SETS_OFF: lambda link: "stands, though nothing keeps it",
     Cause.CELL: lambda link: f"waits for cell {link.cell}, granted to {link.by}",
     Cause.TURN: lambda link: f"waits for its turn in cell {link.cell} after {link.by}",
     Cause.CLOSED: lambda link: f"waits for dock {link.place or link.cell}, closed by {link.by}",

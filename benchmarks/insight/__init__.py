@@ -1,0 +1,20 @@
+"""Benchmark of insight: whether a run can be understood, and what that costs; one group per file.
+
+A new group is one file here and one line in `GROUPS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from benchmarks.harness import Benchmark, Row, Trial, in_groups
+from benchmarks.insight.explain import measure_explain
+
+GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {"explain": measure_explain}
+
+BENCHMARK = Benchmark(
+    name="insight",
+    summary="why robots wait, where the time went, and what it costs to know",
+    measure=in_groups(GROUPS),
+    groups=tuple(GROUPS),
+)
