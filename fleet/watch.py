@@ -42,7 +42,7 @@ CONGESTION = {
     "traffic": (Cause.CELL, Cause.TURN, Cause.YIELDS, Cause.HALTED),
     "station": (Cause.CLOSED, Cause.STATION_FULL, Cause.ARM_BUSY, Cause.ARM, Cause.SLOT),
     "blocked": (Cause.BLOCKED,),
-    "plan late": (Cause.PLAN_LATE,),
+    "plan_late": (Cause.PLAN_LATE,),
     "charging": (Cause.CHARGER,),
 }
 """What is drawn in one colour where cars stand because of it."""

@@ -20,7 +20,7 @@ from fleet.world.scene import Scene
 
 _FLAT = (CAMERA, f"{VIEWS}/**", f"{CONGESTION}/**")
 """What is not for views in three dimensions."""
-_TAB_N = 20
+_TAB_N = 25
 """State lanes of cars in one tab."""
 _LANES_N = 10
 """State lanes that fit beside the plots; more get a column of their own."""
@@ -67,7 +67,7 @@ def layout(
         if cameras:
             close += _camera_views(scene, cameras)
     why = rrb.TextDocumentView(origin=f"/{WHY}", name="Why robots wait")
-    graph = rrb.GraphView(origin=f"/{GRAPH}", name="Waits")
+    graph = rrb.GraphView(origin=f"/{GRAPH}", name="Waits, right for left")
     text: list[rrb.View] = [
         rrb.TextLogView(
             origin="/log",

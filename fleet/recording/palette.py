@@ -66,7 +66,7 @@ CAUSE_COLOURS = {
     "traffic": 0xF59E0BFF,
     "station": 0x8B5CF6FF,
     "blocked": 0xEF4444FF,
-    "plan late": 0xFACC15FF,
+    "plan_late": 0xFACC15FF,
     "charging": 0x14B8A6FF,
 }
 """Colours of the causes of standing still."""
