@@ -1,4 +1,8 @@
-"""Recording: its share of a run's computing time, the size of its file, and what a killed run loses."""
+"""Recording: its share of a run's computing time, the size of its file, and what a killed run loses.
+
+Shares are of computing time, so that other work on the machine matters little; the loss is wall time, and on a machine
+that is busy with other things it is theirs too.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,8 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from benchmarks.harness import Row, Trial
 from fleet.config import Fidelity, RunConfig
@@ -120,13 +126,17 @@ with Simulation(config) as simulation:
     while not simulation.finished:
         simulation.tick()
         watch.look()
-        os.write(1, f"{simulation.sim_s:.3f}\\n".encode())
+        os.write(1, f"{simulation.sim_s:.6f} {time.perf_counter()}\\n".encode())
         time.sleep(max(0.0, begin_s + simulation.sim_s - time.perf_counter()))
 """
 
 
 def _lost(path: Path, rng: random.Random, trial: Trial) -> float:
-    """Kill a run that keeps to the clock at any time, and see how much of what it had recorded is in the file [s]."""
+    """Kill a run that keeps to the clock at any time, and see how much of what it had recorded is in the file.
+
+    Returns:
+        Wall time from the last frame in the file to the last one that was made [s].
+    """
     command = [sys.executable, "-c", _KILLED, str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         if process.stdout is None:
@@ -134,7 +144,8 @@ def _lost(path: Path, rng: random.Random, trial: Trial) -> float:
         process.stdout.readline()
         time.sleep(rng.uniform(*_KILLED_AFTER_S))
         process.send_signal(signal.SIGKILL)
-        times_s = [float(line) for line in process.stdout if line.endswith("\n")]
+        ticks = np.array([line.split() for line in process.stdout if line.endswith("\n")], dtype=np.float64)
     report = verify_recording(path)
     trial.check(report.frames > 0, "the file of a killed run has no frames")
-    return times_s[-1] - report.last_sim_s
+    sim_s, wall_s = ticks.T
+    return float(wall_s[-1] - np.interp(report.last_sim_s, sim_s, wall_s))
