@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fleet.recording import RecordingError, RerunRecorder
-from fleet.recording.shot import main, screenshot
+from fleet.recording.shot import TooSlow, main, screenshot
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
 
 SOFTWARE_DRIVER = any(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"))
@@ -44,5 +44,9 @@ def test_the_viewer_paints_every_layout_without_complaints(
     with RerunRecorder(path=path, scene=scene, floor=floor, about={}, tick_s=1 / 60) as recorder:
         for frame in made_up_frames(scene, 60):
             recorder.record(frame)
-    assert screenshot(path, tmp_path / "a.png", time_s=1.0, size=(1600, 900)) == ()
+    try:
+        complaints = screenshot(path, tmp_path / "a.png", time_s=1.0, size=(1600, 900))
+    except TooSlow as error:
+        pytest.skip(str(error))
+    assert complaints == ()
     assert len((tmp_path / "a.png").read_bytes()) > 50_000
