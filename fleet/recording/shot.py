@@ -27,6 +27,8 @@ _LOAD_S = 120.0
 """Wall time given to it to read the recording [s]."""
 _SETTLE_S = 6.5
 """Messages of the viewer stay about 5 s of painted time; plots and labels settle within it [s]."""
+_PAINTED_N = 20
+"""Paintings by which everything has loaded, on a machine that paints slowly."""
 _SOFTWARE_VULKAN = Path("/usr/share/vulkan/icd.d")
 
 
@@ -72,8 +74,10 @@ def screenshot(
         if time_s is not None:
             _patiently(lambda: client.set_time("sim_time", duration=time_s, play_state="paused"))
         deadline = time.monotonic() + _SETTLE_S
-        while time.monotonic() < deadline:
+        painted_n = 0
+        while time.monotonic() < deadline or painted_n < _PAINTED_N:
             _patiently(lambda: client.take_screenshot(max_size=64))
+            painted_n += 1
             time.sleep(0.05)
         state = _patiently(client.get_state)
         ids = {v.name: v.view_id for v in state.views}
