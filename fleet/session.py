@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fleet.config import Perception, RunConfig
+from fleet.config import RunConfig
 from fleet.display import Display
 from fleet.insight.cause_file import CAUSES, LEGEND, CauseWriter
 from fleet.insight.metrics import Summary
@@ -19,45 +19,19 @@ from fleet.pace import Pace
 from fleet.progress import Progress
 from fleet.recording import (
     RECORDING,
-    FloorPlan,
-    Frame,
-    LogLine,
     NullRecorder,
     Recorder,
-    RerunRecorder,
     RunFile,
     prepare_output,
     require_free_port,
     versions,
 )
-from fleet.roster import CarPhase
 from fleet.simulation import Event, Simulation
-from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 from fleet.tracing import Tracer
+from fleet.watch import Watch, open_recorder
 
-COUNTED = {
-    "waiting": (TaskState.ORDERED, TaskState.BACKLOG, TaskState.READY),
-    "under way": UNDER_WAY,
-    "done": DONE_STATES,
-    "failed": (TaskState.FAILED,),
-    "cancelled": (TaskState.CANCELLED,),
-}
-"""Groups of task states that are counted over time."""
-LOUD = frozenset(
-    {
-        "off_lane",
-        "plan_cut",
-        "rejoin_impossible",
-        "transfer_repeated",
-        "parcel_not_located",
-        "disturbance",
-        "car_lost",
-        "order_refused",
-        "impossible_due",
-        "allocator_note",
-    }
-)
-"""Events that a person should notice in the log."""
+NAP_S = 0.1
+"""Longest single sleep of a run that is held back to a given speed [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +63,10 @@ class SessionConfig:
     serve: bool = False
     """Host a live viewer on the loopback interface."""
     port: int = 9876
+    lidar: bool = False
+    """Record what a lidar on each car sees."""
+    internals: bool = False
+    """Record what the planners think: priorities of the cars."""
     speed: float = 0.0
     """Simulated seconds per wall second at most; 0 = as fast as possible."""
     progress: bool = True
@@ -121,10 +99,12 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         tracer = stack.enter_context(Tracer(simulation, session.out))
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         if session.serve:
-            progress.say(f"live: rerun --connect rerun+http://127.0.0.1:{session.port}/proxy")
+            uri = f"rerun+http://127.0.0.1:{session.port}/proxy"
+            progress.say(f"live: rerun --connect {uri}")
+            progress.say(f"live, in a browser: rerun --web-viewer --bind 127.0.0.1 {uri}")
         for refusal in simulation.refused:
             progress.say(f"order refused: {refusal}")
-        watch = _Watch(simulation, recorder)
+        watch = Watch(simulation, recorder, lidar=session.lidar, internals=session.internals)
 
         def emit(event: Event) -> None:
             if event.kind == "allocator_note":
@@ -145,6 +125,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
             watch.look()
             progress.look()
 
+        watch.look()
         wall_s, first_move_s = _loop(simulation, session, look, started, interrupted)
         simulation.log("run_ended")
         summary = simulation.summary()
@@ -194,111 +175,10 @@ def _loop(
 def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
     if not session.record:
         return NullRecorder()
-    site, graph = simulation.site, simulation.graph
-    centres = site.grid.cell_xy
-    floor = FloorPlan(
-        name=site.name,
-        lanes=centres(site.lanes.ravel()).reshape(-1, 2, 2),
-        station_names=tuple(station.name for station in site.stations),
-        station_xy=np.array([station.arm.pose[:2] for station in site.stations]),
-        dock_xy=centres([int(graph.state_cell[station.dock_state]) for station in simulation.stations]),
-        parking_xy=centres(list(site.parking)),
-    )
-    return RerunRecorder(
-        path=session.out / RECORDING,
-        scene=simulation.scene,
-        floor=floor,
-        about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
-        tick_s=simulation.tick_s,
-        plots={"speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)}
-        | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
-        cameras=floor.station_names if simulation.config.perception is Perception.CAMERA else (),
+    return open_recorder(
+        simulation,
+        session.out / RECORDING,
         serve=session.serve,
         port=session.port,
+        internals=session.internals,
     )
-
-
-class _Watch:
-    """Turns the state of the run into frames for the recorder."""
-
-    def __init__(self, simulation: Simulation, recorder: Recorder) -> None:
-        self._simulation = simulation
-        self._recorder = recorder
-        self._wheel = np.zeros(simulation.world.n_cars)
-        self._sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
-        self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in simulation.board.tasks}
-        self._epoch = -1
-
-    def note(self, event: Event) -> None:
-        """Take an event into the log and, if it is a task's, into its lane."""
-        level = "WARN" if event.kind in LOUD or event.facts.get("state") == TaskState.FAILED else "INFO"
-        self._recorder.log(LogLine(tick=event.tick, sim_s=event.sim_s, text=_sentence(event), level=level))
-        if event.kind == "task":
-            self._changed_tasks[str(event.facts["task"])] = str(event.facts["state"])
-
-    def look(self) -> None:
-        """Record the present tick if a frame is due."""
-        simulation = self._simulation
-        world = simulation.world
-        speeds = world.car_speeds()
-        self._wheel += speeds * simulation.tick_s / simulation.scene.car.wheel_radius_m
-        if not self._recorder.due(simulation.now):
-            return
-        ids = world.parcel_ids()
-        fresh = simulation.traffic.plans_n != self._epoch
-        self._epoch = simulation.traffic.plans_n
-        cars = range(world.n_cars)
-        clearance = world.min_clearance_m()
-        changed, self._changed_tasks = self._changed_tasks, {}
-        perception = simulation.dispatcher.perception
-        views, perception.looks = perception.looks, {}
-        self._recorder.record(
-            Frame(
-                tick=simulation.now,
-                sim_s=simulation.sim_s,
-                car_poses=world.car_poses(),
-                car_steering=world.car_steering(),
-                wheel_angle=self._wheel,
-                arm_q=world.arm_positions(),
-                parcel_ids=ids,
-                parcel_poses=world.parcel_poses(),
-                parcel_size_m=np.array([self._sizes[int(k)] for k in ids]).reshape(-1, 3),
-                car_state=tuple(_car_word(simulation.dispatcher.roster.phase[car], float(speeds[car])) for car in cars),
-                arm_state=tuple(str(service.state) for service in simulation.desk.services),
-                task_state=changed,
-                task_counts={name: sum(map(simulation.board.count, states)) for name, states in COUNTED.items()},
-                paths=tuple(simulation.driver.remaining(car) for car in cars) if fresh else None,
-                plans=tuple(simulation.executor.planned_line(car) for car in cars) if fresh else None,
-                plan_epoch=self._epoch,
-                views=views,
-                metrics=_charge(simulation)
-                | {
-                    "mean_speed_mps": float(np.mean(np.abs(speeds))),
-                    "min_clearance_m": min(clearance, 2.0),
-                },
-            )
-        )
-
-
-def _charge(simulation: Simulation) -> dict[str, float]:
-    """The least charge of all cars now, if they have batteries."""
-    return {} if simulation.batteries is None else {"lowest_charge": float(simulation.batteries.charge.min())}
-
-
-def _sentence(event: Event) -> str:
-    """An event as a person would read it."""
-    facts = event.facts
-    if event.kind == "task":
-        car = f" ({facts['car']})" if facts["car"] else ""
-        return f"{facts['task']} is {facts['state']}{car}: {facts['cause']}"
-    return f"{event.kind.replace('_', ' ')}: " + ", ".join(f"{key} {value}" for key, value in facts.items())
-
-
-def _car_word(phase: CarPhase, speed: float) -> str:
-    if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE):
-        return "driving" if abs(speed) > 0.05 else "waiting"
-    if phase in (CarPhase.LOADING, CarPhase.UNLOADING):
-        return "docked"
-    if phase in (CarPhase.HELD, CarPhase.CHARGING, CarPhase.STANDING):
-        return str(phase)
-    return "fault" if phase in (CarPhase.DEAD, CarPhase.RECOVERING) else "idle"

@@ -64,6 +64,8 @@ class Traffic:
         self._free_tables: DistanceTable | None = None
         self._set_tables()
         self.plans_n = 0
+        self.priorities = np.zeros(n_cars)
+        """What the last request ranked the cars by, the greatest first to go."""
         self._planner = PLANNERS[config.planner](seed=seed)
         self._config = config
         self._period = max(1, round(config.period_s / tick_s))
@@ -192,11 +194,12 @@ class Traffic:
     def _plan(self, tick: int) -> Plan:
         starts = self.executor.cut()
         waited_s = (tick - self._goal_since) * self._tick_s
+        self.priorities = waited_s + self.rank + self._tie_break
         instance = Instance(
             graph=self.graph,
             starts=starts,
             goals=self.goals.copy(),
-            priorities=waited_s + self.rank + self._tie_break,
+            priorities=self.priorities,
             stay=self.stay.copy(),
             fixed=self.fixed.copy(),
             blocked=self.blocked.copy(),

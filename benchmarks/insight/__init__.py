@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable
 
 from benchmarks.harness import Benchmark, Row, Trial, in_groups
 from benchmarks.insight.explain import measure_explain
+from benchmarks.insight.recording import measure_recording
 
-GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {"explain": measure_explain}
+GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {"explain": measure_explain, "recording": measure_recording}
 
 BENCHMARK = Benchmark(
     name="insight",

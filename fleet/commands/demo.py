@@ -83,6 +83,10 @@ class Demo:
     """Stream to viewers on the loopback interface while it runs."""
     port: int = 9876
     """Port of --serve."""
+    lidar: bool = False
+    """Record what a lidar on the nose of each car sees."""
+    internals: bool = False
+    """Record what the path planner ranks the cars by."""
     gui: bool = False
     """Show the physics engine's own window, with lanes, paths, names, and sliders for speed and pause."""
 
@@ -113,7 +117,13 @@ class Demo:
             allocation=AllocationConfig(allocator=self.allocator),
         )
         session = SessionConfig(
-            out=self.out, record=not self.no_record, serve=self.serve, port=self.port, speed=self.speed
+            out=self.out,
+            record=not self.no_record,
+            serve=self.serve,
+            port=self.port,
+            lidar=self.lidar,
+            internals=self.internals,
+            speed=self.speed,
         )
         result = run_session(config, session)
         console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
@@ -138,6 +148,8 @@ class Demo:
         for option, given, fits, valid in (
             ("--gui", self.gui, self.fidelity is Fidelity.PHYSICS, "with --fidelity physics"),
             ("--serve", self.serve, not self.no_record, "without --no-record"),
+            ("--lidar", self.lidar, not self.no_record, "without --no-record"),
+            ("--internals", self.internals, not self.no_record, "without --no-record"),
             ("--view", self.view, not self.no_record, "without --no-record"),
             ("--tasks", self.tasks is not None, self.orders is None, "without --orders"),
             ("--stream", self.stream is not None, self.orders is None, "without --orders"),

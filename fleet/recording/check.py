@@ -12,7 +12,7 @@ import numpy as np
 from fleet.recording.cli import run_rerun
 from fleet.recording.errors import RecordingError
 
-_FRAME_ENTITY = "/world/cars/tag"
+_FRAME_ENTITY = "/world/cars/body"
 _NO_FOOTER = "no footer: the recording was cut off and is readable up to there; repair: rerun rrd optimize IN -o OUT"
 
 

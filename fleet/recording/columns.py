@@ -6,22 +6,35 @@ small batch; these know that they get float arrays.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa  # type: ignore[import-untyped]
 import rerun as rr
 
-_INSTANCES = rr.InstancePoses3D(translations=[(0.0, 0.0, 0.0)], quaternions=[rr.Quaternion.identity()])
-_BOXES = rr.Boxes3D.from_fields(centers=[(0.0, 0.0, 0.0)], quaternions=[rr.Quaternion.identity()])
-_STRIPS = rr.LineStrips3D.from_fields(strips=[[(0.0, 0.0, 0.0)]])
+_POINT = [(0.0, 0.0, 0.0)]
+_EXAMPLES = (
+    rr.InstancePoses3D(translations=_POINT, quaternions=[rr.Quaternion.identity()]),
+    rr.Boxes3D.from_fields(centers=_POINT, half_sizes=_POINT, quaternions=[rr.Quaternion.identity()], colors=[0]),
+    rr.LineStrips3D.from_fields(strips=[_POINT]),
+    rr.Points3D.from_fields(positions=_POINT),
+    rr.Arrows3D.from_fields(vectors=_POINT, origins=_POINT, colors=[0]),
+    rr.GraphNodes(["a"], positions=[(0.0, 0.0)], labels=["a"], colors=[0]),
+    rr.GraphEdges([("a", "b")]),
+    rr.StateChange(state="a"),
+)
 _KINDS = {
     batch.component_descriptor().component: (batch.component_descriptor(), batch.as_arrow_array().type)
-    for archetype in (_INSTANCES, _BOXES, _STRIPS)
+    for archetype in _EXAMPLES
     for batch in archetype.as_component_batches()
 }
+
+
+_STRAIGHT_M2 = 1e-6
+"""Two steps that span less than this lie on a line."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +53,12 @@ class ArrowColumn:
         return self.rows
 
 
+def send(rec: rr.RecordingStream, path: str, index: Iterable[rr.TimeColumn], columns: Iterable[ArrowColumn]) -> None:
+    """Send columns; rerun's own type of a column is a class of its own, of which it uses these two methods only."""
+    wanted: Iterable[Any] = columns
+    rec.send_columns(path, indexes=index, columns=wanted)
+
+
 def offsets_of(lengths: Sequence[int]) -> npt.NDArray[np.int32]:
     """Where each row begins, and the end, shape (n_rows + 1,)."""
     made = np.zeros(len(lengths) + 1, np.int32)
@@ -47,22 +66,42 @@ def offsets_of(lengths: Sequence[int]) -> npt.NDArray[np.int32]:
     return made
 
 
-def vectors(component: str, values: npt.NDArray[np.floating], offsets: npt.NDArray[np.int32]) -> ArrowColumn:
+def vectors(component: str, rows: npt.NDArray[np.floating], offsets: npt.NDArray[np.int32]) -> ArrowColumn:
     """A column of fixed-size vectors.
 
     Args:
         component: 'InstancePoses3D:translations', 'Boxes3D:quaternions', ...
-        values: Vectors of all rows, shape (k, width).
+        rows: Vectors of all rows, shape (k, width).
         offsets: Where each row begins, as by `offsets_of`.
     """
     descriptor, kind = _KINDS[component]
-    flat = np.ascontiguousarray(values, np.float32).reshape(-1)
+    flat = np.ascontiguousarray(rows, np.float32).reshape(-1)
     items = pa.FixedSizeListArray.from_arrays(pa.array(flat), type=kind)
     return ArrowColumn(descriptor, pa.ListArray.from_arrays(offsets, items))
 
 
+def values(component: str, items: Sequence[object] | npt.NDArray[Any], offsets: npt.NDArray[np.int32]) -> ArrowColumn:
+    """A column of colours (0xRRGGBBAA) or of words.
+
+    Args:
+        component: 'Boxes3D:colors', 'GraphNodes:labels', ...
+        items: Values of all rows, k of them.
+        offsets: Where each row begins, as by `offsets_of`.
+    """
+    descriptor, kind = _KINDS[component]
+    return ArrowColumn(descriptor, pa.ListArray.from_arrays(offsets, pa.array(items, type=kind)))
+
+
+def pairs(component: str, first: Sequence[str], second: Sequence[str], offsets: npt.NDArray[np.int32]) -> ArrowColumn:
+    """A column of pairs of words: 'GraphEdges:edges'; k of each."""
+    descriptor, kind = _KINDS[component]
+    words = [pa.array(first, pa.string()), pa.array(second, pa.string())]
+    items = pa.StructArray.from_arrays(words, fields=[kind.field(0), kind.field(1)])
+    return ArrowColumn(descriptor, pa.ListArray.from_arrays(offsets, items))
+
+
 def strips(lines: Sequence[npt.NDArray[np.floating]], height: float, offsets: npt.NDArray[np.int32]) -> ArrowColumn:
-    """A column of polylines at a constant height.
+    """A column of polylines at a constant height, without points that lie straight between their neighbours.
 
     Args:
         lines: Polylines of all rows [m], each (k, 2), k may be 0.
@@ -70,10 +109,22 @@ def strips(lines: Sequence[npt.NDArray[np.floating]], height: float, offsets: np
         offsets: Where each row begins in `lines`.
     """
     descriptor, kind = _KINDS["LineStrips3D:strips"]
+    xy = np.concatenate([line.reshape(-1, 2) for line in lines]) if lines else np.empty((0, 2))
     bounds = offsets_of([len(line) for line in lines])
+    kept = _corners(xy, bounds)
+    bounds = np.concatenate([[0], np.cumsum(kept)]).astype(np.int32)[bounds]
     points = np.full((int(bounds[-1]), 3), height, np.float32)
-    if len(points):
-        points[:, :2] = np.concatenate([line.reshape(-1, 2) for line in lines])
+    points[:, :2] = xy[kept]
     vertices = pa.FixedSizeListArray.from_arrays(pa.array(points.reshape(-1)), type=kind.value_type)
     items = pa.ListArray.from_arrays(pa.array(bounds), vertices, type=kind)
     return ArrowColumn(descriptor, pa.ListArray.from_arrays(offsets, items))
+
+
+def _corners(xy: npt.NDArray[np.floating], bounds: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+    """Points of polylines that do not lie straight between their neighbours, shape (k,); ends are kept."""
+    kept = np.ones(len(xy), dtype=np.bool_)
+    step = np.diff(xy, axis=0)
+    kept[1:-1] = np.abs(step[:-1, 0] * step[1:, 1] - step[:-1, 1] * step[1:, 0]) > _STRAIGHT_M2
+    kept[bounds[:-1][bounds[:-1] < len(xy)]] = True
+    kept[bounds[1:][bounds[1:] > 0] - 1] = True
+    return kept

@@ -14,11 +14,26 @@ from fleet.sensors.camera import CameraImage
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+CellArray = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wait:
+    """Somebody waits for somebody."""
+
+    who: str
+    """'car_2', 'arm_0', ..."""
+    whom: str
+    """Robot, station or cell that lets it wait: 'car_5', 'pick_1', 'charger_2', 'cell (7, 12)'."""
+    cause: str
+    """Kind of the wait, one or two words."""
+    cell: int = -1
+    """Where that is, if it is no robot."""
 
 
 @dataclass(kw_only=True)
 class Frame:
-    """The visible state of a run at one tick. A recorder copies the arrays, so views of live state are welcome."""
+    """The visible state of a run at one tick. Whoever hands it to a recorder gives its arrays away."""
 
     tick: int
     sim_s: float
@@ -42,46 +57,35 @@ class Frame:
     arm_state: tuple[str, ...]
     """One word per arm."""
     task_state: Mapping[str, str] = field(default_factory=dict)
-    """Task name -> state; tasks that did not change since the last frame may be left out."""
+    """Task name -> state; tasks that did not change since the last frame may be left out. Nobody changes it later."""
     task_counts: Mapping[str, float] = field(default_factory=dict)
-    """State -> number of tasks in it; the same keys in every frame."""
+    """State -> number of tasks in it, the same keys whenever there are any; may be empty between samples."""
     paths: tuple[FloatArray, ...] | None = None
     """Granted polyline of every car [m], each (k, 2), k = 0 for none; None = unchanged since the last frame."""
     plans: tuple[FloatArray, ...] | None = None
     """Planned but not granted polyline of every car [m], each (k, 2); None = unchanged since the last frame."""
     plan_epoch: int = 0
     """Number of plans that have landed so far."""
+    held_by: CellArray | None = None
+    """Car that holds each cell, by grants and by standing there, -1 = nobody, shape (n_cells,); None = unchanged."""
+    next_of: CellArray | None = None
+    """Car that is planned to enter each cell next, -1 = nobody, shape (n_cells,); None = unchanged."""
+    waits: tuple[Wait, ...] | None = None
+    """Who waits for whom; None = unchanged since the last frame."""
+    explanations: Mapping[str, str] | None = None
+    """Waiting robot -> why, a sentence; None = unchanged."""
+    stood_s: Mapping[str, FloatArray] | None = None
+    """Cause -> time that cars have stood in each cell because of it so far [s], shape (n_cells,); None = unchanged."""
+    scans: FloatArray | None = None
+    """What the cars' lidars hit [m], x, y, z, shape (k, 3); None = no new scan."""
+    scan_origins: FloatArray | None = None
+    """Where these rays began [m], shape (k, 3)."""
+    priorities: FloatArray | None = None
+    """What the path planner last ranked the cars by, the greatest first to go, shape (n_cars,); None = unchanged."""
     metrics: Mapping[str, float] = field(default_factory=dict)
-    """Name -> value; the same keys in every frame."""
+    """Name -> value, the same keys whenever there are any; may be empty between samples."""
     views: Mapping[str, CameraImage] = field(default_factory=dict)
     """Station -> what its camera saw; only images that were taken since the last frame, which nobody changes."""
-
-    def copied(self) -> Frame:
-        """A frame that shares no array with the simulation."""
-        return Frame(
-            tick=self.tick,
-            sim_s=self.sim_s,
-            car_poses=np.array(self.car_poses),
-            car_steering=np.array(self.car_steering),
-            wheel_angle=np.array(self.wheel_angle),
-            arm_q=np.array(self.arm_q),
-            parcel_ids=np.array(self.parcel_ids),
-            parcel_poses=np.array(self.parcel_poses),
-            parcel_size_m=np.array(self.parcel_size_m),
-            car_state=self.car_state,
-            arm_state=self.arm_state,
-            task_state=dict(self.task_state),
-            task_counts=dict(self.task_counts),
-            paths=_copies(self.paths),
-            plans=_copies(self.plans),
-            plan_epoch=self.plan_epoch,
-            metrics=dict(self.metrics),
-            views=dict(self.views),
-        )
-
-
-def _copies(lines: tuple[FloatArray, ...] | None) -> tuple[FloatArray, ...] | None:
-    return None if lines is None else tuple(np.array(line) for line in lines)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +113,8 @@ class FloorPlan:
     """Centres of the dock cells in the order of `station_names` [m], shape (s, 2)."""
     parking_xy: FloatArray
     """Centres of the parking cells [m], shape (p, 2)."""
+    cell_xy: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    """Centres of all cells in the order of their ids [m], shape (n_cells, 2)."""
 
 
 class Recorder(Protocol):

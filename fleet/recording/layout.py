@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
+from fleet.recording.bodies import CAR_BODIES
+from fleet.recording.coordination import CONGESTION, GRAPH, PRIORITIES, WHY
 from fleet.recording.frame import FloorPlan
 from fleet.recording.scenery import CAMERA, LABELS, PIXELS_PER_M
 from fleet.recording.views import VIEWS
 from fleet.world.scene import Scene
 
+_FLAT = (CAMERA, f"{VIEWS}/**", f"{CONGESTION}/**")
+"""What is not for views in three dimensions."""
+_TAB_N = 25
+"""State lanes of cars in one tab."""
 _LANES_N = 10
 """State lanes that fit beside the plots; more get a column of their own."""
 _LANE_PX = 40.0
@@ -28,7 +35,9 @@ _ELEVATION_RAD = math.radians(60.0)
 _MARGIN_M = 0.6
 
 
-def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str], cameras: Sequence[str]) -> rrb.Blueprint:
+def layout(
+    scene: Scene, floor: FloorPlan, plots: Sequence[str], cameras: Sequence[str], *, live: bool, internals: bool
+) -> rrb.Blueprint:
     """Views for a run: scene, plan from above, one station close up, cameras, state lanes, plots, log.
 
     Args:
@@ -36,67 +45,104 @@ def layout(scene: Scene, floor: FloorPlan, plots: Sequence[str], cameras: Sequen
         floor: Gives the name of the site.
         plots: Titles of the metric plots; their entities are ``/metrics/<title>``.
         cameras: Names of the cameras; their entities are ``/world/cameras/<name>``.
+        live: Whether viewers are to follow a run that goes on.
+        internals: Whether to show what the planners think.
     """
     few = len(scene.car_start) + len(scene.arm_base) <= _LANES_N
-    site = _eye_view(f"Site {floor.name}", *_overview(scene.size_m, 2.0 if few else 2.8))
-    width, depth = scene.size_m
-    above = rrb.Spatial2DView(
-        origin=f"/{CAMERA}",
-        name="From above",
-        contents=["/world/**", f"- /{VIEWS}/**"],
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=(-(0.03 * width + _MARGIN_M) * PIXELS_PER_M, (1.03 * width + _MARGIN_M) * PIXELS_PER_M),
-            y_range=(-(0.05 * depth + _MARGIN_M) * PIXELS_PER_M, (1.07 * depth + _MARGIN_M) * PIXELS_PER_M),
-        ),
+    # In a small view names would hide the robots.
+    names = {} if few else {f"/{CAR_BODIES}": [rr.Mesh3D.from_fields(), rr.Boxes3D.from_fields(show_labels=False)]}
+    hidden = _FLAT if few else (LABELS, *_FLAT)
+    site = _eye_view(f"Site {floor.name}", *_overview(scene.size_m, 2.0), hidden=hidden, overrides=names)
+    above = _from_above("From above", scene, ["/world/**", f"- /{VIEWS}/**", f"- /{CONGESTION}/**"])
+    congestion = _from_above(
+        "Stood: orange traffic, violet station, red blocked",
+        scene,
+        ["/world/boxes/**", "/world/floor/**", f"/{CONGESTION}/**", f"/{CAMERA}"],
+        margin=0.0,
     )
-    close: list[rrb.Spatial3DView | rrb.Tabs] = []
+    close: list[rrb.View | rrb.Grid] = []
     if len(scene.arm_base):
         name = floor.station_names[0] if floor.station_names else "arm_0"
-        close.append(
-            _eye_view(f"Close-up {name}", *_closeup(scene.arm_base[0]), hidden=(CAMERA, LABELS, f"{VIEWS}/**"))
-        )
-    if cameras:
-        close = [rrb.Tabs(*close, *_camera_views(scene, cameras))]
-    plans = rrb.Horizontal(above, *close, column_shares=[5, 3][: 1 + len(close)])
-    plotted = _plots(plots)
-    text = rrb.Tabs(
+        close.append(_eye_view(f"Close-up {name}", *_closeup(scene.arm_base[0]), hidden=(LABELS, *_FLAT)))
+        if cameras:
+            close += _camera_views(scene, cameras)
+    why = rrb.TextDocumentView(origin=f"/{WHY}", name="Why robots wait")
+    graph = rrb.GraphView(origin=f"/{GRAPH}", name="Waits")
+    text: list[rrb.View] = [
         rrb.TextLogView(
             origin="/log",
             name="Log",
             columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["LogLevel", "Body"]),
         ),
         rrb.TextDocumentView(origin="/about", name="About"),
-    )
+    ]
+    plotted = _plots(plots, [rrb.BarChartView(origin=f"/{PRIORITIES}", name="Priorities")] if internals else [])
     if few:
         n_lanes = len(scene.car_start) + len(scene.arm_base)
         views = rrb.Horizontal(
-            rrb.Vertical(site, plans, row_shares=[4, 3]),
+            rrb.Vertical(
+                site,
+                rrb.Horizontal(
+                    rrb.Tabs(above, congestion), rrb.Tabs(*close, graph, active_tab=0), column_shares=[5, 3]
+                ),
+                row_shares=[4, 3],
+            ),
             rrb.Vertical(
                 _lanes("Robots", "cars", "arms"),
                 _lanes("Tasks", "tasks"),
-                rrb.Horizontal(plotted, text, column_shares=[6, 5]),
-                row_shares=[(n_lanes + 1.7) * _LANE_PX, 7.0 * _LANE_PX, 190.0],
+                why,
+                rrb.Horizontal(rrb.Tabs(*plotted), rrb.Tabs(*text), column_shares=[6, 5]),
+                row_shares=[(n_lanes + 1.7) * _LANE_PX, 5.5 * _LANE_PX, 110.0, 180.0],
             ),
             column_shares=[3, 2],
         )
     else:
-        lanes = rrb.Tabs(_lanes("Cars", "cars"), _lanes("Arms", "arms"), _lanes("Tasks", "tasks"))
         views = rrb.Horizontal(
-            rrb.Vertical(site, plans, rrb.Horizontal(plotted, text, column_shares=[3, 2]), row_shares=[7, 8, 4]),
-            lanes,
-            column_shares=[7, 4],
+            rrb.Vertical(above, rrb.Horizontal(rrb.Tabs(site, *close), congestion), row_shares=[9, 5]),
+            rrb.Vertical(
+                rrb.Tabs(*_car_lanes(len(scene.car_start)), _lanes("Arms", "arms"), _lanes("Tasks", "tasks")),
+                why,
+                rrb.Tabs(graph, *plotted, *text, active_tab=0),
+                row_shares=[8, 4, 5],
+            ),
+            column_shares=[9, 5],
         )
     return rrb.Blueprint(
         views,
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="paused"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if live else "paused"),
         auto_views=False,
     )
 
 
-def _camera_views(scene: Scene, cameras: Sequence[str]) -> list[rrb.Grid | rrb.Spatial3DView]:
+def _from_above(name: str, scene: Scene, contents: list[str], *, margin: float = 1.0) -> rrb.Spatial2DView:
+    """The floor as the camera far above sees it, with a margin for names, or without."""
+    width, depth = scene.size_m
+    aside, below, over = 0.03 * margin * width, 0.05 * margin * depth, 0.07 * margin * depth
+    return rrb.Spatial2DView(
+        origin=f"/{CAMERA}",
+        name=name,
+        contents=contents,
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=(-(aside + _MARGIN_M) * PIXELS_PER_M, (width + aside + _MARGIN_M) * PIXELS_PER_M),
+            y_range=(-(below + _MARGIN_M) * PIXELS_PER_M, (depth + over + _MARGIN_M) * PIXELS_PER_M),
+        ),
+    )
+
+
+def _car_lanes(n_cars: int) -> list[rrb.StateTimelineView]:
+    """State lanes of the cars, as many to a tab as can be seen at once."""
+    tabs = []
+    for first in range(0, n_cars, _TAB_N):
+        last = min(first + _TAB_N, n_cars) - 1
+        name = "Cars" if n_cars <= _TAB_N else f"{'' if first else 'Cars '}{first}-{last}"
+        tabs.append(_lanes(name, *(f"cars/car_{car}" for car in range(first, last + 1))))
+    return tabs
+
+
+def _camera_views(scene: Scene, cameras: Sequence[str]) -> list[rrb.View | rrb.Grid]:
     """Colours and depths of all cameras side by side, and all depths as points in the scene."""
     grids = [
         rrb.Grid(
@@ -109,7 +155,7 @@ def _camera_views(scene: Scene, cameras: Sequence[str]) -> list[rrb.Grid | rrb.S
         for title, word in (("Cameras", "rgb"), ("Depths", "depth"))
     ]
     eye, target = _closeup(scene.arm_base[0])
-    cloud = _eye_view("Points seen", eye, target, hidden=(CAMERA, LABELS, "world/parcels"))
+    cloud = _eye_view("Points seen", eye, target, hidden=(LABELS, CAMERA, f"{CONGESTION}/**", "world/parcels"))
     return [*grids, cloud]
 
 
@@ -124,11 +170,11 @@ def _lanes(name: str, *kinds: str) -> rrb.StateTimelineView:
     return rrb.StateTimelineView(origin="/states", name=name, contents=contents, time_view=window)
 
 
-def _plots(titles: Sequence[str]) -> rrb.Tabs:
+def _plots(titles: Sequence[str], more: Sequence[rrb.View]) -> list[rrb.View]:
     origins = {"States": "/counts"} | {title: f"/metrics/{title}" for title in titles}
     if not titles:
         origins["Metrics"] = "/metrics"
-    return rrb.Tabs(
+    return [
         *(
             rrb.TimeSeriesView(
                 origin=origin,
@@ -137,8 +183,9 @@ def _plots(titles: Sequence[str]) -> rrb.Tabs:
                 plot_legend=rrb.PlotLegend(corner="LeftTop"),
             )
             for name, origin in origins.items()
-        )
-    )
+        ),
+        *more,
+    ]
 
 
 def _eye_view(
@@ -146,13 +193,15 @@ def _eye_view(
     eye: npt.NDArray[np.float64],
     target: npt.NDArray[np.float64],
     *,
-    hidden: tuple[str, ...] = (CAMERA, f"{VIEWS}/**"),
+    hidden: tuple[str, ...] = _FLAT,
+    overrides: Mapping[Any, Any] | None = None,
 ) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin="/world",
         name=name,
         contents=["$origin/**", *(f"- /{path}" for path in hidden)],
         line_grid=False,
+        overrides=overrides,
         eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
     )
 

@@ -40,6 +40,8 @@ STATE_COLOURS = {
     "visiting": 0xA3E635FF,
     "done": 0x166534FF,
     "failed": 0xEF4444FF,
+    "failed, cancelled": 0xEF4444FF,
+    "under way": 0x3B82F6FF,
     "cancelled": 0xA8A29EFF,
 }
 """Colours of the states of cars, arms and tasks; an unknown state gets a colour of its own from its name."""
@@ -50,7 +52,24 @@ FLOOR = 0x2A2F38FF
 LANE = 0x7B879AFF
 PARKING = 0x3A4656FF
 DOCK = 0x4A3F6BFF
-LABEL = 0xE5E7EBFF
+LABEL = 0x5B9BD5FF
+"""Legible on the dark and on the light names of a viewer."""
+
+
+RAY, HIT = 0xFB718540, 0xFB7185FF
+"""Rays of lidars, and what they hit."""
+WAIT = 0xF59E0BFF
+"""Arrows from whoever waits to whom it waits for."""
+CYCLE = 0xEF4444FF
+"""Whoever waits in a circle."""
+CAUSE_COLOURS = {
+    "traffic": 0xF59E0BFF,
+    "station": 0x8B5CF6FF,
+    "blocked": 0xEF4444FF,
+    "plan_late": 0xFACC15FF,
+    "charging": 0x14B8A6FF,
+}
+"""Colours of the causes of standing still."""
 
 
 def identity_colour(identity: int, *, value: float = 1.0, alpha: int = 255) -> int:
@@ -74,3 +93,9 @@ def packed(rgba: tuple[float, float, float, float]) -> int:
     """Pack components in [0, 1] into one integer."""
     red, green, blue, alpha = (round(255 * min(1.0, max(0.0, c))) for c in rgba)
     return (red << 24) | (green << 16) | (blue << 8) | alpha
+
+
+def cause_colour(cause: str) -> int:
+    """Colour of a cause of standing still; the same name always gets the same colour."""
+    known = CAUSE_COLOURS.get(cause)
+    return known if known is not None else state_colour(cause)

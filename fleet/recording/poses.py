@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from fleet.robots.spec import ArmSpec, CarSpec, Visual
+from fleet.recording.meshes import Mesh, link_mesh
+from fleet.robots.spec import ArmSpec, CarSpec
 
 Array = npt.NDArray[np.floating]
 LinkPoses = Mapping[str, tuple[Array, Array]]
 """Link -> positions (f, n, 3) [m] and quaternions xyzw (f, n, 4), both in the world."""
 
-_UPRIGHT = np.eye(3)
+BODY = "body"
+WHEELS = ("rear_left", "rear_right", "front_left", "front_right")
+_STEPS = 4096.0
+"""Steps of a recorded coordinate in a metre, and of a component of a quaternion in one."""
 _STRAIGHT_RAD = 1e-6
 """Below this steering angle the turning circle is taken as infinite."""
 
@@ -88,41 +91,41 @@ def ackermann_angles(spec: CarSpec, steering: Array) -> tuple[Array, Array]:
     return np.where(small, steering, left), np.where(small, steering, right)
 
 
-def car_link_poses(spec: CarSpec, poses: Array, steering: Array, wheel_angle: Array) -> LinkPoses:
+def car_link_poses(
+    spec: CarSpec, poses: Array, steering: Array, wheel_angle: Array, *, wheels: bool = True
+) -> LinkPoses:
     """Poses of the links of all cars.
 
-    'chassis' and 'tray' are the car's own frame (rear axle centre, on the floor); a wheel's frame sits in its centre
-    with +y along the axle, turned by the steering angle and then rolled.
+    The body's frame is the car's own (rear axle centre, on the floor); a wheel's frame sits in its centre with +y along
+    the axle, turned by the steering angle and then rolled.
 
     Args:
         spec: The car.
         poses: Rear-axle poses x, y, yaw, shape (f, n, 3).
         steering: Bicycle-equivalent steering [rad], shape (f, n).
         wheel_angle: Rolled angle [rad], shape (f, n).
+        wheels: Whether the wheels are wanted.
 
     Returns:
-        Poses of 'chassis', 'tray' and the four wheels.
+        Poses of the body and the four wheels.
     """
     yaw = poses[..., 2]
-    cos, sin = np.cos(yaw), np.sin(yaw)
     origin = np.stack([poses[..., 0], poses[..., 1], np.zeros_like(yaw)], axis=-1)
     heading = _about(2, yaw)
+    links: dict[str, tuple[Array, Array]] = {BODY: (origin, heading)}
+    if not wheels:
+        return links
+    cos, sin = np.cos(yaw), np.sin(yaw)
     roll = _about(1, wheel_angle)
-    steer_left, steer_right = ackermann_angles(spec, steering)
-    rear = quat_multiply(heading, roll)
-    links: dict[str, tuple[Array, Array]] = {"chassis": (origin, heading), "tray": (origin, heading)}
-    half = spec.track_m / 2
-    for link, ahead, aside, quat in (
-        ("rear_left", 0.0, half, rear),
-        ("rear_right", 0.0, -half, rear),
-        ("front_left", spec.wheelbase_m, half, quat_multiply(_about(2, yaw + steer_left), roll)),
-        ("front_right", spec.wheelbase_m, -half, quat_multiply(_about(2, yaw + steer_right), roll)),
-    ):
+    left, right = ackermann_angles(spec, steering)
+    straight = np.zeros_like(yaw)
+    turns = dict(zip(WHEELS, (straight, straight, left, right), strict=True))
+    for link, (ahead, aside) in _wheel_places(spec).items():
         centre = origin.copy()
         centre[..., 0] += cos * ahead - sin * aside
         centre[..., 1] += sin * ahead + cos * aside
         centre[..., 2] = spec.wheel_radius_m
-        links[link] = (centre, quat)
+        links[link] = (centre, quat_multiply(_about(2, yaw + turns[link]), roll))
     return links
 
 
@@ -135,7 +138,7 @@ def arm_link_poses(spec: ArmSpec, base: Array, q: Array) -> LinkPoses:
         q: Joint positions [rad], shape (f, m, n_joints).
 
     Returns:
-        Poses of 'link_0' .. 'link_<n_joints>' and of 'tool', which moves with the last link.
+        Poses of 'link_0' .. 'link_<n_joints>'.
     """
     shape = q.shape[:2]
     position = np.broadcast_to(base[:, :3], (*shape, 3))
@@ -151,54 +154,49 @@ def arm_link_poses(spec: ArmSpec, base: Array, q: Array) -> LinkPoses:
         about_z = np.array([fixed[1], -fixed[0], fixed[3], -fixed[2]])
         quat = quat_multiply(quat, fixed * cos + about_z * sin)
         links[f"link_{joint + 1}"] = (position, quat)
-    links["tool"] = links[f"link_{spec.n_joints}"]
     return links
+
+
+def snapped(values: Array) -> npt.NDArray[np.float32]:
+    """Coordinates on a grid of 2^-12, a quarter of a millimetre: what stands or drives straight repeats its bytes.
+
+    Recordings are compressed by LZ4, which finds repeated bytes and nothing else.
+    """
+    return (np.rint(values * _STEPS) / _STEPS).astype(np.float32)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """All drawings that share one shape and colour; an entity of the recording."""
+    """What is drawn of one link of all robots of a kind; an entity of the recording."""
 
-    name: str
-    mesh: Path | None
-    """None: boxes, which may differ in size and colour."""
-    visuals: tuple[Visual, ...]
-
-    def poses(self, links: LinkPoses) -> tuple[Array, Array]:
-        """Poses of all instances, ordered by visual, then robot.
-
-        Args:
-            links: Poses of the robots' links, each over (f, n).
-
-        Returns:
-            Positions (f, n_visuals * n, 3) and quaternions xyzw (f, n_visuals * n, 4).
-        """
-        positions, quats = [], []
-        for visual in self.visuals:
-            position, quat = links[visual.link]
-            matrix = visual.link_from_visual
-            if matrix[:3, 3].any():
-                position = position + quat_rotate(quat, matrix[:3, 3])
-            if not (matrix[:3, :3] == _UPRIGHT).all():
-                quat = quat_multiply(quat, quat_from_matrix(matrix))
-            positions.append(position)
-            quats.append(quat)
-        return np.concatenate(positions, axis=1), np.concatenate(quats, axis=1)
+    link: str
+    mesh: Mesh
 
 
-def parts(visuals: Sequence[Visual]) -> tuple[Part, ...]:
-    """Group visuals into parts: one per mesh and colour, and one for all boxes."""
-    groups: dict[tuple[Path | None, tuple[float, ...]], list[Visual]] = {}
-    for visual in visuals:
-        key = (visual.mesh, visual.rgba if visual.mesh is not None else ())
-        groups.setdefault(key, []).append(visual)
-    made, taken = [], set()
-    for (mesh, _), members in groups.items():
-        stem = "boxes" if mesh is None else mesh.stem
-        name, count = stem, 1
-        while name in taken:
-            count += 1
-            name = f"{stem}_{count}"
-        taken.add(name)
-        made.append(Part(name=name, mesh=mesh, visuals=tuple(members)))
-    return tuple(made)
+def car_parts(spec: CarSpec, *, wheels: bool) -> tuple[Part, ...]:
+    """Drawn parts of a car: its body and, with `wheels`, each wheel by itself; without, the body has its wheels on."""
+    own = {link: [visual for visual in spec.visuals if visual.link == link] for link in WHEELS}
+    body = [visual for visual in spec.visuals if visual.link not in own]
+    if not wheels:
+        for link, (ahead, aside) in _wheel_places(spec).items():
+            place = np.eye(4)
+            place[:3, 3] = ahead, aside, spec.wheel_radius_m
+            body += [replace(visual, link_from_visual=place @ visual.link_from_visual) for visual in own[link]]
+        own = {}
+    return tuple(Part(link=link, mesh=link_mesh(drawn)) for link, drawn in ({BODY: body} | own).items() if drawn)
+
+
+def arm_parts(spec: ArmSpec) -> tuple[Part, ...]:
+    """Drawn parts of an arm, link by link; the tool belongs to the last one."""
+    last = f"link_{spec.n_joints}"
+    links = [f"link_{k}" for k in range(spec.n_joints + 1)]
+    drawn = {link: [v for v in spec.visuals if v.link == link or (link == last and v.link == "tool")] for link in links}
+    return tuple(Part(link=link, mesh=link_mesh(visuals)) for link, visuals in drawn.items() if visuals)
+
+
+def _wheel_places(spec: CarSpec) -> dict[str, tuple[float, float]]:
+    """How far ahead of the rear axle's centre and aside of it the wheels are [m]."""
+    half = spec.track_m / 2
+    return dict(
+        zip(WHEELS, ((0.0, half), (0.0, -half), (spec.wheelbase_m, half), (spec.wheelbase_m, -half)), strict=True)
+    )

@@ -1,4 +1,4 @@
-"""RerunRecorder: writes a rerun recording from a worker thread; the simulation only hands over copies."""
+"""RerunRecorder: writes a rerun recording from a worker thread; the simulation only hands over frames."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from fleet.recording.cli import compact
 from fleet.recording.errors import RecordingError
 from fleet.recording.frame import FloorPlan, Frame, LogLine
 from fleet.world.scene import Scene
@@ -20,10 +21,12 @@ if TYPE_CHECKING:
 
 _BATCH_N = 240
 """Frames that wake the worker early; larger batches are cheaper per frame."""
-_BATCH_S = 0.5
-"""Wall time after which a smaller batch is written anyway [s]."""
+_BATCH_S = 0.3
+"""Wall time after which a smaller batch is written anyway [s]: what a killed process loses, and the time of writing."""
 _QUEUE_N = 960
 """Frames that may wait; beyond it the simulation waits (file) or frames are dropped (live)."""
+_COMPACT_N = 20
+"""Batches from which on a finished recording is worth compacting."""
 _JOIN_S = 60.0
 """Wall time that `close` gives the worker to write what is queued [s]."""
 
@@ -43,6 +46,7 @@ class RerunRecorder:
         rate_hz: Frames per simulated second at most; a slower tick records every tick.
         plots: Title -> names of the metrics drawn together; empty = all metrics in one plot.
         cameras: Names of the cameras whose views come with frames.
+        internals: Whether frames come with what the planners think.
         serve: Host a live server on 127.0.0.1.
         port: Its port.
 
@@ -61,6 +65,7 @@ class RerunRecorder:
         rate_hz: float = 30.0,
         plots: Mapping[str, Sequence[str]] | None = None,
         cameras: Sequence[str] = (),
+        internals: bool = False,
         serve: bool = False,
         port: int = 9876,
     ) -> None:
@@ -75,6 +80,7 @@ class RerunRecorder:
         self._changed = threading.Condition()
         self._closing = False
         self._failure: Exception | None = None
+        self._batches_n = 0
         self.dropped_n = 0
         """Frames that were dropped to keep a live run going."""
         self.written_n = 0
@@ -93,6 +99,7 @@ class RerunRecorder:
                 about=about,
                 plots=plots or {},
                 cameras=cameras,
+                internals=internals,
                 port=port if serve else None,
             )
         except (OSError, RuntimeError, ValueError) as error:
@@ -110,15 +117,14 @@ class RerunRecorder:
         return tick % self._every == 0
 
     def record(self, frame: Frame) -> None:
-        """Queue a copy of a frame."""
-        copy = frame.copied()
+        """Queue a frame; nobody else may change its arrays from now on."""
         with self._changed:
             if len(self._frames) >= _QUEUE_N and self._live:
                 self.dropped_n += 1
                 return
             while len(self._frames) >= _QUEUE_N and self._failure is None:
                 self._changed.wait()
-            self._frames.append(copy)
+            self._frames.append(frame)
             if len(self._frames) == _BATCH_N:
                 self._changed.notify_all()
 
@@ -128,7 +134,7 @@ class RerunRecorder:
             self._lines.append(line)
 
     def close(self) -> None:
-        """Write what is queued and the footer.
+        """Write what is queued and the footer, and compact the file.
 
         Raises:
             RecordingError: Writing failed at some time in the run, or does not come to an end.
@@ -143,6 +149,8 @@ class RerunRecorder:
             raise RecordingError(f"recording {self._path}: the writer did not finish within {_JOIN_S:.0f} s")
         if self._failure is not None:
             raise RecordingError(f"recording {self._path} is incomplete: {self._failure}") from self._failure
+        if self._batches_n >= _COMPACT_N:
+            compact(self._path)
 
     def __enter__(self) -> Self:
         return self
@@ -166,7 +174,8 @@ class RerunRecorder:
                 frames, self._frames = self._frames, []
                 lines, self._lines = self._lines, []
                 self._changed.notify_all()
-            if self._failure is None:
+            if self._failure is None and (frames or lines):
+                self._batches_n += 1
                 self._attempt(partial(self._stream.write, frames, lines))
                 self.written_n += len(frames) if self._failure is None else 0
         self._attempt(self._stream.close)

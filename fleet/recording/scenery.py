@@ -8,6 +8,7 @@ import rerun as rr
 from fleet.recording import palette
 from fleet.recording.frame import FloorPlan
 from fleet.recording.poses import Part
+from fleet.robots.spec import CarSpec
 from fleet.world.scene import Scene
 
 CAMERA = "world/top"
@@ -18,11 +19,12 @@ _CAMERA_Z = 400.0
 """So far up that the projection is nearly parallel [m]."""
 _FEW_N = 8
 """More cars than this are labelled by number alone, so that neighbours stay legible."""
+MANY_N = 30
+"""Of more cars than this the names would hide the floor: they are shown where somebody points."""
 PIXELS_PER_M = 24.0
 """Resolution of the top-down camera; labels have a fixed size in these pixels."""
 _CHEVRON_M = 0.09
 """Half length and half width of a lane's direction mark [m]."""
-_MEDIA = {".stl": rr.MediaType.STL, ".obj": rr.MediaType.OBJ}
 
 
 def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: FloorPlan) -> None:
@@ -91,42 +93,32 @@ def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: FloorPlan) -> None
     )
 
 
-def log_part(rec: rr.RecordingStream, path: str, part: Part, n_robots: int) -> None:
-    """Log the shape of a part; its instances come with the poses.
-
-    A mesh is stored once, without its texture (Asset3D reads none), tinted with the part's colour.
-    """
-    if part.mesh is not None:
-        rec.log(
-            path,
-            rr.Asset3D(
-                contents=part.mesh.read_bytes(),
-                media_type=_MEDIA[part.mesh.suffix.lower()],
-                albedo_factor=palette.packed(part.visuals[0].rgba),
-            ),
-            static=True,
-        )
-        return
+def log_part(rec: rr.RecordingStream, path: str, part: Part) -> None:
+    """Log the mesh of a part; its instances come with the poses."""
+    mesh = part.mesh
     rec.log(
         path,
-        rr.Boxes3D(
-            half_sizes=np.repeat([np.asarray(v.size_m) / 2 for v in part.visuals], n_robots, axis=0),
-            colors=_colours(np.repeat([palette.packed(v.rgba) for v in part.visuals], n_robots).tolist()),
-            fill_mode="solid",
+        rr.Mesh3D(
+            vertex_positions=mesh.positions,
+            vertex_normals=mesh.normals,
+            triangle_indices=mesh.triangles,
+            vertex_colors=mesh.colours,
         ),
         static=True,
     )
 
 
-def log_tags(rec: rr.RecordingStream, path: str, n_cars: int, size_m: tuple[float, float]) -> None:
-    """Log the coloured plates with the cars' names that lie under the cars."""
+def log_tags(rec: rr.RecordingStream, path: str, n_cars: int, spec: CarSpec) -> None:
+    """Log the coloured plates with the cars' names that lie under the bodies and move with them."""
+    length, width = spec.front_m + spec.rear_m, 2 * spec.half_width_m
     rec.log(
         path,
         rr.Boxes3D(
-            half_sizes=[(size_m[0] / 2, size_m[1] / 2, 0.004)] * n_cars,
+            centers=[((spec.front_m - spec.rear_m) / 2, 0.0, 0.012)] * n_cars,
+            half_sizes=[(length / 2, width / 2, 0.004)] * n_cars,
             colors=palette.identity_colours(range(n_cars)),
             labels=[f"car_{i}" if n_cars <= _FEW_N else str(i) for i in range(n_cars)],
-            show_labels=True,
+            show_labels=n_cars <= MANY_N,
             fill_mode="solid",
         ),
         static=True,

@@ -8,10 +8,10 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from fleet.recording.cli import quiet_environment, rerun_program
 from fleet.recording.errors import RecordingError
@@ -19,6 +19,7 @@ from fleet.recording.errors import RecordingError
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
+T = TypeVar("T")
 _PACKAGES = "mesa-vulkan-drivers libvulkan1 libgl1 libegl1"
 _START_S = 20.0
 """Wall time given to the viewer to answer [s]."""
@@ -26,7 +27,13 @@ _LOAD_S = 120.0
 """Wall time given to it to read the recording [s]."""
 _SETTLE_S = 6.5
 """Messages of the viewer stay about 5 s of painted time; plots and labels settle within it [s]."""
+_PAINTED_N = 20
+"""Paintings by which everything has loaded, on a machine that paints slowly."""
 _SOFTWARE_VULKAN = Path("/usr/share/vulkan/icd.d")
+
+
+class TooSlow(RecordingError):
+    """This machine does not paint the recording in an acceptable time."""
 
 
 def screenshot(
@@ -60,24 +67,37 @@ def screenshot(
     with _viewer(size) as client:
         client.open(str(rrd.resolve()))
         deadline = time.monotonic() + _LOAD_S
-        while client.get_state().loading:
+        while _patiently(client.get_state).loading:
             if time.monotonic() > deadline:
                 raise RecordingError(f"the viewer did not load {rrd} within {_LOAD_S:.0f} s")
             time.sleep(0.1)
         if time_s is not None:
-            client.set_time("sim_time", duration=time_s, play_state="paused")
+            _patiently(lambda: client.set_time("sim_time", duration=time_s, play_state="paused"))
         deadline = time.monotonic() + _SETTLE_S
-        while time.monotonic() < deadline:
-            client.take_screenshot(max_size=64)
+        painted_n = 0
+        while time.monotonic() < deadline or painted_n < _PAINTED_N:
+            _patiently(lambda: client.take_screenshot(max_size=64))
+            painted_n += 1
             time.sleep(0.05)
-        state = client.get_state()
+        state = _patiently(client.get_state)
         ids = {v.name: v.view_id for v in state.views}
         if view is not None and view not in ids:
             raise RecordingError(f"no view {view!r} in {rrd}; valid: {', '.join(sorted(map(str, ids)))}")
-        png.write_bytes(client.take_screenshot(view_id=None if view is None else ids[view]))
+        png.write_bytes(_patiently(lambda: client.take_screenshot(view_id=None if view is None else ids[view])))
         complaints = [f"{v.name}: {r.severity}: {r.summary}" for v in state.views for r in v.reports]
         complaints += [f"{e.level}: {e.message}" for e in client.get_logs() if e.level == "ERROR"]
         return tuple(complaints)
+
+
+def _patiently(ask: Callable[[], T]) -> T:
+    """Ask again when the viewer has not answered in the time that its client allows: painting in software is slow."""
+    deadline = time.monotonic() + _LOAD_S
+    while True:
+        try:
+            return ask()
+        except (ConnectionError, TimeoutError) as error:
+            if time.monotonic() > deadline:
+                raise TooSlow(f"the viewer did not paint within {_LOAD_S:.0f} s: {error}") from error
 
 
 @contextmanager

@@ -254,6 +254,18 @@ class DependencyGraph:
                         found.append((other, cell))
         return found
 
+    def holders(self) -> IntArray:
+        """The agent that holds each cell, -1 = nobody, shape (n_cells,)."""
+        return self._q.holder.copy()
+
+    def next_visitors(self) -> IntArray:
+        """The agent whose queued move comes first in each cell, -1 = nobody, shape (n_cells,)."""
+        q = self._q
+        found = np.full(len(q.line_first), NOBODY, dtype=np.int32)
+        cells = np.flatnonzero(q.line_first != NONE)
+        found[cells] = q.visit_agent[q.line_first[cells]]
+        return found
+
     def line(self, cell: int) -> list[tuple[int, int]]:
         """Queued moves that sweep a cell, in the order in which they may: pairs (agent, move)."""
         q = self._q

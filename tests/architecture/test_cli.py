@@ -70,6 +70,8 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         *words.split(),
         "--port",
         "80",
+        "--lidar",
+        "--internals",
         "--gui",
         "--orders",
         "o.csv",

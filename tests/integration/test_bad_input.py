@@ -73,6 +73,8 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--perception", "camera", "--fidelity", "grid"], ["--perception is 'camera'", "--fidelity physics"]),
         (["--gui", "--fidelity", "grid"], ["--gui", "--fidelity physics"]),
         (["--serve", "--no-record"], ["--serve", "without --no-record"]),
+        (["--lidar", "--no-record"], ["--lidar", "without --no-record"]),
+        (["--internals", "--no-record"], ["--internals", "without --no-record"]),
         (["--view", "--no-record"], ["--view", "without --no-record"]),
         (["--tasks", "3", "--orders", "some.csv"], ["--tasks", "without --orders"]),
         (["--stream", "tide"], ["--stream is 'tide'", "valid: poisson, waves, skewed, skewed_waves"]),

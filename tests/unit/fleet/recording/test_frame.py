@@ -10,18 +10,6 @@ from fleet.recording import Frame, NullRecorder
 Frames = Callable[[int], Iterator[Frame]]
 
 
-def test_a_copied_frame_shares_nothing_with_the_simulation(frames: Frames) -> None:
-    frame = next(frames(1))
-    copy = frame.copied()
-    before = frame.car_poses[0, 0]
-    frame.car_poses[0, 0] += 1.0
-    assert frame.paths is not None
-    frame.paths[0][0, 0] = -7.0
-    assert copy.car_poses[0, 0] == before
-    assert copy.paths is not None
-    assert copy.paths[0][0, 0] != -7.0
-
-
 def test_the_null_recorder_wants_no_frames(frames: Frames) -> None:
     with NullRecorder() as recorder:
         assert not any(recorder.due(tick) for tick in range(100))

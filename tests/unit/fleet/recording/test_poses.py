@@ -8,11 +8,13 @@ import pytest
 from fleet.recording.poses import (
     ackermann_angles,
     arm_link_poses,
+    arm_parts,
     car_link_poses,
-    parts,
+    car_parts,
     quat_from_matrix,
     quat_multiply,
     quat_rotate,
+    snapped,
 )
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
@@ -47,7 +49,7 @@ def test_product_of_quaternions_applies_the_right_one_first() -> None:
 def test_wheels_of_a_car_that_faces_north() -> None:
     car = racecar_spec()
     links = car_link_poses(car, np.array([[[2.0, 3.0, math.pi / 2]]]), np.zeros((1, 1)), np.zeros((1, 1)))
-    np.testing.assert_allclose(links["chassis"][0][0, 0], [2.0, 3.0, 0.0])
+    np.testing.assert_allclose(links["body"][0][0, 0], [2.0, 3.0, 0.0])
     np.testing.assert_allclose(links["rear_left"][0][0, 0], [1.9, 3.0, 0.05])
     np.testing.assert_allclose(links["front_right"][0][0, 0], [2.1, 3.325, 0.05])
 
@@ -84,20 +86,32 @@ def test_arm_links_equal_the_product_of_matrices() -> None:
             np.testing.assert_allclose(matrix_of(quat[f, m]), world_from_link[:3, :3], atol=1e-12)
 
 
-def test_parts_cover_every_visual_once_and_have_names_of_their_own() -> None:
-    visuals = racecar_spec().visuals
-    made = parts(visuals)
-    assert sorted(id(v) for part in made for v in part.visuals) == sorted(id(v) for v in visuals)
-    assert len({part.name for part in made}) == len(made)
-    assert [part.name for part in made if part.mesh is None] == ["boxes"]
-
-
-def test_instances_of_a_part_are_ordered_by_visual_then_robot() -> None:
+def test_parts_hold_every_triangle_whether_or_not_wheels_turn() -> None:
     car = racecar_spec()
-    links = car_link_poses(car, np.array([[[0.0, 0, 0], [5.0, 0, 0]]]), np.zeros((1, 2)), np.zeros((1, 2)))
-    boxes = next(part for part in parts(car.visuals) if part.mesh is None)
-    position, quat = boxes.poses(links)
-    n_visuals = len(boxes.visuals)
-    assert position.shape == (1, 2 * n_visuals, 3)
-    assert quat.shape == (1, 2 * n_visuals, 4)
-    np.testing.assert_allclose(position[0, 1::2] - position[0, ::2], [[5.0, 0.0, 0.0]] * n_visuals, atol=1e-12)
+    apart, together = car_parts(car, wheels=True), car_parts(car, wheels=False)
+    assert [part.link for part in apart] == ["body", "rear_left", "rear_right", "front_left", "front_right"]
+    assert [part.link for part in together] == ["body"]
+    assert sum(len(part.mesh.triangles) for part in apart) == len(together[0].mesh.triangles)
+
+
+def test_wheels_that_are_part_of_the_body_stand_where_they_would_turn() -> None:
+    car = racecar_spec()
+    links = car_link_poses(car, np.zeros((1, 1, 3)), np.zeros((1, 1)), np.zeros((1, 1)))
+    wheel = next(part for part in car_parts(car, wheels=True) if part.link == "front_left")
+    expected = wheel.mesh.positions + links["front_left"][0][0, 0]
+    body = car_parts(car, wheels=False)[0].mesh.positions
+    assert np.abs(body[:, None] - expected[::100][None]).sum(axis=2).min(axis=0).max() < 1e-6
+
+
+def test_the_tool_of_an_arm_belongs_to_its_last_link() -> None:
+    arm = iiwa_spec()
+    made = arm_parts(arm)
+    assert [part.link for part in made] == [f"link_{k}" for k in range(8)]
+    reach = made[-1].mesh.positions[:, 2].max()
+    assert reach == pytest.approx(arm.tool_length_m, abs=0.02)
+
+
+def test_snapped_coordinates_are_within_a_quarter_of_a_millimetre_and_repeat() -> None:
+    values = np.random.default_rng(0).uniform(-50.0, 50.0, 1000)
+    assert np.abs(snapped(values) - values).max() <= 0.5 / 4096 + 1e-12
+    np.testing.assert_array_equal(snapped(values + 1e-6 * np.sign(snapped(values) - values)), snapped(values))

@@ -21,6 +21,8 @@ from fleet.world.scene import Scene
 
 Frames = Callable[[int], Iterator[Frame]]
 Site = tuple[Scene, FloorPlan]
+STEP_M = 1.3e-4
+"""Half a step of the grid on which poses are recorded."""
 
 
 def open_recorder(path: Path, site: Site, **changes: object) -> RerunRecorder:
@@ -66,7 +68,7 @@ def test_a_finished_recording_verifies_and_shows_everything(recording: tuple[Pat
     assert (
         report.missing(
             *(
-                "/world/cars/chassis",
+                "/world/cars/body",
                 "/world/arms/link_7",
                 "/world/parcels",
                 "/world/paths/granted",
@@ -82,10 +84,10 @@ def test_a_finished_recording_verifies_and_shows_everything(recording: tuple[Pat
 
 def test_car_positions_are_those_of_the_frames(recording: tuple[Path, list[Frame]]) -> None:
     path, frames = recording
-    found = rows(path, "/world/cars/chassis", "InstancePoses3D:translations")
+    found = rows(path, "/world/cars/body", "InstancePoses3D:translations")
     assert list(found) == [frame.tick for frame in frames]
     for frame in frames:
-        np.testing.assert_allclose(np.array(found[frame.tick])[:, :2], frame.car_poses[:, :2], atol=1e-5)
+        np.testing.assert_allclose(np.array(found[frame.tick])[:, :2], frame.car_poses[:, :2], atol=STEP_M)
 
 
 def test_parcels_appear_and_vanish_with_colours_that_stay(recording: tuple[Path, list[Frame]]) -> None:

@@ -1,0 +1,151 @@
+"""Recording: its share of a run's computing time, the size of its file, and what a killed run loses.
+
+Shares are of computing time, so that other work on the machine matters little; the loss is wall time, and on a machine
+that is busy with other things it is theirs too.
+"""
+
+from __future__ import annotations
+
+import random
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.harness import Row, Trial
+from fleet.config import Fidelity, RunConfig
+from fleet.recording import RECORDING, NullRecorder, Recorder
+from fleet.recording.check import verify_recording
+from fleet.simulation import Simulation
+from fleet.watch import Watch, open_recorder
+from maps.site import save_site
+from maps.warehouse import generate_warehouse
+
+_SIM_S, _QUICK_S = 60.0, 10.0
+"""Simulated time of a run [s]."""
+_KILLED_AFTER_S = (2.0, 6.0)
+"""Wall time until a run is killed, from its first tick [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Run:
+    cpu_s: float
+    """Of this process, all threads, and of programs that were run and have ended, from the first tick to the file."""
+    size_mb: float
+    frames_n: int
+
+
+def measure_recording(trial: Trial) -> Iterable[Row]:
+    """Run fleets with and without recording, one after the other, and compare; kill others."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        hall = out / "hall.toml"
+        save_site(generate_warehouse(rows=44, cols=70, pick=10, drop=10, parking=110), hall)
+        sim_s = _QUICK_S if trial.quick else _SIM_S
+        for fidelity in (Fidelity.PHYSICS, Fidelity.KINEMATIC):
+            for site, robots, target in (("medium", 20, "<= 3"), (str(hall), 100, "<= 5")):
+                config = RunConfig(
+                    site=site, robots=robots, tasks=3 * robots, fidelity=fidelity, duration_s=sim_s, seed=trial.seeds[0]
+                )
+                if fidelity is Fidelity.KINEMATIC:
+                    _run(config, None)  # kernels are compiled, files are read
+                pairs = 3 if fidelity is Fidelity.KINEMATIC else 1
+                bare = [_run(config, None) for _ in range(pairs)]
+                full = [_run(config, out / RECORDING) for _ in range(pairs)]
+                off_s, on_s = min(run.cpu_s for run in bare), min(run.cpu_s for run in full)
+                where = f"{robots} cars, {fidelity}"
+                trial.check(full[0].frames_n > 0, f"{where}: the recording has no frames")
+                yield Row(name=f"recording, {where}", value=100 * (on_s / off_s - 1), unit="% of CPU", target=target)
+                yield Row(
+                    name=f"recording, {where}, a frame", value=1000 * (on_s - off_s) / full[0].frames_n, unit="ms"
+                )
+                size = "<= 10" if robots == 100 else ""
+                yield Row(name=f"file, {where}, {sim_s:g} s", value=full[0].size_mb, unit="MB", target=size)
+        yield Row(name="not recording, 20 cars", value=_idle_share(), unit="% of CPU", target="<= 0.5")
+        losses_s = [_lost(out / f"killed_{k}", random.Random(k), trial) for k in range(2 if trial.quick else 8)]
+        yield Row(name="lost by kill -9, most", value=max(losses_s), unit="s", target="<= 0.5")
+
+
+def _run(config: RunConfig, path: Path | None) -> _Run:
+    # Loading rerun is no part of the run.
+    import fleet.recording.stream  # noqa: F401
+
+    with Simulation(config) as simulation:
+        recorder: Recorder = NullRecorder() if path is None else open_recorder(simulation, path)
+        watch = Watch(simulation, recorder)
+        begin_s = _cpu_s()
+        while not simulation.finished:
+            simulation.tick()
+            watch.look()
+        recorder.close()
+        cpu_s = _cpu_s() - begin_s
+    if path is None:
+        return _Run(cpu_s=cpu_s, size_mb=0.0, frames_n=0)
+    return _Run(cpu_s=cpu_s, size_mb=path.stat().st_size / 1e6, frames_n=verify_recording(path).frames)
+
+
+def _cpu_s() -> float:
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + ended.ru_utime + ended.ru_stime
+
+
+def _idle_share() -> float:
+    """Time of the looks of a run that is not recorded, over the time of its ticks [%]."""
+    config = RunConfig(site="medium", robots=20, fidelity=Fidelity.KINEMATIC, duration_s=_QUICK_S)
+    with Simulation(config) as simulation:
+        watch = Watch(simulation, NullRecorder())
+        begin_s = time.process_time()
+        while not simulation.finished:
+            simulation.tick()
+        ticks_s = time.process_time() - begin_s
+        begin_s = time.process_time()
+        for _ in range(simulation.now):
+            watch.look()
+        return 100 * (time.process_time() - begin_s) / ticks_s
+
+
+_KILLED = """
+import os, sys, time
+from pathlib import Path
+from fleet.config import Fidelity, RunConfig
+from fleet.simulation import Simulation
+from fleet.watch import Watch, open_recorder
+config = RunConfig(site="medium", robots=20, fidelity=Fidelity.KINEMATIC, duration_s=600.0)
+with Simulation(config) as simulation:
+    watch = Watch(simulation, open_recorder(simulation, Path(sys.argv[1])))
+    for _ in range(20):  # kernels are compiled
+        simulation.tick()
+    begin_s = time.perf_counter() - simulation.sim_s
+    while not simulation.finished:
+        simulation.tick()
+        watch.look()
+        os.write(1, f"{simulation.sim_s:.6f} {time.perf_counter()}\\n".encode())
+        time.sleep(max(0.0, begin_s + simulation.sim_s - time.perf_counter()))
+"""
+
+
+def _lost(path: Path, rng: random.Random, trial: Trial) -> float:
+    """Kill a run that keeps to the clock at any time, and see how much of what it had recorded is in the file.
+
+    Returns:
+        Wall time from the last frame in the file to the last one that was made [s].
+    """
+    command = [sys.executable, "-c", _KILLED, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        if process.stdout is None:
+            raise RuntimeError("the run has no output")
+        process.stdout.readline()
+        time.sleep(rng.uniform(*_KILLED_AFTER_S))
+        process.send_signal(signal.SIGKILL)
+        ticks = np.array([line.split() for line in process.stdout if line.endswith("\n")], dtype=np.float64)
+    report = verify_recording(path)
+    trial.check(report.frames > 0, "the file of a killed run has no frames")
+    sim_s, wall_s = ticks.T
+    return float(wall_s[-1] - np.interp(report.last_sim_s, sim_s, wall_s))

@@ -1,0 +1,256 @@
+"""Coordination: who holds which cell, who waits for whom and why, and where the waiting gathers, in a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+
+from fleet.recording import palette
+from fleet.recording.columns import offsets_of, pairs, send, values, vectors
+from fleet.recording.frame import FloorPlan, Frame, Wait
+from fleet.recording.index import index_of, set_time
+from fleet.world.scene import Scene
+
+GRANTED, PLANNED = "world/cells/granted", "world/cells/planned"
+ARROWS = "world/waits"
+GRAPH, WHY = "coordination/graph", "coordination/why"
+CONGESTION = "world/congestion"
+PRIORITIES = "planner/priorities"
+_PLATE_M = {GRANTED: 0.47, PLANNED: 0.16}
+"""Half the edge of the plates on cells [m]."""
+_PLATE_Z = {GRANTED: 0.001, PLANNED: 0.002}
+_ALPHA = {GRANTED: 70, PLANNED: 110}
+_ROWS_N = 7
+"""Rows of the graph after which chains go on beside it."""
+_ARROW_Z = 0.75
+"""Over the cars, under the names of stations [m]."""
+_NODE_PX = (110.0, 34.0)
+"""Distances between nodes of the graph, along chains and across; a node with its name is 20 high."""
+_BESIDE_M = 0.6
+"""Along both axes [m]."""
+_FULL_S = 60.0
+"""Standing time in a cell from which on its plate has its full colour [s]."""
+_SEEN_S = 1.0
+"""Cells in which cars stood for less are left out [s]."""
+
+
+class Coordination:
+    """Writes what a run's robots have to do with each other.
+
+    Args:
+        rec: The open recording.
+        scene: Number and places of the robots.
+        floor: Cells and stations.
+    """
+
+    def __init__(self, rec: rr.RecordingStream, scene: Scene, floor: FloorPlan) -> None:
+        self._rec = rec
+        self._cell_xy = floor.cell_xy
+        cars = range(len(scene.car_start))
+        self._car_colours = {path: palette.identity_colours(cars, alpha=alpha) for path, alpha in _ALPHA.items()}
+        self._fixed_xy = {f"arm_{k}": base[:2] for k, base in enumerate(scene.arm_base)}
+        self._fixed_xy |= dict(zip(floor.station_names, floor.dock_xy, strict=True))
+        self._causes: set[str] = set()
+        for path, half_m in _PLATE_M.items():
+            rec.log(path, rr.Boxes3D.from_fields(half_sizes=[(half_m, half_m, 0.001)], fill_mode="solid"), static=True)
+        rec.log(ARROWS, rr.Arrows3D.from_fields(radii=0.04), static=True)
+
+    def write(self, frames: Sequence[Frame]) -> None:
+        """Append what changed in some frames."""
+        self._write_cells(GRANTED, [(frame, frame.held_by) for frame in frames if frame.held_by is not None])
+        self._write_cells(PLANNED, [(frame, frame.next_of) for frame in frames if frame.next_of is not None])
+        self._write_waits([(frame, frame.waits) for frame in frames if frame.waits is not None])
+        for frame in frames:
+            if frame.explanations is not None:
+                set_time(self._rec, frame)
+                self._rec.log(WHY, rr.TextDocument(_sentences(frame.explanations), media_type="text/markdown"))
+            if frame.stood_s is not None:
+                self._write_congestion(frame, frame.stood_s)
+            if frame.priorities is not None:
+                set_time(self._rec, frame)
+                self._rec.set_time("plan_epoch", sequence=frame.plan_epoch)
+                self._rec.log(PRIORITIES, rr.BarChart(frame.priorities))
+
+    def _write_cells(self, path: str, changes: Sequence[tuple[Frame, npt.NDArray[np.int32]]]) -> None:
+        if not changes or not len(self._cell_xy):
+            return
+        cells = [np.flatnonzero(owner >= 0) for _, owner in changes]
+        owners = np.concatenate([owner[cell] for (_, owner), cell in zip(changes, cells, strict=True)])
+        xy = self._cell_xy[np.concatenate(cells)]
+        offsets = offsets_of([len(cell) for cell in cells])
+        send(
+            self._rec,
+            path,
+            index_of([frame for frame, _ in changes]),
+            [
+                vectors("Boxes3D:centers", _at_height(xy, _PLATE_Z[path]), offsets),
+                values("Boxes3D:colors", self._car_colours[path][owners], offsets),
+            ],
+        )
+
+    def _write_waits(self, changes: Sequence[tuple[Frame, Sequence[Wait]]]) -> None:
+        """The wait-for graph, and the same as arrows over the floor; red for whoever waits in a circle."""
+        if not changes:
+            return
+        looks = [self._look(frame, waits) for frame, waits in changes]
+        index = index_of([frame for frame, _ in changes])
+        nodes = [name for look in looks for name in look.names]
+        places = np.concatenate([look.places for look in looks])
+        rows = offsets_of([len(look.names) for look in looks])
+        waits = [wait for _, some in changes for wait in some]
+        edges = offsets_of([len(some) for _, some in changes])
+        send(
+            self._rec,
+            GRAPH,
+            index,
+            [
+                values("GraphNodes:node_ids", nodes, rows),
+                vectors("GraphNodes:positions", places, rows),
+                values("GraphNodes:labels", nodes, rows),
+                values("GraphNodes:colors", np.concatenate([look.colours for look in looks]), rows),
+                pairs("GraphEdges:edges", [wait.who for wait in waits], [wait.whom for wait in waits], edges),
+            ],
+        )
+        origins = np.concatenate([look.origins for look in looks])
+        ends = np.concatenate([look.ends for look in looks])
+        send(
+            self._rec,
+            ARROWS,
+            index,
+            [
+                vectors("Arrows3D:origins", _at_height(origins, _ARROW_Z), edges),
+                vectors("Arrows3D:vectors", _at_height(ends - origins, 0.0), edges),
+                values("Arrows3D:colors", np.concatenate([look.arrow_colours for look in looks]), edges),
+            ],
+        )
+
+    def _look(self, frame: Frame, waits: Sequence[Wait]) -> _Look:
+        ring = cyclic((wait.who, wait.whom) for wait in waits)
+        xy = {f"car_{k}": pose[:2] for k, pose in enumerate(frame.car_poses)} | self._fixed_xy
+        # What is nowhere, such as a plan that is late, is drawn beside who waits for it.
+        xy |= {
+            wait.whom: self._cell_xy[wait.cell] if wait.cell >= 0 else xy[wait.who] + _BESIDE_M
+            for wait in waits
+            if wait.whom not in xy
+        }
+        names = sorted({name for wait in waits for name in (wait.who, wait.whom)})
+        inside = [wait.who in ring and wait.whom in ring for wait in waits]
+        return _Look(
+            names=names,
+            places=chains(names, {wait.who: wait.whom for wait in waits}) * _NODE_PX,
+            colours=np.array([_node_colour(name, ring) for name in names], np.uint32),
+            origins=np.array([xy[wait.who] for wait in waits]).reshape(-1, 2),
+            ends=np.array([xy[wait.whom] for wait in waits]).reshape(-1, 2),
+            arrow_colours=np.where(inside, palette.CYCLE, palette.WAIT).astype(np.uint32),
+        )
+
+    def _write_congestion(self, frame: Frame, stood_s: Mapping[str, npt.NDArray[np.float64]]) -> None:
+        """In every cell one strip per cause, as wide as its share of the time; opaque where cars stood long."""
+        total = np.sum([np.zeros(len(self._cell_xy)), *stood_s.values()], axis=0)
+        left = np.zeros(len(self._cell_xy))
+        set_time(self._rec, frame)
+        for cause, seconds in stood_s.items():
+            cells = np.flatnonzero((total >= _SEEN_S) & (seconds > 0))
+            share = seconds[cells] / total[cells]
+            if cause not in self._causes:
+                if not len(cells):
+                    continue
+                self._causes.add(cause)
+                self._rec.log(f"{CONGESTION}/{cause}", rr.Boxes3D.from_fields(fill_mode="solid"), static=True)
+            centre = self._cell_xy[cells] + np.column_stack([left[cells] + share / 2 - 0.5, np.zeros(len(cells))])
+            left[cells] += share
+            alpha = (60 + 195 * np.minimum(1.0, total[cells] / _FULL_S)).astype(np.uint32)
+            self._rec.log(
+                f"{CONGESTION}/{cause}",
+                rr.Boxes3D.from_fields(
+                    centers=_at_height(centre, 0.003),
+                    half_sizes=np.column_stack([share / 2, np.full((len(cells), 2), (0.5, 0.001))]),
+                    colors=(palette.cause_colour(cause) & 0xFFFFFF00) | alpha,
+                ),
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Look:
+    """How the waits of one moment are drawn: nodes of the graph, then arrows."""
+
+    names: list[str]
+    places: npt.NDArray[np.float64]
+    colours: npt.NDArray[np.uint32]
+    origins: npt.NDArray[np.float64]
+    ends: npt.NDArray[np.float64]
+    arrow_colours: npt.NDArray[np.uint32]
+
+
+def cyclic(edges: Iterable[tuple[str, str]]) -> frozenset[str]:
+    """Names from which a way along the edges leads back to themselves."""
+    ahead: dict[str, set[str]] = {}
+    for who, whom in edges:
+        ahead.setdefault(who, set()).add(whom)
+
+    def returns(name: str) -> bool:
+        seen: set[str] = set()
+        open_ = list(ahead[name])
+        while open_:
+            at = open_.pop()
+            if at == name:
+                return True
+            if at not in seen:
+                seen.add(at)
+                open_ += ahead.get(at, ())
+        return False
+
+    return frozenset(name for name in ahead if returns(name))
+
+
+def chains(names: Sequence[str], ahead: Mapping[str, str]) -> npt.NDArray[np.float64]:
+    """Where to draw who waits for whom: who waits stands right of whom it waits for, each chain in rows of its own.
+
+    Args:
+        names: All nodes.
+        ahead: Who waits -> whom it waits for.
+
+    Returns:
+        Column and row of each node, shape (k, 2); a circle is drawn as a chain that begins anywhere in it.
+    """
+    behind: dict[str, list[str]] = {}
+    for who, whom in ahead.items():
+        behind.setdefault(whom, []).append(who)
+    place: dict[str, tuple[float, float]] = {}
+    left, widest, row = 0.0, 0, 0
+    # Roots first; what is left then are circles.
+    for start in sorted(names, key=lambda name: name in ahead):
+        if row >= _ROWS_N:
+            left, widest, row = left + widest + 1.5, 0, 0
+        open_ = [(start, 0)]
+        while open_:
+            name, column = open_.pop()
+            if name in place:
+                continue
+            place[name] = (left + column, row)
+            widest = max(widest, column)
+            waiting = [who for who in behind.get(name, ()) if who not in place]
+            open_ += [(who, column + 1) for who in reversed(waiting)]
+            row += not waiting
+    return np.array([place[name] for name in names], dtype=np.float64).reshape(-1, 2)
+
+
+def _node_colour(name: str, ring: frozenset[str]) -> int:
+    if name in ring:
+        return palette.CYCLE
+    kind, _, number = name.partition("_")
+    return palette.identity_colour(int(number)) if kind == "car" and number.isdigit() else palette.LABEL
+
+
+def _sentences(explanations: Mapping[str, str]) -> str:
+    if not explanations:
+        return "Nobody waits."
+    return "\n\n".join(f"**{robot}**: {text.removeprefix(robot).strip()}" for robot, text in explanations.items())
+
+
+def _at_height(xy: npt.NDArray[np.floating], z: float) -> npt.NDArray[np.float64]:
+    return np.column_stack([xy.reshape(-1, 2), np.full(len(xy), z)])

@@ -1,0 +1,66 @@
+"""A live run and its viewers: dead, frozen and late ones."""
+
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from fleet.recording import RerunRecorder
+from fleet.recording.check import verify_recording
+from fleet.recording.cli import quiet_environment, rerun_program
+from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
+from tests.unit.fleet.recording.test_rerun_recorder import free_port
+
+FRAMES_N, LATE_N = 1200, 800
+
+
+@pytest.mark.parametrize("fate", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_viewer_that_dies_or_freezes_takes_nothing_with_it_and_a_late_one_sees_all(
+    tmp_path: Path, fate: signal.Signals
+) -> None:
+    scene, floor = made_up_scene(3, 4, (16.0, 12.0))
+    path, late_path = tmp_path / "a.rrd", tmp_path / "late.rrd"
+    viewers: list[subprocess.Popen[bytes]] = []
+    with quiet_environment() as environment:
+
+        def join(saved: Path) -> None:
+            """A viewer without a window, which saves what it is sent."""
+            command = [str(rerun_program()), "--connect", recorder.uri, "--save", str(saved)]
+            silent = subprocess.DEVNULL
+            viewers.append(subprocess.Popen(command, env=environment, stdout=silent, stderr=silent))
+            wait_for(lambda: saved.exists() and saved.stat().st_size > 100_000)
+
+        recorder = RerunRecorder(
+            path=path, scene=scene, floor=floor, about={}, tick_s=1 / 60, serve=True, port=free_port()
+        )
+        try:
+            with recorder:
+                for k, frame in enumerate(made_up_frames(scene, FRAMES_N)):
+                    recorder.record(frame)
+                    if k % 400 == 0:
+                        wait_for(lambda k=k: recorder.written_n > k)
+                    if k == 100:
+                        join(tmp_path / "first.rrd")
+                        viewers[0].send_signal(fate)
+                    if k == LATE_N:
+                        join(late_path)
+                wait_for(lambda: recorder.written_n == FRAMES_N)
+                wait_for(lambda: verify_recording(late_path).frames == FRAMES_N)
+        finally:
+            for viewer in viewers:
+                viewer.kill()
+                viewer.wait()
+    assert (recorder.dropped_n, recorder.written_n) == (0, FRAMES_N)
+    report = verify_recording(path)
+    assert (report.verified, report.frames) == (True, FRAMES_N)
+
+
+def wait_for(condition: Callable[[], bool], *, most_s: float = 60.0) -> None:
+    """Poll, because what happens does so in other processes."""
+    end_s = time.monotonic() + most_s
+    while not condition():
+        assert time.monotonic() < end_s, "it did not happen"
+        time.sleep(0.05)
