@@ -79,9 +79,9 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
     yield Row(name="this machine: empty Python loop", value=_calibration(), unit="1000 turns/s")
     trial.notes.append(
         f"{CONTROL_HZ:.0f} Hz control, {PHYSICS_HZ:.0f} Hz physics, {RAYS_N} rays per car, per second of CPU time of "
-        "one process, the fastest of several rounds; shares are medians. The bare loop has the same scene, robots, parcels, "
-        "rays and kind of actions; it has no contacts to judge, no orders, traffic and rewards. Figures of other machines "
-        "compare by the empty loop."
+        "one process, the fastest of several rounds; shares are medians. The bare loop has the same scene, robots, "
+        "parcels, rays and kind of actions; it has no contacts to judge, no orders, traffic and rewards. Figures of "
+        "other machines compare by the empty loop."
     )
 
 
