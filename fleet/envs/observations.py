@@ -12,7 +12,6 @@ from fleet.envs.agent_simulation import AgentSimulation
 from fleet.envs.rows import (
     ARM_N,
     CAR_N,
-    REACH_M,
     ROUTE_N,
     arm_rows,
     car_rows,
@@ -199,6 +198,3 @@ class Observer:
 def top_of(centre: FloatArray, size_m: Sequence[float] | npt.NDArray[np.float64]) -> FloatArray:
     """The point half a box's height above another point [m], shape (3,)."""
     return centre + np.array([0.0, 0.0, size_m[2] / 2])
-
-
-__all__ = ["ARM_N", "CAR_N", "MISSIONS", "REACH_M", "Observer", "top_of"]
