@@ -39,9 +39,18 @@ class Traffic:
         config: Planner, window, period, latency and budget.
         tick_s: Length of a tick [s].
         seed: Seed of the planner's tie-breaking.
+        tables: Distances of the graph with nothing blocked, that other runs know already; None = to be found.
     """
 
-    def __init__(self, graph: LaneGraph, executor: Executor, config: TrafficConfig, tick_s: float, seed: int) -> None:
+    def __init__(
+        self,
+        graph: LaneGraph,
+        executor: Executor,
+        config: TrafficConfig,
+        tick_s: float,
+        seed: int,
+        tables: DistanceTable | None = None,
+    ) -> None:
         n_cars = len(executor.tail_states())
         self.graph = graph
         self.executor = executor
@@ -61,8 +70,10 @@ class Traffic:
         """The dead car that blocks each cell, shape (n_cells,)."""
         self.landed_goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
         """The goals that the last plan was made for, shape (n_cars,)."""
-        self._free_tables: DistanceTable | None = None
-        self._set_tables()
+        self._free_tables = DistanceTable(graph, self.blocked) if tables is None else tables
+        self.tables = self._free_tables
+        """Exact distances past all that is blocked."""
+        self._ways = self.tables
         self.plans_n = 0
         self.priorities = np.zeros(n_cars)
         """What the last request ranked the cars by, the greatest first to go."""
@@ -130,8 +141,6 @@ class Traffic:
 
     def obstacle(self, state: int, goal: int) -> int:
         """The first blocked cell on what would be the shortest way to a goal, `NO_CELL` if there would be none."""
-        if self._free_tables is None:
-            self._free_tables = DistanceTable(self.graph, np.zeros_like(self.blocked))
         while state != goal:
             cell, state = self._step(self._free_tables, state, goal)
             if cell == NO_CELL or self.blocked[cell]:
@@ -162,7 +171,6 @@ class Traffic:
 
     def _set_tables(self) -> None:
         self.tables = DistanceTable(self.graph, self.blocked)
-        """Exact distances past all that is blocked."""
         self._ways = self.tables
         if self._avoided.any():
             self._ways = DistanceTable(self.graph, self.blocked, avoid=self._avoided)

@@ -12,7 +12,7 @@ from fleet.insight.causes import NONE, OWN, Cause, Column
 from fleet.insight.explain import explain
 from fleet.recording import FloorPlan, Frame, LogLine, Recorder, RerunRecorder, Wait, versions
 from fleet.roster import PHASES, CarPhase
-from fleet.sensors.lidar import Lidar
+from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 
@@ -146,7 +146,7 @@ class Watch:
         self._simulation = simulation
         self._recorder = recorder
         car = simulation.scene.car
-        self._lidar = Lidar(ahead_m=car.front_m + 0.01, height_m=car.height_m) if lidar else None
+        self._lidar = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
         self._internals = internals
         self._wheel = np.zeros(simulation.world.n_cars)
         self._rolled_s = 0.0
@@ -251,7 +251,7 @@ class Watch:
         frame.next_of = simulation.executor.dependencies.next_visitors()
         self._look_at_congestion(frame)
         if self._lidar is not None:
-            frame.scan_origins, frame.scans = self._lidar.scan(frame.car_poses, simulation.world.rays)
+            frame.scan_origins, frame.scans = self._lidar.hits(frame.car_poses, simulation.world.rays)
 
     def _look_at_lines(self, frame: Frame) -> None:
         """Ways that are granted, and ways that are planned beyond."""

@@ -84,7 +84,7 @@ class Demo:
     port: int = 9876
     """Port of --serve."""
     lidar: bool = False
-    """Record what a lidar on the nose of each car sees."""
+    """Record what a lidar on each car sees."""
     internals: bool = False
     """Record what the path planner ranks the cars by."""
     gui: bool = False

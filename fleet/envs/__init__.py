@@ -2,5 +2,5 @@
 
 from pettingzoo import register
 
-register("parallel", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:parallel_env", max_cycles=600)
-register("aec", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:env", max_cycles=600)
+register("parallel", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:parallel_env", max_cycles=1200)
+register("aec", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:env", max_cycles=1200)

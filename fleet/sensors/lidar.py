@@ -1,62 +1,131 @@
-"""Lidar: what a scanner on the nose of a car sees in its plane."""
+"""Lidar: a ring of rays around a car, in the plane of its chassis."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
+
+from fleet.sensors.errors import SensorError
 
 FloatArray = npt.NDArray[np.float64]
+
+HEIGHT_M = 0.07
+"""The plane of the rays: the middle of a chassis; walls, shelves, pedestals and the feet of arms stand in it too."""
+_CLEAR_M = 0.002
+"""Rays begin this far outside of the car's own body, which would else be all that they meet."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lidar:
-    """A scanner with rays at equal angles, symmetric about straight ahead."""
+    """Rays at even angles, the first one straight ahead, then to the left."""
 
-    ahead_m: float
-    """Of the rear axle's centre; just before the body, so that no ray begins inside it."""
-    height_m: float
-    """Over the floor."""
-    rays_n: int = 31
-    field_of_view_rad: float = np.pi
+    rays_n: int = 36
     range_m: float = 5.0
+    """Distance from the lidar at which the rays end [m]."""
+    noise_m: float = 0.01
+    """Standard deviation of a distance [m]; a ray that meets nothing has none."""
+
+    def __post_init__(self) -> None:
+        _require(36 <= self.rays_n <= 360, "rays_n", self.rays_n, "an integer from 36 to 360")
+        _require(1.0 <= self.range_m <= 100.0, "range_m", self.range_m, "a number from 1 to 100")
+        _require(0.0 <= self.noise_m <= 1.0, "noise_m", self.noise_m, "a number from 0 to 1")
+
+
+class LidarRing:
+    """The rays of one lidar on each of some cars of a model.
+
+    Args:
+        lidar: The sensor.
+        front_m: From the rear axle to the front of the body [m].
+        rear_m: From the rear axle to its back [m].
+        half_width_m: Half of its width [m].
+    """
+
+    def __init__(self, lidar: Lidar, front_m: float, rear_m: float, half_width_m: float) -> None:
+        self.lidar = lidar
+        self._ahead_m = (front_m - rear_m) / 2
+        angles = 2.0 * math.pi * np.arange(lidar.rays_n) / lidar.rays_n
+        self._angles = angles
+        along = np.abs(np.cos(angles)) / ((front_m + rear_m) / 2 + _CLEAR_M)
+        across = np.abs(np.sin(angles)) / (half_width_m + _CLEAR_M)
+        self._body_m = 1.0 / np.maximum(along, across)
 
     def rays(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Beginnings and ends of the rays of cars [m].
+        """Where the rays of cars begin and end.
 
         Args:
-            poses: Rear axles x, y, yaw, shape (n, 3).
+            poses: Rear-axle poses x, y, yaw, shape (n, 3).
 
         Returns:
-            Two arrays of shape (n * rays_n, 3), car by car, from right to left.
+            World points, each shape (n * rays_n, 3), car by car.
         """
-        half = self.field_of_view_rad / 2
-        yaw = poses[:, 2]
-        angle = yaw[:, None] + np.linspace(-half, half, self.rays_n)
-        origin = np.empty((len(poses), self.rays_n, 3))
-        origin[..., 0] = (poses[:, 0] + self.ahead_m * np.cos(yaw))[:, None]
-        origin[..., 1] = (poses[:, 1] + self.ahead_m * np.sin(yaw))[:, None]
-        origin[..., 2] = self.height_m
-        end = origin.copy()
-        end[..., 0] += self.range_m * np.cos(angle)
-        end[..., 1] += self.range_m * np.sin(angle)
-        return origin.reshape(-1, 3), end.reshape(-1, 3)
+        n = len(poses) * self.lidar.rays_n
+        origins, ends = np.empty((n, 3)), np.empty((n, 3))
+        _aim(poses, self._ahead_m, self._angles, self._body_m, self.lidar.range_m, HEIGHT_M, origins, ends)
+        return origins, ends
 
-    def scan(
+    def hits(
         self, poses: FloatArray, cast: Callable[[FloatArray, FloatArray], FloatArray]
     ) -> tuple[FloatArray, FloatArray]:
-        """Scan around cars.
+        """Scan without noise.
 
         Args:
-            poses: Rear axles x, y, yaw, shape (n, 3).
+            poses: Rear-axle poses x, y, yaw, shape (n, 3).
             cast: `World.rays`, or what answers alike.
 
         Returns:
-            Beginnings and hits of the rays that hit something [m], both (k, 3).
+            Beginnings of the rays that met something, and what they met: world points, both shape (k, 3).
         """
-        origin, end = self.rays(poses)
-        fraction = cast(origin, end)
-        hit = fraction < 1.0
-        return origin[hit], origin[hit] + fraction[hit, None] * (end[hit] - origin[hit])
+        origins, ends = self.rays(poses)
+        fractions = cast(origins, ends)
+        met = fractions < 1.0
+        return origins[met], origins[met] + fractions[met, None] * (ends[met] - origins[met])
+
+    def distances(self, fractions: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Measured distances over the range, 1 for nothing met.
+
+        Args:
+            fractions: Hit fractions of the rays, shape (n * rays_n,).
+            rng: Source of the noise.
+
+        Returns:
+            Shape (n, rays_n), in [0, 1].
+        """
+        out = np.empty((len(fractions) // self.lidar.rays_n, self.lidar.rays_n))
+        noise = rng.standard_normal(out.shape) * self.lidar.noise_m
+        _measure(fractions, noise, self._body_m, self.lidar.range_m, out)
+        return out
+
+
+@njit(cache=True)
+def _aim(poses, ahead, angles, body, reach, height, origins, ends):
+    row = 0
+    for car in range(len(poses)):
+        yaw = poses[car, 2]
+        x, y = poses[car, 0] + ahead * math.cos(yaw), poses[car, 1] + ahead * math.sin(yaw)
+        for ray in range(len(angles)):
+            along, across = math.cos(yaw + angles[ray]), math.sin(yaw + angles[ray])
+            origins[row, 0], origins[row, 1], origins[row, 2] = x + body[ray] * along, y + body[ray] * across, height
+            ends[row, 0], ends[row, 1], ends[row, 2] = x + reach * along, y + reach * across, height
+            row += 1
+
+
+@njit(cache=True)
+def _measure(fractions, noise, body, reach, out):
+    for car in range(len(out)):
+        for ray in range(len(body)):
+            fraction = fractions[car * len(body) + ray]
+            met = body[ray] + fraction * (reach - body[ray])
+            if fraction < 1.0:
+                met += noise[car, ray]
+            out[car, ray] = min(max(met / reach, 0.0), 1.0)
+
+
+def _require(ok: bool, what: str, value: object, valid: str) -> None:
+    if not ok:
+        raise SensorError(f"lidar {what} is {value!r}; valid: {valid}")
