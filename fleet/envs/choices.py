@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ ILLEGAL = -1
 """What an action becomes that is no whole number."""
 
 
-def whole_numbers(actions: Mapping[str, Any], agents: Sequence[str]) -> Longs:
+def whole_numbers(actions: Mapping[str, Any], agents: list[str]) -> Longs:
     """Actions as whole numbers in the order of the agents, shape (n,); 0 for agents that are missing.
 
     Numbers that are not whole, nan among them, become `ILLEGAL`.
@@ -23,7 +23,8 @@ def whole_numbers(actions: Mapping[str, Any], agents: Sequence[str]) -> Longs:
     Raises:
         ActionError: An action is no number, or more than one.
     """
-    values = [actions.get(agent, 0) for agent in agents]
+    in_order = len(actions) == len(agents) and list(actions) == agents
+    values = list(actions.values()) if in_order else [actions.get(agent, 0) for agent in agents]
     try:
         found = np.array(values)
         if found.shape == (len(agents), 1):

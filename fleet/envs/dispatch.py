@@ -54,10 +54,12 @@ from fleet.envs.choices import resolve_choices, whole_numbers
 from fleet.envs.dispatch_fleets import DispatchFleet, GridDispatch
 from fleet.envs.dispatch_view import DispatchObserver, DispatchView
 from fleet.envs.floor_drawing import FloorDrawing
-from fleet.envs.grid_fleet import TIMESTEP_S, Sites
+from fleet.envs.grid_fleet import TIMESTEP_S
 from fleet.envs.grid_kernel import NONE, Phase
 from fleet.envs.order_streams import episode_orders
-from maps.site import Site, load_site
+from fleet.envs.sites import check_site, is_whole, place_of
+from fleet.world.protocol import FloatArray
+from maps.site import Site
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,11 +118,8 @@ class DispatchEnv(FleetEnv):
         render_mode: str | None = None,
     ) -> None:
         arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
-        require(fidelity in list(Fidelity), "fidelity", fidelity, ", ".join(Fidelity))
-        require_site(site, fidelity)
-        n_spots = len((site if isinstance(site, Site) else load_site(site)).parking)
-        require(_is_whole(n_cars) and 1 <= n_cars <= n_spots, "n_cars", n_cars, f"1 to {n_spots} on this site")
-        require(_is_whole(candidates_n) and 1 <= candidates_n <= 64, "candidates_n", candidates_n, "1 to 64")
+        check_site(site, fidelity, n_cars)
+        require(is_whole(candidates_n) and 1 <= candidates_n <= 64, "candidates_n", candidates_n, "1 to 64")
         require(math.isfinite(load) and 0 < load <= 100, "load", load, "a number > 0, at most 100")
         whole = math.isfinite(decision_s) and decision_s >= TIMESTEP_S and decision_s % TIMESTEP_S == 0
         require(whole, "decision_s", decision_s, "a whole number of seconds, >= 1")
@@ -163,7 +162,7 @@ class DispatchEnv(FleetEnv):
         """
         if self.fleet is None:
             raise EpisodeError("state: there was no episode yet; valid: reset() first")
-        return self._rows.ravel().copy()
+        return self.observer.look(self._view)[0].ravel()
 
     @property
     def view(self) -> DispatchView:
@@ -205,13 +204,8 @@ class DispatchEnv(FleetEnv):
             )
         self.delivered_n, self.late_s = 0, 0.0
         self._idle_n = np.zeros(self._n_cars, dtype=np.int64)
-        self._look()
-        return {agent: self._info([0.0] * len(TERMS), False, False) for agent in self.possible_agents}
-
-    def _look(self) -> None:
-        assert self.fleet is not None
-        self._view = self.fleet.view(max(0.0, 1.0 - self.steps_n / self.max_cycles))
-        self._rows, self._mask, self._candidates = self.observer.look(self._view)
+        nobody = np.zeros(self._n_cars, dtype=np.bool_)
+        return self._infos(np.zeros((self._n_cars, len(TERMS))), nobody, nobody)
 
     def _resolved(self, actions: Mapping[str, Any]) -> npt.NDArray[np.int64]:
         return whole_numbers(actions, self.possible_agents)
@@ -239,62 +233,38 @@ class DispatchEnv(FleetEnv):
         terms[:, 2] = weights.empty * counts.empty
         terms[:, 3] = weights.waiting * counts.open[0] * (TIMESTEP_S / 60.0) / n
         terms[:, 4] = weights.lost * lost
-        self.steps_n += 1
-        self._look()
-        self.steps_n -= 1
         rewards = dict(zip(self.possible_agents, terms.sum(axis=1).tolist(), strict=True))
-        told = zip(self.possible_agents, terms.tolist(), lost.tolist(), (~legal).tolist(), strict=True)
-        return rewards, False, {agent: self._info(*what) for agent, *what in told}
+        return rewards, False, self._infos(terms, lost, ~legal)
 
-    def _info(self, terms: list[float], lost: bool, illegal: bool) -> dict[str, Any]:
-        info: dict[str, Any] = dict(zip(TERMS, terms, strict=True))
-        info["waits"], info["illegal"] = lost, illegal
-        return info
+    def _infos(self, terms: FloatArray, lost: npt.NDArray[np.bool_], illegal: npt.NDArray[np.bool_]) -> Infos:
+        told = zip(self.possible_agents, terms.tolist(), lost.tolist(), illegal.tolist(), strict=True)
+        return {
+            agent: {**dict(zip(TERMS, own, strict=True)), "waits": waits, "illegal": wrong}
+            for agent, own, waits, wrong in told
+        }
 
     def _observations(self) -> dict[str, Any]:
-        told = zip(self.possible_agents, self._rows.copy(), self._mask.copy(), strict=True)
+        assert self.fleet is not None
+        self._view = self.fleet.view(max(0.0, 1.0 - self.steps_n / self.max_cycles))
+        rows, masks, self._candidates = self.observer.look(self._view)
+        self._mask = masks.copy()
+        told = zip(self.possible_agents, rows, masks, strict=True)
         return {agent: {"observation": row, "action_mask": mask} for agent, row, mask in told}
 
     def _quick(self) -> Any:
         fleet = self.fleet.copy() if self.fleet is not None else None
-        return fleet and (fleet, self.delivered_n, self.late_s, self._idle_n.copy(), self.steps_n)
+        return fleet and (fleet, self.delivered_n, self.late_s, self._idle_n.copy())
 
     def _restore(self, quick: Any) -> bool:
-        fleet, self.delivered_n, self.late_s, idle_n, self.steps_n = quick
+        fleet, self.delivered_n, self.late_s, idle_n = quick
         self._end()
         self.fleet, self._idle_n = fleet.copy(), idle_n.copy()
-        self._look()
         return True
 
     def _picture(self) -> Picture:
         view = self._view
         goals = self.place.graph.state_pose[np.where(view.goal >= 0, view.goal, view.state), :2]
         return self._drawing.picture(view.pose, np.isin(view.phase, LOADED), goals)
-
-
-def require_site(site: object, fidelity: str) -> None:
-    """Refuse what is no site.
-
-    Raises:
-        ConfigError: It is neither a name nor a site, or it is a site and the fidelity is not `grid`.
-    """
-    words = "a name or a path" if fidelity != Fidelity.GRID else "a name, a path or a Site"
-    ok = isinstance(site, str) or (isinstance(site, Site) and fidelity == Fidelity.GRID)
-    require(ok, "site", getattr(site, "name", site), f"{words} (maps.site.save_site writes a file)")
-
-
-def place_of(site: str | Site) -> Sites:
-    """What a fleet needs to know of a site; of shipped ones it is worked out once in a process."""
-    return Sites.of(site) if isinstance(site, Site) else _named_place(site)
-
-
-@functools.lru_cache(maxsize=4)
-def _named_place(site: str) -> Sites:
-    return Sites.of(load_site(site))
-
-
-def _is_whole(value: object) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 parallel_env = DispatchEnv

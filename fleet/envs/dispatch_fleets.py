@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from fleet.envs.dispatch_view import DispatchView
-from fleet.envs.grid_fleet import TIMESTEP_S, GridFleet, Sites
+from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite, GridFleet
 from fleet.envs.grid_kernel import NEVER, Counts, Phase, Stage
 from fleet.tasks.order import Delivery
 
@@ -49,7 +49,7 @@ class GridDispatch:
         seed: Seed of the tie-breaking.
     """
 
-    def __init__(self, place: Sites, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
+    def __init__(self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
         self.grid = GridFleet(place, n_cars, orders, seed)
         self.counts = self.grid.counts
 

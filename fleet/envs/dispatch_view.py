@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.envs.grid_fleet import ROOM_N, TIMESTEP_S, Sites
+from fleet.envs.grid_fleet import ROOM_N, TIMESTEP_S, FleetSite
 from fleet.envs.grid_kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
 from fleet.world.protocol import FloatArray
 from planners.mapf.distance_table import UNREACHABLE
@@ -65,12 +65,9 @@ class DispatchObserver:
         candidates_n: Tasks that a car can choose from.
     """
 
-    def __init__(self, place: Sites, candidates_n: int) -> None:
+    def __init__(self, place: FleetSite, candidates_n: int) -> None:
         self._place = place
         self._k = candidates_n
-        distance = place.floor.distance[np.concatenate((place.floor.dock_row, place.floor.spot_row))]
-        self.far_n = float(distance[distance < UNREACHABLE].max())
-        """The longest way to a place, in timesteps: distances are told in units of it."""
         self.row_n = OWN_N + candidates_n * CANDIDATE_N + SUMMARY_N
         """Length of a row."""
         self._size = np.array([place.site.grid.cols, place.site.grid.rows]) * place.site.grid.cell_m
@@ -89,7 +86,13 @@ class DispatchObserver:
         mask[:, 0] = 1
         self._tell_own(view, rows)
         fill_candidates(
-            self._place.floor, view, np.lexsort((view.task, view.due_s, view.rank)), self.far_n, rows, mask, candidates
+            self._place.floor,
+            view,
+            np.lexsort((view.task, view.due_s, view.rank)),
+            self._place.far_n,
+            rows,
+            mask,
+            candidates,
         )
         rows[:, 11] = mask[:, 1]
         rows[:, OWN_N + k * CANDIDATE_N :] = self._summary(view)
@@ -124,11 +127,9 @@ class DispatchObserver:
         rows[:, 2], rows[:, 3] = np.cos(view.pose[:, 2]), np.sin(view.pose[:, 2])
         rows[:, 4:9] = view.phase[:, None] == np.arange(5)
         rows[:, 9] = view.held
-        goals = np.concatenate((floor.dock_state, floor.spot_state))
-        goal_row = np.full(len(self._place.graph.state_cell), NONE)
-        goal_row[goals] = np.concatenate((floor.dock_row, floor.spot_row))
+        goal_row = self._place.goal_row
         known = np.flatnonzero((view.goal >= 0) & (goal_row[view.goal] >= 0))
-        rows[known, 10] = floor.distance[goal_row[view.goal[known]], view.state[known]] / self.far_n
+        rows[known, 10] = floor.distance[goal_row[view.goal[known]], view.state[known]] / self._place.far_n
 
     def _summary(self, view: DispatchView) -> FloatArray:
         n = len(view.state)

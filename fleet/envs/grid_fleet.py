@@ -24,7 +24,7 @@ from fleet.stations.service_time import PRIOR_MEAN_S
 from fleet.tasks.order import Delivery
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site
-from planners.mapf.distance_table import DistanceTable
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.pibt import Stepper
 
 TIMESTEP_S = 1.0
@@ -35,16 +35,26 @@ ROOM_N = max(CAP_N + 1, round(QUEUE_S / PRIOR_MEAN_S))
 """Tasks under way to one station at once, as in any run (`fleet.allotment`)."""
 
 
+N_KINDS = 4
+"""Kinds of moves of a car: straight, left, right, reverse."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sites:
+class FleetSite:
     """What a fleet needs to know of a site, worked out once: graph, places, distances to them."""
 
     site: Site
     graph: LaneGraph
     floor: Floor
+    goal_row: npt.NDArray[np.int32]
+    """Row of `floor.distance` of each state that is a dock or a parking place, else `NONE`, shape (n_states,)."""
+    move_to: npt.NDArray[np.int32]
+    """State that a move of each `MoveKind` but turns leads to, or `NONE`, shape (n_states, 4)."""
+    far_n: int
+    """The longest way to a dock or a parking place, in timesteps."""
 
     @classmethod
-    def of(cls, site: Site) -> Sites:
+    def of(cls, site: Site) -> FleetSite:
         """Work it out."""
         graph = build_lane_graph(site)
         docks = [graph.state_at(place.dock.cell, place.dock.heading) for place in site.stations]
@@ -65,7 +75,12 @@ class Sites:
             loaded_rank_n=round(LOADED_RANK_S / TIMESTEP_S),
             urgent_rank_n=round(EMERGENCY_RANK_S / TIMESTEP_S),
         )
-        return cls(site=site, graph=graph, floor=floor)
+        goal_row, move_to = _none(graph.n_states), np.full((graph.n_states, N_KINDS), NONE, dtype=np.int32)
+        goal_row[goals] = row
+        move_to[graph.move_from, graph.move_kind] = graph.move_to
+        used = distance[row]
+        far_n = int(used[used < UNREACHABLE].max())
+        return cls(site=site, graph=graph, floor=floor, goal_row=goal_row, move_to=move_to, far_n=far_n)
 
 
 class GridFleet:
@@ -87,7 +102,7 @@ class GridFleet:
         seed: Seed of the tie-breaking of PIBT.
     """
 
-    def __init__(self, place: Sites, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
+    def __init__(self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
         self.place = place
         self.now = 0
         floor, graph = place.floor, place.graph

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -126,15 +126,15 @@ class Stations(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """What has happened since it was last asked."""
+    """What has happened since it was last asked; whole numbers on the grid."""
 
-    delivered: Ints
+    delivered: npt.NDArray[Any]
     """Deliveries of each car."""
-    late: Ints
+    late: npt.NDArray[Any]
     """Timesteps by which its deliveries were late."""
-    empty: Ints
+    empty: npt.NDArray[Any]
     """Moves it made on its way to a pick station."""
-    open: Ints
+    open: npt.NDArray[Any]
     """Sum over the timesteps of the tasks that were released and not picked, shape (1,)."""
 
 

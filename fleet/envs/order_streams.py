@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from fleet.config import RATES_PER_H, StreamConfig
-from fleet.envs.grid_fleet import TIMESTEP_S, Sites
+from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite
 from fleet.tasks.order import Delivery
 from fleet.tasks.stream import stream_orders
 
 
-def rate_per_h(place: Sites, n_cars: int, load: float) -> float:
+def rate_per_h(place: FleetSite, n_cars: int, load: float) -> float:
     """Orders per hour.
 
     Args:
@@ -30,7 +30,7 @@ def rate_per_h(place: Sites, n_cars: int, load: float) -> float:
 
 
 def episode_orders(
-    place: Sites, n_cars: int, load: float, duration_s: float, rng: np.random.Generator
+    place: FleetSite, n_cars: int, load: float, duration_s: float, rng: np.random.Generator
 ) -> tuple[Delivery, ...]:
     """Orders of one episode, ascending in release: one for each car at once, then a Poisson stream with due dates."""
     config = StreamConfig(rate_per_h=rate_per_h(place, n_cars, load))
