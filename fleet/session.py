@@ -114,13 +114,17 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         interrupted = stack.enter_context(interrupts())
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
-        recorder = stack.enter_context(_recorder(simulation, session))
+        recorder: Recorder = NullRecorder()
+        if session.record:
+            recorder = stack.enter_context(
+                open_recorder(simulation, session.out / RECORDING, serve=session.serve, port=session.port)
+            )
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         if session.serve:
             progress.say(f"live: rerun --connect rerun+http://127.0.0.1:{session.port}/proxy")
         for refusal in simulation.refused:
             progress.say(f"order refused: {refusal}")
-        watch = _Watch(simulation, recorder)
+        watch = Watch(simulation, recorder)
 
         def emit(event: Event) -> None:
             if event.kind == "allocator_note":
@@ -153,7 +157,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
 def _loop(
     simulation: Simulation,
     session: SessionConfig,
-    watch: _Watch,
+    watch: Watch,
     progress: Progress,
     started: float,
     interrupted: list[int],
@@ -179,9 +183,12 @@ def _wait_until(time_s: float, interrupted: list[int]) -> None:
         time.sleep(min(left_s, NAP_S))
 
 
-def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
-    if not session.record:
-        return NullRecorder()
+def open_recorder(simulation: Simulation, path: Path, *, serve: bool = False, port: int = 9876) -> Recorder:
+    """Begin the recording of a run; see `RerunRecorder`.
+
+    Raises:
+        RecordingError: The file cannot be opened, or the port is taken.
+    """
     site, graph = simulation.site, simulation.graph
     centres = site.grid.cell_xy
     floor = FloorPlan(
@@ -193,7 +200,7 @@ def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
         parking_xy=centres(list(site.parking)),
     )
     return RerunRecorder(
-        path=session.out / RECORDING,
+        path=path,
         scene=simulation.scene,
         floor=floor,
         about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
@@ -201,12 +208,12 @@ def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
         plots={"speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)}
         | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
         cameras=floor.station_names if simulation.config.perception is Perception.CAMERA else (),
-        serve=session.serve,
-        port=session.port,
+        serve=serve,
+        port=port,
     )
 
 
-class _Watch:
+class Watch:
     """Turns the state of the run into frames for the recorder."""
 
     def __init__(self, simulation: Simulation, recorder: Recorder) -> None:

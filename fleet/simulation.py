@@ -42,6 +42,7 @@ from fleet.world.site_scene import scene_of
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, load_site
 from planners.mapf import PLANNERS
+from planners.mapf.distance_table import DistanceTable
 
 STALL_S = 300.0
 """A run whose tasks have not changed for this long has come to a stand [s]."""
@@ -75,12 +76,56 @@ class Actions:
     """Hold, shape (n_arms,); read only for arms that `arms` decides."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """What runs with as many cars on the same site have in common, and may hand on from one to the next."""
+
+    site: Site
+    graph: LaneGraph
+    start_states: npt.NDArray[np.int32]
+    """Lane-graph state of each car at the start, shape (n_cars,)."""
+    scene: Scene
+    tables: DistanceTable
+    """Distances with nothing blocked."""
+    world: World | None = None
+    """The world to run in, as it was when it was made; None = a new one."""
+
+    @staticmethod
+    def of(config: RunConfig) -> Ground:
+        """The ground of a run.
+
+        Raises:
+            ConfigError: The site has no room for that many robots.
+            SiteError: The site cannot be read.
+        """
+        site = load_site(config.site)
+        require(
+            config.robots <= len(site.parking),
+            "--robots",
+            config.robots,
+            f"1 to {len(site.parking)} (parking cells of site {site.name})",
+        )
+        graph = build_lane_graph(site)
+        start_states = np.array(
+            [graph.states_of_cell(cell)[0] for cell in site.parking[: config.robots]], dtype=np.int32
+        )
+        return Ground(
+            site=site,
+            graph=graph,
+            start_states=start_states,
+            scene=scene_of(site, graph.state_pose[start_states], config.grip, config.arms),
+            tables=DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)),
+        )
+
+
 class Simulation:
     """One run of a fleet.
 
     Args:
         config: Everything that decides the outcome.
         on_event: Called with every event as it happens.
+        ground: What `Ground.of` gives for this configuration, if it is known already; its world is not closed by the
+            run.
 
     Raises:
         ConfigError: The site has no room for that many robots, or no planner or allocator has that name.
@@ -92,15 +137,12 @@ class Simulation:
     traffic_type: type[Traffic] = Traffic
     """Who gives tasks out, and who plans the moves; environments put agents in their place."""
 
-    def __init__(self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None) -> None:
+    def __init__(
+        self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None, ground: Ground | None = None
+    ) -> None:
         self.config = config
-        self.site: Site = load_site(config.site)
-        require(
-            config.robots <= len(self.site.parking),
-            "--robots",
-            config.robots,
-            f"1 to {len(self.site.parking)} (parking cells of site {self.site.name})",
-        )
+        ground = ground or Ground.of(config)
+        self.site: Site = ground.site
         traffic, allocation = config.traffic, config.allocation
         chargers_n = config.battery.chargers_n or 1
         known = len(self.site.chargers)
@@ -114,11 +156,9 @@ class Simulation:
         require_allocator(allocation.allocator, "--allocator")
         self.on_event = on_event
         orders_seed, estimate_seed, traffic_seed, askew_seed = np.random.SeedSequence(config.seed).spawn(4)
-        self.graph: LaneGraph = build_lane_graph(self.site)
-        start_states = np.array(
-            [self.graph.states_of_cell(cell)[0] for cell in self.site.parking[: config.robots]], dtype=np.int32
-        )
-        self.scene: Scene = scene_of(self.site, self.graph.state_pose[start_states], config.grip, config.arms)
+        self.graph: LaneGraph = ground.graph
+        start_states = ground.start_states
+        self.scene: Scene = ground.scene
         self.abilities = self._abilities()
         book = self._orders(np.random.default_rng(orders_seed))
         self.orders, self.refused = book.orders, book.refused
@@ -126,15 +166,22 @@ class Simulation:
         with ExitStack() as undo:
             # A run that is refused leaves no planning process behind.
             undo.callback(self.arm_planner.close)
-            self.world: World = make_world(self.scene, self.graph, config)
-            undo.callback(self.world.close)
+            self._owns_world = ground.world is None
+            self.world: World = ground.world or make_world(self.scene, self.graph, config)
+            if self._owns_world:
+                undo.callback(self.world.close)
             self.tick_s = self.world.tick_s
             self.now = 0
             self._progress_s = 0.0
             self.driver: Driver = self._driver(start_states, np.random.default_rng(estimate_seed))
             self.executor = Executor(self.graph, start_states, self.driver, config.traffic, self.log)
             self.traffic = self.traffic_type(
-                self.graph, self.executor, config.traffic, self.tick_s, int(traffic_seed.generate_state(1)[0])
+                self.graph,
+                self.executor,
+                config.traffic,
+                self.tick_s,
+                int(traffic_seed.generate_state(1)[0]),
+                ground.tables,
             )
             self.board = TaskBoard(self.orders, self._task_moved)
             self.batches = Batches(self.board.tasks, self.log)
@@ -300,7 +347,8 @@ class Simulation:
 
     def close(self) -> None:
         """Free the world and the planning process; calling twice is harmless."""
-        self.world.close()
+        if self._owns_world:
+            self.world.close()
         self.arm_planner.close()
 
     def __enter__(self) -> Simulation:

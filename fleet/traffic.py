@@ -35,9 +35,18 @@ class Traffic:
         config: Planner, window, period, latency and budget.
         tick_s: Length of a tick [s].
         seed: Seed of the planner's tie-breaking.
+        tables: Distances of the graph with nothing blocked, that other runs know already; None = to be found.
     """
 
-    def __init__(self, graph: LaneGraph, executor: Executor, config: TrafficConfig, tick_s: float, seed: int) -> None:
+    def __init__(
+        self,
+        graph: LaneGraph,
+        executor: Executor,
+        config: TrafficConfig,
+        tick_s: float,
+        seed: int,
+        tables: DistanceTable | None = None,
+    ) -> None:
         n_cars = len(executor.tail_states())
         self.graph = graph
         self.executor = executor
@@ -53,7 +62,9 @@ class Traffic:
         self._blocked_n = np.zeros(graph.n_cells, dtype=np.int64)
         self._dead_cells: dict[int, list[int]] = {}
         self._avoided = np.zeros(graph.n_cells, dtype=np.bool_)
-        self._set_tables()
+        self.tables = DistanceTable(graph, self.blocked) if tables is None else tables
+        """Exact distances past all that is blocked."""
+        self._ways = self.tables
         self.plans_n = 0
         self._planner = PLANNERS[config.planner](seed=seed)
         self._config = config
@@ -114,7 +125,6 @@ class Traffic:
 
     def _set_tables(self) -> None:
         self.tables = DistanceTable(self.graph, self.blocked)
-        """Exact distances past all that is blocked."""
         self._ways = self.tables
         if self._avoided.any():
             self._ways = DistanceTable(self.graph, self.blocked, avoid=self._avoided)

@@ -118,6 +118,11 @@ class AgentDesk(ArmDesk):
         else:
             super().submit(request, tick)
 
+    @property
+    def awaits_plans(self) -> bool:
+        """Whether a plan was asked for that has not landed yet."""
+        return bool(self._due)
+
     def transfer(self, arm: int) -> TransferRequest | None:
         """What the agent of an arm is asked to do now."""
         service = self.services[arm]

@@ -7,6 +7,7 @@ from collections import deque
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from fleet.config import EstimateConfig
 from fleet.driving import AT_REST_MPS, OFF_LANE_M, OFF_LANE_RAD, RELEASE_M, PathDriver
@@ -16,6 +17,8 @@ from maps.lane_graph import LaneGraph, MoveKind
 
 GATE_M = 0.5
 """Depth of a state's gate along its heading: at 2 m/s and 20 ticks per second no car jumps over it [m]."""
+_GATES_N = 8
+"""Gates that are watched at once; a car holds grants for fewer moves."""
 STOP_M, STOP_RAD = 0.05, 0.1
 """A standing car is at its stop when it is this close and this straight: planned arms served 118 of 120 such trays."""
 
@@ -49,16 +52,24 @@ class AgentDriver(PathDriver):
         by_agent: npt.NDArray[np.bool_],
     ) -> None:
         super().__init__(graph, spec, graph.state_pose[start_states], tick_s, config, rng)
+        n_cars = len(start_states)
         self._wheelbase_m = spec.wheelbase_m
         self._tick_s = tick_s
         self._by_agent = by_agent
-        self._reached = start_states.tolist()
+        self._is_agent: list[bool] = by_agent.tolist()
+        self._reached: list[int] = start_states.tolist()
         self._moves: list[deque[int]] = [deque() for _ in self._reached]
+        self._gates = np.zeros((n_cars, _GATES_N, 4))  # pose of each granted state, 1 if it is driven to backwards
+        self._gates_n = np.zeros(n_cars, dtype=np.int64)
+        self._passed = np.zeros(n_cars, dtype=np.int64)
+        self.stale: set[int] = set(range(n_cars))
+        """Cars whose granted moves have changed since whoever draws their routes looked last, and took them out."""
 
     def append(self, car: int, move: int) -> None:
         """See `Driver`."""
-        if self._by_agent[car]:
+        if self._is_agent[car]:
             self._moves[car].append(move)
+            self._set_gates(car)
         else:
             super().append(car, move)
 
@@ -71,26 +82,28 @@ class AgentDriver(PathDriver):
     def finished(self) -> list[int]:
         """See `Driver`."""
         done = super().finished()
-        for car in np.flatnonzero(self._by_agent).tolist():
-            moves = self._moves[car]
-            # Whoever passes a later gate has cut a corner, and is through the earlier ones too.
-            passed = max((k for k, move in enumerate(moves, start=1) if self._passes(car, move)), default=0)
-            for _ in range(passed):
-                self._reached[car] = int(self._graph.move_to[moves.popleft()])
-                done.append(car)
+        if _count_passed(self.estimate, self._gates, self._gates_n, self._passed):
+            for car in np.flatnonzero(self._passed).tolist():
+                moves = self._moves[car]
+                for _ in range(int(self._passed[car])):
+                    self._reached[car] = int(self._graph.move_to[moves.popleft()])
+                    done.append(car)
+                self._set_gates(car)
         return done
 
     def at_rest(self, car: int) -> bool:
         """See `Driver`."""
-        if not self._by_agent[car]:
+        if not self._is_agent[car]:
             return super().at_rest(car)
-        ahead, left, turn = self._offset(car, self._reached[car])
-        near = math.hypot(ahead, left) < STOP_M and abs(turn) < STOP_RAD
-        return bool(near and not self._moves[car] and abs(self._speeds[car]) < AT_REST_MPS)
+        if self._moves[car] or abs(self._speeds[car]) >= AT_REST_MPS:
+            return False
+        x, y, yaw = self._graph.state_pose[self._reached[car]].tolist()
+        at_x, at_y, at_yaw = self.estimate[car].tolist()
+        return math.hypot(at_x - x, at_y - y) < STOP_M and abs(math.remainder(at_yaw - yaw, math.tau)) < STOP_RAD
 
     def remaining(self, car: int) -> FloatArray:
         """See `Driver`; from the last state reached, so that a car off its lane sees where to come back to."""
-        if not self._by_agent[car]:
+        if not self._is_agent[car]:
             return super().remaining(car)
         graph = self._graph
         if not self._moves[car]:
@@ -100,7 +113,7 @@ class AgentDriver(PathDriver):
 
     def off_lane(self) -> list[int]:
         """See `Driver`; nobody brings back the car of an agent."""
-        return [car for car in super().off_lane() if not self._by_agent[car]]
+        return [] if self._by_agent.all() else [car for car in super().off_lane() if not self._is_agent[car]]
 
     def next_state(self, car: int) -> int:
         """State at the end of an agent's car's current granted move; the last one reached if it holds no grant."""
@@ -117,14 +130,40 @@ class AgentDriver(PathDriver):
         poses[:, 2] += distance * np.tan(world.car_steering()) / self._wheelbase_m
         return poses
 
-    def _passes(self, car: int, move: int) -> bool:
-        ahead, left, turn = self._offset(car, int(self._graph.move_to[move]))
-        beyond = -ahead if self._graph.move_kind[move] == MoveKind.REVERSE else ahead
-        return -RELEASE_M <= beyond <= GATE_M and abs(left) <= OFF_LANE_M and abs(turn) <= OFF_LANE_RAD
+    def moves(self, car: int) -> tuple[int, ...]:
+        """Granted moves of an agent's car, the current one first."""
+        return tuple(self._moves[car])
 
-    def _offset(self, car: int, state: int) -> tuple[float, float, float]:
-        """Where a car is believed to be in the frame of a state: metres ahead and to the left, turn [rad]."""
-        x, y, yaw = self._graph.state_pose[state]
-        dx, dy, turn = self.estimate[car] - (x, y, yaw)
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        return cos * dx + sin * dy, cos * dy - sin * dx, math.remainder(turn, 2.0 * math.pi)
+    def reached(self, car: int) -> int:
+        """State that an agent's car has reached last."""
+        return self._reached[car]
+
+    def _set_gates(self, car: int) -> None:
+        """Put up the gates of the first granted moves; the others follow when these are passed."""
+        graph = self._graph
+        near = list(self._moves[car])[:_GATES_N]
+        self._gates_n[car] = len(near)
+        for k, move in enumerate(near):
+            self._gates[car, k, :3] = graph.state_pose[graph.move_to[move]]
+            self._gates[car, k, 3] = graph.move_kind[move] == MoveKind.REVERSE
+        self.stale.add(car)
+
+
+@njit(cache=True)
+def _count_passed(estimate, gates, gates_n, passed):
+    """Count the gates that each car is through, up to the farthest it passes now: who passes a later gate has cut a
+    corner, and is through the earlier ones too. Returns whether any car passes one."""
+    some = False
+    for car in range(len(estimate)):
+        passed[car] = 0
+        for k in range(gates_n[car]):
+            yaw = gates[car, k, 2]
+            cos, sin = math.cos(yaw), math.sin(yaw)
+            dx, dy = estimate[car, 0] - gates[car, k, 0], estimate[car, 1] - gates[car, k, 1]
+            ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+            turn = (estimate[car, 2] - yaw + math.pi) % (2.0 * math.pi) - math.pi
+            beyond = -ahead if gates[car, k, 3] else ahead
+            if -RELEASE_M <= beyond <= GATE_M and abs(left) <= OFF_LANE_M and abs(turn) <= OFF_LANE_RAD:
+                passed[car] = k + 1
+                some = True
+    return some

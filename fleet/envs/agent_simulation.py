@@ -6,40 +6,46 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import Fidelity, RunConfig, require
-from fleet.envs.agent_desk import AgentDesk, NoPlanner
+from fleet.envs.agent_desk import AgentDesk
 from fleet.envs.agent_driver import AgentDriver
-from fleet.simulation import Simulation
+from fleet.simulation import Ground, Simulation
 from fleet.stations.arm_desk import ArmPlanner
 
 
 class AgentSimulation(Simulation):
     """A `Simulation` whose driver and desk watch what agents do; every tick needs their `Actions`.
 
-    Orders, allocation, right of way and the judgement of transfers are those of any run.
+    Orders, allocation, right of way and the judgement of transfers are those of any run. It leaves its world and its
+    arm planner open, for the next episode.
 
     Args:
         config: Everything that decides the outcome, but for the actions.
-        cars: True if agents drive the cars.
-        arms: True if agents move the arms.
+        ground: Site and world.
+        planner: Plans for the arms that are not agents'; its answers depend on the requests alone.
+        cars_n: Cars that agents drive, first ones first.
+        arms_n: Arms that agents move, first ones first.
 
     Raises:
-        ConfigError: The grid has no steering to decide about, or the site has no room for that many robots.
+        ConfigError: The grid has no steering to decide about.
     """
 
     driver: AgentDriver
     desk: AgentDesk
 
-    def __init__(self, config: RunConfig, *, cars: bool, arms: bool) -> None:
+    def __init__(self, config: RunConfig, *, ground: Ground, planner: ArmPlanner, cars_n: int, arms_n: int) -> None:
         require(config.fidelity is not Fidelity.GRID, "fidelity", str(config.fidelity), "kinematic, physics")
-        self.cars_by_agent = cars
-        self.arms_by_agent = arms
-        super().__init__(config)
+        self.cars_n = cars_n
+        self.arms_n = arms_n
+        self._planner = planner
+        super().__init__(config, ground=ground)
+
+    def close(self) -> None:
+        """Nothing to free: world and planner are not its own."""
 
     def _arm_planner(self) -> ArmPlanner:
-        return NoPlanner() if self.arms_by_agent else super()._arm_planner()
+        return self._planner
 
     def _desk(self) -> AgentDesk:
-        by_agent = frozenset(range(self.world.n_arms)) if self.arms_by_agent else frozenset()
         scene = self.scene
         return AgentDesk(
             self.arm_planner,
@@ -48,7 +54,7 @@ class AgentSimulation(Simulation):
             scene.arm_start,
             self.tick_s,
             lost=self._parcel_lost,
-            by_agent=by_agent,
+            by_agent=frozenset(range(self.arms_n)),
         )
 
     def _driver(self, start_states: npt.NDArray[np.int32], rng: np.random.Generator) -> AgentDriver:
@@ -59,5 +65,5 @@ class AgentSimulation(Simulation):
             self.tick_s,
             self.config.estimate,
             rng,
-            by_agent=np.full(len(start_states), self.cars_by_agent),
+            by_agent=np.arange(len(start_states)) < self.cars_n,
         )

@@ -54,7 +54,7 @@ class EnvState:
     """Those it was made with, but for how it is shown."""
     seed: int
     """Of the episode, as `FleetEnv._begin` takes it."""
-    series: dict[str, Any]
+    series: Mapping[str, Any]
     """Where the series of episodes goes on, as numpy tells the state of a generator."""
     actions: tuple[Any, ...]
     """What `FleetEnv._advance` was given so far."""

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.agent_simulation import AgentSimulation
+from fleet.simulation import Simulation
 from fleet.world.protocol import FloatArray
 from planners.motion.kinematics import link_frames
 
@@ -35,7 +35,7 @@ class Drawing:
         simulation: The run.
     """
 
-    def __init__(self, simulation: AgentSimulation) -> None:
+    def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         width_m, height_m = simulation.scene.size_m
         self._scale = max(8, min(MAX_SCALE_PX, int(WIDTH_PX / max(width_m, height_m))))

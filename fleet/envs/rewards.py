@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
+import numpy.typing as npt
 
 from fleet.envs.agent_simulation import AgentSimulation
-from fleet.envs.observations import Observer, top_of
+from fleet.envs.observations import Observer
 from fleet.simulation import Event
 from fleet.tasks.board import TaskState
+from fleet.world.protocol import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
 class RewardWeights:
-    """What things are worth."""
+    """What things are worth; the terms of an agent's reward, by name."""
 
     progress: float = 1.0
     """Per metre: a car comes nearer to its goal; an arm's tip to its parcel, and the parcel to its place."""
@@ -23,13 +25,25 @@ class RewardWeights:
     """Per parcel set into a tray, for every agent."""
     delivered: float = 10.0
     """Per parcel set on its slot, for every agent."""
+    failed: float = -10.0
+    """Per task that has failed, for every agent."""
     contact: float = -1.0
     """Per new contact between robots or with walls, shelves and pedestals, for every agent."""
+    effort: float = 0.0
+    """Per second at full action: the mean of the squares of an agent's entries, grip left out."""
+    time: float = 0.0
+    """Per second of the episode, for every agent."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (isinstance(value, int | float) and math.isfinite(value)):
+                raise ValueError(f"weight {field.name} is {value!r}; valid: a number")
 
 
-TERMS = ("progress", "loaded", "delivered", "contact")
+TERMS = tuple(field.name for field in fields(RewardWeights))
 """Names of the terms."""
-_WORK = {TaskState.CARRIED: "loaded", TaskState.DELIVERED: "delivered"}
+_WORK = {TaskState.CARRIED: 0, TaskState.DELIVERED: 1, TaskState.FAILED: 2}
 
 
 class Rewards:
@@ -40,77 +54,71 @@ class Rewards:
 
     Args:
         simulation: The run, before its first tick.
-        observer: Knows where parcels should go.
+        observer: Has looked at it.
         weights: What things are worth.
+        step_s: Length of a step [s].
     """
 
-    def __init__(self, simulation: AgentSimulation, observer: Observer, weights: RewardWeights) -> None:
+    def __init__(self, simulation: AgentSimulation, observer: Observer, weights: RewardWeights, step_s: float) -> None:
         self._simulation = simulation
         self._observer = observer
-        self._weights = weights
-        self._work = dict.fromkeys(_WORK.values(), 0)
+        self._weights = np.array([getattr(weights, term) for term in TERMS])
+        self._step_s = step_s
+        self._work = [0, 0, 0]
         self._contacts = 0
-        self._cars = self._car_distances()
-        self._arms = self._arm_distances()
+        n = simulation.cars_n + simulation.arms_n
+        self._keys = np.full(n, -1, dtype=np.int64)
+        self._ways = np.zeros(n)
+        self._lanes: list[tuple[int, int, float]] = [(-1, -1, 0.0)] * simulation.cars_n
+        self._measure()
         simulation.on_event = self._count
 
-    def step(self) -> tuple[list[dict[str, float]], list[dict[str, float]]]:
-        """Terms since the last call, weighted: one dictionary per car, one per arm."""
-        weights, contacts = self._weights, self._simulation.world.contacts()
+    def step(self, efforts: FloatArray) -> npt.NDArray[np.float64]:
+        """Weighted terms since the last call, in the order of `TERMS`.
+
+        Args:
+            efforts: Mean squares of the agents' actions, cars first, shape (n_agents,).
+
+        Returns:
+            Shape (n_agents, n_terms), cars first.
+        """
+        contacts = self._simulation.world.contacts()
         touched = contacts.robot + contacts.static
-        shared = {
-            "loaded": weights.loaded * self._work["loaded"],
-            "delivered": weights.delivered * self._work["delivered"],
-            "contact": weights.contact * (touched - self._contacts),
-        }
-        self._contacts = touched
-        self._work = dict.fromkeys(self._work, 0)
-        cars, arms = self._car_distances(), self._arm_distances()
-        car_terms = [{"progress": weights.progress * gain, **shared} for gain in _gains(self._cars, cars)]
-        arm_terms = [{"progress": weights.progress * gain, **shared} for gain in _gains(self._arms, arms)]
-        self._cars, self._arms = cars, arms
-        return car_terms, arm_terms
+        terms = np.empty((len(self._keys), len(TERMS)))
+        keys, ways = self._keys, self._ways
+        self._measure()
+        terms[:, 0] = np.where(keys == self._keys, ways - self._ways, 0.0)
+        terms[:, 1:4] = self._work
+        terms[:, 4] = touched - self._contacts
+        terms[:, 5] = efforts * self._step_s
+        terms[:, 6] = self._step_s
+        self._contacts, self._work = touched, [0, 0, 0]
+        return terms * self._weights + 0.0  # + 0.0: no negative zeros
 
     def _count(self, event: Event) -> None:
         if event.kind == "task" and event.facts["state"] in _WORK:
             self._work[_WORK[TaskState(str(event.facts["state"]))]] += 1
 
-    def _car_distances(self) -> list[tuple[int, float]]:
-        """Goal of each car and the way there: straight to its next granted state, then along the lanes [m]."""
-        simulation = self._simulation
-        traffic, graph = simulation.traffic, simulation.graph
-        poses = simulation.world.car_poses()
-        found = []
-        for car, goal in enumerate(traffic.goals.tolist()):
-            state = simulation.driver.next_state(car) if simulation.cars_by_agent else -1
-            if goal < 0 or state < 0:
-                found.append((-1, 0.0))
-                continue
-            straight_m = math.hypot(*(graph.state_pose[state, :2] - poses[car, :2]))
-            # One move of the lane graph is one cell.
-            lanes_m = float(traffic.tables.to(goal)[state]) * simulation.site.grid.cell_m
-            found.append((goal, straight_m + lanes_m))
-        return found
-
-    def _arm_distances(self) -> list[tuple[int, float]]:
-        """Transfer of each arm, and the way of its tip to the parcel and of the parcel to its place [m]."""
-        simulation = self._simulation
-        world = simulation.world
-        found = []
-        tips = self._observer.tips() if simulation.arms_by_agent else np.empty((0, 3))
-        for arm in range(world.n_arms):
-            transfer = simulation.desk.transfer(arm)
-            if transfer is None:
-                found.append((-1, 0.0))
-                continue
-            centre = world.parcel_poses()[int(np.searchsorted(world.parcel_ids(), transfer.parcel)), :3]
-            way_m = np.linalg.norm(top_of(centre, transfer.size_m) - tips[arm]) + np.linalg.norm(
-                self._observer.place(transfer) - centre
-            )
-            found.append((2 * transfer.parcel + (transfer.place_via < 0), float(way_m)))
-        return found
-
-
-def _gains(before: list[tuple[int, float]], after: list[tuple[int, float]]) -> list[float]:
-    """How much shorter the ways to unchanged goals have become [m]."""
-    return [was[1] - now[1] if was[0] == now[0] else 0.0 for was, now in zip(before, after, strict=True)]
+    def _measure(self) -> None:
+        """What each agent is about, and the way that is left: of a car straight to its next state, then along lanes."""
+        simulation, observer = self._simulation, self._observer
+        cars_n = simulation.cars_n
+        keys, ways = np.full(len(self._keys), -1, dtype=np.int64), np.zeros(len(self._keys))
+        if cars_n:
+            state_pose, driver = simulation.graph.state_pose, simulation.driver
+            poses = observer.poses
+            for car, goal in enumerate(simulation.traffic.goals[:cars_n].tolist()):
+                if goal < 0:
+                    continue
+                state = driver.next_state(car)
+                known = self._lanes[car]
+                if known[:2] != (goal, state):
+                    # One move of the lane graph is one cell.
+                    moves_n = float(simulation.traffic.tables.to(goal)[state])
+                    known = self._lanes[car] = (goal, state, moves_n * simulation.site.grid.cell_m)
+                x, y, _ = state_pose[state].tolist()
+                keys[car], ways[car] = goal, known[2] + math.hypot(x - poses[car, 0], y - poses[car, 1])
+        for arm in range(simulation.arms_n):
+            keys[cars_n + arm] = observer.transfer_key(arm)
+        ways[cars_n:] = observer.arm_ways
+        self._keys, self._ways = keys, np.where(keys >= 0, ways, 0.0)

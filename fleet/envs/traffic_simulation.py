@@ -19,6 +19,7 @@ from fleet.tasks.order import Delivery
 from fleet.traffic import NO_GOAL, Traffic
 from fleet.world.protocol import FloatArray
 from maps.lane_graph import LaneGraph
+from planners.mapf.distance_table import DistanceTable
 from planners.mapf.problem import Plan
 from planners.status import Status
 
@@ -33,8 +34,16 @@ class AgentTraffic(Traffic):
     that the dependency graph allows, whatever their speeds, so nobody collides whatever agents do.
     """
 
-    def __init__(self, graph: LaneGraph, executor: Executor, config: TrafficConfig, tick_s: float, seed: int) -> None:
-        super().__init__(graph, executor, config, tick_s, seed)
+    def __init__(
+        self,
+        graph: LaneGraph,
+        executor: Executor,
+        config: TrafficConfig,
+        tick_s: float,
+        seed: int,
+        tables: DistanceTable | None = None,
+    ) -> None:
+        super().__init__(graph, executor, config, tick_s, seed, tables)
         self.wanted: Ints | None = None
         """Where each car wishes to go; None once that is decided."""
         self.granted = np.ones(len(self.goals), dtype=np.bool_)

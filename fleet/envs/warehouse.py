@@ -5,14 +5,18 @@ actions take the place of the path follower and of the arm planner. An episode b
 `tasks` deliveries on order. It terminates for all agents when every task is delivered or has failed, and is
 truncated for all after `max_cycles` steps.
 
-Agents: `car_0`, `car_1`, ... and `arm_0`, `arm_1`, ... (one arm per station of the site, pick stations first).
+Agents: `car_0`, `car_1`, ... and `arm_0`, `arm_1`, ... (one arm per station of the site, pick stations first). Arms
+beyond `n_arms` and the `classical_cars` behind the agents' are the classical fleet's.
 
-Actions, all in [-1, 1] (greater ones are clipped, nan counts as 0, a missing agent does nothing):
+Actions, all in [-1, 1]. Greater ones are clipped, entries that are no finite numbers count as 0, an agent without an
+action does nothing (cars brake, arms stand and let go); `infos[agent]["illegal"]` is 1 then, else 0. An action of
+the wrong shape is refused and changes nothing.
 
 | agent | entries |
 |---|---|
 | car | steering / 0.8 rad (positive = left), speed / 2 m/s (negative = reverse) |
-| arm | 7 joint velocities / the joints' limits, grip (> 0 = hold) |
+| arm, `arm_action="joint"` | 7 joint velocities / the joints' limits, grip (> 0 = hold) |
+| arm, `arm_action="tip"` | velocity of the tip / 0.5 m/s, turn / 1 rad/s, along and about x, y, z of its frame; grip |
 
 A car does what its task asks for when it follows the granted path, which the observed way-points show, and stands at
 its end: within 5 cm and 0.1 rad of the dock's stop pose a transfer begins. A car that leaves its path makes no progress
@@ -20,7 +24,7 @@ until it returns. An arm's transfer ends when it has let go of the parcel; one t
 slot it was meant for nor where it came from is lost, and its task has failed.
 
 Observations, all clipped to [-1, 1]. A car's frame lies at its rear axle, x ahead, y to the left; an arm's is its base,
-x towards the dock:
+x towards the dock. A route is a car's granted path and up to two moves of what is planned beyond:
 
 | car | entries |
 |---|---|
@@ -31,9 +35,13 @@ x towards the dock:
 | 8-9 | cos, sin of the goal's heading in the car's frame |
 | 10-13 | mission: drives to a pick dock, is loaded, drives to a drop dock, is unloaded (0 or 1; none: parks or waits) |
 | 14 | carries a parcel (0 or 1) |
-| 15 | length of the granted path ahead / 3 m |
-| 16-23 | points of that path 0.4, 0.8, 1.2 and 2.0 m ahead, at most its end, in the car's frame / 3 m |
-| 24-28 | the nearest other car within 3 m: there is one (0 or 1), offset / 3 m, cos, sin of its heading |
+| 15 | length of the granted path ahead / 3 m, negative beyond its end |
+| 16 | offset from the route, positive to its left [m] |
+| 17-18 | cos, sin of the route's direction in the car's frame |
+| 19-26 | points of the route 0.4, 0.8, 1.2 and 2.0 m ahead, at most its end, in the car's frame / 3 m |
+| 27-44 | the nearest three other cars within 3 m: there is one (0 or 1), offset / 3 m, cos, sin of heading, speed / 2 m/s |
+| 45-48 | its station: there is one, its arm is idle, the arm serves this car, another car is in the dock (0 or 1) |
+| 49- | lidar: distances / range from the middle of the car, first ray ahead, then to the left, 1 = nothing met |
 
 | arm | entries |
 |---|---|
@@ -46,284 +54,417 @@ x towards the dock:
 | 26-28 | the parcel's edges / 0.1 m |
 | 29 | transfer asked for: 1 = slot to tray, -1 = tray to slot, 0 = none |
 | 30-31 | something is in the grip, a parcel is in view (0 or 1) |
+| 32-36 | the nearest car within 1.5 m: there is one (0 or 1), offset / 1.5 m, cos, sin of its heading |
 
-An arm's parcel is that of its transfer, else the one in its grip, else the nearest within 1.5 m.
+An arm's parcel is that of its transfer, else the one in its grip, else the nearest within 1.5 m. With `camera`, a
+car's observation is a dictionary of its row (`row`) and of what a camera on its nose sees (`image`, height x width x 3,
+uint8).
 
-Rewards: the sum of the terms in `RewardWeights`; `infos[agent]` holds each weighted term. `state()` is all cars'
-and all arms' observations, one after the other.
+Rewards: the sum of the terms in `RewardWeights`; `infos[agent]` holds each weighted term. `state()` is the rows of all
+agents without lidar, one after the other.
+
+Physics runs at `physics_hz` at least; orders, right of way and the other decisions are made once per tick, of which
+there are at least 20 a second and a whole number per step. In fidelity kinematic nothing is stopped by contacts, which
+are counted only, and lidar sees cars, walls, shelves, pedestals and the feet of arms.
 """
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium.spaces import Box
-from gymnasium.utils import EzPickle
-from pettingzoo.utils import ParallelEnv, parallel_to_aec
-from pettingzoo.utils.wrappers import OrderEnforcingWrapper
+from gymnasium.spaces import Box, Dict, Space
 
 from fleet.config import ArmConfig, Fidelity, RunConfig, require
+from fleet.envs.agent_desk import NoPlanner
 from fleet.envs.agent_simulation import AgentSimulation
-from fleet.envs.drawing import Drawing, Picture
-from fleet.envs.observations import CAR_N, Observer, arm_n
+from fleet.envs.base import ActionError, EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
+from fleet.envs.drawing import Drawing
+from fleet.envs.hands import TIP_N, joint_velocities
+from fleet.envs.observations import Observer
+from fleet.envs.recorded import Recording
 from fleet.envs.rewards import TERMS, Rewards, RewardWeights
-from fleet.envs.window import Window
-from fleet.errors import FleetError
+from fleet.envs.rows import ARM_N, CAR_N
 from fleet.robots.iiwa import N_JOINTS
-from fleet.simulation import Actions
+from fleet.sensors.camera import Camera
+from fleet.sensors.lidar import Lidar, LidarRing
+from fleet.simulation import Actions, Ground
+from fleet.stations.arm_cell import arm_cells
+from fleet.stations.arm_desk import ArmPlanner
+from fleet.stations.arm_planner import make_arm_planner
 from fleet.tasks.board import DONE_STATES, TaskState
+from fleet.world.kinematic import KinematicConfig, KinematicWorld
+from fleet.world.protocol import FloatArray, World
 from maps.site import load_site
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
-CONTROL = ("all", "cars", "arms")
-RENDER_MODES = ("human", "rgb_array")
+ARM_ACTIONS = {"joint": N_JOINTS, "tip": TIP_N}
+"""Ways to move an arm, and how many entries each has, without the grip."""
+TICKS_HZ = 20.0
+"""Least rate of ticks: the car of the classical fleet steers well at it."""
 WIND_UP_RAD = 0.1
 """A joint's target runs at most this far ahead of the joint, so that a blocked arm does not wind up [rad]."""
-
-Observation = npt.NDArray[np.float32]
-Infos = dict[str, dict[str, float]]
-
-
-class EpisodeError(FleetError):
-    """The environment was asked for something that its episode does not allow now."""
+EYE_HEIGHT_M = 0.15
+"""Of a car's camera, on its nose [m]."""
+_INFOS = (*TERMS, "illegal")
+_ENDED = frozenset((*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED))
 
 
-class WarehouseEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPickle):
+@dataclass(kw_only=True)
+class Episode:
+    """All that changes in an episode, but for the world."""
+
+    simulation: AgentSimulation
+    observer: Observer
+    rewards: Rewards
+    targets: FloatArray
+    """Set-points of the arms' joints [rad], shape (n_arms, n_joints)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Quick:
+    """What brings a moment back at once."""
+
+    episode: Episode
+    world: World
+    """Where it was."""
+    moment: object
+    """The world's own snapshot."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Resolved:
+    """Legal decisions of all agents."""
+
+    cars: FloatArray
+    """In [-1, 1], shape (n_agent_cars, 2)."""
+    arms: FloatArray
+    """In [-1, 1], shape (n_agent_arms, n_entries + 1)."""
+    illegal: npt.NDArray[np.bool_]
+    """Whether an agent's action had to be made legal; cars first."""
+
+
+class WarehouseEnv(FleetEnv):
     """A warehouse whose cars and arms are agents; see the module's description.
 
-    It is pickled and copied by its constructor's arguments: a copy begins before its first episode.
+    World, site and arm planner last from episode to episode: a reset takes milliseconds.
 
     Args:
         site: Name of a shipped site or path of a site file.
-        n_cars: Number of cars.
-        tasks: Deliveries on order in an episode; None = one per car.
+        n_cars: Cars that are agents.
+        n_arms: Arms that are agents, first ones first; None = all of the site.
         fidelity: `kinematic` or `physics`.
-        control: Who are agents: `all` robots, the `cars` or the `arms`; the others run as in any run.
-        control_hz: Steps per simulated second; the world's tick rate (kinematic 20, physics 60) is a multiple.
+        control_hz: Steps per simulated second.
         max_cycles: Steps after which an episode is truncated.
+        render_mode: `rgb_array`, `human` (a window, if there is a display), `rerun` (a recording in `record_to` per
+            episode) or None.
+        tasks: Deliveries on order in an episode; None = one per car.
+        classical_cars: Cars of the classical fleet, beside those of agents.
+        arm_action: `joint` or `tip`.
+        lidar: Lidar of the agents' cars: True = 36 rays of 5 m, False = none, or a description.
+        camera: Height and width of the images that the agents' cars see, in fidelity physics [px]; None = none.
+        physics_hz: Least rate of physics steps.
         seed: Decides the episodes until `reset` is given a seed.
         weights: What things are worth.
-        render_mode: `rgb_array`, `human` (a window, if there is a display) or None.
+        record_to: Folder for recordings of render mode `rerun`; None = `runs/warehouse_v0`.
 
     Raises:
         ConfigError: An argument is outside its valid range.
+        SensorError: The lidar is.
         SiteError: The site cannot be read.
     """
 
     def __init__(
         self,
-        site: str = "cell",
-        n_cars: int = 1,
-        tasks: int | None = None,
-        fidelity: str = "kinematic",
-        control: str = "all",
+        site: str = "small",
+        n_cars: int = 2,
+        n_arms: int | None = None,
+        fidelity: str = "physics",
         control_hz: float = 10.0,
-        max_cycles: int = 600,
+        max_cycles: int = 1200,
+        render_mode: str | None = None,
+        *,
+        tasks: int | None = None,
+        classical_cars: int = 0,
+        arm_action: str = "joint",
+        lidar: bool | Lidar = True,
+        camera: tuple[int, int] | None = None,
+        physics_hz: float = 240.0,
         seed: int = 0,
         weights: RewardWeights | None = None,
-        render_mode: str | None = None,
+        record_to: str | Path | None = None,
     ) -> None:
-        EzPickle.__init__(
-            self, site, n_cars, tasks, fidelity, control, control_hz, max_cycles, seed, weights, render_mode
-        )
+        arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
         place = load_site(site)
-        require(1 <= n_cars <= len(place.parking), "n_cars", n_cars, f"1 to {len(place.parking)} on site {place.name}")
+        cars_most, arms_most = len(place.parking), len(place.stations)
+        _require_whole("n_cars", n_cars, 0, cars_most, f" on site {place.name}")
+        n_arms = arms_most if n_arms is None else n_arms
+        _require_whole("n_arms", n_arms, 0, arms_most, f" on site {place.name}, or None for all")
+        require(n_cars + n_arms >= 1, "n_cars + n_arms", n_cars + n_arms, "at least one agent")
+        _require_whole(
+            "classical_cars", classical_cars, 0, cars_most - n_cars, f" with n_cars {n_cars} on site {place.name}"
+        )
+        robots_n = n_cars + classical_cars
+        require(robots_n >= 1, "n_cars + classical_cars", robots_n, "at least one car")
         require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
-        require(control in CONTROL, "control", control, ", ".join(CONTROL))
-        require(math.isfinite(control_hz) and control_hz > 0, "control_hz", control_hz, "a number > 0")
-        require(max_cycles >= 1, "max_cycles", max_cycles, "an integer >= 1")
-        require(seed >= 0, "seed", seed, "an integer >= 0")
-        require(render_mode in (None, *RENDER_MODES), "render_mode", render_mode, f"None, {', '.join(RENDER_MODES)}")
-        self.metadata: dict[str, Any] = {
-            "name": "warehouse_v0",
-            "render_modes": list(RENDER_MODES),
-            "render_fps": control_hz,
-            "is_parallelizable": True,
-        }
-        self.max_cycles = max_cycles
-        self.render_mode = render_mode
-        self.simulation: AgentSimulation | None = None
-        """The episode's run; None before the first `reset`."""
+        _require_number("control_hz", control_hz, 0.1, 1000.0)
+        _require_number("physics_hz", physics_hz, 60.0, 10_000.0)
+        require(arm_action in ARM_ACTIONS, "arm_action", arm_action, ", ".join(ARM_ACTIONS))
+        lidar_ok = isinstance(lidar, bool | Lidar)
+        require(lidar_ok, "lidar", lidar, "True, False or a fleet.sensors.lidar.Lidar")
+        if tasks is not None:
+            _require_whole("tasks", tasks, 1, 10_000, "")
+        weights_ok = weights is None or isinstance(weights, RewardWeights)
+        require(weights_ok, "weights", weights, "a fleet.envs.rewards.RewardWeights, or None")
+        if camera is not None:
+            camera_ok = len(camera) == 2 and all(8 <= size <= 1024 for size in camera)
+            require(camera_ok, "camera", camera, "height and width from 8 to 1024, or None")
+            require(
+                fidelity == Fidelity.PHYSICS, "camera", camera, "None in fidelity kinematic, which has nothing to see"
+            )
+        self._lidar = (Lidar() if lidar else None) if isinstance(lidar, bool) else lidar
+        cars = [f"car_{car}" for car in range(n_cars)]
+        arms = [f"arm_{arm}" for arm in range(n_arms)]
+        self._car_box = _box(CAR_N, 0 if self._lidar is None else self._lidar.rays_n)
+        self._camera_px = camera
+        car_space: Space[Any] = self._car_box
+        if camera is not None:
+            car_space = Dict({"row": car_space, "image": Box(0, 255, (*camera, 3), np.uint8)})
+        # Spaces of their own: seeding one must not seed another.
+        observation_spaces = {car: copy.deepcopy(car_space) for car in cars} | {arm: _box(ARM_N) for arm in arms}
+        entries_n = ARM_ACTIONS[arm_action]
+        super().__init__(
+            name="warehouse_v0",
+            arguments=arguments,
+            observation_spaces=observation_spaces,
+            action_spaces={car: _box(2) for car in cars} | {arm: _box(entries_n + 1) for arm in arms},
+            max_cycles=max_cycles,
+            fps=control_hz,
+            seed=seed,
+            render_mode=render_mode,
+        )
+        self.state_space = _box(n_cars * CAR_N + n_arms * ARM_N)
+        self._cars, self._arms = cars, arms
+        self._entries_n = entries_n
+        self._weights = weights or RewardWeights()
+        self._step_s = 1.0 / control_hz
+        self._ticks_n = max(1, math.ceil(TICKS_HZ / control_hz - 1e-9))
+        self._physics_hz = physics_hz
+        self._record_to = Path("runs/warehouse_v0" if record_to is None else record_to)
         self._config = RunConfig(
             site=site,
-            robots=n_cars,
-            tasks=n_cars if tasks is None else tasks,
+            robots=robots_n,
+            tasks=robots_n if tasks is None else tasks,
             fidelity=Fidelity(fidelity),
             arms=ArmConfig(workers_n=0),
         )
-        self._control_hz = control_hz
-        self._weights = weights or RewardWeights()
-        self._episodes = np.random.default_rng(seed)
-        self._window: Window | None = None
-        cars = [f"car_{car}" for car in range(n_cars)] if control != "arms" else []
-        arms = [f"arm_{arm}" for arm in range(len(place.stations))] if control != "cars" else []
-        self._cars, self._arms = bool(cars), bool(arms)
-        self.possible_agents = cars + arms
-        self.agents: list[str] = []
-        self._observation_spaces = {car: _box(CAR_N) for car in cars} | {arm: _box(arm_n(N_JOINTS)) for arm in arms}
-        self._action_spaces = {car: _box(2) for car in cars} | {arm: _box(N_JOINTS + 1) for arm in arms}
-        self.state_space = _box(n_cars * CAR_N + len(place.stations) * arm_n(N_JOINTS))
-
-    def observation_space(self, agent: str) -> Box:
-        """Space of an agent's observations; the same object every time."""
-        return self._observation_spaces[agent]
-
-    def action_space(self, agent: str) -> Box:
-        """Space of an agent's actions; the same object every time."""
-        return self._action_spaces[agent]
-
-    def reset(
-        self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, Observation], Infos]:
-        """Begin an episode.
-
-        Args:
-            seed: Decides this episode and those that follow without a seed; None = go on in the present series.
-            options: Not used.
-
-        Returns:
-            Observations and infos of all agents.
-
-        Raises:
-            ConfigError: `control_hz` does not divide the world's tick rate.
-        """
-        del options
-        if seed is not None:
-            self._episodes = np.random.default_rng(seed)
-        self._end()
-        config = replace(self._config, seed=int(self._episodes.integers(2**31)))
-        simulation = AgentSimulation(config, cars=self._cars, arms=self._arms)
-        self.simulation = simulation
-        ticks = 1.0 / (self._control_hz * simulation.tick_s)
-        self._ticks_n = round(ticks)
-        fits = self._ticks_n >= 1 and math.isclose(ticks, self._ticks_n, rel_tol=1e-6)
-        require(fits, "control_hz", self._control_hz, f"{1.0 / simulation.tick_s:.6g} / 1, 2, 3, ...")
-        self._steps_n = 0
-        self._targets = simulation.world.arm_positions()
-        self._observer = Observer(simulation)
-        self._rewards = Rewards(simulation, self._observer, self._weights)
+        self._ground: Ground | None = None
+        self._start_of_world: object = None
+        self._planner: ArmPlanner = NoPlanner()
+        self._episode: Episode | None = None
         self._drawing: Drawing | None = None
-        self.agents = self.possible_agents[:]
-        self._look()
-        return self._observations(), {agent: dict.fromkeys(TERMS, 0.0) for agent in self.agents}
+        self._recording: Recording | None = None
+        self._episodes_n = 0
 
-    def step(
-        self, actions: Mapping[str, npt.ArrayLike | None]
-    ) -> tuple[dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Let every agent act for one control period.
-
-        Args:
-            actions: By agent.
-
-        Returns:
-            Observations, rewards, terminations, truncations and infos of all agents.
-
-        Raises:
-            EpisodeError: No episode is under way.
-        """
-        simulation = self.simulation
-        if simulation is None or not self.agents:
-            raise EpisodeError("step: no episode is under way; valid: reset() first")
-        cars = self._decided(actions, "car", simulation.world.n_cars, 2)
-        arms = self._decided(actions, "arm", simulation.world.n_arms, N_JOINTS + 1)
-        for _ in range(self._ticks_n):
-            simulation.tick(self._commands(simulation, cars, arms))
-        self._steps_n += 1
-        self._look()
-        car_terms, arm_terms = self._rewards.step()
-        infos = {
-            agent: dict((car_terms if agent.startswith("car") else arm_terms)[_number(agent)]) for agent in self.agents
-        }
-        rewards = {agent: float(sum(terms.values())) for agent, terms in infos.items()}
-        done = all(task.state in _ENDED for task in simulation.board.tasks)
-        out_of_time = not done and self._steps_n >= self.max_cycles
-        observations = self._observations()
-        terminations, truncations = dict.fromkeys(self.agents, done), dict.fromkeys(self.agents, out_of_time)
-        if done or out_of_time:
-            self.agents = []
-        if self.render_mode == "human":
-            self.render()
-        return observations, rewards, terminations, truncations, infos
-
-    def state(self) -> Observation:
-        """All that any robot observes, cars first; inside `state_space`.
+    @property
+    def simulation(self) -> AgentSimulation:
+        """The episode's run.
 
         Raises:
             EpisodeError: There was no `reset` yet.
         """
-        if self.simulation is None:
-            raise EpisodeError("state: there was no episode yet; valid: reset() first")
-        return np.concatenate((self._car_rows.ravel(), self._arm_rows.ravel()))
+        return self._now().simulation
 
-    def render(self) -> Picture | None:
-        """Draw the run from above: an array (height, width, 3) in mode `rgb_array`, else None."""
-        if self.simulation is None or self.render_mode is None:
-            return None
-        self._drawing = self._drawing or Drawing(self.simulation)
-        picture = self._drawing.picture()
-        if self.render_mode == "rgb_array":
-            return picture
-        self._window = self._window or Window("fleet")
-        self._window.show(picture)
-        return None
+    def state(self) -> npt.NDArray[np.float32]:
+        """The rows of all agents without lidar, cars first; inside `state_space`.
+
+        Raises:
+            EpisodeError: There was no `reset` yet.
+        """
+        observer = self._now().observer
+        return np.concatenate((observer.car_rows[:, :CAR_N].ravel(), observer.arm_rows.ravel()))
 
     def close(self) -> None:
         """Free what the environment holds; calling twice is harmless."""
-        self._end()
-        if self._window is not None:
-            self._window.close()
-            self._window = None
+        super().close()
+        self._close_recording()
+        self._episode = self._drawing = None
+        if self._ground is not None and self._ground.world is not None:
+            self._ground.world.close()
+        self._planner.close()
+        self._ground, self._planner = None, NoPlanner()
 
-    def _end(self) -> None:
-        self.agents = []
-        if self.simulation is not None:
-            self.simulation.close()
-            self.simulation = None
+    def _begin(self, seed: int) -> Infos:
+        ground = self._opened()
+        world = _world(ground)
+        self._close_recording()
+        world.load(self._start_of_world)
+        orders, lidar = np.random.SeedSequence(seed).generate_state(2).tolist()
+        simulation = AgentSimulation(
+            replace(self._config, seed=orders),
+            ground=ground,
+            planner=self._planner,
+            cars_n=len(self._cars),
+            arms_n=len(self._arms),
+        )
+        car = simulation.scene.car
+        ring = None
+        if self._lidar is not None:
+            ring = LidarRing(self._lidar, car.front_m, car.rear_m, car.half_width_m)
+        observer = Observer(simulation, ring, np.random.default_rng(lidar))
+        observer.look()
+        self._episode = Episode(
+            simulation=simulation,
+            observer=observer,
+            rewards=Rewards(simulation, observer, self._weights, self._step_s),
+            targets=world.arm_positions(),
+        )
+        self._drawing = None
+        self._episodes_n += 1
+        if self.render_mode == "rerun":
+            self._recording = Recording(simulation, self._record_to / f"episode_{self._episodes_n - 1:04}.rrd")
+        nothing = dict.fromkeys((*TERMS, "illegal"), 0.0)
+        return {agent: nothing.copy() for agent in self.possible_agents}
 
-    def _look(self) -> None:
-        self._car_rows, self._arm_rows = self._observer.cars(), self._observer.arms()
+    def _resolved(self, actions: Mapping[str, Any]) -> Resolved:
+        cars, no_car = _legal(actions, self._cars, 2)
+        arms, no_arm = _legal(actions, self._arms, self._entries_n + 1)
+        return Resolved(cars=cars, arms=arms, illegal=np.concatenate((no_car, no_arm)))
 
-    def _observations(self) -> dict[str, Observation]:
-        return {
-            agent: (self._car_rows if agent.startswith("car") else self._arm_rows)[_number(agent)].copy()
-            for agent in self.agents
+    def _advance(self, resolved: Resolved) -> tuple[dict[str, float], bool, Infos]:
+        episode = self._now()
+        simulation = episode.simulation
+        for _ in range(self._ticks_n):
+            simulation.tick(self._commands(episode, resolved))
+            if self._recording is not None:
+                self._recording.look()
+        episode.observer.look()
+        terms = episode.rewards.step(
+            np.concatenate(((resolved.cars**2).mean(axis=1), (resolved.arms[:, :-1] ** 2).mean(axis=1)))
+        )
+        rewards = dict(zip(self.agents, terms.sum(axis=1).tolist(), strict=True))
+        rows = np.column_stack((terms, resolved.illegal)).tolist()
+        infos: Infos = {
+            agent: dict(zip(_INFOS, row, strict=True)) for agent, row in zip(self.agents, rows, strict=True)
         }
+        done = all(task.state in _ENDED for task in simulation.board.tasks)
+        return rewards, done, infos
 
-    def _decided(
-        self, actions: Mapping[str, npt.ArrayLike | None], kind: str, n_robots: int, n_entries: int
-    ) -> npt.NDArray[np.float64]:
-        """Actions of all robots of a kind, made legal, shape (n_robots, n_entries)."""
-        rows = np.zeros((n_robots, n_entries))
-        for robot in range(n_robots):
-            action = actions.get(f"{kind}_{robot}")
-            if action is not None:
-                rows[robot] = np.asarray(action, dtype=np.float64).reshape(n_entries)
-        return np.clip(np.nan_to_num(rows, nan=0.0), -1.0, 1.0)
+    def _observations(self) -> dict[str, Any]:
+        observer = self._now().observer
+        # One copy for all: nobody else has a view of it.
+        cars, arms = observer.car_rows.copy(), observer.arm_rows.copy()
+        seen: dict[str, Any] = dict(zip(self._cars, cars, strict=True))
+        if self._camera_px is not None:
+            seen = {agent: {"row": seen[agent], "image": self._image(car)} for car, agent in enumerate(self._cars)}
+        seen.update(zip(self._arms, arms, strict=True))
+        return seen
 
-    def _commands(
-        self, simulation: AgentSimulation, cars: npt.NDArray[np.float64], arms: npt.NDArray[np.float64]
-    ) -> Actions:
+    def _picture(self) -> Picture:
+        self._drawing = self._drawing or Drawing(self.simulation)
+        return self._drawing.picture()
+
+    def _quick(self) -> Any:
+        episode, world = self._now(), _world(self._opened())
+        if episode.simulation.desk.awaits_plans or (world.held() >= 0).any():
+            return None
+        return _Quick(episode=self._copied(episode), world=world, moment=world.save())
+
+    def _restore(self, quick: _Quick) -> bool:
+        world = _world(self._opened())
+        if self._episode is None or quick.world is not world or not world.is_exact(quick.moment):
+            return False
+        self._close_recording()
+        world.load(quick.moment)
+        self._episode = self._copied(quick.episode)
+        self._drawing = None
+        return True
+
+    def _copied(self, episode: Episode) -> Episode:
+        """A copy that shares what lasts from episode to episode."""
+        ground = self._opened()
+        lasting = (ground.site, ground.graph, ground.scene, ground.tables, ground.world, self._planner, self._config)
+        return copy.deepcopy(episode, {id(thing): thing for thing in lasting})
+
+    def _now(self) -> Episode:
+        if self._episode is None:
+            raise EpisodeError("there was no episode yet; valid: reset() first")
+        return self._episode
+
+    def _opened(self) -> Ground:
+        """Site, world and arm planner, made once."""
+        if self._ground is None:
+            ground = Ground.of(self._config)
+            world = self._made_world(ground)
+            self._ground = replace(ground, world=world)
+            # Also the first episode begins as a return to the start, so that it is like all others.
+            self._start_of_world = world.save()
+            if len(self._arms) < world.n_arms:
+                names = tuple(station.name for station in ground.site.stations)
+                cells = arm_cells(ground.site, ground.scene)
+                self._planner = make_arm_planner(cells, names, ground.scene.arm, self._config)
+        return self._ground
+
+    def _made_world(self, ground: Ground) -> World:
+        tick_s = self._step_s / self._ticks_n
+        if self._config.fidelity is Fidelity.KINEMATIC:
+            return KinematicWorld(ground.scene, KinematicConfig(tick_s=tick_s))
+        # The engine takes a moment to load and is needed by this world alone.
+        from fleet.world.bullet.config import BulletConfig, exact_tick_s
+        from fleet.world.bullet.world import BulletWorld
+
+        steps_n = max(1, math.ceil(self._physics_hz * tick_s - 1e-6))
+        exact_s = exact_tick_s(steps_n, steps_n / tick_s)
+        return BulletWorld(ground.scene, BulletConfig(tick_s=exact_s, at_once_n=steps_n))
+
+    def _commands(self, episode: Episode, resolved: Resolved) -> Actions:
         """The actions of one tick; joint velocities become targets that move on."""
-        car, arm = simulation.scene.car, simulation.scene.arm
-        qd = arms[:, :N_JOINTS] * arm.max_velocity_radps
-        q = simulation.world.arm_positions()
-        targets = np.clip(self._targets + qd * simulation.tick_s, q - WIND_UP_RAD, q + WIND_UP_RAD)
-        self._targets = np.clip(targets, arm.lower_rad, arm.upper_rad)
-        qd[self._targets != targets] = 0.0
+        simulation = episode.simulation
+        world, car, arm = simulation.world, simulation.scene.car, simulation.scene.arm
+        cars = None
+        if self._cars:
+            cars = resolved.cars * (car.max_steering_rad, car.max_speed_mps)
+            cars = _filled(cars, world.n_cars)
+        if not self._arms:
+            return Actions(cars=cars)
+        n = len(self._arms)
+        q = world.arm_positions()[:n]
+        if self._entries_n == N_JOINTS:
+            qd = resolved.arms[:, :N_JOINTS] * arm.max_velocity_radps
+        else:
+            qd = joint_velocities(arm, q, resolved.arms[:, :TIP_N])
+        targets = np.clip(episode.targets[:n] + qd * simulation.tick_s, q - WIND_UP_RAD, q + WIND_UP_RAD)
+        episode.targets = np.clip(targets, arm.lower_rad, arm.upper_rad)
+        qd[episode.targets != targets] = 0.0
+        grip = np.zeros(world.n_arms, dtype=np.bool_)
+        grip[:n] = resolved.arms[:, -1] > 0.0
         return Actions(
-            cars=cars * (car.max_steering_rad, car.max_speed_mps) if self._cars else None,
-            arms=self._targets if self._arms else None,
-            arms_qd=qd if self._arms else None,
-            grip=arms[:, -1] > 0.0 if self._arms else None,
+            cars=cars, arms=_filled(episode.targets, world.n_arms), arms_qd=_filled(qd, world.n_arms), grip=grip
         )
 
+    def _image(self, car: int) -> npt.NDArray[np.uint8]:
+        """What the camera on a car's nose sees, shape (height, width, 3)."""
+        height, width = self._camera_px or (1, 1)
+        scene = self.simulation.scene
+        x, y, yaw = self.simulation.world.car_poses()[car].tolist()
+        ahead = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        eye = np.array([x, y, EYE_HEIGHT_M]) + scene.car.front_m * ahead
+        camera = Camera.looking_at(f"car_{car}", eye_m=eye, target_m=eye + ahead, width_px=width, height_px=height)
+        return self.simulation.world.image(camera).rgb
 
-_ENDED = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
+    def _record(self) -> None:
+        """Every tick is recorded as it is made."""
+
+    def _close_recording(self) -> None:
+        if self._recording is not None:
+            self._recording.close()
+            self._recording = None
 
 
 parallel_env = WarehouseEnv
@@ -332,17 +473,70 @@ parallel_env = WarehouseEnv
 
 def raw_env(**arguments: Any) -> Any:
     """Make the environment in turn-based (AEC) form; the arguments are those of `WarehouseEnv`."""
-    return parallel_to_aec(WarehouseEnv(**arguments))
+    return turn_based(WarehouseEnv(**arguments))
 
 
 def env(**arguments: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
-    return OrderEnforcingWrapper(raw_env(**arguments))
+    return in_order(raw_env(**arguments))
 
 
-def _box(n: int) -> Box:
-    return Box(-1.0, 1.0, (n,), np.float32)
+def _legal(
+    actions: Mapping[str, Any], agents: Sequence[str], entries_n: int
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Actions of the agents of a type made legal, shape (n, entries_n), and which were not, shape (n,).
+
+    Raises:
+        ActionError: An action is no row of so many numbers.
+    """
+    rows = np.zeros((len(agents), entries_n))
+    missing = np.zeros(len(agents), dtype=np.bool_)
+    rows[:, -1] = -1.0 if entries_n > 2 else 0.0  # an arm without an action lets go
+    for k, agent in enumerate(agents):
+        action = actions.get(agent)
+        if action is None:
+            missing[k] = True
+            continue
+        try:
+            row = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError) as reason:
+            raise ActionError(f"action of {agent} is {action!r}; valid: {entries_n} numbers in [-1, 1]") from reason
+        if row.shape != (entries_n,):
+            raise ActionError(f"action of {agent} has shape {row.shape}; valid: ({entries_n},)")
+        rows[k] = row
+    finite = np.isfinite(rows)
+    legal = np.clip(np.where(finite, rows, 0.0), -1.0, 1.0)
+    return legal, missing | (legal != rows).any(axis=1)
 
 
-def _number(agent: str) -> int:
-    return int(agent.rpartition("_")[2])
+def _filled(rows: FloatArray, n: int) -> FloatArray:
+    """Rows, and rows of nan for the robots of the classical fleet behind them, shape (n, ...)."""
+    if len(rows) == n:
+        return rows
+    out = np.full((n, *rows.shape[1:]), np.nan)
+    out[: len(rows)] = rows
+    return out
+
+
+def _world(ground: Ground) -> World:
+    """The world of an opened ground."""
+    if ground.world is None:
+        raise EpisodeError("there is no world; valid: reset() first")
+    return ground.world
+
+
+def _box(n: int, distances_n: int = 0) -> Box:
+    """Numbers in [-1, 1], and distances in [0, 1] behind them."""
+    low = np.full(n + distances_n, -1.0, dtype=np.float32)
+    low[n:] = 0.0
+    return Box(low, np.ones(n + distances_n, dtype=np.float32), dtype=np.float32)
+
+
+def _require_whole(what: str, value: object, low: int, high: int, where: str) -> None:
+    ok = isinstance(value, int | np.integer) and not isinstance(value, bool) and low <= value <= high
+    require(bool(ok), what, value, f"an integer from {low} to {high}{where}")
+
+
+def _require_number(what: str, value: object, low: float, high: float) -> None:
+    ok = isinstance(value, int | float | np.number) and low <= value <= high
+    require(bool(ok), what, value, f"a number from {low:g} to {high:g}")

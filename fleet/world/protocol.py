@@ -133,6 +133,9 @@ class World(Protocol):
     def load(self, snapshot: object) -> None:
         """Return to a snapshot of this world."""
 
+    def is_exact(self, snapshot: object) -> bool:
+        """Whether `load` would return to a snapshot to the last bit, so that what follows is the same, too."""
+
     def state_bytes(self) -> bytes:
         """The physical state as bytes, equal for equal states: input of the state hash."""
 

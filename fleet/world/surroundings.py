@@ -16,6 +16,8 @@ from fleet.world.scene import Scene
 BIN_M = 1.0
 """Edge of the square bins in which boxes are looked up [m]."""
 
+FOOT_M = 0.107
+"""Radius of an arm's foot where rays pass: the iiwa's collision mesh at a height of 7 cm, but for its plug [m]."""
 _KIND_SHIFT = 40
 _CAR_CAR, _CAR_ARM, _ARM_ARM, _STATIC = 0, 1, 2, 3
 _ADDED_KEY = 1 << 18
@@ -125,9 +127,24 @@ class Surroundings:
             self._touching = now
 
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
-        """Hit fractions in the plane, shape (r,); a body that contains a ray's origin does not stop it."""
+        """Hit fractions in the plane, shape (r,); a body that contains a ray's origin does not stop it.
+
+        Of arms only the feet are in the way.
+        """
         out = np.ones(len(origins))
-        _cast(origins, ends, car_poses, self._body, self._boxes, self._bin_ptr, self._bin_box, self._n_bins, out)
+        _cast(
+            origins,
+            ends,
+            car_poses,
+            self._body,
+            self._boxes,
+            self._bin_ptr,
+            self._bin_box,
+            self._n_bins,
+            self._arm_xy,
+            FOOT_M,
+            out,
+        )
         return out
 
     def save(self) -> SurroundingsSnapshot:
@@ -310,24 +327,41 @@ def _enter(ox, oy, dx, dy, half_x, half_y, best):
 
 
 @njit(cache=True)
-def _cast(origins, ends, cars, body, boxes, bin_ptr, bin_box, n_bins, out):
-    """Walk each ray through the bins it crosses; cars are tried one by one.
+def _enter_circle(ox, oy, dx, dy, radius, best):
+    """Fraction at which a ray enters a circle round the origin, `best` if later, never, or from inside."""
+    a, b, c = dx * dx + dy * dy, ox * dx + oy * dy, ox * ox + oy * oy - radius * radius
+    under = b * b - a * c
+    if c <= 0.0 or b >= 0.0 or under < 0.0:
+        return best
+    return min(best, (-b - math.sqrt(under)) / a)
+
+
+@njit(cache=True)
+def _cast(origins, ends, cars, body, boxes, bin_ptr, bin_box, n_bins, feet, foot, out):
+    """Walk each ray through the bins it crosses; cars and feet of arms are tried one by one.
 
     Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
     """
     shift, length, width = body
     circle2 = length * length + width * width
+    frame = np.empty((len(cars), 4))
+    for i in range(len(cars)):
+        cos, sin = math.cos(cars[i, 2]), math.sin(cars[i, 2])
+        frame[i] = cars[i, 0] + shift * cos, cars[i, 1] + shift * sin, cos, sin
     for r in range(len(origins)):
         ox, oy = origins[r, 0], origins[r, 1]
         dx, dy = ends[r, 0] - ox, ends[r, 1] - oy
+        square = max(dx * dx + dy * dy, 1e-12)
         best = 1.0
         for i in range(len(cars)):
-            cos, sin = math.cos(cars[i, 2]), math.sin(cars[i, 2])
-            px, py = ox - cars[i, 0] - shift * cos, oy - cars[i, 1] - shift * sin
-            t = min(max(-(px * dx + py * dy) / max(dx * dx + dy * dy, 1e-12), 0.0), 1.0)
+            px, py = ox - frame[i, 0], oy - frame[i, 1]
+            t = min(max(-(px * dx + py * dy) / square, 0.0), 1.0)
             if (px + t * dx) ** 2 + (py + t * dy) ** 2 <= circle2:
+                cos, sin = frame[i, 2], frame[i, 3]
                 ahead, left = cos * px + sin * py, cos * py - sin * px
                 best = _enter(ahead, left, cos * dx + sin * dy, cos * dy - sin * dx, length, width, best)
+        for i in range(len(feet)):
+            best = _enter_circle(ox - feet[i, 0], oy - feet[i, 1], dx, dy, foot, best)
         ix, iy = math.floor(ox / BIN_M), math.floor(oy / BIN_M)
         step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
         next_x = ((ix + (dx > 0.0)) * BIN_M - ox) / dx if dx != 0.0 else math.inf

@@ -15,6 +15,8 @@ FloatArray = npt.NDArray[np.float64]
 
 # An arm comes to less than this within half a second of its last command.
 _STILL_RADPS = 1e-6
+# Nearer to its set-point than this, an arm that should rest is held there.
+_HELD_RAD = 1e-3
 # Share of the position error that the motors take back in one physics step: higher chatters at 10 solver iterations.
 _POSITION_GAIN = 0.3
 
@@ -30,6 +32,7 @@ class Arms:
         tool: What the arms hold.
         substeps_n: Physics steps per tick.
         substep_s: Length of a physics step [s].
+        at_once: A "physics step" is a whole tick, of which the engine makes many steps by itself.
         description: URDF text of the arm with its tool; None for the iiwa's. Its first joints are the arm's.
     """
 
@@ -42,6 +45,8 @@ class Arms:
         tool: Tool,
         substeps_n: int,
         substep_s: float,
+        *,
+        at_once: bool = False,
         description: str | None = None,
     ) -> None:
         self._client = client
@@ -51,6 +56,7 @@ class Arms:
         self._joints = list(range(spec.n_joints))
         self._forces = spec.max_torque_nm.tolist()
         self._gains = [_POSITION_GAIN] * spec.n_joints
+        self._at_once = at_once
         self._unit = [1.0] * spec.n_joints
         self.tool = tool
         self.bodies: list[int] = []
@@ -81,6 +87,7 @@ class Arms:
         self._goal_qd = np.zeros_like(self.q)
         self._acceleration = np.zeros_like(self.q)
         self._active: list[int] = []
+        self._held = np.full(n, not at_once)
         self.moving = np.ones(n, dtype=np.bool_)
         """Whether each arm moves or is told to, shape (m,)."""
 
@@ -93,7 +100,7 @@ class Arms:
         """
         # A resting arm keeps its motors' targets: nothing to send once it was told to stand there.
         moving = (q != self._goal_q).any(axis=1) | (qd != self._goal_qd).any(axis=1) | (qd != 0.0).any(axis=1)
-        self._active = np.flatnonzero(moving).tolist()
+        self._active = np.flatnonzero(moving | ~self._held).tolist()
         self.moving = moving | (np.abs(self.qd) > _STILL_RADPS).any(axis=1)
         known = ~np.isnan(self._goal_q[:, :1])
         self._acceleration = np.where(known, (qd - self._goal_qd) / (self._substeps_n * self._substep_s), 0.0)
@@ -112,6 +119,9 @@ class Arms:
         left = (self._substeps_n - substep) * self._substep_s
         client = self._client
         for arm in self._active:
+            if self._at_once:
+                self._turn(arm)
+                continue
             qd = self._goal_qd[arm] - self._acceleration[arm] * (left - self._substep_s / 2)
             q = self._goal_q[arm] - self._goal_qd[arm] * left + self._acceleration[arm] * (left * left / 2)
             client.setJointMotorControlArray(
@@ -124,6 +134,21 @@ class Arms:
                 positionGains=self._gains,
                 velocityGains=self._unit,
             )
+
+    def _turn(self, arm: int) -> None:
+        """Let an arm turn at the speed that takes it to its set-point within the tick; once there, hold it."""
+        way = self._goal_q[arm] - self.q[arm]
+        self._held[arm] = held = not self._goal_qd[arm].any() and np.abs(way).max() < _HELD_RAD
+        self._client.setJointMotorControlArray(
+            self.bodies[arm],
+            self._joints,
+            self._client.POSITION_CONTROL,
+            targetPositions=self._goal_q[arm].tolist(),
+            targetVelocities=[0.0] * len(way) if held else (way / self._substep_s).tolist(),
+            forces=self._forces,
+            positionGains=self._gains if held else [0.0] * len(way),
+            velocityGains=self._unit,
+        )
 
     def read(self, arms: list[int]) -> None:
         """Fetch joint positions and velocities from the engine.
@@ -153,6 +178,7 @@ class Arms:
     def recall(self, memory: FloatArray) -> None:
         """Return to `memory`; every motor is set anew at the next command."""
         self._goal_qd, self.q, self.qd = memory.copy()
+        self._held[:] = not self._at_once
         self._goal_q = np.full_like(self.q, np.inf)  # no target equals it, so every arm counts as moving
 
     def _all_joints(self) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from fleet.config import Connect, Grip, require
@@ -22,12 +23,26 @@ class BulletConfig:
     """Length of one tick [s]."""
     grip_force_n: float | None = None
     """Most force of a cup, less for light parcels (see `SuctionGrip`), or of each finger [N]; None = the tool's."""
+    at_once_n: int | None = None
+    """The engine makes so many steps of every tick in one call; None = one call for each of `substeps_n` steps.
+
+    Saves half of the time that is not the engine's own. Contacts and grips are then looked at once per tick, and arms
+    turn at one speed from set-point to set-point. The time of a tick must be a whole number of its steps to the last
+    bit (see `exact_tick_s`): the engine carries what is left over, and its snapshots do not hold that.
+    """
 
     def __post_init__(self) -> None:
         require(self.tick_s > 0, "bullet.tick_s", self.tick_s, "a number > 0")
         force_ok = self.grip_force_n is None or self.grip_force_n > 0
         require(force_ok, "bullet.grip_force_n", self.grip_force_n, "a number > 0, or None")
         require(self.wheels in ("sphere", "cylinder"), "bullet.wheels", self.wheels, "sphere, cylinder")
+        n = self.at_once_n
+        n_ok = n is None or (n >= 1 and self.tick_s / n * n == self.tick_s)
+        require(n_ok, "bullet.at_once_n", n, "an integer >= 1 that divides tick_s exactly, or None")
+        alone_ok = n is None or self.grip is not Grip.FRICTION
+        require(
+            alone_ok, "bullet.at_once_n", n, "None with fingers, of which the second follows the first in every step"
+        )
 
     @property
     def substeps_n(self) -> int:
@@ -55,4 +70,17 @@ class BulletConfig:
     @property
     def substep_s(self) -> float:
         """Length of one physics step [s]."""
-        return self.tick_s / self.substeps_n
+        return self.tick_s / (self.at_once_n or self.substeps_n)
+
+    @property
+    def calls_n(self) -> int:
+        """Calls of the engine per tick."""
+        return 1 if self.at_once_n is not None else self.substeps_n
+
+
+def exact_tick_s(steps_n: int, rate_hz: float) -> float:
+    """Length of a tick of `steps_n` steps of about `1 / rate_hz`, which is a multiple of its steps to the last bit [s].
+
+    The step is rounded to 2^-40 s, a relative error below 1e-9 at 240 Hz, so that its multiples need no rounding.
+    """
+    return steps_n * math.ldexp(round(math.ldexp(1.0 / rate_hz, 40)), -40)

@@ -63,6 +63,10 @@ class Snapshot:
     obstacles: dict[int, tuple[FloatArray, FloatArray]]
     bodies: tuple[int, ...]
     """The engine's ids of everything that can come and go."""
+    changes_n: int
+    """How often bodies or grips had come or gone."""
+    holds: bool
+    """Whether anything was in a grip."""
 
 
 class BulletWorld:
@@ -97,31 +101,39 @@ class BulletWorld:
         self.tick_s = config.tick_s
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
-        self._substeps_n = config.substeps_n
+        self._calls_n = config.calls_n
+        call_s = config.tick_s / config.calls_n
         self._scene = scene
         self._client = client = Client(config.connect, config.shared_memory_key)
         self._obstacles: dict[int, tuple[int, FloatArray, FloatArray]] = {}
         self._fixed: list[int] = []
+        self._changes_n = 0
         try:
             with arranged(client, scene.size_m):
                 with quiet():
                     client.resetSimulation()
                     client.setGravity(0.0, 0.0, -_GRAVITY_MPS2)
                     client.setPhysicsEngineParameter(
-                        fixedTimeStep=config.substep_s,
+                        fixedTimeStep=call_s,
+                        numSubSteps=config.at_once_n or 0,
                         numSolverIterations=config.iterations_n,
                         contactBreakingThreshold=config.contact_breaking_m,
                         deterministicOverlappingPairs=1,
                     )
                 floor = self._add_floor()
-                self._cars = Cars(client, scene.car, scene.car_start, config.wheels, config.substep_s)
+                self._cars = Cars(client, scene.car, scene.car_start, config.wheels, call_s)
                 self._arms = Arms(
-                    client, scene.arm, scene.arm_base, scene.arm_start, tool, config.substeps_n, config.substep_s
+                    client,
+                    scene.arm,
+                    scene.arm_base,
+                    scene.arm_start,
+                    tool,
+                    config.calls_n,
+                    call_s,
+                    at_once=config.at_once_n is not None,
                 )
                 self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)
-                self._monitor = ContactMonitor(
-                    client, scene.car, self._cars.bodies, self._arms.bodies, config.substep_s
-                )
+                self._monitor = ContactMonitor(client, scene.car, self._cars.bodies, self._arms.bodies, call_s)
                 self._monitor.floor = floor
                 for body in self._arms.bodies:
                     for link in range(-1, _OFF_FLOOR_LINKS):
@@ -159,8 +171,8 @@ class BulletWorld:
         self._grip.command(np.asarray(grip, dtype=np.bool_))
         parcels = self._parcels
         watched = self._watched()
-        for substep in range(self._substeps_n):
-            self._arms.hold(substep)
+        for call in range(self._calls_n):
+            self._arms.hold(call)
             self._grip.before_step()
             self._cars.shove()
             self._client.stepSimulation()
@@ -206,12 +218,14 @@ class BulletWorld:
     def add_parcel(self, body: ParcelBody) -> None:
         """Put a parcel into the world; raises `PhysicsError` if its id is taken."""
         self._parcels.add(body)
+        self._changes_n += 1
 
     def remove_parcel(self, parcel: int) -> None:
         """Take a parcel out of the world; raises `PhysicsError` if it is not there."""
         self._parcels.body(parcel)
         self._grip.forget(parcel)
         self._parcels.remove(parcel)
+        self._changes_n += 1
 
     def set_serving(self, arm: int, car: int) -> None:
         """Say which car's tray an arm may touch (-1: none); used to judge contacts and clearance only."""
@@ -224,6 +238,7 @@ class BulletWorld:
         centre, half = np.array(centre_m, dtype=np.float64), np.array(half_m, dtype=np.float64)
         body = self._add_box("obstacle", centre, half)
         self._obstacles[obstacle] = (body, centre, half)
+        self._changes_n += 1
         self._monitor.fixed.add(body)
         self._list_boxes()
         self._near = self._measure()
@@ -235,6 +250,7 @@ class BulletWorld:
         body, _, _ = self._obstacles.pop(obstacle)
         self._monitor.fixed.discard(body)
         self._client.removeBody(body)
+        self._changes_n += 1
         self._list_boxes()
         self._near = self._measure()
 
@@ -294,6 +310,8 @@ class BulletWorld:
             parcels=parcels,
             obstacles={key: (centre, half) for key, (_, centre, half) in self._obstacles.items()},
             bodies=self._visitors(),
+            changes_n=self._changes_n + self._grip.changes_n,
+            holds=any(parcel >= 0 for parcel in self._grip.held),
         )
         weakref.finalize(snapshot, _remove_state, weakref.ref(client), state)
         return snapshot
@@ -323,6 +341,12 @@ class BulletWorld:
         self._min_clearance_m = snapshot.memory["clearance"]
         self._cars.read()
         self._near = self._measure()
+
+    def is_exact(self, snapshot: object) -> bool:
+        """See `World`: nothing was in a grip, and neither grips nor bodies have come or gone since."""
+        if not isinstance(snapshot, Snapshot) or snapshot.holds:
+            return False
+        return snapshot.changes_n == self._changes_n + self._grip.changes_n
 
     def state_bytes(self) -> bytes:
         """Positions, velocities and joint states of all bodies as float64, equal for equal states."""
@@ -438,6 +462,7 @@ class BulletWorld:
         for parcel, (shape, motion) in snapshot.parcels.items():
             if parcel not in self._parcels.shapes:
                 self._parcels.add(shape)
+                self._changes_n += 1
             self._parcels.place(parcel, motion)
         self._cars.place(snapshot.cars)
         self._arms.place(snapshot.arms)

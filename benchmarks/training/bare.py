@@ -1,0 +1,130 @@
+"""Bare: the loop that one writes by hand around PyBullet, in the same scene with the same robots and rays.
+
+It sets every motor, makes the physics steps one by one, reads what an observation is made of, and casts the rays. It
+has no orders, no traffic, no rewards, no contacts, and its observations are lists of numbers that nobody puts in order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.robots import iiwa_urdf
+from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
+from fleet.robots.tools import TOOLS
+from fleet.sensors.lidar import Lidar, LidarRing
+from fleet.world.bullet.cars import FLOOR_GROUP
+from fleet.world.bullet.client import Client
+from fleet.world.bullet.config import BulletConfig
+from fleet.world.scene import Scene
+
+FloatArray = npt.NDArray[np.float64]
+
+PHYSICS_HZ = 240.0
+
+
+class BareLoop:
+    """A scene in the engine, without the fleet.
+
+    Args:
+        scene: Robots and boxes.
+        rays_n: Rays of each car's lidar.
+        steps_n: Physics steps per control step.
+    """
+
+    def __init__(self, scene: Scene, rays_n: int, steps_n: int) -> None:
+        self._client = client = Client()
+        config = BulletConfig()
+        client.setGravity(0.0, 0.0, -9.81)
+        client.setPhysicsEngineParameter(
+            fixedTimeStep=1.0 / PHYSICS_HZ,
+            numSolverIterations=config.iterations_n,
+            contactBreakingThreshold=config.contact_breaking_m,
+            deterministicOverlappingPairs=1,
+        )
+        floor = client.createMultiBody(baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_PLANE))
+        client.setCollisionFilterGroupMask(floor, -1, 2 | FLOOR_GROUP, -1)
+        flags = client.URDF_USE_INERTIA_FROM_FILE
+        self._cars = [
+            client.load_urdf(
+                racecar_urdf(),
+                basePosition=(x, y, 0.0),
+                baseOrientation=client.getQuaternionFromEuler((0, 0, yaw)),
+                flags=flags,
+            )
+            for x, y, yaw in scene.car_start.tolist()
+        ]
+        names = {client.getJointInfo(self._cars[0], joint)[1].decode(): joint for joint in range(6)}
+        self._wheels, self._hinges = [names[f"{wheel}_spin"] for wheel in WHEELS], [names[hinge] for hinge in HINGES]
+        for car in self._cars:
+            for wheel in self._wheels:
+                client.setCollisionFilterGroupMask(car, wheel, 1, FLOOR_GROUP)
+        self._arms = [
+            client.load_urdf(
+                iiwa_urdf(TOOLS["suction"]),
+                basePosition=(x, y, z),
+                baseOrientation=client.getQuaternionFromEuler((0, 0, yaw)),
+                useFixedBase=True,
+                flags=flags,
+            )
+            for x, y, z, yaw in scene.arm_base.tolist()
+        ]
+        self._joints = list(range(7))
+        for arm, q in zip(self._arms, scene.arm_start.tolist(), strict=True):
+            for joint in self._joints:
+                client.resetJointState(arm, joint, q[joint])
+            for link in range(-1, 3):
+                client.setCollisionFilterPair(arm, floor, link, -1, 0)
+        for box in scene.boxes:
+            shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=[float(x) for x in box.half_m])
+            client.createMultiBody(baseCollisionShapeIndex=shape, basePosition=[float(x) for x in box.centre_m])
+        self._steps_n = steps_n
+        self._forces = scene.arm.max_torque_nm.tolist()
+        car = scene.car
+        self._ring = LidarRing(Lidar(rays_n=rays_n, noise_m=0.0), car.front_m, car.rear_m, car.half_width_m)
+        self._state = client.saveState()
+
+    def reset(self) -> None:
+        """Return to the start."""
+        self._client.restoreState(self._state)
+        self._client.performCollisionDetection()
+
+    def step(self, cars: FloatArray, arms: FloatArray) -> list[object]:
+        """Act for one control step.
+
+        Args:
+            cars: Steering [rad] and wheel speed [rad/s], shape (n_cars, 2).
+            arms: Joint velocities [rad/s], shape (n_arms, 7).
+
+        Returns:
+            What was read.
+        """
+        client = self._client
+        for body, (steering, speed) in zip(self._cars, cars.tolist(), strict=True):
+            client.setJointMotorControlArray(
+                body, self._wheels, client.VELOCITY_CONTROL, targetVelocities=[speed] * 4, forces=[0.6] * 4
+            )
+            client.setJointMotorControlArray(
+                body, self._hinges, client.POSITION_CONTROL, targetPositions=[steering] * 2, forces=[10.0] * 2
+            )
+        for body, speeds in zip(self._arms, arms.tolist(), strict=True):
+            client.setJointMotorControlArray(
+                body, self._joints, client.VELOCITY_CONTROL, targetVelocities=speeds, forces=self._forces
+            )
+        for _ in range(self._steps_n):
+            client.stepSimulation()
+        read: list[object] = []
+        poses = np.empty((len(self._cars), 3))
+        for car, body in enumerate(self._cars):
+            place, turn = client.getBasePositionAndOrientation(body)
+            poses[car] = place[0], place[1], client.getEulerFromQuaternion(turn)[2]
+            read += [client.getBaseVelocity(body), client.getJointStates(body, self._hinges)]
+        origins, ends = self._ring.rays(poses)
+        read.append([hit[2] for hit in client.rayTestBatch(origins.tolist(), ends.tolist())])
+        for body in self._arms:
+            read += [client.getJointStates(body, self._joints), client.getLinkState(body, 6)]
+        return read
+
+    def close(self) -> None:
+        """End the connection."""
+        self._client.close()

@@ -1,0 +1,179 @@
+"""Speed: steps of `warehouse_v0` per second of CPU time, beside the bare engine; one process, random actions."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.harness import Row, Trial
+from benchmarks.training.bare import PHYSICS_HZ, BareLoop
+from fleet.config import RunConfig
+from fleet.envs.warehouse import WarehouseEnv
+from fleet.simulation import Ground
+
+CONTROL_HZ = 30.0
+RAYS_N = 36
+ACTIONS_N = 64
+"""Sets of actions drawn in advance, used in turn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Team:
+    """Robots of one row."""
+
+    site: str
+    cars_n: int
+    arms_n: int
+    target: str = ""
+    bare_target: str = ""
+
+    @property
+    def agents_n(self) -> int:
+        """Agents of the team."""
+        return self.cars_n + self.arms_n
+
+    def __str__(self) -> str:
+        return f"{self.agents_n} agents ({self.cars_n} cars, {self.arms_n} arms, {self.site})"
+
+
+PHYSICS = (
+    Team(site="cell", cars_n=2, arms_n=1, target=">= 500", bare_target=">= 80"),
+    Team(site="small", cars_n=8, arms_n=4, target=">= 130"),
+    Team(site="small", cars_n=16, arms_n=4, target=">= 75"),
+)
+KINEMATIC = (
+    Team(site="small", cars_n=12, arms_n=4, target=">= 10000"),
+    Team(site="medium", cars_n=28, arms_n=4, target=">= 10000"),
+    Team(site="medium", cars_n=40, arms_n=12, target=">= 10000"),
+)
+
+
+def measure_speed(trial: Trial) -> Iterator[Row]:
+    """Environment steps and resets, and the speed of this machine."""
+    rounds_n, seconds = (3, 0.7) if trial.quick else (7, 2.0)
+    for team in PHYSICS:
+        env = _env(team, "physics")
+        bare = BareLoop(Ground.of(RunConfig(site=team.site, robots=team.cars_n)).scene, RAYS_N, _steps_n())
+        # In turns, so that both meet the same load; the fastest round is the least disturbed one.
+        played, plain = _player(env), _bare_player(bare, team)
+        rates = [(_rate(played, seconds), _rate(plain, seconds)) for _ in range(rounds_n)]
+        ours, theirs = (max(rate) for rate in zip(*rates, strict=True))
+        yield Row(name=f"physics, {team}", value=ours, unit="steps/s", target=team.target)
+        yield Row(name=f"bare PyBullet, {team.cars_n} cars, {team.site}", value=theirs, unit="steps/s")
+        yield Row(name="  share of the bare loop", value=100.0 * ours / theirs, unit="%", target=team.bare_target)
+        bare.close()
+        yield from _resets(trial, env, f"physics, {team}", rounds_n)
+        env.close()
+    for team in KINEMATIC:
+        env = _env(team, "kinematic")
+        played = _player(env)
+        rate = max(_rate(played, seconds) for _ in range(rounds_n))
+        yield Row(name=f"kinematic, {team}", value=rate * team.agents_n, unit="agent steps/s", target=team.target)
+        yield from _resets(trial, env, f"kinematic, {team}", rounds_n)
+        env.close()
+    yield Row(name="this machine: empty Python loop", value=_calibration(), unit="1000 turns/s")
+    trial.notes.append(
+        f"{CONTROL_HZ:.0f} Hz control, {PHYSICS_HZ:.0f} Hz physics, {RAYS_N} rays per car, per second of CPU time of one "
+        "process, the fastest of several rounds. The bare loop moves all arms of the site; beside its cars it has no "
+        "others, no parcels and no contacts to judge. Figures of other machines compare by the empty loop."
+    )
+
+
+def _steps_n() -> int:
+    return round(PHYSICS_HZ / CONTROL_HZ)
+
+
+def _env(team: Team, fidelity: str) -> WarehouseEnv:
+    return WarehouseEnv(
+        site=team.site,
+        n_cars=team.cars_n,
+        n_arms=team.arms_n,
+        fidelity=fidelity,
+        control_hz=CONTROL_HZ,
+        physics_hz=PHYSICS_HZ,
+        max_cycles=300,
+    )
+
+
+def _player(env: WarehouseEnv) -> Callable[[], None]:
+    """One step of random actions, resets included."""
+    rng = np.random.default_rng(0)
+    env.reset(seed=0)
+    spaces = env.action_spaces.items()
+    actions = [
+        {agent: rng.uniform(-1.0, 1.0, space.shape).astype(np.float32) for agent, space in spaces}
+        for _ in range(ACTIONS_N)
+    ]
+    turn = 0
+
+    def step() -> None:
+        nonlocal turn
+        if not env.agents:
+            env.reset()
+        env.step(actions[turn % ACTIONS_N])
+        turn += 1
+
+    for _ in range(50):
+        step()
+    return step
+
+
+def _bare_player(bare: BareLoop, team: Team) -> Callable[[], None]:
+    rng = np.random.default_rng(0)
+    n_arms = len(Ground.of(RunConfig(site=team.site, robots=1)).scene.arm_base)
+    cars = rng.uniform(-1.0, 1.0, (ACTIONS_N, team.cars_n, 2)) * (0.5, 20.0)
+    arms = rng.uniform(-1.0, 1.0, (ACTIONS_N, n_arms, 7))
+    arms[:, team.arms_n :] = 0.0
+    turn = 0
+
+    def step() -> None:
+        nonlocal turn
+        if turn % 300 == 0:
+            bare.reset()
+        bare.step(cars[turn % ACTIONS_N], arms[turn % ACTIONS_N])
+        turn += 1
+
+    for _ in range(50):
+        step()
+    return step
+
+
+def _rate(step: Callable[[], None], seconds: float) -> float:
+    """Steps per second of CPU time."""
+    began, steps_n = time.process_time(), 0
+    while (spent := time.process_time() - began) < seconds:
+        for _ in range(10):
+            step()
+        steps_n += 10
+    return steps_n / spent
+
+
+def _resets(trial: Trial, env: WarehouseEnv, name: str, rounds_n: int) -> Iterator[Row]:
+    """Resets in mid-episode; the first step after it is the same every time."""
+    took = []
+    stands = np.zeros(2, dtype=np.float32)
+    first = None
+    for _ in range(4 * rounds_n):
+        for _ in range(20):
+            env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+        began = time.process_time()
+        env.reset(seed=1)
+        took.append(time.process_time() - began)
+        env.step({agent: stands for agent in env.agents if agent.startswith("car")})
+        first = env.state() if first is None else first
+        trial.check(np.array_equal(first, env.state()), f"{name}: an episode begins differently after a reset")
+    yield Row(name="  reset", value=1e3 * min(took), unit="ms", target="<= 2")
+
+
+def _calibration() -> float:
+    """Thousands of turns of an empty loop per second of CPU time."""
+    best = 0.0
+    for _ in range(5):
+        began, n = time.process_time(), 0
+        while n < 300_000:
+            n += 1
+        best = max(best, n / (time.process_time() - began) / 1e3)
+    return best
