@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -25,16 +26,11 @@ def whole_numbers(actions: Mapping[str, Any], agents: list[str]) -> Longs:
     """
     in_order = len(actions) == len(agents) and list(actions) == agents
     values = list(actions.values()) if in_order else [actions.get(agent, 0) for agent in agents]
-    try:
+    with suppress(ValueError):  # of unequal shapes
         found = np.array(values)
-        if found.shape == (len(agents), 1):
-            found = found[:, 0]
-        if found.shape == (len(agents),) and found.dtype.kind in "iub":
+        if found.shape == (len(agents),) and found.dtype.kind in "iu":
             return found.astype(np.int64)
-        return np.array([_whole(value) for value in values], dtype=np.int64)
-    except (ValueError, TypeError, OverflowError):
-        bad = next(agent for agent, value in zip(agents, values, strict=True) if not _is_number(value))
-        raise ActionError(f"action of {bad} is {actions[bad]!r}; valid: one whole number") from None
+    return np.array([_whole(agent, value) for agent, value in zip(agents, values, strict=True)], dtype=np.int64)
 
 
 def resolve_choices(wanted: npt.NDArray[np.integer[Any]], priority: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
@@ -54,16 +50,11 @@ def resolve_choices(wanted: npt.NDArray[np.integer[Any]], priority: npt.NDArray[
     return won
 
 
-def _is_number(value: Any) -> bool:
-    try:
-        _whole(value)
-    except (ValueError, TypeError, OverflowError):
-        return False
-    return True
-
-
-def _whole(value: Any) -> int:
+def _whole(agent: str, value: Any) -> int:
     if value is None:
         return 0
-    number = float(np.asarray(value).reshape(()) if np.size(value) == 1 else value)
-    return int(number) if np.isfinite(number) and number == int(number) and abs(number) < 2**31 else ILLEGAL
+    try:
+        number = float(np.asarray(value).reshape(()))
+    except (ValueError, TypeError):
+        raise ActionError(f"action of {agent} is {value!r}; valid: one whole number") from None
+    return int(number) if number == np.rint(number) and abs(number) < 2**31 else ILLEGAL

@@ -38,26 +38,23 @@ the whole fleet. Spaces, orders and rules are the same.
 
 from __future__ import annotations
 
-import functools
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium.spaces import Box, Dict, Discrete
 
 from fleet.config import Fidelity, require
-from fleet.envs.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
-from fleet.envs.choices import resolve_choices, whole_numbers
+from fleet.envs.base import Infos, in_order, turn_based
+from fleet.envs.choices import resolve_choices
 from fleet.envs.dispatch_fleets import DispatchFleet, GridDispatch
 from fleet.envs.dispatch_view import DispatchObserver, DispatchView
-from fleet.envs.floor_drawing import FloorDrawing
 from fleet.envs.grid_fleet import TIMESTEP_S
-from fleet.envs.grid_kernel import NONE, Phase
-from fleet.envs.order_streams import episode_orders
-from fleet.envs.sites import check_site, is_whole, place_of
+from fleet.envs.grid_kernel import NONE
+from fleet.envs.layer import Bools, LayerEnv, Longs
+from fleet.envs.sites import check_site, is_number, is_whole, place_of
+from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
 from maps.site import Site
 
@@ -80,11 +77,9 @@ class DispatchWeights:
 
 TERMS = ("delivered", "late", "empty", "waiting", "lost")
 """Names of the terms."""
-LOADED = (Phase.TO_DROP, Phase.UNLOADING)
-"""Phases of a car with a parcel."""
 
 
-class DispatchEnv(FleetEnv):
+class DispatchEnv(LayerEnv):
     """A fleet whose cars choose their tasks; see the module's description.
 
     Args:
@@ -97,7 +92,9 @@ class DispatchEnv(FleetEnv):
         max_cycles: Steps after which an episode is truncated.
         seed: Decides the episodes until `reset` is given a seed.
         weights: What things are worth.
-        render_mode: `rgb_array`, `human` (a window, if there is a display), `rerun` or None.
+        render_mode: `rgb_array`, `human` (a window, if there is a display), `rerun` (a recording in `record_to` per
+            episode) or None.
+        record_to: Folder for recordings of render mode `rerun`; None = `runs/dispatch_v0`.
 
     Raises:
         ConfigError: An argument is outside its valid range.
@@ -116,155 +113,82 @@ class DispatchEnv(FleetEnv):
         seed: int = 0,
         weights: DispatchWeights | None = None,
         render_mode: str | None = None,
+        record_to: str | Path | None = None,
     ) -> None:
         arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
         check_site(site, fidelity, n_cars)
         require(is_whole(candidates_n) and 1 <= candidates_n <= 64, "candidates_n", candidates_n, "1 to 64")
-        require(math.isfinite(load) and 0 < load <= 100, "load", load, "a number > 0, at most 100")
-        whole = math.isfinite(decision_s) and decision_s >= TIMESTEP_S and decision_s % TIMESTEP_S == 0
+        whole = is_number(decision_s) and decision_s >= TIMESTEP_S and decision_s % TIMESTEP_S == 0
         require(whole, "decision_s", decision_s, "a whole number of seconds, >= 1")
-        self.place = place_of(site)
-        """Site, lane graph and distances."""
-        self.observer = DispatchObserver(self.place, candidates_n)
-        space = Dict(
-            {
-                "observation": Box(-1.0, 1.0, (self.observer.row_n,), np.float32),
-                "action_mask": Box(0, 1, (candidates_n + 1,), np.int8),
-            }
-        )
-        cars = [f"car_{car}" for car in range(n_cars)]
+        place = place_of(site)
+        self.observer = DispatchObserver(place, candidates_n)
+        """Describes the fleet, and prices its tasks."""
         super().__init__(
             name="dispatch_v0",
             arguments=arguments,
-            observation_spaces=dict.fromkeys(cars, space),
-            action_spaces={car: Discrete(candidates_n + 1) for car in cars},
-            max_cycles=max_cycles,
-            fps=1.0,
-            seed=seed,
-            render_mode=render_mode,
+            place=place,
+            row_n=self.observer.row_n,
+            n_actions=candidates_n + 1,
+            step_s=float(decision_s),
         )
-        self.state_space = Box(-1.0, 1.0, (n_cars * self.observer.row_n,), np.float32)
-        self.fleet: DispatchFleet | None = None
-        """The episode's fleet; None before the first `reset`."""
-        self.delivered_n = 0
-        """Deliveries of the episode."""
-        self.late_s = 0.0
-        """Time by which they were late, together [s]."""
-        self._fidelity = Fidelity(fidelity)
-        self._site, self._n_cars, self._load, self._decision_s = site, n_cars, load, decision_s
-        self._weights = weights or DispatchWeights()
-
-    def state(self) -> npt.NDArray[np.float32]:
-        """All cars' numbers; inside `state_space`.
-
-        Raises:
-            EpisodeError: There was no `reset` yet.
-        """
-        if self.fleet is None:
-            raise EpisodeError("state: there was no episode yet; valid: reset() first")
-        return self.observer.look(self._view)[0].ravel()
-
-    @property
-    def view(self) -> DispatchView:
+        self.fleet: DispatchFleet | None
+        self.view: DispatchView
         """The fleet at the last observation, for policies that are not told by rows of numbers."""
-        return self._view
-
-    @property
-    def candidates(self) -> npt.NDArray[np.int32]:
+        self.candidates: npt.NDArray[np.int32]
         """The task that each candidate of each car is, -1 for none, shape (n_cars, candidates_n)."""
-        return self._candidates
+        self._weights = weights or DispatchWeights()
+        self._idle_n = np.zeros(n_cars, dtype=np.int64)
 
-    def close(self) -> None:
-        """Free what the environment holds; calling twice is harmless."""
-        self._end()
-        super().close()
-
-    @functools.cached_property
-    def _drawing(self) -> FloorDrawing:
-        return FloorDrawing(self.place.site)
-
-    def _end(self) -> None:
-        if self.fleet is not None:
-            self.fleet.close()
-            self.fleet = None
-
-    def _begin(self, seed: int) -> Infos:
-        self._end()
-        of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
-        duration_s = self.max_cycles * self._decision_s
-        orders = episode_orders(self.place, self._n_cars, self._load, duration_s, np.random.default_rng(of_orders))
-        fleet_seed = int(of_fleet.generate_state(1)[0])
+    def _fleet_of(self, orders: tuple[Delivery, ...], seed: int, duration_s: float) -> DispatchFleet:
+        self._idle_n[:] = 0
         if self._fidelity is Fidelity.GRID:
-            self.fleet = GridDispatch(self.place, self._n_cars, orders, fleet_seed)
-        else:
-            from fleet.envs.dispatch_simulation import SimulatedDispatch
+            return GridDispatch(self.place, self._n_cars, orders, seed)
+        from fleet.envs.dispatch_simulation import SimulatedDispatch
 
-            self.fleet = SimulatedDispatch(
-                self.place, str(self._site), self._n_cars, orders, fleet_seed, self._fidelity, duration_s
-            )
-        self.delivered_n, self.late_s = 0, 0.0
-        self._idle_n = np.zeros(self._n_cars, dtype=np.int64)
-        nobody = np.zeros(self._n_cars, dtype=np.bool_)
-        return self._infos(np.zeros((self._n_cars, len(TERMS))), nobody, nobody)
+        site = str(self._arguments["site"])
+        return SimulatedDispatch(self.place, site, self._n_cars, orders, seed, self._fidelity, duration_s)
 
-    def _resolved(self, actions: Mapping[str, Any]) -> npt.NDArray[np.int64]:
-        return whole_numbers(actions, self.possible_agents)
+    def _look(self) -> DispatchView:
+        assert self.fleet is not None
+        self.view = self.fleet.view(max(0.0, 1.0 - self.steps_n / self.max_cycles))
+        return self.view
 
-    def _advance(self, resolved: npt.NDArray[np.int64]) -> tuple[dict[str, float], bool, Infos]:
-        fleet = self.fleet
+    def _rows_now(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
+        rows, masks, self.candidates = self.observer.look(self.view)
+        return rows, masks
+
+    def _play(self, choice: Longs) -> tuple[FloatArray, Bools]:
+        fleet, weights = self.fleet, self._weights
         assert fleet is not None
-        n, cars = self._n_cars, np.arange(self._n_cars)
-        inside = (resolved >= 0) & (resolved < self._mask.shape[1])
-        legal = inside & (self._mask[cars, np.where(inside, resolved, 0)] == 1)
-        choice = np.where(legal, resolved, 0)
-        wanted = np.where(choice > 0, self._candidates[cars, choice - 1], NONE)
+        wanted = np.where(choice > 0, self.candidates[self._cars, choice - 1], NONE)
         won = resolve_choices(wanted, self._idle_n)
         lost = (wanted != NONE) & ~won
-        self._idle_n = np.where(self._view.free & ~won, self._idle_n + 1, 0)
-        fleet.forget()
+        self._idle_n = np.where(self.view.free & ~won, self._idle_n + 1, 0)
         fleet.give([(int(car), int(wanted[car])) for car in np.flatnonzero(won)])
-        fleet.run(self._decision_s)
-        counts, weights = fleet.counts, self._weights
-        self.delivered_n += int(counts.delivered.sum())
-        self.late_s += float(counts.late.sum()) * TIMESTEP_S
-        terms = np.empty((n, len(TERMS)))
+        fleet.run(self._step_s)
+        counts, minutes = fleet.counts, TIMESTEP_S / 60.0
+        terms = np.empty((self._n_cars, len(TERMS)))
         terms[:, 0] = weights.delivered * counts.delivered
-        terms[:, 1] = weights.late * counts.late * (TIMESTEP_S / 60.0)
+        terms[:, 1] = weights.late * counts.late * minutes
         terms[:, 2] = weights.empty * counts.empty
-        terms[:, 3] = weights.waiting * counts.open[0] * (TIMESTEP_S / 60.0) / n
+        terms[:, 3] = weights.waiting * counts.open[0] * minutes / self._n_cars
         terms[:, 4] = weights.lost * lost
-        rewards = dict(zip(self.possible_agents, terms.sum(axis=1).tolist(), strict=True))
-        return rewards, False, self._infos(terms, lost, ~legal)
+        return terms, lost
 
-    def _infos(self, terms: FloatArray, lost: npt.NDArray[np.bool_], illegal: npt.NDArray[np.bool_]) -> Infos:
-        told = zip(self.possible_agents, terms.tolist(), lost.tolist(), illegal.tolist(), strict=True)
+    def _infos(self, terms: FloatArray, waits: Bools, illegal: Bools) -> Infos:
+        told = zip(self.possible_agents, terms.tolist(), waits.tolist(), illegal.tolist(), strict=True)
         return {
-            agent: {**dict(zip(TERMS, own, strict=True)), "waits": waits, "illegal": wrong}
-            for agent, own, waits, wrong in told
+            agent: {**dict(zip(TERMS, own, strict=False)), "waits": has_lost, "illegal": wrong}
+            for agent, own, has_lost, wrong in told
         }
 
-    def _observations(self) -> dict[str, Any]:
-        assert self.fleet is not None
-        self._view = self.fleet.view(max(0.0, 1.0 - self.steps_n / self.max_cycles))
-        rows, masks, self._candidates = self.observer.look(self._view)
-        self._mask = masks.copy()
-        told = zip(self.possible_agents, rows, masks, strict=True)
-        return {agent: {"observation": row, "action_mask": mask} for agent, row, mask in told}
-
     def _quick(self) -> Any:
-        fleet = self.fleet.copy() if self.fleet is not None else None
-        return fleet and (fleet, self.delivered_n, self.late_s, self._idle_n.copy())
+        quick = super()._quick()
+        return quick and (*quick, self._idle_n.copy())
 
     def _restore(self, quick: Any) -> bool:
-        fleet, self.delivered_n, self.late_s, idle_n = quick
-        self._end()
-        self.fleet, self._idle_n = fleet.copy(), idle_n.copy()
-        return True
-
-    def _picture(self) -> Picture:
-        view = self._view
-        goals = self.place.graph.state_pose[np.where(view.goal >= 0, view.goal, view.state), :2]
-        return self._drawing.picture(view.pose, np.isin(view.phase, LOADED), goals)
+        self._idle_n = quick[3].copy()
+        return super()._restore(quick)
 
 
 parallel_env = DispatchEnv

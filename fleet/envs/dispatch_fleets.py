@@ -12,6 +12,7 @@ from fleet.envs.dispatch_view import DispatchView
 from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite, GridFleet
 from fleet.envs.grid_kernel import NEVER, Counts, Phase, Stage
 from fleet.tasks.order import Delivery
+from fleet.world.protocol import FloatArray
 
 
 class DispatchFleet(Protocol):
@@ -28,6 +29,9 @@ class DispatchFleet(Protocol):
 
     def run(self, duration_s: float) -> None:
         """Let time pass."""
+
+    def poses(self) -> FloatArray:
+        """Where the cars are, x, y, yaw, shape (n_cars, 3)."""
 
     def forget(self) -> None:
         """Begin to count anew."""
@@ -91,6 +95,11 @@ class GridDispatch:
         """See `DispatchFleet`."""
         for _ in range(round(duration_s / TIMESTEP_S)):
             self.grid.move(self.grid.planned())
+
+    def poses(self) -> FloatArray:
+        """See `DispatchFleet`."""
+        poses: FloatArray = self.grid.place.graph.state_pose[self.grid.cars.state]
+        return poses
 
     def forget(self) -> None:
         """See `DispatchFleet`."""

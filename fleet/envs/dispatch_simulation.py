@@ -182,6 +182,10 @@ class SimulatedDispatch:
             self.simulation.tick()
             self._counter.tick()
 
+    def poses(self) -> FloatArray:
+        """See `DispatchFleet`."""
+        return self.simulation.world.car_poses()
+
     def forget(self) -> None:
         """See `DispatchFleet`."""
         for count in self.counts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 
@@ -31,6 +32,11 @@ def check_site(site: object, fidelity: object, n_cars: object) -> None:
 def is_whole(value: object) -> bool:
     """Whether a value is an integer, and no truth value."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a finite number."""
+    return isinstance(value, int | float | np.integer | np.floating) and math.isfinite(value)
 
 
 def place_of(site: str | Site) -> FleetSite:

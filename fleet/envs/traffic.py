@@ -40,26 +40,22 @@ the whole fleet, whose cars make granted moves at their own speed. Spaces, order
 
 from __future__ import annotations
 
-import functools
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium.spaces import Box, Dict, Discrete
 
-from fleet.config import Fidelity, require
-from fleet.envs.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
-from fleet.envs.choices import whole_numbers
-from fleet.envs.floor_drawing import FloorDrawing
+from fleet.config import Fidelity
+from fleet.envs.base import Infos, in_order, turn_based
 from fleet.envs.grid_fleet import N_KINDS, TIMESTEP_S
-from fleet.envs.grid_kernel import NONE, Ints, Phase
-from fleet.envs.order_streams import episode_orders
+from fleet.envs.grid_kernel import NONE, Ints
+from fleet.envs.layer import Bools, LayerEnv, Longs
 from fleet.envs.sites import check_site, place_of
 from fleet.envs.traffic_fleets import GridTraffic, TrafficFleet
 from fleet.envs.traffic_view import ROW_N, TrafficObserver, TrafficView
+from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
 from maps.site import Site
 from planners.mapf.distance_table import UNREACHABLE
@@ -81,10 +77,9 @@ class TrafficWeights:
 
 TERMS = ("progress", "delivered", "waiting", "lost")
 """Names of the terms."""
-N_ACTIONS = 1 + N_KINDS
 
 
-class TrafficEnv(FleetEnv):
+class TrafficEnv(LayerEnv):
     """A fleet whose cars choose their moves; see the module's description.
 
     Args:
@@ -95,7 +90,9 @@ class TrafficEnv(FleetEnv):
         max_cycles: Steps after which an episode is truncated.
         seed: Decides the episodes until `reset` is given a seed.
         weights: What things are worth.
-        render_mode: `rgb_array`, `human` (a window, if there is a display), `rerun` or None.
+        render_mode: `rgb_array`, `human` (a window, if there is a display), `rerun` (a recording in `record_to` per
+            episode) or None.
+        record_to: Folder for recordings of render mode `rerun`; None = `runs/traffic_v0`.
 
     Raises:
         ConfigError: An argument is outside its valid range.
@@ -112,127 +109,64 @@ class TrafficEnv(FleetEnv):
         seed: int = 0,
         weights: TrafficWeights | None = None,
         render_mode: str | None = None,
+        record_to: str | Path | None = None,
     ) -> None:
         arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
         check_site(site, fidelity, n_cars)
-        require(math.isfinite(load) and 0 < load <= 100, "load", load, "a number > 0, at most 100")
-        self.place = place_of(site)
-        """Site, lane graph and distances."""
-        self._observer = TrafficObserver(self.place)
-        space = Dict(
-            {"observation": Box(-1.0, 1.0, (ROW_N,), np.float32), "action_mask": Box(0, 1, (N_ACTIONS,), np.int8)}
-        )
-        cars = [f"car_{car}" for car in range(n_cars)]
+        place = place_of(site)
         super().__init__(
-            name="traffic_v0",
-            arguments=arguments,
-            observation_spaces=dict.fromkeys(cars, space),
-            action_spaces={car: Discrete(N_ACTIONS) for car in cars},
-            max_cycles=max_cycles,
-            fps=1.0 / TIMESTEP_S,
-            seed=seed,
-            render_mode=render_mode,
+            name="traffic_v0", arguments=arguments, place=place, row_n=ROW_N, n_actions=1 + N_KINDS, step_s=TIMESTEP_S
         )
-        self.state_space = Box(-1.0, 1.0, (n_cars * ROW_N,), np.float32)
-        self.fleet: TrafficFleet | None = None
-        """The episode's fleet; None before the first `reset`."""
-        self.delivered_n = 0
-        """Deliveries of the episode."""
-        self.late_s = 0.0
-        """Time by which they were late, together [s]."""
-        self._fidelity = Fidelity(fidelity)
-        self._site, self._n_cars, self._load = site, n_cars, load
-        self._weights = weights or TrafficWeights()
-        self._cars = np.arange(n_cars)
-
-    @property
-    def view(self) -> TrafficView:
+        self.fleet: TrafficFleet | None
+        self.view: TrafficView
         """The fleet at the last observation, for policies that are not told by rows of numbers."""
-        return self._view
+        self._observer = TrafficObserver(place)
+        self._weights = weights or TrafficWeights()
 
-    def state(self) -> npt.NDArray[np.float32]:
-        """All cars' numbers; inside `state_space`.
-
-        Raises:
-            EpisodeError: There was no `reset` yet.
-        """
-        if self.fleet is None:
-            raise EpisodeError("state: there was no episode yet; valid: reset() first")
-        return self._observer.look(self._view)[0].ravel()
-
-    def close(self) -> None:
-        """Free what the environment holds; calling twice is harmless."""
-        self._end()
-        super().close()
-
-    @functools.cached_property
-    def _drawing(self) -> FloorDrawing:
-        return FloorDrawing(self.place.site)
-
-    def _end(self) -> None:
-        if self.fleet is not None:
-            self.fleet.close()
-            self.fleet = None
-
-    def _begin(self, seed: int) -> Infos:
-        self._end()
-        of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
-        duration_s = self.max_cycles * TIMESTEP_S
-        orders = episode_orders(self.place, self._n_cars, self._load, duration_s, np.random.default_rng(of_orders))
+    def _fleet_of(self, orders: tuple[Delivery, ...], seed: int, duration_s: float) -> TrafficFleet:
         if self._fidelity is Fidelity.GRID:
-            self.fleet = GridTraffic(self.place, self._n_cars, orders)
-        else:
-            from fleet.envs.traffic_simulation import SimulatedTraffic
+            return GridTraffic(self.place, self._n_cars, orders)
+        from fleet.envs.traffic_simulation import SimulatedTraffic
 
-            fleet_seed = int(of_fleet.generate_state(1)[0])
-            self.fleet = SimulatedTraffic(
-                self.place, str(self._site), self._n_cars, orders, fleet_seed, self._fidelity, duration_s
-            )
-        self.delivered_n, self.late_s = 0, 0.0
-        nobody = np.zeros(self._n_cars, dtype=np.bool_)
-        return self._infos(np.zeros((self._n_cars, len(TERMS))), nobody, nobody)
+        site = str(self._arguments["site"])
+        return SimulatedTraffic(self.place, site, self._n_cars, orders, seed, self._fidelity, duration_s)
 
-    def _resolved(self, actions: Mapping[str, Any]) -> npt.NDArray[np.int64]:
-        return whole_numbers(actions, self.possible_agents)
+    def _look(self) -> TrafficView:
+        assert self.fleet is not None
+        self.view = self.fleet.view()
+        return self.view
 
-    def _advance(self, resolved: npt.NDArray[np.int64]) -> tuple[dict[str, float], bool, Infos]:
-        fleet = self.fleet
+    def _rows_now(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
+        return self._observer.look(self.view)
+
+    def _play(self, choice: Longs) -> tuple[FloatArray, Bools]:
+        fleet, view, weights = self.fleet, self.view, self._weights
         assert fleet is not None
-        view, place, weights = self._view, self.place, self._weights
-        inside = (resolved >= 0) & (resolved < N_ACTIONS)
-        legal = inside & (self._mask[self._cars, np.where(inside, resolved, 0)] == 1)
+        # Copies: on the grid the view shows the fleet itself, which is about to change.
         state, goal, locked = view.state.copy(), view.goal.copy(), view.locked.copy()
-        moves = legal & (resolved > 0)
-        wanted = np.where(moves, place.move_to[state, np.where(moves, resolved - 1, 0)], state)
-        fleet.forget()
+        wanted = np.where(choice > 0, self.place.move_to[state, choice - 1], state)
         granted = fleet.move(wanted)
         after = np.where(granted, wanted, state)
-        lost = moves & ~granted
-        counts = fleet.counts
-        self.delivered_n += int(counts.delivered.sum())
-        self.late_s += float(counts.late.sum()) * TIMESTEP_S
-        stands = (after == state) & (state != goal) & ~locked
-        terms = np.zeros((self._n_cars, len(TERMS)))
+        terms = np.empty((self._n_cars, len(TERMS)))
         terms[:, 0] = weights.progress * self._gains(state, after, goal)
-        terms[:, 1] = weights.delivered * counts.delivered
-        terms[:, 2] = weights.waiting * stands
-        terms[:, 3] = weights.lost * lost
-        rewards = dict(zip(self.possible_agents, terms.sum(axis=1).tolist(), strict=True))
-        return rewards, False, self._infos(terms, lost, ~legal)
+        terms[:, 1] = weights.delivered * fleet.counts.delivered
+        terms[:, 2] = weights.waiting * ((after == state) & (state != goal) & ~locked)
+        terms[:, 3] = weights.lost * ~granted
+        return terms, ~granted
 
-    def _infos(self, terms: FloatArray, lost: npt.NDArray[np.bool_], illegal: npt.NDArray[np.bool_]) -> Infos:
+    def _infos(self, terms: FloatArray, waits: Bools, illegal: Bools) -> Infos:
         # Written out: with a thousand agents, naming the terms in a loop takes longer than all the rest of a step.
-        told = zip(self.possible_agents, terms.tolist(), lost.tolist(), illegal.tolist(), strict=True)
+        told = zip(self.possible_agents, terms.tolist(), waits.tolist(), illegal.tolist(), strict=True)
         return {
             agent: {
-                "progress": progress,
-                "delivered": delivered,
-                "waiting": waiting,
-                "lost": loss,
-                "waits": waits,
+                "progress": own[0],
+                "delivered": own[1],
+                "waiting": own[2],
+                "lost": own[3],
+                "waits": has_lost,
                 "illegal": wrong,
             }
-            for agent, (progress, delivered, waiting, loss), waits, wrong in told
+            for agent, own, has_lost, wrong in told
         }
 
     def _gains(self, state: Ints, after: Ints, goal: Ints) -> npt.NDArray[np.int64]:
@@ -242,30 +176,6 @@ class TrafficEnv(FleetEnv):
         before, now = distance[row, state].astype(np.int64), distance[row, after].astype(np.int64)
         gains: npt.NDArray[np.int64] = np.where((row != NONE) & (now < UNREACHABLE), before - now, 0)
         return gains
-
-    def _observations(self) -> dict[str, Any]:
-        assert self.fleet is not None
-        self._view = self.fleet.view()
-        rows, masks = self._observer.look(self._view)
-        self._mask = masks.copy()
-        told = zip(self.possible_agents, rows, masks, strict=True)
-        return {agent: {"observation": row, "action_mask": mask} for agent, row, mask in told}
-
-    def _quick(self) -> Any:
-        fleet = self.fleet.copy() if self.fleet is not None else None
-        return fleet and (fleet, self.delivered_n, self.late_s)
-
-    def _restore(self, quick: Any) -> bool:
-        fleet, self.delivered_n, self.late_s = quick
-        self._end()
-        self.fleet = fleet.copy()
-        return True
-
-    def _picture(self) -> Picture:
-        fleet, view = self.fleet, self._view
-        assert fleet is not None
-        goals = self.place.graph.state_pose[np.where(view.goal >= 0, view.goal, view.state), :2]
-        return self._drawing.picture(fleet.poses(), np.isin(view.phase, (Phase.TO_DROP, Phase.UNLOADING)), goals)
 
 
 parallel_env = TrafficEnv
