@@ -122,12 +122,8 @@ class AgentDriver(PathDriver):
 
     def poses_now(self, world: World) -> FloatArray:
         """Estimates at the end of the tick, shape (n_cars, 3): `estimate` is as old as the tick's beginning."""
-        speeds = world.car_speeds()
-        distance = 0.5 * (self._speeds + speeds) * self._tick_s
         poses = self.estimate.copy()
-        poses[:, 0] += distance * np.cos(poses[:, 2])
-        poses[:, 1] += distance * np.sin(poses[:, 2])
-        poses[:, 2] += distance * np.tan(world.car_steering()) / self._wheelbase_m
+        _drive_on(poses, self._speeds, world.car_speeds(), world.car_steering(), self._tick_s, self._wheelbase_m)
         return poses
 
     def moves(self, car: int) -> tuple[int, ...]:
@@ -147,6 +143,16 @@ class AgentDriver(PathDriver):
             self._gates[car, k, :3] = graph.state_pose[graph.move_to[move]]
             self._gates[car, k, 3] = graph.move_kind[move] == MoveKind.REVERSE
         self.stale.add(car)
+
+
+@njit(cache=True)
+def _drive_on(poses, before, speeds, steering, tick, wheelbase):
+    """Let bicycles drive for a tick at the mean of two speeds."""
+    for car in range(len(poses)):
+        way, yaw = 0.5 * (before[car] + speeds[car]) * tick, poses[car, 2]
+        poses[car, 0] += way * math.cos(yaw)
+        poses[car, 1] += way * math.sin(yaw)
+        poses[car, 2] += way * math.tan(steering[car]) / wheelbase
 
 
 @njit(cache=True)

@@ -13,6 +13,8 @@ TIP_N = 6
 """Entries of a tip's motion: along and about x, y, z."""
 TIP_MPS, TIP_RADPS = 0.5, 1.0
 """Velocity of the tip, and its turn, at full action."""
+WIND_UP_RAD = 0.1
+"""A joint's target runs at most this far ahead of the joint, so that a blocked arm does not wind up [rad]."""
 _DAMPING = 0.05
 """Keeps joints calm near singular postures, at the price of a lag there."""
 
@@ -57,3 +59,15 @@ def _solve(joints, tool_length, q, wanted, max_velocity, out):
         qd = jacobian.T @ np.linalg.solve(square, wanted[arm])
         over = np.abs(qd / max_velocity).max()
         out[arm] = qd / over if over > 1.0 else qd
+
+
+@njit(cache=True)
+def move_targets(targets, qd, q, lower, upper, tick):
+    """Move joints' targets on by their velocities for one tick; a target that is held up has no velocity."""
+    for arm in range(len(q)):
+        for j in range(q.shape[1]):
+            wanted = targets[arm, j] + qd[arm, j] * tick
+            wanted = min(max(wanted, q[arm, j] - WIND_UP_RAD), q[arm, j] + WIND_UP_RAD)
+            targets[arm, j] = min(max(wanted, lower[j]), upper[j])
+            if targets[arm, j] != wanted:
+                qd[arm, j] = 0.0

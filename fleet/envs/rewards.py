@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from fleet.envs.agent_simulation import AgentSimulation
 from fleet.envs.observations import Observer
@@ -66,6 +67,8 @@ class Rewards:
         self._step_s = step_s
         self._work = [0, 0, 0]
         self._contacts = 0
+        self._shared = np.zeros(len(TERMS))
+        self._shared[6] = step_s
         n = simulation.cars_n + simulation.arms_n
         self._keys = np.full(n, -1, dtype=np.int64)
         self._ways = np.zeros(n)
@@ -73,27 +76,37 @@ class Rewards:
         self._measure()
         simulation.on_event = self._count
 
-    def step(self, efforts: FloatArray) -> npt.NDArray[np.float64]:
-        """Weighted terms since the last call, in the order of `TERMS`.
+    def step(
+        self,
+        cars: FloatArray,
+        arms: FloatArray,
+        illegal_cars: npt.NDArray[np.bool_],
+        illegal_arms: npt.NDArray[np.bool_],
+    ) -> FloatArray:
+        """Weighted terms since the last call.
 
         Args:
-            efforts: Mean squares of the agents' actions, cars first, shape (n_agents,).
+            cars: The cars' actions, shape (n_cars, 2).
+            arms: The arms' actions, grip last, shape (n_arms, n_entries).
+            illegal_cars: Whether they were made legal, shape (n_cars,).
+            illegal_arms: Whether they were made legal, shape (n_arms,).
 
         Returns:
-            Shape (n_agents, n_terms), cars first.
+            Terms in the order of `TERMS`, 1 for an illegal action, and the sum of the terms, cars first, shape
+            (n_agents, n_terms + 2).
         """
         contacts = self._simulation.world.contacts()
         touched = contacts.robot + contacts.static
-        terms = np.empty((len(self._keys), len(TERMS)))
+        shared = self._shared
+        shared[1:4] = self._work
+        shared[4] = touched - self._contacts
         keys, ways = self._keys, self._ways
         self._measure()
-        terms[:, 0] = np.where(keys == self._keys, ways - self._ways, 0.0)
-        terms[:, 1:4] = self._work
-        terms[:, 4] = touched - self._contacts
-        terms[:, 5] = efforts * self._step_s
-        terms[:, 6] = self._step_s
+        table = np.empty((len(keys), len(TERMS) + 2))
+        _fill(table, self._weights, shared, keys, ways, self._keys, self._ways, cars, arms, self._step_s)
+        table[: len(cars), -2], table[len(cars) :, -2] = illegal_cars, illegal_arms
         self._contacts, self._work = touched, [0, 0, 0]
-        return terms * self._weights + 0.0  # + 0.0: no negative zeros
+        return table
 
     def _count(self, event: Event) -> None:
         if event.kind == "task" and event.facts["state"] in _WORK:
@@ -122,3 +135,28 @@ class Rewards:
             keys[cars_n + arm] = observer.transfer_key(arm)
         ways[cars_n:] = observer.arm_ways
         self._keys, self._ways = keys, np.where(keys >= 0, ways, 0.0)
+
+
+@njit(cache=True)
+def _fill(table, weights, shared, keys, ways, keys_now, ways_now, cars, arms, step_s):
+    """Fill the terms and, in the last column, their sums."""
+    n_terms = len(weights)
+    for agent in range(len(table)):
+        square = 0.0
+        if agent < len(cars):
+            for k in range(cars.shape[1]):
+                square += cars[agent, k] * cars[agent, k] / cars.shape[1]
+        else:
+            moves_n = arms.shape[1] - 1
+            for k in range(moves_n):
+                square += arms[agent - len(cars), k] * arms[agent - len(cars), k] / moves_n
+        total = 0.0
+        for term in range(n_terms):
+            value = shared[term]
+            if term == 0 and keys[agent] == keys_now[agent]:
+                value = ways[agent] - ways_now[agent]
+            elif term == 5:
+                value = square * step_s
+            table[agent, term] = weights[term] * value + 0.0  # + 0.0: no negative zeros
+            total += table[agent, term]
+        table[agent, n_terms + 1] = total

@@ -36,6 +36,18 @@ _DOCK_M = 0.6
 
 
 @njit(cache=True)
+def make_legal(rows, illegal):
+    """Make actions legal: entries that are no finite numbers 0, others between -1 and 1; notes rows that were not."""
+    for k in range(len(rows)):
+        for j in range(rows.shape[1]):
+            value = rows[k, j]
+            if not math.isfinite(value):
+                rows[k, j], illegal[k] = 0.0, True
+            elif value > 1.0 or value < -1.0:
+                rows[k, j], illegal[k] = min(max(value, -1.0), 1.0), True
+
+
+@njit(cache=True)
 def _bounded(row):
     for k in range(len(row)):
         row[k] = min(max(row[k], np.float32(-1.0)), np.float32(1.0))

@@ -39,7 +39,7 @@ x towards the dock. A route is a car's granted path and up to two moves of what 
 | 16 | offset from the route, positive to its left [m] |
 | 17-18 | cos, sin of the route's direction in the car's frame |
 | 19-26 | points of the route 0.4, 0.8, 1.2 and 2.0 m ahead, at most its end, in the car's frame / 3 m |
-| 27-44 | the nearest three other cars within 3 m: there is one (0 or 1), offset / 3 m, cos, sin of heading, speed / 2 m/s |
+| 27-44 | the nearest three other cars within 3 m: there is one (0 or 1), offset / 3 m, cos, sin of yaw, speed / 2 m/s |
 | 45-48 | its station: there is one, its arm is idle, the arm serves this car, another car is in the dock (0 or 1) |
 | 49- | lidar: distances / range from the middle of the car, first ray ahead, then to the left, 1 = nothing met |
 
@@ -86,11 +86,11 @@ from fleet.envs.agent_desk import NoPlanner
 from fleet.envs.agent_simulation import AgentSimulation
 from fleet.envs.base import ActionError, EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.drawing import Drawing
-from fleet.envs.hands import TIP_N, joint_velocities
+from fleet.envs.hands import TIP_N, joint_velocities, move_targets
 from fleet.envs.observations import Observer
 from fleet.envs.recorded import Recording
 from fleet.envs.rewards import TERMS, Rewards, RewardWeights
-from fleet.envs.rows import ARM_N, CAR_N
+from fleet.envs.rows import ARM_N, CAR_N, make_legal
 from fleet.robots.iiwa import N_JOINTS
 from fleet.sensors.camera import Camera
 from fleet.sensors.lidar import Lidar, LidarRing
@@ -108,8 +108,6 @@ ARM_ACTIONS = {"joint": N_JOINTS, "tip": TIP_N}
 """Ways to move an arm, and how many entries each has, without the grip."""
 TICKS_HZ = 20.0
 """Least rate of ticks: the car of the classical fleet steers well at it."""
-WIND_UP_RAD = 0.1
-"""A joint's target runs at most this far ahead of the joint, so that a blocked arm does not wind up [rad]."""
 EYE_HEIGHT_M = 0.15
 """Of a car's camera, on its nose [m]."""
 _INFOS = (*TERMS, "illegal")
@@ -124,7 +122,7 @@ class Episode:
     observer: Observer
     rewards: Rewards
     targets: FloatArray
-    """Set-points of the arms' joints [rad], shape (n_arms, n_joints)."""
+    """Set-points of the agents' arms' joints [rad], shape (n_agent_arms, n_joints)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,8 +144,10 @@ class Resolved:
     """In [-1, 1], shape (n_agent_cars, 2)."""
     arms: FloatArray
     """In [-1, 1], shape (n_agent_arms, n_entries + 1)."""
-    illegal: npt.NDArray[np.bool_]
-    """Whether an agent's action had to be made legal; cars first."""
+    illegal_cars: npt.NDArray[np.bool_]
+    """Whether a car's action had to be made legal, shape (n_agent_cars,)."""
+    illegal_arms: npt.NDArray[np.bool_]
+    """The same of the arms."""
 
 
 class WarehouseEnv(FleetEnv):
@@ -323,7 +323,7 @@ class WarehouseEnv(FleetEnv):
             simulation=simulation,
             observer=observer,
             rewards=Rewards(simulation, observer, self._weights, self._step_s),
-            targets=world.arm_positions(),
+            targets=world.arm_positions()[: len(self._arms)],
         )
         self._drawing = None
         self._episodes_n += 1
@@ -335,7 +335,7 @@ class WarehouseEnv(FleetEnv):
     def _resolved(self, actions: Mapping[str, Any]) -> Resolved:
         cars, no_car = _legal(actions, self._cars, 2)
         arms, no_arm = _legal(actions, self._arms, self._entries_n + 1)
-        return Resolved(cars=cars, arms=arms, illegal=np.concatenate((no_car, no_arm)))
+        return Resolved(cars=cars, arms=arms, illegal_cars=no_car, illegal_arms=no_arm)
 
     def _advance(self, resolved: Resolved) -> tuple[dict[str, float], bool, Infos]:
         episode = self._now()
@@ -345,11 +345,8 @@ class WarehouseEnv(FleetEnv):
             if self._recording is not None:
                 self._recording.look()
         episode.observer.look()
-        terms = episode.rewards.step(
-            np.concatenate(((resolved.cars**2).mean(axis=1), (resolved.arms[:, :-1] ** 2).mean(axis=1)))
-        )
-        rewards = dict(zip(self.agents, terms.sum(axis=1).tolist(), strict=True))
-        rows = np.column_stack((terms, resolved.illegal)).tolist()
+        rows = episode.rewards.step(resolved.cars, resolved.arms, resolved.illegal_cars, resolved.illegal_arms).tolist()
+        rewards = {agent: row.pop() for agent, row in zip(self.agents, rows, strict=True)}
         infos: Infos = {
             agent: dict(zip(_INFOS, row, strict=True)) for agent, row in zip(self.agents, rows, strict=True)
         }
@@ -439,13 +436,11 @@ class WarehouseEnv(FleetEnv):
             qd = resolved.arms[:, :N_JOINTS] * arm.max_velocity_radps
         else:
             qd = joint_velocities(arm, q, resolved.arms[:, :TIP_N])
-        targets = np.clip(episode.targets[:n] + qd * simulation.tick_s, q - WIND_UP_RAD, q + WIND_UP_RAD)
-        episode.targets = np.clip(targets, arm.lower_rad, arm.upper_rad)
-        qd[episode.targets != targets] = 0.0
+        move_targets(episode.targets, qd, q, arm.lower_rad, arm.upper_rad, simulation.tick_s)
         grip = np.zeros(world.n_arms, dtype=np.bool_)
         grip[:n] = resolved.arms[:, -1] > 0.0
         return Actions(
-            cars=cars, arms=_filled(episode.targets, world.n_arms), arms_qd=_filled(qd, world.n_arms), grip=grip
+            cars=cars, arms=_filled(episode.targets.copy(), world.n_arms), arms_qd=_filled(qd, world.n_arms), grip=grip
         )
 
     def _image(self, car: int) -> npt.NDArray[np.uint8]:
@@ -504,9 +499,8 @@ def _legal(
         if row.shape != (entries_n,):
             raise ActionError(f"action of {agent} has shape {row.shape}; valid: ({entries_n},)")
         rows[k] = row
-    finite = np.isfinite(rows)
-    legal = np.clip(np.where(finite, rows, 0.0), -1.0, 1.0)
-    return legal, missing | (legal != rows).any(axis=1)
+    make_legal(rows, missing)
+    return rows, missing
 
 
 def _filled(rows: FloatArray, n: int) -> FloatArray:

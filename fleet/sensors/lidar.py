@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from fleet.sensors.errors import SensorError
 
@@ -62,14 +63,9 @@ class LidarRing:
         Returns:
             World points, each shape (n * rays_n, 3), car by car.
         """
-        yaw = poses[:, 2, None]
-        along, across = np.cos(yaw + self._angles), np.sin(yaw + self._angles)
-        x = poses[:, 0, None] + self._ahead_m * np.cos(yaw)
-        y = poses[:, 1, None] + self._ahead_m * np.sin(yaw)
-        points = np.full((2, len(poses), self.lidar.rays_n, 3), HEIGHT_M)
-        for point, reach_m in zip(points, (self._body_m, self.lidar.range_m), strict=True):
-            point[..., 0], point[..., 1] = x + reach_m * along, y + reach_m * across
-        origins, ends = points.reshape(2, -1, 3)
+        n = len(poses) * self.lidar.rays_n
+        origins, ends = np.empty((n, 3)), np.empty((n, 3))
+        _aim(poses, self._ahead_m, self._angles, self._body_m, self.lidar.range_m, HEIGHT_M, origins, ends)
         return origins, ends
 
     def distances(self, fractions: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -82,13 +78,34 @@ class LidarRing:
         Returns:
             Shape (n, rays_n), in [0, 1].
         """
-        range_m = self.lidar.range_m
-        fractions = fractions.reshape(-1, self.lidar.rays_n)
-        out = (self._body_m + fractions * (range_m - self._body_m)) / range_m
-        if self.lidar.noise_m:
-            noise = rng.standard_normal(out.shape) * (self.lidar.noise_m / range_m)
-            out = np.where(fractions < 1.0, out + noise, out)
-        return np.clip(out, 0.0, 1.0)
+        out = np.empty((len(fractions) // self.lidar.rays_n, self.lidar.rays_n))
+        noise = rng.standard_normal(out.shape) * self.lidar.noise_m
+        _measure(fractions, noise, self._body_m, self.lidar.range_m, out)
+        return out
+
+
+@njit(cache=True)
+def _aim(poses, ahead, angles, body, reach, height, origins, ends):
+    row = 0
+    for car in range(len(poses)):
+        yaw = poses[car, 2]
+        x, y = poses[car, 0] + ahead * math.cos(yaw), poses[car, 1] + ahead * math.sin(yaw)
+        for ray in range(len(angles)):
+            along, across = math.cos(yaw + angles[ray]), math.sin(yaw + angles[ray])
+            origins[row, 0], origins[row, 1], origins[row, 2] = x + body[ray] * along, y + body[ray] * across, height
+            ends[row, 0], ends[row, 1], ends[row, 2] = x + reach * along, y + reach * across, height
+            row += 1
+
+
+@njit(cache=True)
+def _measure(fractions, noise, body, reach, out):
+    for car in range(len(out)):
+        for ray in range(len(body)):
+            fraction = fractions[car * len(body) + ray]
+            met = body[ray] + fraction * (reach - body[ray])
+            if fraction < 1.0:
+                met += noise[car, ray]
+            out[car, ray] = min(max(met / reach, 0.0), 1.0)
 
 
 def _require(ok: bool, what: str, value: object, valid: str) -> None:

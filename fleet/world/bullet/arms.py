@@ -102,8 +102,9 @@ class Arms:
         moving = (q != self._goal_q).any(axis=1) | (qd != self._goal_qd).any(axis=1) | (qd != 0.0).any(axis=1)
         self._active = np.flatnonzero(moving | ~self._held).tolist()
         self.moving = moving | (np.abs(self.qd) > _STILL_RADPS).any(axis=1)
-        known = ~np.isnan(self._goal_q[:, :1])
-        self._acceleration = np.where(known, (qd - self._goal_qd) / (self._substeps_n * self._substep_s), 0.0)
+        if not self._at_once:
+            known = ~np.isnan(self._goal_q[:, :1])
+            self._acceleration = np.where(known, (qd - self._goal_qd) / (self._substeps_n * self._substep_s), 0.0)
         self._goal_q = np.array(q, dtype=np.float64)
         self._goal_qd = np.array(qd, dtype=np.float64)
 

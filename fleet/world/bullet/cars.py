@@ -90,6 +90,7 @@ class Cars:
         self._parked = np.zeros(len(self.bodies), dtype=np.bool_)
         self._parked_at = np.zeros((len(self.bodies), 7))
         self._centres = np.zeros((len(self.bodies), 2))
+        self._steering: FloatArray | None = None  # since the last reading
         self._pushes: dict[int, _Push] = {}
         self._places = wheel_places(spec)
         self._wheels: list[int] = []
@@ -128,8 +129,10 @@ class Cars:
         commands = np.clip(commands, -limit, limit)
         changed = np.flatnonzero((commands != self._sent).any(axis=1) | self._unset)
         standing = (self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0)
-        self._release(np.flatnonzero(self._parked & (~standing | self._slipped())))
-        self._park(np.flatnonzero(standing & ~self._parked & (np.abs(self.speeds) < _STILL_MPS)))
+        if self._parked.any():
+            self._release(np.flatnonzero(self._parked & (~standing | self._slipped())))
+        if standing.any():
+            self._park(np.flatnonzero(standing & ~self._parked & (np.abs(self.speeds) < _STILL_MPS)))
         if len(changed) == 0:
             return
         self._sent[changed] = commands[changed]
@@ -193,6 +196,7 @@ class Cars:
 
     def read(self) -> None:
         """Fetch poses and speeds from the engine."""
+        self._steering = None
         if not self.bodies:
             return
         client = self._client
@@ -208,7 +212,12 @@ class Cars:
         self.top_speed = float(np.hypot(velocity[:, 0], velocity[:, 1]).max())
 
     def steering(self) -> FloatArray:
-        """Measure the steering angles of equivalent bicycles [rad], shape (n,)."""
+        """Steering angles of equivalent bicycles [rad], measured once after every `read`, shape (n,)."""
+        if self._steering is None:
+            self._steering = self._measured_steering()
+        return self._steering
+
+    def _measured_steering(self) -> FloatArray:
         angles = np.array([[s[0] for s in self._client.getJointStates(body, self._hinges)] for body in self.bodies])
         if len(angles) == 0:
             return np.zeros(0)

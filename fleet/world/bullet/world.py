@@ -193,7 +193,7 @@ class BulletWorld:
 
     def car_steering(self) -> FloatArray:
         """Measured steering angle (bicycle equivalent) [rad], shape (n_cars,)."""
-        return self._cars.steering()
+        return self._cars.steering().copy()
 
     def arm_positions(self) -> FloatArray:
         """Joint positions [rad], shape (n_arms, n_joints)."""
@@ -282,7 +282,8 @@ class BulletWorld:
         fractions: list[float] = []
         for first in range(0, len(origins), _RAYS_PER_CALL):
             part = slice(first, first + _RAYS_PER_CALL)
-            fractions.extend(hit[2] for hit in self._client.rayTestBatch(origins[part].tolist(), ends[part].tolist()))
+            hits = self._client.rayTestBatch(origins[part].tolist(), ends[part].tolist())
+            fractions += [hit[2] for hit in hits]
         return np.array(fractions)
 
     def image(self, camera: Camera) -> CameraImage:
