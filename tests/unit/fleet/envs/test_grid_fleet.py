@@ -43,7 +43,9 @@ def test_the_books_are_right_in_every_timestep(n_cars: int, seed: int) -> None:
         assert np.array_equal(tasks.car[cars.task[busy]], busy)
         assert len(np.unique(cars.task[busy])) == len(busy)
         assert (cars.task[cars.phase == Phase.FREE] == NONE).all()
-        spots = cars.spot[cars.spot != NONE]
+        parked = (cars.phase == Phase.FREE) | cars.held
+        assert ((cars.spot != NONE) == parked).all()
+        spots = cars.spot[parked]
         assert len(np.unique(spots)) == len(spots)
     done = tasks.stage == Stage.DELIVERED
     assert done.sum() == grid.counts.delivered.sum() > 4 * n_cars
