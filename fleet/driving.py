@@ -126,9 +126,13 @@ class PathDriver:
 
     def commands(self, world: World) -> FloatArray:
         """See `Driver`."""
+        self.sense(world)
+        return self.follower.commands(self.paths, self.estimate, self._speeds, self._stop_s, self._speed_cap)
+
+    def sense(self, world: World) -> None:
+        """Take in where the cars are and how fast."""
         self._speeds = world.car_speeds()
         self.estimate = self.estimator.update(world.car_poses(), self._speeds, world.car_steering())
-        return self.follower.commands(self.paths, self.estimate, self._speeds, self._stop_s, self._speed_cap)
 
     def finished(self) -> list[int]:
         """See `Driver`."""

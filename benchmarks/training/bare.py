@@ -28,11 +28,12 @@ class BareLoop:
 
     Args:
         scene: Robots and boxes.
+        parcels_n: Parcels on the slots of the site.
         rays_n: Rays of each car's lidar.
         steps_n: Physics steps per control step.
     """
 
-    def __init__(self, scene: Scene, rays_n: int, steps_n: int) -> None:
+    def __init__(self, scene: Scene, parcels_n: int, rays_n: int, steps_n: int) -> None:
         self._client = client = Client()
         config = BulletConfig()
         client.setGravity(0.0, 0.0, -9.81)
@@ -78,10 +79,15 @@ class BareLoop:
         for box in scene.boxes:
             shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=[float(x) for x in box.half_m])
             client.createMultiBody(baseCollisionShapeIndex=shape, basePosition=[float(x) for x in box.centre_m])
+        slots = [box for box in scene.boxes if box.kind == "pedestal"][:parcels_n]
+        cube = client.createCollisionShape(client.GEOM_BOX, halfExtents=[0.03] * 3)
+        for box in slots:
+            x, y, z = (float(a) for a in box.centre_m)
+            client.createMultiBody(0.3, cube, basePosition=(x, y, z + float(box.half_m[2]) + 0.03))
         self._steps_n = steps_n
         self._forces = scene.arm.max_torque_nm.tolist()
-        car = scene.car
-        self._ring = LidarRing(Lidar(rays_n=rays_n, noise_m=0.0), car.front_m, car.rear_m, car.half_width_m)
+        model = scene.car
+        self._ring = LidarRing(Lidar(rays_n=rays_n, noise_m=0.0), model.front_m, model.rear_m, model.half_width_m)
         self._state = client.saveState()
 
     def reset(self) -> None:

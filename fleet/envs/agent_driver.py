@@ -57,6 +57,7 @@ class AgentDriver(PathDriver):
         self._tick_s = tick_s
         self._by_agent = by_agent
         self._is_agent: list[bool] = by_agent.tolist()
+        self._all_agents = bool(by_agent.all())
         self._reached: list[int] = start_states.tolist()
         self._moves: list[deque[int]] = [deque() for _ in self._reached]
         self._gates = np.zeros((n_cars, _GATES_N, 4))  # pose of each granted state, 1 if it is driven to backwards
@@ -75,13 +76,16 @@ class AgentDriver(PathDriver):
 
     def commands(self, world: World) -> FloatArray:
         """See `Driver`; the car of an agent that says nothing stands."""
+        if self._all_agents:
+            self.sense(world)
+            return np.zeros((len(self._is_agent), 2))
         commands = super().commands(world)
         commands[self._by_agent] = 0.0
         return commands
 
     def finished(self) -> list[int]:
         """See `Driver`."""
-        done = super().finished()
+        done = [] if self._all_agents else super().finished()
         if _count_passed(self.estimate, self._gates, self._gates_n, self._passed):
             for car in np.flatnonzero(self._passed).tolist():
                 moves = self._moves[car]
@@ -113,7 +117,7 @@ class AgentDriver(PathDriver):
 
     def off_lane(self) -> list[int]:
         """See `Driver`; nobody brings back the car of an agent."""
-        return [] if self._by_agent.all() else [car for car in super().off_lane() if not self._is_agent[car]]
+        return [] if self._all_agents else [car for car in super().off_lane() if not self._is_agent[car]]
 
     def next_state(self, car: int) -> int:
         """State at the end of an agent's car's current granted move; the last one reached if it holds no grant."""

@@ -26,9 +26,10 @@ class BulletConfig:
     at_once_n: int | None = None
     """The engine makes so many steps of every tick in one call; None = one call for each of `substeps_n` steps.
 
-    Saves half of the time that is not the engine's own. Contacts and grips are then looked at once per tick, and arms
-    turn at one speed from set-point to set-point. The time of a tick must be a whole number of its steps to the last
-    bit (see `exact_tick_s`): the engine carries what is left over, and its snapshots do not hold that.
+    Saves most of the time that is not the engine's own. Contacts and grips are then looked at once per tick, arms turn
+    at one speed from set-point to set-point, and standing cars are held by their wheels alone. The time of a tick must
+    be a whole number of its steps to the last bit (see `exact_tick_s`): the engine carries what is left over, and its
+    snapshots do not hold that.
     """
 
     def __post_init__(self) -> None:

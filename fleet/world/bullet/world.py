@@ -121,7 +121,9 @@ class BulletWorld:
                         deterministicOverlappingPairs=1,
                     )
                 floor = self._add_floor()
-                self._cars = Cars(client, scene.car, scene.car_start, config.wheels, call_s)
+                # At once there are so many steps that wheels alone hold a car.
+                brakes = config.at_once_n is None
+                self._cars = Cars(client, scene.car, scene.car_start, config.wheels, call_s, brakes=brakes)
                 self._arms = Arms(
                     client,
                     scene.arm,
