@@ -33,8 +33,6 @@ CAP_N = 2
 """Cars near one station at once, as in any run (`AllocationConfig.station_cap_n`)."""
 ROOM_N = max(CAP_N + 1, round(QUEUE_S / PRIOR_MEAN_S))
 """Tasks under way to one station at once, as in any run (`fleet.allotment`)."""
-
-
 N_KINDS = 4
 """Kinds of moves of a car: straight, left, right, reverse."""
 

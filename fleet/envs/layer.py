@@ -70,7 +70,7 @@ class View(Protocol):
 class LayerEnv(FleetEnv):
     """Cars that all choose one of a few actions, with masks, in a fleet that does the rest.
 
-    A subclass writes `_fleet_of`, `_look`, `_play` and `_sum`.
+    A subclass writes `_fleet_of`, `_look`, `_rows_now`, `_play` and `_infos`.
 
     Args:
         name: As PettingZoo's modules have it.
