@@ -433,11 +433,15 @@ class Simulation:
             return commands, desk.q, desk.qd, desk.grip
         q, qd, grip = desk.q, desk.qd, desk.grip
         if actions.cars is not None:
-            commands = np.where(np.isnan(actions.cars), commands, actions.cars)
+            left = np.isnan(actions.cars)
+            commands = np.where(left, commands, actions.cars) if left.any() else actions.cars
         if actions.arms is not None:
             decided = ~np.isnan(actions.arms[:, 0])
+            speeds = np.zeros_like(q) if actions.arms_qd is None else actions.arms_qd
+            holds = grip if actions.grip is None else actions.grip
+            if decided.all():
+                return commands, actions.arms, speeds, holds
             q = np.where(decided[:, None], actions.arms, q)
-            qd = np.where(decided[:, None], 0.0 if actions.arms_qd is None else actions.arms_qd, qd)
-            if actions.grip is not None:
-                grip = np.where(decided, actions.grip, grip)
+            qd = np.where(decided[:, None], speeds, qd)
+            grip = np.where(decided, holds, grip)
         return commands, q, qd, grip

@@ -157,8 +157,9 @@ class Cars:
         along = 1.0 - curvature[:, None] * self._places[:, 1]
         spin = speed[:, None] / spec.wheel_radius_m * np.hypot(ahead, along)
         angle = np.arctan2(ahead[:, 2:], along[:, 2:])  # (c, 2) front left, front right
-        motor, velocity, position = (
+        motor, wheels, velocity, position = (
             self._client.setJointMotorControl2,
+            self._client.setJointMotorControlArray,
             self._client.VELOCITY_CONTROL,
             self._client.POSITION_CONTROL,
         )
@@ -166,8 +167,7 @@ class Cars:
         for row, car in enumerate(changed.tolist()):
             body = self.bodies[car]
             torque = _BRAKE_NM if speed[row] == 0.0 else _DRIVE_NM
-            for joint, target in zip(self._wheels, spin[row].tolist(), strict=True):
-                motor(body, joint, velocity, targetVelocity=target, force=torque)
+            wheels(body, self._wheels, velocity, targetVelocities=spin[row].tolist(), forces=[torque] * 4)
             for joint, target in zip(self._hinges, angle[row].tolist(), strict=True):
                 motor(body, joint, position, target, 0.0, _STEER_NM, _STEER_GAIN, 1.0, rate)
 

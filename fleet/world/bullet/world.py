@@ -178,6 +178,7 @@ class BulletWorld:
             self._grip.before_step()
             self._cars.shove()
             self._client.stepSimulation()
+            self._parcels.moved()
             held = [(arm, parcels.body(parcel)) for arm, parcel in enumerate(self._grip.held) if parcel >= 0]
             self._monitor.observe(watched, self._near, held, parcels.by_body)
             self._grip.after_step()
@@ -337,6 +338,7 @@ class BulletWorld:
         else:
             self._rebuild(snapshot)
         client.performCollisionDetection()  # rays would see the old poses
+        self._parcels.moved()
         self._cars.recall(snapshot.memory["cars"])
         self._arms.recall(snapshot.memory["arms"])
         self._grip.recall(snapshot.memory["grip"])

@@ -15,6 +15,7 @@ from fleet.world.arms import ServoArms
 from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, KinematicWorld, SnapshotError
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
+from fleet.world.surroundings import FOOT_M
 from planners.motion.kinematics import link_frames
 
 FloatArray = npt.NDArray[np.float64]
@@ -220,6 +221,10 @@ def test_rays_agree_with_brute_force(hall: Scene) -> None:
             dx, dy = points[:, 0] - x, points[:, 1] - y
             u, v = math.cos(yaw) * dx + math.sin(yaw) * dy, math.cos(yaw) * dy - math.sin(yaw) * dx
             inside = (u > rear) & (u < front) & (np.abs(v) < half)
+            if inside.any() and not inside[0]:
+                first = min(first, float(fractions[np.argmax(inside)]))
+        for x, y, *_ in hall.arm_base:
+            inside = np.hypot(points[:, 0] - x, points[:, 1] - y) < FOOT_M
             if inside.any() and not inside[0]:
                 first = min(first, float(fractions[np.argmax(inside)]))
         assert hit == pytest.approx(first, abs=2e-4)
