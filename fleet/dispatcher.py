@@ -85,6 +85,7 @@ class Dispatcher:
         batteries: State of charge of the cars; None for cars that never need to charge.
         askew: Draws how parcels are put on their slots; None = exactly.
         log: Called as ``log(kind, **facts)`` for every event.
+        allotment: Says who gets which task.
     """
 
     def __init__(
@@ -103,6 +104,7 @@ class Dispatcher:
         batteries: Batteries | None,
         askew: np.random.Generator | None,
         log: Log,
+        allotment: type[Allotment] = Allotment,
     ) -> None:
         self.board = board
         self.allocations_n = 0
@@ -159,7 +161,7 @@ class Dispatcher:
             )
             for _ in range(2)
         )
-        self._allotment = Allotment(
+        self.allotment = allotment(
             config=config.allocation,
             board=board,
             stations=self._stations,
@@ -348,8 +350,8 @@ class Dispatcher:
                 busy[car] = outlook
         situation = Situation(standing=standing, held=held, kept=self.roster.kept(), busy=busy)
         if tick % self._price_period == 0:
-            self._allotment.plan_filling(situation, now_s)
-        choice = self._allotment.choose(situation, now_s)
+            self.allotment.plan_filling(situation, now_s)
+        choice = self.allotment.choose(situation, now_s)
         for car, reason in choice.taken:
             self.roster.unassign(held[car], now_s, reason)
             self.roster.stand_down(car)

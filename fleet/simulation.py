@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.allotment import require_allocator
+from fleet.allotment import Allotment, require_allocator
 from fleet.config import CarConfig, Fidelity, RunConfig, require
 from fleet.dispatcher import Dispatcher
 from fleet.disturbance import Disturbances
@@ -137,6 +137,10 @@ class Simulation:
         OrdersError: The orders file cannot be read, or none of its orders can be accepted.
     """
 
+    allotment_type: type[Allotment] = Allotment
+    traffic_type: type[Traffic] = Traffic
+    """Who gives tasks out, and who plans the moves; environments put agents in their place."""
+
     def __init__(
         self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None, ground: Ground | None = None
     ) -> None:
@@ -175,7 +179,7 @@ class Simulation:
             self._progress_s = 0.0
             self.driver: Driver = self._driver(start_states, np.random.default_rng(estimate_seed))
             self.executor = Executor(self.graph, start_states, self.driver, config.traffic, self.log)
-            self.traffic = Traffic(
+            self.traffic = self.traffic_type(
                 self.graph,
                 self.executor,
                 config.traffic,
@@ -207,6 +211,7 @@ class Simulation:
                 batteries=self.batteries,
                 askew=np.random.default_rng(askew_seed) if config.askew else None,
                 log=self.log,
+                allotment=self.allotment_type,
             )
             self.recovery = Recovery(self)
             self.disturbances = Disturbances(self, config.events)

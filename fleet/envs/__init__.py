@@ -4,3 +4,7 @@ from pettingzoo import register
 
 register("parallel", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:parallel_env", max_cycles=1200)
 register("aec", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:env", max_cycles=1200)
+register("parallel", "fleet/dispatch-v0", entry_point="fleet.envs.dispatch_v0:parallel_env", max_cycles=240)
+register("aec", "fleet/dispatch-v0", entry_point="fleet.envs.dispatch_v0:env", max_cycles=240)
+register("parallel", "fleet/traffic-v0", entry_point="fleet.envs.traffic_v0:parallel_env", max_cycles=500)
+register("aec", "fleet/traffic-v0", entry_point="fleet.envs.traffic_v0:env", max_cycles=500)

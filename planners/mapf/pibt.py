@@ -131,7 +131,8 @@ class Stepper:
         self.graph = graph
         self.options: Options = options_of(graph, blocked)
         self._blocked = blocked.copy()
-        self._salt = int(np.random.default_rng(seed).integers(2**62))
+        self.salt = int(np.random.default_rng(seed).integers(2**62))
+        """State of the tie-breaking: steps from the same salt and the same arguments are the same."""
         self._floor = np.full((graph.n_cells, 2), -1, dtype=np.int32)
         self._crossed = np.full(graph.n_cells if self.options.has_sweeps else 1, -1, dtype=np.int32)
         self._keys = np.empty((0, self.options.widest + 1), dtype=np.int64)
@@ -167,7 +168,7 @@ class Stepper:
         if len(self._keys) < n:
             self._keys = np.empty((n, self.options.widest + 1), dtype=np.int64)
             self._chain = np.empty((3, n), dtype=np.int32)
-        self._salt += 1
+        self.salt += 1
         options, graph = self.options, self.graph
         _step(
             options.aim,
@@ -183,7 +184,7 @@ class Stepper:
             order,
             locked,
             allow_rotation,
-            self._salt,
+            self.salt,
             now,
             after,
             self._floor,

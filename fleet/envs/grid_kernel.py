@@ -1,0 +1,326 @@
+"""Kernels of `GridFleet`: what a timestep changes besides the cars' states - services, tasks, bookings, goals."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Ints = npt.NDArray[np.int32]
+SmallInts = npt.NDArray[np.int8]
+Bools = npt.NDArray[np.bool_]
+Distances = npt.NDArray[np.uint16]
+
+NONE = -1
+NEVER = np.iinfo(np.int32).max
+
+
+class Phase(IntEnum):
+    """What a car is about, as agents are told."""
+
+    FREE = 0
+    TO_PICK = 1
+    LOADING = 2
+    TO_DROP = 3
+    UNLOADING = 4
+    OUT = 5
+    """Out of service; on the grid no car ever is."""
+
+
+class Stage(IntEnum):
+    """Where a task stands."""
+
+    ORDERED = 0
+    BACKLOG = 1
+    """Released; waits for a free slot at its pick station."""
+    READY = 2
+    ASSIGNED = 3
+    CARRIED = 4
+    DELIVERED = 5
+
+
+# numba reads plain integers faster than members of an enum.
+FREE, TO_PICK, LOADING, TO_DROP, UNLOADING = (int(phase) for phase in list(Phase)[:5])
+ORDERED, BACKLOG, READY, ASSIGNED, CARRIED, DELIVERED = (int(stage) for stage in Stage)
+
+
+class Floor(NamedTuple):
+    """What never changes; S states, k stations, p parking places."""
+
+    distance: Distances
+    """Timesteps to the goals, a row for each, shape (n_rows, S)."""
+    dock_state: Ints
+    dock_row: Ints
+    """State of each station's dock and its row of `distance`, shape (k,)."""
+    spot_state: Ints
+    spot_row: Ints
+    """The same for the parking places, shape (p,)."""
+    slots_n: Ints
+    """Slots of each station, shape (k,)."""
+    service_n: int
+    """Timesteps that a car is served."""
+    cap_n: int
+    """Cars that are near one station at once, the one that is served included."""
+    near_n: int
+    """A car with at most so many moves left to its station needs a booking to go on."""
+    loaded_rank_n: int
+    urgent_rank_n: int
+    """Head start in the right of way of a car with a parcel, and of one with an urgent task, in timesteps."""
+
+
+class Cars(NamedTuple):
+    """One entry per car."""
+
+    state: Ints
+    phase: SmallInts
+    held: Bools
+    """Waits in a parking place until there is room at its station."""
+    booked: Bools
+    """Has a place near its station."""
+    task: Ints
+    station: Ints
+    """Where it is bound for, or served."""
+    spot: Ints
+    """The parking place that is its own now."""
+    left: Ints
+    """Timesteps of service that are left."""
+    bound: Ints
+    """Timestep in which it was bound for its station."""
+    since: Ints
+    """Timestep in which it was given its goal."""
+    goal: Ints
+    row: Ints
+    """Its goal, and the row of distances to it."""
+
+
+class Tasks(NamedTuple):
+    """One entry per task, ascending in release; times in timesteps."""
+
+    release: Ints
+    due: Ints
+    """`NEVER` = any time."""
+    pick: Ints
+    drop: Ints
+    rank: SmallInts
+    """Priority class, 0 = most urgent."""
+    stage: SmallInts
+    car: Ints
+    done: Ints
+    """Timestep of the delivery, `NEVER` before."""
+    window: Ints
+    """First task that may be open, and number of those released, shape (2,)."""
+
+
+class Stations(NamedTuple):
+    """One entry per station."""
+
+    booked: Ints
+    """Cars that have a place near it."""
+    free: Ints
+    """Free slots of a pick station."""
+    under_way: Ints
+    """Tasks whose cars have still to come to it."""
+
+
+class Counts(NamedTuple):
+    """What has happened since it was last asked; whole numbers on the grid."""
+
+    delivered: npt.NDArray[Any]
+    """Deliveries of each car."""
+    late: npt.NDArray[Any]
+    """Timesteps by which its deliveries were late."""
+    empty: npt.NDArray[Any]
+    """Moves it made on its way to a pick station."""
+    open: npt.NDArray[Any]
+    """Sum over the timesteps of the tasks that were released and not picked, shape (1,)."""
+
+
+@njit(cache=True, nogil=True)
+def assign(cars: Cars, tasks: Tasks, stations: Stations, car: int, task: int, now: int) -> None:  # pragma: no cover
+    """Give a ready task to a free car."""
+    tasks.stage[task], tasks.car[task] = ASSIGNED, car
+    cars.task[car] = task
+    stations.under_way[tasks.pick[task]] += 1
+    stations.under_way[tasks.drop[task]] += 1
+    _bind(cars, car, TO_PICK, tasks.pick[task], now)
+
+
+@njit(cache=True, nogil=True)
+def assign_nearest(
+    floor: Floor, cars: Cars, tasks: Tasks, stations: Stations, room_n: int, now: int
+) -> None:  # pragma: no cover - compiled
+    """Give each ready task, the most urgent class first, then the oldest, to the nearest free car."""
+    n_free = 0
+    for car in range(len(cars.state)):
+        n_free += cars.phase[car] == FREE
+    if n_free == 0:
+        return
+    for rank in range(3):
+        for task in range(tasks.window[0], tasks.window[1]):
+            if tasks.stage[task] != READY or tasks.rank[task] != rank or n_free == 0:
+                continue
+            if stations.under_way[tasks.pick[task]] >= room_n or stations.under_way[tasks.drop[task]] >= room_n:
+                continue
+            distance = floor.distance[floor.dock_row[tasks.pick[task]]]
+            nearest, least = NONE, NEVER
+            for car in range(len(cars.state)):
+                if cars.phase[car] == FREE and distance[cars.state[car]] < least:
+                    nearest, least = car, distance[cars.state[car]]
+            assign(cars, tasks, stations, nearest, task, now)
+            n_free -= 1
+
+
+@njit(cache=True, nogil=True)
+def count_moves(cars: Cars, after: Ints, counts: Counts) -> None:  # pragma: no cover - compiled
+    """Count the moves to pick stations, and put the cars where they are after the timestep."""
+    for car in range(len(after)):
+        if after[car] != cars.state[car] and cars.phase[car] == TO_PICK:
+            counts.empty[car] += 1
+        cars.state[car] = after[car]
+
+
+@njit(cache=True, nogil=True)
+def serve(
+    floor: Floor, cars: Cars, tasks: Tasks, stations: Stations, counts: Counts, now: int
+) -> None:  # pragma: no cover - compiled
+    """End and begin services, after a timestep's moves."""
+    for car in range(len(cars.state)):
+        phase = cars.phase[car]
+        if phase in (LOADING, UNLOADING):
+            cars.left[car] -= 1
+            if cars.left[car] > 0:
+                continue
+            task = cars.task[car]
+            stations.booked[cars.station[car]] -= 1
+            stations.under_way[cars.station[car]] -= 1
+            cars.booked[car] = False
+            if phase == LOADING:
+                tasks.stage[task] = CARRIED
+                stations.free[tasks.pick[task]] += 1
+                _bind(cars, car, TO_DROP, tasks.drop[task], now)
+            else:
+                tasks.stage[task], tasks.done[task] = DELIVERED, now
+                counts.delivered[car] += 1
+                if now > tasks.due[task]:
+                    counts.late[car] += now - tasks.due[task]
+                cars.phase[car], cars.task[car], cars.station[car] = FREE, NONE, NONE
+        elif cars.booked[car] and cars.state[car] == floor.dock_state[cars.station[car]]:
+            cars.phase[car] = LOADING if phase == TO_PICK else UNLOADING
+            cars.left[car] = floor.service_n
+
+
+@njit(cache=True, nogil=True)
+def release(tasks: Tasks, stations: Stations, counts: Counts, now: int) -> None:  # pragma: no cover - compiled
+    """Let orders come in, and fill free slots, the most urgent class first, then the oldest."""
+    window = tasks.window
+    while window[1] < len(tasks.release) and tasks.release[window[1]] <= now:
+        tasks.stage[window[1]] = BACKLOG
+        window[1] += 1
+    while window[0] < window[1] and tasks.stage[window[0]] >= CARRIED:
+        window[0] += 1
+    n_free = 0
+    for station in range(len(stations.free)):
+        n_free += stations.free[station]
+    for rank in range(3):
+        if n_free == 0:
+            break
+        for task in range(window[0], window[1]):
+            if tasks.stage[task] == BACKLOG and tasks.rank[task] == rank and stations.free[tasks.pick[task]] > 0:
+                tasks.stage[task] = READY
+                stations.free[tasks.pick[task]] -= 1
+                n_free -= 1
+    for task in range(window[0], window[1]):
+        counts.open[0] += tasks.stage[task] <= ASSIGNED
+
+
+@njit(cache=True, nogil=True)
+def direct(
+    floor: Floor, cars: Cars, tasks: Tasks, stations: Stations, spot_user: Ints, first: Ints, now: int
+) -> None:  # pragma: no cover - compiled
+    """Book places near stations, hold back who has none, and give every car its goal.
+
+    Args:
+        floor: What never changes.
+        cars: The cars.
+        tasks: The tasks.
+        stations: The stations.
+        spot_user: Car whose own each parking place is, or `NONE`, shape (p,).
+        first: Working memory, shape (k,).
+        now: The timestep.
+    """
+    n = len(cars.state)
+    # Of the cars that want a place near a station, the one that has been bound for it longest.
+    first[:] = NONE
+    for car in range(n):
+        station = cars.station[car]
+        if cars.booked[car] or station == NONE or stations.booked[station] >= floor.cap_n:
+            continue
+        near = floor.distance[floor.dock_row[station], cars.state[car]] <= floor.near_n
+        before = first[station] == NONE or cars.bound[car] < cars.bound[first[station]]
+        if (cars.held[car] or near) and before:
+            first[station] = car
+    for station in range(len(first)):
+        if first[station] != NONE:
+            cars.booked[first[station]] = True
+            cars.held[first[station]] = False
+            stations.booked[station] += 1
+    for car in range(n):
+        phase, station = cars.phase[car], cars.station[car]
+        if phase in (LOADING, UNLOADING):
+            continue
+        if station != NONE and not cars.booked[car]:
+            near = floor.distance[floor.dock_row[station], cars.state[car]] <= floor.near_n
+            cars.held[car] = cars.held[car] or near
+        if station != NONE and not cars.held[car]:
+            if cars.spot[car] != NONE:
+                spot_user[cars.spot[car]] = NONE
+                cars.spot[car] = NONE
+            goal, row = floor.dock_state[station], floor.dock_row[station]
+        else:
+            if cars.spot[car] == NONE:
+                cars.spot[car] = _nearest_spot(floor, spot_user, cars.state[car])
+                spot_user[cars.spot[car]] = car
+            goal, row = floor.spot_state[cars.spot[car]], floor.spot_row[cars.spot[car]]
+        if cars.goal[car] != goal:
+            cars.goal[car], cars.row[car], cars.since[car] = goal, row, now
+
+
+@njit(cache=True, nogil=True)
+def rank_cars(
+    floor: Floor, cars: Cars, tasks: Tasks, now: int, priority: npt.NDArray[np.float64], locked: Bools
+) -> None:  # pragma: no cover - compiled
+    """Fill in who goes first, larger = earlier, and who does not move.
+
+    The priority is the time since the car was given its goal, with a head start for parcels and urgent tasks; a car
+    that is where it should be comes last. Of equal ones the car with the lower index goes first.
+    """
+    for car in range(len(cars.state)):
+        phase = cars.phase[car]
+        at_goal = cars.state[car] == cars.goal[car]
+        locked[car] = phase in (LOADING, UNLOADING) or (at_goal and cars.booked[car])
+        waited = np.float64(now - cars.since[car])
+        if phase == TO_DROP:
+            waited += floor.loaded_rank_n
+        if cars.task[car] != NONE and tasks.rank[cars.task[car]] == 0:
+            waited += floor.urgent_rank_n
+        priority[car] = -1.0 if at_goal else waited
+
+
+@njit(cache=True, nogil=True)
+def _bind(cars: Cars, car: int, phase: int, station: int, now: int) -> None:  # pragma: no cover - compiled
+    cars.phase[car], cars.station[car], cars.bound[car] = phase, station, now
+    cars.held[car] = cars.booked[car] = False
+
+
+@njit(cache=True, nogil=True)
+def _nearest_spot(floor: Floor, spot_user: Ints, state: int) -> int:  # pragma: no cover - compiled
+    nearest, least = NONE, NEVER
+    for spot in range(len(spot_user)):
+        if spot_user[spot] == NONE:
+            distance = floor.distance[floor.spot_row[spot], state]
+            if distance < least:
+                nearest, least = spot, int(distance)
+    return nearest

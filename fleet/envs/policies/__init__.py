@@ -1,0 +1,33 @@
+"""Scripted policies of every layer, the classical stack among them: `make_policy("dispatch", "hungarian")`."""
+
+from collections.abc import Callable
+
+from fleet.config import require
+from fleet.envs.policies.dispatch import Greedy, Hungarian, Nearest
+from fleet.envs.policies.policy import Policy as Policy
+from fleet.envs.policies.policy import Random
+from fleet.envs.policies.traffic import Pibt, ShortestWay
+from fleet.envs.policies.warehouse import Classical, PlannedArms, PursuitCars
+
+POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
+    "dispatch": {"random": Random, "nearest": Nearest, "greedy": Greedy, "hungarian": Hungarian},
+    "traffic": {"random": Random, "shortest_way": ShortestWay, "pibt": Pibt},
+    "warehouse": {"random": Random, "pursuit": PursuitCars, "planned_arms": PlannedArms, "classical": Classical},
+}
+"""Policies by layer and name; each is made with a seed and has `act(env, observations) -> actions`."""
+
+
+def make_policy(layer: str, name: str, seed: int = 0) -> Policy:
+    """Make a policy.
+
+    Args:
+        layer: A name in `POLICIES`: which environment it plays.
+        name: A name in `POLICIES[layer]`.
+        seed: Source of chance, of those that leave anything to it.
+
+    Raises:
+        ConfigError: There is no such layer or policy.
+    """
+    require(layer in POLICIES, "layer", layer, ", ".join(POLICIES))
+    require(name in POLICIES[layer], f"policy of layer {layer}", name, ", ".join(POLICIES[layer]))
+    return POLICIES[layer][name](seed)

@@ -1,0 +1,169 @@
+"""SimulatedTraffic: the whole fleet, kinematic or in physics, whose moves are chosen by agents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, TrafficConfig
+from fleet.envs.dispatch_simulation import FleetCounter, OrderedSimulation, phase_of
+from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite
+from fleet.envs.grid_kernel import Ints
+from fleet.envs.right_of_way import RightOfWay
+from fleet.envs.traffic_view import TrafficView
+from fleet.executor import Executor
+from fleet.roster import CarPhase
+from fleet.tasks.order import Delivery
+from fleet.traffic import NO_GOAL, Traffic
+from fleet.world.protocol import FloatArray
+from maps.lane_graph import LaneGraph
+from planners.mapf.distance_table import DistanceTable
+from planners.mapf.problem import Plan
+from planners.status import Status
+
+AHEAD_N = 1
+"""Granted moves that a car may still have to make when its next one is chosen, so that it need not stop."""
+
+
+class AgentTraffic(Traffic):
+    """Plans no moves: it takes those that agents wish for, as far as they can be made together.
+
+    A plan of one timestep is handed to the executor whenever there are wishes. The cars make its moves in the order
+    that the dependency graph allows, whatever their speeds, so nobody collides whatever agents do.
+    """
+
+    def __init__(
+        self,
+        graph: LaneGraph,
+        executor: Executor,
+        config: TrafficConfig,
+        tick_s: float,
+        seed: int,
+        tables: DistanceTable | None = None,
+    ) -> None:
+        super().__init__(graph, executor, config, tick_s, seed, tables)
+        self.wanted: Ints | None = None
+        """Where each car wishes to go; None once that is decided."""
+        self.granted = np.ones(len(self.goals), dtype=np.bool_)
+        """Whether each car was granted its last wish."""
+        self._right_of_way = RightOfWay(graph.state_cell, graph.n_cells)
+
+    def tick(self, tick: int) -> bool:
+        """Decide on the wishes, if there are new ones; see `Traffic`."""
+        if self.wanted is None:
+            return False
+        states = self.executor.tail_states()
+        wanted, self.wanted = self.wanted, None
+        blocked = self.blocked[self.graph.state_cell[wanted]] & (wanted != states)
+        after = self._right_of_way.resolve(states, wanted, self.priority(tick), self.locked() | blocked)
+        self.granted = after == wanted
+        self.executor.accept(Plan(states=np.stack((states, after)), status=Status.FEASIBLE, iterations=1))
+        self.plans_n += 1
+        return True
+
+    def locked(self) -> npt.NDArray[np.bool_]:
+        """Cars that cannot choose: they are served, stand at their dock, or have not made their moves yet."""
+        executor = self.executor
+        dependencies, states = executor.dependencies, executor.tail_states()
+        busy = [
+            dependencies.n_queued(car) > 0 or dependencies.n_granted(car) > AHEAD_N for car in range(len(self.goals))
+        ]
+        locked: npt.NDArray[np.bool_] = self.fixed | (self.stay & (states == self.goals)) | np.array(busy)
+        return locked
+
+    def priority(self, tick: int) -> FloatArray:
+        """Who goes first, larger = earlier, shape (n_cars,); see `TrafficView`."""
+        waited_s = (tick - self._goal_since) * self._tick_s + self.rank
+        content = (self.goals == NO_GOAL) | (self.executor.tail_states() == self.goals)
+        priority: FloatArray = np.where(content, -1.0, waited_s / TIMESTEP_S)
+        return priority
+
+
+class TrafficSimulation(OrderedSimulation):
+    """A `Simulation` whose cars agents send from state to state."""
+
+    traffic: AgentTraffic
+    traffic_type = AgentTraffic
+
+
+class SimulatedTraffic:
+    """A `TrafficFleet` that is a whole simulation.
+
+    Args:
+        place: The site.
+        site: Its name or path.
+        n_cars: Number of cars.
+        orders: Deliveries, ascending in release.
+        seed: Seed of the run.
+        fidelity: `kinematic` or `physics`.
+        duration_s: Length of the episode [s].
+    """
+
+    def __init__(
+        self,
+        place: FleetSite,
+        site: str,
+        n_cars: int,
+        orders: Sequence[Delivery],
+        seed: int,
+        fidelity: Fidelity,
+        duration_s: float,
+    ) -> None:
+        config = RunConfig(
+            site=site,
+            robots=n_cars,
+            fidelity=fidelity,
+            seed=seed,
+            duration_s=duration_s,
+            allocation=AllocationConfig(allocator="greedy"),
+            arms=ArmConfig(workers_n=0),
+        )
+        self._place = place
+        self.simulation = TrafficSimulation(config, orders)
+        self._counter = FleetCounter(self.simulation)
+        self.counts = self._counter.counts
+        # The first tasks are given out, and goals with them.
+        self._run(self.simulation.tick_s)
+
+    def view(self) -> TrafficView:
+        """See `TrafficFleet`."""
+        simulation = self.simulation
+        roster, traffic = simulation.dispatcher.roster, simulation.traffic
+        phases = [phase_of(phase, roster.task_of[car]) for car, phase in enumerate(roster.phase)]
+        return TrafficView(
+            state=simulation.executor.tail_states(),
+            goal=traffic.goals.copy(),
+            phase=np.array(phases, dtype=np.int8),
+            held=np.array([phase is CarPhase.HELD for phase in roster.phase]),
+            locked=traffic.locked(),
+            priority=traffic.priority(simulation.now),
+        )
+
+    def poses(self) -> FloatArray:
+        """See `TrafficFleet`."""
+        return self.simulation.world.car_poses()
+
+    def move(self, wanted: Ints) -> npt.NDArray[np.bool_]:
+        """See `TrafficFleet`."""
+        self.simulation.traffic.wanted = wanted.astype(np.int32)
+        self._run(TIMESTEP_S)
+        return self.simulation.traffic.granted
+
+    def forget(self) -> None:
+        """See `TrafficFleet`."""
+        for count in self.counts:
+            count[:] = 0
+
+    def copy(self) -> None:
+        """See `TrafficFleet`."""
+
+    def close(self) -> None:
+        """See `TrafficFleet`."""
+        self.simulation.close()
+
+    def _run(self, duration_s: float) -> None:
+        for _ in range(round(duration_s / self.simulation.tick_s)):
+            self.simulation.tick()
+            self._counter.tick()

@@ -1,0 +1,394 @@
+"""What the environments of the dispatch and of the traffic layer owe the libraries that train on them."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pettingzoo
+import pytest
+from pettingzoo.test import (
+    api_test,
+    max_cycles_test,
+    parallel_api_test,
+    parallel_seed_test,
+    render_test,
+    seed_test,
+    state_test,
+)
+from pettingzoo.utils import parallel_to_aec
+
+from fleet.config import ConfigError
+from fleet.envs import dispatch_v0, traffic_v0
+from fleet.envs.base import ActionError, EnvState, EpisodeError, StateError
+from fleet.envs.dispatch import TERMS as DISPATCH_TERMS
+from fleet.envs.dispatch import DispatchWeights
+from fleet.envs.layer import LayerEnv
+from fleet.envs.policies import POLICIES, make_policy
+from fleet.envs.traffic import TERMS as TRAFFIC_TERMS
+from maps.errors import MapsError
+from maps.warehouse import generate_warehouse
+
+ENVS = {"dispatch": dispatch_v0, "traffic": traffic_v0}
+TERMS = {"dispatch": DISPATCH_TERMS, "traffic": TRAFFIC_TERMS}
+MASKED = ("Observation space for each agent probably should be", "Observation is not a NumPy array")
+"""What PettingZoo warns about whenever observations hold a mask, as it asks for them to."""
+CYCLES_N = {"dispatch": 60, "traffic": 120}
+Maker = Callable[..., LayerEnv]
+
+
+@pytest.fixture(params=ENVS)
+def layer(request: pytest.FixtureRequest) -> str:
+    """Return the name of one layer."""
+    return str(request.param)
+
+
+@pytest.fixture
+def module(layer: str) -> ModuleType:
+    """Return the module of one environment."""
+    return ENVS[layer]
+
+
+@pytest.fixture
+def make(layer: str) -> Iterator[Maker]:
+    """Return a maker of environments that are closed after the test."""
+    made: list[LayerEnv] = []
+
+    def one(**arguments: Any) -> LayerEnv:
+        arguments = {"site": "small", "n_cars": 4, "max_cycles": CYCLES_N[layer]} | arguments
+        made.append(ENVS[layer].parallel_env(**arguments))
+        return made[-1]
+
+    yield one
+    for env in made:
+        env.close()
+        env.close()
+
+
+def chosen(observations: dict[str, Any], rng: np.random.Generator) -> dict[str, int]:
+    """Return any legal action of every agent."""
+    return {agent: int(rng.choice(np.flatnonzero(seen["action_mask"]))) for agent, seen in observations.items()}
+
+
+def episode(env: LayerEnv, seed: int | None, n_steps: int | None = None) -> list[Any]:
+    """Play one episode, or its first steps, and return all that the environment said."""
+    rng = np.random.default_rng(0)
+    said: list[Any] = [env.reset(seed=seed)]
+    observations = said[0][0]
+    while env.agents and n_steps != len(said) - 1:
+        told = env.step(chosen(observations, rng))
+        observations = told[0]
+        said.append((*told, env.state()))
+    return said
+
+
+# --- PettingZoo's own tests
+
+
+def test_parallel_api(module: ModuleType) -> None:
+    env = module.parallel_env()
+    parallel_api_test(env, num_cycles=100)
+    env.close()
+
+
+def test_api_of_the_turn_based_form(module: ModuleType) -> None:
+    with warnings.catch_warnings():
+        for text in MASKED:
+            warnings.filterwarnings("ignore", message=text)
+        api_test(parallel_to_aec(module.parallel_env(max_cycles=30)), num_cycles=60)
+
+
+def test_seeds(module: ModuleType) -> None:
+    parallel_seed_test(module.parallel_env, num_cycles=60)
+    seed_test(module.env, num_cycles=60)
+
+
+def test_max_cycles(module: ModuleType) -> None:
+    max_cycles_test(module)
+
+
+def test_state(module: ModuleType) -> None:
+    state_test(module.env(), module.parallel_env(), num_cycles=20)
+
+
+def test_render(module: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.chdir(tmp_path)
+    render_test(module.env, custom_tests={"rerun": lambda shown: shown is None})
+
+
+def test_registry(layer: str) -> None:
+    for kind, registry in (("parallel", pettingzoo.parallel_registry), ("aec", pettingzoo.aec_registry)):
+        assert f"fleet/{layer}-v0" in registry
+        env = pettingzoo.make(kind, f"fleet/{layer}-v0", n_cars=2, max_cycles=7)
+        assert env.possible_agents == ["car_0", "car_1"]
+        assert env.unwrapped.max_cycles == 7
+        env.close()
+
+
+# --- What they leave out
+
+
+@pytest.mark.parametrize("fidelity", ["grid", "kinematic"])
+def test_every_step_keeps_to_the_spaces_and_the_team(layer: str, make: Maker, fidelity: str) -> None:
+    env = make(fidelity=fidelity, max_cycles=30)
+    team, rng = env.possible_agents, np.random.default_rng(1)
+    observations, infos = env.reset(seed=4)
+    for n in range(1, 31):
+        assert list(observations) == list(infos) == env.agents == team
+        for agent, seen in observations.items():
+            assert env.observation_space(agent).contains(seen)
+            assert seen["action_mask"][0] == 1
+        assert env.state_space.contains(env.state())
+        observations, rewards, terminations, truncations, infos = env.step(chosen(observations, rng))
+        assert set(terminations.values()) == {False}
+        assert set(truncations.values()) == {n == 30}
+        for agent in team:
+            assert set(infos[agent]) == {*TERMS[layer], "waits", "illegal"}
+            assert rewards[agent] == pytest.approx(sum(infos[agent][term] for term in TERMS[layer]))
+            assert infos[agent]["illegal"] is False
+    assert env.agents == []
+    with pytest.raises(EpisodeError, match="reset"):
+        env.step({})
+
+
+def test_observations_are_the_caller_s_own(make: Maker) -> None:
+    env, twin = make(), make()
+    observations, _ = env.reset(seed=0)
+    twin.reset(seed=0)
+    for seen in observations.values():
+        seen["observation"][:] = 7.0
+        seen["action_mask"][:] = 0
+    assert np.array_equal(env.state(), twin.state())
+    _, _, _, _, infos = env.step(dict.fromkeys(env.agents, 1))
+    assert infos == twin.step(dict.fromkeys(twin.agents, 1))[4]
+
+
+def test_same_seed_same_episodes(make: Maker) -> None:
+    one, two = make(max_cycles=600), make(max_cycles=600, seed=9)
+    first = episode(one, 3)
+    np.testing.assert_equal(episode(two, 3), first)
+    # The series goes on alike, and begins anew with its seed.
+    second = episode(one, None, 100)
+    np.testing.assert_equal(episode(two, None, 100), second)
+    np.testing.assert_equal(episode(one, 3, 100), first[:101])
+    assert not np.array_equal(first[100][-1], second[100][-1])
+
+
+def test_same_seed_same_episode_of_the_whole_fleet(make: Maker) -> None:
+    first = episode(make(fidelity="kinematic"), 3, 25)
+    np.testing.assert_equal(episode(make(fidelity="kinematic"), 3, 25), first)
+
+
+SHOW_HASH = """
+import hashlib, numpy as np
+from fleet.envs import {layer}_v0
+env = {layer}_v0.parallel_env(n_cars=5)
+env.reset(seed=5)
+digest = hashlib.sha256()
+for n in range(120):
+    env.step({{agent: n % 5 for agent in env.agents}})
+    digest.update(env.state().tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_same_seed_same_episode_in_another_process(
+    layer: str, repository: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = SHOW_HASH.format(layer=layer)
+    there = subprocess.run([sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, check=True)
+    exec(code, {})
+    assert capsys.readouterr().out == there.stdout != ""
+
+
+def test_copies_are_made_by_the_arguments(make: Maker) -> None:
+    site = generate_warehouse(rows=12, cols=16, pick=1, drop=1, parking=4)
+    env = make(site=site, load=2.0, max_cycles=20)
+    played = episode(env, 6)
+    for twin in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        assert twin.agents == []
+        np.testing.assert_equal(episode(twin, 6), played)
+        twin.close()
+
+
+@pytest.mark.parametrize(("fidelity", "before_n"), [("grid", 40), ("kinematic", 15)])
+def test_a_saved_moment_comes_back_exactly(make: Maker, tmp_path: Path, fidelity: str, before_n: int) -> None:
+    env = make(fidelity=fidelity)
+    said = episode(env, 2, before_n)
+    state = env.save_state()
+    rng = np.random.default_rng(5)
+    observations, plays, told = said[-1][0], [], []
+    for _ in range(10):
+        plays.append(chosen(observations, rng))
+        told.append(env.step(plays[-1]))
+        observations = told[-1][0]
+    state.write(tmp_path / "moment")
+    episode(env, 8, 5)  # another episode in between
+    other = make(fidelity=fidelity)
+    for player, moment in ((env, state), (env, state), (other, EnvState.read(tmp_path / "moment"))):
+        np.testing.assert_equal(player.load_state(moment), said[-1][0])
+        np.testing.assert_equal([player.step(play) for play in plays], told)
+    with pytest.raises(StateError, match="n_cars"):
+        make(fidelity=fidelity, n_cars=3).load_state(state)
+
+
+def test_illegal_actions_do_nothing_and_are_flagged(make: Maker) -> None:
+    env, idle = make(), make()
+    observations, _ = env.reset(seed=2)
+    idle.reset(seed=2)
+    for _ in range(10):
+        wrong = {"car_0": 99, "car_1": -1, "car_2": math.nan, "car_3": 0.5}
+        *_, infos = env.step(wrong)
+        assert [info["illegal"] for info in infos.values()] == [True] * 4
+        observations, *_, infos = idle.step({"car_0": np.int64(0), "car_1": np.array([0])})
+        assert [info["illegal"] for info in infos.values()] == [False] * 4
+        assert np.array_equal(env.state(), idle.state())
+    observations, *_ = env.step(dict.fromkeys(env.agents, 1))
+    agent, masked = next(
+        (agent, int(np.argmin(seen["action_mask"])))
+        for agent, seen in observations.items()
+        if not all(seen["action_mask"])
+    )
+    *_, infos = env.step({agent: masked})
+    assert infos[agent]["illegal"] is True
+
+
+@pytest.mark.parametrize("action", ["left", [1, 2], {}, 1j])
+def test_actions_of_the_wrong_kind_are_refused_and_change_nothing(make: Maker, action: object) -> None:
+    env, twin = make(), make()
+    env.reset(seed=2)
+    twin.reset(seed=2)
+    with pytest.raises(ActionError, match="car_1"):
+        env.step({"car_0": 0, "car_1": action})
+    with pytest.raises(ActionError, match="nobody_7"):
+        env.step({"nobody_7": 0})
+    np.testing.assert_equal(env.step({}), twin.step({}))
+
+
+def test_calls_in_the_wrong_order_are_refused(make: Maker) -> None:
+    env = make()
+    for call in (lambda: env.step({}), env.state, env.save_state):
+        with pytest.raises(EpisodeError, match="reset"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"n_cars": 99}, "parking cells of site small"),
+        ({"n_cars": 0}, "1 to 18"),
+        ({"n_cars": 2.0}, "1 to 18"),
+        ({"fidelity": "real"}, "physics, kinematic, grid"),
+        ({"load": 0.0}, "> 0"),
+        ({"load": math.nan}, "> 0"),
+        ({"max_cycles": 0}, ">= 1"),
+        ({"seed": -1}, ">= 0"),
+        ({"render_mode": "ansi"}, "rgb_array"),
+        ({"site": 7}, "a name"),
+        ({"site": generate_warehouse(rows=12, cols=16, pick=1, drop=1, parking=4), "fidelity": "physics"}, "save_site"),
+    ],
+)
+def test_bad_arguments_are_refused(make: Maker, arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        make(**arguments)
+
+
+def test_unknown_sites_and_arguments_are_refused(make: Maker) -> None:
+    with pytest.raises(MapsError, match="nowhere"):
+        make(site="nowhere")
+    with pytest.raises(TypeError, match="robots"):
+        make(robots=3)
+    with pytest.raises(ConfigError, match="1 to 64"):
+        dispatch_v0.parallel_env(candidates_n=0)
+    with pytest.raises(ConfigError, match="whole number"):
+        dispatch_v0.parallel_env(decision_s=2.5)
+
+
+# --- Agents at work
+
+
+def played(env: LayerEnv, layer: str, policy: str, seed: int = 0) -> tuple[int, float]:
+    """Play an episode; returns deliveries and the sum of all rewards."""
+    mind, total = make_policy(layer, policy), 0.0
+    observations, _ = env.reset(seed=seed)
+    while env.agents:
+        observations, rewards, *_ = env.step(mind.act(env, observations))
+        total += sum(rewards.values())
+    return env.delivered_n, total
+
+
+@pytest.mark.parametrize("name", [name for name in POLICIES["dispatch"] if name != "random"])
+def test_every_dispatch_policy_beats_chance(name: str) -> None:
+    site = generate_warehouse(rows=36, cols=16, pick=6, drop=6, parking=12)
+    env = dispatch_v0.parallel_env(site=site, n_cars=8, max_cycles=200)
+    assert played(env, "dispatch", name)[1] > 1.05 * played(env, "dispatch", "random")[1]
+
+
+@pytest.mark.parametrize("name", [name for name in POLICIES["traffic"] if name != "random"])
+def test_every_traffic_policy_beats_chance(name: str) -> None:
+    env = traffic_v0.parallel_env(n_cars=6, max_cycles=300)
+    assert played(env, "traffic", name)[0] >= 10 > played(env, "traffic", "random")[0]
+
+
+def test_pibt_as_a_policy_is_always_granted() -> None:
+    env = traffic_v0.parallel_env(site="small", n_cars=14, max_cycles=200)
+    mind = make_policy("traffic", "pibt")
+    observations, _ = env.reset(seed=0)
+    while env.agents:
+        observations, *_, infos = env.step(mind.act(env, observations))
+        assert not any(info["waits"] for info in infos.values())
+
+
+@pytest.mark.parametrize(("layer", "policy"), [("dispatch", "hungarian"), ("traffic", "pibt")])
+def test_the_grid_tells_what_the_whole_fleet_does(layer: str, policy: str) -> None:
+    cycles_n = {"dispatch": 60, "traffic": 300}[layer]  # five minutes
+    delivered = [
+        played(ENVS[layer].parallel_env(site="small", n_cars=4, fidelity=fidelity, max_cycles=cycles_n), layer, policy)
+        for fidelity in ("grid", "kinematic")
+    ]
+    assert abs(delivered[0][0] - delivered[1][0]) <= 3
+    assert min(delivered)[0] >= 10
+
+
+def test_two_cars_that_choose_one_task_are_told_who_waits() -> None:
+    env = dispatch_v0.parallel_env(site="small", n_cars=4, max_cycles=10)
+    observations, _ = env.reset(seed=0)
+    firsts = env.candidates[:, 0]
+    *_, infos = env.step({agent: int(seen["action_mask"][1]) for agent, seen in observations.items()})
+    losers = [car for car in range(4) if infos[f"car_{car}"]["waits"]]
+    winners = [car for car in range(4) if car not in losers]
+    assert losers, "four cars side by side have the same nearest task"
+    assert len({firsts[car] for car in winners}) == len(winners)
+    # Of equal rank the lower index goes first; who lost comes first the next time.
+    assert all(any(firsts[winner] == firsts[loser] and winner < loser for winner in winners) for loser in losers)
+    assert DispatchWeights().lost == infos[f"car_{losers[0]}"]["lost"]
+
+
+@pytest.mark.bullet
+@pytest.mark.parametrize("layer", ENVS)
+def test_physics(layer: str) -> None:
+    env = ENVS[layer].parallel_env(site="small", n_cars=2, fidelity="physics", max_cycles=4)
+    said = episode(env, 1)
+    assert len(said) == 5
+    np.testing.assert_equal(episode(env, 1), said)
+    env.close()
+
+
+@pytest.mark.parametrize("policy", ["random", "shortest_way"])
+def test_nobody_collides_whatever_agents_choose(policy: str) -> None:
+    env = traffic_v0.parallel_env(site="small", n_cars=12, fidelity="kinematic", max_cycles=60)
+    played(env, "traffic", policy)
+    fleet = env.fleet
+    assert fleet.simulation.world.contacts().robot == 0
+    assert fleet.simulation.world.min_clearance_m() > 0.1
+    env.close()
