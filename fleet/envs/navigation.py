@@ -1,0 +1,496 @@
+"""Navigation: a PettingZoo environment in which cars drive to one place after the other, among each other.
+
+Every car has a stream of places to visit, drawn from the episode's seed and the same whatever the agents do. Its way
+there is the shortest along the lanes of the site; nobody gives right of way: to keep clear of the others is the agents'
+own affair. An episode begins with all cars parked and is truncated for all after `max_cycles` steps.
+
+Agents: `car_0`, `car_1`, ...
+
+Actions, both in [-1, 1] (greater ones are clipped, nan counts as 0, a missing agent stands): steering / 0.8 rad
+(positive = left) and speed / 2 m/s (negative = reverse).
+
+Observations, all clipped to [-1, 1]; a car's frame lies at its rear axle, x ahead, y to the left:
+
+| entries | |
+|---|---|
+| 0-1 | speed / 2 m/s, steering / 0.8 rad |
+| 2-3 | distance to the left of the way / 1 m, way left to the place / 10 m |
+| 4-15 | points of the way 0.3, 0.6, 1.0, 1.5, 2.2 and 3.0 m ahead / 3 m |
+| 16-23 | the nearest other car within 4 m: there is one (0 or 1), offset / 4 m, cos and sin of its heading, its speed / 2 m/s, the point 1 m ahead on its way / 4 m |
+| 24-31, 32-39 | the second and third nearest |
+
+Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places`, the number
+of places that were reached in this step. `state()` is all observations, one after the other.
+"""  # noqa: E501 - a table's row
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box
+from gymnasium.utils import EzPickle
+from numba import njit
+from pettingzoo.utils import ParallelEnv, parallel_to_aec
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
+
+from fleet.config import Fidelity, Grip, RunConfig, require
+from fleet.envs.top_view import TopView
+from fleet.envs.window import Window
+from fleet.errors import FleetError
+from fleet.robots.pursuit import PathBuffer
+from fleet.world import make_world
+from fleet.world.protocol import FloatArray
+from fleet.world.site_scene import scene_of
+from maps.lane_graph import MoveKind, build_lane_graph
+from maps.site import load_site
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+
+FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
+RENDER_MODES = ("human", "rgb_array")
+WAY_POINTS_M = np.array([0.3, 0.6, 1.0, 1.5, 2.2, 3.0])
+"""Distances ahead at which a car is told where its way leads [m]."""
+NEAR_M = 4.0
+"""Range in which other cars are seen [m]."""
+OTHERS_N = 3
+"""Other cars that are seen at most."""
+OTHER_N = 8
+"""Numbers told of each."""
+CAR_N = 4 + 2 * len(WAY_POINTS_M) + OTHERS_N * OTHER_N
+"""Numbers in an observation."""
+OFF_LANE_M = 0.3
+"""A car further than this from its way is off its lane: walls are 0.36 m away from a car's side on the lane's centre."""
+REACHED_M = 0.1
+"""A place counts as reached this far before it [m]."""
+TOUCH_M = 0.01
+"""Bodies nearer than this touch [m]: physics lets them not overlap."""
+_AHEAD_M = 4.0
+"""Length of way that is always known [m]."""
+
+Observation = npt.NDArray[np.float32]
+Infos = dict[str, dict[str, float]]
+
+
+class EpisodeError(FleetError):
+    """The environment was asked for something that its episode does not allow now."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NavigationWeights:
+    """What things are worth."""
+
+    progress: float = 0.5
+    """Per metre along the way, while on the lane."""
+    place: float = 1.0
+    """Per place reached."""
+    touch: float = -1.0
+    """Per step in which the car touches another."""
+    off_lane: float = -0.2
+    """Per step off the lane."""
+
+
+TERMS = ("progress", "place", "touch", "off_lane")
+"""Names of the terms."""
+
+
+class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPickle):
+    """Cars that drive to places; see the module's description.
+
+    It is pickled and copied by its constructor's arguments: a copy begins before its first episode.
+
+    Args:
+        site: Name of a shipped site or path of a site file.
+        n_cars: Number of cars.
+        fidelity: `kinematic` or `physics`.
+        control_hz: Steps per simulated second; the world's tick rate (kinematic 20, physics 60) is a multiple.
+        max_cycles: Steps after which an episode is truncated.
+        seed: Decides the episodes until `reset` is given a seed.
+        weights: What things are worth.
+        render_mode: `rgb_array`, `human` (a window, if there is a display) or None.
+
+    Raises:
+        ConfigError: An argument is outside its valid range.
+        SiteError: The site cannot be read.
+    """
+
+    def __init__(
+        self,
+        site: str = "small",
+        n_cars: int = 6,
+        fidelity: str = "kinematic",
+        control_hz: float = 10.0,
+        max_cycles: int = 600,
+        seed: int = 0,
+        weights: NavigationWeights | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        EzPickle.__init__(self, site, n_cars, fidelity, control_hz, max_cycles, seed, weights, render_mode)
+        place = load_site(site)
+        require(1 <= n_cars <= len(place.parking), "n_cars", n_cars, f"1 to {len(place.parking)} on site {place.name}")
+        require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
+        require(math.isfinite(control_hz) and control_hz > 0, "control_hz", control_hz, "a number > 0")
+        require(max_cycles >= 1, "max_cycles", max_cycles, "an integer >= 1")
+        require(seed >= 0, "seed", seed, "an integer >= 0")
+        require(render_mode in (None, *RENDER_MODES), "render_mode", render_mode, f"None, {', '.join(RENDER_MODES)}")
+        self.metadata: dict[str, Any] = {
+            "name": "navigate_v0",
+            "render_modes": list(RENDER_MODES),
+            "render_fps": control_hz,
+            "is_parallelizable": True,
+        }
+        self.max_cycles = max_cycles
+        self.render_mode = render_mode
+        self.possible_agents = [f"car_{car}" for car in range(n_cars)]
+        self.agents: list[str] = []
+        self.state_space = _box(n_cars * CAR_N)
+        self._observation_spaces = {agent: _box(CAR_N) for agent in self.possible_agents}
+        self._action_spaces = {agent: _box(2) for agent in self.possible_agents}
+        self._weights = weights or NavigationWeights()
+        self._episodes = np.random.default_rng(seed)
+        self._view: TopView | None = None
+        self._window: Window | None = None
+
+        graph = self._graph = build_lane_graph(place)
+        forward = not (graph.move_kind == MoveKind.REVERSE).any()
+        require(forward, "site", site, "a site on which no lane is driven in reverse")
+        self._starts = [int(graph.states_of_cell(cell)[0]) for cell in place.parking[:n_cars]]
+        self._tables = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_))
+        back = np.array([self._tables.to(state)[self._starts[0]] for state in range(graph.n_states)])
+        self._places = np.flatnonzero((back < UNREACHABLE) & (self._tables.to(self._starts[0]) < UNREACHABLE))
+        scene = scene_of(place, graph.state_pose[self._starts], Grip.SUCTION)
+        # Arms would only stand about.
+        self._scene = scene = replace(scene, arm_base=scene.arm_base[:0], arm_start=scene.arm_start[:0])
+        self._spec = scene.car
+        config = RunConfig(site=site, robots=n_cars, fidelity=Fidelity(fidelity))
+        self._world = make_world(scene, graph, config)
+        ticks = 1.0 / (control_hz * self._world.tick_s)
+        self._ticks_n = round(ticks)
+        fits = self._ticks_n >= 1 and math.isclose(ticks, self._ticks_n, rel_tol=1e-6)
+        if not fits:
+            self._world.close()
+        require(fits, "control_hz", control_hz, f"{1.0 / self._world.tick_s:.6g} / 1, 2, 3, ...")
+        self._parked = self._world.save()
+        self._no_joints = np.zeros((0, scene.arm.n_joints))
+        self._no_grip = np.zeros(0, dtype=np.bool_)
+        half_m = ((scene.car.front_m + scene.car.rear_m + TOUCH_M) / 2, scene.car.half_width_m + TOUCH_M / 2)
+        self._body = np.array([(scene.car.front_m - scene.car.rear_m) / 2, *half_m])
+        self._limits = np.array([scene.car.max_steering_rad, scene.car.max_speed_mps])
+        self._rows = np.zeros((n_cars, CAR_N), dtype=np.float32)
+        self._aside_m = np.zeros(n_cars)
+        self._touches = np.zeros(n_cars, dtype=np.bool_)
+        self._aims = np.zeros((n_cars, 2))
+        self._steps_n = -1
+
+    def observation_space(self, agent: str) -> Box:
+        """Space of an agent's observations; the same object every time."""
+        return self._observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Box:
+        """Space of an agent's actions; the same object every time."""
+        return self._action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], Infos]:
+        """Begin an episode.
+
+        Args:
+            seed: Decides this episode and those that follow without a seed; None = go on in the present series.
+            options: Not used.
+
+        Returns:
+            Observations and infos of all agents.
+        """
+        del options
+        if seed is not None:
+            self._episodes = np.random.default_rng(seed)
+        n_cars = len(self.possible_agents)
+        self._streams = self._episodes.spawn(n_cars)
+        self._world.load(self._parked)
+        self._paths = PathBuffer(n_cars)
+        self._ends = list(self._starts)
+        self._stops: list[deque[float]] = [deque() for _ in range(n_cars)]
+        for car, state in enumerate(self._starts):
+            self._paths.reset(car, self._graph.state_pose[state])
+            self._extend(car)
+        self._steps_n = 0
+        self.agents = self.possible_agents[:]
+        self._look()
+        return self._observations(), {agent: dict.fromkeys((*TERMS, "places"), 0.0) for agent in self.agents}
+
+    def step(
+        self, actions: Mapping[str, npt.ArrayLike | None]
+    ) -> tuple[dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
+        """Let every car drive for one control period.
+
+        Args:
+            actions: By agent.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos of all agents.
+
+        Raises:
+            EpisodeError: No episode is under way.
+        """
+        if not self.agents:
+            raise EpisodeError("step: no episode is under way; valid: reset() first")
+        commands = self._commands(actions)
+        before_m = self._paths.progress.copy()
+        for _ in range(self._ticks_n):
+            self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
+        self._steps_n += 1
+        self._follow()
+        reached = [self._arrive(car) for car in range(len(self.possible_agents))]
+        self._look()
+        off_lane = np.abs(self._aside_m) > OFF_LANE_M
+        weights = self._weights
+        terms = np.column_stack(
+            (
+                weights.progress * np.where(off_lane, 0.0, self._paths.progress - before_m),
+                weights.place * np.array(reached),
+                weights.touch * self._touches,
+                weights.off_lane * off_lane,
+            )
+        )
+        rewards = dict(zip(self.agents, terms.sum(axis=1).tolist(), strict=True))
+        infos: Infos = {
+            agent: dict(zip((*TERMS, "places"), (*row, float(n)), strict=True))
+            for agent, row, n in zip(self.agents, terms.tolist(), reached, strict=True)
+        }
+        observations = self._observations()
+        out_of_time = self._steps_n >= self.max_cycles
+        terminations, truncations = dict.fromkeys(self.agents, False), dict.fromkeys(self.agents, out_of_time)
+        if out_of_time:
+            self.agents = []
+        if self.render_mode == "human":
+            self.render()
+        return observations, rewards, terminations, truncations, infos
+
+    def state(self) -> Observation:
+        """All observations, one after the other; inside `state_space`.
+
+        Raises:
+            EpisodeError: There was no `reset` yet.
+        """
+        if self._steps_n < 0:
+            raise EpisodeError("state: there was no episode yet; valid: reset() first")
+        return self._rows.ravel().copy()
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """Draw the floor from above: an array (height, width, 3) in mode `rgb_array`, else None."""
+        if self._steps_n < 0 or self.render_mode is None:
+            return None
+        self._view = self._view or TopView(self._scene)
+        ways = [self._way(car) for car in range(len(self.possible_agents))]
+        picture = self._view.picture(self._world.car_poses(), ways)
+        if self.render_mode == "rgb_array":
+            return picture
+        self._window = self._window or Window("fleet: navigation")
+        self._window.show(picture)
+        return None
+
+    def close(self) -> None:
+        """Free what the environment holds; calling twice is harmless."""
+        self.agents = []
+        self._world.close()
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def _commands(self, actions: Mapping[str, npt.ArrayLike | None]) -> FloatArray:
+        """Steering [rad] and speed [m/s] of all cars, made legal, shape (n_cars, 2)."""
+        rows = np.zeros((len(self.possible_agents), 2))
+        for car, agent in enumerate(self.possible_agents):
+            action = actions.get(agent)
+            if action is not None:
+                rows[car] = np.asarray(action, dtype=np.float64).reshape(2)
+        return np.clip(np.nan_to_num(rows, nan=0.0), -1.0, 1.0) * self._limits
+
+    def _extend(self, car: int) -> None:
+        """Lengthen a car's way by the places that come next, until enough of it is known."""
+        paths, graph = self._paths, self._graph
+        while paths.end_s(car) - paths.progress[car] < _AHEAD_M:
+            state = self._ends[car]
+            goal = state
+            while goal == state:
+                goal = int(self._streams[car].choice(self._places))
+            to_goal = self._tables.to(goal)
+            while state != goal:
+                moves = graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]
+                move = int(moves[np.argmin(to_goal[graph.move_to[moves]])])
+                span = slice(graph.path_ptr[move], graph.path_ptr[move + 1])
+                paths.append(car, graph.path_points[span], graph.path_s[span])
+                state = int(graph.move_to[move])
+            self._ends[car] = state
+            self._stops[car].append(paths.end_s(car))
+
+    def _arrive(self, car: int) -> int:
+        """Tick off the places a car has reached, and see that its way goes on; returns how many."""
+        stops = self._stops[car]
+        reached = 0
+        while stops and self._paths.progress[car] >= stops[0] - REACHED_M and abs(self._aside_m[car]) <= OFF_LANE_M:
+            stops.popleft()
+            reached += 1
+        self._extend(car)
+        return reached
+
+    def _follow(self) -> None:
+        paths = self._paths
+        _project(
+            self._world.car_poses(), paths.points, paths.s, paths.count, paths.cursor, paths.progress, self._aside_m
+        )
+
+    def _look(self) -> None:
+        paths, world = self._paths, self._world
+        left_m = np.array([stops[0] for stops in self._stops]) - paths.progress
+        _observe(
+            world.car_poses(),
+            world.car_speeds() / self._limits[1],
+            world.car_steering() / self._limits[0],
+            paths.points,
+            paths.s,
+            paths.count,
+            paths.cursor,
+            paths.progress,
+            self._aside_m,
+            left_m,
+            WAY_POINTS_M,
+            self._body,
+            self._aims,
+            self._touches,
+            self._rows,
+        )
+
+    def _way(self, car: int) -> FloatArray:
+        """The way from a car to its next place, shape (k, 2)."""
+        paths = self._paths
+        s_m = paths.s[car, : paths.count[car]]
+        ahead = (s_m >= paths.progress[car]) & (s_m <= self._stops[car][0] + 1e-9)
+        return paths.points[car, : len(s_m), :2][ahead]
+
+    def _observations(self) -> dict[str, Observation]:
+        return dict(zip(self.agents, self._rows.copy(), strict=True))
+
+
+parallel_env = NavigationEnv
+"""The name that PettingZoo's modules have for it."""
+
+
+def raw_env(**arguments: Any) -> Any:
+    """Make the environment in turn-based (AEC) form; the arguments are those of `NavigationEnv`."""
+    return parallel_to_aec(NavigationEnv(**arguments))
+
+
+def env(**arguments: Any) -> Any:
+    """Make the turn-based environment that complains about calls in a wrong order."""
+    return OrderEnforcingWrapper(raw_env(**arguments))
+
+
+def _box(n: int) -> Box:
+    return Box(-1.0, 1.0, (n,), np.float32)
+
+
+@njit(cache=True)
+def _project(poses, points, s, count, cursor, progress, aside):  # type: ignore[no-untyped-def]
+    """Find the point of its way nearest to each car, from half a metre behind the last one to a metre ahead of it."""
+    for car in range(len(poses)):
+        x, y = poses[car, 0], poses[car, 1]
+        k = cursor[car]
+        while k > 0 and s[car, k] > progress[car] - 0.5:
+            k -= 1
+        best, best_k, best_s, best_side = math.inf, cursor[car], progress[car], aside[car]
+        while k + 1 < count[car] and s[car, k] <= progress[car] + 1.0:
+            ax, ay = points[car, k, 0], points[car, k, 1]
+            dx, dy = points[car, k + 1, 0] - ax, points[car, k + 1, 1] - ay
+            length2 = dx * dx + dy * dy
+            t = 0.0
+            if length2 > 0.0:
+                t = min(max(((x - ax) * dx + (y - ay) * dy) / length2, 0.0), 1.0)
+            gap = math.hypot(x - ax - t * dx, y - ay - t * dy)
+            if gap < best:
+                best, best_k = gap, k
+                best_s = s[car, k] + t * (s[car, k + 1] - s[car, k])
+                best_side = gap if dx * (y - ay) - dy * (x - ax) >= 0.0 else -gap
+            k += 1
+        cursor[car], progress[car], aside[car] = best_k, best_s, best_side
+
+
+@njit(cache=True)
+def _ahead(points, s, count, k, at):  # type: ignore[no-untyped-def]
+    """Point of a way at an arc length, at most its end."""
+    while k + 2 < count and s[k + 1] < at:
+        k += 1
+    if k + 1 >= count:
+        return points[k, 0], points[k, 1]
+    t = min(max((at - s[k]) / max(s[k + 1] - s[k], 1e-9), 0.0), 1.0)
+    return points[k, 0] + t * (points[k + 1, 0] - points[k, 0]), points[k, 1] + t * (points[k + 1, 1] - points[k, 1])
+
+
+@njit(cache=True)
+def _parted(dx, dy, cos, sin, turn_cos, turn_sin, length, width):  # type: ignore[no-untyped-def]
+    """Whether an axis of the first of two equal rectangles parts them (separating axes)."""
+    u, v = cos * dx + sin * dy, cos * dy - sin * dx
+    return (
+        abs(u) > length + abs(turn_cos) * length + abs(turn_sin) * width
+        or abs(v) > width + abs(turn_sin) * length + abs(turn_cos) * width
+    )
+
+
+@njit(cache=True)
+def _observe(  # type: ignore[no-untyped-def]  # one kernel for all cars, on flat arrays
+    poses, speeds, steering, points, s, count, cursor, progress, aside, left_m, look_m, body, aims, touches, rows
+):  # fmt: skip
+    """Write all observations, and which cars touch another."""
+    n_cars, n_points = len(poses), len(look_m)
+    for car in range(n_cars):
+        aims[car, 0], aims[car, 1] = _ahead(points[car], s[car], count[car], cursor[car], progress[car] + 1.0)
+    gaps = np.empty(n_cars)
+    for car in range(n_cars):
+        x, y = poses[car, 0], poses[car, 1]
+        cos, sin = math.cos(poses[car, 2]), math.sin(poses[car, 2])
+        row = rows[car]
+        row[:] = 0.0
+        row[0], row[1], row[2], row[3] = speeds[car], steering[car], aside[car], left_m[car] / 10.0
+        for p in range(n_points):
+            px, py = _ahead(points[car], s[car], count[car], cursor[car], progress[car] + look_m[p])
+            row[4 + 2 * p] = (cos * (px - x) + sin * (py - y)) / 3.0
+            row[5 + 2 * p] = (cos * (py - y) - sin * (px - x)) / 3.0
+        touches[car] = False
+        for other in range(n_cars):
+            gaps[other] = math.inf
+            if other == car:
+                continue
+            dx, dy = poses[other, 0] - x, poses[other, 1] - y
+            gaps[other] = math.hypot(dx, dy)
+            if gaps[other] > 1.0:
+                continue
+            other_cos, other_sin = math.cos(poses[other, 2]), math.sin(poses[other, 2])
+            mx = dx + body[0] * (other_cos - cos)
+            my = dy + body[0] * (other_sin - sin)
+            turn_cos, turn_sin = cos * other_cos + sin * other_sin, cos * other_sin - sin * other_cos
+            if not (
+                _parted(mx, my, cos, sin, turn_cos, turn_sin, body[1], body[2])
+                or _parted(mx, my, other_cos, other_sin, turn_cos, turn_sin, body[1], body[2])
+            ):
+                touches[car] = True
+        for rank in range(min(OTHERS_N, n_cars - 1)):
+            other = int(np.argmin(gaps))
+            if gaps[other] > NEAR_M:
+                break
+            gaps[other] = math.inf
+            at = 4 + 2 * n_points + rank * OTHER_N
+            dx, dy = poses[other, 0] - x, poses[other, 1] - y
+            row[at] = 1.0
+            row[at + 1], row[at + 2] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
+            row[at + 3] = math.cos(poses[other, 2] - poses[car, 2])
+            row[at + 4] = math.sin(poses[other, 2] - poses[car, 2])
+            row[at + 5] = speeds[other]
+            dx, dy = aims[other, 0] - x, aims[other, 1] - y
+            row[at + 6], row[at + 7] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
+        for k in range(len(row)):
+            row[k] = min(max(row[k], np.float32(-1.0)), np.float32(1.0))
