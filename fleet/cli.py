@@ -23,13 +23,21 @@ from fleet.commands.plan import Plan
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
 from fleet.commands.study import Study
 from fleet.commands.tabletop import TabletopPair, TabletopSort, TabletopTray
+from fleet.commands.train import Train
 from fleet.errors import FleetError
 from maps.errors import MapsError
 from planners.errors import PlanningError
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
-COMMANDS: dict[str, type[Any]] = {"calibrate": Calibrate, "demo": Demo, "lorr": Lorr, "plan": Plan, "study": Study}
+COMMANDS: dict[str, type[Any]] = {
+    "calibrate": Calibrate,
+    "demo": Demo,
+    "lorr": Lorr,
+    "plan": Plan,
+    "study": Study,
+    "train": Train,
+}
 SITE_COMMANDS: dict[str, type[Any]] = {
     "check": SiteCheck,
     "list": SiteList,

@@ -20,7 +20,7 @@ from fleet.envs.navigation_policy import PursuitPolicy
 SELF = "car_0"
 
 
-class CarNavigateEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]], EzPickle):
+class CarNavigateEnv(gymnasium.Env[Any, Any], EzPickle):
     """One car among others; see the module's description.
 
     Args:
@@ -36,7 +36,7 @@ class CarNavigateEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]], EzPick
         SiteError: The site cannot be read.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}  # noqa: RUF012 - as gymnasium has it
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class CarNavigateEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]], EzPick
         own = self._own(observations)
         return own, rewards[SELF], terminations[SELF], truncations[SELF], dict(infos[SELF])
 
-    def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> npt.NDArray[np.uint8] | None:
         """Draw the floor from above: an array (height, width, 3) in mode `rgb_array`, else None."""
         return self._cars.render()
 

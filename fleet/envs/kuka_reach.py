@@ -60,7 +60,7 @@ _FLOOR_M = 3.0
 Observation = npt.NDArray[np.float32]
 
 
-class KukaReachEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]], EzPickle):
+class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
     """One arm that reaches for points; see the module's description.
 
     Args:
@@ -73,7 +73,7 @@ class KukaReachEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]], EzPickle
         ConfigError: An argument is outside its valid range.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as gymnasium has it
 
     def __init__(
         self, fidelity: str = "physics", control_hz: float = 20.0, max_steps: int = 100, render_mode: str | None = None

@@ -2,7 +2,8 @@
 
 Every car has a stream of places to visit, drawn from the episode's seed and the same whatever the agents do. Its way
 there is the shortest along the lanes of the site; nobody gives right of way: to keep clear of the others is the agents'
-own affair. An episode begins with all cars parked and is truncated for all after `max_cycles` steps.
+own affair. A car that gets more than 0.8 m away from its way is towed back to it. An episode begins with all cars parked
+and is truncated for all after `max_cycles` steps.
 
 Agents: `car_0`, `car_1`, ...
 
@@ -64,7 +65,11 @@ OTHER_N = 8
 CAR_N = 4 + 2 * len(WAY_POINTS_M) + OTHERS_N * OTHER_N
 """Numbers in an observation."""
 OFF_LANE_M = 0.3
-"""A car further than this from its way is off its lane: walls are 0.36 m away from a car's side on the lane's centre."""
+"""A car further than this from its way is off its lane [m]: in the middle, its sides are 0.36 m from the walls."""
+LOST_M = 0.8
+"""A car further than this from its way is towed back [m]."""
+TOW_S = 1.0
+"""Time until a car may be towed again: in physics it takes half a second [s]."""
 REACHED_M = 0.1
 """A place counts as reached this far before it [m]."""
 TOUCH_M = 0.01
@@ -84,17 +89,19 @@ class EpisodeError(FleetError):
 class NavigationWeights:
     """What things are worth."""
 
-    progress: float = 0.5
-    """Per metre along the way, while on the lane."""
+    progress: float = 1.0
+    """Per metre along the way."""
     place: float = 1.0
     """Per place reached."""
     touch: float = -1.0
     """Per step in which the car touches another."""
-    off_lane: float = -0.2
+    off_lane: float = -0.05
     """Per step off the lane."""
+    towed: float = -2.0
+    """Per time the car was towed."""
 
 
-TERMS = ("progress", "place", "touch", "off_lane")
+TERMS = ("progress", "place", "touch", "off_lane", "towed")
 """Names of the terms."""
 
 
@@ -218,6 +225,8 @@ class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPi
         for car, state in enumerate(self._starts):
             self._paths.reset(car, self._graph.state_pose[state])
             self._extend(car)
+        self._tow_s = np.zeros(n_cars)
+        self._aside_m[:] = 0.0
         self._steps_n = 0
         self.agents = self.possible_agents[:]
         self._look()
@@ -246,15 +255,17 @@ class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPi
         self._steps_n += 1
         self._follow()
         reached = [self._arrive(car) for car in range(len(self.possible_agents))]
+        towed = self._tow()
         self._look()
         off_lane = np.abs(self._aside_m) > OFF_LANE_M
         weights = self._weights
         terms = np.column_stack(
             (
-                weights.progress * np.where(off_lane, 0.0, self._paths.progress - before_m),
+                weights.progress * (self._paths.progress - before_m),
                 weights.place * np.array(reached),
                 weights.touch * self._touches,
                 weights.off_lane * off_lane,
+                weights.towed * towed,
             )
         )
         rewards = dict(zip(self.agents, terms.sum(axis=1).tolist(), strict=True))
@@ -345,6 +356,17 @@ class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPi
             self._world.car_poses(), paths.points, paths.s, paths.count, paths.cursor, paths.progress, self._aside_m
         )
 
+    def _tow(self) -> npt.NDArray[np.bool_]:
+        """Bring lost cars back to where their way is nearest; returns which, shape (n_cars,)."""
+        self._tow_s = np.maximum(self._tow_s - self._ticks_n * self._world.tick_s, 0.0)
+        lost: npt.NDArray[np.bool_] = (np.abs(self._aside_m) > LOST_M) & (self._tow_s <= 0.0)
+        self._tow_s[lost] = TOW_S
+        poses = self._world.car_poses()
+        for car in np.flatnonzero(lost).tolist():
+            x, y, yaw = self._paths.points[car, self._paths.cursor[car]] - poses[car]
+            self._world.push_car(car, float(x), float(y), math.remainder(yaw, 2.0 * math.pi))
+        return lost
+
     def _look(self) -> None:
         paths, world = self._paths, self._world
         left_m = np.array([stops[0] for stops in self._stops]) - paths.progress
@@ -396,7 +418,7 @@ def _box(n: int) -> Box:
 
 
 @njit(cache=True)
-def _project(poses, points, s, count, cursor, progress, aside):  # type: ignore[no-untyped-def]
+def _project(poses, points, s, count, cursor, progress, aside):
     """Find the point of its way nearest to each car, from half a metre behind the last one to a metre ahead of it."""
     for car in range(len(poses)):
         x, y = poses[car, 0], poses[car, 1]
@@ -421,7 +443,7 @@ def _project(poses, points, s, count, cursor, progress, aside):  # type: ignore[
 
 
 @njit(cache=True)
-def _ahead(points, s, count, k, at):  # type: ignore[no-untyped-def]
+def _ahead(points, s, count, k, at):
     """Point of a way at an arc length, at most its end."""
     while k + 2 < count and s[k + 1] < at:
         k += 1
@@ -432,7 +454,7 @@ def _ahead(points, s, count, k, at):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _parted(dx, dy, cos, sin, turn_cos, turn_sin, length, width):  # type: ignore[no-untyped-def]
+def _parted(dx, dy, cos, sin, turn_cos, turn_sin, length, width):
     """Whether an axis of the first of two equal rectangles parts them (separating axes)."""
     u, v = cos * dx + sin * dy, cos * dy - sin * dx
     return (
@@ -442,7 +464,7 @@ def _parted(dx, dy, cos, sin, turn_cos, turn_sin, length, width):  # type: ignor
 
 
 @njit(cache=True)
-def _observe(  # type: ignore[no-untyped-def]  # one kernel for all cars, on flat arrays
+def _observe(  # one kernel for all cars, on flat arrays
     poses, speeds, steering, points, s, count, cursor, progress, aside, left_m, look_m, body, aims, touches, rows
 ):  # fmt: skip
     """Write all observations, and which cars touch another."""

@@ -64,5 +64,3 @@ class PursuitPolicy:
         speed = np.minimum(speed, np.sqrt(2.0 * BRAKE_MPS2 * free_m))
         acts = np.column_stack((steering / self._max_steering_rad, speed / self._max_speed_mps))
         return np.clip(acts, -1.0, 1.0).astype(np.float32)
-
-

@@ -1,0 +1,107 @@
+"""Recipes: what can be trained, with which settings, and which script it is measured against."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from fleet.training.errors import TrainingError
+from fleet.training.policies import Policy, RowPolicy
+from fleet.training.settings import PpoConfig
+from fleet.training.solo import SoloEnv
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """An environment and how it is learned."""
+
+    summary: str
+    """What agents learn."""
+    make: Callable[..., Any]
+    """Makes the environment from its arguments."""
+    scripted: Callable[[], Policy]
+    """Makes the policy to compare with."""
+    script: str
+    """What that one does, in words."""
+    figures: tuple[str, ...]
+    """Names in `infos` whose sums over an episode are reported; the first is what it is all about."""
+    steps_n: int
+    """Steps of agents."""
+    ppo: PpoConfig
+    arguments: dict[str, Any] = field(default_factory=dict)
+    """Arguments of the environment that differ from its own defaults."""
+
+    def check(self, arguments: dict[str, Any]) -> None:
+        """Make the environment once, so that a mistake shows before the run begins.
+
+        Raises:
+            TrainingError: The environment does not know an argument.
+            ConfigError: A value is outside its valid range.
+        """
+        try:
+            self.make(**arguments).close()
+        except TypeError as error:
+            raise TrainingError(f"[env]: {error}; valid: the arguments of the environment") from error
+
+
+def _navigate(**arguments: Any) -> Any:
+    from fleet.envs.navigation import NavigationEnv
+
+    return NavigationEnv(**arguments)
+
+
+def _pursuit() -> Policy:
+    from fleet.envs.navigation_policy import PursuitPolicy
+
+    return PursuitPolicy()
+
+
+def _car(**arguments: Any) -> Any:
+    from fleet.envs.car_navigate import CarNavigateEnv
+
+    return SoloEnv(CarNavigateEnv(**arguments), "car_0")
+
+
+def _reach(**arguments: Any) -> Any:
+    from fleet.envs.kuka_reach import KukaReachEnv
+
+    return SoloEnv(KukaReachEnv(**arguments), "arm_0")
+
+
+def _straight() -> Policy:
+    from fleet.envs.kuka_reach import ReachPolicy
+
+    return RowPolicy(ReachPolicy().actions)
+
+
+RECIPES: dict[str, Recipe] = {
+    "navigate": Recipe(
+        summary="cars drive to places, among each other",
+        make=_navigate,
+        scripted=_pursuit,
+        script="pure pursuit that brakes for whoever is ahead",
+        figures=("places", "touch", "towed"),
+        steps_n=3_000_000,
+        ppo=PpoConfig(),
+    ),
+    "car": Recipe(
+        summary="one car drives to places, among cars that a script drives",
+        make=_car,
+        scripted=_pursuit,
+        script="pure pursuit that brakes for whoever is ahead",
+        figures=("places", "touch", "towed"),
+        steps_n=1_000_000,
+        ppo=PpoConfig(envs_n=16, horizon_n=256),
+    ),
+    "reach": Recipe(
+        summary="a Kuka brings its tool to a point",
+        make=_reach,
+        scripted=_straight,
+        script="straight to the goal, by damped least squares",
+        figures=("is_success",),
+        steps_n=400_000,
+        ppo=PpoConfig(envs_n=8, horizon_n=256, epochs_n=8, minibatch_n=512, discount=0.97),
+    ),
+}
+"""What can be trained, by name."""
