@@ -7,8 +7,8 @@ and is truncated for all after `max_cycles` steps.
 
 Agents: `car_0`, `car_1`, ...
 
-Actions, both in [-1, 1] (greater ones are clipped, nan counts as 0, a missing agent stands): steering / 0.8 rad
-(positive = left) and speed / 2 m/s (negative = reverse).
+Actions, both in [-1, 1]: steering / 0.8 rad (positive = left) and speed / 2 m/s (negative = reverse). Greater ones are
+clipped, nan counts as 0, a missing agent stands; `infos[agent]["illegal"]` says so.
 
 Observations, all clipped to [-1, 1]; a car's frame lies at its rear axle, x ahead, y to the left:
 
@@ -35,15 +35,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
-from gymnasium.utils import EzPickle
 from numba import njit
-from pettingzoo.utils import ParallelEnv, parallel_to_aec
-from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from fleet.config import Fidelity, Grip, RunConfig, require
-from fleet.envs.top_view import TopView
-from fleet.envs.window import Window
-from fleet.errors import FleetError
+from fleet.envs.base import ActionError, EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
+from fleet.envs.floor_drawing import FloorDrawing
 from fleet.robots.pursuit import PathBuffer
 from fleet.world import make_world
 from fleet.world.protocol import FloatArray
@@ -53,7 +49,6 @@ from maps.site import load_site
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
-RENDER_MODES = ("human", "rgb_array")
 WAY_POINTS_M = np.array([0.3, 0.6, 1.0, 1.5, 2.2, 3.0])
 """Distances ahead at which a car is told where its way leads [m]."""
 NEAR_M = 4.0
@@ -78,11 +73,6 @@ _AHEAD_M = 4.0
 """Length of way that is always known [m]."""
 
 Observation = npt.NDArray[np.float32]
-Infos = dict[str, dict[str, float]]
-
-
-class EpisodeError(FleetError):
-    """The environment was asked for something that its episode does not allow now."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +83,7 @@ class NavigationWeights:
     """Per metre along the way."""
     place: float = 1.0
     """Per place reached."""
-    touch: float = -1.0
+    touch: float = -2.0
     """Per step in which the car touches another."""
     off_lane: float = -0.05
     """Per step off the lane."""
@@ -105,10 +95,8 @@ TERMS = ("progress", "place", "touch", "off_lane", "towed")
 """Names of the terms."""
 
 
-class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPickle):
+class NavigationEnv(FleetEnv):
     """Cars that drive to places; see the module's description.
-
-    It is pickled and copied by its constructor's arguments: a copy begins before its first episode.
 
     Args:
         site: Name of a shipped site or path of a site file.
@@ -136,31 +124,25 @@ class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPi
         weights: NavigationWeights | None = None,
         render_mode: str | None = None,
     ) -> None:
-        EzPickle.__init__(self, site, n_cars, fidelity, control_hz, max_cycles, seed, weights, render_mode)
-        place = load_site(site)
+        arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
+        place = self._site = load_site(site)
         require(1 <= n_cars <= len(place.parking), "n_cars", n_cars, f"1 to {len(place.parking)} on site {place.name}")
         require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
         require(math.isfinite(control_hz) and control_hz > 0, "control_hz", control_hz, "a number > 0")
-        require(max_cycles >= 1, "max_cycles", max_cycles, "an integer >= 1")
-        require(seed >= 0, "seed", seed, "an integer >= 0")
-        require(render_mode in (None, *RENDER_MODES), "render_mode", render_mode, f"None, {', '.join(RENDER_MODES)}")
-        self.metadata: dict[str, Any] = {
-            "name": "navigate_v0",
-            "render_modes": list(RENDER_MODES),
-            "render_fps": control_hz,
-            "is_parallelizable": True,
-        }
-        self.max_cycles = max_cycles
-        self.render_mode = render_mode
-        self.possible_agents = [f"car_{car}" for car in range(n_cars)]
-        self.agents: list[str] = []
+        cars = [f"car_{car}" for car in range(n_cars)]
+        super().__init__(
+            name="navigate_v0",
+            arguments=arguments,
+            observation_spaces={car: _box(CAR_N) for car in cars},
+            action_spaces={car: _box(2) for car in cars},
+            max_cycles=max_cycles,
+            fps=control_hz,
+            seed=seed,
+            render_mode=render_mode,
+        )
         self.state_space = _box(n_cars * CAR_N)
-        self._observation_spaces = {agent: _box(CAR_N) for agent in self.possible_agents}
-        self._action_spaces = {agent: _box(2) for agent in self.possible_agents}
         self._weights = weights or NavigationWeights()
-        self._episodes = np.random.default_rng(seed)
-        self._view: TopView | None = None
-        self._window: Window | None = None
+        self._drawing: FloorDrawing | None = None
 
         graph = self._graph = build_lane_graph(place)
         forward = not (graph.move_kind == MoveKind.REVERSE).any()
@@ -171,8 +153,7 @@ class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPi
         self._places = np.flatnonzero((back < UNREACHABLE) & (self._tables.to(self._starts[0]) < UNREACHABLE))
         scene = scene_of(place, graph.state_pose[self._starts], Grip.SUCTION)
         # Arms would only stand about.
-        self._scene = scene = replace(scene, arm_base=scene.arm_base[:0], arm_start=scene.arm_start[:0])
-        self._spec = scene.car
+        scene = replace(scene, arm_base=scene.arm_base[:0], arm_start=scene.arm_start[:0])
         config = RunConfig(site=site, robots=n_cars, fidelity=Fidelity(fidelity))
         self._world = make_world(scene, graph, config)
         ticks = 1.0 / (control_hz * self._world.tick_s)
@@ -191,33 +172,25 @@ class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPi
         self._aside_m = np.zeros(n_cars)
         self._touches = np.zeros(n_cars, dtype=np.bool_)
         self._aims = np.zeros((n_cars, 2))
-        self._steps_n = -1
 
-    def observation_space(self, agent: str) -> Box:
-        """Space of an agent's observations; the same object every time."""
-        return self._observation_spaces[agent]
+    def state(self) -> Observation:
+        """All observations, one after the other; inside `state_space`.
 
-    def action_space(self, agent: str) -> Box:
-        """Space of an agent's actions; the same object every time."""
-        return self._action_spaces[agent]
-
-    def reset(
-        self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, Observation], Infos]:
-        """Begin an episode.
-
-        Args:
-            seed: Decides this episode and those that follow without a seed; None = go on in the present series.
-            options: Not used.
-
-        Returns:
-            Observations and infos of all agents.
+        Raises:
+            EpisodeError: There was no `reset` yet.
         """
-        del options
-        if seed is not None:
-            self._episodes = np.random.default_rng(seed)
+        if self._seed < 0:
+            raise EpisodeError("state: there was no episode yet; valid: reset() first")
+        return self._rows.ravel().copy()
+
+    def close(self) -> None:
+        """Free what the environment holds; calling twice is harmless."""
+        self._world.close()
+        super().close()
+
+    def _begin(self, seed: int) -> Infos:
         n_cars = len(self.possible_agents)
-        self._streams = self._episodes.spawn(n_cars)
+        self._streams = np.random.default_rng(seed).spawn(n_cars)
         self._world.load(self._parked)
         self._paths = PathBuffer(n_cars)
         self._ends = list(self._starts)
@@ -227,32 +200,29 @@ class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPi
             self._extend(car)
         self._tow_s = np.zeros(n_cars)
         self._aside_m[:] = 0.0
-        self._steps_n = 0
-        self.agents = self.possible_agents[:]
         self._look()
-        return self._observations(), {agent: dict.fromkeys((*TERMS, "places"), 0.0) for agent in self.agents}
+        return {agent: {**dict.fromkeys((*TERMS, "places"), 0.0), "illegal": False} for agent in self.possible_agents}
 
-    def step(
-        self, actions: Mapping[str, npt.ArrayLike | None]
-    ) -> tuple[dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Let every car drive for one control period.
+    def _resolved(self, actions: Mapping[str, Any]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """Shares of steering and speed, shape (n_cars, 2), and whose action was illegal or missing."""
+        rows = np.full((len(self.possible_agents), 2), np.nan)
+        for car, agent in enumerate(self.possible_agents):
+            action = actions.get(agent)
+            if action is None:
+                continue
+            row = np.asarray(action, dtype=np.float64)
+            if row.shape != (2,):
+                raise ActionError(f"action of {agent} has shape {row.shape}; valid: (2,)")
+            rows[car] = row
+        legal = np.clip(np.nan_to_num(rows, nan=0.0), -1.0, 1.0)
+        return legal, (legal != rows).any(axis=1)
 
-        Args:
-            actions: By agent.
-
-        Returns:
-            Observations, rewards, terminations, truncations and infos of all agents.
-
-        Raises:
-            EpisodeError: No episode is under way.
-        """
-        if not self.agents:
-            raise EpisodeError("step: no episode is under way; valid: reset() first")
-        commands = self._commands(actions)
+    def _advance(self, resolved: tuple[FloatArray, npt.NDArray[np.bool_]]) -> tuple[dict[str, float], bool, Infos]:
+        shares, illegal = resolved
+        commands = shares * self._limits
         before_m = self._paths.progress.copy()
         for _ in range(self._ticks_n):
             self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
-        self._steps_n += 1
         self._follow()
         reached = [self._arrive(car) for car in range(len(self.possible_agents))]
         towed = self._tow()
@@ -268,59 +238,23 @@ class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPi
                 weights.towed * towed,
             )
         )
-        rewards = dict(zip(self.agents, terms.sum(axis=1).tolist(), strict=True))
+        rewards = dict(zip(self.possible_agents, terms.sum(axis=1).tolist(), strict=True))
         infos: Infos = {
-            agent: dict(zip((*TERMS, "places"), (*row, float(n)), strict=True))
-            for agent, row, n in zip(self.agents, terms.tolist(), reached, strict=True)
+            agent: {**dict(zip(TERMS, row, strict=True)), "places": float(places), "illegal": wrong}
+            for agent, row, places, wrong in zip(
+                self.possible_agents, terms.tolist(), reached, illegal.tolist(), strict=True
+            )
         }
-        observations = self._observations()
-        out_of_time = self._steps_n >= self.max_cycles
-        terminations, truncations = dict.fromkeys(self.agents, False), dict.fromkeys(self.agents, out_of_time)
-        if out_of_time:
-            self.agents = []
-        if self.render_mode == "human":
-            self.render()
-        return observations, rewards, terminations, truncations, infos
+        return rewards, False, infos
 
-    def state(self) -> Observation:
-        """All observations, one after the other; inside `state_space`.
+    def _observations(self) -> dict[str, Observation]:
+        return dict(zip(self.possible_agents, self._rows.copy(), strict=True))
 
-        Raises:
-            EpisodeError: There was no `reset` yet.
-        """
-        if self._steps_n < 0:
-            raise EpisodeError("state: there was no episode yet; valid: reset() first")
-        return self._rows.ravel().copy()
-
-    def render(self) -> npt.NDArray[np.uint8] | None:
-        """Draw the floor from above: an array (height, width, 3) in mode `rgb_array`, else None."""
-        if self._steps_n < 0 or self.render_mode is None:
-            return None
-        self._view = self._view or TopView(self._scene)
-        ways = [self._way(car) for car in range(len(self.possible_agents))]
-        picture = self._view.picture(self._world.car_poses(), ways)
-        if self.render_mode == "rgb_array":
-            return picture
-        self._window = self._window or Window("fleet: navigation")
-        self._window.show(picture)
-        return None
-
-    def close(self) -> None:
-        """Free what the environment holds; calling twice is harmless."""
-        self.agents = []
-        self._world.close()
-        if self._window is not None:
-            self._window.close()
-            self._window = None
-
-    def _commands(self, actions: Mapping[str, npt.ArrayLike | None]) -> FloatArray:
-        """Steering [rad] and speed [m/s] of all cars, made legal, shape (n_cars, 2)."""
-        rows = np.zeros((len(self.possible_agents), 2))
-        for car, agent in enumerate(self.possible_agents):
-            action = actions.get(agent)
-            if action is not None:
-                rows[car] = np.asarray(action, dtype=np.float64).reshape(2)
-        return np.clip(np.nan_to_num(rows, nan=0.0), -1.0, 1.0) * self._limits
+    def _picture(self) -> Picture:
+        self._drawing = self._drawing or FloorDrawing(self._site)
+        poses = self._world.car_poses()
+        goals = np.array([self._goal(car) for car in range(len(poses))])
+        return self._drawing.picture(poses, np.zeros(len(poses), dtype=np.bool_), goals)
 
     def _extend(self, car: int) -> None:
         """Lengthen a car's way by the places that come next, until enough of it is known."""
@@ -388,15 +322,11 @@ class NavigationEnv(ParallelEnv[str, Observation, npt.NDArray[np.float32]], EzPi
             self._rows,
         )
 
-    def _way(self, car: int) -> FloatArray:
-        """The way from a car to its next place, shape (k, 2)."""
+    def _goal(self, car: int) -> FloatArray:
+        """The place that a car drives to, x, y."""
         paths = self._paths
-        s_m = paths.s[car, : paths.count[car]]
-        ahead = (s_m >= paths.progress[car]) & (s_m <= self._stops[car][0] + 1e-9)
-        return paths.points[car, : len(s_m), :2][ahead]
-
-    def _observations(self) -> dict[str, Observation]:
-        return dict(zip(self.agents, self._rows.copy(), strict=True))
+        at = int(np.searchsorted(paths.s[car, : paths.count[car]], self._stops[car][0] - 1e-9))
+        return paths.points[car, min(at, paths.count[car] - 1), :2]
 
 
 parallel_env = NavigationEnv
@@ -405,12 +335,12 @@ parallel_env = NavigationEnv
 
 def raw_env(**arguments: Any) -> Any:
     """Make the environment in turn-based (AEC) form; the arguments are those of `NavigationEnv`."""
-    return parallel_to_aec(NavigationEnv(**arguments))
+    return turn_based(NavigationEnv(**arguments))
 
 
 def env(**arguments: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
-    return OrderEnforcingWrapper(raw_env(**arguments))
+    return in_order(raw_env(**arguments))
 
 
 def _box(n: int) -> Box:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fleet.training.errors import TrainingError
-from fleet.training.policies import Policy, RowPolicy
+from fleet.training.policies import FirstLegal, Policy, RowPolicy
 from fleet.training.settings import PpoConfig
 from fleet.training.solo import SoloEnv
 
@@ -57,6 +57,16 @@ def _pursuit() -> Policy:
     return PursuitPolicy()
 
 
+def _dispatch(**arguments: Any) -> Any:
+    from fleet.envs.dispatch import DispatchEnv
+
+    return DispatchEnv(**arguments)
+
+
+def _nearest() -> Policy:
+    return FirstLegal()
+
+
 def _car(**arguments: Any) -> Any:
     from fleet.envs.car_navigate import CarNavigateEnv
 
@@ -102,6 +112,15 @@ RECIPES: dict[str, Recipe] = {
         figures=("is_success",),
         steps_n=400_000,
         ppo=PpoConfig(envs_n=8, horizon_n=256, epochs_n=8, minibatch_n=512, discount=0.97),
+    ),
+    "dispatch": Recipe(
+        summary="cars choose their tasks",
+        make=_dispatch,
+        scripted=_nearest,
+        script="every free car takes the nearest task",
+        figures=("delivered", "late", "waiting"),
+        steps_n=1_000_000,
+        ppo=PpoConfig(entropy=0.005, discount=0.98, hidden=(128, 128), learning_rate=5e-4),
     ),
 }
 """What can be trained, by name."""
