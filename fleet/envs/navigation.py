@@ -83,8 +83,8 @@ class NavigationWeights:
     """Per metre along the way."""
     place: float = 1.0
     """Per place reached."""
-    touch: float = -2.0
-    """Per step in which the car touches another."""
+    touch: float = -3.0
+    """Per time the car begins to touch another; a touch that lasts counts once."""
     off_lane: float = -0.05
     """Per step off the lane."""
     towed: float = -2.0
@@ -226,6 +226,7 @@ class NavigationEnv(FleetEnv):
         self._follow()
         reached = [self._arrive(car) for car in range(len(self.possible_agents))]
         towed = self._tow()
+        touched = self._touches.copy()
         self._look()
         off_lane = np.abs(self._aside_m) > OFF_LANE_M
         weights = self._weights
@@ -233,7 +234,7 @@ class NavigationEnv(FleetEnv):
             (
                 weights.progress * (self._paths.progress - before_m),
                 weights.place * np.array(reached),
-                weights.touch * self._touches,
+                weights.touch * (self._touches & ~touched),
                 weights.off_lane * off_lane,
                 weights.towed * towed,
             )
