@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-BENCHMARKS: tuple[str, ...] = ("arms", "demo", "mapf", "mapf_lanes", "scheduling", "tracking")
+BENCHMARKS: tuple[str, ...] = ("arms", "demo", "mapf", "mapf_lanes", "scheduling", "tracking", "training")
 """Names of the benchmark modules, in the order `python -m benchmarks` runs them; one module each in this folder."""

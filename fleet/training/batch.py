@@ -22,6 +22,16 @@ def type_of(agent: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Choice:
+    """How an observation is made up of which one among alike things is chosen: action 0 is none, k the k-th of them."""
+
+    own_n: int
+    """Numbers that come first and are not about one of them."""
+    each_n: int
+    """Numbers about each; zeros are a thing that is not there. What follows is about none of them again."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class AgentType:
     """Agents that share a network: all see and do the same kind of thing."""
 
@@ -31,6 +41,8 @@ class AgentType:
     action: Box | Discrete
     masked: bool
     """Whether observations carry an `action_mask`."""
+    choice: Choice | None = None
+    """Set if actions are a choice among things that observations describe one after the other."""
 
 
 @dataclass(kw_only=True)
@@ -79,15 +91,16 @@ class EnvBatch:
     Args:
         envs: Environments of the same agents; they are closed with the batch.
         figures: Names in `infos` whose sums over an episode are wanted.
+        choice: How observations with a mask are made up, if they are.
 
     Raises:
         TrainingError: A space is of a kind that cannot be learned on.
     """
 
-    def __init__(self, envs: Sequence[Any], figures: Sequence[str] = ()) -> None:
+    def __init__(self, envs: Sequence[Any], figures: Sequence[str] = (), choice: Choice | None = None) -> None:
         self._envs = list(envs)
         self._figures = tuple(figures)
-        self.types = agent_types(self._envs[0])
+        self.types = agent_types(self._envs[0], choice)
         self._agents_n = sum(len(kind.agents) for kind in self.types)
         self.views = {kind.name: self._blank(kind) for kind in self.types}
         """What is seen now, by type; changed in place."""
@@ -177,7 +190,7 @@ class EnvBatch:
                 view.rows[row] = vector(seen)
 
 
-def agent_types(env: Any) -> tuple[AgentType, ...]:
+def agent_types(env: Any, choice: Choice | None = None) -> tuple[AgentType, ...]:
     """Group the agents of an environment by the words before their numbers.
 
     Raises:
@@ -193,9 +206,15 @@ def agent_types(env: Any) -> tuple[AgentType, ...]:
         seen, action = spaces[0]
         if not isinstance(action, Box | Discrete):
             raise TrainingError(f"action space of {name} is {action}; valid: Box, Discrete")
+        masked = isinstance(seen, Dict)
         kinds.append(
             AgentType(
-                name=name, agents=agents, observation_n=_width(name, seen), action=action, masked=isinstance(seen, Dict)
+                name=name,
+                agents=agents,
+                observation_n=_width(name, seen),
+                action=action,
+                masked=masked,
+                choice=choice if masked else None,
             )
         )
     return tuple(kinds)

@@ -48,15 +48,6 @@ class RandomPolicy:
         return actions
 
 
-class FirstLegal:
-    """The legal action of the lowest number above 0, which stands for doing nothing; 0 where there is none."""
-
-    def act(self, env: Any, observations: dict[str, Any]) -> dict[str, Any]:
-        """See `Policy`."""
-        del env
-        return {agent: _first(seen["action_mask"]) for agent, seen in observations.items()}
-
-
 class RowPolicy:
     """A function from rows of observations to rows of actions, for teams of one type.
 
@@ -72,8 +63,3 @@ class RowPolicy:
         del env
         rows = np.stack([vector(seen) for seen in observations.values()])
         return dict(zip(observations, self._actions(rows), strict=True))
-
-
-def _first(mask: npt.NDArray[np.integer[Any]]) -> int:
-    legal = np.flatnonzero(mask[1:])
-    return int(legal[0]) + 1 if len(legal) else 0

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from fleet.training.batch import Choice
 from fleet.training.errors import TrainingError
-from fleet.training.policies import FirstLegal, Policy, RowPolicy
+from fleet.training.policies import Policy, RowPolicy
 from fleet.training.settings import PpoConfig
 from fleet.training.solo import SoloEnv
 
@@ -29,6 +30,8 @@ class Recipe:
     steps_n: int
     """Steps of agents."""
     ppo: PpoConfig
+    choice: Choice | None = None
+    """How observations with a mask are made up, if actions choose among alike things."""
     arguments: dict[str, Any] = field(default_factory=dict)
     """Arguments of the environment that differ from its own defaults."""
 
@@ -64,7 +67,9 @@ def _dispatch(**arguments: Any) -> Any:
 
 
 def _nearest() -> Policy:
-    return FirstLegal()
+    from fleet.envs.policies.dispatch import Nearest
+
+    return Nearest()
 
 
 def _car(**arguments: Any) -> Any:
@@ -92,8 +97,8 @@ RECIPES: dict[str, Recipe] = {
         scripted=_pursuit,
         script="pure pursuit that brakes for whoever is ahead",
         figures=("places", "touch", "towed"),
-        steps_n=3_000_000,
-        ppo=PpoConfig(),
+        steps_n=1_500_000,
+        ppo=PpoConfig(learning_rate=1e-3),
     ),
     "car": Recipe(
         summary="one car drives to places, among cars that a script drives",
@@ -111,7 +116,7 @@ RECIPES: dict[str, Recipe] = {
         script="straight to the goal, by damped least squares",
         figures=("is_success",),
         steps_n=400_000,
-        ppo=PpoConfig(envs_n=8, horizon_n=256, epochs_n=8, minibatch_n=512, discount=0.97),
+        ppo=PpoConfig(horizon_n=256, epochs_n=8, minibatch_n=256, learning_rate=1e-3, discount=0.95, log_std=-1.0),
     ),
     "dispatch": Recipe(
         summary="cars choose their tasks",
@@ -120,7 +125,9 @@ RECIPES: dict[str, Recipe] = {
         script="every free car takes the nearest task",
         figures=("delivered", "late", "waiting"),
         steps_n=1_000_000,
-        ppo=PpoConfig(entropy=0.005, discount=0.98, hidden=(128, 128), learning_rate=5e-4),
+        ppo=PpoConfig(horizon_n=240, minibatch_n=4096, entropy=0.003, discount=0.98, learning_rate=1e-3),
+        choice=Choice(own_n=12, each_n=11),  # fleet.envs.dispatch_view: OWN_N, CANDIDATE_N
+        arguments={"site": "small", "n_cars": 6},
     ),
 }
 """What can be trained, by name."""

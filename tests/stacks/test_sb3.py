@@ -78,7 +78,7 @@ def test_an_unknown_type_is_refused() -> None:
 
 
 def test_scores_choose_the_best_legal_action() -> None:
-    cars = TypeVecEnv([lambda: DispatchEnv(site="small", n_cars=2, max_cycles=3)])
+    cars = TypeVecEnv([lambda: DispatchEnv(site="small", n_cars=2, max_cycles=30)])
     cars.seed(0)
     cars.reset()
     seen = cars._observations[0]
@@ -93,8 +93,7 @@ def test_scores_choose_the_best_legal_action() -> None:
 
 def test_robots_are_stepped_in_processes_of_their_own() -> None:
     def make() -> gymnasium.Env:
-
-        return gymnasium.make("fleet/KukaReach-v0", fidelity="kinematic", max_steps=5)
+        return gymnasium.make("fleet.envs:fleet/KukaReach-v0", fidelity="kinematic", max_steps=5)
 
     arms = SubprocVecEnv([make] * 2)
     arms.seed(0)

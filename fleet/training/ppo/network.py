@@ -22,6 +22,9 @@ class Network(nn.Module):
     observation; discrete ones have its outputs as scores. Weights are orthogonal, those of the policy's last layer
     small, so that it begins without preferences.
 
+    Where actions choose among alike things (`AgentType.choice`), one perceptron scores each of them from what is known
+    of it and of all else, so that what is learned of one holds for all; a thing that is not there stands for action 0.
+
     Args:
         kind: The agents.
         hidden: Widths of the hidden layers.
@@ -34,10 +37,26 @@ class Network(nn.Module):
         space = kind.action
         self.discrete = isinstance(space, Discrete)
         n = int(space.n) if isinstance(space, Discrete) else int(space.shape[0])
-        self.actor = _perceptron(kind.observation_n, hidden, n, 0.01, generator)
+        self._choice, self._n = kind.choice, n
+        if kind.choice is None:
+            self.actor = _perceptron(kind.observation_n, hidden, n, 0.01, generator)
+        else:
+            n_in = kind.observation_n - (n - 2) * kind.choice.each_n
+            self.actor = _perceptron(n_in, hidden, 1, 0.01, generator)
         self.critic = _perceptron(kind.observation_n, hidden, 1, 1.0, generator)
         if not self.discrete:
             self.log_std = nn.Parameter(torch.full((n,), log_std))
+
+    def scores(self, rows: Tensor) -> Tensor:
+        """Scores of discrete actions, or the middle of continuous ones, shape (b, n)."""
+        choice = self._choice
+        if choice is None:
+            return self.actor(rows)
+        end = choice.own_n + (self._n - 1) * choice.each_n
+        each = rows[:, choice.own_n : end].reshape(len(rows), self._n - 1, choice.each_n)
+        each = torch.cat((torch.zeros_like(each[:, :1]), each), dim=1)
+        rest = torch.cat((rows[:, : choice.own_n], rows[:, end:]), dim=1)[:, None].expand(-1, self._n, -1)
+        return self.actor(torch.cat((rest, each), dim=2)).squeeze(2)
 
     def value(self, rows: Tensor) -> Tensor:
         """Values of observations (b, n), shape (b,)."""
@@ -54,7 +73,7 @@ class Network(nn.Module):
         Returns:
             Actions, shape (b, n_entries) or (b,), and the logarithms of their probabilities, shape (b,).
         """
-        out = self.actor(rows)
+        out = self.scores(rows)
         if self.discrete:
             shares = _log_shares(out, mask)
             actions = torch.multinomial(shares.exp(), 1, generator=generator).squeeze(1)
@@ -64,12 +83,12 @@ class Network(nn.Module):
 
     def best(self, rows: Tensor, mask: Tensor | None) -> Tensor:
         """Likeliest actions, shape (b, n_entries) or (b,)."""
-        out = self.actor(rows)
+        out = self.scores(rows)
         return _log_shares(out, mask).argmax(dim=1) if self.discrete else out
 
     def judge(self, rows: Tensor, mask: Tensor | None, actions: Tensor) -> tuple[Tensor, Tensor]:
         """Logarithms of the probabilities of actions, and the entropies of what they were drawn from, shape (b,)."""
-        out = self.actor(rows)
+        out = self.scores(rows)
         if self.discrete:
             shares = _log_shares(out, mask)
             return shares.gather(1, actions[:, None]).squeeze(1), -(shares.exp() * shares).sum(dim=1)

@@ -52,7 +52,9 @@ class Trainer:
             _require_same(config, json.loads(state["config"]), self._path)
         ppo = config.ppo
         self._batch = EnvBatch(
-            [self.recipe.make(**config.arguments) for _ in range(ppo.envs_n)], figures=self.recipe.figures
+            [self.recipe.make(**config.arguments) for _ in range(ppo.envs_n)],
+            figures=self.recipe.figures,
+            choice=self.recipe.choice,
         )
         generator = _generator(config.seed, _WEIGHTS, 0)
         self.learners = {kind.name: Learner(kind, ppo, generator) for kind in self._batch.types}
@@ -116,7 +118,8 @@ class Trainer:
         row |= _means(episodes, self.recipe)
         for name, learner in self.learners.items():
             losses = learner.learn(rollouts[name], rate, generator)
-            learner.seen.update(seen[name])
+            if learner.kind.choice is None:  # things of a kind have to be told in the same units
+                learner.seen.update(seen[name])
             row |= {f"{name}_{loss}": value for loss, value in losses.items()}
         return row
 
@@ -224,7 +227,7 @@ def load_policy(folder: Path) -> LearnedPolicy:
     state = read_checkpoint(folder / CHECKPOINT)
     told = json.loads(state["config"])
     env = RECIPES[told["env"]].make(**told["arguments"])
-    kinds = agent_types(env)
+    kinds = agent_types(env, RECIPES[told["env"]].choice)
     env.close()
     ppo = PpoConfig(**{**told["ppo"], "hidden": tuple(told["ppo"]["hidden"])})
     learners = {kind.name: Learner(kind, ppo, torch.Generator()) for kind in kinds}

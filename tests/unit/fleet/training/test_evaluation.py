@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fleet.training.evaluation import RETURN, evaluate, gain, interval
-from fleet.training.policies import FirstLegal, RandomPolicy
+from fleet.training.policies import RandomPolicy
 from fleet.training.recipes import RECIPES
 from fleet.training.results import findings
 
@@ -29,7 +29,7 @@ def test_what_a_seed_brings_to_both_cancels_out() -> None:
 def test_a_policy_plays_the_same_seeds_the_same() -> None:
     recipe = RECIPES["dispatch"]
     arguments = {"site": "small", "n_cars": 2, "max_cycles": 10}
-    one = evaluate(recipe, arguments, {"a": FirstLegal(), "b": FirstLegal()}, [1, 2])
+    one = evaluate(recipe, arguments, {"a": recipe.scripted(), "b": recipe.scripted()}, [1, 2])
     assert one["a"] == one["b"]
     assert one["a"][0] != one["a"][1]
     assert set(one["a"][0]) == {RETURN, *recipe.figures}
