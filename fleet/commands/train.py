@@ -113,13 +113,13 @@ class Train:
     def _evaluate(self, config: TrainConfig, recipe: Recipe, learned: Any, cpu_s: float, console: Console) -> int:
         import numpy as np
 
+        from fleet.envs.policies.policy import Random
         from fleet.training.evaluation import evaluate
-        from fleet.training.policies import RandomPolicy
         from fleet.training.results import LEARNED, RANDOM, SCRIPTED, findings, write_episodes, write_evaluation
 
         sequence = np.random.SeedSequence([config.seed, _EVALUATION])
         seeds = [int(seed) for seed in sequence.generate_state(self.episodes) // 2]
-        policies = {LEARNED: learned, SCRIPTED: recipe.scripted(), RANDOM: RandomPolicy(config.seed)}
+        policies = {LEARNED: learned, SCRIPTED: recipe.scripted(), RANDOM: Random(config.seed)}
         total = len(policies) * len(seeds)
         with Bar(total, "episodes", shown=True) as bar:
 

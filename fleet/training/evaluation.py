@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from fleet.envs.policies.policy import Policy
 from fleet.training.batch import type_of
-from fleet.training.policies import Policy
 from fleet.training.recipes import Recipe
 
 CONFIDENCE = 0.95

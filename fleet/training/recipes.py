@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from fleet.envs.policies.policy import Policy
 from fleet.training.batch import Choice
 from fleet.training.errors import TrainingError
-from fleet.training.policies import Policy, RowPolicy
+from fleet.training.row_policy import RowPolicy
 from fleet.training.settings import PpoConfig
 from fleet.training.solo import SoloEnv
 
@@ -115,7 +116,7 @@ RECIPES: dict[str, Recipe] = {
         scripted=_straight,
         script="straight to the goal, by damped least squares",
         figures=("is_success",),
-        steps_n=400_000,
+        steps_n=500_000,
         ppo=PpoConfig(horizon_n=256, epochs_n=8, minibatch_n=256, learning_rate=1e-3, discount=0.95, log_std=-1.0),
     ),
     "dispatch": Recipe(
@@ -124,7 +125,7 @@ RECIPES: dict[str, Recipe] = {
         scripted=_nearest,
         script="every free car takes the nearest task",
         figures=("delivered", "late", "waiting"),
-        steps_n=1_000_000,
+        steps_n=2_000_000,
         ppo=PpoConfig(horizon_n=240, minibatch_n=4096, entropy=0.003, discount=0.98, learning_rate=1e-3),
         choice=Choice(own_n=12, each_n=11),  # fleet.envs.dispatch_view: OWN_N, CANDIDATE_N
         arguments={"site": "small", "n_cars": 6},

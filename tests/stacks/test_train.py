@@ -13,8 +13,8 @@ import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
 from fleet.cli import main
+from fleet.envs.policies.policy import Random
 from fleet.training.errors import TrainingError
-from fleet.training.policies import RandomPolicy
 from fleet.training.recipes import RECIPES, Recipe
 from fleet.training.settings import PpoConfig, TrainConfig
 from tests.stacks.conftest import require_package
@@ -89,7 +89,7 @@ def _guess(monkeypatch: pytest.MonkeyPatch) -> None:
     recipe = Recipe(
         summary="",
         make=Guess,
-        scripted=lambda: RandomPolicy(0),
+        scripted=lambda: Random(0),
         script="chance",
         figures=("hits",),
         steps_n=1000,
@@ -117,7 +117,7 @@ def trained(folder: Path, updates_n: int, **changes: Any) -> Trainer:
 def test_both_types_learn_each_its_own_thing(tmp_path: Path) -> None:
     trainer = trained(tmp_path, 60)
     env = Guess(end=100)
-    learned, chance = (play(env, policy, 1, ["hits"]) for policy in (trainer.policy(), RandomPolicy(0)))
+    learned, chance = (play(env, policy, 1, ["hits"]) for policy in (trainer.policy(), Random(0)))
     assert learned["hits"] >= 85
     assert chance["hits"] <= 65
     # Cars that guess are wrong by 2/3 on average, those that know by nothing; the arm's part is taken off.

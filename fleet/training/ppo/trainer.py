@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -197,7 +197,7 @@ class LearnedPolicy:
     def __init__(self, learners: dict[str, Learner]) -> None:
         self._learners = learners
 
-    def act(self, env: Any, observations: dict[str, Any]) -> dict[str, Any]:
+    def act(self, env: Any, observations: Mapping[str, Any]) -> dict[str, Any]:
         """Actions of all agents that observe; `env` is not used."""
         del env
         actions: dict[str, Any] = {}

@@ -14,8 +14,8 @@ from gymnasium.spaces import Box, Discrete
 from stable_baselines3.common.vec_env import VecEnv
 
 from fleet.config import require
+from fleet.envs.policies.policy import Policy
 from fleet.training.batch import agent_types, type_of, vector
-from fleet.training.policies import Policy
 
 
 class TypeVecEnv(VecEnv):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from fleet.envs.policies.policy import Random
 from fleet.training.evaluation import RETURN, evaluate, gain, interval
-from fleet.training.policies import RandomPolicy
 from fleet.training.recipes import RECIPES
 from fleet.training.results import findings
 
@@ -39,7 +39,7 @@ def test_random_actions_are_legal() -> None:
     for name, arguments in (("dispatch", {"site": "small", "n_cars": 2}), ("navigate", {"n_cars": 2}), ("reach", {})):
         env = RECIPES[name].make(**arguments, **({"fidelity": "kinematic"} if name == "reach" else {}))
         observations, _ = env.reset(seed=0)
-        policy = RandomPolicy(0)
+        policy = Random(0)
         for _ in range(5):
             actions = policy.act(env, observations)
             assert all(env.action_space(agent).contains(action) for agent, action in actions.items())
