@@ -109,11 +109,11 @@ class Learner:
         rows, actions = _flat(rollout.rows), _flat(rollout.actions)
         mask = None if rollout.mask is None else _flat(rollout.mask)
         # Who had no choice teaches the value, not the policy.
-        chose = torch.ones(len(rows)) if mask is None else (mask.sum(dim=1) > 1).float()
+        chose = torch.ones(len(rows), dtype=torch.bool) if mask is None else mask.sum(dim=1) > 1
         old, gain, targets = _flat(rollout.log_shares), _flat(gained), _flat(gained + rollout.values)
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        sums = dict.fromkeys(("policy_loss", "value_loss", "entropy", "divergence", "clipped"), 0.0)
+        sums = dict.fromkeys(("value_loss", "policy_loss", "entropy", "divergence", "clipped"), 0.0)
         steps_n = 0
         for _ in range(config.epochs_n):
             order = torch.randperm(len(rows), generator=generator)
@@ -160,26 +160,29 @@ class Learner:
     ) -> tuple[float, ...]:
         """One gradient step on the clipped objective, eq. (7) and (9) of the paper."""
         config = self._config
-        total = chose.sum().clamp(min=1.0)
-        mean = (gain * chose).sum() / total
-        spread = (((gain - mean) ** 2 * chose).sum() / total).sqrt()
-        gain = (gain - mean) / (spread + 1e-8)
-        log_shares, entropies = self.network.judge(rows, mask, actions)
-        change = log_shares - old
-        ratio = change.exp()
-        clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
-        policy_loss = -(torch.minimum(ratio * gain, clipped * gain) * chose).sum() / total
-        entropy = (entropies * chose).sum() / total
-        value_loss = 0.5 * ((self.network.value(rows) - targets) ** 2).mean()
-        loss = policy_loss + config.value * value_loss - config.entropy * entropy
+        loss = config.value * (value_loss := 0.5 * ((self.network.value(rows) - targets) ** 2).mean())
+        told = [float(value_loss.detach()), 0.0, 0.0, 0.0, 0.0]
+        if chose.any():
+            old, gain = old[chose], gain[chose]
+            gain = (gain - gain.mean()) / (gain.std(correction=0) + 1e-8)
+            log_shares, entropies = self.network.judge(
+                rows[chose], None if mask is None else mask[chose], actions[chose]
+            )
+            change = log_shares - old
+            ratio = change.exp()
+            clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
+            policy_loss = -torch.minimum(ratio * gain, clipped * gain).mean()
+            entropy = entropies.mean()
+            loss = loss + policy_loss - config.entropy * entropy
+            with torch.no_grad():
+                divergence = (ratio - 1.0 - change).mean()  # J. Schulman, "Approximating KL Divergence", 2020: k3
+                outside = ((ratio - 1.0).abs() > config.clip).float().mean()
+            told[1:] = [float(x.detach()) for x in (policy_loss, entropy, divergence, outside)]
         self.optimizer.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.max_grad_norm)
         self.optimizer.step()
-        with torch.no_grad():
-            divergence = ((ratio - 1.0 - change) * chose).sum() / total  # J. Schulman, "Approximating KL", 2020: k3
-            outside = (((ratio - 1.0).abs() > config.clip).float() * chose).sum() / total
-        return tuple(float(x.detach()) for x in (policy_loss, value_loss, entropy, divergence, outside))
+        return tuple(told)
 
 
 def _tensor(mask: npt.NDArray[np.bool_] | None) -> Tensor | None:
