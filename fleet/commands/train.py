@@ -96,8 +96,8 @@ class Train:
                     curves(row)
                     if bar.due():
                         steps, done = int(row["steps"]), int(row["update"])
-                        line = f"{steps} of {config.steps_n} steps, {chief} {row[chief]:.3g}"
-                        bar.show(done, f"{chief} {row[chief]:.3g}", line)
+                        figure = f"{chief} {row[chief]:.3g}" if row["episodes"] else "no episode ended"
+                        bar.show(done, figure, f"{steps} of {config.steps_n} steps, {figure}")
 
                 complete = trainer.run(progress, interrupted)
         finally:

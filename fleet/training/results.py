@@ -25,6 +25,7 @@ CONFIG, PROGRESS, EPISODES, EVALUATION, PLOT, RECORDING = (
     "curve.png",
     "curves.rrd",
 )
+CHECKPOINT = "checkpoint.pt"
 LEARNED, SCRIPTED, RANDOM = "learned", "scripted", "random"
 """Names of the policies that are compared."""
 
@@ -44,7 +45,7 @@ def prepare_folder(folder: Path, *, resume: bool) -> None:
         (folder / CONFIG).touch()
     except OSError as error:
         raise TrainingError(f"--out {folder}: {error.strerror}; valid: a directory that can be written") from error
-    if not resume and (folder / PROGRESS).exists():
+    if not resume and ((folder / PROGRESS).exists() or (folder / CHECKPOINT).exists()):
         raise TrainingError(f"--out {folder}: holds a training run; valid: --resume, or another directory")
 
 

@@ -16,6 +16,7 @@ from fleet.cli import main
 from fleet.envs.policies.policy import Random
 from fleet.training.errors import TrainingError
 from fleet.training.recipes import RECIPES, Recipe
+from fleet.training.results import CHECKPOINT
 from fleet.training.settings import PpoConfig, TrainConfig
 from tests.stacks.conftest import require_package
 
@@ -25,7 +26,7 @@ import torch  # noqa: E402
 
 from fleet.training.batch import agent_types  # noqa: E402
 from fleet.training.evaluation import play  # noqa: E402
-from fleet.training.ppo.checkpoint import CHECKPOINT, read_checkpoint  # noqa: E402
+from fleet.training.ppo.checkpoint import read_checkpoint  # noqa: E402
 from fleet.training.ppo.learner import Learner, Rollout  # noqa: E402
 from fleet.training.ppo.trainer import Trainer, load_policy  # noqa: E402
 

@@ -11,7 +11,6 @@ import torch
 
 from fleet.training.errors import TrainingError
 
-CHECKPOINT = "checkpoint.pt"
 _FORMAT = 1
 
 

@@ -15,9 +15,10 @@ import torch
 
 from fleet.training.batch import EnvBatch, Episode, View, agent_types, type_of, vector
 from fleet.training.errors import TrainingError
-from fleet.training.ppo.checkpoint import CHECKPOINT, read_checkpoint, write_checkpoint
+from fleet.training.ppo.checkpoint import read_checkpoint, write_checkpoint
 from fleet.training.ppo.learner import Learner, Rollout
 from fleet.training.recipes import RECIPES, Recipe
+from fleet.training.results import CHECKPOINT
 from fleet.training.settings import PpoConfig, TrainConfig
 
 Row = dict[str, float]
