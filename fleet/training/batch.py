@@ -23,7 +23,10 @@ def type_of(agent: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """How an observation is made up of which one among alike things is chosen: action 0 is none, k the k-th of them."""
+    """How an observation is made up of which one among alike things is chosen: action 0 is none, k the k-th of them.
+
+    None is chosen only where nothing is on offer: to wait costs nothing at once, which is easily mistaken for good.
+    """
 
     own_n: int
     """Numbers that come first and are not about one of them."""
@@ -186,7 +189,7 @@ class EnvBatch:
             for row, agent in enumerate(kind.agents, start=index * len(kind.agents)):
                 seen = observations[agent]
                 if view.mask is not None:
-                    view.mask[row] = seen["action_mask"]
+                    view.mask[row] = mask_of(seen, kind)
                 view.rows[row] = vector(seen)
 
 
@@ -218,6 +221,14 @@ def agent_types(env: Any, choice: Choice | None = None) -> tuple[AgentType, ...]
             )
         )
     return tuple(kinds)
+
+
+def mask_of(observation: Mapping[str, Any], kind: AgentType) -> Bools:
+    """The actions that an agent chooses among, shape (n_actions,)."""
+    mask: Bools = np.asarray(observation["action_mask"]) == 1
+    if kind.choice is not None and mask[1:].any():
+        mask[0] = False
+    return mask
 
 
 def vector(observation: Any) -> Floats:

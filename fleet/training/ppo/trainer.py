@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from fleet.training.batch import EnvBatch, Episode, View, agent_types, type_of, vector
+from fleet.training.batch import EnvBatch, Episode, View, agent_types, mask_of, type_of, vector
 from fleet.training.errors import TrainingError
 from fleet.training.ppo.checkpoint import read_checkpoint, write_checkpoint
 from fleet.training.ppo.learner import Learner, Rollout
@@ -208,7 +208,7 @@ class LearnedPolicy:
                 continue
             view = View(
                 rows=np.stack([vector(observations[agent]) for agent in agents]),
-                mask=np.stack([observations[agent]["action_mask"] for agent in agents]).astype(np.bool_)
+                mask=np.stack([mask_of(observations[agent], learner.kind) for agent in agents])
                 if learner.kind.masked
                 else None,
             )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete
 
-from fleet.training.batch import EnvBatch, agent_types
+from fleet.training.batch import Choice, EnvBatch, agent_types, mask_of
 from fleet.training.errors import TrainingError
 
 
@@ -118,3 +119,9 @@ def test_spaces_that_cannot_be_learned_on_are_refused(what: str, space: Any, wor
     setattr(team, what, lambda agent: space)
     with pytest.raises(TrainingError, match=words):
         agent_types(team)
+
+
+def test_who_chooses_among_things_takes_one_if_there_is_any() -> None:
+    kind = replace(agent_types(Team())[1], choice=Choice(own_n=0, each_n=1))
+    assert mask_of({"action_mask": np.array([1, 0, 1], dtype=np.int8)}, kind).tolist() == [False, False, True]
+    assert mask_of({"action_mask": np.array([1, 0, 0], dtype=np.int8)}, kind).tolist() == [True, False, False]
