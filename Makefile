@@ -11,10 +11,12 @@ STAMP := $(VENV)/.installed
 JOBS = 2
 # A Python to build .venv with. Empty: python3 if it is 3.11, else python3.11, because pybullet has wheels for 3.11 only.
 PYTHON =
+# Training libraries that `make test-stacks` tests.
+STACKS = train sb3 rllib torchrl benchmarl
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-all check format bench hooks hooks-check clean
+.PHONY: help setup demo test test-all test-stacks check format bench hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -59,6 +61,16 @@ test: $(STAMP) ## All tests but the slow ones.
 test-all: $(STAMP) ## All tests.
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile $(ARGS)
 
+test-stacks: $(STAMP) ## One environment for each training library, in .stacks, and its tests; STACKS chooses.
+	@set -e; \
+	for stack in $(STACKS); do \
+	  python=.stacks/$$stack/bin/python; \
+	  echo "$$stack: setting up .stacks/$$stack, one or two gigabytes"; \
+	  if ! $$python -c '' >/dev/null 2>&1; then $(BIN)/python -m venv --clear .stacks/$$stack; fi; \
+	  $$python -m pip install --quiet --quiet --disable-pip-version-check --editable ".[$$stack]" pytest; \
+	  $$python -m pytest -q tests/stacks/test_$$stack.py $(ARGS); \
+	done
+
 check: $(STAMP) ## Linter, formatter, type checker, import rules.
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
@@ -79,5 +91,5 @@ hooks-check: $(STAMP) ## Run the pre-commit hooks on all files.
 	@$(BIN)/pre-commit run --all-files
 
 clean: ## Remove .venv, caches and the output of runs.
-	@rm -rf $(VENV) .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
+	@rm -rf $(VENV) .stacks .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -25,6 +25,7 @@ from fleet.commands.report import Report
 from fleet.commands.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
 from fleet.commands.study import Study
 from fleet.commands.tabletop import TabletopPair, TabletopSort, TabletopTray
+from fleet.commands.train import Train
 from fleet.commands.why import Why
 from fleet.errors import FleetError
 from maps.errors import MapsError
@@ -40,6 +41,7 @@ COMMANDS: dict[str, type[Any]] = {
     "plan": Plan,
     "report": Report,
     "study": Study,
+    "train": Train,
     "why": Why,
 }
 SITE_COMMANDS: dict[str, type[Any]] = {

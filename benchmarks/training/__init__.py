@@ -1,17 +1,22 @@
 """Training: what environments cost, and what policies and learning make of them; one file per kind of groups.
 
-`python -m benchmarks.training [--only speed | grid | table]`.
+`python -m benchmarks.training [--only speed | grid | table | learning]`.
 """
+
+from __future__ import annotations
 
 from benchmarks.harness import Benchmark, in_groups
 from benchmarks.training import layers
+from benchmarks.training.learning import measure_learning
 from benchmarks.training.speed import measure_speed
 
-GROUPS = {"speed": measure_speed, **layers.GROUPS}
+GROUPS = {"speed": measure_speed, **layers.GROUPS, "learning": measure_learning}
 
 BENCHMARK = Benchmark(
     name="training",
     summary="Environments: steps per second of CPU time, policies, learning",
     measure=in_groups(GROUPS),
+    seeds=(0, 1, 2, 3, 4),
+    quick_seeds=(0,),
     groups=tuple(GROUPS),
 )

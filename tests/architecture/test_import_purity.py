@@ -9,11 +9,15 @@ import pytest
 
 IMPURE = ("gymnasium", "pettingzoo", "pybullet", "rerun", "tyro")
 
-IMPORT_ALL = """
+OPTIONAL = ("fleet.training.ppo.", "fleet.training.stacks.")
+"""What needs packages that the core does not."""
+
+IMPORT_ALL = f"""
 import importlib, json, pkgutil, sys
 package = importlib.import_module(sys.argv[1])
 for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
-    importlib.import_module(module.name)
+    if not module.name.startswith({OPTIONAL!r}):
+        importlib.import_module(module.name)
 print(json.dumps(sorted(name for name in sys.modules if "." not in name)))
 """
 
@@ -33,6 +37,15 @@ def test_maps_does_not_load_the_layers_above(repository: Path) -> None:
         [sys.executable, "-c", IMPORT_ALL, "maps"], cwd=repository, capture_output=True, text=True, check=True
     )
     assert {"planners", "fleet"}.isdisjoint(json.loads(found.stdout))
+
+
+def test_only_the_learner_and_the_adapters_load_torch(repository: Path) -> None:
+    found = subprocess.run(
+        [sys.executable, "-c", IMPORT_ALL, "fleet"], cwd=repository, capture_output=True, text=True, check=True
+    )
+    loaded = json.loads(found.stdout)
+    assert "fleet" in loaded
+    assert {"torch", "ray", "stable_baselines3", "tensorboard", "torchrl"}.isdisjoint(loaded)
 
 
 def test_importing_all_of_fleet_prints_nothing(repository: Path) -> None:

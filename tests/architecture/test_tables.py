@@ -120,6 +120,10 @@ FAMILIES = [
 ]
 
 
+NEEDS_MORE = ("fleet.training.ppo.", "fleet.training.stacks.")
+"""Modules that need packages which the core does not."""
+
+
 def modules_of(package: str) -> set[str]:
     return {module.name for module in pkgutil.iter_modules(importlib.import_module(package).__path__)}
 
@@ -146,7 +150,7 @@ def test_every_package_name_that_is_listed_exists() -> None:
     for layer in ("maps", "planners", "fleet"):
         root = importlib.import_module(layer)
         for module in pkgutil.walk_packages(root.__path__, f"{layer}."):
-            if module.name.endswith("__main__"):
+            if module.name.endswith("__main__") or module.name.startswith(NEEDS_MORE):
                 continue
             loaded = importlib.import_module(module.name)
             missing = [name for name in getattr(loaded, "__all__", []) if not hasattr(loaded, name)]

@@ -1,0 +1,39 @@
+"""Stable-Baselines3 on the navigation environment: one policy for all cars.
+
+pip install 'fleet[sb3]'
+python docs/examples/training/sb3_cars.py
+"""
+
+import argparse
+
+from stable_baselines3 import PPO
+
+from fleet.envs.navigation import NavigationEnv
+from fleet.training.stacks.sb3 import TypeVecEnv
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--steps", type=int, default=1_000_000, help="steps of agents")
+    parser.add_argument("--horizon", type=int, default=128, help="steps of each environment between two updates")
+    options = parser.parse_args()
+
+    cars = TypeVecEnv([lambda: NavigationEnv(n_cars=6)] * 8, kind="car")
+    model = PPO(
+        "MlpPolicy",
+        cars,
+        n_steps=options.horizon,
+        batch_size=1024,
+        n_epochs=6,
+        gamma=0.98,
+        learning_rate=7e-4,
+        seed=0,
+        device="cpu",
+    )
+    model.learn(options.steps, progress_bar=False)
+    print("mean reward of a step:", model.rollout_buffer.rewards.mean())
+    cars.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,11 @@
+"""``python -m fleet.train``: the same as ``python -m fleet train``."""
+
+import sys
+
+from fleet.console import own_output
+
+if __name__ == "__main__":
+    own_output()
+    from fleet.cli import main
+
+    main(["train", *sys.argv[1:]], prog="python -m fleet.train")

@@ -1,0 +1,91 @@
+"""Curve: figures over steps of agents, as a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from fleet.study.chart import COLORS
+from fleet.study.drawing import Area, Drawing, Line, Words
+
+WIDTH, HEIGHT = 760, 360
+LEFT, RIGHT, TOP, BOTTOM = 64, 20, 58, 44
+AXIS, GRID = "#333333", "#e4e4e4"
+_LABELS_N = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """One curve, or one level."""
+
+    name: str
+    points: Sequence[tuple[float, float]]
+    """Steps and values, ascending; a single one is drawn as a level."""
+    band: Sequence[tuple[float, float]] = field(default_factory=list)
+    """Lower and upper end at every point; empty for none."""
+
+
+def draw_curves(title: str, y_label: str, curves: Sequence[Curve]) -> Drawing:
+    """Draw figures over steps of agents.
+
+    Args:
+        title: Over the chart.
+        y_label: What is shown, with its unit.
+        curves: In the order of the colours.
+    """
+    values = [0.0, *(y for curve in curves for _, y in curve.points)]
+    values += [y for curve in curves for ends in curve.band for y in ends]
+    last = max(x for curve in curves for x, _ in curve.points)
+    x_step = _round_step(last)
+    x_end = x_step * math.ceil(last / x_step - 1e-9)
+    y_step = _round_step(max(values) - min(values))
+    y_low = y_step * math.floor(min(values) / y_step + 1e-9)
+    y_high = max(y_step * math.ceil(max(values) / y_step - 1e-9), y_low + y_step)
+
+    def spot(x: float, y: float) -> tuple[float, float]:
+        across, up = x / x_end, (y - y_low) / (y_high - y_low)
+        return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - TOP - BOTTOM)
+
+    sheet = Drawing(width=WIDTH, height=HEIGHT)
+    marks = sheet.marks
+    marks.append(Words(at=(LEFT, 20), text=title, size=15, bold=True))
+    marks.append(Words(at=(LEFT, 40), text=y_label, size=11, color="#666666"))
+    marks.append(Words(at=((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 8), text="steps of agents", anchor="middle"))
+    for k in range(round((y_high - y_low) / y_step) + 1):
+        y = y_low + k * y_step
+        marks.append(Line(points=[spot(0.0, y), spot(x_end, y)], color=AXIS if abs(y) < 1e-9 * y_step else GRID))
+        marks.append(Words(at=(LEFT - 8, spot(0.0, y)[1] + 4), text=f"{round(y, 10):g}", anchor="end"))
+    for k in range(round(x_end / x_step) + 1):
+        x, y = spot(k * x_step, y_low)
+        marks.append(Line(points=[(x, y), (x, y + 4)], color=AXIS))
+        marks.append(Words(at=(x, y + 18), text=_thousands(k * x_step), anchor="middle"))
+    right = float(WIDTH - RIGHT)
+    colors = [COLORS[k % len(COLORS)] for k in range(len(curves))]
+    for curve, color in reversed(list(zip(curves, colors, strict=True))):
+        right -= 7.0 * len(curve.name)
+        marks.append(Words(at=(right, 40), text=curve.name))
+        marks.append(Line(points=[(right - 24, 36), (right - 6, 36)], color=color, width=2.5))
+        right -= 40
+    for curve, color in zip(curves, colors, strict=True):
+        if curve.band:
+            low = [spot(x, ends[0]) for (x, _), ends in zip(curve.points, curve.band, strict=True)]
+            high = [spot(x, ends[1]) for (x, _), ends in zip(curve.points, curve.band, strict=True)]
+            marks.append(Area(points=[*high, *reversed(low)], color=color))
+        if len(curve.points) == 1:
+            y = curve.points[0][1]
+            marks.append(Line(points=[spot(0.0, y), spot(x_end, y)], color=color, width=2, dashed=True))
+        else:
+            marks.append(Line(points=[spot(x, y) for x, y in curve.points], color=color, width=2))
+    return sheet
+
+
+def _round_step(span: float) -> float:
+    """A round step that divides a span into about `_LABELS_N` parts."""
+    rough = max(span, 1e-9) / _LABELS_N
+    unit = 10.0 ** math.floor(math.log10(rough))
+    return next(unit * k for k in (1.0, 2.0, 2.5, 5.0, 10.0) if unit * k >= rough * (1 - 1e-9))
+
+
+def _thousands(steps: float) -> str:
+    return f"{steps / 1e6:g} M" if steps >= 1e6 else f"{steps / 1e3:g} k" if steps >= 1e3 else f"{steps:g}"

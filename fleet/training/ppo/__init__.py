@@ -1,0 +1,1 @@
+"""Proximal policy optimisation in plain PyTorch: the only folder that imports torch."""

@@ -1,0 +1,41 @@
+"""Checkpoints: all that a training run needs to go on as if it had not been interrupted."""
+
+from __future__ import annotations
+
+import os
+import pickle
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from fleet.training.errors import TrainingError
+
+_FORMAT = 1
+
+
+def write_checkpoint(path: Path, content: dict[str, Any]) -> None:
+    """Write a checkpoint, whole or not at all."""
+    part = path.with_name(f".{path.name}.part")
+    with part.open("wb") as file:
+        torch.save({"format": _FORMAT, **content}, file)
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """Read a checkpoint; nothing in it is run as code.
+
+    Raises:
+        TrainingError: It is not there, or is no checkpoint.
+    """
+    try:
+        content = torch.load(path, weights_only=True)
+    except FileNotFoundError:
+        raise TrainingError(f"{path}: there is no checkpoint; valid: a folder of a training run") from None
+    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError, ValueError, KeyError) as error:
+        raise TrainingError(f"{path}: cannot be read as a checkpoint; valid: what a training run wrote") from error
+    if not isinstance(content, dict) or content.get("format") != _FORMAT:
+        raise TrainingError(f"{path}: is no checkpoint of format {_FORMAT}; valid: what a training run wrote")
+    return content

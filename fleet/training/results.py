@@ -1,0 +1,106 @@
+"""Results: the files that a training run leaves behind."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fleet.recording import versions
+from fleet.training.curve import Curve, draw_curves
+from fleet.training.errors import TrainingError
+from fleet.training.evaluation import RETURN, Score, gain, interval
+from fleet.training.settings import TrainConfig
+
+CONFIG, PROGRESS, EPISODES, EVALUATION, PLOT, RECORDING = (
+    "config.json",
+    "progress.csv",
+    "episodes.csv",
+    "evaluation.json",
+    "curve.png",
+    "curves.rrd",
+)
+CHECKPOINT = "checkpoint.pt"
+LEARNED, SCRIPTED, RANDOM = "learned", "scripted", "random"
+"""Names of the policies that are compared."""
+
+
+def prepare_folder(folder: Path, *, resume: bool) -> None:
+    """Make sure that a training run can write its files.
+
+    Args:
+        folder: Created with its parents if it does not exist.
+        resume: Whether the files of an earlier run may be there.
+
+    Raises:
+        TrainingError: It cannot be used.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / CONFIG).touch()
+    except OSError as error:
+        raise TrainingError(f"--out {folder}: {error.strerror}; valid: a directory that can be written") from error
+    if not resume and ((folder / PROGRESS).exists() or (folder / CHECKPOINT).exists()):
+        raise TrainingError(f"--out {folder}: holds a training run; valid: --resume, or another directory")
+
+
+def write_config(folder: Path, config: TrainConfig) -> None:
+    """Write what decides the run, and the versions it ran with."""
+    content = {**dataclasses.asdict(config), "versions": versions()}
+    _write(folder / CONFIG, json.dumps(content, indent=2) + "\n")
+
+
+def write_progress(folder: Path, rows: Sequence[Mapping[str, float]], figure: str) -> None:
+    """Write the table of all updates, and its curve."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(rows[0])
+    table.writerows(["" if math.isnan(value) else f"{value:.6g}" for value in row.values()] for row in rows)
+    _write(folder / PROGRESS, text.getvalue())
+    found = [(row["steps"], row[figure]) for row in rows if not math.isnan(row[figure])]
+    if found:
+        curve = Curve(name=LEARNED, points=found)
+        draw_curves(f"{figure} per episode while learning", figure, [curve]).write_png(folder / PLOT)
+
+
+def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: Sequence[int]) -> None:
+    """Write the scores of every policy in every episode."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    names = list(next(iter(scores.values()))[0])
+    table.writerow(["policy", "seed", *names])
+    for policy, played in scores.items():
+        for seed, score in zip(seeds, played, strict=True):
+            table.writerow([policy, seed, *(f"{score[name]:.6g}" for name in names)])
+    _write(folder / EPISODES, text.getvalue())
+
+
+def findings(scores: Mapping[str, Sequence[Score]], figures: Sequence[str]) -> dict[str, Any]:
+    """Means by policy, and how far what was learned is from the others on the same episodes, with intervals."""
+    found: dict[str, Any] = {"episodes": len(scores[LEARNED]), "policies": {}, "gain": {}}
+    for policy, played in scores.items():
+        found["policies"][policy] = {
+            name: dataclasses.asdict(interval([score[name] for score in played])) for name in (*figures, RETURN)
+        }
+        if policy != LEARNED:
+            found["gain"][policy] = {
+                name: dataclasses.asdict(gain(scores[LEARNED], played, name)) for name in (*figures, RETURN)
+            }
+    return found
+
+
+def write_evaluation(folder: Path, found: Mapping[str, Any], *, cpu_s: float) -> None:
+    """Write the findings, and what the learning took [s of the processor]."""
+    _write(folder / EVALUATION, json.dumps({**found, "train_cpu_s": round(cpu_s, 1)}, indent=2) + "\n")
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file, whole or not at all."""
+    part = path.with_name(f".{path.name}.part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)

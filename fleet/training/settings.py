@@ -1,0 +1,133 @@
+"""Settings of a training run: dataclasses, and the TOML file that changes them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fleet.config import require
+from fleet.training.errors import TrainingError
+
+
+@dataclass(frozen=True, kw_only=True)
+class PpoConfig:
+    """Proximal policy optimisation; the names are those of the paper.
+
+    Source: J. Schulman et al., "Proximal Policy Optimization Algorithms", arXiv:1707.06347, 2017; of the details that
+    matter (S. Huang et al., "The 37 Implementation Details of PPO", ICLR blog track, 2022) those that are named here.
+    """
+
+    envs_n: int = 8
+    """Environments that are stepped side by side."""
+    horizon_n: int = 128
+    """Steps of every environment between two updates (T)."""
+    epochs_n: int = 6
+    """Times that each sample is used."""
+    minibatch_n: int = 1024
+    """Samples per gradient step (M)."""
+    learning_rate: float = 7e-4
+    """At the start; it falls to zero in a straight line."""
+    discount: float = 0.98
+    """gamma."""
+    gae: float = 0.95
+    """lambda of generalised advantage estimation."""
+    clip: float = 0.2
+    """epsilon of the clipped objective."""
+    entropy: float = 0.0
+    """Weight of the entropy bonus (c2)."""
+    value: float = 0.5
+    """Weight of the value loss (c1)."""
+    max_grad_norm: float = 0.5
+    """Gradients are scaled down to this norm."""
+    hidden: tuple[int, ...] = (64, 64)
+    """Widths of the hidden layers, of policy and value alike."""
+    log_std: float = -0.5
+    """Logarithm of the standard deviation of continuous actions at the start."""
+
+    def __post_init__(self) -> None:
+        for name in ("envs_n", "horizon_n", "epochs_n", "minibatch_n"):
+            require(getattr(self, name) >= 1, f"ppo.{name}", getattr(self, name), "an integer >= 1")
+        for name in ("learning_rate", "clip", "max_grad_norm"):
+            value = getattr(self, name)
+            require(math.isfinite(value) and value > 0, f"ppo.{name}", value, "a number > 0")
+        for name in ("discount", "gae"):
+            require(0.0 <= getattr(self, name) <= 1.0, f"ppo.{name}", getattr(self, name), "a number from 0 to 1")
+        for name in ("entropy", "value"):
+            value = getattr(self, name)
+            require(math.isfinite(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
+        require(bool(self.hidden) and min(self.hidden) >= 1, "ppo.hidden", self.hidden, "widths >= 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """Everything that decides the outcome of a training run."""
+
+    env: str
+    """Name in `fleet.training.recipes.RECIPES`."""
+    seed: int = 0
+    steps_n: int
+    """Steps of agents: one environment with four agents makes four per step."""
+    checkpoint_n: int = 10
+    """Updates between two checkpoints; environments begin new episodes after each, so that a resumed run is exact."""
+    arguments: dict[str, Any] = field(default_factory=dict)
+    """Arguments of the environment."""
+    ppo: PpoConfig
+
+    def __post_init__(self) -> None:
+        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        require(self.steps_n >= 1, "--steps", self.steps_n, "an integer >= 1")
+        require(self.checkpoint_n >= 1, "checkpoint_n", self.checkpoint_n, "an integer >= 1")
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """Read a settings file: `steps_n` and `checkpoint_n` at its top, tables `[ppo]` and `[env]`.
+
+    Args:
+        path: A TOML file; `[ppo]` sets fields of `PpoConfig`, `[env]` arguments of the environment.
+
+    Returns:
+        Its content.
+
+    Raises:
+        TrainingError: It cannot be read, or has a key that means nothing or a value of the wrong type.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise TrainingError(f"--config {path}: {error.strerror}; valid: a TOML file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise TrainingError(f"--config {path}: {error}; valid: a TOML file") from error
+    _refuse_unknown(path, "", content, ("steps_n", "checkpoint_n", "ppo", "env"))
+    for table in ("ppo", "env"):
+        if not isinstance(content.get(table, {}), dict):
+            raise TrainingError(f"--config {path}: {table} is {content[table]!r}; valid: a table [{table}]")
+    for name in ("steps_n", "checkpoint_n"):
+        if not _is_like(content.get(name, 1), 1):
+            raise TrainingError(f"--config {path}: {name} is {content[name]!r}; valid: an integer")
+    fields = {one.name: one.default for one in dataclasses.fields(PpoConfig)}
+    ppo = content.get("ppo", {})
+    _refuse_unknown(path, "ppo.", ppo, tuple(fields))
+    for name, value in ppo.items():
+        if not _is_like(value, fields[name]):
+            raise TrainingError(f"--config {path}: ppo.{name} is {value!r}; valid: a value like {fields[name]!r}")
+    if "hidden" in ppo:
+        content["ppo"] = {**ppo, "hidden": tuple(ppo["hidden"])}
+    return content
+
+
+def _refuse_unknown(path: Path, where: str, found: dict[str, Any], valid: tuple[str, ...]) -> None:
+    for name in found:
+        if name not in valid:
+            raise TrainingError(f"--config {path}: unknown key {where}{name}; valid: {', '.join(valid)}")
+
+
+def _is_like(value: object, default: object) -> bool:
+    if isinstance(default, tuple):
+        return isinstance(value, list) and all(isinstance(x, int) and not isinstance(x, bool) for x in value)
+    if isinstance(value, bool):
+        return False
+    return isinstance(value, int) or (isinstance(default, float) and isinstance(value, float))

@@ -1,0 +1,57 @@
+"""SoloEnv: a gymnasium environment as a team of one agent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium
+from pettingzoo.utils import ParallelEnv
+
+
+class SoloEnv(ParallelEnv[str, Any, Any]):
+    """A single robot's environment in the form of all others.
+
+    Args:
+        env: The environment.
+        agent: Name of its only agent, `<type>_0`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"name": "solo_v0"}
+
+    def __init__(self, env: gymnasium.Env[Any, Any], agent: str) -> None:
+        self.env = env
+        self.render_mode = env.render_mode
+        self.possible_agents = [agent]
+        self.agents: list[str] = []
+
+    def observation_space(self, agent: str) -> gymnasium.Space[Any]:
+        """See `ParallelEnv`."""
+        del agent
+        return self.env.observation_space
+
+    def action_space(self, agent: str) -> gymnasium.Space[Any]:
+        """See `ParallelEnv`."""
+        del agent
+        return self.env.action_space
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        """See `ParallelEnv`."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self.agents = self.possible_agents[:]
+        agent = self.agents[0]
+        return {agent: observation}, {agent: info}
+
+    def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+        """See `ParallelEnv`."""
+        agent = self.possible_agents[0]
+        observation, reward, terminated, truncated, info = self.env.step(actions[agent])
+        if terminated or truncated:
+            self.agents = []
+        return {agent: observation}, {agent: reward}, {agent: terminated}, {agent: truncated}, {agent: info}
+
+    def close(self) -> None:
+        """See `ParallelEnv`."""
+        self.env.close()

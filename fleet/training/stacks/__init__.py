@@ -1,0 +1,1 @@
+"""Adapters for training libraries; each module needs the library it is named after."""

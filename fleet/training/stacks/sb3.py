@@ -1,0 +1,125 @@
+"""Stable-Baselines3: the agents of one type as a `VecEnv`, the others scripted or as they were trained.
+
+Needs `stable-baselines3` (extra `sb3`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box, Discrete
+from stable_baselines3.common.vec_env import VecEnv
+
+from fleet.config import require
+from fleet.envs.policies.policy import Policy
+from fleet.training.batch import agent_types, type_of, vector
+
+
+class TypeVecEnv(VecEnv):
+    """Every agent of one type, in every environment, is one of the vector's slots: they share a policy.
+
+    Discrete actions are offered as a box with one score per action, of which the legal one with the greatest score is
+    taken: so all types look alike, and masks work with algorithms that know none.
+
+    Args:
+        makers: Make the parallel environments, all alike.
+        kind: Type of the agents that learn, `car` of `car_0`.
+        others: Decides for the agents of other types; None if there are none, or if they should do nothing.
+
+    Raises:
+        ConfigError: No agent is of that type.
+        TrainingError: A space is of a kind that cannot be learned on.
+    """
+
+    def __init__(self, makers: Sequence[Callable[[], Any]], kind: str = "car", others: Policy | None = None) -> None:
+        self.envs = [make() for make in makers]
+        types = {one.name: one for one in agent_types(self.envs[0])}
+        require(kind in types, "kind", kind, ", ".join(types))
+        self._kind = types[kind]
+        self._agents = self._kind.agents
+        self._others = others
+        self._observations: list[dict[str, Any]] = [{} for _ in self.envs]
+        self._actions: npt.NDArray[Any] | None = None
+        action = self._kind.action
+        if isinstance(action, Discrete):
+            action = Box(-1.0, 1.0, (int(action.n),), np.float32)
+        observation = Box(-1.0, 1.0, (self._kind.observation_n,), np.float32)
+        super().__init__(len(self.envs) * len(self._agents), observation, action)
+
+    def reset(self) -> npt.NDArray[np.float32]:
+        """Begin an episode in every environment; seeds that `seed` gave are used once."""
+        for index, env in enumerate(self.envs):
+            self._observations[index] = env.reset(seed=self._seeds[index * len(self._agents)])[0]
+        self._reset_seeds()
+        return self._rows()
+
+    def step_async(self, actions: npt.NDArray[Any]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_], list[Any]]:
+        """Step every environment; one whose episode ends begins the next at once."""
+        n = len(self._agents)
+        rewards = np.zeros(self.num_envs, dtype=np.float32)
+        dones = np.zeros(self.num_envs, dtype=np.bool_)
+        told: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        assert self._actions is not None
+        for index, env in enumerate(self.envs):
+            slots = slice(index * n, (index + 1) * n)
+            observations, got, _, truncations, infos = env.step(self._decided(index, self._actions[slots]))
+            rewards[slots] = [got[agent] for agent in self._agents]
+            told[slots] = [dict(infos[agent]) for agent in self._agents]
+            if not env.agents:
+                dones[slots] = True
+                for info, agent in zip(told[slots], self._agents, strict=True):
+                    info["terminal_observation"] = vector(observations[agent]).copy()
+                    info["TimeLimit.truncated"] = bool(truncations[agent])
+                observations = env.reset()[0]
+            self._observations[index] = observations
+        return self._rows(), rewards, dones, told
+
+    def close(self) -> None:
+        """Close all environments."""
+        for env in self.envs:
+            env.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """See `VecEnv`."""
+        return [getattr(env, attr_name) for env in self._of(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """See `VecEnv`."""
+        for env in self._of(indices):
+            setattr(env, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """See `VecEnv`."""
+        return [getattr(env, method_name)(*args, **kwargs) for env in self._of(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """See `VecEnv`; nothing is."""
+        del wrapper_class
+        return [False for _ in self._of(indices)]
+
+    def _of(self, indices: Any) -> list[Any]:
+        """The environment of each slot."""
+        return [self.envs[slot // len(self._agents)] for slot in self._get_indices(indices)]
+
+    def _decided(self, index: int, rows: npt.NDArray[Any]) -> dict[str, Any]:
+        """Actions of all agents of an environment."""
+        seen = self._observations[index]
+        rest = {agent: what for agent, what in seen.items() if type_of(agent) != self._kind.name}
+        actions = dict(self._others.act(self.envs[index], rest)) if rest and self._others is not None else {}
+        for agent, row in zip(self._agents, rows, strict=True):
+            if isinstance(self._kind.action, Discrete):
+                legal = seen[agent]["action_mask"] == 1 if self._kind.masked else np.ones(len(row), dtype=np.bool_)
+                actions[agent] = int(np.argmax(np.where(legal, row, -np.inf)))
+            else:
+                actions[agent] = row
+        return actions
+
+    def _rows(self) -> npt.NDArray[np.float32]:
+        return np.stack([vector(seen[agent]) for seen in self._observations for agent in self._agents])

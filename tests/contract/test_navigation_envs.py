@@ -1,0 +1,292 @@
+"""What the navigation environment and those of single robots owe the libraries that train on them."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
+
+import gymnasium
+import numpy as np
+import pettingzoo
+import pytest
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import (
+    api_test,
+    max_cycles_test,
+    parallel_api_test,
+    parallel_seed_test,
+    render_test,
+    seed_test,
+    state_test,
+)
+from pettingzoo.utils import parallel_to_aec
+
+import fleet.envs  # noqa: F401 - makes the environments known
+from fleet.config import ConfigError
+from fleet.envs import navigate_v0
+from fleet.envs.base import ActionError, EpisodeError
+from fleet.envs.car_navigate import CarNavigateEnv
+from fleet.envs.kuka_reach import TOLERANCE_M, KukaReachEnv, ReachPolicy
+from fleet.envs.navigation import LOST_M, NavigationEnv
+from fleet.envs.navigation_policy import PursuitPolicy
+
+FIDELITIES = ("kinematic", "physics")
+
+
+@pytest.fixture(params=FIDELITIES)
+def cars(request: pytest.FixtureRequest) -> Iterator[NavigationEnv]:
+    """Return three cars on the small site."""
+    env = NavigationEnv(n_cars=3, fidelity=request.param, max_cycles=40)
+    yield env
+    env.close()
+
+
+def trace(env: NavigationEnv, seed: int | None, n_steps: int) -> list[object]:
+    """Play with fixed random actions; return all that the environment said."""
+    rng = np.random.default_rng(1)
+    told: list[object] = [env.reset(seed=seed)]
+    while env.agents and len(told) <= n_steps:
+        told.append(env.step({agent: rng.uniform(-0.2, 1.0, 2).astype(np.float32) for agent in env.agents}))
+    return told
+
+
+def plain(told: object) -> object:
+    """Arrays as lists, so that what was told can be compared."""
+    if isinstance(told, np.ndarray):
+        return told.tolist()
+    if isinstance(told, dict):
+        return {key: plain(value) for key, value in told.items()}
+    return [plain(value) for value in told] if isinstance(told, list | tuple) else told
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_pettingzoo_has_no_complaint(fidelity: str) -> None:
+    def make(**arguments: object) -> NavigationEnv:
+        return navigate_v0.parallel_env(n_cars=2, fidelity=fidelity, **{"max_cycles": 20, **arguments})
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(make(), num_cycles=50)
+        api_test(parallel_to_aec(make()), num_cycles=50)
+        parallel_seed_test(make, num_cycles=20)
+        seed_test(lambda: parallel_to_aec(make()), num_cycles=20)
+        state_test(parallel_to_aec(make()), make())
+        render_test(lambda render_mode=None: parallel_to_aec(make(render_mode=render_mode)))
+
+
+def test_the_number_of_cycles_is_kept() -> None:
+    max_cycles_test(navigate_v0)
+
+
+def test_the_registries_know_it() -> None:
+    parallel = pettingzoo.make("parallel", "fleet/navigate-v0", max_cycles=3, n_cars=1)
+    assert parallel.possible_agents == ["car_0"]
+    pettingzoo.make("aec", "fleet/navigate-v0", max_cycles=3, n_cars=1).close()
+
+
+def test_what_is_seen_is_always_in_its_space(cars: NavigationEnv) -> None:
+    rng = np.random.default_rng(0)
+    seen, _ = cars.reset(seed=0)
+    while cars.agents:
+        assert all(cars.observation_space(agent).contains(row) for agent, row in seen.items())
+        assert cars.state_space.contains(cars.state())
+        seen, *_ = cars.step({agent: rng.uniform(-1, 1, 2).astype(np.float32) for agent in cars.agents})
+
+
+def test_a_seed_decides_an_episode_also_the_second_time(cars: NavigationEnv) -> None:
+    first = plain(trace(cars, 5, 40))
+    other = plain(trace(cars, 6, 40))
+    assert plain(trace(cars, 5, 40)) == first
+    assert other != first
+
+
+def digest_of_an_episode() -> str:
+    """Hash of all that a whole episode says."""
+    env = NavigationEnv(n_cars=4)
+    said = hashlib.sha256(str(plain(trace(env, 3, 600))).encode()).hexdigest()
+    env.close()
+    return said
+
+
+def test_another_process_plays_the_same() -> None:
+    script = "from tests.contract.test_navigation_envs import *\nprint(digest_of_an_episode())"
+    found = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
+    assert found.stdout.strip() == digest_of_an_episode()
+
+
+def test_a_saved_moment_comes_back(cars: NavigationEnv) -> None:
+    trace(cars, 2, 10)
+    state = cars.save_state()
+    step = {agent: np.array([0.1, 0.8], dtype=np.float32) for agent in cars.agents}
+    after = plain(cars.step(step))
+    cars.step(step)
+    cars.load_state(state)
+    assert plain(cars.step(step)) == after
+
+
+def test_places_to_visit_do_not_depend_on_what_agents_do() -> None:
+    env = NavigationEnv(n_cars=2, max_cycles=200)
+    policy = PursuitPolicy()
+
+    def places(drives: bool) -> list[list[float]]:
+        seen, _ = env.reset(seed=4)
+        met: dict[str, list[object]] = {}
+        while env.agents:
+            for car, agent in enumerate(env.agents):
+                goal = env._goal(car).tolist()
+                line = met.setdefault(agent, [])
+                if goal not in line[-1:]:
+                    line.append(goal)
+            acts = policy.act(env, seen)
+            seen, *_ = env.step(acts if drives else {**acts, "car_1": np.zeros(2)})
+        return [met[agent] for agent in env.possible_agents]
+
+    both, alone = places(True), places(False)
+    n = min(len(both[0]), len(alone[0]))
+    assert n >= 2
+    assert both[0][:n] == alone[0][:n]
+    assert len(alone[1]) == 1
+
+
+def test_the_script_drives_to_places_and_stays_on_its_lanes() -> None:
+    env = NavigationEnv(n_cars=1, max_cycles=600)
+    seen, _ = env.reset(seed=0)
+    places, towed, off_lane = 0.0, 0.0, 0.0
+    while env.agents:
+        seen, _, _, _, infos = env.step(PursuitPolicy().act(env, seen))
+        places, towed = places + infos["car_0"]["places"], towed + infos["car_0"]["towed"]
+        off_lane += infos["car_0"]["off_lane"]
+    assert places >= 5
+    assert (towed, off_lane) == (0.0, 0.0)
+    env.close()
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_a_lost_car_is_towed_back(fidelity: str) -> None:
+    env = NavigationEnv(n_cars=1, max_cycles=200, fidelity=fidelity)
+    env.reset(seed=0)
+    towed = 0
+    while env.agents and not towed:
+        *_, infos = env.step({"car_0": np.array([0.15, 1.0])})
+        towed = infos["car_0"]["towed"] < 0
+    assert towed
+    for _ in range(10):
+        env.step({"car_0": np.zeros(2)})
+    assert abs(env._aside_m[0]) < LOST_M / 2
+    env.close()
+
+
+def test_two_cars_in_one_place_touch_and_pay_for_it() -> None:
+    env = NavigationEnv(n_cars=2)
+    env.reset(seed=0)
+    poses = env._world.car_poses()
+    env._world.push_car(1, *(0.78 * (poses[0] - poses[1])).tolist())
+    *_, infos = env.step({})
+    assert all(info["touch"] == env._weights.touch for info in infos.values())
+    *_, infos = env.step({})
+    assert all(info["touch"] == 0.0 for info in infos.values()), "a touch that lasts counts once"
+    env._world.push_car(1, *(0.78 * (poses[1] - poses[0])).tolist())
+    *_, infos = env.step({})
+    assert all(info["touch"] == 0.0 for info in infos.values())
+
+
+@pytest.mark.parametrize("action", [np.array([np.nan, 0.5]), np.array([2.0, 0.5]), None])
+def test_illegal_actions_are_made_legal_and_told(action: object) -> None:
+    env = NavigationEnv(n_cars=2)
+    env.reset(seed=0)
+    *_, infos = env.step({"car_0": action, "car_1": np.zeros(2)})
+    assert [info["illegal"] for info in infos.values()] == [True, False]
+
+
+def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
+    env = NavigationEnv(n_cars=1)
+    with pytest.raises(EpisodeError, match="reset"):
+        env.step({})
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match=r"car_0 has shape \(3,\); valid: \(2,\)"):
+        env.step({"car_0": np.zeros(3)})
+    with pytest.raises(ActionError, match="actions of car_7"):
+        env.step({"car_7": np.zeros(2)})
+    env.step({"car_0": np.zeros(2)})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"n_cars": 0}, "n_cars is 0; valid: 1 to 18"),
+        ({"n_cars": 99}, "n_cars is 99"),
+        ({"fidelity": "grid"}, "fidelity is 'grid'; valid: kinematic, physics"),
+        ({"control_hz": 7.0}, "control_hz is 7.0"),
+        ({"control_hz": float("nan")}, "control_hz is nan"),
+        ({"render_mode": "ascii"}, "render_mode is 'ascii'"),
+    ],
+)
+def test_arguments_outside_their_range_are_refused(arguments: dict[str, object], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        NavigationEnv(**arguments)  # type: ignore[arg-type]
+
+
+def test_it_is_copied_by_its_arguments() -> None:
+    copy = pickle.loads(pickle.dumps(NavigationEnv(n_cars=2, max_cycles=7)))
+    assert (len(copy.possible_agents), copy.max_cycles) == (2, 7)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("fleet/CarNavigate-v0", {"fidelity": "kinematic", "max_steps": 20}),
+        ("fleet/CarNavigate-v0", {"fidelity": "physics", "max_steps": 20, "n_others": 1}),
+        ("fleet/KukaReach-v0", {"fidelity": "kinematic", "max_steps": 20}),
+        ("fleet/KukaReach-v0", {"fidelity": "physics", "max_steps": 20}),
+    ],
+)
+def test_gymnasium_has_no_complaint_about_single_robots(name: str, arguments: dict[str, object]) -> None:
+    env = gymnasium.make(name, **arguments)  # type: ignore[arg-type]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+    env.close()
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_the_script_reaches_every_goal(fidelity: str) -> None:
+    env, policy = KukaReachEnv(fidelity=fidelity), ReachPolicy()
+    for seed in range(4):
+        row, _ = env.reset(seed=seed)
+        ended = False
+        while not ended:
+            row, _, terminated, truncated, info = env.step(policy.actions(row[None])[0])
+            ended = terminated or truncated
+        assert info["is_success"]
+        assert info["distance_m"] < TOLERANCE_M
+    env.close()
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_an_arm_s_episode_repeats_to_the_last_bit(fidelity: str) -> None:
+    env = KukaReachEnv(fidelity=fidelity, max_steps=10)
+
+    def episode() -> list[list[float]]:
+        rng = np.random.default_rng(0)
+        rows = [env.reset(seed=3)[0]]
+        rows += [env.step(rng.uniform(-1, 1, 7).astype(np.float32))[0] for _ in range(10)]
+        return [row.tolist() for row in rows]
+
+    first = episode()
+    env.reset(seed=8)
+    env.step(np.ones(7))
+    assert episode() == first
+    env.close()
+
+
+def test_single_robots_refuse_what_they_cannot_do() -> None:
+    with pytest.raises(ConfigError, match="fidelity is 'grid'; valid: physics, kinematic"):
+        KukaReachEnv(fidelity="grid")
+    with pytest.raises(ConfigError, match=r"control_hz is 7\.0"):
+        KukaReachEnv(control_hz=7.0)
+    with pytest.raises(ConfigError, match="n_others is -1"):
+        CarNavigateEnv(n_others=-1)

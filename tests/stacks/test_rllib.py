@@ -1,0 +1,17 @@
+"""The example for rllib trains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from tests.stacks.conftest import require_package
+
+require_package("ray", "rllib")
+
+
+def test_the_example_trains(run_example: Callable[..., str]) -> None:
+    said = run_example("rllib_cars.py", "--iterations", "2", "--batch", "700")
+    returns = [float(line.split(":")[1]) for line in said.splitlines() if line.startswith("mean return")]
+    assert len(returns) == 2
+    assert all(map(math.isfinite, returns))

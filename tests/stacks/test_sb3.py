@@ -1,0 +1,109 @@
+"""Stable-Baselines3 trains on a type of agents and on single robots, in one process and in several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import gymnasium
+import numpy as np
+import pytest
+
+import fleet.envs  # noqa: F401 - makes the environments known
+from fleet.config import ConfigError
+from fleet.envs.dispatch import DispatchEnv
+from fleet.envs.navigation import NavigationEnv
+from tests.stacks.conftest import require_package
+
+require_package("stable_baselines3", "sb3")
+
+from stable_baselines3.common.env_checker import check_env  # noqa: E402
+from stable_baselines3.common.vec_env import SubprocVecEnv  # noqa: E402
+
+from fleet.training.stacks.sb3 import TypeVecEnv  # noqa: E402
+
+ROBOTS = {
+    "car": ("fleet/CarNavigate-v0", {"fidelity": "kinematic", "max_steps": 20}),
+    "physical car": ("fleet/CarNavigate-v0", {"fidelity": "physics", "n_others": 1, "max_steps": 20}),
+    "arm": ("fleet/KukaReach-v0", {"fidelity": "kinematic", "max_steps": 20}),
+    "physical arm": ("fleet/KukaReach-v0", {"fidelity": "physics", "max_steps": 20}),
+}
+
+
+@pytest.fixture
+def cars() -> Iterator[TypeVecEnv]:
+    """Return two floors with three cars each."""
+    vector = TypeVecEnv([lambda: NavigationEnv(n_cars=3, max_cycles=5)] * 2)
+    yield vector
+    vector.close()
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_single_robots_pass_its_checker(name: str) -> None:
+    known, arguments = ROBOTS[name]
+    env = gymnasium.make(known, **arguments).unwrapped
+    check_env(env)
+    env.close()
+
+
+def test_every_car_is_a_slot(cars: TypeVecEnv) -> None:
+    assert cars.num_envs == 6
+    assert cars.reset().shape == (6, cars.observation_space.shape[0])
+
+
+def test_the_end_of_an_episode_is_told_and_the_next_begins(cars: TypeVecEnv) -> None:
+    cars.reset()
+    for step in range(5):
+        rows, _, dones, infos = cars.step(np.zeros((6, 2), dtype=np.float32))
+        assert dones.all() == (step == 4)
+    assert all(info["TimeLimit.truncated"] for info in infos)
+    assert all(info["terminal_observation"].shape == rows[0].shape for info in infos)
+    assert [env.steps_n for env in cars.envs] == [0, 0]
+
+
+def test_a_seed_decides_the_episodes(cars: TypeVecEnv) -> None:
+    def begun(seed: int) -> np.ndarray:
+        cars.seed(seed)
+        return cars.reset()
+
+    first = begun(3)
+    assert (begun(3) == first).all()
+    assert (begun(4) != first).any()
+    assert (first[:3] != first[3:]).any(), "both floors have the same places to visit"
+
+
+def test_an_unknown_type_is_refused() -> None:
+    with pytest.raises(ConfigError, match="kind is 'arm'; valid: car"):
+        TypeVecEnv([lambda: NavigationEnv(n_cars=1)], kind="arm")
+
+
+def test_scores_choose_the_best_legal_action() -> None:
+    cars = TypeVecEnv([lambda: DispatchEnv(site="small", n_cars=2, max_cycles=30)])
+    cars.seed(0)
+    cars.reset()
+    seen = cars._observations[0]
+    legal = np.flatnonzero(seen["car_0"]["action_mask"])
+    scores = np.linspace(1.0, -1.0, cars.action_space.shape[0])
+    scores[legal[-1]] = 0.9 if legal[-1] else 1.0
+    scores[legal[:-1]] = -1.0
+    chosen = cars._decided(0, np.tile(scores, (2, 1)))
+    assert chosen["car_0"] == legal[-1]
+    cars.close()
+
+
+def test_robots_are_stepped_in_processes_of_their_own() -> None:
+    def make() -> gymnasium.Env:
+        return gymnasium.make("fleet.envs:fleet/KukaReach-v0", fidelity="kinematic", max_steps=5)
+
+    arms = SubprocVecEnv([make] * 2)
+    arms.seed(0)
+    arms.reset()
+    for _ in range(5):
+        _, _, dones, _ = arms.step(np.zeros((2, 7), dtype=np.float32))
+    assert dones.all()
+    arms.close()
+
+
+def test_the_example_trains(run_example: Callable[..., str]) -> None:
+    said = run_example("sb3_cars.py", "--steps", "1500", "--horizon", "30")
+    assert math.isfinite(float(said.split(":")[1]))

@@ -1,0 +1,237 @@
+"""The trainer: it learns, resumes to the last bit, and says what is wrong in one line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Dict, Discrete
+
+from fleet.cli import main
+from fleet.envs.policies.policy import Random
+from fleet.training.errors import TrainingError
+from fleet.training.recipes import RECIPES, Recipe
+from fleet.training.results import CHECKPOINT
+from fleet.training.settings import PpoConfig, TrainConfig
+from tests.stacks.conftest import require_package
+
+require_package("torch", "train")
+
+import torch  # noqa: E402
+
+from fleet.training.batch import agent_types  # noqa: E402
+from fleet.training.evaluation import play  # noqa: E402
+from fleet.training.ppo.checkpoint import read_checkpoint  # noqa: E402
+from fleet.training.ppo.learner import Learner, Rollout  # noqa: E402
+from fleet.training.ppo.trainer import Trainer, load_policy  # noqa: E402
+
+PPO = PpoConfig(envs_n=2, horizon_n=32, epochs_n=4, minibatch_n=64, learning_rate=3e-3, hidden=(16,))
+
+
+class Guess:
+    """A car should say the number it is shown; an arm should choose the larger of its two legal numbers."""
+
+    possible_agents = ["car_0", "car_1", "arm_0"]  # noqa: RUF012
+    render_mode = None
+
+    def __init__(self, end: int = 8) -> None:
+        self.end = end
+        self.agents: list[str] = []
+        self._rng = np.random.default_rng(0)
+        self._car = Box(-1.0, 1.0, (1,), np.float32)
+        self._arm = Dict({"observation": Box(-1.0, 1.0, (4,), np.float32), "action_mask": Box(0, 1, (4,), np.int8)})
+        self._number, self._choice = Box(-1.0, 1.0, (1,), np.float32), Discrete(4)
+
+    def observation_space(self, agent: str) -> gymnasium.Space[Any]:
+        return self._arm if agent == "arm_0" else self._car
+
+    def action_space(self, agent: str) -> gymnasium.Space[Any]:
+        return self._choice if agent == "arm_0" else self._number
+
+    def reset(self, seed: int | None = None, options: None = None) -> tuple[dict[str, Any], dict[str, Any]]:
+        if seed is not None:
+            self._rng = np.random.default_rng(seed)
+        self._now, self.agents = 0, self.possible_agents[:]
+        return self._see(), {agent: {} for agent in self.agents}
+
+    def step(self, actions: dict[str, Any]) -> tuple[Any, ...]:
+        rewards = {car: -abs(float(actions[car][0] - self._shown[car][0])) for car in ("car_0", "car_1")}
+        arm = self._shown["arm_0"]
+        assert arm["action_mask"][actions["arm_0"]] == 1, "an illegal action was chosen"
+        best = np.argmax(np.where(arm["action_mask"] == 1, arm["observation"], -2.0))
+        rewards["arm_0"] = float(actions["arm_0"] == best)
+        self._now += 1
+        agents, over = self.agents, self._now >= self.end
+        if over:
+            self.agents = []
+        no = dict.fromkeys(agents, False)
+        infos = {agent: {"hits": float(agent == "arm_0" and rewards[agent])} for agent in agents}
+        return self._see(), rewards, no, dict.fromkeys(agents, over), infos
+
+    def close(self) -> None:
+        pass
+
+    def _see(self) -> dict[str, Any]:
+        mask = np.zeros(4, dtype=np.int8)
+        mask[self._rng.choice(4, 2, replace=False)] = 1
+        row = self._rng.uniform(-1, 1, 4).astype(np.float32)
+        self._shown = {car: self._rng.uniform(-1, 1, 1).astype(np.float32) for car in ("car_0", "car_1")}
+        self._shown["arm_0"] = {"observation": row, "action_mask": mask}
+        return dict(self._shown)
+
+
+@pytest.fixture(autouse=True)
+def _guess(monkeypatch: pytest.MonkeyPatch) -> None:
+    recipe = Recipe(
+        summary="",
+        make=Guess,
+        scripted=lambda: Random(0),
+        script="chance",
+        figures=("hits",),
+        steps_n=1000,
+        ppo=PPO,
+    )
+    monkeypatch.setitem(RECIPES, "guess", recipe)
+
+
+def config(updates_n: int, **changes: Any) -> TrainConfig:
+    steps_n = updates_n * PPO.horizon_n * PPO.envs_n * 3
+    return replace(TrainConfig(env="guess", steps_n=steps_n, checkpoint_n=2, ppo=PPO), **changes)
+
+
+def weights(trainer: Trainer) -> list[float]:
+    return [x for one in trainer.learners.values() for p in one.network.parameters() for x in p.flatten().tolist()]
+
+
+def trained(folder: Path, updates_n: int, **changes: Any) -> Trainer:
+    folder.mkdir(exist_ok=True)
+    trainer = Trainer(config(updates_n, **changes), folder)
+    assert trainer.run(lambda row: None, [])
+    return trainer
+
+
+def test_both_types_learn_each_its_own_thing(tmp_path: Path) -> None:
+    trainer = trained(tmp_path, 60)
+    env = Guess(end=100)
+    learned, chance = (play(env, policy, 1, ["hits"]) for policy in (trainer.policy(), Random(0)))
+    assert learned["hits"] >= 85
+    assert chance["hits"] <= 65
+    # Cars that guess are wrong by 2/3 on average, those that know by nothing; the arm's part is taken off.
+    assert (learned["return"] - learned["hits"]) / 100 > -0.2
+    assert (chance["return"] - chance["hits"]) / 100 < -0.5
+
+
+def test_a_resumed_run_ends_where_the_other_ends_to_the_last_bit(tmp_path: Path) -> None:
+    whole = trained(tmp_path / "whole", 6)
+    (tmp_path / "parts").mkdir()
+    first = Trainer(config(6), tmp_path / "parts")
+    stop: list[int] = []
+    # Stopped in the middle between two checkpoints: the third update is lost and made again.
+    assert not first.run(lambda row: stop.append(1) if row["update"] == 3 else None, stop)
+    second = Trainer(config(6), tmp_path / "parts", resume=True)
+    assert second.done_n == 2
+    assert second.run(lambda row: None, [])
+    assert weights(second) == weights(whole)
+    assert repr(second.rows) == repr(whole.rows)
+
+
+def test_the_same_seed_learns_the_same_and_another_does_not(tmp_path: Path) -> None:
+    one, same, other = (trained(tmp_path / str(k), 2, seed=seed) for k, seed in enumerate((1, 1, 2)))
+    assert weights(one) == weights(same)
+    assert weights(one) != weights(other)
+
+
+def test_what_was_learned_is_loaded_from_its_folder(tmp_path: Path) -> None:
+    trainer = trained(tmp_path, 3)
+    env = Guess(end=20)
+    assert play(env, load_policy(tmp_path), 2, ["hits"]) == play(env, trainer.policy(), 2, ["hits"])
+
+
+def test_a_checkpoint_of_other_settings_is_refused(tmp_path: Path) -> None:
+    trained(tmp_path, 2)
+    with pytest.raises(TrainingError, match=r"seed was 0 and is 5 now; valid: the same settings"):
+        Trainer(config(2, seed=5), tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("content", [b"", b"no checkpoint", b"PK\x03\x04"])
+def test_what_is_no_checkpoint_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / CHECKPOINT).write_bytes(content)
+    with pytest.raises(TrainingError, match="valid: what a training run wrote"):
+        read_checkpoint(tmp_path / CHECKPOINT)
+
+
+def test_a_gradient_step_makes_better_actions_likelier_and_illegal_ones_stay_impossible() -> None:
+    arm = next(kind for kind in agent_types(Guess()) if kind.name == "arm")
+    learner = Learner(arm, replace(PPO, epochs_n=1, minibatch_n=1000), torch.Generator().manual_seed(0))
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(1, 200, 4)).astype(np.float32)
+    mask = np.ones((1, 200, 4), dtype=np.bool_)
+    mask[..., 3] = False
+    actions = rng.integers(3, size=(1, 200))
+    zeros = np.zeros((1, 200), dtype=np.float32)
+
+    def shares() -> np.ndarray:
+        with torch.no_grad():
+            scores = learner.network.actor(torch.from_numpy(rows[0])).masked_fill(~torch.from_numpy(mask[0]), -1e9)
+            return torch.softmax(scores, dim=1).mean(dim=0).numpy()
+
+    before = shares()
+    rollout = Rollout(
+        rows=rows,
+        mask=mask,
+        actions=actions,
+        log_shares=np.log(np.full((1, 200), 1 / 3, dtype=np.float32)),
+        values=zeros,
+        after=zeros,
+        rewards=(actions == 1).astype(np.float32),
+        ended=np.ones((1, 200), dtype=np.bool_),
+    )
+    for _ in range(5):
+        learner.learn(rollout, 3e-3, torch.Generator().manual_seed(0))
+    after = shares()
+    assert after[1] > before[1] + 0.005
+    assert after[3] == before[3] == 0.0
+
+
+def test_the_command_leaves_everything_behind_and_refuses_to_overwrite_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    words = ["train", "--env", "guess", "--steps", "800", "--episodes", "3", "--out", str(out)]
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 0
+    assert "learned - scripted" in capsys.readouterr().out
+    names = {path.name for path in out.iterdir()}
+    assert names >= {"checkpoint.pt", "config.json", "progress.csv", "curve.png", "curves.rrd", "episodes.csv"}
+    found = json.loads((out / "evaluation.json").read_text())
+    assert set(found["policies"]) == {"learned", "scripted", "random"}
+    lines = (out / "episodes.csv").read_text().splitlines()
+    seeds = [[line.split(",")[1] for line in lines if line.startswith(policy)] for policy in found["policies"]]
+    assert seeds[0] == seeds[1] == seeds[2]
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 2
+    assert "holds a training run; valid: --resume" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as stop:
+        main([*words, "--resume"])
+    assert stop.value.code == 0
+
+
+def test_arguments_that_the_environment_does_not_know_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = tmp_path / "train.toml"
+    settings.write_text("[env]\nspeed = 3\n")
+    with pytest.raises(SystemExit) as stop:
+        main(["train", "--env", "navigate", "--config", str(settings), "--out", str(tmp_path / "run")])
+    assert stop.value.code == 2
+    said = capsys.readouterr().err
+    assert "speed" in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "run").exists()

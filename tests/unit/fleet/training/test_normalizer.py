@@ -1,0 +1,31 @@
+"""Normalizer: the mean and variance of all rows, however they come."""
+
+import numpy as np
+
+from fleet.training.normalizer import CLIP, Normalizer
+
+
+def test_parts_give_what_the_whole_gives() -> None:
+    rows = np.random.default_rng(0).normal(3.0, 2.0, (1000, 4))
+    parts = Normalizer(4)
+    for part in np.split(rows, [1, 10, 400]):
+        parts.update(part)
+    assert np.allclose(parts.mean, rows.mean(axis=0))
+    assert np.allclose(parts.variance, rows.var(axis=0))
+    normal = parts.apply(rows.astype(np.float32))
+    assert np.allclose(normal.mean(axis=0), 0.0, atol=1e-5)
+    assert np.allclose(normal.std(axis=0), 1.0, atol=1e-4)
+
+
+def test_before_the_first_row_numbers_stay_and_far_ones_are_cut() -> None:
+    rows = np.array([[0.5, 1e6]], dtype=np.float32)
+    assert Normalizer(2).apply(rows).tolist() == [[0.5, CLIP]]
+
+
+def test_what_is_remembered_comes_back_exactly() -> None:
+    one, other = Normalizer(3), Normalizer(3)
+    one.update(np.random.default_rng(1).normal(size=(7, 3)))
+    other.recall(one.state())
+    rows = np.ones((1, 3), dtype=np.float32)
+    assert (one.apply(rows) == other.apply(rows)).all()
+    assert one.count == other.count
