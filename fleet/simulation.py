@@ -140,6 +140,8 @@ class Simulation:
     allotment_type: type[Allotment] = Allotment
     traffic_type: type[Traffic] = Traffic
     """Who gives tasks out, and who plans the moves; environments put agents in their place."""
+    books: bool = True
+    """Whether ticks are taken into the figures; where nobody reads them, they need not be found out."""
 
     def __init__(
         self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None, ground: Ground | None = None
@@ -263,9 +265,21 @@ class Simulation:
         self.recovery.tick(self.now)
         self.desk.tick(self.now, self.world.held())
         self.world.step(*self._merged(commands, actions))
+        roster, speeds = self.dispatcher.roster, self.world.car_speeds()
+        if self.books:
+            self._book(speeds)
+        if self.batteries is not None:
+            self.batteries.tick(speeds, roster.load_kg, roster.awake, roster.charges)
+            for car in np.flatnonzero(self.batteries.charge <= 0.0).tolist():
+                if roster.phase[car] is not CarPhase.DEAD:
+                    self.lose_car(car, f"the battery of car_{car} is empty")
+        self.now += 1
+
+    def _book(self, speeds: FloatArray) -> None:
+        """Take the tick into the figures: slip, causes, metrics, ledger."""
         if self.slip_meter is not None:
             self.slip_meter.tick(self.desk.services, self.world)
-        roster, speeds = self.dispatcher.roster, self.world.car_speeds()
+        roster = self.dispatcher.roster
         self.causes.tick(self.now, speeds)
         self.metrics.tick(speeds, roster.loaded, roster.bound)
         self.metrics.ledger.tick(
@@ -277,12 +291,6 @@ class Simulation:
             speeds,
             self.world.car_poses(),
         )
-        if self.batteries is not None:
-            self.batteries.tick(speeds, roster.load_kg, roster.awake, roster.charges)
-            for car in np.flatnonzero(self.batteries.charge <= 0.0).tolist():
-                if roster.phase[car] is not CarPhase.DEAD:
-                    self.lose_car(car, f"the battery of car_{car} is empty")
-        self.now += 1
 
     def lose_car(self, car: int, reason: str) -> None:
         """Take a car out of the run for good: it rolls out and stays where it is."""

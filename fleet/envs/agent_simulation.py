@@ -29,6 +29,7 @@ class AgentSimulation(Simulation):
         ConfigError: The grid has no steering to decide about.
     """
 
+    books = False
     driver: AgentDriver
     desk: AgentDesk
 

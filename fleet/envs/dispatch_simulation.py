@@ -54,6 +54,8 @@ class OrderedSimulation(Simulation):
         orders: Deliveries, ascending in release.
     """
 
+    books = False
+
     def __init__(self, config: RunConfig, orders: Sequence[Delivery]) -> None:
         self._given_orders = tuple(orders)
         super().__init__(config)

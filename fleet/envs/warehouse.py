@@ -328,6 +328,7 @@ class WarehouseEnv(FleetEnv):
         self._drawing = None
         self._episodes_n += 1
         if self.render_mode == "rerun":
+            simulation.books = True
             self._recording = Recording(simulation, self._record_to / f"episode_{self._episodes_n - 1:04}.rrd")
         nothing = dict.fromkeys((*TERMS, "illegal"), 0.0)
         return {agent: nothing.copy() for agent in self.possible_agents}
