@@ -26,6 +26,8 @@ def ledger_of_every_run(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     if (module := sys.modules.get("fleet.simulation")) is None:
         yield
         return
+    from fleet.insight.causes import Column
+
     made: list[Simulation] = []
     make = module.Simulation.__init__
 
@@ -38,6 +40,8 @@ def ledger_of_every_run(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for simulation in filter(lambda simulation: simulation.books, made):
         ledger, ticks = simulation.metrics.ledger, simulation.now
         assert (ledger.robots.sum(axis=0) == ticks).all(), "a robot has more or less time than the run"
+        log = simulation.causes.log
+        assert (log.since(0)[:, 2 + Column.BY] < log.n_robots).all(), "a robot waits for one that there is not"
         spent = ledger.robots.sum(axis=1)
         for blamed in (ledger.by_robot, ledger.by_cell, ledger.by_place):
             assert (blamed.sum(axis=1) == spent).all(), "an account is blamed for more or less than it holds"

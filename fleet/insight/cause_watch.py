@@ -225,8 +225,11 @@ class CauseWatch:
         if not bookings.has(car) and bookings.room(place) <= 0 and there:
             first = int(served[place]) if place < len(served) and int(served[place]) in there else there[0]
             self._set(car, Cause.STATION_FULL, by=first, place=place)
-        else:
+        elif place < len(served):
             self._set(car, Cause.ARM_BUSY, by=self._n_cars + place, place=place)
+        else:
+            # A parking place or charger has no arm to wait for: there is room, and the car is about to be called.
+            self._set(car, Cause.SETS_OFF, place=place)
 
     def _charged_tick(self, car: int, tick: int) -> int:
         """When a charging car will have enough, or be full; kept until then, because charging is linear."""
