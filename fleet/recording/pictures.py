@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import rerun as rr
 
 from fleet.recording.errors import OutputError, RecordingError
 
@@ -25,6 +24,8 @@ class PictureRecorder:
     """
 
     def __init__(self, path: Path, name: str) -> None:
+        import rerun as rr
+
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as reason:
@@ -45,6 +46,8 @@ class PictureRecorder:
             sim_s: Simulated time [s].
             figures: Drawn as curves, by name.
         """
+        import rerun as rr
+
         self._rec.set_time("sim_time", duration=sim_s)
         self._rec.log("floor", rr.Image(picture).compress())
         for name, value in figures.items():

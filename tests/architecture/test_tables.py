@@ -65,6 +65,7 @@ FAMILIES = [
             {
                 "arm_model",
                 "array_cache",
+                "asynchronous",
                 "cartesian",
                 "collision",
                 "composite",

@@ -226,7 +226,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["frob"], ["'frob'", "demo, diff, lorr, plan, report, study, why, site"]),
+        (["frob"], ["'frob'", "demo, diff, lorr, plan, report, study, train, why, site"]),
         (["site", "frob"], ["'frob'", "check, list, generate, convert"]),
         (["site", "check"], ["SITE", "missing"]),
         (["site", "check", "nope"], ["'nope'", "cell, medium, small"]),

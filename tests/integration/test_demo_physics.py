@@ -26,8 +26,7 @@ with Simulation(RunConfig(seed=seed, duration_s=12.0, arms=ArmConfig(workers_n=w
     print(simulation.state_hash(), simulation.summary().distance_empty_m)
 """
 SHOWN = (
-    "/world/cars/chassis",
-    "/world/cars/tag",
+    "/world/cars/body",
     "/world/arms/link_7",
     "/world/parcels",
     "/world/paths/granted",

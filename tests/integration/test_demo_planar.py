@@ -82,11 +82,11 @@ def test_the_end_of_the_time_is_no_failure(tmp_path: Path, capsys: pytest.Captur
     said = capsys.readouterr().out
     assert "tasks were left open: the time was up" in said
     assert "recording" not in said
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["result.json", "run.jsonl"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["result.json", "run.jsonl", "run.trace"]
 
 
 def test_a_second_run_replaces_the_files_of_the_first(tmp_path: Path) -> None:
     demo(["--fidelity", "grid", "--duration", "5", "--out", str(tmp_path)])
     demo(["--fidelity", "grid", "--duration", "5", "--seed", "1", "--no-record", "--out", str(tmp_path)])
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["result.json", "run.jsonl"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["result.json", "run.jsonl", "run.trace"]
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["seed"] == 1

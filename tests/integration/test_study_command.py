@@ -42,7 +42,7 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
     ]
     for row in rows:
         moving = row.driving_loaded + row.driving_empty + row.served + row.charging
-        assert moving + row.traffic + row.queue + row.fault + row.idle == pytest.approx(1.0, abs=1e-3)
+        assert moving + row.traffic + row.queue + row.fault + row.plan_late + row.idle == pytest.approx(1.0, abs=1e-3)
         assert row.done >= 1
         assert not row.stalled
     # The same orders whatever the fleet; more cars deliver more.

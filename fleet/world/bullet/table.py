@@ -187,6 +187,7 @@ class TableWorld:
             self._arms.hold(substep)
             self._grip.before_step()
             self._client.stepSimulation()
+            self.objects.moved()
             if self._feels:
                 self._feel()
             self._grip.after_step()
