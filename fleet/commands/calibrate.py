@@ -45,7 +45,7 @@ class Calibrate:
     def run(self) -> int:
         """Fit, print and write; bad input raises."""
         from fleet.control.friction_fit import fit_friction
-        from fleet.control.joint_file import read_recording
+        from fleet.control.joint_file import check_recording, read_recording
         from fleet.stations.arm_spheres import cache_dir
         from fleet.world.bullet.replay import Drive, MotionReplay, drive_of, open_bench
 
@@ -53,6 +53,7 @@ class Calibrate:
         bench = open_bench(self.arm, cache_dir())
         try:
             recording = read_recording(self.trajectory, bench.drive.n)
+            check_recording(self.trajectory, recording, bench.drive.limits)
             drive = drive_of(recording, bench) if self.drive == "auto" else Drive(self.drive)
             replay = MotionReplay(bench, recording, drive, self.frequency)
             console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)

@@ -55,7 +55,7 @@ class Train:
         """Train, evaluate and print; returns the exit status."""
         # The environments take a second to load: only for runs, not for --help.
         from fleet.training.recipes import RECIPES
-        from fleet.training.results import prepare_folder, write_config
+        from fleet.training.results import prepare_folder
 
         require(self.env in RECIPES, "--env", self.env, ", ".join(RECIPES))
         require(self.episodes >= 1, "--episodes", self.episodes, "an integer >= 1")
@@ -65,7 +65,6 @@ class Train:
         config = self._config(recipe)
         recipe.check(config.arguments)
         prepare_folder(self.out, resume=self.resume)
-        write_config(self.out, config)
         return self._train(config, recipe)
 
     def _config(self, recipe: Recipe) -> TrainConfig:
@@ -84,10 +83,11 @@ class Train:
     def _train(self, config: TrainConfig, recipe: Recipe) -> int:
         from fleet.recording.curves import write_curves
         from fleet.training.ppo.trainer import Trainer
-        from fleet.training.results import RECORDING, write_progress
+        from fleet.training.results import RECORDING, write_config, write_progress
 
         chief = recipe.figures[0]
         trainer = Trainer(config, self.out, resume=self.resume)
+        write_config(self.out, config)  # not before the trainer has agreed to go on from what is there
         curves = _tensorboard(self.out, trainer.rows)
         try:
             with interrupts() as interrupted, Bar(trainer.updates_n, "updates", shown=True) as bar:

@@ -11,11 +11,16 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.control.errors import ControlError
+from fleet.control.limits import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
 
 LEAST_ROWS = 5
 """Fewer rows say nothing about friction."""
+BEYOND_RAD = 0.1
+"""An encoder may be off by this much, and a set-point may lie this far beyond the limits [rad]."""
+TOO_FAST = 1.5
+"""Ratio to the greatest speed above which a joint cannot have moved so far, besides `BEYOND_RAD`."""
 
 
 class RecordingFileError(ControlError):
@@ -68,6 +73,37 @@ def read_recording(path: Path, n_joints: int) -> JointRecording:
         q=table[:, 1 : n_joints + 1],
         target=table[:, n_joints + 1 :] if table.shape[1] > n_joints + 1 else None,
     )
+
+
+def check_recording(path: Path, recording: JointRecording, limits: JointLimits) -> None:
+    """Refuse a motion that the arm cannot have made, such as one in degrees.
+
+    Args:
+        path: Where it was read.
+        recording: The motion.
+        limits: Of the arm.
+
+    Raises:
+        RecordingFileError: Time and joint that are outside the limits, or that jump.
+    """
+    for name, rows in (("q", recording.q), ("target", recording.target)):
+        if rows is None:
+            continue
+        outside = (rows < limits.lower_rad - BEYOND_RAD) | (rows > limits.upper_rad + BEYOND_RAD)
+        if outside.any():
+            k, i = np.argwhere(outside)[0]
+            raise RecordingFileError(
+                f"{path}: {name}{i + 1} is {rows[k, i]:g} rad at {recording.t[k]:g} s; "
+                f"valid: {limits.lower_rad[i]:.4g} to {limits.upper_rad[i]:.4g} rad (not degrees)"
+            )
+    dt = np.diff(recording.t)[:, None]
+    jumps = np.abs(np.diff(recording.q, axis=0)) > TOO_FAST * limits.max_velocity_radps * dt + BEYOND_RAD
+    if jumps.any():
+        k, i = np.argwhere(jumps)[0]
+        raise RecordingFileError(
+            f"{path}: q{i + 1} goes from {recording.q[k, i]:g} to {recording.q[k + 1, i]:g} rad within "
+            f"{dt[k, 0]:g} s, at {recording.t[k]:g} s; valid: at most {limits.max_velocity_radps[i]:.4g} rad/s"
+        )
 
 
 def write_recording(path: Path, recording: JointRecording) -> None:

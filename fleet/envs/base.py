@@ -61,22 +61,30 @@ class EnvState:
     quick: Any = None
     """What brings the moment back without running the episode again, in the environment that saved it."""
 
-    def write(self, path: Path) -> None:
-        """Write to a file, whole or not at all."""
+    def write(self, path: str | Path) -> None:
+        """Write to a file, whole or not at all.
+
+        Raises:
+            StateError: The file cannot be written.
+        """
+        path = Path(path)
         part = path.with_name(f".{path.name}.part")
-        part.write_bytes(pickle.dumps(replace(self, quick=None)))
-        part.replace(path)
+        try:
+            part.write_bytes(pickle.dumps(replace(self, quick=None)))
+            part.replace(path)
+        except OSError as reason:
+            raise StateError(f"saved state {path}: {reason}; valid: a file that can be written") from reason
 
     @staticmethod
-    def read(path: Path) -> EnvState:
+    def read(path: str | Path) -> EnvState:
         """Read what `write` wrote; a pickle: read only files that you trust.
 
         Raises:
             StateError: No such file, or it holds something else.
         """
         try:
-            state = pickle.loads(path.read_bytes())
-        except (OSError, pickle.UnpicklingError, EOFError, AttributeError, ImportError, IndexError) as reason:
+            state = pickle.loads(Path(path).read_bytes())
+        except Exception as reason:  # a damaged pickle can raise anything
             raise StateError(f"saved state {path}: {reason}; valid: a file that EnvState.write wrote") from reason
         if not isinstance(state, EnvState):
             raise StateError(f"saved state {path} holds a {type(state).__name__}; valid: an EnvState")
@@ -161,9 +169,13 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
 
         Returns:
             Observations and infos of all agents.
+
+        Raises:
+            ConfigError: The seed is no integer >= 0; nothing has changed.
         """
         del options
         if seed is not None:
+            require(isinstance(seed, int | np.integer) and seed >= 0, "seed", seed, "an integer >= 0")
             self._series = np.random.default_rng(seed)
         self._seed = int(self._series.integers(2**31))
         told = self._start()
@@ -185,6 +197,8 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         """
         if not self.agents:
             raise EpisodeError("step: no episode is under way; valid: reset() first")
+        if not isinstance(actions, Mapping):
+            raise ActionError(f"step: actions are a {type(actions).__name__}; valid: a dictionary by agent")
         if not actions.keys() <= self.action_spaces.keys():
             unknown = sorted(map(str, actions.keys() - self.action_spaces.keys()))
             raise ActionError(f"step: actions of {', '.join(unknown)}; valid: {_listed(self.possible_agents)}")
@@ -222,6 +236,8 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         Raises:
             StateError: It was saved by an environment with other arguments.
         """
+        if not isinstance(state, EnvState):
+            raise StateError(f"load_state: the state is a {type(state).__name__}; valid: an EnvState")
         if state.name != self.metadata["name"]:
             raise StateError(f"load_state: the state is one of {state.name}; valid: one of {self.metadata['name']}")
         for key, value in self._arguments.items():
@@ -298,8 +314,11 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         return False
 
     def _start(self) -> tuple[dict[str, Any], Infos]:
-        self._log, self.steps_n = [], 0
-        infos = self._begin(self._seed)
+        # Should the beginning fail, no episode is under way.
+        self.agents, self._log, self.steps_n = [], [], 0
+        seed, self._seed = self._seed, -1
+        infos = self._begin(seed)
+        self._seed = seed
         self.agents = self.possible_agents[:]
         return self._observations(), infos
 

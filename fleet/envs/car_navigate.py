@@ -16,6 +16,7 @@ from gymnasium.utils import EzPickle
 from fleet.config import require
 from fleet.envs.navigation import NavigationEnv, Observation
 from fleet.envs.navigation_policy import PursuitPolicy
+from fleet.envs.sites import is_whole
 
 SELF = "car_0"
 
@@ -48,7 +49,7 @@ class CarNavigateEnv(gymnasium.Env[Any, Any], EzPickle):
         render_mode: str | None = None,
     ) -> None:
         EzPickle.__init__(self, fidelity, site, n_others, control_hz, max_steps, render_mode)
-        require(n_others >= 0, "n_others", n_others, "an integer >= 0")
+        require(is_whole(n_others) and n_others >= 0, "n_others", n_others, "an integer >= 0")
         self._cars = NavigationEnv(
             site=site,
             n_cars=1 + n_others,

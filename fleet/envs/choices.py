@@ -33,6 +33,21 @@ def whole_numbers(actions: Mapping[str, Any], agents: list[str]) -> Longs:
     return np.array([_whole(agent, value) for agent, value in zip(agents, values, strict=True)], dtype=np.int64)
 
 
+def row_of(agent: str, action: Any, entries_n: int) -> npt.NDArray[np.float64]:
+    """A continuous action as a row of numbers, shape (entries_n,).
+
+    Raises:
+        ActionError: It is no row of so many numbers.
+    """
+    try:
+        row = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as reason:
+        raise ActionError(f"action of {agent} is {action!r}; valid: {entries_n} numbers in [-1, 1]") from reason
+    if row.shape != (entries_n,):
+        raise ActionError(f"action of {agent} has shape {row.shape}; valid: ({entries_n},)")
+    return row
+
+
 def resolve_choices(wanted: npt.NDArray[np.integer[Any]], priority: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
     """Who gets what he wants, if a thing goes to one only.
 

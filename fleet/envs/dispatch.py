@@ -54,6 +54,7 @@ from fleet.envs.grid_fleet import TIMESTEP_S
 from fleet.envs.grid_kernel import NONE
 from fleet.envs.layer import Bools, LayerEnv, Longs
 from fleet.envs.sites import check_site, is_number, is_whole, place_of
+from fleet.envs.weights import check_weights, require_weights
 from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
 from maps.site import Site
@@ -73,6 +74,9 @@ class DispatchWeights:
     """Per minute that an order has waited to be picked, shared by all cars."""
     lost: float = -0.01
     """For a choice that another car got."""
+
+    def __post_init__(self) -> None:
+        check_weights(self)
 
 
 TERMS = ("delivered", "late", "empty", "waiting", "lost")
@@ -116,6 +120,7 @@ class DispatchEnv(LayerEnv):
         record_to: str | Path | None = None,
     ) -> None:
         arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
+        require_weights(weights, DispatchWeights)
         check_site(site, fidelity, n_cars)
         require(is_whole(candidates_n) and 1 <= candidates_n <= 64, "candidates_n", candidates_n, "1 to 64")
         whole = is_number(decision_s) and decision_s >= TIMESTEP_S and decision_s % TIMESTEP_S == 0

@@ -32,6 +32,8 @@ from gymnasium.spaces import Box
 from gymnasium.utils import EzPickle
 
 from fleet.config import Fidelity, require
+from fleet.envs.choices import row_of
+from fleet.envs.sites import is_number, is_whole
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
@@ -80,11 +82,11 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
     ) -> None:
         EzPickle.__init__(self, fidelity, control_hz, max_steps, render_mode)
         require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
-        ticks = 1.0 / (control_hz * TICK_S) if math.isfinite(control_hz) and control_hz > 0 else 0.0
+        ticks = 1.0 / (control_hz * TICK_S) if is_number(control_hz) and control_hz > 0 else 0.0
         self._ticks_n = round(ticks)
         fits = self._ticks_n >= 1 and math.isclose(ticks, self._ticks_n, rel_tol=1e-6)
         require(fits, "control_hz", control_hz, "60 / 1, 2, 3, ...")
-        require(max_steps >= 1, "max_steps", max_steps, "an integer >= 1")
+        require(is_whole(max_steps) and max_steps >= 1, "max_steps", max_steps, "an integer >= 1")
         require(render_mode is None, "render_mode", render_mode, "None")
         self.render_mode = render_mode
         self.max_steps = max_steps
@@ -127,11 +129,12 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
 
         Raises:
             gymnasium.error.ResetNeeded: There was no `reset` yet.
+            ActionError: The action is no row of seven numbers; nothing has changed.
         """
         if self._steps_n < 0:
             raise gymnasium.error.ResetNeeded("step: there was no episode yet; valid: reset() first")
         spec, before_m = self._spec, self._distance_m
-        wish = np.asarray(action, dtype=np.float64).reshape(spec.n_joints)
+        wish = row_of("the arm", action, spec.n_joints)
         qd = np.clip(np.nan_to_num(wish, nan=0.0), -1.0, 1.0) * spec.max_velocity_radps
         for _ in range(self._ticks_n):
             q = self._world.arm_positions()[0]

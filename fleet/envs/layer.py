@@ -114,6 +114,7 @@ class LayerEnv(FleetEnv):
         self._cars = np.arange(n_cars)
         self._mask = np.ones((n_cars, n_actions), dtype=np.int8)
         record_to = arguments["record_to"]
+        require(isinstance(record_to, str | Path | None), "record_to", record_to, "a path")
         self._record_to = Path(f"runs/{name}" if record_to is None else record_to)
         self._recorder: PictureRecorder | None = None
         self._episodes_n = 0
@@ -178,6 +179,8 @@ class LayerEnv(FleetEnv):
         self.fleet = self._fleet_of(orders, int(of_fleet.generate_state(1)[0]), duration_s)
         self.delivered_n, self.late_s = 0, 0.0
         self._episodes_n += 1
+        if self.render_mode == "rerun":
+            self._open_recorder()
         nobody = np.zeros(self._n_cars, dtype=np.bool_)
         return self._infos(np.zeros((self._n_cars, 8)), nobody, nobody)
 
@@ -218,13 +221,16 @@ class LayerEnv(FleetEnv):
         return self._drawing.picture(self.fleet.poses(), np.isin(view.phase, LOADED), goals)
 
     def _record(self) -> None:
-        if self._recorder is None:
-            from fleet.recording import PictureRecorder
-
-            path = self._record_to / f"episode_{self._episodes_n - 1:04}.rrd"
-            self._recorder = PictureRecorder(path, f"{self.metadata['name']}, {self._n_cars} cars")
+        recorder = self._recorder or self._open_recorder()
         figures = {"delivered": float(self.delivered_n), "late_min": self.late_s / 60.0}
-        self._recorder.show(self._picture(), self.steps_n * self._step_s, figures)
+        recorder.show(self._picture(), self.steps_n * self._step_s, figures)
+
+    def _open_recorder(self) -> PictureRecorder:
+        from fleet.recording import PictureRecorder
+
+        path = self._record_to / f"episode_{self._episodes_n - 1:04}.rrd"
+        self._recorder = PictureRecorder(path, f"{self.metadata['name']}, {self._n_cars} cars")
+        return self._recorder
 
 
 def _space(row_n: int, n_actions: int) -> Dict:

@@ -30,6 +30,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,8 +39,11 @@ from gymnasium.spaces import Box
 from numba import njit
 
 from fleet.config import Fidelity, Grip, RunConfig, require
-from fleet.envs.base import ActionError, EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
+from fleet.envs.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
+from fleet.envs.choices import row_of
 from fleet.envs.floor_drawing import FloorDrawing
+from fleet.envs.sites import is_number, is_whole
+from fleet.envs.weights import check_weights, require_weights
 from fleet.robots.pursuit import PathBuffer
 from fleet.world import make_world
 from fleet.world.protocol import FloatArray
@@ -90,6 +94,9 @@ class NavigationWeights:
     towed: float = -2.0
     """Per time the car was towed."""
 
+    def __post_init__(self) -> None:
+        check_weights(self)
+
 
 TERMS = ("progress", "place", "touch", "off_lane", "towed")
 """Names of the terms."""
@@ -125,10 +132,13 @@ class NavigationEnv(FleetEnv):
         render_mode: str | None = None,
     ) -> None:
         arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
+        require_weights(weights, NavigationWeights)
+        require(isinstance(site, str | Path), "site", site, "a name or a path")
         place = self._site = load_site(site)
-        require(1 <= n_cars <= len(place.parking), "n_cars", n_cars, f"1 to {len(place.parking)} on site {place.name}")
+        cars_ok = is_whole(n_cars) and 1 <= n_cars <= len(place.parking)
+        require(cars_ok, "n_cars", n_cars, f"1 to {len(place.parking)} on site {place.name}")
         require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
-        require(math.isfinite(control_hz) and control_hz > 0, "control_hz", control_hz, "a number > 0")
+        require(is_number(control_hz) and control_hz > 0, "control_hz", control_hz, "a number > 0")
         cars = [f"car_{car}" for car in range(n_cars)]
         super().__init__(
             name="navigate_v0",
@@ -210,10 +220,7 @@ class NavigationEnv(FleetEnv):
             action = actions.get(agent)
             if action is None:
                 continue
-            row = np.asarray(action, dtype=np.float64)
-            if row.shape != (2,):
-                raise ActionError(f"action of {agent} has shape {row.shape}; valid: (2,)")
-            rows[car] = row
+            rows[car] = row_of(agent, action, 2)
         legal = np.clip(np.nan_to_num(rows, nan=0.0), -1.0, 1.0)
         return legal, (legal != rows).any(axis=1)
 

@@ -35,8 +35,10 @@ def episode_orders(
     """Orders of one episode, ascending in release: one for each car at once, then a Poisson stream with due dates."""
     config = StreamConfig(rate_per_h=rate_per_h(place, n_cars, load))
     orders = stream_orders(place.site, config, duration_s + n_cars * 3600.0 / config.rate_per_h, None, rng)
+    if len(orders) < n_cars:  # chance may bring too few within a short time
+        orders = stream_orders(place.site, config, duration_s, n_cars, rng)
     at_once = tuple(replace(order, release_s=0.0, due_s=order.due_s - order.release_s) for order in orders[:n_cars])
-    begin_s = at_once[-1].release_s if len(orders) <= n_cars else orders[n_cars - 1].release_s
+    begin_s = orders[n_cars - 1].release_s
     later = tuple(
         replace(order, release_s=round(order.release_s - begin_s, 3), due_s=order.due_s - begin_s)
         for order in orders[n_cars:]

@@ -11,6 +11,7 @@ from numba import njit
 
 from fleet.envs.agent_simulation import AgentSimulation
 from fleet.envs.observations import Observer
+from fleet.envs.weights import check_weights
 from fleet.simulation import Event
 from fleet.tasks.board import TaskState
 from fleet.world.protocol import FloatArray
@@ -36,10 +37,7 @@ class RewardWeights:
     """Per second of the episode, for every agent."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (isinstance(value, int | float) and math.isfinite(value)):
-                raise ValueError(f"weight {field.name} is {value!r}; valid: a number")
+        check_weights(self)
 
 
 TERMS = tuple(field.name for field in fields(RewardWeights))

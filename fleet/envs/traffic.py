@@ -55,6 +55,7 @@ from fleet.envs.layer import Bools, LayerEnv, Longs
 from fleet.envs.sites import check_site, place_of
 from fleet.envs.traffic_fleets import GridTraffic, TrafficFleet
 from fleet.envs.traffic_view import ROW_N, TrafficObserver, TrafficView
+from fleet.envs.weights import check_weights, require_weights
 from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
 from maps.site import Site
@@ -73,6 +74,9 @@ class TrafficWeights:
     """Per timestep that a car stands although it is not where it should be."""
     lost: float = -0.02
     """For a move that was not granted."""
+
+    def __post_init__(self) -> None:
+        check_weights(self)
 
 
 TERMS = ("progress", "delivered", "waiting", "lost")
@@ -112,6 +116,7 @@ class TrafficEnv(LayerEnv):
         record_to: str | Path | None = None,
     ) -> None:
         arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
+        require_weights(weights, TrafficWeights)
         check_site(site, fidelity, n_cars)
         place = place_of(site)
         super().__init__(

@@ -84,13 +84,16 @@ from gymnasium.spaces import Box, Dict, Space
 from fleet.config import ArmConfig, Fidelity, RunConfig, require
 from fleet.envs.agent_desk import NoPlanner
 from fleet.envs.agent_simulation import AgentSimulation
-from fleet.envs.base import ActionError, EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
+from fleet.envs.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
+from fleet.envs.choices import row_of
 from fleet.envs.drawing import Drawing
 from fleet.envs.hands import TIP_N, joint_velocities, move_targets
 from fleet.envs.observations import Observer
 from fleet.envs.recorded import Recording
 from fleet.envs.rewards import TERMS, Rewards, RewardWeights
 from fleet.envs.rows import ARM_N, CAR_N, make_legal
+from fleet.envs.sites import is_whole
+from fleet.envs.weights import require_weights
 from fleet.robots.iiwa import N_JOINTS
 from fleet.sensors.camera import Camera
 from fleet.sensors.lidar import Lidar, LidarRing
@@ -201,6 +204,8 @@ class WarehouseEnv(FleetEnv):
         record_to: str | Path | None = None,
     ) -> None:
         arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
+        require(isinstance(site, str | Path), "site", site, "a name or a path")
+        require(isinstance(record_to, str | Path | None), "record_to", record_to, "a path")
         place = load_site(site)
         cars_most, arms_most = len(place.parking), len(place.stations)
         _require_whole("n_cars", n_cars, 0, cars_most, f" on site {place.name}")
@@ -215,15 +220,15 @@ class WarehouseEnv(FleetEnv):
         require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
         _require_number("control_hz", control_hz, 0.1, 1000.0)
         _require_number("physics_hz", physics_hz, 60.0, 10_000.0)
-        require(arm_action in ARM_ACTIONS, "arm_action", arm_action, ", ".join(ARM_ACTIONS))
+        require(arm_action in list(ARM_ACTIONS), "arm_action", arm_action, ", ".join(ARM_ACTIONS))
         lidar_ok = isinstance(lidar, bool | Lidar)
         require(lidar_ok, "lidar", lidar, "True, False or a fleet.sensors.lidar.Lidar")
         if tasks is not None:
             _require_whole("tasks", tasks, 1, 10_000, "")
-        weights_ok = weights is None or isinstance(weights, RewardWeights)
-        require(weights_ok, "weights", weights, "a fleet.envs.rewards.RewardWeights, or None")
+        require_weights(weights, RewardWeights)
         if camera is not None:
-            camera_ok = len(camera) == 2 and all(8 <= size <= 1024 for size in camera)
+            sizes_ok = isinstance(camera, tuple | list) and all(is_whole(size) and 8 <= size <= 1024 for size in camera)
+            camera_ok = sizes_ok and len(camera) == 2
             require(camera_ok, "camera", camera, "height and width from 8 to 1024, or None")
             require(
                 fidelity == Fidelity.PHYSICS, "camera", camera, "None in fidelity kinematic, which has nothing to see"
@@ -493,13 +498,7 @@ def _legal(
         if action is None:
             missing[k] = True
             continue
-        try:
-            row = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError) as reason:
-            raise ActionError(f"action of {agent} is {action!r}; valid: {entries_n} numbers in [-1, 1]") from reason
-        if row.shape != (entries_n,):
-            raise ActionError(f"action of {agent} has shape {row.shape}; valid: ({entries_n},)")
-        rows[k] = row
+        rows[k] = row_of(agent, action, entries_n)
     make_legal(rows, missing)
     return rows, missing
 

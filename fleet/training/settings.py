@@ -59,6 +59,7 @@ class PpoConfig:
         for name in ("entropy", "value"):
             value = getattr(self, name)
             require(math.isfinite(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
+        require(math.isfinite(self.log_std), "ppo.log_std", self.log_std, "a number")
         require(bool(self.hidden) and min(self.hidden) >= 1, "ppo.hidden", self.hidden, "widths >= 1")
 
 

@@ -354,6 +354,9 @@ def test_states_of_other_environments_are_refused(make: Callable[..., WarehouseE
         ({"tasks": 0}, "1 to 10000"),
         ({"lidar": 36}, "Lidar"),
         ({"camera": (64, 64)}, "kinematic"),
+        ({"camera": 64}, "height and width"),
+        ({"site": None}, "a name or a path"),
+        ({"arm_action": ["joint"]}, "joint, tip"),
         ({"weights": {"progress": 1.0}}, "RewardWeights"),
         ({"render_mode": "ansi"}, "rgb_array"),
     ],
@@ -361,6 +364,11 @@ def test_states_of_other_environments_are_refused(make: Callable[..., WarehouseE
 def test_bad_arguments_are_refused(make: Callable[..., WarehouseEnv], arguments: dict[str, object], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         make(**arguments)
+
+
+def test_weights_that_are_no_numbers_are_refused() -> None:
+    with pytest.raises(ConfigError, match="weight progress is nan; valid: a number"):
+        RewardWeights(progress=math.nan)
 
 
 def test_unknown_arguments_are_refused(make: Callable[..., WarehouseEnv]) -> None:

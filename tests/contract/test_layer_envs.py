@@ -9,6 +9,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -35,6 +36,7 @@ from fleet.envs.dispatch import DispatchWeights
 from fleet.envs.layer import LayerEnv
 from fleet.envs.policies import POLICIES, make_policy
 from fleet.envs.traffic import TERMS as TRAFFIC_TERMS
+from fleet.errors import FleetError
 from maps.errors import MapsError
 from maps.warehouse import generate_warehouse
 
@@ -282,6 +284,50 @@ def test_calls_in_the_wrong_order_are_refused(make: Maker) -> None:
             call()
 
 
+@pytest.mark.parametrize("max_cycles", [1, 3])
+def test_the_shortest_episodes_have_an_order_for_each_car(make: Maker, max_cycles: int) -> None:
+    env = make(n_cars=2, max_cycles=max_cycles)
+    for seed in range(5):
+        env.reset(seed=seed)
+        while env.agents:
+            env.step({})
+        assert env.steps_n == max_cycles
+
+
+def test_calls_that_mean_nothing_are_refused_and_the_episode_goes_on(make: Maker, tmp_path: Path) -> None:
+    env = make(n_cars=2)
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match="actions are a list; valid: a dictionary"):
+        env.step([0, 0])
+    for seed in (-1, 1.5, "one", math.nan):
+        with pytest.raises(ConfigError, match="seed is"):
+            env.reset(seed=seed)
+    with pytest.raises(StateError, match="the state is a int"):
+        env.load_state(3)
+    with pytest.raises(StateError, match="can be written"):
+        env.save_state().write(tmp_path / "no" / "folder")
+    env.save_state().write(str(tmp_path / "moment"))
+    whole = (tmp_path / "moment").read_bytes()
+    for n in range(0, len(whole) - 1, 7):
+        (tmp_path / "moment").write_bytes(whole[:n] + b"\xff" + whole[n + 1 :])
+        with suppress(StateError):  # a number that has changed cannot be told
+            EnvState.read(tmp_path / "moment")
+    env.step({})
+
+
+def test_a_folder_that_cannot_be_recorded_to_is_refused_and_no_episode_begins(make: Maker, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    env = make(n_cars=2, render_mode="rerun", record_to=tmp_path / "file")
+    with pytest.raises(FleetError, match="cannot be made"):
+        env.reset(seed=0)
+    with pytest.raises(EpisodeError, match="reset"):
+        env.step({})
+    (tmp_path / "file").unlink()
+    env.reset(seed=0)
+    env.step({})
+    env.close()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -295,6 +341,8 @@ def test_calls_in_the_wrong_order_are_refused(make: Maker) -> None:
         ({"seed": -1}, ">= 0"),
         ({"render_mode": "ansi"}, "rgb_array"),
         ({"site": 7}, "a name"),
+        ({"record_to": 3}, "record_to is 3; valid: a path"),
+        ({"weights": {"lost": 1.0}}, "Weights, or None"),
         ({"site": generate_warehouse(rows=12, cols=16, pick=1, drop=1, parking=4), "fidelity": "physics"}, "save_site"),
     ],
 )

@@ -208,6 +208,8 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
     env.reset(seed=0)
     with pytest.raises(ActionError, match=r"car_0 has shape \(3,\); valid: \(2,\)"):
         env.step({"car_0": np.zeros(3)})
+    with pytest.raises(ActionError, match="car_0 is 'x'; valid: 2 numbers"):
+        env.step({"car_0": "x"})
     with pytest.raises(ActionError, match="actions of car_7"):
         env.step({"car_7": np.zeros(2)})
     env.step({"car_0": np.zeros(2)})
@@ -221,6 +223,10 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
         ({"fidelity": "grid"}, "fidelity is 'grid'; valid: kinematic, physics"),
         ({"control_hz": 7.0}, "control_hz is 7.0"),
         ({"control_hz": float("nan")}, "control_hz is nan"),
+        ({"n_cars": "2"}, "n_cars is '2'"),
+        ({"control_hz": "x"}, "control_hz is 'x'"),
+        ({"site": 3}, "site is 3; valid: a name or a path"),
+        ({"weights": {"late": 1}}, "NavigationWeights, or None"),
         ({"render_mode": "ascii"}, "render_mode is 'ascii'"),
     ],
 )
@@ -287,5 +293,14 @@ def test_single_robots_refuse_what_they_cannot_do() -> None:
         KukaReachEnv(fidelity="grid")
     with pytest.raises(ConfigError, match=r"control_hz is 7\.0"):
         KukaReachEnv(control_hz=7.0)
+    with pytest.raises(ConfigError, match="max_steps is '2'"):
+        KukaReachEnv(max_steps="2")  # type: ignore[arg-type]
+    arm = KukaReachEnv(fidelity="kinematic")
+    arm.reset(seed=0)
+    with pytest.raises(ActionError, match=r"shape \(2,\); valid: \(7,\)"):
+        arm.step(np.zeros(2))
+    arm.step(np.zeros(7))
+    with pytest.raises(ConfigError, match="n_others is '1'"):
+        CarNavigateEnv(n_others="1")  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="n_others is -1"):
         CarNavigateEnv(n_others=-1)

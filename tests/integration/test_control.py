@@ -208,6 +208,13 @@ def test_the_example_gives_back_the_friction_that_it_was_made_with(
         ([], "0,0\n", "line 1: 2 columns; valid: 3 (time, q1 to q2)"),
         ([], "0,0,0\n0,0,0\n", "line 2: time 0 s after 0 s"),
         (["--drive", "targets"], "".join(f"{k},0,0\n" for k in range(6)), "the recording has no set-points"),
+        (
+            [],
+            "".join(f"{k / 10},{k},0\n" for k in range(6)),
+            "q1 is 2 rad at 0.2 s; valid: -1.5 to 1.5 rad (not degrees)",
+        ),
+        ([], "".join(f"{k / 10},0,{k // 3}\n" for k in range(6)), "q2 goes from 0 to 1 rad within 0.1 s, at 0.2 s"),
+        ([], "".join(f"{k / 10},0,0,0,{90 * k}\n" for k in range(6)), "target2 is 90 rad at 0.1 s"),
         (["--frequency", "0"], "", "--frequency is 0.0; valid: a number > 0"),
     ],
 )

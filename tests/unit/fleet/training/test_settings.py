@@ -47,7 +47,14 @@ def test_what_means_nothing_is_refused(written: Write, text: str, words: str) ->
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("envs_n", 0), ("learning_rate", float("nan")), ("discount", 1.5), ("hidden", ()), ("clip", 0.0)],
+    [
+        ("envs_n", 0),
+        ("learning_rate", float("nan")),
+        ("discount", 1.5),
+        ("hidden", ()),
+        ("clip", 0.0),
+        ("log_std", float("nan")),
+    ],
 )
 def test_values_outside_their_range_are_refused(name: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"ppo.{name} is"):
