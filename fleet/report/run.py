@@ -96,13 +96,12 @@ def _check_result(record: RunRecord, trace: Trace) -> None:
     _check_numbers(result["time_share_percent"])
     _check_numbers({name: result[name] for name in ("arm_utilisation", "robot_contacts", "static_contacts")})
     for kind, columns in result["blame"].items():
-        rows = list(zip(*columns.values(), strict=True))
-        words = {"account", kind.removesuffix("s")}
-        for row in rows:
-            values = dict(zip(columns, row, strict=True))
-            if not all(isinstance(values.pop(word), str) for word in words & values.keys()):
-                raise ValueError(f"blame of {kind}: {row}")
-            _check_numbers(values)
+        by = ("row", "col") if kind == "cells" else (kind.removesuffix("s"),)
+        named = [columns[name] for name in ("account", *by, "ticks")]
+        for account, *of, ticks in zip(*named, strict=True):
+            if not all(isinstance(word, str) for word in (account, *(of if kind != "cells" else ()))):
+                raise ValueError(f"blame of {kind}: {account!r}, {of!r}")
+            _check_numbers(({} if kind != "cells" else dict(zip(by, of, strict=True))) | {"ticks": ticks})
 
 
 def _check_numbers(values: Mapping[str, Any], names: Container[str] | None = None) -> None:
