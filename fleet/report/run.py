@@ -59,6 +59,10 @@ def load_run(directory: Path) -> Run:
             raise OutputError(
                 f"{directory / EVENTS}, line 1: config has no {name}; valid: a run of this version of fleet"
             )
+    for name, tree in (*((name, record.config.get(name, {})) for name in ("allocation", "traffic")),
+                       ("versions", record.versions)):  # fmt: skip
+        if not isinstance(tree, dict):
+            raise OutputError(f"{directory / EVENTS}, line 1: {name} is {tree!r}; valid: names with their values")
     trace = read_trace(directory)
     if not trace.n_ticks:
         raise OutputError(f"{directory / TRACE} holds no tick: the run ended at once; valid: a run of a second or more")
