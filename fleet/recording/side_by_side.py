@@ -11,6 +11,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk, RrdReader
 
 from fleet.recording.check import repaired
+from fleet.recording.coordination import CONGESTION
 from fleet.recording.errors import RecordingError
 from fleet.recording.scenery import CAMERA, PIXELS_PER_M
 from fleet.recording.views import VIEWS
@@ -83,7 +84,7 @@ def _layout(titles: Sequence[str], size_m: tuple[float, float]) -> rrb.Blueprint
         above = rrb.Spatial2DView(
             origin=f"/{root}/{CAMERA}",
             name=title,
-            contents=[f"/{root}/world/**", f"- /{root}/{VIEWS}/**"],
+            contents=[f"/{root}/world/**", f"- /{root}/{VIEWS}/**", f"- /{root}/{CONGESTION}/**"],
             visual_bounds=rrb.VisualBounds2D(
                 x_range=(-_MARGIN_M * PIXELS_PER_M, (width + _MARGIN_M) * PIXELS_PER_M),
                 y_range=(-_MARGIN_M * PIXELS_PER_M, (depth + _MARGIN_M) * PIXELS_PER_M),
