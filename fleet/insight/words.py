@@ -78,6 +78,8 @@ def _blocked(link: Link) -> str:
 
 
 def _idle(link: Link) -> str:
+    if link.robot.startswith("arm_"):  # cars bring it tasks
+        return f"no car is bound for {link.place}"
     pattern = _IDLE.get(link.detail, _LEFT_OVER)
     if not link.task and link.detail:
         pattern = _IDLE[""]
@@ -93,6 +95,8 @@ def _idle(link: Link) -> str:
 
 
 def _free(link: Link) -> str:
+    if link.robot.startswith("arm_"):
+        return f"a car has to be sent to {link.place}"
     if link.detail in ("no_way", "unreachable"):
         return f"cell {link.cell} has to be cleared" if link.cell else "the site needs a way there"
     if link.detail in ("too_heavy", "lacks_capability", "other_car", "no_capable_car"):

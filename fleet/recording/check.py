@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import tempfile
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,6 +74,15 @@ def verify_recording(path: Path) -> RecordingReport:
     )
 
 
+@contextmanager
+def repaired(path: Path) -> Iterator[Path]:
+    """A copy of a recording up to where it is whole, gone afterwards; there is none of what is no recording."""
+    with tempfile.TemporaryDirectory() as directory:
+        copy = Path(directory) / "repaired.rrd"
+        run_rerun(["rrd", "optimize", str(path.resolve()), "-o", str(copy)])
+        yield copy
+
+
 def _scan(path: Path) -> tuple[set[str], list[np.ndarray]]:
     """Entities with data, and the times of the frames chunk by chunk [s]."""
     from rerun.chunk import RrdReader
@@ -92,9 +103,7 @@ def _scan(path: Path) -> tuple[set[str], list[np.ndarray]]:
 
 def _scan_repaired(path: Path, error: Exception) -> tuple[set[str], list[np.ndarray]]:
     """The same for a file that ends inside a message, by way of a repaired copy."""
-    with tempfile.TemporaryDirectory() as directory:
-        copy = Path(directory) / "repaired.rrd"
-        run_rerun(["rrd", "optimize", str(path.resolve()), "-o", str(copy)])
+    with repaired(path) as copy:
         try:
             return _scan(copy)
         except (OSError, RuntimeError, ValueError):

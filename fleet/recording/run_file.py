@@ -217,8 +217,8 @@ def read_run(directory: Path) -> RunRecord:
             if number == len(lines) and items:
                 break
             raise OutputError(f"{path}, line {number}: {error.msg}; valid: one JSON object per line") from error
-        if not isinstance(item, dict):
-            raise OutputError(f"{path}, line {number}: {line[:20]!r}; valid: one JSON object per line")
+        if not isinstance(item, dict) or not isinstance(item.get("kind"), str):
+            raise OutputError(f"{path}, line {number}: {line[:20]!r}; valid: one JSON object with its kind per line")
         items.append(item)
     header = items[0] if items else {}
     if header.get("kind") != "run" or not {"config", "seed", "versions"} <= header.keys():

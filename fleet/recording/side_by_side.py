@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.chunk import RrdReader
+from rerun.chunk import Chunk, RrdReader
 
+from fleet.recording.check import repaired
+from fleet.recording.coordination import CONGESTION
 from fleet.recording.errors import RecordingError
 from fleet.recording.scenery import CAMERA, PIXELS_PER_M
 from fleet.recording.views import VIEWS
@@ -51,15 +53,26 @@ def write_side_by_side(
 
 
 def _send(rec: rr.RecordingStream, root: str, recording: Path) -> None:
-    """Copy all data of a recording below a root."""
+    """Copy all data of a recording below a root; of one that a killed run left, what is whole."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a missing footer: what is there is copied
         try:
-            for chunk in RrdReader(recording).stream():
-                if not str(chunk.entity_path).startswith("/__"):
-                    rec.send_chunks(chunk.with_entity_path(f"/{root}{chunk.entity_path}"))
+            chunks = list(RrdReader(recording).stream())
         except (OSError, RuntimeError, ValueError) as error:
-            raise RecordingError(f"{recording} cannot be read as a recording: {error}") from error
+            with repaired(recording) as copy:
+                try:
+                    chunks = list(RrdReader(copy).stream())
+                except (OSError, RuntimeError, ValueError):
+                    raise RecordingError(f"{recording} cannot be read as a recording: {error}") from error
+                _send_chunks(rec, root, chunks)
+        else:
+            _send_chunks(rec, root, chunks)
+
+
+def _send_chunks(rec: rr.RecordingStream, root: str, chunks: Iterable[Chunk]) -> None:
+    for chunk in chunks:
+        if not str(chunk.entity_path).startswith("/__"):
+            rec.send_chunks(chunk.with_entity_path(f"/{root}{chunk.entity_path}"))
 
 
 def _layout(titles: Sequence[str], size_m: tuple[float, float]) -> rrb.Blueprint:
@@ -71,7 +84,7 @@ def _layout(titles: Sequence[str], size_m: tuple[float, float]) -> rrb.Blueprint
         above = rrb.Spatial2DView(
             origin=f"/{root}/{CAMERA}",
             name=title,
-            contents=[f"/{root}/world/**", f"- /{root}/{VIEWS}/**"],
+            contents=[f"/{root}/world/**", f"- /{root}/{VIEWS}/**", f"- /{root}/{CONGESTION}/**"],
             visual_bounds=rrb.VisualBounds2D(
                 x_range=(-_MARGIN_M * PIXELS_PER_M, (width + _MARGIN_M) * PIXELS_PER_M),
                 y_range=(-_MARGIN_M * PIXELS_PER_M, (depth + _MARGIN_M) * PIXELS_PER_M),

@@ -203,25 +203,49 @@ def read_trace(directory: Path) -> Trace:
         if kind != "trace" or version != VERSION:
             raise OutputError(f"{path}: kind {kind!r}, version {version!r}; {valid}")
         content = file.read()
-    digests, marks, changes = _blocks(content, header["cars"] + header["arms"])
-    return Trace(
-        tick_s=header["tick_s"],
-        n_cars=header["cars"],
-        n_arms=header["arms"],
-        plan=tuple(header["plan"]),
-        cell_m=header["cell_m"],
-        stations=tuple(header["stations"]),
-        places=tuple(header["places"]),
-        phases=tuple(header["phases"]),
-        arm_states=tuple(header["arm_states"]),
-        digests=digests,
-        marks=marks,
-        changes=changes,
-    )
+    try:
+        n_cars, n_arms = int(header["cars"]), int(header["arms"])
+        if n_cars < 0 or n_arms < 0:
+            raise ValueError(f"{n_cars} cars, {n_arms} arms")
+        digests, marks, changes = _blocks(content, n_cars + n_arms)
+        return Trace(
+            tick_s=_positive(header["tick_s"]),
+            n_cars=n_cars,
+            n_arms=n_arms,
+            plan=_rows(header["plan"]),
+            cell_m=_positive(header["cell_m"]),
+            stations=tuple(map(str, header["stations"])),
+            places=tuple(map(str, header["places"])),
+            phases=tuple(map(str, header["phases"])),
+            arm_states=tuple(map(str, header["arm_states"])),
+            digests=digests,
+            marks=marks,
+            changes=changes,
+        )
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise OutputError(f"{path}: cannot be read ({type(error).__name__}: {error}); {valid}") from error
+
+
+def _positive(value: Any) -> float:
+    if not 0.0 < float(value) < float("inf"):
+        raise ValueError(f"{value!r} is not positive")
+    return float(value)
+
+
+def _rows(value: Any) -> tuple[str, ...]:
+    """Rows of a drawing, which are of one length."""
+    rows = tuple(map(str, value))
+    if not rows or not rows[0] or any(len(row) != len(rows[0]) for row in rows):
+        raise ValueError("the plan has no rows of one length")
+    return rows
 
 
 def _blocks(content: bytes, n_robots: int) -> tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]:
-    """Digests, marks and changes of all blocks; a last one that was cut off is left out."""
+    """Digests, marks and changes of all blocks; a last one that was cut off is left out.
+
+    Raises:
+        ValueError: A change is of no robot, quantity or tick.
+    """
     digests, marks, changes = [np.zeros(0, _DIGEST)], [np.zeros((0, n_robots), _MARK)], [np.zeros(0, CHANGE)]
     at = 0
     while len(content) - at >= _SIZES.size:
@@ -234,7 +258,12 @@ def _blocks(content: bytes, n_robots: int) -> tuple[npt.NDArray[Any], npt.NDArra
         marks.append(np.frombuffer(content, _MARK, ticks_n * n_robots, at + sizes[0]).reshape(ticks_n, n_robots))
         changes.append(np.frombuffer(content, CHANGE, changes_n, at + sizes[0] + sizes[1]))
         at += sum(sizes)
-    return np.concatenate(digests), np.concatenate(marks), np.concatenate(changes)
+    table = np.concatenate(changes)
+    n_ticks = sum(map(len, digests))
+    wrong = (table["robot"] >= n_robots) | (table["quantity"] >= len(Quantity))
+    if wrong.any() or (np.diff(table["tick"], prepend=0, append=max(0, n_ticks - 1)) < 0).any():
+        raise ValueError("changes of what there is not")
+    return np.concatenate(digests), np.concatenate(marks), table
 
 
 def _name(names: Sequence[str], index: int) -> str:

@@ -248,7 +248,8 @@ def _blame(run: Run, tables: Mapping[str, Table]) -> str:
         return ""
     return f"""<h2>Who caused the waiting</h2>
 <p class="quiet">Time that robots waited, put down to the cell they could not enter, to the robot at the end of the
-chain of who waits for whom, and to the station or other place that it was about: the same time, seen three times.</p>
+chain of who waits for whom, and to the station or other place that it was about: the same time, seen three times,
+each without what is put down to none.</p>
 {_legend(dict(ACCOUNTS[account] for account in WAITING))}
 <div class="three">{"".join(parts)}</div>"""
 
@@ -260,6 +261,7 @@ def _stations(run: Run, tables: Mapping[str, Table]) -> str:
         return ""
     rows = []
     for row in stations.rows():
+        times = (f"{row[name]:.1f}" if row["transfers_n"] else "-" for name in ("service_mean_s", "service_p90_s"))
         busy, contended = 100 * row["busy_share"], 100 * row["contended_share"]
         bar = (
             f'<i style="width:100%;background:linear-gradient(90deg,var(--b4) {contended:.1f}%,'
@@ -267,7 +269,7 @@ def _stations(run: Run, tables: Mapping[str, Table]) -> str:
         )
         rows.append(
             f'<tr><td class="l">{escape(row["station"])}</td><td>{row["transfers_n"]:.0f}</td>'
-            f"<td>{row['service_mean_s']:.1f}</td><td>{row['service_p90_s']:.1f}</td><td>{row['waiting_s']:.1f}</td>"
+            f"{''.join(f'<td>{time}</td>' for time in times)}<td>{row['waiting_s']:.1f}</td>"
             f'<td>{row["most_cars_n"]:.0f} of {row["cap_n"]:.0f}</td><td>{busy:.1f}</td><td class="bar">{bar}</td></tr>'
         )
     heads = ("transfers", "service, mean [s]", "90th percentile [s]", "cars waited [s]", "most cars", "busy [%]")

@@ -196,7 +196,7 @@ class _Axes:
 
 def _axes(sheet: Drawing, x: tuple[float, float], y_most: float, x_label: str, *, whole: bool = False) -> _Axes:
     """Draw axes with round numbers, upwards with whole ones if asked."""
-    y_step = max(_round_step(y_most), 1.0 if whole else 0.0)
+    y_step = max(_round_step(y_most if y_most > 0.0 else 1.0), 1.0 if whole else 0.0)
     y_end = y_step * max(1, math.ceil(y_most / y_step - 1e-9))
     low, high = x if x[1] > x[0] else (x[0], x[0] + 1.0)
     spot = _Axes(sheet, (low, high), y_end)

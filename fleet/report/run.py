@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from fleet.insight.cause_file import read_causes
 from fleet.insight.cause_log import CauseLog
+from fleet.insight.ledger import Account
 from fleet.insight.legend import Legend
+from fleet.insight.metrics import StationReport
 from fleet.recording.errors import OutputError
-from fleet.recording.run_file import EVENTS, RunRecord, read_run
+from fleet.recording.run_file import EVENTS, RESULT, RunRecord, read_run
 from fleet.recording.trace_file import TRACE, Trace, read_trace
 
 
@@ -56,6 +59,10 @@ def load_run(directory: Path) -> Run:
             raise OutputError(
                 f"{directory / EVENTS}, line 1: config has no {name}; valid: a run of this version of fleet"
             )
+    for name, tree in (*((name, record.config.get(name, {})) for name in ("allocation", "traffic")),
+                       ("versions", record.versions)):  # fmt: skip
+        if not isinstance(tree, dict):
+            raise OutputError(f"{directory / EVENTS}, line 1: {name} is {tree!r}; valid: names with their values")
     trace = read_trace(directory)
     if not trace.n_ticks:
         raise OutputError(f"{directory / TRACE} holds no tick: the run ended at once; valid: a run of a second or more")
@@ -64,7 +71,48 @@ def load_run(directory: Path) -> Run:
         raise OutputError(
             f"{directory}: {EVENTS} and {TRACE} are of two runs; valid: the files of one run, as it left them"
         )
+    if record.result is not None:
+        try:
+            _check_result(record, trace)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise OutputError(
+                f"{directory / RESULT}: does not fit {EVENTS} and {TRACE} ({type(error).__name__}: {error}); "
+                "valid: the files of one run, as it left them"
+            ) from error
     return Run(directory=directory, record=record, trace=trace, causes=causes, legend=legend)
+
+
+def _check_result(record: RunRecord, trace: Trace) -> None:
+    """Refuse figures of another run, and figures that are not what they are called, with any error of a look-up."""
+    result = record.result or {}
+    if result["seed"] != record.seed:
+        raise ValueError(f"seed {result['seed']!r} instead of {record.seed!r}")
+    ledger = result["car_ticks"] | result["arm_ticks"]
+    if tuple(ledger) != trace.robots:
+        raise ValueError(f"{len(ledger)} robots instead of {len(trace.robots)}")
+    for robot, ticks in ledger.items():
+        _check_numbers(ticks, {account.name.lower() for account in Account})
+        if sum(ticks.values()) != trace.n_ticks:
+            raise ValueError(f"{sum(ticks.values())} ticks of {robot} instead of {trace.n_ticks}")
+    for station in result["stations"].values():
+        names = {field.name for field in fields(StationReport)}
+        _check_numbers({name: station[name] for name in names})
+    _check_numbers(result["time_share_percent"])
+    _check_numbers({name: result[name] for name in ("arm_utilisation", "robot_contacts", "static_contacts")})
+    for kind, columns in result["blame"].items():
+        by = ("row", "col") if kind == "cells" else (kind.removesuffix("s"),)
+        named = [columns[name] for name in ("account", *by, "ticks")]
+        for account, *of, ticks in zip(*named, strict=True):
+            if not all(isinstance(word, str) for word in (account, *(of if kind != "cells" else ()))):
+                raise ValueError(f"blame of {kind}: {account!r}, {of!r}")
+            _check_numbers(({} if kind != "cells" else dict(zip(by, of, strict=True))) | {"ticks": ticks})
+
+
+def _check_numbers(values: Mapping[str, Any], names: Container[str] | None = None) -> None:
+    """Refuse what is not a number, and names that nobody knows."""
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or (names is not None and name not in names):
+            raise ValueError(f"{name} is {value!r}")
 
 
 def flat(tree: Any, name: str = "") -> dict[str, Any]:

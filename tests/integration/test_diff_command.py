@@ -109,7 +109,23 @@ def test_both_are_in_one_recording(base: Path, tmp_path: Path, capsys: pytest.Ca
         return sum(chunk.num_rows for chunk in rows)
 
     for root, run_of in (("a", base), ("b", other)):
-        assert cars(out, f"/{root}/world/cars/tag") == cars(run_of / "recording.rrd", "/world/cars/tag") > 0
+        assert cars(out, f"/{root}/world/cars/body") == cars(run_of / "recording.rrd", "/world/cars/body") > 0
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_a_recording_that_was_cut_off_is_there_up_to_then(
+    base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rerun.chunk import RrdReader
+
+    other, out = run(tmp_path / "b", record=True, robots=1), tmp_path / "both.rrd"
+    whole = (other / "recording.rrd").read_bytes()
+    (other / "recording.rrd").write_bytes(whole[: len(whole) * 9 // 10])
+    status, _, err = diff([str(base), str(other), "--out", str(out)], capsys)
+    assert (status, err) == (1, "")
+    with pytest.raises(RuntimeError):  # inside a message
+        list(RrdReader(other / "recording.rrd").stream())
+    assert any(str(chunk.entity_path).startswith("/b/world") for chunk in RrdReader(out).stream())
 
 
 def test_without_a_recording_it_is_said(base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,6 +16,7 @@ from fleet.insight.causes import OWN, Cause
 from fleet.insight.ledger import Account
 from fleet.insight.time_table import NoPandas
 from fleet.report.page import ACCOUNTS
+from fleet.report.plots import columns
 from fleet.report.run import Run, load_run
 from fleet.report.table import Table, table
 from fleet.report.tables import tables_of
@@ -191,12 +192,16 @@ def test_a_run_that_was_killed_still_has_a_page(run: Run, tmp_path: Path) -> Non
         (lambda cut: (cut / "run.trace").write_text('{"kind":"trace","version":7}\n'), "version 7"),
         (lambda cut: (cut / "run.trace").unlink(), "no trace in"),
         (lambda cut: (cut / "report").write_text("a file"), "valid: a directory that can be written"),
-        (
-            lambda cut: (cut / "run.trace").write_bytes(
-                (cut / "run.trace").read_bytes().replace(b'"plan":["#', b'"plan":["##', 1)
-            ),
-            "are of two runs",
-        ),
+        (lambda cut: change(cut / "run.jsonl", '"cols":16', '"cols":17'), "are of two runs"),
+        (lambda cut: change(cut / "run.trace", '"tick_s":', '"ticks":'), "tick_s"),
+        (lambda cut: change(cut / "run.trace", '"cars":6', '"cars":"6"x'), "is no trace"),
+        (lambda cut: change(cut / "run.trace", '"cars":6', '"cars":5'), "run.trace: cannot be read"),
+        (lambda cut: change(cut / "run.jsonl", '"versions":{', '"versions":0,"other":{'), "versions is 0"),
+        (lambda cut: change(cut / "result.json", '"seed": 0', '"seed": 1'), "seed 1 instead of 0"),
+        (lambda cut: change(cut / "result.json", '"car_5": {', '"car_6": {'), "result.json: does not fit"),
+        (lambda cut: change(cut / "result.json", '"robot_contacts": 0', '"robot_contacts": null'), "robot_contacts"),
+        (lambda cut: change(cut / "result.json", '"fault": 0', '"fault": 7'), "ticks of car_0 instead of"),
+        (lambda cut: change(cut / "result.json", '"transfers_n"', '"transfers"'), "transfers_n"),
     ],
 )
 def test_what_is_no_run_is_one_line(
@@ -210,6 +215,18 @@ def test_what_is_no_run_is_one_line(
     told = capsys.readouterr()
     assert (stop.value.code, told.out, told.err.count("\n")) == (2, "", 1)
     assert said in told.err
+
+
+def change(path: Path, old: str, new: str) -> None:
+    """Put other words into a file."""
+    content = path.read_bytes()
+    assert old.encode() in content
+    path.write_bytes(content.replace(old.encode(), new.encode(), 1))
+
+
+def test_axes_without_a_value_have_a_round_scale() -> None:
+    sheet = columns(np.array([0.0, 1.0]), np.zeros(1), color="red", x_label="time [s]", unit="per hour")
+    assert "e-10" not in sheet.svg()
 
 
 def test_a_table_without_pandas_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:

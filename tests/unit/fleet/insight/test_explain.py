@@ -109,6 +109,12 @@ def test_there_are_words_for_every_reason_to_have_no_task(detail: str, bare: boo
     assert found.release
 
 
+def test_an_arm_without_a_car_does_not_say_that_there_are_no_tasks() -> None:
+    found = explain(log_of((0, rows(arm_0={"cause": Cause.NO_TASK, "place": 0}))), LEGEND_OF_THREE, "arm_0", 5.0)
+    assert str(found).endswith("has no task: no car is bound for pick_1")
+    assert found.release == "a car has to be sent to pick_1"
+
+
 @pytest.mark.parametrize(("robot", "valid"), [("car_3", "car_0 to car_2, arm_0"), ("", "car_0"), ("2", "car_0")])
 def test_a_robot_that_does_not_exist_is_refused(robot: str, valid: str) -> None:
     with pytest.raises(UnknownRobot, match=valid):
