@@ -174,8 +174,11 @@ def test_a_lost_car_is_towed_back(fidelity: str) -> None:
         *_, infos = env.step({"car_0": np.array([0.15, 1.0])})
         towed = infos["car_0"]["towed"] < 0
     assert towed
-    env.step({"car_0": np.zeros(2)})
-    assert abs(env._aside_m[0]) < LOST_M / 2
+    aside_m = []
+    for _ in range(10):
+        env.step({"car_0": np.zeros(2)})
+        aside_m.append(abs(env._aside_m[0]))
+    assert min(aside_m) < LOST_M / 2, "it rolls on, but from its way"
     env.close()
 
 
