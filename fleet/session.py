@@ -30,9 +30,6 @@ from fleet.simulation import Event, Simulation
 from fleet.tracing import Tracer
 from fleet.watch import Watch, open_recorder
 
-NAP_S = 0.1
-"""Longest single sleep of a run that is held back to a given speed [s]."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Result(Summary):

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Row, Trial
+from benchmarks.training.machine import machine_row
 from fleet.envs.dispatch import DispatchEnv
 from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite, GridFleet
 from fleet.envs.layer import LayerEnv
@@ -50,7 +51,7 @@ def measure_grid(trial: Trial) -> Iterator[Row]:
         yield Row(name="  dispatch_v0", value=rate, unit="agent steps/s")
         rate = max(_engine_rate(env.place, n_cars, seed) for seed in range(rounds_n))
         yield Row(name="  the fleet alone, with PIBT", value=rate, unit="agent steps/s")
-    yield Row(name="this machine: empty Python loop", value=_calibration(), unit="1000 turns/s")
+    yield machine_row()
     trial.notes.append(
         f"Per second of CPU time of one process: {CYCLES_N} steps (dispatch: a fifth, of five timesteps each) of "
         "random actions and a reset, dictionaries of PettingZoo included; the actions are drawn before. Figures of "
@@ -171,17 +172,6 @@ def _learned(trial: Trial) -> dict[str, Callable[[int], Policy]]:
         return {}
     policy: Policy = importlib.import_module("fleet.training.ppo.trainer").load_policy(Path(folder))
     return {"learned": lambda seed: policy}
-
-
-def _calibration() -> float:
-    """Thousands of turns of an empty loop per second of CPU time."""
-    best = 0.0
-    for _ in range(5):
-        began, n = time.process_time(), 0
-        while n < 300_000:
-            n += 1
-        best = max(best, n / (time.process_time() - began) / 1e3)
-    return best
 
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {"grid": measure_grid, "table": measure_table}

@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.harness import Row, Trial
 from benchmarks.training.bare import PHYSICS_HZ, BareLoop
+from benchmarks.training.machine import machine_row
 from fleet.config import RunConfig
 from fleet.envs.warehouse import WarehouseEnv
 from fleet.simulation import Ground
@@ -76,7 +77,7 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
         yield Row(name=f"kinematic, {team}", value=rate * team.agents_n, unit="agent steps/s", target=team.target)
         yield from _resets(trial, env, f"kinematic, {team}", rounds_n)
         env.close()
-    yield Row(name="this machine: empty Python loop", value=_calibration(), unit="1000 turns/s")
+    yield machine_row()
     trial.notes.append(
         f"{CONTROL_HZ:.0f} Hz control, {PHYSICS_HZ:.0f} Hz physics, {RAYS_N} rays per car, per second of CPU time of "
         "one process, the fastest of several rounds; shares are medians. The bare loop has the same scene, robots, "
@@ -176,14 +177,3 @@ def _resets(trial: Trial, env: WarehouseEnv, name: str, rounds_n: int) -> Iterat
         first = env.state() if first is None else first
         trial.check(np.array_equal(first, env.state()), f"{name}: an episode begins differently after a reset")
     yield Row(name="  reset", value=1e3 * min(took), unit="ms", target="<= 2")
-
-
-def _calibration() -> float:
-    """Thousands of turns of an empty loop per second of CPU time."""
-    best = 0.0
-    for _ in range(5):
-        began, n = time.process_time(), 0
-        while n < 300_000:
-            n += 1
-        best = max(best, n / (time.process_time() - began) / 1e3)
-    return best

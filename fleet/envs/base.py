@@ -128,7 +128,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         EzPickle.__init__(self, **arguments)
         cycles_ok = isinstance(max_cycles, int | np.integer) and max_cycles >= 1
         require(cycles_ok, "max_cycles", max_cycles, "an integer >= 1")
-        require(isinstance(seed, int | np.integer) and seed >= 0, "seed", seed, "an integer >= 0")
+        _require_seed(seed)
         require(render_mode in (None, *RENDER_MODES), "render_mode", render_mode, f"None, {', '.join(RENDER_MODES)}")
         self.metadata: dict[str, Any] = {
             "name": name,
@@ -175,7 +175,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         """
         del options
         if seed is not None:
-            require(isinstance(seed, int | np.integer) and seed >= 0, "seed", seed, "an integer >= 0")
+            _require_seed(seed)
             self._series = np.random.default_rng(seed)
         self._seed = int(self._series.integers(2**31))
         told = self._start()
@@ -351,6 +351,10 @@ def turn_based(env: FleetEnv) -> Any:
 def in_order(env: Any) -> Any:
     """A turn-based environment that complains about calls in a wrong order."""
     return OrderEnforcingWrapper(env)
+
+
+def _require_seed(seed: object) -> None:
+    require(isinstance(seed, int | np.integer) and bool(seed >= 0), "seed", seed, "an integer >= 0")
 
 
 def _listed(agents: Sequence[str]) -> str:

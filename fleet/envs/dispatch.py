@@ -132,6 +132,7 @@ class DispatchEnv(LayerEnv):
             name="dispatch_v0",
             arguments=arguments,
             place=place,
+            terms_n=len(TERMS),
             row_n=self.observer.row_n,
             n_actions=candidates_n + 1,
             step_s=float(decision_s),
@@ -183,7 +184,7 @@ class DispatchEnv(LayerEnv):
     def _infos(self, terms: FloatArray, waits: Bools, illegal: Bools) -> Infos:
         told = zip(self.possible_agents, terms.tolist(), waits.tolist(), illegal.tolist(), strict=True)
         return {
-            agent: {**dict(zip(TERMS, own, strict=False)), "waits": has_lost, "illegal": wrong}
+            agent: {**dict(zip(TERMS, own, strict=True)), "waits": has_lost, "illegal": wrong}
             for agent, own, has_lost, wrong in told
         }
 

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
 from fleet.envs.dispatch_view import DispatchView
+from fleet.envs.fleets import Fleet, FleetOnGrid
 from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite, GridFleet
-from fleet.envs.grid_kernel import NEVER, Counts, Phase, Stage
+from fleet.envs.grid_kernel import NEVER, Phase, Stage
 from fleet.tasks.order import Delivery
-from fleet.world.protocol import FloatArray
 
 
-class DispatchFleet(Protocol):
+class DispatchFleet(Fleet, Protocol):
     """One episode of a fleet whose tasks are given out from outside."""
-
-    counts: Counts
-    """What has happened since `forget`."""
 
     def view(self, left: float) -> DispatchView:
         """The fleet now, when this share of the episode is left."""
@@ -30,20 +26,8 @@ class DispatchFleet(Protocol):
     def run(self, duration_s: float) -> None:
         """Let time pass."""
 
-    def poses(self) -> FloatArray:
-        """Where the cars are, x, y, yaw, shape (n_cars, 3)."""
 
-    def forget(self) -> None:
-        """Begin to count anew."""
-
-    def copy(self) -> DispatchFleet | None:
-        """A fleet at the same moment that goes on alike; None if only running again is exact."""
-
-    def close(self) -> None:
-        """Free what the fleet holds; calling twice is harmless."""
-
-
-class GridDispatch:
+class GridDispatch(FleetOnGrid):
     """A `DispatchFleet` on the grid: right of way is decided by PIBT, and arms take their mean time.
 
     Args:
@@ -54,8 +38,7 @@ class GridDispatch:
     """
 
     def __init__(self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
-        self.grid = GridFleet(place, n_cars, orders, seed)
-        self.counts = self.grid.counts
+        super().__init__(GridFleet(place, n_cars, orders, seed))
 
     def view(self, left: float) -> DispatchView:
         """See `DispatchFleet`."""
@@ -95,22 +78,3 @@ class GridDispatch:
         """See `DispatchFleet`."""
         for _ in range(round(duration_s / TIMESTEP_S)):
             self.grid.move(self.grid.planned())
-
-    def poses(self) -> FloatArray:
-        """See `DispatchFleet`."""
-        poses: FloatArray = self.grid.place.graph.state_pose[self.grid.cars.state]
-        return poses
-
-    def forget(self) -> None:
-        """See `DispatchFleet`."""
-        self.grid.forget()
-
-    def copy(self) -> GridDispatch:
-        """See `DispatchFleet`."""
-        twin = copy.copy(self)
-        twin.grid = self.grid.copy()
-        twin.counts = twin.grid.counts
-        return twin
-
-    def close(self) -> None:
-        """See `DispatchFleet`."""

@@ -122,7 +122,7 @@ class GridFleet:
         )
         self.tasks = _tasks_of(orders, [station.name for station in place.site.stations])
         self.stations = Stations(booked=_zero(k), free=floor.slots_n.copy(), under_way=_zero(k))
-        self.counts = Counts(delivered=_zero(n_cars), late=_zero(n_cars), empty=_zero(n_cars), open=_zero(1))
+        self.counts = Counts.of(n_cars, np.int32)
         self.priority = np.zeros(n_cars)
         self.locked = np.zeros(n_cars, dtype=np.bool_)
         self._spot_user = np.where(np.arange(len(floor.spot_state)) < n_cars, np.arange(len(floor.spot_state)), NONE)
@@ -173,11 +173,6 @@ class GridFleet:
         kernel.count_moves(self.cars, after, self.counts)
         self.now += 1
         self._turn()
-
-    def forget(self) -> None:
-        """Begin to count anew."""
-        for count in self.counts:
-            count[:] = 0
 
     def copy(self) -> GridFleet:
         """A fleet at the same moment that goes on alike; the two share nothing that changes."""

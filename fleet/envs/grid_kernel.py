@@ -137,6 +137,17 @@ class Counts(NamedTuple):
     open: npt.NDArray[Any]
     """Sum over the timesteps of the tasks that were released and not picked, shape (1,)."""
 
+    @staticmethod
+    def of(n_cars: int, dtype: npt.DTypeLike) -> Counts:
+        """Counts of nothing yet."""
+        delivered, late, empty = (np.zeros(n_cars, dtype=dtype) for _ in range(3))
+        return Counts(delivered=delivered, late=late, empty=empty, open=np.zeros(1, dtype=dtype))
+
+    def forget(self) -> None:
+        """Begin anew."""
+        for count in self:
+            count[:] = 0
+
 
 @njit(cache=True, nogil=True)
 def assign(cars: Cars, tasks: Tasks, stations: Stations, car: int, task: int, now: int) -> None:  # pragma: no cover

@@ -15,6 +15,7 @@ from gymnasium.spaces import Box, Dict, Discrete
 from fleet.config import Fidelity, require
 from fleet.envs.base import EpisodeError, FleetEnv, Infos, Picture
 from fleet.envs.choices import whole_numbers
+from fleet.envs.fleets import Fleet
 from fleet.envs.floor_drawing import FloorDrawing
 from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite
 from fleet.envs.grid_kernel import Counts, Ints, Phase, SmallInts
@@ -30,25 +31,6 @@ Bools = npt.NDArray[np.bool_]
 Longs = npt.NDArray[np.int64]
 LOADED = (Phase.TO_DROP, Phase.UNLOADING)
 """Phases of a car with a parcel."""
-
-
-class Fleet(Protocol):
-    """One episode of a fleet for which agents decide."""
-
-    counts: Counts
-    """What has happened since `forget`."""
-
-    def poses(self) -> FloatArray:
-        """Where the cars are, x, y, yaw, shape (n_cars, 3)."""
-
-    def forget(self) -> None:
-        """Begin to count anew."""
-
-    def copy(self) -> Any:
-        """A fleet at the same moment that goes on alike; None if only running again is exact."""
-
-    def close(self) -> None:
-        """Free what the fleet holds; calling twice is harmless."""
 
 
 class View(Protocol):
@@ -76,6 +58,7 @@ class LayerEnv(FleetEnv):
         name: As PettingZoo's modules have it.
         arguments: All arguments of the subclass's constructor, by name.
         place: The site.
+        terms_n: Terms of the reward.
         row_n: Numbers in an observation.
         n_actions: Of which 0 is always legal, and what an illegal one counts as.
         step_s: Simulated time of a step [s].
@@ -85,7 +68,15 @@ class LayerEnv(FleetEnv):
     """
 
     def __init__(
-        self, *, name: str, arguments: Mapping[str, Any], place: FleetSite, row_n: int, n_actions: int, step_s: float
+        self,
+        *,
+        name: str,
+        arguments: Mapping[str, Any],
+        place: FleetSite,
+        terms_n: int,
+        row_n: int,
+        n_actions: int,
+        step_s: float,
     ) -> None:
         n_cars, load, fidelity = arguments["n_cars"], arguments["load"], arguments["fidelity"]
         require(is_number(load) and 0 < load <= 100, "load", load, "a number > 0, at most 100")
@@ -112,6 +103,7 @@ class LayerEnv(FleetEnv):
         """Time by which they were late, together [s]."""
         self._fidelity, self._n_cars, self._n_actions, self._step_s = Fidelity(fidelity), n_cars, n_actions, step_s
         self._cars = np.arange(n_cars)
+        self._terms_n = terms_n
         self._mask = np.ones((n_cars, n_actions), dtype=np.int8)
         record_to = arguments["record_to"]
         require(isinstance(record_to, str | Path | None), "record_to", record_to, "a path")
@@ -182,7 +174,7 @@ class LayerEnv(FleetEnv):
         if self.render_mode == "rerun":
             self._open_recorder()
         nobody = np.zeros(self._n_cars, dtype=np.bool_)
-        return self._infos(np.zeros((self._n_cars, 8)), nobody, nobody)
+        return self._infos(np.zeros((self._n_cars, self._terms_n)), nobody, nobody)
 
     def _resolved(self, actions: Mapping[str, Any]) -> Longs:
         return whole_numbers(actions, self.possible_agents)

@@ -120,7 +120,13 @@ class TrafficEnv(LayerEnv):
         check_site(site, fidelity, n_cars)
         place = place_of(site)
         super().__init__(
-            name="traffic_v0", arguments=arguments, place=place, row_n=ROW_N, n_actions=1 + N_KINDS, step_s=TIMESTEP_S
+            name="traffic_v0",
+            arguments=arguments,
+            place=place,
+            terms_n=len(TERMS),
+            row_n=ROW_N,
+            n_actions=1 + N_KINDS,
+            step_s=TIMESTEP_S,
         )
         self.fleet: TrafficFleet | None
         self.view: TrafficView
@@ -134,7 +140,7 @@ class TrafficEnv(LayerEnv):
         from fleet.envs.traffic_simulation import SimulatedTraffic
 
         site = str(self._arguments["site"])
-        return SimulatedTraffic(self.place, site, self._n_cars, orders, seed, self._fidelity, duration_s)
+        return SimulatedTraffic(site, self._n_cars, orders, seed, self._fidelity, duration_s)
 
     def _look(self) -> TrafficView:
         assert self.fleet is not None

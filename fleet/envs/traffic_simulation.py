@@ -8,13 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, TrafficConfig
-from fleet.envs.dispatch_simulation import FleetCounter, OrderedSimulation, phase_of
-from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite
+from fleet.envs.grid_fleet import TIMESTEP_S
 from fleet.envs.grid_kernel import Ints
 from fleet.envs.right_of_way import RightOfWay
+from fleet.envs.simulated_fleet import OrderedSimulation, SimulatedFleet
 from fleet.envs.traffic_view import TrafficView
 from fleet.executor import Executor
-from fleet.roster import CarPhase
 from fleet.tasks.order import Delivery
 from fleet.traffic import NO_GOAL, Traffic
 from fleet.world.protocol import FloatArray
@@ -88,11 +87,10 @@ class TrafficSimulation(OrderedSimulation):
     traffic_type = AgentTraffic
 
 
-class SimulatedTraffic:
+class SimulatedTraffic(SimulatedFleet):
     """A `TrafficFleet` that is a whole simulation.
 
     Args:
-        place: The site.
         site: Its name or path.
         n_cars: Number of cars.
         orders: Deliveries, ascending in release.
@@ -103,7 +101,6 @@ class SimulatedTraffic:
 
     def __init__(
         self,
-        place: FleetSite,
         site: str,
         n_cars: int,
         orders: Sequence[Delivery],
@@ -120,50 +117,26 @@ class SimulatedTraffic:
             allocation=AllocationConfig(allocator="greedy"),
             arms=ArmConfig(workers_n=0),
         )
-        self._place = place
         self.simulation = TrafficSimulation(config, orders)
-        self._counter = FleetCounter(self.simulation)
-        self.counts = self._counter.counts
+        super().__init__(self.simulation)
         # The first tasks are given out, and goals with them.
-        self._run(self.simulation.tick_s)
+        self.run(self.simulation.tick_s)
 
     def view(self) -> TrafficView:
         """See `TrafficFleet`."""
         simulation = self.simulation
-        roster, traffic = simulation.dispatcher.roster, simulation.traffic
-        phases = [phase_of(phase, roster.task_of[car]) for car, phase in enumerate(roster.phase)]
+        traffic = simulation.traffic
         return TrafficView(
             state=simulation.executor.tail_states(),
             goal=traffic.goals.copy(),
-            phase=np.array(phases, dtype=np.int8),
-            held=np.array([phase is CarPhase.HELD for phase in roster.phase]),
+            phase=self._phases(),
+            held=self._held(),
             locked=traffic.locked(),
             priority=traffic.priority(simulation.now),
         )
 
-    def poses(self) -> FloatArray:
-        """See `TrafficFleet`."""
-        return self.simulation.world.car_poses()
-
     def move(self, wanted: Ints) -> npt.NDArray[np.bool_]:
         """See `TrafficFleet`."""
         self.simulation.traffic.wanted = wanted.astype(np.int32)
-        self._run(TIMESTEP_S)
+        self.run(TIMESTEP_S)
         return self.simulation.traffic.granted
-
-    def forget(self) -> None:
-        """See `TrafficFleet`."""
-        for count in self.counts:
-            count[:] = 0
-
-    def copy(self) -> None:
-        """See `TrafficFleet`."""
-
-    def close(self) -> None:
-        """See `TrafficFleet`."""
-        self.simulation.close()
-
-    def _run(self, duration_s: float) -> None:
-        for _ in range(round(duration_s / self.simulation.tick_s)):
-            self.simulation.tick()
-            self._counter.tick()

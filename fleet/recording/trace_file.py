@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.insight.causes import robot_names
 from fleet.recording.errors import OutputError
 from maps.grid import HEADING_NAMES
 
@@ -139,7 +140,7 @@ class Trace:
     @property
     def robots(self) -> tuple[str, ...]:
         """Names of all robots."""
-        return (*(f"car_{k}" for k in range(self.n_cars)), *(f"arm_{k}" for k in range(self.n_arms)))
+        return robot_names(self.n_cars, self.n_arms)
 
     @property
     def size_m(self) -> tuple[float, float]:
