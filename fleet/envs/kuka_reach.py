@@ -216,7 +216,7 @@ class ReachPolicy:
 
 
 @njit(cache=True)
-def _advance(targets, goes_on, q, qd, lower, upper):  # type: ignore[no-untyped-def]
+def _advance(targets, goes_on, q, qd, lower, upper):
     """Move joint targets on by one tick; a joint that is held back by its limits does not go on beyond them."""
     for j in range(len(q)):
         wanted = min(max(targets[j] + qd[j] * TICK_S, q[j] - WIND_UP_RAD), q[j] + WIND_UP_RAD)
