@@ -1,8 +1,8 @@
 """Learning: what PPO makes of every recipe from several seeds, beside a script and chance on the same episodes.
 
 Every seed is a run of `python -m fleet train` in `runs/learning/<recipe>/<seed>`, two at a time; what is there already
-is kept, and a run that was interrupted goes on from its checkpoint. A full run writes its curves, figures and settings
-to `docs/learning`.
+is kept, and a run that was interrupted goes on from its checkpoint. What learned without physics for its speed is
+played with physics as well. A full run writes its curves, figures and settings to `docs/learning`.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Row, Trial
+from benchmarks.training.transfer import TRANSFERS, play_transfer, write_shares
 from fleet.study.statistics import estimate
 from fleet.training.curve import Curve, draw_curves
 from fleet.training.recipes import RECIPES
-from fleet.training.results import EPISODES, EVALUATION, PROGRESS, SCRIPTED
+from fleet.training.results import EPISODES, EVALUATION, LEARNED, PROGRESS, SCRIPTED
 
 LEARNED_RECIPES = ("navigate", "dispatch", "reach")
 AT_ONCE_N = 2
-EPISODES_N, QUICK_EPISODES_N = 40, 2
+EPISODES_N, QUICK_EPISODES_N = {"navigate": 40, "dispatch": 40, "reach": 100}, 2
 QUICK_STEPS_N = 20_000
 QUICK_ARGUMENTS = {"navigate": "kinematic", "dispatch": "grid", "reach": "kinematic"}
 """Fidelities of a quick run."""
@@ -58,10 +59,15 @@ def measure_learning(trial: Trial) -> Iterable[Row]:
         if trial.failures:
             return
         for recipe in LEARNED_RECIPES:
-            found = [_read(folder / recipe / str(seed)) for seed in trial.seeds]
+            runs = [folder / recipe / str(seed) for seed in trial.seeds]
+            found = [_read(out) for out in runs]
             yield from _rows(recipe, found, promised=not trial.quick)
+            played = [play_transfer(recipe, out) for out in runs] if recipe in TRANSFERS else []
+            yield from _transfer_rows(recipe, played, promised=not trial.quick)
             if not trial.quick:
                 _document(recipe, trial.seeds, found)
+            if played and not trial.quick:
+                _document_shares(recipe, trial.seeds, runs, played)
 
 
 def _train(folder: Path, recipe: str, seed: int, *, quick: bool) -> str | None:
@@ -71,7 +77,7 @@ def _train(folder: Path, recipe: str, seed: int, *, quick: bool) -> str | None:
         return None
     out.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "fleet", "train", "--env", recipe, "--seed", str(seed), "--out", str(out)]
-    command += ["--resume", "--episodes", str(QUICK_EPISODES_N if quick else EPISODES_N)]
+    command += ["--resume", "--episodes", str(QUICK_EPISODES_N if quick else EPISODES_N[recipe])]
     if quick:
         command += ["--steps", str(QUICK_STEPS_N), "--fidelity", QUICK_ARGUMENTS[recipe]]
     # One core each: the numerical libraries would else fight for both.
@@ -111,6 +117,25 @@ def _rows(recipe: str, found: Sequence[Mapping[str, Any]], *, promised: bool) ->
     minutes = max(one["train_cpu_s"] for one in found) / 60.0
     target = f"<= {MINUTES[recipe]}" if promised else ""
     yield Row(name="  longest seed", value=minutes, unit="min of CPU", target=target)
+
+
+def _transfer_rows(recipe: str, played: Sequence[Path], *, promised: bool) -> Iterable[Row]:
+    """Means over the seeds at the other fidelity."""
+    found = [json.loads((folder / EVALUATION).read_text(encoding="utf-8"))["policies"] for folder in played]
+    chief = RECIPES[recipe].figures[0]
+    for policy in found[0] if found else ():
+        value = float(np.mean([one[policy][chief]["mean"] for one in found]))
+        target = ">= 0.95" if promised and policy == LEARNED else ""
+        yield Row(name=f"  {TRANSFERS[recipe]}: {chief}, {policy}", value=value, unit="per episode", target=target)
+
+
+def _document_shares(recipe: str, seeds: Sequence[int], runs: Sequence[Path], played: Sequence[Path]) -> None:
+    """Write how often every seed succeeded at both fidelities, with intervals."""
+    fidelities = {RECIPES[recipe].arguments["fidelity"]: runs, TRANSFERS[recipe]: played}
+    folders = {("all", fidelity): list(found) for fidelity, found in fidelities.items()}
+    for fidelity, found in fidelities.items():
+        folders |= {(str(seed), fidelity): [one] for seed, one in zip(seeds, found, strict=True)}
+    write_shares(DOCUMENTS / f"{recipe}_success.csv", folders, RECIPES[recipe].figures[0])
 
 
 def _document(recipe: str, seeds: Sequence[int], found: Sequence[Mapping[str, Any]]) -> None:

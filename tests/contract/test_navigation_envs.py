@@ -291,6 +291,18 @@ def test_an_arm_s_episode_repeats_to_the_last_bit(fidelity: str) -> None:
     env.close()
 
 
+def test_an_arm_stops_at_its_limits_and_leaves_the_action_as_it_was() -> None:
+    env = KukaReachEnv(fidelity="kinematic")
+    first, _ = env.reset(seed=0)
+    action = np.array([1.0, np.nan, np.inf, -1.0, -np.inf, -1.0, 1.0])
+    told = action.copy()
+    for _ in range(90):  # 4.5 s: the first joint needs 2
+        row = env.step(action)[0]
+    assert row[:7] == pytest.approx([1.0, first[1], 1.0, -1.0, -1.0, -1.0, 1.0], abs=1e-6)
+    assert row[7:14] == pytest.approx(np.zeros(7), abs=1e-6)
+    assert np.array_equal(action, told, equal_nan=True)
+
+
 def test_single_robots_refuse_what_they_cannot_do() -> None:
     with pytest.raises(ConfigError, match="fidelity is 'grid'; valid: physics, kinematic"):
         KukaReachEnv(fidelity="grid")

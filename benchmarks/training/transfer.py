@@ -1,0 +1,88 @@
+"""Transfer: what was learned at one fidelity, played at another on the same episodes beside the script and chance."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fleet.envs.policies.policy import Random
+from fleet.study.statistics import share
+from fleet.training.evaluation import evaluate
+from fleet.training.recipes import RECIPES
+from fleet.training.results import (
+    CONFIG,
+    EPISODES,
+    EVALUATION,
+    LEARNED,
+    RANDOM,
+    SCRIPTED,
+    findings,
+    write_episodes,
+    write_evaluation,
+)
+
+TRANSFERS: dict[str, str] = {"reach": "physics"}
+"""Fidelity at which what was learned is played as well, by recipe; those are recipes of success or failure."""
+
+
+def play_transfer(recipe: str, out: Path) -> Path:
+    """Play a trained seed at the other fidelity, unless that was done before.
+
+    Args:
+        recipe: A key of `TRANSFERS`.
+        out: Folder of the training run.
+
+    Returns:
+        Folder with the episodes and the findings.
+    """
+    # PyTorch is an extra.
+    from fleet.training.ppo.trainer import load_policy
+
+    folder = out / TRANSFERS[recipe]
+    if (folder / EVALUATION).exists():
+        return folder
+    folder.mkdir(exist_ok=True)
+    config = json.loads((out / CONFIG).read_text(encoding="utf-8"))
+    found = RECIPES[recipe]
+    policies = {LEARNED: load_policy(out), SCRIPTED: found.scripted(), RANDOM: Random(config["seed"])}
+    seeds = [int(row["seed"]) for row in read_episodes(out) if row["policy"] == LEARNED]
+    scores = evaluate(found, {**config["arguments"], "fidelity": TRANSFERS[recipe]}, policies, seeds)
+    write_episodes(folder, scores, seeds)
+    spent_s = json.loads((out / EVALUATION).read_text(encoding="utf-8"))["train_cpu_s"]
+    write_evaluation(folder, findings(scores, found.figures), cpu_s=spent_s)
+    return folder
+
+
+def read_episodes(folder: Path) -> list[dict[str, str]]:
+    """Scores of all policies in all episodes of an evaluation."""
+    with (folder / EPISODES).open(encoding="utf-8", newline="") as table:
+        return list(csv.DictReader(table))
+
+
+def successes(folders: Sequence[Path], figure: str) -> dict[str, tuple[int, int]]:
+    """Episodes that succeeded and all episodes, by policy, of some evaluations taken together."""
+    found: dict[str, tuple[int, int]] = {}
+    for row in (row for folder in folders for row in read_episodes(folder)):
+        won, played = found.get(row["policy"], (0, 0))
+        found[row["policy"]] = (won + round(float(row[figure])), played + 1)
+    return found
+
+
+def write_shares(path: Path, folders: Mapping[tuple[str, str], Sequence[Path]], figure: str) -> None:
+    """Write the share of successes with its interval as a table.
+
+    Args:
+        path: A CSV file.
+        folders: Evaluations, by what was trained (a seed, or all) and the fidelity it was played at.
+        figure: 1 in an episode that succeeded, 0 in any other.
+    """
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table: Any = csv.writer(file, lineterminator="\n")
+        table.writerow(["trained_from", "fidelity", "policy", "episodes", "success", "low", "high"])
+        for (trained, fidelity), played in folders.items():
+            for policy, (won, n) in successes(played, figure).items():
+                low, high = share(won, n)
+                table.writerow([trained, fidelity, policy, n, *(f"{x:.4f}" for x in (won / n, low, high))])
