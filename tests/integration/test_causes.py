@@ -5,6 +5,7 @@ import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.causes import NONE, OWN, Cause, Column
+from fleet.insight.explain import Explanation
 from fleet.insight.ledger import STANDING_MPS
 from fleet.roster import CarPhase
 from fleet.simulation import Simulation
@@ -50,7 +51,7 @@ def check(simulation: Simulation) -> None:
             assert cause != Cause.NO_TASK or served < 0 or simulation.desk.is_idle(robot - n_cars)
             continue
         phase = roster.phase[robot]
-        if phase in BOUND:
+        if phase in (*BOUND, CarPhase.HELD):
             assert (cause == Cause.DRIVES) == (abs(speeds[robot]) >= STANDING_MPS)
         assert (cause == Cause.SERVED) == (phase in AT_DOCK)
         assert (cause == Cause.FAULT) == (phase in OUT)
@@ -71,14 +72,18 @@ def check(simulation: Simulation) -> None:
 @pytest.mark.parametrize("settings", [BUSY, TROUBLED, SHARED, CHARGING, ALONE, UNCAPPED])
 def test_causes_agree_with_the_run(settings: dict[str, object]) -> None:
     seen: set[int] = set()
+    circles: list[Explanation] = []
     with made(**settings) as simulation:
         while not simulation.finished:
             simulation.tick()
             check(simulation)
+            if simulation.now % 5 == 0:
+                circles += [told for told in map(simulation.explain, simulation.legend.robots) if told.cycle]
             seen |= set(simulation.causes.rows[:, Column.CAUSE].tolist())
         log, rows = simulation.causes.log, simulation.causes.rows
         last = log.at(simulation.now - 1)
         assert np.array_equal(np.delete(last, Column.UNTIL, axis=1), np.delete(rows, Column.UNTIL, axis=1))
+    assert circles == [], "robots that go on have not waited for each other"
     assert len(seen - OWN) >= (1 if settings is ALONE else 2), "there was something to explain"
 
 
