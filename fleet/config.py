@@ -11,6 +11,9 @@ from pathlib import Path
 
 from fleet.errors import ConfigError
 
+MOST_TASKS_N = 1_000_000
+"""As many orders take half a minute to make, and 1.5 GB."""
+
 
 class Fidelity(StrEnum):
     """How robots are moved."""
@@ -384,7 +387,8 @@ class RunConfig:
         seen = self.perception is Perception.TRUTH or self.fidelity is Fidelity.PHYSICS
         require(seen, "--perception", str(self.perception), "truth, or camera with --fidelity physics")
         require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
-        require(self.tasks is None or self.tasks >= 1, "--tasks", self.tasks, "an integer >= 1")
+        fits = self.tasks is None or 1 <= self.tasks <= MOST_TASKS_N
+        require(fits, "--tasks", self.tasks, f"an integer from 1 to {MOST_TASKS_N}")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
         _positive("--duration", self.duration_s)

@@ -93,7 +93,7 @@ def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseL
                 names |= {int(task): name for task, name in event.get("tasks", {}).items()}
                 end_tick = max(end_tick, int(event["tick"]) + 1)
         if head is None:
-            raise CauseFileError(f"{where}: tells no causes; valid: a run of this version of fleet")
+            raise CauseFileError(f"{where}: tells no causes; valid: a run of this version of fleet that began")
         _check(head, where)
         legend = Legend(
             tick_s=float(head["tick_s"]),

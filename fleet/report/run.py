@@ -67,7 +67,8 @@ def load_run(directory: Path) -> Run:
     if not trace.n_ticks:
         raise OutputError(f"{directory / TRACE} holds no tick: the run ended at once; valid: a run of a second or more")
     causes, legend = read_causes(record.events, str(directory / EVENTS))
-    if (legend.n_cars, legend.n_arms, legend.cols) != (trace.n_cars, trace.n_arms, len(trace.plan[0])):
+    floor = (legend.n_cars, legend.n_arms, legend.cols)
+    if record.name != trace.run or floor != (trace.n_cars, trace.n_arms, len(trace.plan[0])):
         raise OutputError(
             f"{directory}: {EVENTS} and {TRACE} are of two runs; valid: the files of one run, as it left them"
         )
@@ -85,6 +86,8 @@ def load_run(directory: Path) -> Run:
 def _check_result(record: RunRecord, trace: Trace) -> None:
     """Refuse figures of another run, and figures that are not what they are called, with any error of a look-up."""
     result = record.result or {}
+    if result["run"] != record.name:
+        raise ValueError("it is of a run with other settings")
     if result["seed"] != record.seed:
         raise ValueError(f"seed {result['seed']!r} instead of {record.seed!r}")
     ledger = result["car_ticks"] | result["arm_ticks"]

@@ -197,6 +197,8 @@ def test_a_run_that_was_killed_still_has_a_page(run: Run, tmp_path: Path) -> Non
         (lambda cut: change(cut / "run.trace", '"cars":6', '"cars":"6"x'), "is no trace"),
         (lambda cut: change(cut / "run.trace", '"cars":6', '"cars":5'), "run.trace: cannot be read"),
         (lambda cut: change(cut / "run.jsonl", '"versions":{', '"versions":0,"other":{'), "versions is 0"),
+        (lambda cut: change(cut / "run.jsonl", '"askew":false', '"askew":true'), "are of two runs"),
+        (lambda cut: change(cut / "result.json", '"run": "', '"run": "0'), "of a run with other settings"),
         (lambda cut: change(cut / "result.json", '"seed": 0', '"seed": 1'), "seed 1 instead of 0"),
         (lambda cut: change(cut / "result.json", '"car_5": {', '"car_6": {'), "result.json: does not fit"),
         (lambda cut: change(cut / "result.json", '"robot_contacts": 0', '"robot_contacts": null'), "robot_contacts"),

@@ -152,6 +152,11 @@ def test_a_time_that_was_not_is_refused(time_s: float) -> None:
         explain(log_of((0, rows())), LEGEND_OF_THREE, "car_0", time_s)
 
 
+def test_a_run_without_a_tick_is_refused() -> None:
+    with pytest.raises(OutsideRun, match="ended before its first tick"):
+        explain(CauseLog(4), LEGEND_OF_THREE, "car_0", 0.0)
+
+
 def test_an_end_that_moves_by_a_tick_is_no_change() -> None:
     log = log_of((0, queue(until=100)), (3, queue(until=102)), (5, queue(until=110)))
     assert log.of(3)[:, 0].tolist() == [0, 5]
