@@ -212,12 +212,16 @@ def read_trace(directory: Path) -> Trace:
         if n_cars < 0 or n_arms < 0:
             raise ValueError(f"{n_cars} cars, {n_arms} arms")
         digests, marks, changes = _blocks(content, n_cars + n_arms)
+        plan = _rows(header["plan"])
+        cells = changes["value"][changes["quantity"] == Quantity.CELL]
+        if ((cells >= len(plan) * len(plan[0])) | ((cells < -1) & (cells != UNKNOWN))).any():
+            raise ValueError("a cell beyond the plan")
         return Trace(
             run=str(header["run"]),
             tick_s=_positive(header["tick_s"]),
             n_cars=n_cars,
             n_arms=n_arms,
-            plan=_rows(header["plan"]),
+            plan=plan,
             cell_m=_positive(header["cell_m"]),
             stations=tuple(map(str, header["stations"])),
             places=tuple(map(str, header["places"])),
