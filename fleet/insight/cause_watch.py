@@ -32,6 +32,7 @@ _DRIVES, _SETS_OFF, _CELL, _TURN = int(Cause.DRIVES), int(Cause.SETS_OFF), int(C
 _CLOSED, _BLOCKED, _HALTED = int(Cause.CLOSED), int(Cause.BLOCKED), int(Cause.HALTED)
 _AWAITS, _NO_TASK = int(Cause.AWAITS), int(Cause.NO_TASK)
 _CAUSE, _BY, _AT, _PLACE, _UNTIL, _TASK, _DETAIL = map(int, Column)
+_AT_DOCK = (CarPhase.LOADING, CarPhase.UNLOADING)
 _FREE = (ServiceState.IDLE, ServiceState.HOLDING)
 _REMEMBERED_N = 4096
 _LOOK_UP = -2  # on its way without a move
@@ -203,7 +204,7 @@ class CauseWatch:
         if phase is CarPhase.HELD:
             if self._parked[car]:
                 self._set_held(car)
-        elif phase in (CarPhase.LOADING, CarPhase.UNLOADING):
+        elif phase in _AT_DOCK:
             arm = roster.served.tolist().index(car)
             self._set(car, Cause.SERVED, by=self._n_cars + arm, place=arm, until=self._clear_tick[arm])
         elif phase is CarPhase.CHARGING:
@@ -277,7 +278,10 @@ class CauseWatch:
         task = dispatcher.roster.task_of[served] if served >= 0 else None
         self.rows[robot, _TASK] = NONE if task is None else task.index
         clear = until = NONE
-        if service.state in _FREE:
+        if service.state in _FREE and served >= 0 and dispatcher.roster.phase[served] in _AT_DOCK:
+            # Between two attempts: it is about to say that the parcel is there, or to plan again.
+            self._set(robot, Cause.WORKS, place=arm, detail=slow)
+        elif service.state in _FREE:
             bound = [car for car in dispatcher.bookings.bound(arm) if car != served]
             booked = [car for car in bound if dispatcher.bookings.has(car)]
             if bound:

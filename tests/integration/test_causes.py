@@ -26,6 +26,7 @@ TROUBLED = {"robots": 6, "tasks": 20, "duration_s": 70.0, "fidelity": Fidelity.K
         ScenarioEvent(time_s=12.0, kind="car_pushed", target="car_1", parameters={"dx_m": 0.3, "dyaw_rad": 0.8}),
         ScenarioEvent(time_s=20.0, kind="arm_slow", target="arm_0", parameters={"factor": 0.3, "duration_s": 30.0}),
         ScenarioEvent(time_s=30.0, kind="lane_blocked", target="6,7", parameters={"duration_s": 20.0}),
+        ScenarioEvent(time_s=5.0, kind="grip_lost", target="arm_1"),
         ScenarioEvent(time_s=45.0, kind="car_dead", target="car_3"),
     )
 }
@@ -48,6 +49,7 @@ def check(simulation: Simulation) -> None:
         if robot >= n_cars:
             served = int(roster.served[robot - n_cars])
             assert cause != Cause.AWAITS or by in simulation.dispatcher.bookings.bound(robot - n_cars)
+            assert cause != Cause.WORKS or served >= 0 or not simulation.desk.is_idle(robot - n_cars)
             assert cause != Cause.NO_TASK or served < 0 or simulation.desk.is_idle(robot - n_cars)
             continue
         phase = roster.phase[robot]
@@ -65,6 +67,7 @@ def check(simulation: Simulation) -> None:
             assert simulation.traffic.blocked[cell]
         elif cause == Cause.SERVED:
             assert (by, roster.served[place]) == (n_cars + place, robot)
+            assert rows[by, Column.CAUSE] not in (Cause.AWAITS, Cause.NO_TASK)
         elif cause in (Cause.ARM, Cause.CLOSED):
             assert not simulation.desk.is_idle(by - n_cars)
 
