@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from fleet.cli import main
+from fleet.config import RunConfig
+from fleet.errors import ConfigError
 
 CSV = "id,release_s,pick,drop,mass_kg,size_m\n"
 GOOD = "a,0,pick_1,drop_1,0.3,0.06\n"
@@ -278,3 +280,10 @@ def test_the_process_itself_says_one_line_and_ends_with_2(
     assert ended.stderr.startswith(f"python -m fleet.demo: {expected}")
     assert ended.stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir() if path.name != "orders.csv"] == []
+
+
+@pytest.mark.parametrize("setting", [{"robots": 2.0}, {"robots": True}, {"tasks": 2.5}, {"seed": 1.5}, {"seed": "1"}])
+def test_a_setting_from_python_that_is_no_integer_is_named(setting: dict[str, object]) -> None:
+    (name,) = setting
+    with pytest.raises(ConfigError, match=f"--{name} is .*; valid: an integer"):
+        RunConfig(**setting)  # type: ignore[arg-type]
