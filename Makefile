@@ -13,10 +13,13 @@ JOBS = 2
 PYTHON =
 # Training libraries that `make test-stacks` tests.
 STACKS = train sb3 rllib torchrl benchmarl
+# What `make test-bounds` runs with every index of a kernel checked, and where it keeps the kernels compiled for that.
+BOUNDS_TESTS = tests/unit/planners tests/unit/maps tests/unit/fleet tests/contract
+BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-all test-stacks check format bench hooks hooks-check clean
+.PHONY: help setup demo test test-all test-bounds test-stacks check format bench hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -60,6 +63,15 @@ test: $(STAMP) ## All tests but the slow ones.
 
 test-all: $(STAMP) ## All tests.
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile $(ARGS)
+
+test-bounds: $(STAMP) ## With the indices of all kernels checked: their tests and a run of every site; slow.
+	@set -e; mkdir -p $(BOUNDS_DIR); export NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR="$(CURDIR)/$(BOUNDS_DIR)/kernels"; \
+	$(BIN)/python -m pytest -q -m "not slow" -n $(JOBS) --dist loadfile $(BOUNDS_TESTS) $(ARGS); \
+	for site in maps/data/*.toml; do for fidelity in grid kinematic physics; do \
+	  echo "$$site, $$fidelity"; \
+	  $(BIN)/python -m fleet.demo --site "$$site" --fidelity $$fidelity --robots 3 --tasks 6 --duration 60 --battery --lidar \
+	    --out $(BOUNDS_DIR)/run >$(BOUNDS_DIR)/run.txt 2>&1 || { cat $(BOUNDS_DIR)/run.txt; exit 1; }; \
+	done; done
 
 test-stacks: $(STAMP) ## One environment for each training library, in .stacks, and its tests; STACKS chooses.
 	@set -e; \

@@ -27,6 +27,7 @@ from fleet.commands.study import Study
 from fleet.commands.tabletop import TabletopPair, TabletopSort, TabletopTray
 from fleet.commands.train import Train
 from fleet.commands.why import Why
+from fleet.compilation import compilation_told
 from fleet.errors import FleetError
 from maps.errors import MapsError
 from planners.errors import PlanningError
@@ -77,7 +78,10 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        status = _parse(words, prog).run()
+        command = _parse(words, prog)
+        # Only where somebody waits before a screen: a file or a pipe gets what the command itself has to say.
+        with compilation_told(sys.stderr) if sys.stderr.isatty() else contextlib.nullcontext():
+            status = command.run()
         sys.stdout.flush()
     except (FleetError, MapsError, PlanningError) as error:
         _fail(prog, " ".join(str(error).split()))

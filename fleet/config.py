@@ -7,9 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
+from numbers import Integral
 from pathlib import Path
 
 from fleet.errors import ConfigError
+
+MOST_TASKS_N = 1_000_000
+"""As many orders take half a minute to make, and 1.5 GB."""
 
 
 class Fidelity(StrEnum):
@@ -74,6 +78,11 @@ def require(ok: bool, what: str, value: object, valid: str) -> None:
 
 def _positive(what: str, value: float) -> None:
     require(math.isfinite(value) and value > 0, what, value, "a number > 0")
+
+
+def _is_whole(value: object) -> bool:
+    """Python hands a setting on as it comes: 2.5, True or a text would only be noticed in the middle of a run."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def _not_negative(what: str, value: float) -> None:
@@ -383,9 +392,10 @@ class RunConfig:
             object.__setattr__(self, name, kind(value))
         seen = self.perception is Perception.TRUTH or self.fidelity is Fidelity.PHYSICS
         require(seen, "--perception", str(self.perception), "truth, or camera with --fidelity physics")
-        require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
-        require(self.tasks is None or self.tasks >= 1, "--tasks", self.tasks, "an integer >= 1")
-        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        require(_is_whole(self.robots) and self.robots >= 1, "--robots", self.robots, "an integer >= 1")
+        fits = self.tasks is None or (_is_whole(self.tasks) and 1 <= self.tasks <= MOST_TASKS_N)
+        require(fits, "--tasks", self.tasks, f"an integer from 1 to {MOST_TASKS_N}")
+        require(_is_whole(self.seed) and self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
         _positive("--duration", self.duration_s)
         if self.grip_force_n is not None:

@@ -40,6 +40,8 @@ class Result(Summary):
     real_time_factor: float
     first_move_s: float | None
     """Wall time from the start of the session to the first motion of a car [s]."""
+    run: str
+    """Digest of settings, seed and versions, the same in all files of the run."""
     seed: int
     site: str
     robots: int
@@ -93,7 +95,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
         recorder = stack.enter_context(_recorder(simulation, session))
-        tracer = stack.enter_context(Tracer(simulation, session.out))
+        tracer = stack.enter_context(Tracer(simulation, session.out, run_file.name))
         progress = stack.enter_context(Progress(simulation, shown=session.progress))
         if session.serve:
             uri = f"rerun+http://127.0.0.1:{session.port}/proxy"
@@ -131,6 +133,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
             wall_s=round(wall_s, 3),
             real_time_factor=round(simulation.sim_s / wall_s, 3) if wall_s > 0 else 0.0,
             first_move_s=first_move_s,
+            run=run_file.name,
             seed=config.seed,
             site=simulation.site.name,
             robots=config.robots,

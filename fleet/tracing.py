@@ -26,18 +26,20 @@ class Tracer:
     Args:
         simulation: The run.
         directory: As returned by `prepare_output`.
+        run: Name of the run, see `fleet.recording.run_file.RunFile`.
 
     Raises:
         OutputError: The file cannot be opened.
     """
 
-    def __init__(self, simulation: Simulation, directory: Path) -> None:
+    def __init__(self, simulation: Simulation, directory: Path, run: str) -> None:
         self._simulation = simulation
         world, graph, site = simulation.world, simulation.graph, simulation.site
         stations = tuple(station.name for station in simulation.stations)
         chargers = tuple(f"charger_{k}" for k in range(1, len(site.chargers) + 1))
         parking = tuple(f"parking_{k}" for k in range(1, len(site.parking) + 1))
         about = {
+            "run": run,
             "tick_s": simulation.tick_s,
             "plan": site.plan,
             "cell_m": site.grid.cell_m,

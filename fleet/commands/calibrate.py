@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fleet.config import require
+from fleet.errors import ConfigError
 
 if TYPE_CHECKING:
     from fleet.control.friction_fit import FrictionFit
@@ -56,6 +57,8 @@ class Calibrate:
             check_recording(self.trajectory, recording, bench.drive.limits)
             drive = drive_of(recording, bench) if self.drive == "auto" else Drive(self.drive)
             replay = MotionReplay(bench, recording, drive, self.frequency)
+            if self.out is not None:
+                _check_out(self.out)
             console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
             console.print(
                 f"{self.trajectory}: {len(recording.t)} rows, {recording.t[-1]:.2f} s, {bench.drive.n} joints; "
@@ -78,10 +81,22 @@ class Calibrate:
         for line in _remarks(fit, drive):
             console.print(line, soft_wrap=True)
         if self.out is not None:
-            self.out.parent.mkdir(parents=True, exist_ok=True)
             self.out.write_text(json.dumps(_figures(self, fit, drive), indent=2) + "\n", encoding="utf-8")
             console.print(f"{self.out}: the figures", soft_wrap=True)
         return 0
+
+
+def _check_out(out: Path) -> None:
+    """Find out before the fit, which takes half a minute, whether its figures can be kept."""
+    fresh = not out.exists()
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with out.open("a", encoding="utf-8"):
+            pass
+        if fresh:
+            out.unlink()
+    except OSError as error:
+        raise ConfigError(f"--out {out}: {error.strerror}; valid: a file that can be written") from error
 
 
 def _table(fit: FrictionFit) -> Table:

@@ -200,7 +200,8 @@ def _table(result: dict[str, object]) -> Table:
         ("wall time", "{wall_s:.1f} s"),
         ("real-time factor", "{real_time_factor:.1f}"),
     )
-    table = Table(title=f"{result['robots']} cars on {result['site']}, seed {result['seed']}", show_header=False)
+    cars = f"{result['robots']} car{'s' if result['robots'] != 1 else ''}"
+    table = Table(title=f"{cars} on {result['site']}, seed {result['seed']}", show_header=False)
     table.add_column("figure")
     table.add_column("value", justify="right")
     for name, form in rows:

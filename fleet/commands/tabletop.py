@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from fleet.world.bullet.table import DrawnShape, TableWorld
 
 ALL_SORTED, SOME_LEFT = 0, 1
+MOST_SEED = 2**31 - 1
+"""Searches count on from it, and take seeds of 32 bits."""
 _FRAME_TICKS = 2
 """A recording has every second tick: 30 frames a second."""
 
@@ -50,7 +52,7 @@ class _Tabletop:
         from fleet.tabletop.layout import LAYOUTS
         from fleet.world.bullet.table import TableWorld
 
-        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        require(0 <= self.seed <= MOST_SEED, "--seed", self.seed, f"an integer from 0 to {MOST_SEED}")
         layout = LAYOUTS[self.name](self.seed, objects)
         model = load_model(layout.scene.arm, layout.scene.tool)
         start = np.tile(model.spec.home_rad, (len(layout.scene.arm_base), 1))

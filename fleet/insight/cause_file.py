@@ -92,8 +92,10 @@ def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseL
                 changes += [[event["tick"], *row] for row in event["rows"]]
                 names |= {int(task): name for task, name in event.get("tasks", {}).items()}
                 end_tick = max(end_tick, int(event["tick"]) + 1)
+        if end_tick > np.iinfo(np.int32).max:
+            raise OverflowError(f"tick {end_tick}")
         if head is None:
-            raise CauseFileError(f"{where}: tells no causes; valid: a run of this version of fleet")
+            raise CauseFileError(f"{where}: tells no causes; valid: a run of this version of fleet that began")
         _check(head, where)
         legend = Legend(
             tick_s=float(head["tick_s"]),

@@ -19,20 +19,20 @@ from planners.execution.queues import NOBODY, move_at
 if TYPE_CHECKING:
     from fleet.simulation import Simulation
 
-_BOUND, _REST = 0, 1
+_BOUND, _HELD, _REST = 0, 1, 2
+_UNDER_WAY = (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE)
 _RULES = np.array(
-    [
-        _BOUND if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE) else _REST
-        for phase in PHASES
-    ],
+    [_BOUND if phase in _UNDER_WAY else _HELD if phase is CarPhase.HELD else _REST for phase in PHASES],
     dtype=np.int64,
 )
-"""Cars on their way change from tick to tick; the others only when something is decided."""
+"""Cars on their way change from tick to tick, also those that are held back and drive to a parking place; the others
+only when something is decided."""
 # Kernels know plain numbers only.
 _DRIVES, _SETS_OFF, _CELL, _TURN = int(Cause.DRIVES), int(Cause.SETS_OFF), int(Cause.CELL), int(Cause.TURN)
 _CLOSED, _BLOCKED, _HALTED = int(Cause.CLOSED), int(Cause.BLOCKED), int(Cause.HALTED)
 _AWAITS, _NO_TASK = int(Cause.AWAITS), int(Cause.NO_TASK)
 _CAUSE, _BY, _AT, _PLACE, _UNTIL, _TASK, _DETAIL = map(int, Column)
+_AT_DOCK = (CarPhase.LOADING, CarPhase.UNLOADING)
 _FREE = (ServiceState.IDLE, ServiceState.HOLDING)
 _REMEMBERED_N = 4096
 _LOOK_UP = -2  # on its way without a move
@@ -74,6 +74,8 @@ class CauseWatch:
         self._arm_until = [NONE] * simulation.world.n_arms
         self._clear_tick = [NONE] * simulation.world.n_arms
         self._halted_by = np.full(self._n_cars, NONE, dtype=np.int32)
+        self._parked = np.zeros(self._n_cars, dtype=np.bool_)
+        """Cars that are held back and have come to the parking place where they wait."""
 
     def tick(self, tick: int, speeds: FloatArray) -> None:
         """Look at the tick that was just done.
@@ -103,6 +105,7 @@ class CauseWatch:
             self._dock_at,
             simulation.dispatcher.bookings.place_of,
             self._halted_by,
+            self._parked,
             self._n_cars,
         )
         if without_move:
@@ -113,12 +116,16 @@ class CauseWatch:
     def _look_at_without_move(self, tick: int) -> None:
         """Cars on their way that stand and have no move left: they are there, or nothing is planned for them."""
         simulation = self._simulation
-        traffic = simulation.traffic
+        traffic, phases = simulation.traffic, simulation.dispatcher.roster.phase
         tails = simulation.executor.tail_states()
         for car in (self.rows[:, _CAUSE] == _LOOK_UP).nonzero()[0].tolist():
             tail, goal, place = int(tails[car]), int(traffic.goals[car]), int(self.rows[car, _PLACE])
             if tail == goal or goal < 0:
-                self._look_at_goal(car, place)
+                self._parked[car] = phases[car] is CarPhase.HELD
+                if self._parked[car]:
+                    self._set_held(car)
+                else:
+                    self._look_at_goal(car, place)
             elif (cell := self._next_cell(tail, goal)) < 0:
                 cell = traffic.obstacle(tail, goal)
                 self._set(car, Cause.BLOCKED, by=self._wreck(cell), cell=cell, place=place)
@@ -177,6 +184,8 @@ class CauseWatch:
             return
         given_out = given[0] != self._given[0]
         for car, (phase, before) in enumerate(zip(roster.phase, self._seen, strict=True)):
+            if phase is not before:
+                self._parked[car] = False
             if given_out or phase is not before or phase is CarPhase.HELD:
                 self._set_at_rest(car, phase, tick)
         self._seen = [*roster.phase]
@@ -193,8 +202,9 @@ class CauseWatch:
         if phase is not CarPhase.IDLE:
             self.rows[car, _TASK] = NONE if task is None else task.index
         if phase is CarPhase.HELD:
-            self._set_held(car)
-        elif phase in (CarPhase.LOADING, CarPhase.UNLOADING):
+            if self._parked[car]:
+                self._set_held(car)
+        elif phase in _AT_DOCK:
             arm = roster.served.tolist().index(car)
             self._set(car, Cause.SERVED, by=self._n_cars + arm, place=arm, until=self._clear_tick[arm])
         elif phase is CarPhase.CHARGING:
@@ -220,6 +230,7 @@ class CauseWatch:
         bookings, served = dispatcher.bookings, dispatcher.roster.served
         place = int(bookings.place_of[car])
         if place < 0:
+            self._set(car, Cause.SETS_OFF)
             return
         there = [other for other in bookings.cars(place) if other != car]
         if not bookings.has(car) and bookings.room(place) <= 0 and there:
@@ -267,7 +278,10 @@ class CauseWatch:
         task = dispatcher.roster.task_of[served] if served >= 0 else None
         self.rows[robot, _TASK] = NONE if task is None else task.index
         clear = until = NONE
-        if service.state in _FREE:
+        if service.state in _FREE and served >= 0 and dispatcher.roster.phase[served] in _AT_DOCK:
+            # Between two attempts: it is about to say that the parcel is there, or to plan again.
+            self._set(robot, Cause.WORKS, place=arm, detail=slow)
+        elif service.state in _FREE:
             bound = [car for car in dispatcher.bookings.bound(arm) if car != served]
             booked = [car for car in bound if dispatcher.bookings.has(car)]
             if bound:
@@ -304,12 +318,18 @@ class CauseWatch:
 
 
 @njit(cache=True)
-def _look_at_bound(rows, rules, phase, speeds, q, closed, blocked, wreck_of, dock_at, place_of, halted_by, n_cars):
+def _look_at_bound(
+    rows, rules, phase, speeds, q, closed, blocked, wreck_of, dock_at, place_of, halted_by, parked, n_cars
+):
     """Fill the rows of cars on their way; returns how many of them stand without a move."""
     without_move = 0
     for car in range(n_cars):
-        if rules[phase[car]] != _BOUND:
+        if rules[phase[car]] == _REST:
             continue
+        if parked[car]:
+            if q.queued[car] == q.finished[car]:
+                continue
+            parked[car] = False
         by = cell = NONE
         cause = _SETS_OFF
         if abs(speeds[car]) >= STANDING_MPS:

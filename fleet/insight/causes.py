@@ -85,6 +85,9 @@ NO_WAIT = frozenset({Cause.DRIVES, Cause.SETS_OFF, Cause.WORKS})
 """Causes of robots that nothing keeps."""
 OWN = NO_WAIT | {Cause.CHARGES, Cause.VISITS, Cause.NO_TASK, Cause.FAULT, Cause.SERVED}
 """Causes of robots that are not kept from what they are about, and of those that are about nothing."""
+WITHOUT_TASK = frozenset({Cause.NO_TASK, Cause.CHARGER})
+"""Causes that say what keeps a robot from having a task, and nothing of what keeps it where it is: whoever waits until
+it is out of the way waits for itself alone."""
 NOT_KEPT_BY_PLACE = frozenset(
     {
         Cause.DRIVES,

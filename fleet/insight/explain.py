@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fleet.insight.cause_log import TICK, CauseLog
-from fleet.insight.causes import DETAILS, NO_WAIT, NONE, OWN, Cause, Column
+from fleet.insight.causes import DETAILS, NO_WAIT, NONE, OWN, WITHOUT_TASK, Cause, Column
 from fleet.insight.legend import Legend, OutsideRun
-from fleet.insight.words import predicate, reason, release
+from fleet.insight.words import in_the_way, predicate, reason, release
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ class Explanation:
             words = [f"{self.robot} {predicate(first)}"]
         else:
             words = [f"{self.robot}, for {lasts_s:.1f} s now, {predicate(first)}"]
-        words += [f"which {predicate(link)}" for link in self.chain[1:]]
+        words += [f"which {in_the_way(link)}" for link in self.chain[1:]]
         text = ", ".join(words)
         if self.cycle:
             text += f"; they wait for each other in a circle: {' -> '.join((*self.cycle, self.cycle[0]))}"
@@ -115,9 +115,13 @@ def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explana
             break  # a file that does not begin at the beginning
         chain.append(_link(log.change(change), _since_tick(log, change), tick, legend))
         robot_number = log.change(change)[2 + Column.BY]
+        if len(chain) > 1 and chain[-1].cause in WITHOUT_TASK:
+            robot_number = NONE
     if not chain:
         raise OutsideRun(f"time is {time_s:g} s: nothing is told of {robot} then; valid: a later time")
     cycle = numbers[numbers.index(robot_number) :] if robot_number in numbers[: len(chain)] else []
+    if cycle and chain[-len(cycle)].cause in WITHOUT_TASK:
+        cycle = []  # it stands in the way of others, but does not wait for them: it goes as soon as it can
     return Explanation(
         robot=robot,
         time_s=time_s,

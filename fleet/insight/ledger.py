@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, Cause, CauseRows, Column
+from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, WITHOUT_TASK, Cause, CauseRows, Column
 from fleet.roster import PHASES, CarPhase
 from fleet.world.protocol import FloatArray
 
@@ -74,6 +74,7 @@ _ARM_RULE = {
 }
 _ARM_RULES = np.array([_ARM_RULE.get(cause, Account.IDLE) for cause in Cause], dtype=np.int64)
 _HAS_PLACE = np.array([cause not in NOT_KEPT_BY_PLACE for cause in Cause])
+_ENDS_CHAIN = np.array([cause in WITHOUT_TASK for cause in Cause])
 _PLAN_LATE, _CHARGER = int(Cause.PLAN_LATE), int(Cause.CHARGER)  # kernels know plain numbers only
 _CAUSE, _BY, _CELL, _PLACE = (int(c) for c in (Column.CAUSE, Column.BY, Column.CELL, Column.PLACE))
 
@@ -184,6 +185,7 @@ class Ledger:
             _RULES,
             _ARM_RULES,
             _HAS_PLACE,
+            _ENDS_CHAIN,
             self._dock_xy,
             causes,
             phase,
@@ -250,6 +252,7 @@ def _book(
     rules,
     arm_rules,
     has_place,
+    ends_chain,
     dock_xy,
     causes,
     phase,
@@ -270,7 +273,7 @@ def _book(
             if account == 3 and 0 <= place[car] < n_stations:
                 waiting[place[car]] += 1
         robots[account, robot] += 1
-        _put_down(robot, account, by_robot, by_cell, by_place, has_place, causes)
+        _put_down(robot, account, by_robot, by_cell, by_place, has_place, ends_chain, causes)
     for station in range(n_stations):
         if served[station] >= 0:
             stations[0, station] += 1
@@ -302,17 +305,17 @@ def _account(car, rules, dock_xy, causes, phase, loaded, place, served, speeds, 
 
 
 @njit(cache=True)
-def _put_down(robot, account, by_robot, by_cell, by_place, has_place, causes):
+def _put_down(robot, account, by_robot, by_cell, by_place, has_place, ends_chain, causes):
     """Put one tick down to a robot, a cell and a place; the last of each stands for none."""
     n_robots = len(causes)
     root, cell, at = n_robots, NONE, NONE
     if account > 1:
         root = robot
-        for _ in range(n_robots):
-            if causes[root, _BY] == NONE:
+        for k in range(n_robots):
+            if causes[root, _BY] == NONE or (k > 0 and ends_chain[causes[root, _CAUSE]]):
                 break
             root = causes[root, _BY]
-        if causes[root, _BY] != NONE:  # a circle
+        else:  # a circle
             root = causes[robot, _BY]
         cell = causes[robot, _CELL]
         at = causes[root, _PLACE] if has_place[causes[root, _CAUSE]] else NONE

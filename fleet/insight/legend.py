@@ -58,7 +58,9 @@ class Legend:
             OutsideRun: There is none.
         """
         end_s = end_tick * self.tick_s
-        if not 0.0 <= time_s <= end_s or end_tick == 0:
+        if end_tick == 0:
+            raise OutsideRun(f"time is {time_s:g} s; the run ended before its first tick; valid: a longer run")
+        if not 0.0 <= time_s <= end_s:
             raise OutsideRun(f"time is {time_s:g} s; valid: 0 to {end_s:g} s")
         return min(int(time_s / self.tick_s + 1e-6), end_tick - 1)
 

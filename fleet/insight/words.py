@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from fleet.insight.causes import Cause
+from fleet.insight.causes import WITHOUT_TASK, Cause
 
 if TYPE_CHECKING:
     from fleet.insight.explain import Link
@@ -46,19 +46,29 @@ def reason(link: Link) -> str:
     return _REASONS[link.cause](link)
 
 
+def in_the_way(link: Link) -> str:
+    """What is said of a robot that another waits for, to follow `which`."""
+    return "has no task" if link.cause in WITHOUT_TASK else predicate(link)
+
+
 def predicate(link: Link) -> str:
-    """The same, to follow the robot's name or `which`."""
+    """The same, to follow the robot's name."""
     return _PREDICATES[link.cause](link) if link.cause in _PREDICATES else f"waits: {reason(link)}"
 
 
 def release(chain: Sequence[Link]) -> str:
     """What would release the first robot of a chain that has an end."""
     root = chain[-1]
-    if root.cause in _RELEASES:
-        return _RELEASES[root.cause](root)
     waits = chain[-2] if len(chain) > 1 else root
+    in_the_way = len(chain) > 1 and root.cause in WITHOUT_TASK
+    if root.cause in _RELEASES and not in_the_way:
+        return _RELEASES[root.cause](root)
     if waits.cell is not None:
         return f"{root.robot} has to leave cell {waits.cell}"
+    if waits.cause is Cause.AWAITS:
+        return f"{root.robot} has to come to {waits.place}"
+    if root.place == waits.place and not in_the_way:
+        return f"{root.robot} has to be done at {waits.place} and leave it"
     return f"{root.robot} has to leave {waits.place or 'its place'}"
 
 

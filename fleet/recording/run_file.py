@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 import os
@@ -138,7 +139,9 @@ class RunFile:
             self._lines = (directory / EVENTS).open("w", encoding="utf-8", buffering=1)
         except OSError as error:
             raise OutputError(f"--out {directory}: {EVENTS} cannot be written: {error.strerror}") from error
-        self._write({"kind": "run", "config": config, "seed": seed, "versions": versions()})
+        head = self._write({"kind": "run", "config": config, "seed": seed, "versions": versions()})
+        self.name = _name_of(head)
+        """Stands in every file of the run, so that files of two runs are told apart, see `RunRecord.name`."""
 
     def event(self, tick: int, sim_s: float, kind: str, **details: object) -> None:
         """Append one event.
@@ -173,8 +176,10 @@ class RunFile:
     ) -> None:
         self.close()
 
-    def _write(self, item: Mapping[str, object]) -> None:
-        self._lines.write(json.dumps(plain(item), allow_nan=False, separators=(",", ":")) + "\n")
+    def _write(self, item: Mapping[str, object]) -> str:
+        line = json.dumps(plain(item), allow_nan=False, separators=(",", ":"))
+        self._lines.write(line + "\n")
+        return line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,6 +189,8 @@ class RunRecord:
     config: dict[str, Any]
     seed: int
     versions: dict[str, str]
+    name: str
+    """Digest of settings, seed and versions: runs that differ in any of them have other names."""
     events: tuple[dict[str, Any], ...]
     result: dict[str, Any] | None
     """None if the run did not come to its end."""
@@ -227,9 +234,15 @@ def read_run(directory: Path) -> RunRecord:
         config=header["config"],
         seed=header["seed"],
         versions=header["versions"],
+        name=_name_of(lines[0]),
         events=tuple(items[1:]),
         result=_read_result(directory / RESULT),
     )
+
+
+def _name_of(head: str) -> str:
+    """The name of a run, from the first line of its run file."""
+    return hashlib.sha256(head.encode()).hexdigest()[:16]
 
 
 def _read_result(path: Path) -> dict[str, Any] | None:

@@ -25,7 +25,7 @@ from fleet.recording.errors import OutputError
 from maps.grid import HEADING_NAMES
 
 TRACE = "run.trace"
-VERSION = 1
+VERSION = 2
 UNKNOWN = np.iinfo(np.int32).min
 """What a quantity is before it is known."""
 
@@ -77,6 +77,7 @@ class TraceFile:
             raise OutputError(f"--out {directory}: {TRACE} cannot be written: {error.strerror}") from error
         header = {"kind": "trace", "version": VERSION, "cars": n_cars, "arms": n_arms, **about}
         self._file.write(json.dumps(header, separators=(",", ":")).encode() + b"\n")
+        self._file.flush()  # a run that is killed in its first second has a trace without ticks
         n = n_cars + n_arms
         self._known = np.full((len(Quantity), n), UNKNOWN, dtype=np.int64)
 
@@ -115,6 +116,8 @@ class TraceFile:
 class Trace:
     """The trace of a run."""
 
+    run: str
+    """Name of the run, see `fleet.recording.run_file.RunRecord`."""
     tick_s: float
     """Length of a tick [s]."""
     n_cars: int
@@ -209,11 +212,16 @@ def read_trace(directory: Path) -> Trace:
         if n_cars < 0 or n_arms < 0:
             raise ValueError(f"{n_cars} cars, {n_arms} arms")
         digests, marks, changes = _blocks(content, n_cars + n_arms)
+        plan = _rows(header["plan"])
+        cells = changes["value"][changes["quantity"] == Quantity.CELL]
+        if ((cells >= len(plan) * len(plan[0])) | ((cells < -1) & (cells != UNKNOWN))).any():
+            raise ValueError("a cell beyond the plan")
         return Trace(
+            run=str(header["run"]),
             tick_s=_positive(header["tick_s"]),
             n_cars=n_cars,
             n_arms=n_arms,
-            plan=_rows(header["plan"]),
+            plan=plan,
             cell_m=_positive(header["cell_m"]),
             stations=tuple(map(str, header["stations"])),
             places=tuple(map(str, header["places"])),

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Container, Mapping
+import math
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 from fleet.insight.cause_file import read_causes
@@ -63,11 +65,13 @@ def load_run(directory: Path) -> Run:
                        ("versions", record.versions)):  # fmt: skip
         if not isinstance(tree, dict):
             raise OutputError(f"{directory / EVENTS}, line 1: {name} is {tree!r}; valid: names with their values")
+    _check_events(record.events, directory / EVENTS)
     trace = read_trace(directory)
     if not trace.n_ticks:
         raise OutputError(f"{directory / TRACE} holds no tick: the run ended at once; valid: a run of a second or more")
     causes, legend = read_causes(record.events, str(directory / EVENTS))
-    if (legend.n_cars, legend.n_arms, legend.cols) != (trace.n_cars, trace.n_arms, len(trace.plan[0])):
+    floor = (legend.n_cars, legend.n_arms, legend.cols)
+    if record.name != trace.run or floor != (trace.n_cars, trace.n_arms, len(trace.plan[0])):
         raise OutputError(
             f"{directory}: {EVENTS} and {TRACE} are of two runs; valid: the files of one run, as it left them"
         )
@@ -82,9 +86,24 @@ def load_run(directory: Path) -> Run:
     return Run(directory=directory, record=record, trace=trace, causes=causes, legend=legend)
 
 
+def _check_events(events: Iterable[Mapping[str, Any]], path: Path) -> None:
+    """Refuse events without a time, and tasks that nobody can follow."""
+    for number, event in enumerate(events, start=2):
+        tick, sim_s = event.get("tick"), event.get("sim_s")
+        known = type(tick) is int and tick >= 0 and isinstance(sim_s, int | float) and math.isfinite(sim_s)
+        if known and event["kind"] == "task":
+            words = [event.get(name) for name in ("task", "state")]
+            more = [event.get(name) for name in ("before", "car", "cause")]
+            known = all(type(word) is str for word in words) and all(type(word) in (str, NoneType) for word in more)
+        if not known:
+            raise OutputError(f"{path}, line {number}: {str(dict(event))[:60]}; valid: an event as it was written")
+
+
 def _check_result(record: RunRecord, trace: Trace) -> None:
     """Refuse figures of another run, and figures that are not what they are called, with any error of a look-up."""
     result = record.result or {}
+    if result["run"] != record.name:
+        raise ValueError("it is of a run with other settings")
     if result["seed"] != record.seed:
         raise ValueError(f"seed {result['seed']!r} instead of {record.seed!r}")
     ledger = result["car_ticks"] | result["arm_ticks"]
@@ -100,6 +119,8 @@ def _check_result(record: RunRecord, trace: Trace) -> None:
     _check_numbers(result["time_share_percent"])
     _check_numbers({name: result[name] for name in ("arm_utilisation", "robot_contacts", "static_contacts")})
     for kind, columns in result["blame"].items():
+        if len({len(column) for column in columns.values()}) != 1:
+            raise ValueError(f"blame of {kind}: columns of several lengths")
         by = ("row", "col") if kind == "cells" else (kind.removesuffix("s"),)
         named = [columns[name] for name in ("account", *by, "ticks")]
         for account, *of, ticks in zip(*named, strict=True):

@@ -83,6 +83,8 @@ class ArmService:
         self._elapsed_s = 0.0
         self._carrying = False
         self._lost = False
+        self._denied = False
+        """Whether the gate has not let the next motion begin."""
         self.parcel = -1
         self.grip_height_m = 0.0
         """The tip's height over the underside of a parcel that was fetched [m]."""
@@ -110,8 +112,7 @@ class ArmService:
         """The arm whose motions keep this one from moving, -1 = none."""
         if self.gate is None or self.state is not ServiceState.MOVING:
             return -1
-        begins = self._elapsed_s == 0.0 and isinstance(self._steps[self._at], Trajectory)
-        return self.gate.other if self.paused or begins else -1
+        return self.gate.other if self.paused or self._denied else -1
 
     def set_speed(self, speed: float) -> None:
         """Play motions at another speed from now on."""
@@ -199,8 +200,10 @@ class ArmService:
             self._next()
             return left_s
         if isinstance(step, Trajectory):
-            if self._elapsed_s == 0.0 and self.gate is not None and not self.gate.may_start(step):
-                return 0.0
+            if self._elapsed_s == 0.0 and self.gate is not None:
+                self._denied = not self.gate.may_start(step)
+                if self._denied:
+                    return 0.0
             self._elapsed_s += left_s
             over_s = self._elapsed_s - step.duration_s
             self.q, self.qd = step.sample(min(self._elapsed_s, step.duration_s))
@@ -251,5 +254,5 @@ class ArmService:
     def _end(self, state: ServiceState) -> None:
         self.changes_n += 1
         self.state = state
-        self._carrying = self._lost = self.paused = False
+        self._carrying = self._lost = self._denied = self.paused = False
         self._back = ()

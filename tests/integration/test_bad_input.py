@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from fleet.cli import main
+from fleet.config import RunConfig
+from fleet.errors import ConfigError
 
 CSV = "id,release_s,pick,drop,mass_kg,size_m\n"
 GOOD = "a,0,pick_1,drop_1,0.3,0.06\n"
@@ -55,7 +57,8 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--robots"], ["--robots has no value"]),
         (["--robots", "0"], ["--robots is 0", "an integer >= 1"]),
         (["--robots", "-3"], ["--robots is -3", "an integer >= 1"]),
-        (["--tasks", "0"], ["--tasks is 0", "an integer >= 1"]),
+        (["--tasks", "0"], ["--tasks is 0", "an integer from 1 to 1000000"]),
+        (["--tasks", "100000000"], ["--tasks is 100000000", "an integer from 1 to 1000000"]),
         (["--tasks", "many"], ["--tasks is 'many'", "an integer"]),
         (["--seed", "-1"], ["--seed is -1", "an integer >= 0"]),
         (["--seed", "1e3"], ["--seed is '1e3'", "an integer"]),
@@ -277,3 +280,10 @@ def test_the_process_itself_says_one_line_and_ends_with_2(
     assert ended.stderr.startswith(f"python -m fleet.demo: {expected}")
     assert ended.stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir() if path.name != "orders.csv"] == []
+
+
+@pytest.mark.parametrize("setting", [{"robots": 2.0}, {"robots": True}, {"tasks": 2.5}, {"seed": 1.5}, {"seed": "1"}])
+def test_a_setting_from_python_that_is_no_integer_is_named(setting: dict[str, object]) -> None:
+    (name,) = setting
+    with pytest.raises(ConfigError, match=f"--{name} is .*; valid: an integer"):
+        RunConfig(**setting)  # type: ignore[arg-type]

@@ -5,6 +5,7 @@ import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.causes import NONE, OWN, Cause, Column
+from fleet.insight.explain import Explanation
 from fleet.insight.ledger import STANDING_MPS
 from fleet.roster import CarPhase
 from fleet.simulation import Simulation
@@ -25,6 +26,7 @@ TROUBLED = {"robots": 6, "tasks": 20, "duration_s": 70.0, "fidelity": Fidelity.K
         ScenarioEvent(time_s=12.0, kind="car_pushed", target="car_1", parameters={"dx_m": 0.3, "dyaw_rad": 0.8}),
         ScenarioEvent(time_s=20.0, kind="arm_slow", target="arm_0", parameters={"factor": 0.3, "duration_s": 30.0}),
         ScenarioEvent(time_s=30.0, kind="lane_blocked", target="6,7", parameters={"duration_s": 20.0}),
+        ScenarioEvent(time_s=5.0, kind="grip_lost", target="arm_1"),
         ScenarioEvent(time_s=45.0, kind="car_dead", target="car_3"),
     )
 }
@@ -47,10 +49,11 @@ def check(simulation: Simulation) -> None:
         if robot >= n_cars:
             served = int(roster.served[robot - n_cars])
             assert cause != Cause.AWAITS or by in simulation.dispatcher.bookings.bound(robot - n_cars)
+            assert cause != Cause.WORKS or served >= 0 or not simulation.desk.is_idle(robot - n_cars)
             assert cause != Cause.NO_TASK or served < 0 or simulation.desk.is_idle(robot - n_cars)
             continue
         phase = roster.phase[robot]
-        if phase in BOUND:
+        if phase in (*BOUND, CarPhase.HELD):
             assert (cause == Cause.DRIVES) == (abs(speeds[robot]) >= STANDING_MPS)
         assert (cause == Cause.SERVED) == (phase in AT_DOCK)
         assert (cause == Cause.FAULT) == (phase in OUT)
@@ -64,6 +67,7 @@ def check(simulation: Simulation) -> None:
             assert simulation.traffic.blocked[cell]
         elif cause == Cause.SERVED:
             assert (by, roster.served[place]) == (n_cars + place, robot)
+            assert rows[by, Column.CAUSE] not in (Cause.AWAITS, Cause.NO_TASK)
         elif cause in (Cause.ARM, Cause.CLOSED):
             assert not simulation.desk.is_idle(by - n_cars)
 
@@ -71,14 +75,18 @@ def check(simulation: Simulation) -> None:
 @pytest.mark.parametrize("settings", [BUSY, TROUBLED, SHARED, CHARGING, ALONE, UNCAPPED])
 def test_causes_agree_with_the_run(settings: dict[str, object]) -> None:
     seen: set[int] = set()
+    circles: list[Explanation] = []
     with made(**settings) as simulation:
         while not simulation.finished:
             simulation.tick()
             check(simulation)
+            if simulation.now % 5 == 0:
+                circles += [told for told in map(simulation.explain, simulation.legend.robots) if told.cycle]
             seen |= set(simulation.causes.rows[:, Column.CAUSE].tolist())
         log, rows = simulation.causes.log, simulation.causes.rows
         last = log.at(simulation.now - 1)
         assert np.array_equal(np.delete(last, Column.UNTIL, axis=1), np.delete(rows, Column.UNTIL, axis=1))
+    assert circles == [], "robots that go on have not waited for each other"
     assert len(seen - OWN) >= (1 if settings is ALONE else 2), "there was something to explain"
 
 

@@ -215,6 +215,7 @@ def test_the_example_gives_back_the_friction_that_it_was_made_with(
         ),
         ([], "".join(f"{k / 10},0,{k // 3}\n" for k in range(6)), "q2 goes from 0 to 1 rad within 0.1 s, at 0.2 s"),
         ([], "".join(f"{k / 10},0,0,0,{90 * k}\n" for k in range(6)), "target2 is 90 rad at 0.1 s"),
+        (["--out", "/dev/null/a/b"], "".join(f"{k / 10},0,0\n" for k in range(6)), "--out /dev/null/a/b: "),
         (["--frequency", "0"], "", "--frequency is 0.0; valid: a number > 0"),
     ],
 )

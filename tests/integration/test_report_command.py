@@ -15,6 +15,7 @@ from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.causes import OWN, Cause
 from fleet.insight.ledger import Account
 from fleet.insight.time_table import NoPandas
+from fleet.recording.trace_file import CHANGE, Quantity
 from fleet.report.page import ACCOUNTS
 from fleet.report.plots import columns
 from fleet.report.run import Run, load_run
@@ -197,6 +198,13 @@ def test_a_run_that_was_killed_still_has_a_page(run: Run, tmp_path: Path) -> Non
         (lambda cut: change(cut / "run.trace", '"cars":6', '"cars":"6"x'), "is no trace"),
         (lambda cut: change(cut / "run.trace", '"cars":6', '"cars":5'), "run.trace: cannot be read"),
         (lambda cut: change(cut / "run.jsonl", '"versions":{', '"versions":0,"other":{'), "versions is 0"),
+        (lambda cut: change(cut / "run.jsonl", '"askew":false', '"askew":true'), "are of two runs"),
+        (lambda cut: change(cut / "run.jsonl", '"kind":"task","task":', '"kind":"task","tusk":'), "line "),
+        (lambda cut: change(cut / "run.jsonl", '{"tick":0,', '{"tick":"0",'), "line 2: "),
+        (lambda cut: change(cut / "run.jsonl", '{"tick":0,', '{"tick":99999999999,'), "tick 99999999999"),
+        (lambda cut: spoil_cell(cut / "run.trace"), "a cell beyond the plan"),
+        (lambda cut: change(cut / "result.json", '"account": [', '"more": [], "account": ['), "of several lengths"),
+        (lambda cut: change(cut / "result.json", '"run": "', '"run": "0'), "of a run with other settings"),
         (lambda cut: change(cut / "result.json", '"seed": 0', '"seed": 1'), "seed 1 instead of 0"),
         (lambda cut: change(cut / "result.json", '"car_5": {', '"car_6": {'), "result.json: does not fit"),
         (lambda cut: change(cut / "result.json", '"robot_contacts": 0', '"robot_contacts": null'), "robot_contacts"),
@@ -222,6 +230,15 @@ def change(path: Path, old: str, new: str) -> None:
     content = path.read_bytes()
     assert old.encode() in content
     path.write_bytes(content.replace(old.encode(), new.encode(), 1))
+
+
+def spoil_cell(path: Path) -> None:
+    """Put a car into a cell that the floor does not have."""
+    head, _, content = path.read_bytes().partition(b"\n")
+    ticks_n, changes_n = np.frombuffer(content, "<u4", 2)
+    table = np.frombuffer(bytearray(content), CHANGE, changes_n, 8 + ticks_n * (8 + 2 * (CARS_N + 4)))
+    table["value"][np.flatnonzero(table["quantity"] == Quantity.CELL)[0]] = 16 * 99
+    path.write_bytes(head + b"\n" + table.base.obj)  # type: ignore[union-attr]
 
 
 def test_axes_without_a_value_have_a_round_scale() -> None:

@@ -64,7 +64,8 @@ def test_a_panda_empties_most_of_a_tray(tmp_path: Path) -> None:
     ("words", "message"),
     [
         (["sort", "--objects", "11"], "--objects is 11; valid: an integer from 1 to 10"),
-        (["tray", "--seed", "-1"], "--seed is -1; valid: an integer >= 0"),
+        (["tray", "--seed", "-1"], "--seed is -1; valid: an integer from 0 to 2147483647"),
+        (["sort", "--seed", "2147483648"], "--seed is 2147483648; valid: an integer from 0 to 2147483647"),
         (["chess"], "unknown command 'chess'; valid: sort, tray, pair"),
         (["sort", "--objects", "1", "--out", __file__], "--out"),
     ],

@@ -87,6 +87,31 @@ def test_a_circle_is_named() -> None:
     assert found.release == "one of car_1, car_2 has to give way"
 
 
+def test_why_a_car_in_the_way_has_no_task_is_not_what_keeps_it_there() -> None:
+    """car_1 waits for a cell of car_0, whose only task has to wait for the arm, which awaits car_1."""
+    idle = {"cause": Cause.NO_TASK, "by": 3, "place": 0, "task": 5, "detail": DETAIL_OF["waits_for_slot"]}
+    waits = {"cause": Cause.CELL, "by": 0, "cell": 47}
+    log = log_of((0, rows(car_0=idle, car_1=waits, arm_0={"cause": Cause.AWAITS, "by": 1, "place": 0})))
+    found = explain(log, LEGEND_OF_THREE, "car_1", 5.0)
+    assert str(found) == "car_1 has waited 5.0 s: cell (2, 7) is granted to car_0, which has no task"
+    assert found.release == "car_0 has to leave cell (2, 7)"
+    asked_itself = explain(log, LEGEND_OF_THREE, "car_0", 5.0)
+    assert [link.robot for link in asked_itself.chain] == ["car_0", "arm_0", "car_1"]
+    assert asked_itself.cycle == ()
+
+
+def test_who_is_awaited_has_to_come_and_who_is_served_before_has_to_go() -> None:
+    comes = rows(
+        car_0={"cause": Cause.DRIVES, "place": 0},
+        car_1={"cause": Cause.STATION_FULL, "by": 0, "place": 0},
+        arm_0={"cause": Cause.AWAITS, "by": 0, "place": 0},
+    )
+    log = log_of((0, comes), (50, rows(car_1={"cause": Cause.STATION_FULL, "by": 0, "place": 0})))
+    assert explain(log, LEGEND_OF_THREE, "arm_0", 1.0).release == "car_0 has to come to pick_1"
+    assert explain(log, LEGEND_OF_THREE, "car_1", 1.0).release == "car_0 has to be done at pick_1 and leave it"
+    assert explain(log, LEGEND_OF_THREE, "car_1", 6.0).release == "car_0 has to leave pick_1"
+
+
 @pytest.mark.parametrize("cause", Cause)
 @pytest.mark.parametrize("bare", [True, False])
 def test_there_are_words_for_every_cause(cause: Cause, bare: bool) -> None:
@@ -125,6 +150,11 @@ def test_a_robot_that_does_not_exist_is_refused(robot: str, valid: str) -> None:
 def test_a_time_that_was_not_is_refused(time_s: float) -> None:
     with pytest.raises(OutsideRun, match="0 to 20 s"):
         explain(log_of((0, rows())), LEGEND_OF_THREE, "car_0", time_s)
+
+
+def test_a_run_without_a_tick_is_refused() -> None:
+    with pytest.raises(OutsideRun, match="ended before its first tick"):
+        explain(CauseLog(4), LEGEND_OF_THREE, "car_0", 0.0)
 
 
 def test_an_end_that_moves_by_a_tick_is_no_change() -> None:

@@ -109,6 +109,18 @@ def test_time_is_put_down_to_the_root_and_to_the_cell_that_is_waited_for() -> No
     assert ledger.by_place[[Account.TRAFFIC, Account.SERVED, Account.AWAITING], 0].tolist() == [1, 2, 1]
 
 
+def test_a_wait_ends_at_a_car_without_a_task() -> None:
+    """The second car stands in the way of the first; that its next task waits for the arm is another matter."""
+    ledger = Ledger(2, DOCKS, n_cells=4, n_places=2)
+    causes = rows(Cause.CELL, Cause.NO_TASK, Cause.AWAITS, Cause.NO_TASK, by={0: 1, 1: 2, 2: 0})
+    phase = np.array([PHASES.index(p) for p in (CarPhase.TO_PICK, CarPhase.IDLE)])
+    zeros = np.zeros(2, dtype=np.int64)
+    ledger.tick(causes, phase, zeros, zeros - 1, np.array([-1, -1]), np.zeros(2), np.zeros((2, 3)) + 9.0)
+    assert ledger.by_robot[Account.TRAFFIC].tolist() == [0, 1, 0, 0, 0]
+    assert ledger.by_robot[Account.AWAITING].tolist() == [0, 1, 0, 0, 0]
+    assert ledger.by_robot[Account.IDLE].tolist() == [0, 1, 0, 1, 0]
+
+
 def test_in_a_circle_the_next_one_is_to_blame() -> None:
     ledger = Ledger(2, DOCKS, n_cells=4, n_places=2)
     causes = rows(Cause.CELL, Cause.CELL, Cause.NO_TASK, Cause.NO_TASK, by={0: 1, 1: 0})

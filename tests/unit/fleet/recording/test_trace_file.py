@@ -10,6 +10,7 @@ from fleet.recording import OutputError
 from fleet.recording.trace_file import TRACE, UNKNOWN, Quantity, TraceFile, read_trace
 
 ABOUT = {
+    "run": "0123456789abcdef",
     "tick_s": 0.05,
     "plan": ("####", "#..#", "####"),
     "cell_m": 1.0,
@@ -88,14 +89,20 @@ def test_a_trace_that_was_cut_off_is_read_up_to_its_last_whole_second(tmp_path: 
     assert cut.changes["tick"].max(initial=0) < cut.n_ticks
 
 
+def test_the_trace_of_a_run_that_is_killed_in_its_first_second_is_there(tmp_path: Path) -> None:
+    with TraceFile(tmp_path, n_cars=2, n_arms=1, about=ABOUT):
+        trace = read_trace(tmp_path)
+    assert (trace.n_ticks, trace.run) == (0, ABOUT["run"])
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
         (b"\x93NUMPY", "is no trace"),
         (b"", "is no trace"),
         (b"[]\n", "is no trace"),
-        (b'{"kind":"trace","version":99}\n', "version 99; valid: .* has version 1"),
-        (b'{"kind":"run","version":1}\n', "kind 'run'"),
+        (b'{"kind":"trace","version":99}\n', "version 99; valid: .* has version 2"),
+        (b'{"kind":"run","version":2}\n', "kind 'run'"),
     ],
 )
 def test_what_is_no_trace_is_named(tmp_path: Path, content: bytes, said: str) -> None:

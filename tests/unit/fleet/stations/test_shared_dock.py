@@ -137,6 +137,16 @@ def test_both_arms_load_one_tray_at_once(planner, referee):
     assert blind.least_m < 0.0
 
 
+def test_an_arm_whose_sibling_rests_never_waits_for_it(planner, referee):
+    cell = Cell(planner, referee)
+    cell.desk.submit(cell.request(0), 0)
+    said = set()
+    while not said or not cell.idle:
+        cell.tick()
+        said.add(cell.desk.services[0].waits_for)
+    assert said == {-1}
+
+
 def test_one_arm_fetches_while_the_other_has_the_tray(planner, referee):
     cell = Cell(planner, referee)
     cell.desk.submit(cell.request(0), 0)
