@@ -164,6 +164,7 @@ class BulletWorld:
         self._car_pairs = np.zeros((64, 2), dtype=np.int64)
         self._box_pairs = np.zeros((256, 2), dtype=np.int64)
         self._near_arms = np.zeros(self.n_arms, dtype=np.bool_)
+        self._empty = np.full((self.n_arms, 4), -1.0)
         self._touch_tells = config.grip is Grip.FRICTION
         self._list_boxes()
         self._near = self._measure()
@@ -286,11 +287,11 @@ class BulletWorld:
 
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,)."""
+        cast, starts, stops = self._client.rayTestBatch, origins.tolist(), ends.tolist()
         fractions: list[float] = []
-        for first in range(0, len(origins), _RAYS_PER_CALL):
+        for first in range(0, len(starts), _RAYS_PER_CALL):
             part = slice(first, first + _RAYS_PER_CALL)
-            hits = self._client.rayTestBatch(origins[part].tolist(), ends[part].tolist())
-            fractions += [hit[2] for hit in hits]
+            fractions += [hit[2] for hit in cast(starts[part], stops[part])]
         return np.array(fractions)
 
     def image(self, camera: Camera) -> CameraImage:
@@ -449,7 +450,10 @@ class BulletWorld:
         return near + [(cars[i], bodies[j]) for i, j in self._box_pairs[:boxes_n].tolist()]
 
     def _held_spheres(self) -> FloatArray:
-        spheres = np.full((self.n_arms, 4), -1.0)
+        spheres = self._empty
+        if max(self._grip.held, default=-1) < 0:
+            return spheres
+        spheres = spheres.copy()
         for arm, parcel in enumerate(self._grip.held):
             if parcel >= 0:
                 spheres[arm, :3] = self._parcels.pose(parcel)[:3]
