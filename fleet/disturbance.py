@@ -45,6 +45,8 @@ class Disturbances:
     def tick(self, tick: int) -> None:
         """Apply what is due and end what has lasted long enough."""
         del tick
+        if not self._timeline and not self._ends:
+            return
         now_s = self._simulation.sim_s
         while self._timeline and self._timeline[0].time_s <= now_s:
             self._apply(self._timeline.popleft(), now_s)

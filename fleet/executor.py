@@ -147,8 +147,12 @@ class Executor:
     def _reorder(self, tick_s: float) -> None:
         """Let the car that has waited longest for a late one go first; if it cannot, it asks again later."""
         after_s = self._config.reorder_after_s
+        held_up = self.dependencies.held_up()
+        if not held_up.any():
+            self._waited_s[:] = 0.0
+            return
         self._waited_s += tick_s
-        self._waited_s *= self.dependencies.held_up()
+        self._waited_s *= held_up
         car = int(self._waited_s.argmax())
         if self._waited_s[car] >= after_s:
             self._waited_s[car] -= RETRY_S

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -64,20 +65,20 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class Actions:
-    """What agents decide instead of the executor and the arm desk; None leaves it to them.
+    """What agents decide instead of the executor and the arm desk, for the first robots; None leaves all to them.
 
     Made for a run whose driver and desk know which robots agents decide (`fleet.envs.agent_simulation`): in any other
     run the executor takes for granted that a car follows its path, and recovery takes back a car that does not.
     """
 
     cars: FloatArray | None = None
-    """Steering [rad] and speed [m/s], shape (n_cars, 2); rows of nan leave that car to the executor."""
+    """Steering [rad] and speed [m/s] of the first cars, shape (k, 2)."""
     arms: FloatArray | None = None
-    """Joint targets [rad], shape (n_arms, n_joints); rows of nan leave that arm to the desk."""
+    """Joint targets [rad] of the first arms, shape (m, n_joints)."""
     arms_qd: FloatArray | None = None
-    """Joint velocities there [rad/s], same shape, read only for arms that `arms` decides; None = zero."""
+    """Joint velocities there [rad/s], same shape; None = zero."""
     grip: npt.NDArray[np.bool_] | None = None
-    """Hold, shape (n_arms,); read only for arms that `arms` decides."""
+    """Whether they hold, shape (m,); None leaves it to the desk."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,15 +223,28 @@ class Simulation:
                 self.world.n_cars, self.site.grid.cell_xy(docks), self.graph.n_cells, len(self.dispatcher.places.cells)
             )
             self.metrics = Metrics(self.world.n_cars, self.tick_s, ledger)
-            self.causes = CauseWatch(self)
-            self.legend: Legend = legend_of(self)
-            # Without physics parcels stick rigidly to their tools.
-            self.slip_meter = SlipMeter(self.scene.arm, self.scene.arm_base) if self._in_physics else None
             self.arm_planner.wait_ready()
             undo.pop_all()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
         for refusal in self.refused:
             self.log("order_refused", task=refusal.name, where=refusal.where, cause=refusal.cause)
+
+    # Made when they are first asked for: where nobody reads the figures, nobody does.
+
+    @cached_property
+    def causes(self) -> CauseWatch:
+        """The causes of all robots, tick by tick."""
+        return CauseWatch(self)
+
+    @cached_property
+    def legend(self) -> Legend:
+        """What the numbers stand for."""
+        return legend_of(self)
+
+    @cached_property
+    def slip_meter(self) -> SlipMeter | None:
+        """Measures every carry; None without physics, where parcels stick rigidly to their tools."""
+        return SlipMeter(self.scene.arm, self.scene.arm_base) if self._in_physics else None
 
     @property
     def sim_s(self) -> float:
@@ -468,15 +482,11 @@ class Simulation:
             return commands, desk.q, desk.qd, desk.grip
         q, qd, grip = desk.q, desk.qd, desk.grip
         if actions.cars is not None:
-            left = np.isnan(actions.cars)
-            commands = np.where(left, commands, actions.cars) if left.any() else actions.cars
+            commands[: len(actions.cars)] = actions.cars
         if actions.arms is not None:
-            decided = ~np.isnan(actions.arms[:, 0])
-            speeds = np.zeros_like(q) if actions.arms_qd is None else actions.arms_qd
-            holds = grip if actions.grip is None else actions.grip
-            if decided.all():
-                return commands, actions.arms, speeds, holds
-            q = np.where(decided[:, None], actions.arms, q)
-            qd = np.where(decided[:, None], speeds, qd)
-            grip = np.where(decided, holds, grip)
+            n = len(actions.arms)
+            speeds = np.zeros_like(actions.arms) if actions.arms_qd is None else actions.arms_qd
+            holds = grip[:n] if actions.grip is None else actions.grip
+            q, qd = np.concatenate((actions.arms, q[n:])), np.concatenate((speeds, qd[n:]))
+            grip = np.concatenate((holds, grip[n:]))
         return commands, q, qd, grip

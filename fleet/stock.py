@@ -81,8 +81,10 @@ class Stock:
         for station in self._stations:
             for slot in station.collect_due(now_s):
                 self._collect(station, slot, now_s)
+        if not self._board.count(TaskState.BACKLOG):
+            return False
         waiting = self._waiting()
-        if not self._board.count(TaskState.BACKLOG) or waiting == self._left_waiting:
+        if waiting == self._left_waiting:
             return False
         # As it was before: what fails now may let others fail in the next round.
         self._left_waiting = waiting

@@ -80,8 +80,10 @@ class Visits:
 
     def release(self, now_s: float) -> None:
         """Make those visits ready that wait for nobody."""
+        if not self._any:
+            return
         counts = self._board.released_n, self._board.closed_n
-        if not self._any or counts == self._counts:
+        if counts == self._counts:
             return  # nobody's turn has come
         self._counts = counts
         for task in self._board.in_state(TaskState.BACKLOG):

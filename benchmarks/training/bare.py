@@ -1,7 +1,8 @@
 """Bare: the loop that one writes by hand around PyBullet, in the same scene with the same robots and rays.
 
-It sets every motor, makes the physics steps one by one, reads what an observation is made of, and casts the rays. It
-has no orders, no traffic, no rewards, no contacts, and its observations are lists of numbers that nobody puts in order.
+It sets every motor, makes the physics steps one by one, reads cars and arms, and casts the rays. It does not read where
+parcels lie, has no orders, no traffic, no rewards, no contacts, and its observations are lists of numbers that nobody
+puts in order.
 """
 
 from __future__ import annotations

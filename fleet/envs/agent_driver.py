@@ -59,6 +59,8 @@ class AgentDriver(PathDriver):
         self._is_agent: list[bool] = by_agent.tolist()
         self._all_agents = bool(by_agent.all())
         self._reached: list[int] = start_states.tolist()
+        self.next_states = list(self._reached)
+        """State at the end of each agent's car's current granted move; the last one reached if it holds no grant."""
         self._moves: list[deque[int]] = [deque() for _ in self._reached]
         self._gates = np.zeros((n_cars, _GATES_N, 4))  # pose of each granted state, 1 if it is driven to backwards
         self._gates_n = np.zeros(n_cars, dtype=np.int64)
@@ -119,11 +121,6 @@ class AgentDriver(PathDriver):
         """See `Driver`; nobody brings back the car of an agent."""
         return [] if self._all_agents else [car for car in super().off_lane() if not self._is_agent[car]]
 
-    def next_state(self, car: int) -> int:
-        """State at the end of an agent's car's current granted move; the last one reached if it holds no grant."""
-        moves = self._moves[car]
-        return int(self._graph.move_to[moves[0]]) if moves else self._reached[car]
-
     def poses_now(self, world: World) -> FloatArray:
         """Estimates at the end of the tick, shape (n_cars, 3): `estimate` is as old as the tick's beginning."""
         poses = self.estimate.copy()
@@ -143,6 +140,7 @@ class AgentDriver(PathDriver):
         graph = self._graph
         near = list(self._moves[car])[:_GATES_N]
         self._gates_n[car] = len(near)
+        self.next_states[car] = int(graph.move_to[near[0]]) if near else self._reached[car]
         for k, move in enumerate(near):
             self._gates[car, k, :3] = graph.state_pose[graph.move_to[move]]
             self._gates[car, k, 3] = graph.move_kind[move] == MoveKind.REVERSE

@@ -7,7 +7,7 @@ from numba import njit
 
 from fleet.robots.spec import ArmSpec
 from fleet.world.protocol import FloatArray
-from planners.motion.kinematics import jacobian_into, joint_rows, link_frames_into
+from planners.motion.kinematics import jacobian_into, link_frames_into
 
 TIP_N = 6
 """Entries of a tip's motion: along and about x, y, z."""
@@ -35,7 +35,7 @@ def joint_velocities(arm: ArmSpec, q: FloatArray, twists: FloatArray) -> FloatAr
     """
     out = np.empty_like(q)
     wanted = twists * np.array([TIP_MPS] * 3 + [TIP_RADPS] * 3)
-    _solve(joint_rows(arm.base_from_joint), arm.tool_length_m, q, wanted, arm.max_velocity_radps, out)
+    _solve(arm.joints, arm.tool_length_m, q, wanted, arm.max_velocity_radps, out)
     return out
 
 

@@ -21,7 +21,6 @@ from fleet.sensors.lidar import LidarRing
 from fleet.stations.service import ServiceState
 from fleet.stations.transfer import TRAY, TransferRequest
 from fleet.world.protocol import FloatArray
-from planners.motion.kinematics import joint_rows
 
 MISSIONS = (CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.TO_DROP, CarPhase.UNLOADING)
 """Phases that a car's row tells from all others."""
@@ -52,6 +51,8 @@ class Observer:
         """Observations of the agents' arms, shape (arms_n, ARM_N)."""
         self.arm_ways = np.zeros(arms_n)
         """Way of each agent's arm's tip to its parcel, and of the parcel to its place [m], shape (arms_n,)."""
+        self.hits: FloatArray | None = None
+        """How far the rays of the agents' cars came, as shares of their lengths, shape (cars_n * rays_n,)."""
         self.poses = world.car_poses()
         """Where cars are believed to be now, shape (n_cars, 3)."""
         self._car_limits = np.array([scene.car.max_speed_mps, scene.car.max_steering_rad])
@@ -62,27 +63,33 @@ class Observer:
         self._plans_n = -1
         docks = [station.dock_state for station in simulation.stations]
         self._docks = graph.state_pose[docks].reshape(-1, 3)
-        self._joints = joint_rows(scene.arm.base_from_joint)
         self._sizes = {
             task.parcel: np.asarray(task.delivery.size_m) for task in simulation.board.tasks if task.visit is None
         }
-        self._ids = np.full(1, -2, dtype=np.int64)
+        self._ids: list[int] = []
         self._parcel_sizes = np.zeros((0, 3))
         self._asked: list[TransferRequest | None] = [None] * arms_n
         self._transfers = np.zeros((arms_n, 5))  # parcel or -1, place x, y, z, direction
         self._transfers[:, 0] = -1
+        self.transfer_keys = [-1] * arms_n
+        """Numbers that tell what each agent's arm is asked to do from what it was asked before; -1 for nothing."""
 
-    def look(self) -> None:
-        """Take in this moment: fills the rows."""
+    def look(self, hits: FloatArray | None = None) -> None:
+        """Take in this moment: fills the rows.
+
+        Args:
+            hits: What `hits` is now, if that is known; None = it is found out.
+        """
         if len(self.car_rows):
-            self._look_at_cars()
+            self._look_at_cars(hits)
         if len(self.arm_rows):
             self._look_at_arms()
 
-    def transfer_key(self, arm: int) -> int:
-        """Number that tells what an arm is asked to do from what it was asked before; -1 for nothing."""
-        parcel, _, _, _, direction = self._transfers[arm].tolist()
-        return int(2 * parcel + (direction > 0)) if parcel >= 0 else -1
+    @property
+    def agent_poses(self) -> list[list[float]]:
+        """Where agents' cars are believed to be now, x, y, yaw."""
+        poses: list[list[float]] = self.poses[: len(self.car_rows)].tolist()
+        return poses
 
     def place(self, transfer: TransferRequest) -> FloatArray:
         """Where the centre of a transfer's parcel should come to rest, in the world [m], shape (3,)."""
@@ -95,7 +102,7 @@ class Observer:
             top = np.asarray(simulation.stations[transfer.arm].place.slots[transfer.place_via], dtype=np.float64)
         return top_of(top, transfer.size_m)
 
-    def _look_at_cars(self) -> None:
+    def _look_at_cars(self, hits: FloatArray | None) -> None:
         simulation = self._simulation
         world, driver = simulation.world, simulation.driver
         cars_n = len(self.car_rows)
@@ -111,7 +118,8 @@ class Observer:
             self._size,
             simulation.traffic.goals,
             simulation.graph.state_pose,
-            _MISSION_OF[roster.phase_index],
+            _MISSION_OF,
+            roster.phase_index,
             roster.loaded,
             self._routes,
             self._routes_n,
@@ -123,8 +131,8 @@ class Observer:
         )
         if self._ring is not None:
             # A lidar is where the car is, not where it is believed to be.
-            origins, ends = self._ring.rays(world.car_poses()[:cars_n])
-            self.car_rows[:, CAR_N:] = self._ring.distances(world.rays(origins, ends), self._rng)
+            self.hits = world.rays(*self._ring.rays(world.car_poses()[:cars_n])) if hits is None else hits
+            self.car_rows[:, CAR_N:] = self._ring.distances(self.hits, self._rng)
 
     def _draw_routes(self) -> None:
         """Draw the routes of cars whose granted moves have changed, or of all when there is a new plan."""
@@ -168,13 +176,16 @@ class Observer:
             if transfer is not asked:
                 self._asked[arm] = transfer
                 self._transfers[arm] = -1.0, 0.0, 0.0, 0.0, 0.0
+                self.transfer_keys[arm] = -1
                 if transfer is not None:
                     direction = 1.0 if transfer.place_via == TRAY else -1.0
+                    self.transfer_keys[arm] = 2 * transfer.parcel + (direction > 0)
                     self._transfers[arm] = transfer.parcel, *self.place(transfer), direction
         ids = world.parcel_ids()
-        if not np.array_equal(ids, self._ids):
-            self._ids = ids
-            self._parcel_sizes = np.array([self._sizes[parcel] for parcel in ids.tolist()]).reshape(-1, 3)
+        listed = ids.tolist()
+        if listed != self._ids:
+            self._ids = listed
+            self._parcel_sizes = np.array([self._sizes[parcel] for parcel in listed]).reshape(-1, 3)
         arm_rows(
             self.arm_rows,
             self.arm_ways,
@@ -183,7 +194,7 @@ class Observer:
             scene.arm.lower_rad,
             scene.arm.upper_rad,
             scene.arm.max_velocity_radps,
-            self._joints,
+            scene.arm.joints,
             scene.arm.tool_length_m,
             scene.arm_base,
             world.held(),

@@ -45,6 +45,24 @@ TERMS = tuple(field.name for field in fields(RewardWeights))
 _WORK = {TaskState.CARRIED: 0, TaskState.DELIVERED: 1, TaskState.FAILED: 2}
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Lane:
+    """What is left of a car's way, from where it comes to next."""
+
+    goal: int
+    state: int
+    x: float
+    y: float
+    way_m: float
+
+    def left_m(self, x: float, y: float) -> float:
+        """Length of the way from a place, straight to where the rest begins [m]."""
+        return self.way_m + math.hypot(self.x - x, self.y - y)
+
+
+_NOWHERE = _Lane(goal=-1, state=-1, x=0.0, y=0.0, way_m=0.0)
+
+
 class Rewards:
     """Judges one run, step by step.
 
@@ -70,7 +88,7 @@ class Rewards:
         n = simulation.cars_n + simulation.arms_n
         self._keys = np.full(n, -1, dtype=np.int64)
         self._ways = np.zeros(n)
-        self._lanes: list[tuple[int, int, float]] = [(-1, -1, 0.0)] * simulation.cars_n
+        self._lanes = [_NOWHERE] * simulation.cars_n
         self._measure()
         simulation.on_event = self._count
 
@@ -112,27 +130,28 @@ class Rewards:
 
     def _measure(self) -> None:
         """What each agent is about, and the way that is left: of a car straight to its next state, then along lanes."""
-        simulation, observer = self._simulation, self._observer
-        cars_n = simulation.cars_n
-        keys, ways = np.full(len(self._keys), -1, dtype=np.int64), np.zeros(len(self._keys))
-        if cars_n:
-            state_pose, driver = simulation.graph.state_pose, simulation.driver
-            poses = observer.poses
-            for car, goal in enumerate(simulation.traffic.goals[:cars_n].tolist()):
-                if goal < 0:
-                    continue
-                state = driver.next_state(car)
-                known = self._lanes[car]
-                if known[:2] != (goal, state):
-                    # One move of the lane graph is one cell.
-                    moves_n = float(simulation.traffic.tables.to(goal)[state])
-                    known = self._lanes[car] = (goal, state, moves_n * simulation.site.grid.cell_m)
-                x, y, _ = state_pose[state].tolist()
-                keys[car], ways[car] = goal, known[2] + math.hypot(x - poses[car, 0], y - poses[car, 1])
-        for arm in range(simulation.arms_n):
-            keys[cars_n + arm] = observer.transfer_key(arm)
-        ways[cars_n:] = observer.arm_ways
-        self._keys, self._ways = keys, np.where(keys >= 0, ways, 0.0)
+        observer, keys, ways = self._observer, [], []
+        states = self._simulation.driver.next_states
+        goals = self._simulation.traffic.goals[: len(self._lanes)].tolist()
+        for car, (goal, lane, (x, y, _)) in enumerate(zip(goals, self._lanes, observer.agent_poses, strict=True)):
+            keys.append(goal)
+            if goal < 0:
+                ways.append(0.0)
+                continue
+            if lane.state != states[car] or lane.goal != goal:
+                self._lanes[car] = self._lane(goal, states[car])
+            ways.append(self._lanes[car].left_m(x, y))
+        for key, way in zip(observer.transfer_keys, observer.arm_ways.tolist(), strict=True):
+            keys.append(key)
+            ways.append(way if key >= 0 else 0.0)
+        self._keys, self._ways = np.array(keys, dtype=np.int64), np.array(ways)
+
+    def _lane(self, goal: int, state: int) -> _Lane:
+        """The way from a state to a goal: one move of the lane graph is one cell."""
+        simulation = self._simulation
+        x, y, _ = simulation.graph.state_pose[state].tolist()
+        moves_n = float(simulation.traffic.tables.to(goal)[state])
+        return _Lane(goal=goal, state=state, x=x, y=y, way_m=moves_n * simulation.site.grid.cell_m)
 
 
 @njit(cache=True)

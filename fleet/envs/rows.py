@@ -92,8 +92,8 @@ def _point_at(line, n, s, k):
 
 @njit(cache=True)
 def car_rows(  # one kernel for all cars, on flat arrays
-    rows, poses, speeds, steering, limits, size, goals, state_pose, mission, loaded, routes, routes_n, granted,
-    place_of, docks, arm_idle, served,
+    rows, poses, speeds, steering, limits, size, goals, state_pose, mission_of, phases, loaded, routes, routes_n,
+    granted, place_of, docks, arm_idle, served,
 ):  # fmt: skip
     """Fill the first CAR_N entries of the rows of the first `len(rows)` cars."""
     diagonal = math.hypot(size[0], size[1])
@@ -112,8 +112,9 @@ def car_rows(  # one kernel for all cars, on flat arrays
             dx, dy, turn = goal[0] - x, goal[1] - y, goal[2] - yaw
             row[6], row[7] = (cos * dx + sin * dy) / diagonal, (cos * dy - sin * dx) / diagonal
             row[8], row[9] = math.cos(turn), math.sin(turn)
-        if mission[car] >= 0:
-            row[10 + mission[car]] = 1.0
+        mission = mission_of[phases[car]]
+        if mission >= 0:
+            row[10 + mission] = 1.0
         row[14] = loaded[car]
 
         line, n = routes[car], routes_n[car]

@@ -126,6 +126,8 @@ class Episode:
     rewards: Rewards
     targets: FloatArray
     """Set-points of the agents' arms' joints [rad], shape (n_agent_arms, n_joints)."""
+    car_limits: FloatArray
+    """Greatest steering [rad] and speed [m/s], shape (2,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -271,6 +273,7 @@ class WarehouseEnv(FleetEnv):
         )
         self._ground: Ground | None = None
         self._start_of_world: object = None
+        self._start_hits: FloatArray | None = None  # what all rays meet there
         self._planner: ArmPlanner = NoPlanner()
         self._episode: Episode | None = None
         self._drawing: Drawing | None = None
@@ -323,12 +326,14 @@ class WarehouseEnv(FleetEnv):
         if self._lidar is not None:
             ring = LidarRing(self._lidar, car.front_m, car.rear_m, car.half_width_m)
         observer = Observer(simulation, ring, np.random.default_rng(lidar))
-        observer.look()
+        observer.look(self._start_hits)
+        self._start_hits = observer.hits
         self._episode = Episode(
             simulation=simulation,
             observer=observer,
             rewards=Rewards(simulation, observer, self._weights, self._step_s),
             targets=world.arm_positions()[: len(self._arms)],
+            car_limits=np.array([car.max_steering_rad, car.max_speed_mps]),
         )
         self._drawing = None
         self._episodes_n += 1
@@ -429,25 +434,17 @@ class WarehouseEnv(FleetEnv):
     def _commands(self, episode: Episode, resolved: Resolved) -> Actions:
         """The actions of one tick; joint velocities become targets that move on."""
         simulation = episode.simulation
-        world, car, arm = simulation.world, simulation.scene.car, simulation.scene.arm
-        cars = None
-        if self._cars:
-            cars = resolved.cars * (car.max_steering_rad, car.max_speed_mps)
-            cars = _filled(cars, world.n_cars)
+        world, arm = simulation.world, simulation.scene.arm
+        cars = resolved.cars * episode.car_limits if self._cars else None
         if not self._arms:
             return Actions(cars=cars)
-        n = len(self._arms)
-        q = world.arm_positions()[:n]
+        q = world.arm_positions()[: len(self._arms)]
         if self._entries_n == N_JOINTS:
             qd = resolved.arms[:, :N_JOINTS] * arm.max_velocity_radps
         else:
             qd = joint_velocities(arm, q, resolved.arms[:, :TIP_N])
         move_targets(episode.targets, qd, q, arm.lower_rad, arm.upper_rad, simulation.tick_s)
-        grip = np.zeros(world.n_arms, dtype=np.bool_)
-        grip[:n] = resolved.arms[:, -1] > 0.0
-        return Actions(
-            cars=cars, arms=_filled(episode.targets.copy(), world.n_arms), arms_qd=_filled(qd, world.n_arms), grip=grip
-        )
+        return Actions(cars=cars, arms=episode.targets, arms_qd=qd, grip=resolved.arms[:, -1] > 0.0)
 
     def _image(self, car: int) -> npt.NDArray[np.uint8]:
         """What the camera on a car's nose sees, shape (height, width, 3)."""
@@ -490,26 +487,17 @@ def _legal(
     Raises:
         ActionError: An action is no row of so many numbers.
     """
-    rows = np.zeros((len(agents), entries_n))
+    rows = np.empty((len(agents), entries_n))
     missing = np.zeros(len(agents), dtype=np.bool_)
-    rows[:, -1] = -1.0 if entries_n > 2 else 0.0  # an arm without an action lets go
     for k, agent in enumerate(agents):
         action = actions.get(agent)
         if action is None:
-            missing[k] = True
-            continue
-        rows[k] = row_of(agent, action, entries_n)
+            missing[k], rows[k] = True, 0.0
+            rows[k, -1] = -1.0 if entries_n > 2 else 0.0  # an arm without an action lets go
+        else:
+            rows[k] = row_of(agent, action, entries_n)
     make_legal(rows, missing)
     return rows, missing
-
-
-def _filled(rows: FloatArray, n: int) -> FloatArray:
-    """Rows, and rows of nan for the robots of the classical fleet behind them, shape (n, ...)."""
-    if len(rows) == n:
-        return rows
-    out = np.full((n, *rows.shape[1:]), np.nan)
-    out[: len(rows)] = rows
-    return out
 
 
 def _world(ground: Ground) -> World:

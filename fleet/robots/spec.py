@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
+from planners.motion.kinematics import joint_rows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +79,11 @@ class ArmSpec:
     home_rad: npt.NDArray[np.float64]
     visuals: tuple[Visual, ...]
     """Links: 'link_0'..'link_7' (link i moves with joint i) and 'tool' (rigid in the last link)."""
+
+    @cached_property
+    def joints(self) -> npt.NDArray[np.float64]:
+        """The upper three rows of `base_from_joint`, as kernels take them, shape (n_joints, 3, 4)."""
+        return joint_rows(self.base_from_joint)
 
     def with_limits(self, velocity_radps: float | None, acceleration_radps2: float | None) -> ArmSpec:
         """The same arm with one limit for all joints; None leaves its own."""

@@ -99,6 +99,8 @@ class Bookings:
         Returns:
             True when a place became free.
         """
+        if not self._leaving:
+            return False
         staying = [(car, place) for car, place in self._leaving if stands_at(car, place)]
         cleared = len(staying) < len(self._leaving)
         self.changes_n += cleared

@@ -9,7 +9,7 @@ from numba import njit
 
 from fleet.robots.spec import ArmSpec
 from fleet.world.protocol import FloatArray
-from planners.motion.kinematics import joint_rows, link_frames_into
+from planners.motion.kinematics import link_frames_into
 
 LINK_RADIUS_M = 0.08
 """Arms are judged against cars as spheres of this radius on and between their joints [m]; iiwa links are 0.06-0.09."""
@@ -37,7 +37,7 @@ class ServoArms:
     def __init__(self, spec: ArmSpec, base: FloatArray, start: FloatArray, tick_s: float) -> None:
         self._spec, self._base, self._tick_s = spec, np.array(base, dtype=np.float64).reshape(-1, 4), tick_s
         n_arms, n_joints = len(self._base), spec.n_joints
-        self._joints = joint_rows(spec.base_from_joint)
+        self._joints = spec.joints
         self.q = np.array(start, dtype=np.float64).reshape(n_arms, n_joints)
         self.qd = np.zeros((n_arms, n_joints))
         self.tips = np.zeros((n_arms, 7))

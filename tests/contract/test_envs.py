@@ -34,7 +34,7 @@ from fleet.envs.rewards import TERMS, RewardWeights
 from fleet.envs.rows import CAR_N, NEAR_M
 from fleet.envs.warehouse import WarehouseEnv
 from fleet.roster import CarPhase
-from fleet.sensors.lidar import Lidar
+from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.stations.arm_cell import arm_cells
 from fleet.stations.arm_desk import ArmDesk
 from fleet.stations.arm_planner import make_arm_planner
@@ -214,6 +214,19 @@ def test_same_seed_same_episode_with_planned_arms(make: Callable[..., WarehouseE
     np.testing.assert_equal(worked(one, 250), said)
     np.testing.assert_equal(worked(two, 250), said)
     assert one.simulation.board.count(TaskState.CARRIED) > 0
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_later_episodes_begin_with_what_the_lidar_meets_there(make: Callable[..., WarehouseEnv], fidelity: str) -> None:
+    lidar = Lidar(noise_m=0.0)
+    env = make(fidelity=fidelity, lidar=lidar)
+    episode(env, 1, 40)
+    observations, _ = env.reset(seed=2)
+    world, car = env.simulation.world, env.simulation.scene.car
+    ring = LidarRing(lidar, car.front_m, car.rear_m, car.half_width_m)
+    met = ring.distances(world.rays(*ring.rays(world.car_poses())), np.random.default_rng(0))
+    for agent, distances in zip(("car_0", "car_1"), met, strict=True):
+        assert np.array_equal(observations[agent][CAR_N:], distances.astype(np.float32))
 
 
 SHOW_HASH = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.spec import ArmSpec
@@ -98,15 +99,12 @@ class Arms:
             q: Joint positions [rad], shape (m, n_joints).
             qd: Joint velocities there [rad/s], same shape.
         """
-        # A resting arm keeps its motors' targets: nothing to send once it was told to stand there.
-        moving = (q != self._goal_q).any(axis=1) | (qd != self._goal_qd).any(axis=1) | (qd != 0.0).any(axis=1)
-        self._active = np.flatnonzero(moving | ~self._held).tolist()
-        self.moving = moving | (np.abs(self.qd) > _STILL_RADPS).any(axis=1)
-        if not self._at_once:
-            known = ~np.isnan(self._goal_q[:, :1])
-            self._acceleration = np.where(known, (qd - self._goal_qd) / (self._substeps_n * self._substep_s), 0.0)
-        self._goal_q = np.array(q, dtype=np.float64)
-        self._goal_qd = np.array(qd, dtype=np.float64)
+        tick_s = self._substeps_n * self._substep_s
+        active = np.empty(len(self.moving), dtype=np.int64)
+        n = _aim(
+            q, qd, self._goal_q, self._goal_qd, self._acceleration, tick_s, self.qd, self._held, self.moving, active
+        )
+        self._active = active[:n].tolist()
 
     def hold(self, substep: int) -> None:
         """Set the motors of the moving arms for one physics step.
@@ -117,12 +115,12 @@ class Arms:
         Args:
             substep: Index of the step in its tick.
         """
+        if self._at_once:
+            self._turn()
+            return
         left = (self._substeps_n - substep) * self._substep_s
         client = self._client
         for arm in self._active:
-            if self._at_once:
-                self._turn(arm)
-                continue
             qd = self._goal_qd[arm] - self._acceleration[arm] * (left - self._substep_s / 2)
             q = self._goal_q[arm] - self._goal_qd[arm] * left + self._acceleration[arm] * (left * left / 2)
             client.setJointMotorControlArray(
@@ -136,20 +134,24 @@ class Arms:
                 velocityGains=self._unit,
             )
 
-    def _turn(self, arm: int) -> None:
-        """Let an arm turn at the speed that takes it to its set-point within the tick; once there, hold it."""
-        way = self._goal_q[arm] - self.q[arm]
-        self._held[arm] = held = not self._goal_qd[arm].any() and np.abs(way).max() < _HELD_RAD
-        self._client.setJointMotorControlArray(
-            self.bodies[arm],
-            self._joints,
-            self._client.POSITION_CONTROL,
-            targetPositions=self._goal_q[arm].tolist(),
-            targetVelocities=[0.0] * len(way) if held else (way / self._substep_s).tolist(),
-            forces=self._forces,
-            positionGains=self._gains if held else [0.0] * len(way),
-            velocityGains=self._unit,
-        )
+    def _turn(self) -> None:
+        """Let the moving arms turn so fast that they come to their set-points within the tick, or hold them there."""
+        client = self._client
+        still, unheld = [0.0] * len(self._joints), [0.0] * len(self._joints)
+        for arm in self._active:
+            speeds = np.empty(len(self._joints))
+            held = _speeds(self._goal_q[arm], self._goal_qd[arm], self.q[arm], self._substep_s, speeds)
+            self._held[arm] = held
+            client.setJointMotorControlArray(
+                self.bodies[arm],
+                self._joints,
+                client.POSITION_CONTROL,
+                targetPositions=self._goal_q[arm].tolist(),
+                targetVelocities=still if held else speeds.tolist(),
+                forces=self._forces,
+                positionGains=self._gains if held else unheld,
+                velocityGains=self._unit,
+            )
 
     def read(self, arms: list[int]) -> None:
         """Fetch joint positions and velocities from the engine.
@@ -184,3 +186,36 @@ class Arms:
 
     def _all_joints(self) -> list[int]:
         return self._joints + [self.joint_names[name] for name in self.tool.finger_joints]
+
+
+@njit(cache=True)
+def _aim(q, qd, goal_q, goal_qd, acceleration, tick, speeds, held, moving, active):
+    """Take new goals, note which arms move, and list those whose motors have to be set; returns their number.
+
+    A resting arm keeps its motors' targets: nothing to send once it was told to stand there.
+    """
+    n = 0
+    for arm in range(len(q)):
+        known = not np.isnan(goal_q[arm, 0])
+        told, turns = False, False
+        for j in range(q.shape[1]):
+            told = told or q[arm, j] != goal_q[arm, j] or qd[arm, j] != goal_qd[arm, j] or qd[arm, j] != 0.0
+            turns = turns or abs(speeds[arm, j]) > _STILL_RADPS
+            acceleration[arm, j] = (qd[arm, j] - goal_qd[arm, j]) / tick if known else 0.0
+            goal_q[arm, j], goal_qd[arm, j] = q[arm, j], qd[arm, j]
+        moving[arm] = told or turns
+        if told or not held[arm]:
+            active[n] = arm
+            n += 1
+    return n
+
+
+@njit(cache=True)
+def _speeds(goal_q, goal_qd, q, tick, speeds):
+    """Fill in the speeds that lead to a set-point; returns whether an arm that should rest there has come to it."""
+    rests = True
+    for j in range(len(q)):
+        way = goal_q[j] - q[j]
+        speeds[j] = way / tick
+        rests = rests and goal_qd[j] == 0.0 and abs(way) < _HELD_RAD
+    return rests

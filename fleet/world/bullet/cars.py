@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from fleet.robots.model import WheelShape
-from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf, wheel_places
+from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
 from fleet.robots.spec import CarSpec
+from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.client import Client
 from fleet.world.bullet.frames import quaternion, rotation
 
@@ -46,6 +48,22 @@ class _Push:
     steps: int
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CarReading:
+    """What the engine says of the cars at one moment; nobody changes it."""
+
+    poses: FloatArray
+    """Of the rear axles, x, y, yaw, shape (n, 3)."""
+    speeds: FloatArray
+    """Signed forward speeds [m/s], shape (n,)."""
+    steering: FloatArray
+    """Angles of equivalent bicycles [rad], shape (n,)."""
+    centres: FloatArray
+    """Centres of mass x, y, shape (n, 2)."""
+    top_speed: float
+    """Fastest motion of any car [m/s], sideways included."""
+
+
 @dataclass(kw_only=True)
 class _Memory:
     """State of `Cars` beside that of the engine."""
@@ -54,6 +72,15 @@ class _Memory:
     pushes: dict[int, _Push]
     parked: npt.NDArray[np.bool_]
     parked_at: FloatArray
+
+    def copy(self) -> _Memory:
+        """A copy of its own."""
+        return _Memory(
+            sent=self.sent.copy(),
+            pushes=copy.deepcopy(self.pushes) if self.pushes else {},
+            parked=self.parked.copy(),
+            parked_at=self.parked_at.copy(),
+        )
 
 
 class Cars:
@@ -93,18 +120,17 @@ class Cars:
                 flags=client.URDF_USE_INERTIA_FROM_FILE,
             )
             self.bodies.append(body)
-        self.poses = np.array(start, dtype=np.float64).reshape(-1, 3)
-        self.speeds = np.zeros(len(self.bodies))
-        self.top_speed = 0.0
-        """Fastest motion of any car at the last reading [m/s], sideways included."""
+        poses = np.array(start, dtype=np.float64).reshape(-1, 3)
+        still = np.zeros(len(poses))
+        self.now = CarReading(poses=poses, speeds=still, steering=still, centres=poses[:, :2], top_speed=0.0)
+        """What was read last."""
         self._sent = np.full((len(self.bodies), 2), np.nan)
         self._unset = np.ones(len(self.bodies), dtype=np.bool_)
         self._parked = np.zeros(len(self.bodies), dtype=np.bool_)
         self._parked_at = np.zeros((len(self.bodies), 7))
-        self._centres = np.zeros((len(self.bodies), 2))
-        self._steering: FloatArray | None = None  # since the last reading
         self._pushes: dict[int, _Push] = {}
-        self._places = wheel_places(spec)
+        self._ackermann = Ackermann(spec)
+        self._changed = np.empty(len(self.bodies), dtype=np.int64)
         self._limit = np.array([spec.max_steering_rad, spec.max_speed_mps])
         self._wheels: list[int] = []
         self._hinges: list[int] = []
@@ -139,36 +165,27 @@ class Cars:
         Args:
             commands: Steering angle [rad] and speed [m/s], limited to what the car can do, shape (n, 2).
         """
-        spec = self._spec
-        commands = np.minimum(np.maximum(commands, -self._limit), self._limit)
-        changed = np.flatnonzero((commands != self._sent).any(axis=1) | self._unset)
-        standing = (self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0)
-        if self._parked.any():
-            self._release(np.flatnonzero(self._parked & (~standing | self._slipped())))
-        if self._brakes and standing.any():
-            self._park(np.flatnonzero(standing & ~self._parked & (np.abs(self.speeds) < _STILL_MPS)))
-        if len(changed) == 0:
+        if self._brakes:
+            self._brake(commands)
+        changed_n = _take(commands, self._limit, self._sent, self._unset, self._changed)
+        if changed_n == 0:
             return
-        self._sent[changed] = commands[changed]
-        self._unset[:] = False
-        steering, speed = commands[changed].T
-        curvature = np.tan(steering) / spec.wheelbase_m
-        ahead = curvature[:, None] * self._places[:, 0]  # (c, 4) motion of the wheel's point per metre of the rear axle
-        along = 1.0 - curvature[:, None] * self._places[:, 1]
-        spin = speed[:, None] / spec.wheel_radius_m * np.hypot(ahead, along)
-        angle = np.arctan2(ahead[:, 2:], along[:, 2:])  # (c, 2) front left, front right
+        changed = self._changed[:changed_n]
+        speeds = self._sent[changed, 1]
+        spins, angles = self._ackermann.motions(self._sent[changed, 0], speeds)
         motor, wheels, velocity, position = (
             self._client.setJointMotorControl2,
             self._client.setJointMotorControlArray,
             self._client.VELOCITY_CONTROL,
             self._client.POSITION_CONTROL,
         )
-        rate = spec.max_steering_rate_radps
-        for row, car in enumerate(changed.tolist()):
+        rate = self._spec.max_steering_rate_radps
+        rows = zip(changed.tolist(), speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
+        for car, speed, spin, targets in rows:
             body = self.bodies[car]
-            torque = _BRAKE_NM if speed[row] == 0.0 else _DRIVE_NM
-            wheels(body, self._wheels, velocity, targetVelocities=spin[row].tolist(), forces=[torque] * 4)
-            for joint, target in zip(self._hinges, angle[row].tolist(), strict=True):
+            torque = _BRAKE_NM if speed == 0.0 else _DRIVE_NM
+            wheels(body, self._wheels, velocity, targetVelocities=spin, forces=[torque] * 4)
+            for joint, target in zip(self._hinges, targets, strict=True):
                 motor(body, joint, position, target, 0.0, _STEER_NM, _STEER_GAIN, 1.0, rate)
 
     def push(self, car: int, way: FloatArray) -> None:
@@ -180,7 +197,7 @@ class Cars:
         """
         steps = max(1, round(_PUSH_S / self._substep_s))
         self._pushes[car] = _Push(
-            start=self.poses[car].copy(), way=np.array(way, dtype=np.float64), step=0, steps=steps
+            start=self.now.poses[car].copy(), way=np.array(way, dtype=np.float64), step=0, steps=steps
         )
         self._sent[car] = np.nan
         if self._parked[car]:
@@ -208,38 +225,21 @@ class Cars:
             if push.step >= push.steps:
                 del self._pushes[car]
 
-    def read(self) -> None:
-        """Fetch poses and speeds from the engine."""
-        self._steering = None
+    def reading(self) -> CarReading:
+        """Ask the engine where the cars are, and how they move."""
         if not self.bodies:
-            return
+            return self.now
         client = self._client
         states = np.array([(*p, *q) for p, q in map(client.getBasePositionAndOrientation, self.bodies)])
-        velocity = np.array([v for v, _ in map(client.getBaseVelocity, self.bodies)])
-        turn = rotation(states[:, 3:])
-        self._centres = states[:, :2]
-        self.poses = np.empty((len(self.bodies), 3))
-        self.poses[:, :2] = (states[:, :3] - turn @ self._com)[:, :2]
-        self.poses[:, 2] = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
-        # A yaw rate moves the centre of mass sideways only: its forward speed is that of the rear axle.
-        self.speeds = (velocity * turn[:, :, 0]).sum(axis=1)
-        self.top_speed = float(np.hypot(velocity[:, 0], velocity[:, 1]).max())
-
-    def steering(self) -> FloatArray:
-        """Steering angles of equivalent bicycles [rad], measured once after every `read`, shape (n,)."""
-        if self._steering is None:
-            self._steering = self._measured_steering()
-        return self._steering
-
-    def _measured_steering(self) -> FloatArray:
-        angles = np.array([[s[0] for s in self._client.getJointStates(body, self._hinges)] for body in self.bodies])
-        if len(angles) == 0:
-            return np.zeros(0)
-        # Both hinges know the curvature: 1 / (L / tan(angle) -+ t/2), written so that straight ahead is no exception.
-        tangent = np.tan(angles)
-        half_track = self._places[2:, 1]
-        curvature = tangent / (self._spec.wheelbase_m + tangent * half_track)
-        return np.arctan(self._spec.wheelbase_m * curvature.mean(axis=1))
+        velocities = np.array([v for v, _ in map(client.getBaseVelocity, self.bodies)])
+        hinges = [client.getJointStates(body, self._hinges) for body in self.bodies]
+        angles = np.array([(left[0], right[0]) for left, right in hinges])
+        turns = rotation(states[:, 3:])
+        poses, speeds = np.empty((len(self.bodies), 3)), np.empty(len(self.bodies))
+        poses[:, 2] = np.arctan2(turns[:, 1, 0], turns[:, 0, 0])
+        top_speed = _read(states, turns @ self._com, turns, velocities, poses, speeds)
+        steering = self._ackermann.bicycles(angles)
+        return CarReading(poses=poses, speeds=speeds, steering=steering, centres=states[:, :2], top_speed=top_speed)
 
     def state(self) -> list[float]:
         """All positions and velocities of the cars, one after the other."""
@@ -264,20 +264,28 @@ class Cars:
     def memory(self) -> _Memory:
         """What the engine's own snapshot does not hold."""
         memory = _Memory(sent=self._sent, pushes=self._pushes, parked=self._parked, parked_at=self._parked_at)
-        return copy.deepcopy(memory)
+        return memory.copy()
 
     def recall(self, memory: _Memory) -> None:
         """Return to `memory`; every motor is set anew at the next command."""
-        memory = copy.deepcopy(memory)
+        memory = memory.copy()
         self._sent, self._pushes = memory.sent, memory.pushes
         self._parked, self._parked_at = memory.parked, memory.parked_at
         self._unset[:] = True
         for car, parked in enumerate(self._parked.tolist() if self._brakes else []):
             self._hold(car, on=parked)
 
+    def _brake(self, commands: FloatArray) -> None:
+        """Park the cars that stand and are told to, and let go of those that are not, or that were shoved away."""
+        standing = (self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0)
+        if self._parked.any():
+            self._release(np.flatnonzero(self._parked & (~standing | self._slipped())))
+        if standing.any():
+            self._park(np.flatnonzero(standing & ~self._parked & (np.abs(self.now.speeds) < _STILL_MPS)))
+
     def _slipped(self) -> npt.NDArray[np.bool_]:
         """Which cars are no longer where they were parked, shape (n,)."""
-        away: npt.NDArray[np.bool_] = np.hypot(*(self._centres - self._parked_at[:, :2]).T) > _SLIPPED_M
+        away: npt.NDArray[np.bool_] = np.hypot(*(self.now.centres - self._parked_at[:, :2]).T) > _SLIPPED_M
         return away
 
     def _park(self, cars: npt.NDArray[np.int64]) -> None:
@@ -309,3 +317,32 @@ class Cars:
 
 def _split(numbers: list[float], length: int) -> list[list[float]]:
     return [numbers[first : first + length] for first in range(0, len(numbers), length)]
+
+
+@njit(cache=True)
+def _take(commands, limits, sent, unset, changed):
+    """Note in `sent` the commands, limited, that differ from it or have to be set anew; returns of how many cars."""
+    n = 0
+    for car in range(len(commands)):
+        steering = min(max(commands[car, 0], -limits[0]), limits[0])
+        speed = min(max(commands[car, 1], -limits[1]), limits[1])
+        if unset[car] or steering != sent[car, 0] or speed != sent[car, 1]:
+            sent[car, 0], sent[car, 1] = steering, speed
+            changed[n] = car
+            n += 1
+    if n:
+        unset[:] = False
+    return n
+
+
+@njit(cache=True)
+def _read(states, offsets, turns, velocities, poses, speeds):
+    """Fill in the places of the rear axles and their forward speeds; returns the fastest motion [m/s]."""
+    fastest = 0.0
+    for car in range(len(states)):
+        poses[car, 0], poses[car, 1] = states[car, 0] - offsets[car, 0], states[car, 1] - offsets[car, 1]
+        # A yaw rate moves the centre of mass sideways only: its forward speed is that of the rear axle.
+        v = velocities[car]
+        speeds[car] = 0.0 + v[0] * turns[car, 0, 0] + v[1] * turns[car, 1, 0] + v[2] * turns[car, 2, 0]  # no -0.0
+        fastest = max(fastest, np.hypot(v[0], v[1]))
+    return fastest

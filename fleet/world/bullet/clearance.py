@@ -44,6 +44,29 @@ def _rectangle_gap(a, b, cutoff):
 
 
 @njit(cache=True)
+def car_rectangles(poses, front, rear, half_width):
+    """Find the ground plans of cars.
+
+    Args:
+        poses: Rear-axle poses x, y, yaw, shape (n, 3).
+        front: From the rear axle to the front of the body [m].
+        rear: From the rear axle to its back [m].
+        half_width: Half of its width [m].
+
+    Returns:
+        Rectangles x, y, yaw, half length, half width, shape (n, 5).
+    """
+    rectangles = np.empty((len(poses), 5))
+    middle = (front - rear) / 2
+    for car in range(len(poses)):
+        yaw = poses[car, 2]
+        rectangles[car, 0] = poses[car, 0] + middle * math.cos(yaw)
+        rectangles[car, 1] = poses[car, 1] + middle * math.sin(yaw)
+        rectangles[car, 2], rectangles[car, 3], rectangles[car, 4] = yaw, (front + rear) / 2, half_width
+    return rectangles
+
+
+@njit(cache=True)
 def near_cars(bodies, boxes, margin, best, car_pairs, box_pairs):
     """Find what cars could touch within a tick, and their smallest distance from each other.
 

@@ -102,13 +102,12 @@ class Client:
     def __getattr__(self, name: str) -> Any:
         """Return an engine function bound to this connection, or a constant of the engine."""
         value = getattr(pybullet, name)
-        if not callable(value):
-            return value
-        bound = partial(value, physicsClientId=self.id)
-        if self.connect is Connect.SHARED_MEMORY:
-            bound = partial(self._ask_server, bound)
-        self.__dict__[name] = bound  # found without __getattr__ next time
-        return bound
+        if callable(value):
+            value = partial(value, physicsClientId=self.id)
+            if self.connect is Connect.SHARED_MEMORY:
+                value = partial(self._ask_server, value)
+        self.__dict__[name] = value  # found without __getattr__ next time
+        return value
 
     def load_urdf(self, text: str, **options: Any) -> int:
         """Load a description from its text.

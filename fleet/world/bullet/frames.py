@@ -18,9 +18,9 @@ def rotation(quat_xyzw: FloatArray) -> FloatArray:
     Returns:
         Rotation matrices, shape (..., 3, 3).
     """
-    quat = np.asarray(quat_xyzw, dtype=np.float64)
+    quat = np.ascontiguousarray(quat_xyzw, dtype=np.float64)
     turn = np.empty((*quat.shape[:-1], 3, 3))
-    _rotations(np.ascontiguousarray(quat).reshape(-1, 4), turn.reshape(-1, 3, 3))
+    _rotations(quat.reshape(-1, 4), turn.reshape(-1, 3, 3))
     return turn
 
 

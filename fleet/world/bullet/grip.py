@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Protocol
 
 import numpy as np
@@ -169,10 +170,19 @@ class SuctionGrip:
     def _try(self, arm: int) -> None:
         """Stick to the nearest parcel within reach, if any."""
         state = self._link(arm)
-        axis = rotation(np.array(state[5]))[:, 2]
-        tip = np.array(state[4]) + axis * self._arms.tool.length_m
-        best, best_gap = -1, _REACH_M
+        flange, length_m = state[4], self._arms.tool.length_m
+        # Nearly always all parcels are far away, which one looks at first.
+        near = []
         for parcel in self._parcels.ids():
+            gap_m = math.dist(flange, self._parcels.pose(parcel)[:3].tolist())
+            if gap_m < length_m + math.hypot(*self._parcels.shapes[parcel].size_m) + 2 * _REACH_M:
+                near.append(parcel)
+        if not near:
+            return
+        axis = rotation(np.array(state[5]))[:, 2]
+        tip = np.array(flange) + axis * length_m
+        best, best_gap = -1, _REACH_M
+        for parcel in near:
             pose = self._parcels.pose(parcel)
             half = np.array(self._parcels.shapes[parcel].size_m) / 2
             offset = tip - pose[:3]

@@ -16,8 +16,8 @@ from fleet.robots.tools import TOOLS
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.bullet.arms import Arms
 from fleet.world.bullet.camera import render
-from fleet.world.bullet.cars import FLOOR_GROUP, Cars
-from fleet.world.bullet.clearance import arm_gap, near_cars
+from fleet.world.bullet.cars import FLOOR_GROUP, CarReading, Cars
+from fleet.world.bullet.clearance import arm_gap, car_rectangles, near_cars
 from fleet.world.bullet.client import Client, PhysicsError, quiet
 from fleet.world.bullet.config import BulletConfig
 from fleet.world.bullet.contacts import ContactMonitor
@@ -56,6 +56,8 @@ class Snapshot:
     """The engine's own copy."""
     cars: list[float]
     arms: list[float]
+    reading: CarReading
+    """What the engine said of the cars."""
     memory: dict[str, Any]
     """What the engine's copy does not hold."""
     parcels: dict[int, tuple[ParcelBody, FloatArray]]
@@ -162,6 +164,7 @@ class BulletWorld:
         self._car_pairs = np.zeros((64, 2), dtype=np.int64)
         self._box_pairs = np.zeros((256, 2), dtype=np.int64)
         self._near_arms = np.zeros(self.n_arms, dtype=np.bool_)
+        self._empty = np.full((self.n_arms, 4), -1.0)
         self._touch_tells = config.grip is Grip.FRICTION
         self._list_boxes()
         self._near = self._measure()
@@ -184,21 +187,21 @@ class BulletWorld:
             held = [(arm, parcels.body(parcel)) for arm, parcel in enumerate(self._grip.held) if parcel >= 0]
             self._monitor.observe(watched, self._near, held, parcels.by_body)
             self._grip.after_step()
-        self._cars.read()
-        self._arms.read(np.flatnonzero(watched).tolist())
+        self._cars.now = self._cars.reading()
+        self._arms.read([arm for arm, watches in enumerate(watched) if watches])
         self._near = self._measure()
 
     def car_poses(self) -> FloatArray:
         """Rear-axle poses x, y, yaw, shape (n_cars, 3)."""
-        return self._cars.poses.copy()
+        return self._cars.now.poses.copy()
 
     def car_speeds(self) -> FloatArray:
         """Signed forward speed [m/s], shape (n_cars,)."""
-        return self._cars.speeds.copy()
+        return self._cars.now.speeds.copy()
 
     def car_steering(self) -> FloatArray:
         """Measured steering angle (bicycle equivalent) [rad], shape (n_cars,)."""
-        return self._cars.steering().copy()
+        return self._cars.now.steering.copy()
 
     def arm_positions(self) -> FloatArray:
         """Joint positions [rad], shape (n_arms, n_joints)."""
@@ -284,11 +287,11 @@ class BulletWorld:
 
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,)."""
+        cast, starts, stops = self._client.rayTestBatch, origins.tolist(), ends.tolist()
         fractions: list[float] = []
-        for first in range(0, len(origins), _RAYS_PER_CALL):
+        for first in range(0, len(starts), _RAYS_PER_CALL):
             part = slice(first, first + _RAYS_PER_CALL)
-            hits = self._client.rayTestBatch(origins[part].tolist(), ends[part].tolist())
-            fractions += [hit[2] for hit in hits]
+            fractions += [hit[2] for hit in cast(starts[part], stops[part])]
         return np.array(fractions)
 
     def image(self, camera: Camera) -> CameraImage:
@@ -306,6 +309,7 @@ class BulletWorld:
             state=state,
             cars=self._cars.state(),
             arms=self._arms.state(),
+            reading=self._cars.reading(),
             memory={
                 "cars": self._cars.memory(),
                 "arms": self._arms.memory(),
@@ -335,7 +339,8 @@ class BulletWorld:
             self.remove_parcel(parcel)
         for obstacle in [o for o in self._obstacles if o not in snapshot.obstacles]:
             self.remove_obstacle(obstacle)
-        if self._visitors() == snapshot.bodies:
+        restored = self._visitors() == snapshot.bodies
+        if restored:
             client.restoreState(snapshot.state)
         else:
             self._rebuild(snapshot)
@@ -346,7 +351,7 @@ class BulletWorld:
         self._grip.recall(snapshot.memory["grip"])
         self._monitor.recall(snapshot.memory["contacts"])
         self._min_clearance_m = snapshot.memory["clearance"]
-        self._cars.read()
+        self._cars.now = snapshot.reading if restored else self._cars.reading()
         self._near = self._measure()
 
     def is_exact(self, snapshot: object) -> bool:
@@ -408,19 +413,14 @@ class BulletWorld:
         """Arms that could touch something new in this tick, or whose fingers have to feel what they hold."""
         if self._touch_tells:
             return [True] * self.n_arms
-        watched = self._arms.moving | self._near_arms | (np.array(self._grip.held, dtype=np.int64) >= 0)
-        return watched.tolist()
+        arms = zip(self._arms.moving.tolist(), self._near_arms.tolist(), self._grip.held, strict=True)
+        return [moving or near or held >= 0 for moving, near, held in arms]
 
     def _measure(self) -> list[tuple[int, int]]:
         """Update the smallest clearance and name the bodies that cars can touch within a tick."""
-        spec, poses = self._scene.car, self._cars.poses
-        rectangles = np.empty((self.n_cars, 5))
-        middle = (spec.front_m - spec.rear_m) / 2
-        rectangles[:, 0] = poses[:, 0] + middle * np.cos(poses[:, 2])
-        rectangles[:, 1] = poses[:, 1] + middle * np.sin(poses[:, 2])
-        rectangles[:, 2] = poses[:, 2]
-        rectangles[:, 3:] = (spec.front_m + spec.rear_m) / 2, spec.half_width_m
-        margin = _NEAR_MARGIN_M + 2 * self._cars.top_speed * self.tick_s
+        spec = self._scene.car
+        rectangles = car_rectangles(self._cars.now.poses, spec.front_m, spec.rear_m, spec.half_width_m)
+        margin = _NEAR_MARGIN_M + 2 * self._cars.now.top_speed * self.tick_s
         while True:
             cars_n, boxes_n, gap = near_cars(
                 rectangles, self._boxes, margin, self._min_clearance_m, self._car_pairs, self._box_pairs
@@ -450,7 +450,10 @@ class BulletWorld:
         return near + [(cars[i], bodies[j]) for i, j in self._box_pairs[:boxes_n].tolist()]
 
     def _held_spheres(self) -> FloatArray:
-        spheres = np.full((self.n_arms, 4), -1.0)
+        spheres = self._empty
+        if max(self._grip.held, default=-1) < 0:
+            return spheres
+        spheres = spheres.copy()
         for arm, parcel in enumerate(self._grip.held):
             if parcel >= 0:
                 spheres[arm, :3] = self._parcels.pose(parcel)[:3]
