@@ -120,6 +120,8 @@ class NavigationEnv(FleetEnv):
         SiteError: The site cannot be read.
     """
 
+    RENDER_MODES = ("human", "rgb_array")
+
     def __init__(
         self,
         site: str = "small",
