@@ -19,7 +19,7 @@ from fleet.config import ConfigError
 from fleet.envs.base import ActionError, EpisodeError
 from fleet.envs.car_navigate import CarNavigateEnv
 from fleet.envs.kuka_reach import TOLERANCE_M, KukaReachEnv, ReachPolicy
-from fleet.envs.navigation import LOST_M, NavigationEnv
+from fleet.envs.navigation import BRAKE_S, TOW_S, NavigationEnv
 from fleet.envs.navigation_policy import PursuitPolicy
 
 FIDELITIES = ("kinematic", "physics")
@@ -129,19 +129,21 @@ def test_the_script_drives_to_places_and_stays_on_its_lanes() -> None:
 
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
-def test_a_lost_car_is_towed_back(fidelity: str) -> None:
+def test_a_lost_car_is_towed_back_and_stands(fidelity: str) -> None:
     env = NavigationEnv(n_cars=1, max_cycles=200, fidelity=fidelity)
     env.reset(seed=0)
-    towed = 0
+    away, towed = {"car_0": np.array([0.15, 1.0])}, 0.0
     while env.agents and not towed:
-        *_, infos = env.step({"car_0": np.array([0.15, 1.0])})
-        towed = infos["car_0"]["towed"] < 0
-    assert towed
-    aside_m = []
-    for _ in range(10):
-        env.step({"car_0": np.zeros(2)})
-        aside_m.append(abs(env._aside_m[0]))
-    assert min(aside_m) < LOST_M / 2, "it rolls on, but from its way"
+        *_, infos = env.step(away)
+        towed = infos["car_0"]["towed"]
+    assert towed == env._weights.towed
+    for _ in range(round(10 * (BRAKE_S + TOW_S))):
+        *_, infos = env.step(away)  # nobody listens
+        assert infos["car_0"]["towed"] == 0.0
+    assert abs(env._world.car_speeds()[0]) < 0.02
+    assert abs(env._aside_m[0]) < 0.05
+    env.step(away)
+    assert env._world.car_speeds()[0] > 0.1
     env.close()
 
 
