@@ -11,7 +11,7 @@ require_package("ray", "rllib")
 
 
 def test_the_example_trains(run_example: Callable[..., str]) -> None:
-    said = run_example("rllib_cars.py", "--iterations", "2", "--batch", "700")
+    said = run_example("rllib_cars.py", "--iterations", "2", "--batch", "200", "--cycles", "100")
     returns = [float(line.split(":")[1]) for line in said.splitlines() if line.startswith("mean return")]
     assert len(returns) == 2
     assert all(map(math.isfinite, returns))

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import fleet.envs  # noqa: F401 - makes the environments known
+from benchmarks.harness import Trial
+from benchmarks.training import subproc
 from fleet.config import ConfigError
 from fleet.envs.dispatch import DispatchEnv
 from fleet.envs.navigation import NavigationEnv
@@ -102,6 +104,17 @@ def test_robots_are_stepped_in_processes_of_their_own() -> None:
         _, _, dones, _ = arms.step(np.zeros((2, 7), dtype=np.float32))
     assert dones.all()
     arms.close()
+
+
+def test_the_benchmark_of_processes_has_the_same_episodes_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subproc, "WARM_N", 1)
+    monkeypatch.setattr(subproc, "SECONDS", (0.01, 0.01))
+    monkeypatch.setattr(subproc, "ROBOTS", {"KukaReach": subproc.ROBOTS["KukaReach"]})
+    trial = Trial(quick=True, seeds=(0,))
+    rows = list(subproc.measure_subproc(trial))
+    assert trial.failures == []
+    assert [row.target for row in rows] == ["", "", "", subproc.TARGET, ""]
+    assert all(row.value > 0 for row in rows)
 
 
 def test_the_example_trains(run_example: Callable[..., str]) -> None:

@@ -1,6 +1,6 @@
 """BenchMARL on the navigation environment: MAPPO and IPPO from one task class of our own.
 
-pip install 'fleet[benchmarl]'
+pip install '.[benchmarl]'
 python docs/examples/training/benchmarl_cars.py
 """
 

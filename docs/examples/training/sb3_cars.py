@@ -1,6 +1,6 @@
 """Stable-Baselines3 on the navigation environment: one policy for all cars.
 
-pip install 'fleet[sb3]'
+pip install '.[sb3]'
 python docs/examples/training/sb3_cars.py
 """
 

@@ -1,6 +1,6 @@
 """TorchRL on the navigation environment: checked, wrapped, and rolled out by a shared policy that is improved by PPO.
 
-pip install 'fleet[torchrl]'
+pip install '.[torchrl]'
 python docs/examples/training/torchrl_cars.py
 """
 
