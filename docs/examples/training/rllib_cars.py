@@ -8,6 +8,7 @@ python docs/examples/training/rllib_cars.py --env dispatch   # cars choose their
 import argparse
 from typing import Any
 
+import ray
 from gymnasium.spaces import Dict
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
@@ -56,6 +57,7 @@ def main() -> None:
     parser.add_argument("--cycles", type=int, default=600, help="steps of an episode")
     options = parser.parse_args()
 
+    ray.init(num_cpus=1, include_dashboard=False)  # all happens in this process: nothing else needs to start
     register_env("fleet", lambda arguments: ParallelPettingZooEnv(ENVS[options.env](**arguments)))
     module = RLModuleSpec(ActionMaskingTorchRLModule if options.env == "dispatch" else None)
     config = (
