@@ -117,6 +117,7 @@ def test_the_benchmark_of_processes_has_the_same_episodes_in_all(monkeypatch: py
     assert all(row.value > 0 for row in rows)
 
 
-def test_the_example_trains(run_example: Callable[..., str]) -> None:
-    said = run_example("sb3_cars.py", "--steps", "1500", "--horizon", "30")
+@pytest.mark.parametrize("env", ["navigate", "dispatch"])
+def test_the_example_trains(run_example: Callable[..., str], env: str) -> None:
+    said = run_example("sb3_cars.py", "--env", env, "--steps", "1500", "--horizon", "15")
     assert math.isfinite(float(said.split(":")[1]))
