@@ -47,7 +47,7 @@ DOCUMENTS = _REPOSITORY / "docs" / "learning"
 def measure_learning(trial: Trial) -> Iterable[Row]:
     """Train every recipe from every seed, and compare."""
     if importlib.util.find_spec("torch") is None:
-        trial.notes.append("learning: left out, PyTorch is not installed: pip install 'fleet[train]'")
+        trial.notes.append("learning: left out, PyTorch is not installed: pip install '.[train]'")
         return
     with tempfile.TemporaryDirectory() as quick:
         folder = Path(quick) if trial.quick else FOLDER

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fleet.training.settings import TrainConfig
 
 DONE, INTERRUPTED = 0, 130
-EXTRA = "pip install 'fleet[train]'"
+EXTRA = "pip install '.[train]'"
 PLAIN_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""
 _EVALUATION = 3
@@ -83,7 +83,7 @@ class Train:
     def _train(self, config: TrainConfig, recipe: Recipe) -> int:
         from fleet.recording.curves import write_curves
         from fleet.training.ppo.trainer import Trainer
-        from fleet.training.results import RECORDING, write_config, write_progress
+        from fleet.training.results import CHECKPOINT, RECORDING, write_config, write_progress
 
         chief = recipe.figures[0]
         trainer = Trainer(config, self.out, resume=self.resume)
@@ -104,7 +104,12 @@ class Train:
             trainer.close()
         console = _console()
         if not complete:
-            console.print("interrupted: --resume goes on from the last checkpoint", soft_wrap=True)
+            since = (
+                "goes on from the last checkpoint"
+                if (self.out / CHECKPOINT).exists()
+                else "begins anew: no checkpoint yet"
+            )
+            console.print(f"interrupted: --resume {since}", soft_wrap=True)
             return INTERRUPTED
         write_progress(self.out, trainer.rows, chief)
         write_curves(self.out / RECORDING, f"{config.env}, seed {config.seed}", trainer.rows)

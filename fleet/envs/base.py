@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,9 @@ from pettingzoo.utils import ParallelEnv, parallel_to_aec
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from fleet.config import require
+from fleet.envs.sites import is_whole
 from fleet.envs.window import Window
 from fleet.errors import FleetError
-
-RENDER_MODES = ("human", "rgb_array", "rerun")
 
 Picture = npt.NDArray[np.uint8]
 Infos = dict[str, dict[str, Any]]
@@ -97,7 +96,8 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     A subclass calls this constructor with its own arguments, and writes `_begin`, `_advance`, `_resolved` and
     `_picture`. It is pickled and copied by its arguments: a copy begins before its first episode.
 
-    The agents of an environment are the same in all episodes, and all end together.
+    The agents of an environment are the same in all episodes, and all end together. One that records nothing has
+    fewer `RENDER_MODES`.
 
     Args:
         name: As PettingZoo's modules have it (`warehouse_v0`).
@@ -113,6 +113,8 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         ConfigError: An argument is outside its valid range.
     """
 
+    RENDER_MODES: ClassVar[tuple[str, ...]] = ("human", "rgb_array", "rerun")
+
     def __init__(
         self,
         *,
@@ -126,13 +128,13 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         render_mode: str | None,
     ) -> None:
         EzPickle.__init__(self, **arguments)
-        cycles_ok = isinstance(max_cycles, int | np.integer) and max_cycles >= 1
-        require(cycles_ok, "max_cycles", max_cycles, "an integer >= 1")
+        require(is_whole(max_cycles) and max_cycles >= 1, "max_cycles", max_cycles, "an integer >= 1")
         _require_seed(seed)
-        require(render_mode in (None, *RENDER_MODES), "render_mode", render_mode, f"None, {', '.join(RENDER_MODES)}")
+        modes = self.RENDER_MODES
+        require(render_mode in (None, *modes), "render_mode", render_mode, f"None, {', '.join(modes)}")
         self.metadata: dict[str, Any] = {
             "name": name,
-            "render_modes": list(RENDER_MODES),
+            "render_modes": list(modes),
             "render_fps": fps,
             "is_parallelizable": True,
         }
@@ -354,7 +356,7 @@ def in_order(env: Any) -> Any:
 
 
 def _require_seed(seed: object) -> None:
-    require(isinstance(seed, int | np.integer) and bool(seed >= 0), "seed", seed, "an integer >= 0")
+    require(is_whole(seed) and seed >= 0, "seed", seed, "an integer >= 0")
 
 
 def _listed(agents: Sequence[str]) -> str:

@@ -83,7 +83,7 @@ TERMS = ("delivered", "late", "empty", "waiting", "lost")
 """Names of the terms."""
 
 
-class DispatchEnv(LayerEnv):
+class DispatchEnv(LayerEnv[DispatchView]):
     """A fleet whose cars choose their tasks; see the module's description.
 
     Args:
@@ -138,9 +138,7 @@ class DispatchEnv(LayerEnv):
             step_s=float(decision_s),
         )
         self.fleet: DispatchFleet | None
-        self.view: DispatchView
-        """The fleet at the last observation, for policies that are not told by rows of numbers."""
-        self.candidates: npt.NDArray[np.int32]
+        self.candidates = np.full((n_cars, candidates_n), NONE, dtype=np.int32)
         """The task that each candidate of each car is, -1 for none, shape (n_cars, candidates_n)."""
         self._weights = weights or DispatchWeights()
         self._idle_n = np.zeros(n_cars, dtype=np.int64)
@@ -156,8 +154,7 @@ class DispatchEnv(LayerEnv):
 
     def _look(self) -> DispatchView:
         assert self.fleet is not None
-        self.view = self.fleet.view(max(0.0, 1.0 - self.steps_n / self.max_cycles))
-        return self.view
+        return self.fleet.view(max(0.0, 1.0 - self.steps_n / self.max_cycles))
 
     def _rows_now(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
         rows, masks, self.candidates = self.observer.look(self.view)

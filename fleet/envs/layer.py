@@ -6,7 +6,7 @@ import functools
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -49,7 +49,10 @@ class View(Protocol):
         """`Phase` of each car, shape (n_cars,)."""
 
 
-class LayerEnv(FleetEnv):
+ViewT = TypeVar("ViewT", bound=View)
+
+
+class LayerEnv(FleetEnv, Generic[ViewT]):
     """Cars that all choose one of a few actions, with masks, in a fleet that does the rest.
 
     A subclass writes `_fleet_of`, `_look`, `_rows_now`, `_play` and `_infos`.
@@ -103,6 +106,7 @@ class LayerEnv(FleetEnv):
         """Time by which they were late, together [s]."""
         self._fidelity, self._n_cars, self._n_actions, self._step_s = Fidelity(fidelity), n_cars, n_actions, step_s
         self._cars = np.arange(n_cars)
+        self._view: ViewT | None = None
         self._terms_n = terms_n
         self._mask = np.ones((n_cars, n_actions), dtype=np.int8)
         record_to = arguments["record_to"]
@@ -111,14 +115,23 @@ class LayerEnv(FleetEnv):
         self._recorder: PictureRecorder | None = None
         self._episodes_n = 0
 
+    @property
+    def view(self) -> ViewT:
+        """The fleet at the last observation, for policies that are not told by rows of numbers.
+
+        Raises:
+            EpisodeError: There was no `reset` yet.
+        """
+        if self._view is None:
+            raise EpisodeError("there was no episode yet; valid: reset() first")
+        return self._view
+
     def state(self) -> npt.NDArray[np.float32]:
         """All cars' numbers; inside `state_space`.
 
         Raises:
             EpisodeError: There was no `reset` yet.
         """
-        if self.fleet is None:
-            raise EpisodeError("state: there was no episode yet; valid: reset() first")
         return self._rows_now()[0].ravel()
 
     def close(self) -> None:
@@ -131,12 +144,12 @@ class LayerEnv(FleetEnv):
         """The fleet of an episode."""
 
     @abstractmethod
-    def _look(self) -> View:
-        """Look at the fleet; kept until the next step."""
+    def _look(self) -> ViewT:
+        """Look at the fleet; kept as `view` until the next step."""
 
     @abstractmethod
     def _rows_now(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
-        """Observations, shape (n_cars, row_n), and masks, shape (n_cars, n_actions), of the last look."""
+        """Observations, shape (n_cars, row_n), and masks, shape (n_cars, n_actions), of the last view."""
 
     @abstractmethod
     def _play(self, choice: Longs) -> tuple[FloatArray, Bools]:
@@ -155,6 +168,7 @@ class LayerEnv(FleetEnv):
         return FloorDrawing(self.place.site)
 
     def _end(self) -> None:
+        self._view = None
         if self.fleet is not None:
             self.fleet.close()
             self.fleet = None
@@ -191,7 +205,7 @@ class LayerEnv(FleetEnv):
         return rewards, False, self._infos(terms, waits, ~legal)
 
     def _observations(self) -> dict[str, Any]:
-        self._view_now = self._look()
+        self._view = self._look()
         rows, masks = self._rows_now()
         self._mask = masks.copy()
         told = zip(self.possible_agents, rows, masks, strict=True)
@@ -208,7 +222,7 @@ class LayerEnv(FleetEnv):
         return True
 
     def _picture(self) -> Picture:
-        view = self._view_now
+        view = self.view
         goals = self.place.graph.state_pose[np.where(view.goal >= 0, view.goal, view.state), :2]
         return self._drawing.picture(self.fleet.poses(), np.isin(view.phase, LOADED), goals)
 

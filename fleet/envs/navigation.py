@@ -2,8 +2,9 @@
 
 Every car has a stream of places to visit, drawn from the episode's seed and the same whatever the agents do. Its way
 there is the shortest along the lanes of the site; nobody gives right of way: to keep clear of the others is the agents'
-own affair. A car that gets more than 0.8 m away from its way is towed back to it. An episode begins with all cars parked
-and is truncated for all after `max_cycles` steps.
+own affair. A car that gets more than 0.8 m away from its way is out of its agent's hands for a second and a half: it
+brakes, is towed back to its way, and stands there. An episode begins with all cars parked and is truncated for all after
+`max_cycles` steps.
 
 Agents: `car_0`, `car_1`, ...
 
@@ -67,8 +68,8 @@ OFF_LANE_M = 0.3
 """A car further than this from its way is off its lane [m]: in the middle, its sides are 0.36 m from the walls."""
 LOST_M = 0.8
 """A car further than this from its way is towed back [m]."""
-TOW_S = 1.0
-"""Time until a car may be towed again: in physics it takes half a second [s]."""
+BRAKE_S, TOW_S = 1.0, 0.5
+"""Times in which a lost car comes to a stand, from any speed, and in which it is then brought back, in physics [s]."""
 REACHED_M = 0.1
 """A place counts as reached this far before it [m]."""
 TOUCH_M = 0.01
@@ -119,6 +120,8 @@ class NavigationEnv(FleetEnv):
         ConfigError: An argument is outside its valid range.
         SiteError: The site cannot be read.
     """
+
+    RENDER_MODES = ("human", "rgb_array")
 
     def __init__(
         self,
@@ -208,7 +211,8 @@ class NavigationEnv(FleetEnv):
         for car, state in enumerate(self._starts):
             self._paths.reset(car, self._graph.state_pose[state])
             self._extend(car)
-        self._tow_s = np.zeros(n_cars)
+        self._towed_n = np.zeros(n_cars, dtype=np.int64)
+        """Ticks for which each car is still out of its agent's hands."""
         self._aside_m[:] = 0.0
         self._look()
         return {agent: {**dict.fromkeys((*TERMS, "places"), 0.0), "illegal": False} for agent in self.possible_agents}
@@ -226,7 +230,7 @@ class NavigationEnv(FleetEnv):
 
     def _advance(self, resolved: tuple[FloatArray, npt.NDArray[np.bool_]]) -> tuple[dict[str, float], bool, Infos]:
         shares, illegal = resolved
-        commands = shares * self._limits
+        commands = np.where((self._towed_n > 0)[:, None], 0.0, shares * self._limits)
         before_m = self._paths.progress.copy()
         for _ in range(self._ticks_n):
             self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
@@ -299,12 +303,14 @@ class NavigationEnv(FleetEnv):
         )
 
     def _tow(self) -> npt.NDArray[np.bool_]:
-        """Bring lost cars back to where their way is nearest; returns which, shape (n_cars,)."""
-        self._tow_s = np.maximum(self._tow_s - self._ticks_n * self._world.tick_s, 0.0)
-        lost: npt.NDArray[np.bool_] = (np.abs(self._aside_m) > LOST_M) & (self._tow_s <= 0.0)
-        self._tow_s[lost] = TOW_S
+        """Stop lost cars and bring them back to where their way is nearest; returns who got lost now, (n_cars,)."""
+        tow_n, brake_n = (round(time_s / self._world.tick_s) for time_s in (TOW_S, BRAKE_S))
+        left_n = np.maximum(self._towed_n - self._ticks_n, 0)
+        stands = (self._towed_n > tow_n) & (left_n <= tow_n)
+        lost: npt.NDArray[np.bool_] = (np.abs(self._aside_m) > LOST_M) & (self._towed_n == 0)
+        self._towed_n = np.where(lost, brake_n + tow_n, left_n)
         poses = self._world.car_poses()
-        for car in np.flatnonzero(lost).tolist():
+        for car in np.flatnonzero(stands).tolist():
             x, y, yaw = self._paths.points[car, self._paths.cursor[car]] - poses[car]
             self._world.push_car(car, float(x), float(y), math.remainder(yaw, 2.0 * math.pi))
         return lost

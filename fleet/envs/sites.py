@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import TypeGuard
 
 import numpy as np
 
@@ -25,18 +26,18 @@ def check_site(site: object, fidelity: object, n_cars: object) -> None:
     require(isinstance(site, str) or (on_grid and isinstance(site, Site)), "site", getattr(site, "name", site), valid)
     read = site if isinstance(site, Site) else load_site(str(site))
     spots_n = len(read.parking)
-    ok = isinstance(n_cars, int | np.integer) and is_whole(n_cars) and 1 <= n_cars <= spots_n
-    require(bool(ok), "n_cars", n_cars, f"1 to {spots_n} (parking cells of site {read.name})")
+    ok = is_whole(n_cars) and 1 <= n_cars <= spots_n
+    require(ok, "n_cars", n_cars, f"1 to {spots_n} (parking cells of site {read.name})")
 
 
-def is_whole(value: object) -> bool:
+def is_whole(value: object) -> TypeGuard[int]:
     """Whether a value is an integer, and no truth value."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
-def is_number(value: object) -> bool:
-    """Whether a value is a finite number."""
-    return isinstance(value, int | float | np.integer | np.floating) and math.isfinite(value)
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a finite number, and no truth value."""
+    return is_whole(value) or (isinstance(value, float | np.floating) and math.isfinite(value))
 
 
 def place_of(site: str | Site) -> FleetSite:

@@ -83,7 +83,7 @@ TERMS = ("progress", "delivered", "waiting", "lost")
 """Names of the terms."""
 
 
-class TrafficEnv(LayerEnv):
+class TrafficEnv(LayerEnv[TrafficView]):
     """A fleet whose cars choose their moves; see the module's description.
 
     Args:
@@ -129,8 +129,6 @@ class TrafficEnv(LayerEnv):
             step_s=TIMESTEP_S,
         )
         self.fleet: TrafficFleet | None
-        self.view: TrafficView
-        """The fleet at the last observation, for policies that are not told by rows of numbers."""
         self._observer = TrafficObserver(place)
         self._weights = weights or TrafficWeights()
 
@@ -144,8 +142,7 @@ class TrafficEnv(LayerEnv):
 
     def _look(self) -> TrafficView:
         assert self.fleet is not None
-        self.view = self.fleet.view()
-        return self.view
+        return self.fleet.view()
 
     def _rows_now(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
         return self._observer.look(self.view)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from fleet.config import require
+from fleet.envs.sites import is_number
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -20,7 +20,7 @@ def check_weights(weights: DataclassInstance) -> None:
     """
     for field in fields(weights):
         value = getattr(weights, field.name)
-        require(isinstance(value, int | float) and math.isfinite(value), f"weight {field.name}", value, "a number")
+        require(is_number(value), f"weight {field.name}", value, "a number")
 
 
 def require_weights(weights: object, kind: type) -> None:

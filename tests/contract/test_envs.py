@@ -7,28 +7,14 @@ import math
 import pickle
 import subprocess
 import sys
-import warnings
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import pettingzoo
 import pytest
-from pettingzoo.test import (
-    api_test,
-    max_cycles_test,
-    parallel_api_test,
-    parallel_seed_test,
-    render_test,
-    seed_test,
-    state_test,
-)
-from pettingzoo.utils import parallel_to_aec
 
 from fleet.config import ArmConfig, ConfigError
-from fleet.envs import warehouse_v0
 from fleet.envs.base import ActionError, EnvState, EpisodeError, StateError
 from fleet.envs.rewards import TERMS, RewardWeights
 from fleet.envs.rows import CAR_N, NEAR_M
@@ -42,25 +28,8 @@ from fleet.tasks.board import TaskState
 
 Actions = dict[str, npt.NDArray[np.float32]]
 
-HETEROGENEOUS = ("different observation space sizes", "Observations are different shapes")
-"""What PettingZoo warns about whenever agents are of different types."""
 FIDELITIES = [pytest.param("kinematic"), pytest.param("physics", marks=pytest.mark.bullet)]
 TEAM = ["car_0", "car_1", "arm_0", "arm_1"]
-
-
-class Module:
-    """What PettingZoo's tests take for an environment's module, at one fidelity on a small site."""
-
-    def __init__(self, fidelity: str) -> None:
-        self.parallel_env = partial(warehouse_v0.parallel_env, site="cell", fidelity=fidelity)
-        self.env = partial(warehouse_v0.env, site="cell", fidelity=fidelity)
-        self.raw_env = partial(warehouse_v0.raw_env, site="cell", fidelity=fidelity)
-
-
-@pytest.fixture(params=FIDELITIES)
-def module(request: pytest.FixtureRequest) -> Module:
-    """Return the environment at one fidelity."""
-    return Module(request.param)
 
 
 @pytest.fixture
@@ -104,52 +73,7 @@ def played(env: WarehouseEnv, seed: int, n_steps: int | None = None) -> list[obj
     return said
 
 
-# --- PettingZoo's own tests
-
-
-def test_parallel_api(module: Module) -> None:
-    env = module.parallel_env()
-    parallel_api_test(env, num_cycles=100)
-    env.close()
-
-
-def test_api_of_the_turn_based_form(module: Module) -> None:
-    with warnings.catch_warnings():
-        for text in HETEROGENEOUS:
-            warnings.filterwarnings("ignore", message=f".*{text}")
-        api_test(parallel_to_aec(module.parallel_env(max_cycles=40)), num_cycles=60)
-
-
-def test_seeds(module: Module) -> None:
-    parallel_seed_test(module.parallel_env, num_cycles=60)
-    seed_test(module.env, num_cycles=60)
-
-
-def test_max_cycles(module: Module) -> None:
-    max_cycles_test(module)
-
-
-def test_state(module: Module) -> None:
-    state_test(module.env(), module.parallel_env(), num_cycles=20)
-
-
-def test_render(module: Module, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.chdir(tmp_path)
-    render_test(module.env, custom_tests={"rerun": lambda result: result is None})
-    assert [path.name for path in (tmp_path / "runs" / "warehouse_v0").iterdir()] == ["episode_0000.rrd"]
-
-
-def test_registry() -> None:
-    for kind, registry in (("parallel", pettingzoo.parallel_registry), ("aec", pettingzoo.aec_registry)):
-        assert "fleet/warehouse-v0" in registry
-        env = pettingzoo.make(kind, "fleet/warehouse-v0", site="cell", fidelity="kinematic", max_cycles=7)
-        assert env.possible_agents == TEAM
-        assert env.unwrapped.max_cycles == 7
-        env.close()
-
-
-# --- What they leave out
+# --- Spaces, seeds, copies
 
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
@@ -354,6 +278,9 @@ def test_states_of_other_environments_are_refused(make: Callable[..., WarehouseE
         ({"n_cars": 4}, "0 to 3 on site cell"),
         ({"n_cars": -1}, "0 to 3"),
         ({"n_cars": 1.5}, "an integer"),
+        ({"n_cars": True}, "an integer"),
+        ({"max_cycles": True}, ">= 1"),
+        ({"seed": True}, ">= 0"),
         ({"n_arms": 3}, "0 to 2"),
         ({"n_cars": 0, "n_arms": 0}, "at least one agent"),
         ({"n_cars": 0}, "at least one car"),

@@ -7,26 +7,13 @@ import math
 import pickle
 import subprocess
 import sys
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
-import pettingzoo
 import pytest
-from pettingzoo.test import (
-    api_test,
-    max_cycles_test,
-    parallel_api_test,
-    parallel_seed_test,
-    render_test,
-    seed_test,
-    state_test,
-)
-from pettingzoo.utils import parallel_to_aec
 
 from fleet.config import ConfigError
 from fleet.envs import dispatch_v0, traffic_v0
@@ -42,8 +29,6 @@ from maps.warehouse import generate_warehouse
 
 ENVS = {"dispatch": dispatch_v0, "traffic": traffic_v0}
 TERMS = {"dispatch": DISPATCH_TERMS, "traffic": TRAFFIC_TERMS}
-MASKED = ("Observation space for each agent probably should be", "Observation is not a NumPy array")
-"""What PettingZoo warns about whenever observations hold a mask, as it asks for them to."""
 CYCLES_N = {"dispatch": 60, "traffic": 120}
 Maker = Callable[..., LayerEnv]
 
@@ -52,12 +37,6 @@ Maker = Callable[..., LayerEnv]
 def layer(request: pytest.FixtureRequest) -> str:
     """Return the name of one layer."""
     return str(request.param)
-
-
-@pytest.fixture
-def module(layer: str) -> ModuleType:
-    """Return the module of one environment."""
-    return ENVS[layer]
 
 
 @pytest.fixture
@@ -93,51 +72,7 @@ def episode(env: LayerEnv, seed: int | None, n_steps: int | None = None) -> list
     return said
 
 
-# --- PettingZoo's own tests
-
-
-def test_parallel_api(module: ModuleType) -> None:
-    env = module.parallel_env()
-    parallel_api_test(env, num_cycles=100)
-    env.close()
-
-
-def test_api_of_the_turn_based_form(module: ModuleType) -> None:
-    with warnings.catch_warnings():
-        for text in MASKED:
-            warnings.filterwarnings("ignore", message=text)
-        api_test(parallel_to_aec(module.parallel_env(max_cycles=30)), num_cycles=60)
-
-
-def test_seeds(module: ModuleType) -> None:
-    parallel_seed_test(module.parallel_env, num_cycles=60)
-    seed_test(module.env, num_cycles=60)
-
-
-def test_max_cycles(module: ModuleType) -> None:
-    max_cycles_test(module)
-
-
-def test_state(module: ModuleType) -> None:
-    state_test(module.env(), module.parallel_env(), num_cycles=20)
-
-
-def test_render(module: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.chdir(tmp_path)
-    render_test(module.env, custom_tests={"rerun": lambda shown: shown is None})
-
-
-def test_registry(layer: str) -> None:
-    for kind, registry in (("parallel", pettingzoo.parallel_registry), ("aec", pettingzoo.aec_registry)):
-        assert f"fleet/{layer}-v0" in registry
-        env = pettingzoo.make(kind, f"fleet/{layer}-v0", n_cars=2, max_cycles=7)
-        assert env.possible_agents == ["car_0", "car_1"]
-        assert env.unwrapped.max_cycles == 7
-        env.close()
-
-
-# --- What they leave out
+# --- Spaces, seeds, copies
 
 
 @pytest.mark.parametrize("fidelity", ["grid", "kinematic"])
@@ -279,9 +214,19 @@ def test_actions_of_the_wrong_kind_are_refused_and_change_nothing(make: Maker, a
 
 def test_calls_in_the_wrong_order_are_refused(make: Maker) -> None:
     env = make()
-    for call in (lambda: env.step({}), env.state, env.save_state):
+    for call in (lambda: env.step({}), env.state, env.save_state, lambda: env.view):
         with pytest.raises(EpisodeError, match="reset"):
             call()
+
+
+def test_policies_that_look_at_the_fleet_need_an_episode(layer: str, make: Maker) -> None:
+    env = make()
+    for name in POLICIES[layer].keys() - {"random", "nearest"}:  # which only look at what they are shown
+        for _ in range(2):
+            with pytest.raises(EpisodeError, match="reset"):
+                make_policy(layer, name).act(env, {})
+            env.reset(seed=0)
+            env.close()
 
 
 @pytest.mark.parametrize("max_cycles", [1, 3])
@@ -334,11 +279,15 @@ def test_a_folder_that_cannot_be_recorded_to_is_refused_and_no_episode_begins(ma
         ({"n_cars": 99}, "parking cells of site small"),
         ({"n_cars": 0}, "1 to 18"),
         ({"n_cars": 2.0}, "1 to 18"),
+        ({"n_cars": True}, "1 to 18"),
         ({"fidelity": "real"}, "physics, kinematic, grid"),
         ({"load": 0.0}, "> 0"),
         ({"load": math.nan}, "> 0"),
+        ({"load": True}, "> 0"),
         ({"max_cycles": 0}, ">= 1"),
+        ({"max_cycles": True}, ">= 1"),
         ({"seed": -1}, ">= 0"),
+        ({"seed": True}, ">= 0"),
         ({"render_mode": "ansi"}, "rgb_array"),
         ({"site": 7}, "a name"),
         ({"record_to": 3}, "record_to is 3; valid: a path"),
@@ -358,8 +307,11 @@ def test_unknown_sites_and_arguments_are_refused(make: Maker) -> None:
         make(robots=3)
     with pytest.raises(ConfigError, match="1 to 64"):
         dispatch_v0.parallel_env(candidates_n=0)
-    with pytest.raises(ConfigError, match="whole number"):
-        dispatch_v0.parallel_env(decision_s=2.5)
+    for odd in (2.5, True):
+        with pytest.raises(ConfigError, match="whole number"):
+            dispatch_v0.parallel_env(decision_s=odd)
+    with pytest.raises(ConfigError, match="weight lost is True; valid: a number"):
+        DispatchWeights(lost=True)
 
 
 # --- Agents at work
@@ -420,16 +372,6 @@ def test_two_cars_that_choose_one_task_are_told_who_waits() -> None:
     # Of equal rank the lower index goes first; who lost comes first the next time.
     assert all(any(firsts[winner] == firsts[loser] and winner < loser for winner in winners) for loser in losers)
     assert DispatchWeights().lost == infos[f"car_{losers[0]}"]["lost"]
-
-
-@pytest.mark.bullet
-@pytest.mark.parametrize("layer", ENVS)
-def test_physics(layer: str) -> None:
-    env = ENVS[layer].parallel_env(site="small", n_cars=2, fidelity="physics", max_cycles=4)
-    said = episode(env, 1)
-    assert len(said) == 5
-    np.testing.assert_equal(episode(env, 1), said)
-    env.close()
 
 
 @pytest.mark.parametrize("policy", ["random", "shortest_way"])

@@ -11,27 +11,15 @@ from collections.abc import Iterator
 
 import gymnasium
 import numpy as np
-import pettingzoo
 import pytest
 from gymnasium.utils.env_checker import check_env
-from pettingzoo.test import (
-    api_test,
-    max_cycles_test,
-    parallel_api_test,
-    parallel_seed_test,
-    render_test,
-    seed_test,
-    state_test,
-)
-from pettingzoo.utils import parallel_to_aec
 
 import fleet.envs  # noqa: F401 - makes the environments known
 from fleet.config import ConfigError
-from fleet.envs import navigate_v0
 from fleet.envs.base import ActionError, EpisodeError
 from fleet.envs.car_navigate import CarNavigateEnv
 from fleet.envs.kuka_reach import TOLERANCE_M, KukaReachEnv, ReachPolicy
-from fleet.envs.navigation import LOST_M, NavigationEnv
+from fleet.envs.navigation import BRAKE_S, TOW_S, NavigationEnv
 from fleet.envs.navigation_policy import PursuitPolicy
 
 FIDELITIES = ("kinematic", "physics")
@@ -61,31 +49,6 @@ def plain(told: object) -> object:
     if isinstance(told, dict):
         return {key: plain(value) for key, value in told.items()}
     return [plain(value) for value in told] if isinstance(told, list | tuple) else told
-
-
-@pytest.mark.parametrize("fidelity", FIDELITIES)
-def test_pettingzoo_has_no_complaint(fidelity: str) -> None:
-    def make(**arguments: object) -> NavigationEnv:
-        return navigate_v0.parallel_env(n_cars=2, fidelity=fidelity, **{"max_cycles": 20, **arguments})
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        parallel_api_test(make(), num_cycles=50)
-        api_test(parallel_to_aec(make()), num_cycles=50)
-        parallel_seed_test(make, num_cycles=20)
-        seed_test(lambda: parallel_to_aec(make()), num_cycles=20)
-        state_test(parallel_to_aec(make()), make())
-        render_test(lambda render_mode=None: parallel_to_aec(make(render_mode=render_mode)))
-
-
-def test_the_number_of_cycles_is_kept() -> None:
-    max_cycles_test(navigate_v0)
-
-
-def test_the_registries_know_it() -> None:
-    parallel = pettingzoo.make("parallel", "fleet/navigate-v0", max_cycles=3, n_cars=1)
-    assert parallel.possible_agents == ["car_0"]
-    pettingzoo.make("aec", "fleet/navigate-v0", max_cycles=3, n_cars=1).close()
 
 
 def test_what_is_seen_is_always_in_its_space(cars: NavigationEnv) -> None:
@@ -166,19 +129,21 @@ def test_the_script_drives_to_places_and_stays_on_its_lanes() -> None:
 
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
-def test_a_lost_car_is_towed_back(fidelity: str) -> None:
+def test_a_lost_car_is_towed_back_and_stands(fidelity: str) -> None:
     env = NavigationEnv(n_cars=1, max_cycles=200, fidelity=fidelity)
     env.reset(seed=0)
-    towed = 0
+    away, towed = {"car_0": np.array([0.15, 1.0])}, 0.0
     while env.agents and not towed:
-        *_, infos = env.step({"car_0": np.array([0.15, 1.0])})
-        towed = infos["car_0"]["towed"] < 0
-    assert towed
-    aside_m = []
-    for _ in range(10):
-        env.step({"car_0": np.zeros(2)})
-        aside_m.append(abs(env._aside_m[0]))
-    assert min(aside_m) < LOST_M / 2, "it rolls on, but from its way"
+        *_, infos = env.step(away)
+        towed = infos["car_0"]["towed"]
+    assert towed == env._weights.towed
+    for _ in range(round(10 * (BRAKE_S + TOW_S))):
+        *_, infos = env.step(away)  # nobody listens
+        assert infos["car_0"]["towed"] == 0.0
+    assert abs(env._world.car_speeds()[0]) < 0.02
+    assert abs(env._aside_m[0]) < 0.05
+    env.step(away)
+    assert env._world.car_speeds()[0] > 0.1
     env.close()
 
 
@@ -228,6 +193,9 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
         ({"control_hz": float("nan")}, "control_hz is nan"),
         ({"n_cars": "2"}, "n_cars is '2'"),
         ({"control_hz": "x"}, "control_hz is 'x'"),
+        ({"control_hz": True}, "control_hz is True"),
+        ({"max_cycles": True}, "max_cycles is True"),
+        ({"render_mode": "rerun"}, "render_mode is 'rerun'; valid: None, human, rgb_array"),
         ({"site": 3}, "site is 3; valid: a name or a path"),
         ({"weights": {"late": 1}}, "NavigationWeights, or None"),
         ({"render_mode": "ascii"}, "render_mode is 'ascii'"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable
 
 import pytest
@@ -11,9 +13,10 @@ from tests.stacks.conftest import require_package
 require_package("benchmarl", "benchmarl")
 
 
-@pytest.mark.parametrize("algorithm", ["ippo", "mappo"])
-def test_the_example_trains(run_example: Callable[..., str], algorithm: str) -> None:
-    said = run_example(
-        "benchmarl_cars.py", "--algorithm", algorithm, "--frames", "400", "--batch", "200", "--cycles", "100"
-    )
-    assert "frames learned from: 400" in said
+@pytest.mark.parametrize(("env", "algorithm"), [("navigate", "ippo"), ("navigate", "mappo"), ("dispatch", "mappo")])
+def test_the_example_trains(run_example: Callable[..., str], env: str, algorithm: str) -> None:
+    budget = ("--frames", "400", "--batch", "200", "--cycles", "50")
+    said = run_example("benchmarl_cars.py", "--env", env, "--algorithm", algorithm, *budget)
+    found = re.search(r"frames learned from: 400 mean return: (.+)", said)
+    assert found is not None
+    assert math.isfinite(float(found[1]))

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import fleet.envs  # noqa: F401 - makes the environments known
+from benchmarks.harness import Trial
+from benchmarks.training import subproc
 from fleet.config import ConfigError
 from fleet.envs.dispatch import DispatchEnv
 from fleet.envs.navigation import NavigationEnv
@@ -104,6 +106,18 @@ def test_robots_are_stepped_in_processes_of_their_own() -> None:
     arms.close()
 
 
-def test_the_example_trains(run_example: Callable[..., str]) -> None:
-    said = run_example("sb3_cars.py", "--steps", "1500", "--horizon", "30")
+def test_the_benchmark_of_processes_has_the_same_episodes_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subproc, "WARM_N", 1)
+    monkeypatch.setattr(subproc, "SECONDS", (0.01, 0.01))
+    monkeypatch.setattr(subproc, "ROBOTS", {"KukaReach": subproc.ROBOTS["KukaReach"]})
+    trial = Trial(quick=True, seeds=(0,))
+    rows = list(subproc.measure_subproc(trial))
+    assert trial.failures == []
+    assert [row.target for row in rows] == ["", "", "", subproc.TARGET, ""]
+    assert all(row.value > 0 for row in rows)
+
+
+@pytest.mark.parametrize("env", ["navigate", "dispatch"])
+def test_the_example_trains(run_example: Callable[..., str], env: str) -> None:
+    said = run_example("sb3_cars.py", "--env", env, "--steps", "1500", "--horizon", "15")
     assert math.isfinite(float(said.split(":")[1]))

@@ -1,7 +1,8 @@
-"""BenchMARL on the navigation environment: MAPPO and IPPO from one task class of our own.
+"""BenchMARL: MAPPO and IPPO from one task class of our own.
 
-pip install 'fleet[benchmarl]'
-python docs/examples/training/benchmarl_cars.py
+pip install '.[benchmarl]'
+python docs/examples/training/benchmarl_cars.py                 # cars drive to places: two numbers each
+python docs/examples/training/benchmarl_cars.py --env dispatch  # cars choose their tasks, of which masks tell the legal
 """
 
 import argparse
@@ -17,24 +18,33 @@ from benchmarl.models.mlp import MlpConfig
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.pettingzoo import PettingZooWrapper
 
+from fleet.envs.dispatch import DispatchEnv
 from fleet.envs.navigation import NavigationEnv
 
+ENVS = {"navigate": NavigationEnv, "dispatch": DispatchEnv}
 ALGORITHMS = {"ippo": IppoConfig, "mappo": MappoConfig}
 
 
-class NavigateClass(PettingZooClass):
+class FleetClass(PettingZooClass):
     """What BenchMARL asks of a task."""
+
+    @property
+    def masked(self) -> bool:
+        return self.name == "DISPATCH"
 
     def get_env_fun(
         self, num_envs: int, continuous_actions: bool, seed: int | None, device: Any
     ) -> Callable[[], EnvBase]:
-        return lambda: PettingZooWrapper(NavigationEnv(**self.config), return_state=True, seed=seed, device=device)
+        make = ENVS[self.name.lower()]
+        return lambda: PettingZooWrapper(
+            make(**self.config), return_state=True, use_mask=self.masked, seed=seed, device=device
+        )
 
     def supports_continuous_actions(self) -> bool:
-        return True
+        return not self.masked
 
     def supports_discrete_actions(self) -> bool:
-        return False
+        return self.masked
 
     def has_state(self) -> bool:
         return True
@@ -54,14 +64,16 @@ class FleetTask(Task):
     """Tasks of this project."""
 
     NAVIGATE = None
+    DISPATCH = None
 
     @staticmethod
-    def associated_class() -> type[NavigateClass]:
-        return NavigateClass
+    def associated_class() -> type[FleetClass]:
+        return FleetClass
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--env", choices=ENVS, default="navigate")
     parser.add_argument("--algorithm", choices=ALGORITHMS, default="ippo")
     parser.add_argument("--frames", type=int, default=200_000, help="steps of the environment")
     parser.add_argument("--batch", type=int, default=2_000, help="of them, between two updates")
@@ -83,7 +95,7 @@ def main() -> None:
         settings.prefer_continuous_actions = True
         settings.save_folder = folder
         experiment = Experiment(
-            task=FleetTask.NAVIGATE.get_task({"n_cars": 6, "max_cycles": options.cycles}),
+            task=FleetTask[options.env.upper()].get_task({"n_cars": 6, "max_cycles": options.cycles}),
             algorithm_config=ALGORITHMS[options.algorithm].get_from_yaml(),
             model_config=MlpConfig.get_from_yaml(),
             critic_model_config=MlpConfig.get_from_yaml(),
@@ -91,7 +103,7 @@ def main() -> None:
             config=settings,
         )
         experiment.run()
-        print("frames learned from:", experiment.total_frames)
+        print("frames learned from:", experiment.total_frames, "mean return:", experiment.mean_return)
 
 
 if __name__ == "__main__":

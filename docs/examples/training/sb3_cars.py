@@ -1,24 +1,29 @@
-"""Stable-Baselines3 on the navigation environment: one policy for all cars.
+"""Stable-Baselines3: PPO, one policy shared by all cars.
 
-pip install 'fleet[sb3]'
-python docs/examples/training/sb3_cars.py
+pip install '.[sb3]'
+python docs/examples/training/sb3_cars.py                  # cars drive to places: two numbers each
+python docs/examples/training/sb3_cars.py --env dispatch   # cars choose their tasks, of which masks tell the legal
 """
 
 import argparse
 
 from stable_baselines3 import PPO
 
+from fleet.envs.dispatch import DispatchEnv
 from fleet.envs.navigation import NavigationEnv
 from fleet.training.stacks.sb3 import TypeVecEnv
+
+ENVS = {"navigate": NavigationEnv, "dispatch": DispatchEnv}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--env", choices=ENVS, default="navigate")
     parser.add_argument("--steps", type=int, default=1_000_000, help="steps of agents")
     parser.add_argument("--horizon", type=int, default=128, help="steps of each environment between two updates")
     options = parser.parse_args()
 
-    cars = TypeVecEnv([lambda: NavigationEnv(n_cars=6)] * 8, kind="car")
+    cars = TypeVecEnv([lambda: ENVS[options.env](n_cars=6)] * 8, kind="car")
     model = PPO(
         "MlpPolicy",
         cars,

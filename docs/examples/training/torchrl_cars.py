@@ -1,7 +1,8 @@
-"""TorchRL on the navigation environment: checked, wrapped, and rolled out by a shared policy that is improved by PPO.
+"""TorchRL: an environment is checked, wrapped, and rolled out by a policy that all cars share and PPO improves.
 
-pip install 'fleet[torchrl]'
-python docs/examples/training/torchrl_cars.py
+pip install '.[torchrl]'
+python docs/examples/training/torchrl_cars.py                   # cars drive to places: two numbers each
+python docs/examples/training/torchrl_cars.py --env dispatch    # cars choose their tasks, of which masks tell the legal
 """
 
 import argparse
@@ -9,47 +10,57 @@ import argparse
 import torch
 from tensordict.nn import TensorDictModule
 from torchrl.collectors import Collector
-from torchrl.envs import RewardSum, TransformedEnv, check_env_specs
+from torchrl.envs import check_env_specs
 from torchrl.envs.libs.pettingzoo import PettingZooWrapper
-from torchrl.modules import MultiAgentMLP, NormalParamExtractor, ProbabilisticActor, TanhNormal
+from torchrl.modules import MaskedCategorical, MultiAgentMLP, NormalParamExtractor, ProbabilisticActor, TanhNormal
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
+from fleet.envs.dispatch import DispatchEnv
 from fleet.envs.navigation import NavigationEnv
 
+ENVS = {"navigate": NavigationEnv, "dispatch": DispatchEnv}
 GROUP = "car"
 CARS_N = 6
 
 
-def networks(observation_n: int) -> tuple[ProbabilisticActor, TensorDictModule]:
+def networks(env: PettingZooWrapper, *, masked: bool) -> tuple[ProbabilisticActor, TensorDictModule]:
     """Policy and value, shared by all cars."""
+    row = (GROUP, "observation", "observation") if masked else (GROUP, "observation")
     sizes = {"n_agents": CARS_N, "centralized": False, "share_params": True, "depth": 2, "num_cells": 64}
-    actor = torch.nn.Sequential(
-        MultiAgentMLP(n_agent_inputs=observation_n, n_agent_outputs=4, **sizes), NormalParamExtractor()
-    )
+
+    def network(outputs_n: int) -> MultiAgentMLP:
+        return MultiAgentMLP(n_agent_inputs=env.observation_spec[row].shape[-1], n_agent_outputs=outputs_n, **sizes)
+
+    if masked:
+        actor = network(env.full_action_spec_unbatched[GROUP, "action"].space.n)
+        out_keys = [(GROUP, "logits")]
+        in_keys = {"logits": (GROUP, "logits"), "mask": (GROUP, "action_mask")}
+    else:
+        actor = torch.nn.Sequential(network(4), NormalParamExtractor())
+        in_keys = out_keys = [(GROUP, "loc"), (GROUP, "scale")]
     policy = ProbabilisticActor(
-        TensorDictModule(actor, [(GROUP, "observation")], [(GROUP, "loc"), (GROUP, "scale")]),
-        in_keys=[(GROUP, "loc"), (GROUP, "scale")],
+        TensorDictModule(actor, [row], out_keys),
+        in_keys=in_keys,
         out_keys=[(GROUP, "action")],
-        distribution_class=TanhNormal,
+        distribution_class=MaskedCategorical if masked else TanhNormal,
         return_log_prob=True,
     )
-    value = MultiAgentMLP(n_agent_inputs=observation_n, n_agent_outputs=1, **sizes)
-    return policy, TensorDictModule(value, [(GROUP, "observation")], [(GROUP, "state_value")])
+    return policy, TensorDictModule(network(1), [row], [(GROUP, "state_value")])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--env", choices=ENVS, default="navigate")
     parser.add_argument("--frames", type=int, default=200_000, help="steps of the environment")
     parser.add_argument("--batch", type=int, default=2_000, help="of them, between two updates")
     options = parser.parse_args()
 
     torch.manual_seed(0)
-    wrapped = PettingZooWrapper(NavigationEnv(n_cars=CARS_N))
-    check_env_specs(wrapped, seed=0)
-    env = TransformedEnv(wrapped, RewardSum(in_keys=wrapped.reward_keys))
-    observation_n = env.observation_spec[GROUP, "observation"].shape[-1]
-    policy, critic = networks(observation_n)
+    masked = options.env == "dispatch"
+    env = PettingZooWrapper(ENVS[options.env](n_cars=CARS_N), use_mask=masked)
+    check_env_specs(env, seed=0)
+    policy, critic = networks(env, masked=masked)
     loss = ClipPPOLoss(policy, critic, clip_epsilon=0.2, entropy_coeff=0.0, normalize_advantage=True)
     loss.set_keys(
         reward=(GROUP, "reward"),
@@ -62,7 +73,13 @@ def main() -> None:
     loss.make_value_estimator(loss.default_value_estimator, gamma=0.98, lmbda=0.95)
     estimator: GAE = loss.value_estimator
     optimizer = torch.optim.Adam(loss.parameters(), lr=7e-4)
-    collector = Collector(env, policy, frames_per_batch=options.batch, total_frames=options.frames)
+    collector = Collector(
+        env,
+        policy,
+        frames_per_batch=options.batch,
+        total_frames=options.frames,
+        auto_register_policy_transforms=False,  # the policy remembers nothing
+    )
     for data in collector:
         with torch.no_grad():
             estimator(data, params=loss.critic_network_params, target_params=loss.target_critic_network_params)
@@ -74,7 +91,8 @@ def main() -> None:
                 (found["loss_objective"] + found["loss_critic"]).backward()
                 torch.nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
                 optimizer.step()
-        print("mean reward of a step:", data["next", GROUP, "reward"].mean().item())
+        told = data["next", GROUP]
+        print("mean reward of a step:", told["reward"].mean().item(), "illegal:", int(told["info", "illegal"].sum()))
     collector.shutdown()
 
 

@@ -85,4 +85,4 @@ def test_without_torch_the_command_says_what_to_install(
     with pytest.raises(SystemExit) as stop:
         main(["train", "--out", str(tmp_path / "run")])
     assert stop.value.code == BAD_INPUT
-    assert "valid: pip install 'fleet[train]'" in capsys.readouterr().err
+    assert "valid: pip install '.[train]'" in capsys.readouterr().err
