@@ -29,8 +29,7 @@ from planners.motion.kinematics import flange_from_tip
 from planners.motion.obstacles import Boxes
 from planners.motion.rrt_connect_native import RrtConnectNative
 from planners.motion.timed_path import Dwell, TimedPath
-from planners.motion.together import STEP_S, Trip, Way, plan_together
-from planners.motion.trajectory import Trajectory
+from planners.motion.together import Trip, Way, alone_s, plan_together
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -88,12 +87,15 @@ class Cell:
 
     def solve(self, places: Sequence[Sequence[FloatArray]], seed: int) -> Outcome | None:
         """Plan every leg, then the schedule; None if nothing was found."""
+        trips = self.trips(places)
         begin = time.process_time()
-        both = plan_together(self.trips(places), self.planner, seed=seed)
+        both = plan_together(trips, self.planner, seed=seed)
         if both.found is None:
             return None
         cpu_ms = (time.process_time() - begin) * 1e3
-        return Outcome(way=both.way, paths=both.paths, found=both.found, cpu_ms=cpu_ms, alone_s=both.alone_s)
+        pairs = zip(alone_s(trips, self.planner, seed=seed), both.paths, strict=True)
+        least_s = tuple(min(alone, path.duration_s) for alone, path in pairs)
+        return Outcome(way=both.way, paths=both.paths, found=both.found, cpu_ms=cpu_ms, alone_s=least_s)
 
     def _goals(self, rng: np.random.Generator, arm: int, *, over_tray: bool) -> FloatArray:
         side = (-1, 1)[arm]
@@ -232,7 +234,7 @@ def _played(outcome: Outcome) -> list[FloatArray]:
     """Both motions as scheduled, densely, each (t, 7)."""
     times = np.arange(0.0, outcome.found.makespan_s + REFEREE_S, REFEREE_S)
     return [
-        _densely(path.legs, np.array([outcome.found.along_s(arm, float(t)) for t in times]))
+        _densely(path, np.array([outcome.found.along_s(arm, float(t)) for t in times]))
         for arm, path in enumerate(outcome.paths)
     ]
 
@@ -240,15 +242,15 @@ def _played(outcome: Outcome) -> list[FloatArray]:
 def _unscheduled(outcome: Outcome) -> list[FloatArray]:
     """Both motions when nobody waits."""
     times = np.arange(0.0, max(path.duration_s for path in outcome.paths) + REFEREE_S, REFEREE_S)
-    return [_densely(path.legs, times) for path in outcome.paths]
+    return [_densely(path, times) for path in outcome.paths]
 
 
-def _densely(legs: Sequence[Trajectory | Dwell], along_s: FloatArray) -> FloatArray:
+def _densely(path: TimedPath, along_s: FloatArray) -> FloatArray:
     """Configurations at times of an arm's own motion, interpolated by SciPy, shape (t, 7)."""
     out = np.empty((len(along_s), 7))
     begin_s, rest = 0.0, np.zeros(7)
-    for leg in legs:
-        steps_s = np.ceil((leg.duration_s / STEP_S) - 1e-9) * STEP_S
+    for leg in path.legs:
+        steps_s = np.ceil((leg.duration_s / path.step_s) - 1e-9) * path.step_s
         now = along_s >= begin_s - 1e-9
         if isinstance(leg, Dwell):
             out[now] = rest

@@ -118,7 +118,9 @@ class SweptArm:
 def swept(arm: ArmInWorld, path: TimedPath) -> SweptArm:
     """Cover an arm's motion with spheres.
 
-    A joint that strays by an angle moves a sphere by at most that times the sphere's greatest distance from its axis.
+    A sphere goes from where it is at a sample to where it is half a step away nearly straight: as its joints go, it
+    leaves the straight line by no more than an eighth of what they turn times what they move it, and joints that leave
+    their own straight lines by an angle move it by at most that times its greatest distance from their axes.
 
     Args:
         arm: The arm; what it holds is held all along.
@@ -127,7 +129,9 @@ def swept(arm: ArmInWorld, path: TimedPath) -> SweptArm:
     Raises:
         PlanningError: The path is another arm's.
     """
-    return cover(arm, path.q, path.stray, path.rests)
+    centre, radius, base = _room(arm, path.q)
+    _sweep_all(arm.joints, arm.spheres, arm.lever, base, path.q, path.between, path.bow, centre, radius)
+    return SweptArm(centre=centre, radius=radius, parts=arm.parts, change=_changes(centre, radius), rests=path.rests)
 
 
 def cover(arm: ArmInWorld, q: FloatArray, stray: FloatArray, rests: BoolArray) -> SweptArm:
@@ -142,14 +146,17 @@ def cover(arm: ArmInWorld, q: FloatArray, stray: FloatArray, rests: BoolArray) -
     Raises:
         PlanningError: The samples are another arm's.
     """
+    centre, radius, base = _room(arm, q)
+    _place_all(arm.joints, arm.spheres, arm.lever, base, np.ascontiguousarray(q), stray, centre, radius)
+    return SweptArm(centre=centre, radius=radius, parts=arm.parts, change=_changes(centre, radius), rests=rests)
+
+
+def _room(arm: ArmInWorld, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Empty centres and radii for samples, and the upper rows of the base's pose."""
     if q.shape[1] != arm.model.n_joints:
         raise PlanningError(f"swept: path of {q.shape[1]} joints, expected {arm.model.n_joints}")
-    centre = np.empty((len(q), len(arm.spheres), 3))
-    radius = np.empty((len(q), len(arm.spheres)))
-    change = np.empty(len(q) - 1)
-    base = np.ascontiguousarray(arm.world_from_base[:3], dtype=np.float64)
-    _place_all(arm.joints, arm.spheres, arm.lever, base, np.ascontiguousarray(q), stray, centre, radius, change)
-    return SweptArm(centre=centre, radius=radius, parts=arm.parts, change=change, rests=rests)
+    size = len(q), len(arm.spheres)
+    return np.empty((*size, 3)), np.empty(size), np.ascontiguousarray(arm.world_from_base[:3], dtype=np.float64)
 
 
 def at_rest(arm: ArmInWorld, q: FloatArray) -> SweptArm:
@@ -185,6 +192,33 @@ def free_cells(a: SweptArm, b: SweptArm, margin_m: float = MARGIN_M) -> BoolArra
     free = np.empty((len(a), len(b)), dtype=np.bool_)
     _diagram(a.centre, a.radius, a.parts, a.change, b.centre, b.radius, b.parts, b.change, float(margin_m), free)
     return free
+
+
+def in_turn(first: SweptArm, second: SweptArm, delays: range, step_s: float, margin_m: float = MARGIN_M) -> Schedule:
+    """The shortest schedule of two motions in which the second begins late and nobody waits after that.
+
+    Args:
+        first: The arm that begins at once.
+        second: The other.
+        delays: Steps that the second may wait, >= 0, shortest first.
+        step_s: Length of a step [s].
+        margin_m: Distance kept between them [m], >= 0.
+
+    Returns:
+        Samples of the first and of the second; without a solution if no delay keeps the arms apart.
+
+    Raises:
+        PlanningError: The margin is negative.
+    """
+    if not margin_m >= 0:
+        raise PlanningError(f"in_turn: margin_m {margin_m}, expected >= 0")
+    covers = first.centre, first.radius, first.parts, second.centre, second.radius, second.parts
+    for delay in delays:
+        if _in_turn(*covers, delay, float(margin_m)):
+            steps = np.arange(max(len(first), len(second) + delay))
+            index = np.stack([np.minimum(steps, len(first) - 1), np.clip(steps - delay, 0, len(second) - 1)], axis=1)
+            return Schedule(status=ScheduleStatus.SOLVED, index=index, step_s=step_s)
+    return Schedule(status=ScheduleStatus.NO_SOLUTION, index=np.empty((0, 2), dtype=np.int64), step_s=step_s)
 
 
 class ScheduleStatus(Enum):
@@ -321,23 +355,52 @@ def _levers(joints: FloatArray, spheres: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
-def _place_all(joints, spheres, lever, base, q, stray, centre, radius, change):  # type: ignore[no-untyped-def]
-    """Fill `centre` (k, s, 3), `radius` (k, s) and `change` (k-1,); see `SweptArm`."""
+def _place_all(joints, spheres, lever, base, q, stray, centre, radius):  # type: ignore[no-untyped-def]
+    """Fill `centre` (k, s, 3) and `radius` (k, s); see `cover`."""
     for k in range(q.shape[0]):
         place_spheres(joints, spheres, base, q[k], centre[k])
-        greatest = 0.0
         for s in range(spheres.shape[0]):
             bound = 0.0
             for j in range(q.shape[1]):
                 bound += lever[s, j] * stray[k, j]
             radius[k, s] = spheres[s, 3] + bound
-            if k > 0:
+
+
+@njit(cache=True)
+def _sweep_all(joints, spheres, lever, base, q, between, bow, centre, radius):  # type: ignore[no-untyped-def]
+    """Fill `centre` (k, s, 3) and `radius` (k, s); see `swept`."""
+    middle = np.empty((spheres.shape[0], 3))
+    radius[:] = spheres[:, 3]
+    for k in range(q.shape[0]):
+        place_spheres(joints, spheres, base, q[k], centre[k])
+        if k == 0:
+            continue
+        place_spheres(joints, spheres, base, between[k - 1], middle)
+        for end in range(2):
+            turn = 0.0
+            for j in range(q.shape[1]):
+                turn += abs(between[k - 1, j] - q[k - 1 + end, j])
+            for s in range(spheres.shape[0]):
+                bound = 0.0
                 square = 0.0
+                for j in range(q.shape[1]):
+                    bound += lever[s, j] * (bow[k - 1, j] + 0.125 * turn * abs(between[k - 1, j] - q[k - 1 + end, j]))
                 for a in range(3):
-                    square += (centre[k, s, a] - centre[k - 1, s, a]) ** 2
-                greatest = max(greatest, np.sqrt(square) + abs(radius[k, s] - radius[k - 1, s]))
-        if k > 0:
-            change[k - 1] = greatest
+                    square += (middle[s, a] - centre[k - 1 + end, s, a]) ** 2
+                radius[k - 1 + end, s] = max(radius[k - 1 + end, s], spheres[s, 3] + np.sqrt(square) + bound)
+
+
+@njit(cache=True)
+def _changes(centre, radius):  # type: ignore[no-untyped-def]
+    """How much nearer than at a sample any sphere can be to anything at the next one (k-1,)."""
+    change = np.zeros(centre.shape[0] - 1)
+    for k in range(change.shape[0]):
+        for s in range(centre.shape[1]):
+            square = 0.0
+            for a in range(3):
+                square += (centre[k + 1, s, a] - centre[k, s, a]) ** 2
+            change[k] = max(change[k], np.sqrt(square) + abs(radius[k + 1, s] - radius[k, s]))
+    return change
 
 
 @njit(cache=True)
@@ -417,6 +480,17 @@ def _in_step(ca, ra, parts_a, cb, rb, parts_b, margin):  # type: ignore[no-untyp
             j = min(max(step + slip, 0), m - 1)
             if clearance(ca[i], ra[i], parts_a, cb[j], rb[j], parts_b, margin) < 0.0:
                 return False
+    return True
+
+
+@njit(cache=True)
+def _in_turn(ca, ra, parts_a, cb, rb, parts_b, delay, margin):  # type: ignore[no-untyped-def]
+    k, m = ca.shape[0], cb.shape[0]
+    for step in range(max(k, m + delay)):
+        i = min(step, k - 1)
+        j = min(max(step - delay, 0), m - 1)
+        if clearance(ca[i], ra[i], parts_a, cb[j], rb[j], parts_b, margin) < 0.0:
+            return False
     return True
 
 

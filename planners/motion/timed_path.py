@@ -1,4 +1,4 @@
-"""TimedPath: what an arm does over time, cut into equal steps, with bounds on how far it strays from each sample."""
+"""TimedPath: what an arm does over time, cut into equal steps, with bounds on what it does between the samples."""
 
 from __future__ import annotations
 
@@ -34,8 +34,10 @@ class TimedPath:
     step_s: float
     q: FloatArray
     """Joint angles at the samples [rad], shape (k, n)."""
-    stray: FloatArray
-    """No joint is farther than this from its sample during the half steps before and after it [rad], shape (k, n)."""
+    between: FloatArray
+    """Joint angles half-way between neighbouring samples [rad], shape (k-1, n)."""
+    bow: FloatArray
+    """No joint is farther than this from the straight lines over samples and what is between [rad], shape (k-1, n)."""
     rests: BoolArray
     """Samples at which the arm stands still, so that it may wait there for as long as it likes, shape (k,)."""
     legs: tuple[Trajectory | Dwell, ...]
@@ -62,8 +64,8 @@ def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
     """Cut motions and rests that follow each other into equal steps.
 
     Every leg takes a whole number of steps: the arm rests for the remainder of its last one. Between its samples a
-    trajectory is a cubic in each joint, which stays between its four Bezier points; that bounds how far the arm strays
-    from a sample of the path, whatever lies between them (Farin, Curves and Surfaces for CAGD, 2002, convex hull
+    trajectory is a cubic in each joint, which stays between its four Bezier points; that bounds how far the arm is from
+    straight lines over half steps, whatever lies between them (Farin, Curves and Surfaces for CAGD, 2002, convex hull
     property).
 
     Args:
@@ -77,31 +79,35 @@ def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
     if not (np.isfinite(step_s) and step_s > 0) or not motions:
         raise PlanningError(f"timed_path: step_s {step_s}, {len(motions)} motions; expected > 0 and at least 1")
     here = motions[0].q[0]
-    q, stray, rests = [here[None]], [np.zeros((1, len(here)))], [np.array([True])]
+    q, rests = [here[None]], [np.array([True])]
+    between: list[FloatArray] = []
+    bow: list[FloatArray] = []
     starts, count = [], 1
     for number, leg in enumerate(legs):
         starts.append(count - 1)
         if isinstance(leg, Dwell):
             steps = int(np.ceil(leg.duration_s / step_s - 1e-9))
             q.append(np.repeat(here[None], steps, axis=0))
-            stray.append(np.zeros((steps, len(here))))
+            between.append(q[-1])
+            bow.append(np.zeros((steps, len(here))))
             rests.append(np.ones(steps, dtype=np.bool_))
         else:
             if leg.q.shape[1] != len(here) or np.abs(leg.q[0] - here).max() > _SAME_RAD:
                 raise PlanningError(f"timed_path: leg {number} starts at {leg.q[0]}, the one before ends at {here}")
-            sampled, bound = samples_of(leg, step_s)
-            steps = len(sampled) - 1
-            # The sample where two legs meet belongs to both.
-            stray[-1][-1] = np.maximum(stray[-1][-1], bound[0])
-            q.append(sampled[1:])
-            stray.append(bound[1:])
+            steps = int(np.ceil(leg.duration_s / step_s - 1e-9))
+            halves, bows = np.empty((2 * steps + 1, len(here))), np.zeros((steps, len(here)))
+            _sample_halves(leg.t[-1] / max(1, len(leg.t) - 1), leg.q, leg.qd, 0.5 * step_s, halves, bows)
+            q.append(halves[2::2])
+            between.append(halves[1::2])
+            bow.append(bows)
             rests.append(np.arange(1, steps + 1) == steps)
             here = leg.q[-1]
         count += steps
     return TimedPath(
         step_s=float(step_s),
         q=np.concatenate(q),
-        stray=np.concatenate(stray),
+        between=np.concatenate(between),
+        bow=np.concatenate(bow),
         rests=np.concatenate(rests),
         legs=tuple(legs),
         starts=tuple(starts),
@@ -157,3 +163,46 @@ def _sample_all(fine_q, fine_qd, fine_s, begin_s, step_s, q, stray):  # type: ig
                 low = min(low, fine_q[f, j], b1, b2, fine_q[f + 1, j])
                 high = max(high, fine_q[f, j], b1, b2, fine_q[f + 1, j])
             stray[k, j] = max(high - q[k, j], q[k, j] - low)
+
+
+@njit(cache=True)
+def _sample_halves(fine_s, fine_q, fine_qd, half_s, q, bow):  # type: ignore[no-untyped-def]
+    """Fill `q` (2k+1, n) with samples every half step and `bow` (k, n) with how far the curve is from lines over them.
+
+    Each fine piece that a half step touches is cut to it; the Bezier points of what is left are compared with the line.
+    """
+    last = fine_q.shape[0] - 1
+    for k in range(q.shape[0]):
+        for j in range(q.shape[1]):
+            if k * half_s >= last * fine_s - 1e-9:
+                q[k, j] = fine_q[last, j]
+            else:
+                at = int(k * half_s / fine_s + 1e-9)
+                u = k * half_s / fine_s - at
+                q[k, j] = _blossom(fine_s, fine_q, fine_qd, at, j, u, u, u)
+    for k in range(q.shape[0] - 1):
+        first = int(k * half_s / fine_s + 1e-9)
+        end = int(np.ceil((k + 1) * half_s / fine_s - 1e-9))
+        for at in range(first, min(end, last)):
+            u = max(0.0, k * half_s / fine_s - at)
+            v = min(1.0, (k + 1) * half_s / fine_s - at)
+            for j in range(q.shape[1]):
+                for point in range(4):
+                    time = (at + u + (v - u) * point / 3.0) * fine_s / half_s - k
+                    line = q[k, j] + (q[k + 1, j] - q[k, j]) * time
+                    x = (u, u, u, v)[point]
+                    y = (u, u, v, v)[point]
+                    z = (u, v, v, v)[point]
+                    away = abs(_blossom(fine_s, fine_q, fine_qd, at, j, x, y, z) - line)
+                    bow[k // 2, j] = max(bow[k // 2, j], away)
+
+
+@njit(cache=True, inline="always")
+def _blossom(fine_s, fine_q, fine_qd, at, j, x, y, z):  # type: ignore[no-untyped-def]
+    """Bezier points of parts of a piece: (u, u, u), (u, u, v), (u, v, v), (v, v, v) are those from u to v."""
+    rise = fine_q[at + 1, j] - fine_q[at, j]
+    m0 = fine_s * fine_qd[at, j]
+    m1 = fine_s * fine_qd[at + 1, j]
+    c2 = 3.0 * rise - 2.0 * m0 - m1
+    c3 = m0 + m1 - 2.0 * rise
+    return fine_q[at, j] + m0 * (x + y + z) / 3.0 + c2 * (x * y + y * z + z * x) / 3.0 + c3 * x * y * z

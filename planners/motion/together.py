@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -20,10 +20,12 @@ from planners.motion.coordination import (
     SweptArm,
     at_rest,
     free_cells,
+    in_turn,
     schedule,
     schedule_in,
     swept,
 )
+from planners.motion.exchange import Visit, exchange
 from planners.motion.problem import MotionPlanner, MotionProblem
 from planners.motion.timed_path import Dwell, TimedPath, timed_path
 from planners.motion.trajectory import Trajectory, retime
@@ -33,6 +35,10 @@ FloatArray = npt.NDArray[np.float64]
 SAMPLE_S = 0.01
 STEP_S = 0.02
 """Step of the coordination diagram: half of it changed makespans by 0.2 %, twice of it by 4 % [s]."""
+EXCHANGE_STEP_S = 0.01
+"""The same for an exchange of places [s]."""
+TRIED_SOONER_N = 8
+"""Steps by which the second arm is tried to be sooner than an exchange promises."""
 MOTIONS_N = 3
 """Motions of each arm that are tried with each other."""
 CORNERS_RAD = (0.05, 0.02, 0.005)
@@ -93,8 +99,6 @@ class Together:
     """Motion of each arm; empty if there is no way."""
     found: Schedule | None
     """None if there is no way."""
-    alone_s: tuple[float, ...] = ()
-    """How long each arm would take at least if there were no other: the shortest of its motions that were tried [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,10 +115,11 @@ def plan_together(
 ) -> Together:
     """Plan two trips that begin at once.
 
-    Each arm gets several motions, with other postures at the stops where the arms could meet. Coarse coordination
-    diagrams tell which pair of motions promises the earliest end, the exact diagram of that pair who waits for whom. If
-    there is no schedule, other pairs are tried, and at last both arms are planned as one, which takes longer and needs
-    trips of a single stop.
+    Arms that meet at their first stops, and nowhere else, exchange places there as fast as they can. Otherwise each arm
+    gets several motions, with other postures at the stops where the arms could meet. Coarse coordination diagrams tell
+    which pair of motions promises the earliest end, the exact diagram of that pair who waits for whom. If there is no
+    schedule, other pairs are tried, and at last both arms are planned as one, which takes longer and needs trips of a
+    single stop.
 
     Args:
         trips: One for each arm.
@@ -123,22 +128,81 @@ def plan_together(
         margin_m: Distance kept between the arms [m], >= 0.
     """
     first, second = (_soonest_first(trip) for trip in trips)
-    motions = (
-        _motions(trips[0], first, second, trips[1].arm, planner, seed),
-        _motions(trips[1], second, first, trips[0].arm, planner, seed),
-    )
+    shared = _shared(trips[0], first, trips[1], second), _shared(trips[1], second, trips[0], first)
+    if all(own[0] and not any(own[1:]) and len(own) > 1 for own in shared):
+        exchanged = _exchanged(trips, planner, seed, margin_m)
+        if exchanged is not None:
+            return exchanged
+    motions = [
+        _motions(trip, stops, meets, planner, seed)
+        for trip, stops, meets in zip(trips, (first, second), shared, strict=True)
+    ]
     pairs = [(a, b) for a in motions[0] for b in motions[1]]
     promised = np.array([_coarse_steps(a, b, margin_m) for a, b in pairs])
     for k in np.argsort(promised, kind="stable")[:TRIES_N]:
         pair = pairs[k]
         found = _scheduled(pair[0].cover, pair[1].cover, margin_m)
         if found.solved:
-            alone_s = tuple(min(motion.path.duration_s for motion in own) for own in motions)
-            paths = (pair[0].path, pair[1].path)
-            return Together(way=Way.DECOUPLED, paths=paths, found=found, alone_s=alone_s)
+            return Together(way=Way.DECOUPLED, paths=(pair[0].path, pair[1].path), found=found)
     if all(len(trip.stops) == 1 for trip in trips):
         return _as_one(trips, seed, margin_m)
     return Together(way=Way.NONE, paths=(), found=None)
+
+
+def alone_s(trips: tuple[Trip, Trip], planner: MotionPlanner, *, seed: int = 0) -> tuple[float, ...]:
+    """How long each arm would take at least if there were no other: the shortest of its motions [s].
+
+    Args:
+        trips: One for each arm.
+        planner: Plans the legs of single arms.
+        seed: As for `plan_together`.
+    """
+    first, second = (_soonest_first(trip) for trip in trips)
+    shared = _shared(trips[0], first, trips[1], second), _shared(trips[1], second, trips[0], first)
+    return tuple(
+        min((motion.path.duration_s for motion in _motions(trip, stops, meets, planner, seed)), default=np.inf)
+        for trip, stops, meets in zip(trips, (first, second), shared, strict=True)
+    )
+
+
+def _exchanged(trips: tuple[Trip, Trip], planner: MotionPlanner, seed: int, margin_m: float) -> Together | None:
+    """Both arms by way of an exchange at their first stops; None if there is none."""
+    visits = [
+        Visit(
+            arm=trip.arm,
+            checker=trip.checker,
+            max_velocity=trip.max_velocity,
+            max_acceleration=trip.max_acceleration,
+            start=trip.start,
+            place=trip.stops[0],
+            beyond=trip.stops[1],
+            stay_s=trip.dwell_s,
+        )
+        for trip in trips
+    ]
+    best = exchange(visits, margin_m, SAMPLE_S)
+    if best is None:
+        return None
+    paths = []
+    for trip, (come, leave) in zip(trips, best.legs, strict=True):
+        further = _legs(trip, leave.q[-1], trip.stops[2:], [False] * len(trip.stops[2:]), planner, seed)
+        if further is None:
+            return None
+        paths.append(timed_path([come, Dwell(duration_s=trip.dwell_s), leave, *further], EXCHANGE_STEP_S))
+    order = [best.first, 1 - best.first]
+    first, second = (swept(trips[k].arm, paths[k]) for k in order)
+    soonest = paths[best.first].starts[2] - paths[1 - best.first].starts[1] + round(best.gap_s / EXCHANGE_STEP_S)
+    delays = range(max(0, soonest - TRIED_SOONER_N), len(first))
+    found = in_turn(first, second, delays, EXCHANGE_STEP_S, margin_m)
+    if not found.solved:
+        return None
+    found = replace(found, index=np.ascontiguousarray(found.index[:, order]))
+    return Together(way=Way.DECOUPLED, paths=tuple(paths), found=found)
+
+
+def _shared(trip: Trip, stops: Sequence[FloatArray], other: Trip, others: Sequence[FloatArray]) -> list[bool]:
+    """At which stops the arm could meet the other at one of its; the goals of all are given soonest first."""
+    return [any(not _apart(trip.arm, goals[0], other.arm, theirs[0]) for theirs in others) for goals in stops]
 
 
 def _soonest_first(trip: Trip) -> list[FloatArray]:
@@ -154,24 +218,18 @@ def _soonest_first(trip: Trip) -> list[FloatArray]:
 
 
 def _motions(
-    trip: Trip,
-    stops: Sequence[FloatArray],
-    others: Sequence[FloatArray],
-    other: ArmInWorld,
-    planner: MotionPlanner,
-    seed: int,
+    trip: Trip, stops: Sequence[FloatArray], shared: Sequence[bool], planner: MotionPlanner, seed: int
 ) -> list[_Motion]:
-    """Different ways through all stops; what stops have goals is given soonest first, those of the other arm too."""
-    shared = [any(not _apart(trip.arm, goals[0], other, theirs[0]) for theirs in others) for goals in stops]
+    """Different ways through all stops, whose goals are given soonest first; `shared` as `_shared` has it."""
     postures = [_different(goals) if meet else [] for goals, meet in zip(stops, shared, strict=True)]
     n = max(1, min(MOTIONS_N, max(len(own) for own in postures)))
     motions = []
     for k in range(n):
         # A stop that has no more postures begins with the first again.
         chosen = [own[k % len(own)][None] if own else goals for goals, own in zip(stops, postures, strict=True)]
-        legs = _legs(trip, chosen, shared, planner, seed + k)
-        if legs:
-            path = timed_path(legs, STEP_S)
+        legs = _legs(trip, trip.start, chosen, shared, planner, seed + k)
+        if legs is not None:
+            path = timed_path(legs[1:], STEP_S)
             cover = swept(trip.arm, path)
             motions.append(_Motion(path=path, cover=cover, coarse=cover.thinned(COARSE)))
     return motions
@@ -204,18 +262,22 @@ def _scheduled(a: SweptArm, b: SweptArm, margin_m: float) -> Schedule:
 
 
 def _legs(
-    trip: Trip, stops: Sequence[FloatArray], shared: Sequence[bool], planner: MotionPlanner, seed: int
-) -> list[Trajectory | Dwell]:
-    """One arm's motions; empty if a stop cannot be reached."""
-    here = trip.start
+    trip: Trip,
+    here: FloatArray,
+    stops: Sequence[FloatArray],
+    shared: Sequence[bool],
+    planner: MotionPlanner,
+    seed: int,
+) -> list[Trajectory | Dwell] | None:
+    """One arm's rest and motion to each of several stops in turn; None if one cannot be reached."""
     legs: list[Trajectory | Dwell] = []
     for goals, meets in zip(stops, shared, strict=True):
         leg = _straight_leg(trip, here, goals, late=meets) or _planned_leg(trip, here, goals, planner, seed)
         if leg is None:
-            return []
-        legs += [leg, Dwell(duration_s=trip.dwell_s)]
+            return None
+        legs += [Dwell(duration_s=trip.dwell_s), leg]
         here = leg.q[-1]
-    return legs[:-1]
+    return legs
 
 
 def _straight_leg(trip: Trip, start: FloatArray, goals: FloatArray, *, late: bool) -> Trajectory | None:
@@ -277,6 +339,5 @@ def _as_one(trips: tuple[Trip, Trip], seed: int, margin_m: float) -> Together:
         paths = tuple(timed_path([motion], STEP_S) for motion in motions)
         found = schedule([first.arm, second.arm], paths, margin_m)
         if found.solved:
-            alone_s = tuple(path.duration_s for path in paths)
-            return Together(way=Way.COMPOSITE, paths=paths, found=found, alone_s=alone_s)
+            return Together(way=Way.COMPOSITE, paths=paths, found=found)
     return Together(way=Way.NONE, paths=(), found=None)

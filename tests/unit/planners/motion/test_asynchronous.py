@@ -44,6 +44,23 @@ def test_joints_are_done_early_or_begin_late():
     assert len(asynchronous(GOAL, GOAL, VELOCITY, ACCELERATION, 0.01).t) == 1
 
 
+@pytest.mark.parametrize("late", [False, True])
+def test_pushed_joints_lead_away_first_and_stay_inside_their_limits(late):  # type: ignore[no-untyped-def]
+    push = np.array([-1.0, 1.0, 1.0, -1.0, 0.0, 1.0, 1.0])
+    motion = asynchronous(START, GOAL, VELOCITY, ACCELERATION, 0.01, late=late, push=push, push_s=0.25)
+    rest = np.pad(motion.q, ((2, 2), (0, 0)), mode="edge")
+    velocity = np.diff(rest, axis=0) / 0.01
+    assert np.all(np.abs(velocity) <= VELOCITY * (1 + 1e-9))
+    assert np.all(np.abs(np.diff(velocity, axis=0) / 0.01) <= ACCELERATION * (1 + 1e-6))
+    np.testing.assert_array_equal(motion.q[[0, -1]], [START, GOAL])
+    # Once the smoothing is over, a pushed joint is where its acceleration brings it.
+    gone = (motion.q[::-1] - GOAL if late else motion.q - START)[20]
+    np.testing.assert_allclose(gone[push != 0], (push * ACCELERATION * (0.16**2 + 0.08**2 / 12) / 2)[push != 0])
+    # Joint 3 needs longest: it is pushed away from the goal, and, seen from there, to the start.
+    plain_s = asynchronous(START, GOAL, VELOCITY, ACCELERATION, 0.01).duration_s
+    assert motion.duration_s == plain_s if late else motion.duration_s > plain_s + 0.3
+
+
 def test_least_times_agree_with_motions():
     rng = np.random.default_rng(0)
     q, others = rng.uniform(-2, 2, (20, 7)), rng.uniform(-2, 2, (15, 7))
@@ -54,7 +71,13 @@ def test_least_times_agree_with_motions():
 
 @pytest.mark.parametrize(
     "change",
-    [{"goal": np.full(7, np.nan)}, {"goal": np.zeros(6)}, {"max_velocity": -VELOCITY}, {"dt_s": 0.0}],
+    [
+        {"goal": np.full(7, np.nan)},
+        {"goal": np.zeros(6)},
+        {"max_velocity": -VELOCITY},
+        {"dt_s": 0.0},
+        {"push": np.full(7, 0.5)},
+    ],
 )
 def test_bad_input_is_named(change):  # type: ignore[no-untyped-def]
     arguments = {
