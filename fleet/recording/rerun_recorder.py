@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _BATCH_N = 240
 """Frames that wake the worker early; larger batches are cheaper per frame."""
-_BATCH_S = 0.3
+_BATCH_S = 0.4
 """Wall time after which a smaller batch is written anyway [s]: what a killed process loses, and the time of writing."""
 _QUEUE_N = 960
 """Frames that may wait; beyond it the simulation waits (file) or frames are dropped (live)."""
