@@ -139,7 +139,7 @@ class Watch:
         simulation: The run.
         recorder: Takes the frames.
         lidar: Whether cars scan around themselves with a lidar, for the recording only.
-        internals: Whether the path planner's priorities are recorded.
+        internals: Whether what the planners think is recorded: priorities of cars, search trees of arms.
     """
 
     def __init__(
@@ -150,6 +150,8 @@ class Watch:
         car = simulation.scene.car
         self._lidar = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
         self._internals = internals
+        if internals:
+            simulation.desk.keep_trees()
         self._wheel = np.zeros(simulation.world.n_cars)
         self._rolled_s = 0.0
         self._sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
@@ -204,6 +206,8 @@ class Watch:
             plan_epoch=self._epoch,
             views=views,
         )
+        if self._internals:
+            frame.trees, simulation.desk.trees = simulation.desk.trees, {}
         if sampled:
             self._sample(frame)
         if self._beat(_LINES_S):

@@ -68,6 +68,8 @@ LABEL = 0x5B9BD5FF
 
 RAY, HIT = 0xFB718540, 0xFB7185FF
 """Rays of lidars, and what they hit."""
+TREE = 0x34D399A0
+"""What an arm's planner has looked at."""
 WAIT = 0xF59E0BFF
 """Arrows from whoever waits to whom it waits for."""
 CYCLE = 0xEF4444FF

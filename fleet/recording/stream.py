@@ -19,6 +19,7 @@ from fleet.recording.index import epochs_of, index_of, set_time
 from fleet.recording.lanes import Lanes
 from fleet.recording.layout import layout
 from fleet.recording.scenery import log_scenery
+from fleet.recording.trees import write_trees
 from fleet.recording.views import VIEWS, log_camera, log_image
 from fleet.world.scene import Scene
 
@@ -96,6 +97,7 @@ class Stream:
             self._write_paths(frames)
             self._lanes.write(frames)
             self._write_views(frames)
+            write_trees(self._rec, frames)
         if lines:
             columns = rr.TextLog.columns(text=[line.text for line in lines], level=[line.level for line in lines])
             self._rec.send_columns("log", indexes=index_of(lines), columns=columns)
