@@ -66,7 +66,7 @@ def layout(
         if cameras:
             close += _camera_views(scene, cameras)
     why = rrb.TextDocumentView(origin=f"/{WHY}", name="Why robots wait")
-    graph = rrb.GraphView(origin=f"/{GRAPH}", name="Who waits for whom")
+    graph = rrb.GraphView(origin=f"/{GRAPH}", name="Waits")
     text: list[rrb.View] = [
         rrb.TextLogView(
             origin="/log",
