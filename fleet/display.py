@@ -120,7 +120,7 @@ class Display:
         cars = range(simulation.world.n_cars)
         for key, lines, height, size in (
             ("granted", [simulation.driver.remaining(car) for car in cars], _GRANTED_Z_M, 5.0),
-            ("planned", [simulation.executor.planned_line(car) for car in cars], _PLANNED_Z_M, 2.5),
+            ("planned", simulation.executor.planned_lines(), _PLANNED_Z_M, 2.5),
         ):
             dotted = [_dotted(line) for line in lines]
             points = np.concatenate([*dotted, np.empty((0, 2))])

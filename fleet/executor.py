@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -102,13 +103,16 @@ class Executor:
         self.dependencies.halt(car)
         self._dirty = True
 
-    def planned_line(self, car: int) -> FloatArray:
-        """Centre line of a car's moves that are planned and not granted, points x, y, shape (k, 2)."""
+    def planned_lines(self) -> tuple[FloatArray, ...]:
+        """Centre lines of the cars' moves that are planned and not granted, points x, y, each (k, 2)."""
         graph = self.graph
-        moves = self.dependencies.next_moves(car)
-        if not moves:
-            return np.empty((0, 2))
-        return np.concatenate([graph.path_points[graph.path_ptr[m] : graph.path_ptr[m + 1], :2] for m in moves])
+        moves, per_car = self.dependencies.queued_moves()
+        first = graph.path_ptr[moves]
+        counts = graph.path_ptr[moves + 1] - first
+        ends = np.cumsum(counts)
+        points = graph.path_points[np.repeat(first - ends + counts, counts) + np.arange(counts.sum()), :2]
+        bounds = np.concatenate([[0], ends])[np.concatenate([[0], np.cumsum(per_car)])].tolist()
+        return tuple(points[begin:end] for begin, end in itertools.pairwise(bounds))
 
     def relocate(self, car: int, state: int) -> None:
         """Say that a car stands in another state after a manoeuvre off the lane graph."""

@@ -65,7 +65,7 @@ class SessionConfig:
     lidar: bool = False
     """Record what a lidar on each car sees."""
     internals: bool = False
-    """Record what the planners think: priorities of the cars."""
+    """Record what the planners think: priorities of the cars, search trees of the arms."""
     speed: float = 0.0
     """Simulated seconds per wall second at most; 0 = as fast as possible."""
     progress: bool = True

@@ -72,11 +72,13 @@ _SLOW_MPS = 0.05
 _CLEARANCE_M = 2.0
 """Clearances are plotted up to this [m]."""
 _SAMPLE_S = 0.2
-"""Between figures, cells, and lidar scans [s]."""
+"""Between looks at states, cells and lidar scans [s]."""
 _LINES_S = 0.5
-"""Between looks at the ways of the cars [s]."""
+"""Between looks at the ways of the cars, at figures, and at where cars stand [s]."""
 _WHY_S = 1.0
 """Between looks at who waits for whom, and why [s]."""
+_COUNTS_S = 4.0
+"""Between counts of tasks that have not changed [s]."""
 _CONGESTION_S = 5.0
 """Between heat maps [s]."""
 
@@ -118,7 +120,7 @@ def open_recorder(
         floor=floor,
         about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
         tick_s=simulation.tick_s,
-        plots={"speed": ("mean_speed_mps",), "clearance": ("min_clearance_m",)}
+        plots={"motion": ("mean_speed_mps", "min_clearance_m")}
         | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
         cameras=floor.station_names if simulation.config.perception is Perception.CAMERA else (),
         internals=internals,
@@ -137,7 +139,7 @@ class Watch:
         simulation: The run.
         recorder: Takes the frames.
         lidar: Whether cars scan around themselves with a lidar, for the recording only.
-        internals: Whether the path planner's priorities are recorded.
+        internals: Whether what the planners think is recorded: priorities of cars, search trees of arms.
     """
 
     def __init__(
@@ -148,6 +150,8 @@ class Watch:
         car = simulation.scene.car
         self._lidar = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
         self._internals = internals
+        if internals:
+            simulation.desk.keep_trees()
         self._wheel = np.zeros(simulation.world.n_cars)
         self._rolled_s = 0.0
         self._sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
@@ -161,6 +165,7 @@ class Watch:
         self._parcel_sizes = np.empty((0, 3))
         self._waits: tuple[Wait, ...] = ()
         self._explained = False
+        self._counts: dict[str, int] = {}
         self._stood_s = np.zeros((len(CONGESTION), simulation.graph.n_cells))
 
     def note(self, event: Event) -> None:
@@ -178,7 +183,9 @@ class Watch:
         world = simulation.world
         speeds = world.car_speeds()
         self._roll(speeds)
-        self._look_at_words(speeds)
+        sampled = self._beat(_SAMPLE_S)
+        if sampled:
+            self._look_at_words(speeds)
         self._look_at_parcels(world.parcel_ids())
         changed, self._changed_tasks = self._changed_tasks, {}
         perception = simulation.dispatcher.perception
@@ -199,10 +206,14 @@ class Watch:
             plan_epoch=self._epoch,
             views=views,
         )
-        if self._beat(_SAMPLE_S):
-            self._sample(frame, speeds)
+        if self._internals:
+            frame.trees, simulation.desk.trees = simulation.desk.trees, {}
+        if sampled:
+            self._sample(frame)
         if self._beat(_LINES_S):
             self._look_at_lines(frame)
+            self._look_at_figures(frame, speeds)
+            self._look_at_congestion(frame)
         if self._beat(_WHY_S):
             self._look_at_waits(frame)
         self._recorder.record(frame)
@@ -225,7 +236,7 @@ class Watch:
         """States of cars and arms; the tuples stay the same objects until a word changes."""
         codes = _WORD_OF_PHASE[self._simulation.dispatcher.roster.phase_index]
         codes[(codes == _DRIVES) & (np.abs(speeds) <= _SLOW_MPS)] = _WAITS
-        if not np.array_equal(codes, self._codes):
+        if (codes != self._codes).any():
             self._codes = codes
             self._car_words = tuple(_WORDS[code] for code in codes.tolist())
         arms = tuple(service.state for service in self._simulation.desk.services)
@@ -233,12 +244,20 @@ class Watch:
             self._arm_words = arms
 
     def _look_at_parcels(self, ids: npt.NDArray[np.int64]) -> None:
-        if not np.array_equal(ids, self._parcels):
+        if len(ids) != len(self._parcels) or (ids != self._parcels).any():
             self._parcels = ids
             self._parcel_sizes = np.array([self._sizes[k] for k in ids.tolist()]).reshape(-1, 3)
 
-    def _sample(self, frame: Frame, speeds: npt.NDArray[np.float64]) -> None:
-        """Figures, cells and scans."""
+    def _sample(self, frame: Frame) -> None:
+        """Cells and scans."""
+        simulation = self._simulation
+        frame.held_by = simulation.executor.dependencies.holders()
+        frame.next_of = simulation.executor.dependencies.next_visitors()
+        if self._lidar is not None:
+            frame.scan_origins, frame.scans = self._lidar.hits(frame.car_poses, simulation.world.rays)
+
+    def _look_at_figures(self, frame: Frame, speeds: npt.NDArray[np.float64]) -> None:
+        """Plotted figures; counts of tasks where they change, and now and then, so that their lines go on."""
         simulation = self._simulation
         frame.metrics = {
             "mean_speed_mps": float(np.abs(speeds).mean()),
@@ -246,12 +265,9 @@ class Watch:
         }
         if simulation.batteries is not None:
             frame.metrics["lowest_charge"] = float(simulation.batteries.charge.min())
-        frame.task_counts = {name: sum(map(simulation.board.count, states)) for name, states in COUNTED.items()}
-        frame.held_by = simulation.executor.dependencies.holders()
-        frame.next_of = simulation.executor.dependencies.next_visitors()
-        self._look_at_congestion(frame)
-        if self._lidar is not None:
-            frame.scan_origins, frame.scans = self._lidar.hits(frame.car_poses, simulation.world.rays)
+        counts = {name: sum(map(simulation.board.count, states)) for name, states in COUNTED.items()}
+        if counts != self._counts or self._beat(_COUNTS_S):
+            self._counts = frame.task_counts = counts
 
     def _look_at_lines(self, frame: Frame) -> None:
         """Ways that are granted, and ways that are planned beyond."""
@@ -259,7 +275,7 @@ class Watch:
         cars = range(simulation.world.n_cars)
         self._epoch = frame.plan_epoch = simulation.traffic.plans_n
         frame.paths = tuple(simulation.driver.remaining(car) for car in cars)
-        frame.plans = tuple(simulation.executor.planned_line(car) for car in cars)
+        frame.plans = simulation.executor.planned_lines()
         if self._internals:
             frame.priorities = simulation.traffic.priorities
 
@@ -309,7 +325,7 @@ class Watch:
         xy = frame.car_poses[stands, :2] / grid.cell_m
         col = np.clip(xy[:, 0].astype(np.int64), 0, grid.cols - 1)
         row = np.clip(grid.rows - 1 - np.floor(xy[:, 1]).astype(np.int64), 0, grid.rows - 1)
-        np.add.at(self._stood_s, (group[stands], grid.index(row, col)), _SAMPLE_S)
+        np.add.at(self._stood_s, (group[stands], grid.index(row, col)), _LINES_S)
         if self._beat(_CONGESTION_S):
             frame.stood_s = dict(zip(CONGESTION, self._stood_s.copy(), strict=True))
 

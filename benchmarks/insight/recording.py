@@ -38,6 +38,8 @@ _KILLED_AFTER_S = (2.0, 6.0)
 class _Run:
     cpu_s: float
     """Of this process, all threads, and of programs that were run and have ended, from the first tick to the file."""
+    open_s: float
+    """Computing time of opening the recording, which writes meshes and layout [s]."""
     size_mb: float
     frames_n: int
 
@@ -66,6 +68,7 @@ def measure_recording(trial: Trial) -> Iterable[Row]:
                 yield Row(
                     name=f"recording, {where}, a frame", value=1000 * (on_s - off_s) / full[0].frames_n, unit="ms"
                 )
+                yield Row(name=f"recording, {where}, opened", value=1000 * min(run.open_s for run in full), unit="ms")
                 size = "<= 10" if robots == 100 else ""
                 yield Row(name=f"file, {where}, {sim_s:g} s", value=full[0].size_mb, unit="MB", target=size)
         yield Row(name="not recording, 20 cars", value=_idle_share(), unit="% of CPU", target="<= 0.5")
@@ -78,7 +81,9 @@ def _run(config: RunConfig, path: Path | None) -> _Run:
     import fleet.recording.stream  # noqa: F401
 
     with Simulation(config) as simulation:
+        begin_s = _cpu_s()
         recorder: Recorder = NullRecorder() if path is None else open_recorder(simulation, path)
+        open_s = _cpu_s() - begin_s
         watch = Watch(simulation, recorder)
         begin_s = _cpu_s()
         while not simulation.finished:
@@ -87,8 +92,9 @@ def _run(config: RunConfig, path: Path | None) -> _Run:
         recorder.close()
         cpu_s = _cpu_s() - begin_s
     if path is None:
-        return _Run(cpu_s=cpu_s, size_mb=0.0, frames_n=0)
-    return _Run(cpu_s=cpu_s, size_mb=path.stat().st_size / 1e6, frames_n=verify_recording(path).frames)
+        return _Run(cpu_s=cpu_s, open_s=open_s, size_mb=0.0, frames_n=0)
+    frames_n = verify_recording(path).frames
+    return _Run(cpu_s=cpu_s, open_s=open_s, size_mb=path.stat().st_size / 1e6, frames_n=frames_n)
 
 
 def _cpu_s() -> float:

@@ -86,7 +86,7 @@ class Demo:
     lidar: bool = False
     """Record what a lidar on each car sees."""
     internals: bool = False
-    """Record what the path planner ranks the cars by."""
+    """Record what planners think: how cars rank, and the search trees behind the arms' plans."""
     gui: bool = False
     """Show the physics engine's own window, with lanes, paths, names, and sliders for speed and pause."""
 

@@ -25,6 +25,9 @@ class NoPlanner:
     def close(self) -> None:
         """See `ArmPlanner`."""
 
+    def keep_trees(self) -> None:
+        """See `ArmPlanner`."""
+
     def submit(self, request: ArmRequest) -> int:
         """See `ArmPlanner`.
 

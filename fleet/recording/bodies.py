@@ -11,12 +11,12 @@ import rerun as rr
 from fleet.recording import palette
 from fleet.recording.columns import offsets_of, send, strips, vectors
 from fleet.recording.frame import FloatArray, Frame
-from fleet.recording.index import index_of, set_time
+from fleet.recording.index import Times, index_of, set_time
 from fleet.recording.poses import (
     BODY,
+    ArmChain,
     Array,
     Part,
-    arm_link_poses,
     arm_parts,
     car_link_poses,
     car_parts,
@@ -51,6 +51,7 @@ class Bodies:
         self._wheels = n_cars <= _FEW_N
         self._car_parts = self._opened("world/cars", car_parts(scene.car, wheels=self._wheels) if n_cars else ())
         self._arm_parts = self._opened("world/arms", arm_parts(scene.arm) if n_arms else ())
+        self._chain = ArmChain(scene.arm)
         self._place_bases()
         log_tags(rec, CAR_BODIES, n_cars, scene.car)
         self._arm_q: FloatArray | None = None
@@ -87,7 +88,7 @@ class Bodies:
 
     def _place_bases(self) -> None:
         """Bases of arms do not move."""
-        links = arm_link_poses(self._scene.arm, self._scene.arm_base, self._scene.arm_start[None])
+        links = self._chain.link_poses(self._scene.arm_base, self._scene.arm_start[None])
         for path, part in self._arm_parts:
             if part.link == _BASE:
                 position, quat = links[_BASE]
@@ -106,11 +107,11 @@ class Bodies:
         if not moved.any():
             return
         index = index_of([frame for frame, new in zip(frames, moved, strict=True) if new])
-        links = arm_link_poses(self._scene.arm, self._scene.arm_base, q[moved])
+        links = self._chain.link_poses(self._scene.arm_base, q[moved])
         for path, part in self._arm_parts:
             self._send(path, index, *links[part.link])
 
-    def _send(self, path: str, index: list[rr.TimeColumn], position: Array, quat: Array) -> None:
+    def _send(self, path: str, index: list[Times], position: Array, quat: Array) -> None:
         n_rows, n_instances = position.shape[:2]
         offsets = np.arange(n_rows + 1, dtype=np.int32) * np.int32(n_instances)
         send(
@@ -123,7 +124,7 @@ class Bodies:
             ],
         )
 
-    def _write_parcels(self, frames: Sequence[Frame], index: list[rr.TimeColumn]) -> None:
+    def _write_parcels(self, frames: Sequence[Frame], index: list[Times]) -> None:
         poses = snapped(np.concatenate([frame.parcel_poses.reshape(-1, 7) for frame in frames]))
         offsets = offsets_of([len(frame.parcel_ids) for frame in frames])
         send(
@@ -151,16 +152,18 @@ class Bodies:
 
     def _write_trails(self, frames: Sequence[Frame]) -> None:
         """Where the cars were in the last seconds, as lines that are renewed twice a second."""
-        due, lines = [], []
+        due, trails = [], []
         for frame in frames:
             if frame.sim_s >= self._trail_due_s:
                 self._trail_due_s = frame.sim_s + _TRAIL_STEP_S - 1e-9
                 self._trail.append(snapped(frame.car_poses[:, :2]))
                 due.append(frame)
-                lines += list(np.stack(self._trail, axis=1))
+                trails.append(np.stack(self._trail, axis=1))
         if due:
-            rows = offsets_of([len(self._scene.car_start)] * len(due))
-            send(self._rec, TRAILS, index_of(due), [strips(lines, 0.006, rows)])
+            rows = offsets_of([len(trail) for trail in trails])
+            lengths = [trail.shape[1] for trail in trails for _ in trail]
+            xy = np.concatenate([trail.reshape(-1, 2) for trail in trails])
+            send(self._rec, TRAILS, index_of(due), [strips(xy, lengths, 0.006, rows)])
 
     def _write_scans(self, frames: Sequence[Frame]) -> None:
         """Rays of the lidars that hit something, and what they hit."""
@@ -174,7 +177,7 @@ class Bodies:
         send(self._rec, HITS, index, [vectors("Points3D:positions", hits, rows)])
         rays = np.stack([snapped(np.concatenate(starts)), hits], axis=1)
         height = float(rays[0, 0, 2]) if len(rays) else 0.0
-        send(self._rec, RAYS, index, [strips(list(rays[:, :, :2]), height, rows)])
+        send(self._rec, RAYS, index, [strips(rays[:, :, :2], [2] * len(rays), height, rows)])
 
 
 def _packed(colour: int) -> np.ndarray:

@@ -14,6 +14,9 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa  # type: ignore[import-untyped]
 import rerun as rr
+from numba import njit
+
+from fleet.recording.index import Times
 
 _POINT = [(0.0, 0.0, 0.0)]
 _EXAMPLES = (
@@ -25,13 +28,14 @@ _EXAMPLES = (
     rr.GraphNodes(["a"], positions=[(0.0, 0.0)], labels=["a"], colors=[0]),
     rr.GraphEdges([("a", "b")]),
     rr.StateChange(state="a"),
+    rr.Scalars(0.0),
+    rr.TextDocument("a"),
 )
 _KINDS = {
     batch.component_descriptor().component: (batch.component_descriptor(), batch.as_arrow_array().type)
     for archetype in _EXAMPLES
     for batch in archetype.as_component_batches()
 }
-
 
 _STRAIGHT_M2 = 1e-6
 """Two steps that span less than this lie on a line."""
@@ -53,13 +57,13 @@ class ArrowColumn:
         return self.rows
 
 
-def send(rec: rr.RecordingStream, path: str, index: Iterable[rr.TimeColumn], columns: Iterable[ArrowColumn]) -> None:
+def send(rec: rr.RecordingStream, path: str, index: Iterable[Times], columns: Iterable[ArrowColumn]) -> None:
     """Send columns; rerun's own type of a column is a class of its own, of which it uses these two methods only."""
     wanted: Iterable[Any] = columns
     rec.send_columns(path, indexes=index, columns=wanted)
 
 
-def offsets_of(lengths: Sequence[int]) -> npt.NDArray[np.int32]:
+def offsets_of(lengths: Sequence[int] | npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
     """Where each row begins, and the end, shape (n_rows + 1,)."""
     made = np.zeros(len(lengths) + 1, np.int32)
     np.cumsum(lengths, out=made[1:])
@@ -81,7 +85,7 @@ def vectors(component: str, rows: npt.NDArray[np.floating], offsets: npt.NDArray
 
 
 def values(component: str, items: Sequence[object] | npt.NDArray[Any], offsets: npt.NDArray[np.int32]) -> ArrowColumn:
-    """A column of colours (0xRRGGBBAA) or of words.
+    """A column of numbers, of colours (0xRRGGBBAA) or of words.
 
     Args:
         component: 'Boxes3D:colors', 'GraphNodes:labels', ...
@@ -100,31 +104,39 @@ def pairs(component: str, first: Sequence[str], second: Sequence[str], offsets: 
     return ArrowColumn(descriptor, pa.ListArray.from_arrays(offsets, items))
 
 
-def strips(lines: Sequence[npt.NDArray[np.floating]], height: float, offsets: npt.NDArray[np.int32]) -> ArrowColumn:
+def strips(
+    xy: npt.NDArray[np.floating], lengths: Sequence[int], height: float, offsets: npt.NDArray[np.int32]
+) -> ArrowColumn:
     """A column of polylines at a constant height, without points that lie straight between their neighbours.
 
     Args:
-        lines: Polylines of all rows [m], each (k, 2), k may be 0.
+        xy: Points of all polylines, one after the other [m], shape (k, 2).
+        lengths: Points of each polyline, 0 for none.
         height: Their z [m].
-        offsets: Where each row begins in `lines`.
+        offsets: Where each row begins in `lengths`.
     """
     descriptor, kind = _KINDS["LineStrips3D:strips"]
-    xy = np.concatenate([line.reshape(-1, 2) for line in lines]) if lines else np.empty((0, 2))
-    bounds = offsets_of([len(line) for line in lines])
-    kept = _corners(xy, bounds)
-    bounds = np.concatenate([[0], np.cumsum(kept)]).astype(np.int32)[bounds]
-    points = np.full((int(bounds[-1]), 3), height, np.float32)
-    points[:, :2] = xy[kept]
+    points, bounds = _without_straight(np.asarray(xy, np.float64).reshape(-1, 2), offsets_of(lengths), height)
     vertices = pa.FixedSizeListArray.from_arrays(pa.array(points.reshape(-1)), type=kind.value_type)
     items = pa.ListArray.from_arrays(pa.array(bounds), vertices, type=kind)
     return ArrowColumn(descriptor, pa.ListArray.from_arrays(offsets, items))
 
 
-def _corners(xy: npt.NDArray[np.floating], bounds: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
-    """Points of polylines that do not lie straight between their neighbours, shape (k,); ends are kept."""
-    kept = np.ones(len(xy), dtype=np.bool_)
-    step = np.diff(xy, axis=0)
-    kept[1:-1] = np.abs(step[:-1, 0] * step[1:, 1] - step[:-1, 1] * step[1:, 0]) > _STRAIGHT_M2
-    kept[bounds[:-1][bounds[:-1] < len(xy)]] = True
-    kept[bounds[1:][bounds[1:] > 0] - 1] = True
-    return kept
+@njit(cache=True)
+def _without_straight(xy, bounds, height):
+    """Corners and ends of polylines, (k, 3), and where each polyline begins among them."""
+    points = np.empty((len(xy), 3), np.float32)
+    begins = np.zeros(len(bounds), np.int32)
+    n = 0
+    for line in range(len(bounds) - 1):
+        first, end = bounds[line], bounds[line + 1]
+        for k in range(first, end):
+            if first < k < end - 1:
+                ax, ay = xy[k, 0] - xy[k - 1, 0], xy[k, 1] - xy[k - 1, 1]
+                bx, by = xy[k + 1, 0] - xy[k, 0], xy[k + 1, 1] - xy[k, 1]
+                if abs(ax * by - ay * bx) <= _STRAIGHT_M2:
+                    continue
+            points[n, 0], points[n, 1], points[n, 2] = xy[k, 0], xy[k, 1], height
+            n += 1
+        begins[line + 1] = n
+    return points[:n], begins

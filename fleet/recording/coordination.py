@@ -55,6 +55,8 @@ class Coordination:
         self._fixed_xy = {f"arm_{k}": base[:2] for k, base in enumerate(scene.arm_base)}
         self._fixed_xy |= dict(zip(floor.station_names, floor.dock_xy, strict=True))
         self._causes: set[str] = set()
+        self._plates = {path: _at_height(floor.cell_xy, z).astype(np.float32) for path, z in _PLATE_Z.items()}
+        rec.log(WHY, rr.TextDocument.from_fields(media_type="text/markdown"), static=True)
         for path, half_m in _PLATE_M.items():
             rec.log(path, rr.Boxes3D.from_fields(half_sizes=[(half_m, half_m, 0.001)], fill_mode="solid"), static=True)
         rec.log(ARROWS, rr.Arrows3D.from_fields(radii=0.04), static=True)
@@ -64,10 +66,12 @@ class Coordination:
         self._write_cells(GRANTED, [(frame, frame.held_by) for frame in frames if frame.held_by is not None])
         self._write_cells(PLANNED, [(frame, frame.next_of) for frame in frames if frame.next_of is not None])
         self._write_waits([(frame, frame.waits) for frame in frames if frame.waits is not None])
+        told = [(frame, _sentences(frame.explanations)) for frame in frames if frame.explanations is not None]
+        if told:
+            rows = offsets_of([1] * len(told))
+            text = values("TextDocument:text", [sentences for _, sentences in told], rows)
+            send(self._rec, WHY, index_of([frame for frame, _ in told]), [text])
         for frame in frames:
-            if frame.explanations is not None:
-                set_time(self._rec, frame)
-                self._rec.log(WHY, rr.TextDocument(_sentences(frame.explanations), media_type="text/markdown"))
             if frame.stood_s is not None:
                 self._write_congestion(frame, frame.stood_s)
             if frame.priorities is not None:
@@ -78,16 +82,15 @@ class Coordination:
     def _write_cells(self, path: str, changes: Sequence[tuple[Frame, npt.NDArray[np.int32]]]) -> None:
         if not changes or not len(self._cell_xy):
             return
-        cells = [np.flatnonzero(owner >= 0) for _, owner in changes]
-        owners = np.concatenate([owner[cell] for (_, owner), cell in zip(changes, cells, strict=True)])
-        xy = self._cell_xy[np.concatenate(cells)]
-        offsets = offsets_of([len(cell) for cell in cells])
+        row, cell = np.nonzero(np.stack([owner for _, owner in changes]) >= 0)
+        owners = np.concatenate([owner[owner >= 0] for _, owner in changes])
+        offsets = offsets_of(np.bincount(row, minlength=len(changes)))
         send(
             self._rec,
             path,
             index_of([frame for frame, _ in changes]),
             [
-                vectors("Boxes3D:centers", _at_height(xy, _PLATE_Z[path]), offsets),
+                vectors("Boxes3D:centers", self._plates[path][cell], offsets),
                 values("Boxes3D:colors", self._car_colours[path][owners], offsets),
             ],
         )

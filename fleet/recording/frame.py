@@ -82,6 +82,8 @@ class Frame:
     """Where these rays began [m], shape (k, 3)."""
     priorities: FloatArray | None = None
     """What the path planner last ranked the cars by, the greatest first to go, shape (n_cars,); None = unchanged."""
+    trees: Mapping[int, FloatArray] = field(default_factory=dict)
+    """Arm -> edges of the search trees behind its plan, shape (e, 2, 3) [m]; only plans since the last frame."""
     metrics: Mapping[str, float] = field(default_factory=dict)
     """Name -> value, the same keys whenever there are any; may be empty between samples."""
     views: Mapping[str, CameraImage] = field(default_factory=dict)

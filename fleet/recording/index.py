@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+import pyarrow as pa  # type: ignore[import-untyped]
 import rerun as rr
+
+_DURATION = pa.duration("ns")
 
 
 class Stamped(Protocol):
@@ -21,11 +26,37 @@ class Stamped(Protocol):
         """When, in simulated time [s]."""
 
 
-def index_of(stamped: Sequence[Stamped]) -> list[rr.TimeColumn]:
+@dataclass(frozen=True)
+class Times:
+    """A timeline over the rows of a batch; rerun's own class for it accepts anything, and takes its time over that."""
+
+    timeline: str
+    rows: pa.Array
+
+    def timeline_name(self) -> str:
+        """Which timeline."""
+        return self.timeline
+
+    def as_arrow_array(self) -> pa.Array:
+        """The times, one per row."""
+        return self.rows
+
+
+def index_of(stamped: Sequence[Stamped]) -> list[Times]:
     """Columns `sim_time` and `tick` of some frames or log lines."""
-    nanoseconds = np.rint(np.array([item.sim_s for item in stamped]) * 1e9).astype("timedelta64[ns]")
-    ticks = np.array([item.tick for item in stamped])
-    return [rr.TimeColumn("sim_time", duration=nanoseconds), rr.TimeColumn("tick", sequence=ticks)]
+    return list(_index(tuple([item.sim_s for item in stamped]), tuple([item.tick for item in stamped])))
+
+
+@lru_cache(maxsize=16)
+def _index(sim_s: tuple[float, ...], ticks: tuple[int, ...]) -> tuple[Times, Times]:
+    """The columns; what is looked at in the same frames has the same ones."""
+    nanoseconds = np.rint(np.array(sim_s) * 1e9).astype(np.int64)
+    return Times("sim_time", pa.array(nanoseconds).view(_DURATION)), Times("tick", pa.array(ticks, pa.int64()))
+
+
+def epochs_of(numbers: Sequence[int]) -> Times:
+    """Column `plan_epoch`: how many plans had landed by each row."""
+    return Times("plan_epoch", pa.array(numbers, pa.int64()))
 
 
 def set_time(rec: rr.RecordingStream, stamped: Stamped) -> None:

@@ -14,6 +14,7 @@ import rerun.blueprint as rrb
 from fleet.recording.bodies import CAR_BODIES
 from fleet.recording.coordination import CONGESTION, GRAPH, PRIORITIES, WHY
 from fleet.recording.frame import FloorPlan
+from fleet.recording.lanes import FEW_N, STATES, car_paths
 from fleet.recording.scenery import CAMERA, LABELS, PIXELS_PER_M
 from fleet.recording.views import VIEWS
 from fleet.world.scene import Scene
@@ -22,8 +23,6 @@ _FLAT = (CAMERA, f"{VIEWS}/**", f"{CONGESTION}/**")
 """What is not for views in three dimensions."""
 _TAB_N = 25
 """State lanes of cars in one tab."""
-_LANES_N = 10
-"""State lanes that fit beside the plots; more get a column of their own."""
 _LANE_PX = 40.0
 """Height of a state lane with its name."""
 _WINDOW_S = (-15.0, 8.0)
@@ -48,7 +47,7 @@ def layout(
         live: Whether viewers are to follow a run that goes on.
         internals: Whether to show what the planners think.
     """
-    few = len(scene.car_start) + len(scene.arm_base) <= _LANES_N
+    few = len(scene.car_start) + len(scene.arm_base) <= FEW_N
     # In a small view names would hide the robots.
     names = {} if few else {f"/{CAR_BODIES}": [rr.Mesh3D.from_fields(), rr.Boxes3D.from_fields(show_labels=False)]}
     hidden = _FLAT if few else (LABELS, *_FLAT)
@@ -138,7 +137,7 @@ def _car_lanes(n_cars: int) -> list[rrb.StateTimelineView]:
     for first in range(0, n_cars, _TAB_N):
         last = min(first + _TAB_N, n_cars) - 1
         name = "Cars" if n_cars <= _TAB_N else f"{'' if first else 'Cars '}{first}-{last}"
-        tabs.append(_lanes(name, *(f"cars/car_{car}" for car in range(first, last + 1))))
+        tabs.append(_lanes(name, *(f"cars/{path}" for path in car_paths(first, last))))
     return tabs
 
 
@@ -167,7 +166,7 @@ def _lanes(name: str, *kinds: str) -> rrb.StateTimelineView:
         )
     )
     contents = [f"$origin/{kind}/**" for kind in kinds]
-    return rrb.StateTimelineView(origin="/states", name=name, contents=contents, time_view=window)
+    return rrb.StateTimelineView(origin=f"/{STATES}", name=name, contents=contents, time_view=window)
 
 
 def _plots(titles: Sequence[str], more: Sequence[rrb.View]) -> list[rrb.View]:

@@ -11,23 +11,26 @@ import numpy.typing as npt
 _GOLDEN = 0.6180339887498949
 """Fraction of the hue circle between consecutive ids: neighbours differ most (golden angle)."""
 
-STATE_COLOURS = {
+_CAR_STATES = {
     "idle": 0x6B7280FF,
     "driving": 0x3B82F6FF,
     "waiting": 0xF59E0BFF,
     "docked": 0x8B5CF6FF,
     "fault": 0xEF4444FF,
-    "dead": 0xEF4444FF,
-    "blocked": 0xDC6803FF,
-    "rejoining": 0xEC4899FF,
     "held": 0xB45309FF,
     "charging": 0x14B8A6FF,
     "standing": 0xA3E635FF,
+}
+_ARM_STATES = {
+    "idle": 0x6B7280FF,
     "planning": 0xFACC15FF,
     "moving": 0x10B981FF,
-    "picking": 0x10B981FF,
-    "placing": 0x22C3E6FF,
-    "slow": 0xF97316FF,
+    "holding": 0x22C3E6FF,
+    "done": 0x166534FF,
+    "missed": 0xF97316FF,
+    "dropped": 0xEF4444FF,
+}
+_TASK_STATES = {
     "ordered": 0x4B5563FF,
     "backlog": 0x9CA3AFFF,
     "ready": 0xFACC15FF,
@@ -40,11 +43,18 @@ STATE_COLOURS = {
     "visiting": 0xA3E635FF,
     "done": 0x166534FF,
     "failed": 0xEF4444FF,
-    "failed, cancelled": 0xEF4444FF,
-    "under way": 0x3B82F6FF,
     "cancelled": 0xA8A29EFF,
 }
-"""Colours of the states of cars, arms and tasks; an unknown state gets a colour of its own from its name."""
+STATES_OF = {"cars": tuple(_CAR_STATES), "arms": tuple(_ARM_STATES), "tasks": tuple(_TASK_STATES)}
+"""States that cars, arms and tasks are known to have."""
+STATE_COLOURS = {
+    **_CAR_STATES,
+    **_ARM_STATES,
+    **_TASK_STATES,
+    "under way": 0x3B82F6FF,
+    "failed, cancelled": 0xEF4444FF,
+}
+"""Colours of states and of groups of them; an unknown state gets a colour of its own from its name."""
 
 BOX_COLOURS = {"wall": 0x64748BFF, "shelf": 0xA9835760, "pedestal": 0xB8C0CCFF}
 BOX_DEFAULT = 0x808080FF
@@ -58,6 +68,8 @@ LABEL = 0x5B9BD5FF
 
 RAY, HIT = 0xFB718540, 0xFB7185FF
 """Rays of lidars, and what they hit."""
+TREE = 0x34D399A0
+"""What an arm's planner has looked at."""
 WAIT = 0xF59E0BFF
 """Arrows from whoever waits to whom it waits for."""
 CYCLE = 0xEF4444FF

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from fleet.recording.meshes import Mesh, link_mesh
 from fleet.robots.spec import ArmSpec, CarSpec
@@ -129,32 +130,66 @@ def car_link_poses(
     return links
 
 
-def arm_link_poses(spec: ArmSpec, base: Array, q: Array) -> LinkPoses:
-    """Poses of the links of all arms by forward kinematics.
+class ArmChain:
+    """Forward kinematics of all arms of a kind.
 
     Args:
         spec: The arm.
-        base: Base poses x, y, z, yaw, shape (m, 4).
-        q: Joint positions [rad], shape (f, m, n_joints).
-
-    Returns:
-        Poses of 'link_0' .. 'link_<n_joints>'.
     """
-    shape = q.shape[:2]
-    position = np.broadcast_to(base[:, :3], (*shape, 3))
-    quat = np.broadcast_to(_about(2, base[:, 3]), (*shape, 4))
-    links: dict[str, tuple[Array, Array]] = {"link_0": (position, quat)}
-    for joint in range(spec.n_joints):
-        parent_from_joint = spec.base_from_joint[joint]
-        position = position + quat_rotate(quat, parent_from_joint[:3, 3])
-        fixed = quat_from_matrix(parent_from_joint)
-        turn = q[..., joint] / 2
-        # fixed * (0, 0, sin, cos), written out: half of a general product
-        cos, sin = np.cos(turn)[..., None], np.sin(turn)[..., None]
-        about_z = np.array([fixed[1], -fixed[0], fixed[3], -fixed[2]])
-        quat = quat_multiply(quat, fixed * cos + about_z * sin)
-        links[f"link_{joint + 1}"] = (position, quat)
-    return links
+
+    def __init__(self, spec: ArmSpec) -> None:
+        self._places = np.ascontiguousarray(spec.base_from_joint[:, :3, 3])
+        self._turns = np.array([quat_from_matrix(parent_from_joint) for parent_from_joint in spec.base_from_joint])
+
+    def link_poses(self, base: Array, q: Array) -> LinkPoses:
+        """Poses of the links.
+
+        Args:
+            base: Base poses x, y, z, yaw, shape (m, 4).
+            q: Joint positions [rad], shape (f, m, n_joints).
+
+        Returns:
+            Poses of 'link_0' .. 'link_<n_joints>'.
+        """
+        shape = (len(self._turns) + 1, *q.shape[:2])
+        position, quat = np.empty((*shape, 3)), np.empty((*shape, 4))
+        _chain(np.asarray(base, np.float64), self._places, self._turns, np.asarray(q, np.float64), position, quat)
+        return {f"link_{k}": (position[k], quat[k]) for k in range(len(position))}
+
+
+@njit(cache=True)
+def _chain(base, places, turns, q, position, quat):
+    """Fill positions (n + 1, f, m, 3) and quaternions (n + 1, f, m, 4) from base (m, 4) on, along joints that stand at
+    `places` (n, 3), turned by `turns` (n, 4), in the link before, and turn about their z by q (f, m, n).
+    """
+    for f in range(q.shape[0]):
+        for m in range(q.shape[1]):
+            x, y, z = base[m, 0], base[m, 1], base[m, 2]
+            a, b, c, d = 0.0, 0.0, np.sin(base[m, 3] / 2), np.cos(base[m, 3] / 2)
+            position[0, f, m, 0], position[0, f, m, 1], position[0, f, m, 2] = x, y, z
+            quat[0, f, m, 0], quat[0, f, m, 1], quat[0, f, m, 2], quat[0, f, m, 3] = a, b, c, d
+            for k in range(q.shape[2]):
+                vx, vy, vz = places[k, 0], places[k, 1], places[k, 2]
+                # as in `quat_rotate`
+                tx, ty, tz = 2 * (b * vz - c * vy), 2 * (c * vx - a * vz), 2 * (a * vy - b * vx)
+                x += vx + d * tx + b * tz - c * ty
+                y += vy + d * ty + c * tx - a * tz
+                z += vz + d * tz + a * ty - b * tx
+                sin, cos = np.sin(q[f, m, k] / 2), np.cos(q[f, m, k] / 2)
+                # the fixed turn, then (0, 0, sin, cos)
+                e = turns[k, 0] * cos + turns[k, 1] * sin
+                g = turns[k, 1] * cos - turns[k, 0] * sin
+                h = turns[k, 2] * cos + turns[k, 3] * sin
+                i = turns[k, 3] * cos - turns[k, 2] * sin
+                a, b, c, d = (
+                    d * e + a * i + b * h - c * g,
+                    d * g - a * h + b * i + c * e,
+                    d * h + a * g - b * e + c * i,
+                    d * i - a * e - b * g - c * h,
+                )
+                position[k + 1, f, m, 0], position[k + 1, f, m, 1], position[k + 1, f, m, 2] = x, y, z
+                quat[k + 1, f, m, 0], quat[k + 1, f, m, 1] = a, b
+                quat[k + 1, f, m, 2], quat[k + 1, f, m, 3] = c, d
 
 
 def snapped(values: Array) -> npt.NDArray[np.float32]:

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 _BATCH_N = 240
 """Frames that wake the worker early; larger batches are cheaper per frame."""
-_BATCH_S = 0.3
+_BATCH_S = 0.4
 """Wall time after which a smaller batch is written anyway [s]: what a killed process loses, and the time of writing."""
 _QUEUE_N = 960
 """Frames that may wait; beyond it the simulation waits (file) or frames are dropped (live)."""
-_COMPACT_N = 20
-"""Batches from which on a finished recording is worth compacting."""
+_COMPACT_N = 60
+"""Batches from which on a finished recording is worth compacting, which takes as long as writing fifty of them."""
 _JOIN_S = 60.0
 """Wall time that `close` gives the worker to write what is queued [s]."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -16,9 +15,11 @@ from fleet.recording.bodies import Bodies
 from fleet.recording.columns import offsets_of, send, strips, values
 from fleet.recording.coordination import Coordination
 from fleet.recording.frame import FloorPlan, Frame, LogLine
-from fleet.recording.index import index_of, set_time
+from fleet.recording.index import epochs_of, index_of, set_time
+from fleet.recording.lanes import Lanes
 from fleet.recording.layout import layout
 from fleet.recording.scenery import log_scenery
+from fleet.recording.trees import write_trees
 from fleet.recording.views import VIEWS, log_camera, log_image
 from fleet.world.scene import Scene
 
@@ -57,9 +58,7 @@ class Stream:
         port: int | None,
     ) -> None:
         self._plots = {title: tuple(names) for title, names in plots.items()}
-        self._seen: dict[str, str] = {}
-        self._words: tuple[object, object] = (None, None)
-        self._states: dict[str, set[str]] = {}
+        self._opened: set[str] = set()
         self._counts: tuple[str, ...] = ()
         self._cameras: set[str] = set()
         self._rec = rr.RecordingStream("fleet", batcher_config=rr.ChunkBatcherConfig(flush_tick=_FLUSH_TICK_S))
@@ -77,6 +76,7 @@ class Stream:
         self._rec.log("about", rr.TextDocument(_markdown(floor.name, about), media_type="text/markdown"), static=True)
         self._bodies = Bodies(self._rec, scene)
         self._coordination = Coordination(self._rec, scene, floor)
+        self._lanes = Lanes(self._rec, len(scene.car_start) + len(scene.arm_base))
         for name in ("granted", "planned"):
             radius, alpha = (0.035, 230) if name == "granted" else (0.012, 150)
             self._rec.log(
@@ -86,6 +86,7 @@ class Stream:
                 ),
                 static=True,
             )
+        self._rec.flush(timeout_sec=_FLUSH_S)
 
     def write(self, frames: Sequence[Frame], lines: Sequence[LogLine]) -> None:
         """Append frames and log lines, both ascending in time."""
@@ -94,8 +95,9 @@ class Stream:
             self._coordination.write(frames)
             self._write_scalars(frames)
             self._write_paths(frames)
-            self._write_states(frames)
+            self._lanes.write(frames)
             self._write_views(frames)
+            write_trees(self._rec, frames)
         if lines:
             columns = rr.TextLog.columns(text=[line.text for line in lines], level=[line.level for line in lines])
             self._rec.send_columns("log", indexes=index_of(lines), columns=columns)
@@ -117,8 +119,8 @@ class Stream:
             self._plots = {"all": tuple(measured[0].metrics)}
         for title, names in self._plots.items():
             path = f"metrics/{title}"
-            if path not in self._states:
-                self._states[path] = set(names)
+            if path not in self._opened:
+                self._opened.add(path)
                 self._open_series(path, names, palette.identity_colours(range(len(names))).tolist())
             self._send_series(path, names, measured, [frame.metrics for frame in measured])
 
@@ -135,9 +137,9 @@ class Stream:
         self, path: str, names: Sequence[str], frames: Sequence[Frame], rows: Sequence[Mapping[str, float]]
     ) -> None:
         if names and rows:
-            values = np.array([[row.get(name, math.nan) for name in names] for row in rows], float)
-            columns = rr.Scalars.columns(scalars=values.reshape(-1)).partition([len(names)] * len(rows))
-            self._rec.send_columns(path, indexes=index_of(frames), columns=columns)
+            figures = [row.get(name, math.nan) for row in rows for name in names]
+            column = values("Scalars:scalars", figures, offsets_of([len(names)] * len(rows)))
+            send(self._rec, path, index_of(frames), [column])
 
     def _write_paths(self, frames: Sequence[Frame]) -> None:
         for name, height, changes in (
@@ -145,37 +147,12 @@ class Stream:
             ("planned", 0.02, [(frame, frame.plans) for frame in frames if frame.plans is not None]),
         ):
             if changes:
-                index = index_of([frame for frame, _ in changes])
-                index.append(rr.TimeColumn("plan_epoch", sequence=[frame.plan_epoch for frame, _ in changes]))
+                frames_of = [frame for frame, _ in changes]
+                index = [*index_of(frames_of), epochs_of([frame.plan_epoch for frame in frames_of])]
                 lines = [line for _, row in changes for line in row or ()]
                 rows = offsets_of([len(row or ()) for _, row in changes])
-                send(self._rec, f"world/paths/{name}", index, [strips(lines, height, rows)])
-
-    def _write_states(self, frames: Sequence[Frame]) -> None:
-        changes: dict[str, list[tuple[Frame, str]]] = {}
-        for frame in frames:
-            # Whoever makes the frames hands over the same tuples until a word changes.
-            if frame.car_state is self._words[0] and frame.arm_state is self._words[1] and not frame.task_state:
-                continue
-            self._words = (frame.car_state, frame.arm_state)
-            named = itertools.chain(
-                ((f"states/cars/car_{i}", state) for i, state in enumerate(frame.car_state)),
-                ((f"states/arms/arm_{i}", state) for i, state in enumerate(frame.arm_state)),
-                ((f"states/tasks/{task}", state) for task, state in frame.task_state.items()),
-            )
-            for path, state in named:
-                if self._seen.get(path) != state:
-                    self._seen[path] = state
-                    changes.setdefault(path, []).append((frame, state))
-        for path, rows in changes.items():
-            known = self._states.setdefault(path, set())
-            new = {state for _, state in rows} - known
-            if new:
-                known |= new
-                self._configure(path, sorted(known))
-            offsets = np.arange(len(rows) + 1, dtype=np.int32)
-            states = values("StateChange:state", [state for _, state in rows], offsets)
-            send(self._rec, path, index_of([frame for frame, _ in rows]), [states])
+                xy = np.concatenate(lines) if lines else np.empty((0, 2))
+                send(self._rec, f"world/paths/{name}", index, [strips(xy, [len(line) for line in lines], height, rows)])
 
     def _write_views(self, frames: Sequence[Frame]) -> None:
         for frame in frames:
@@ -187,11 +164,6 @@ class Stream:
                     self._cameras.add(name)
                     log_camera(self._rec, path, image.camera)
                 log_image(self._rec, path, image)
-
-    def _configure(self, path: str, states: Sequence[str]) -> None:
-        """Give every state seen so far its colour: states without one may look alike."""
-        colours = np.array([palette.state_colour(state) for state in states], np.uint32)
-        self._rec.log(path, rr.StateConfiguration(values=states, labels=states, colors=colours), static=True)
 
 
 def _markdown(title: str, about: Mapping[str, object]) -> str:

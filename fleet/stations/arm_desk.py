@@ -27,6 +27,9 @@ class ArmPlanner(Protocol):
     def close(self) -> None:
         """Free what it holds; calling twice is harmless."""
 
+    def keep_trees(self) -> None:
+        """Put search trees into the answers to all requests from now on."""
+
     def submit(self, request: ArmRequest) -> int:
         """Hand in a request; returns its ticket."""
 
@@ -70,6 +73,12 @@ class ArmDesk:
         self._tick_s = tick_s
         self._due: dict[int, tuple[int, int | Transfer]] = {}
         self._reasons = [""] * len(start_rad)
+        self.trees: dict[int, FloatArray] = {}
+        """Search trees behind the plans that have landed, by arm, as in `Transfer`; whoever shows them takes them."""
+
+    def keep_trees(self) -> None:
+        """Fill `trees` from now on."""
+        self._planner.keep_trees()
 
     def is_idle(self, arm: int) -> bool:
         """True when an arm is home and has nothing to do."""
@@ -160,6 +169,8 @@ class ArmDesk:
         self._due[arm] = (tick + self._latency, ticket)
 
     def _land(self, arm: int, transfer: Transfer) -> None:
+        if transfer.trees is not None:
+            self.trees[arm] = transfer.trees
         if transfer.reason:
             self._reasons[arm] = transfer.reason
             self.services[arm].refused()

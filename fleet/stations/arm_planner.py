@@ -7,7 +7,7 @@ import pickle
 import subprocess
 import sys
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -106,6 +106,7 @@ class LocalArmPlanner:
         known: dict[bytes, KnownWays] = {}
         self._answers: dict[int, Transfer] = {}
         self._tickets = 0
+        self._keeps_trees = False
         self._planners = []
         self._engine: EngineConfirm | None = None
         if setup.confirm:
@@ -134,6 +135,12 @@ class LocalArmPlanner:
     def wait_ready(self) -> None:
         """Nothing to wait for: see the constructor."""
 
+    def keep_trees(self) -> None:
+        """See `ArmPlanner`."""
+        self._keeps_trees = True
+        for planner in self._planners:
+            planner.keep_trees()
+
     def submit(self, request: ArmRequest) -> int:
         """See `ArmPlanner`."""
         self._tickets += 1
@@ -142,6 +149,10 @@ class LocalArmPlanner:
 
     def answer(self, request: ArmRequest) -> Transfer:
         """Plan one request."""
+        transfer = self._planned(request)
+        return replace(transfer, trees=self._planners[request.arm].take_trees()) if self._keeps_trees else transfer
+
+    def _planned(self, request: ArmRequest) -> Transfer:
         planner = self._planners[request.arm]
         if isinstance(request, HomeRequest):
             return planner.home(request)
@@ -200,6 +211,10 @@ class WorkerArmPlanner:
             self._arrived.wait_for(lambda: self._is_ready or self._failure is not None)
             if self._failure is not None:
                 raise UnreachableError(self._failure)
+
+    def keep_trees(self) -> None:
+        """See `ArmPlanner`."""
+        self._send((KEEP_TREES, None))
 
     def submit(self, request: ArmRequest) -> int:
         """See `ArmPlanner`."""
@@ -263,8 +278,8 @@ class WorkerArmPlanner:
                 self._arrived.notify_all()
 
 
-READY, FAILED = 0, -1
-"""Tickets of the worker's own messages."""
+READY, FAILED, KEEP_TREES = 0, -1, -2
+"""Tickets of messages that are no requests and no answers."""
 
 
 def make_arm_planner(

@@ -14,7 +14,7 @@ def main() -> None:
     # Libraries print from C to descriptor 1, which carries the answers: give it away first.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    from fleet.stations.arm_planner import FAILED, READY, LocalArmPlanner
+    from fleet.stations.arm_planner import FAILED, KEEP_TREES, READY, LocalArmPlanner
 
     requests = sys.stdin.buffer
     try:
@@ -22,7 +22,10 @@ def main() -> None:
         _answer(answers, READY, None)
         while True:
             ticket, request = pickle.load(requests)
-            _answer(answers, ticket, planner.answer(request))
+            if ticket == KEEP_TREES:
+                planner.keep_trees()
+            else:
+                _answer(answers, ticket, planner.answer(request))
     except (EOFError, BrokenPipeError):
         pass
     except FleetError as error:

@@ -31,6 +31,7 @@ from planners.motion.collision import CollisionChecker
 from planners.motion.kinematics import flange_from_tip
 from planners.motion.obstacles import Boxes
 from planners.motion.problem import MotionProblem, MotionResult
+from planners.motion.search_tree import GrowsTrees, SearchTree
 from planners.motion.spheres import box_spheres
 from planners.motion.trajectory import Trajectory
 
@@ -130,6 +131,30 @@ class CellPlanner:
         )
         self._known = known if known is not None else KnownWays()
         self._known.vias[HOME] = spec.home_rad
+        self._way_trees: dict[tuple[int, int, bool], list[SearchTree]] = {}
+
+    def keep_trees(self) -> None:
+        """Keep the trees of searches from now on, if the planner grows any; `take_trees` hands them over."""
+        if isinstance(self._planner, GrowsTrees):
+            self._planner.trees = []
+
+    def take_trees(self) -> FloatArray:
+        """Edges of the trees behind the answers since the last call, as the tool's tip in the world.
+
+        Returns:
+            Ends of the edges [m], shape (e, 2, 3).
+        """
+        planner = self._planner
+        if not isinstance(planner, GrowsTrees) or planner.trees is None:
+            return np.empty((0, 2, 3))
+        trees, planner.trees = planner.trees, []
+        x, y, z, yaw = self.cell.base_pose
+        turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+        edges = [np.empty((0, 2, 3))]
+        for tree in trees:
+            tips = np.array([self._motions.tip(q)[:3, 3] for q in tree.vertices]).reshape(-1, 3)
+            edges.append((tips @ turn.T + (x, y, z))[tree.edges])
+        return np.concatenate(edges)
 
     def prepare(self) -> None:
         """Find all via points and the ways between them.
@@ -402,17 +427,30 @@ class CellPlanner:
     def _way(self, a: int, b: int, *, loaded: bool) -> Trajectory:
         """The motion between two via points; the way back is the same path."""
         ways = self._known.ways
+        low, high = min(a, b), max(a, b)
+        # Without a parcel an arm only comes to a car or leaves it: cars may drive below it.
+        checker = self._loaded if loaded else self._over_cars
         if (a, b, loaded) not in ways:
-            # Without a parcel an arm only comes to a car or leaves it: cars may drive below it.
-            checker = self._loaded if loaded else self._over_cars
-            low, high = min(a, b), max(a, b)
             result = self._search(checker, self._via(low), self._via(high))
             if not result.solved:
                 raise UnreachableError(f"no way between via points {low} and {high} ({result.status.value})")
             path = result.path if a == low else result.path[::-1]
             held = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2) if loaded else None
             ways[a, b, loaded] = self._motions.confirmed(self._motions.timed(path, 1.0, checker), self._boxes, held)
+        self._recall(checker, low, high, loaded=loaded)
         return ways[a, b, loaded]
+
+    def _recall(self, checker: CollisionChecker, low: int, high: int, *, loaded: bool) -> None:
+        """Search a known way again, once and only if trees are wanted: the same search grows the same tree."""
+        planner = self._planner
+        if not isinstance(planner, GrowsTrees) or planner.trees is None:
+            return
+        key = (low, high, loaded)
+        if key not in self._way_trees:
+            others, planner.trees = planner.trees, []
+            self._search(checker, self._via(low), self._via(high))
+            self._way_trees[key], planner.trees = planner.trees, others
+        planner.trees += self._way_trees[key]
 
     def _search(self, checker: CollisionChecker, start: FloatArray, goal: FloatArray) -> MotionResult:
         problem = MotionProblem(checker=checker, start=start, goals=goal[None], max_iterations=self._iterations_n)

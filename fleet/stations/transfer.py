@@ -100,3 +100,6 @@ class Transfer:
     """Of a fetched parcel: how it is put back and the arm comes home; empty for what ends at home."""
     grip_height_m: float = 0.0
     """Of a fetched parcel: the tip's height over its underside [m]."""
+    trees: FloatArray | None = None
+    """Edges of the search trees behind the steps, as the tool's tip in the world [m], shape (e, 2, 3); None unless
+    they were asked for."""

@@ -16,6 +16,7 @@ from planners.errors import PlanningError
 from planners.motion.collision import CollisionChecker
 from planners.motion.problem import MotionProblem, MotionResult, MotionStatus, settle_early
 from planners.motion.rrt_connect_config import RrtConnectConfig
+from planners.motion.search_tree import SearchTree
 from planners.motion.shortcut import shorten
 
 FloatArray = npt.NDArray[np.float64]
@@ -98,6 +99,8 @@ class OmplPlanner:
             raise UnknownPlannerError(f"OMPL planner {name!r} is not bound; valid: {', '.join(OMPL_PLANNERS)}")
         self.name = name
         self.config = config or RrtConnectConfig()
+        self.trees: list[SearchTree] | None = None
+        """See `GrowsTrees`."""
 
     def plan(self, problem: MotionProblem) -> MotionResult:
         """Find a path from the start to one of the goals.
@@ -218,9 +221,21 @@ class OmplPlanner:
                 f"OMPL planner {self.name}: {MOST_MOTIONS:,} motions checked without asking whether its budget of "
                 f"{problem.max_iterations:,} iterations is spent"
             ) from None
+        if self.trees is not None:
+            self.trees.append(_tree(planner, si, n))
         if not setup.haveExactSolutionPath():
             return None
         return np.array([state[0:n] for state in setup.getSolutionPath().getStates()])
+
+
+def _tree(planner: ob.Planner, si: ob.SpaceInformation, n: int) -> SearchTree:
+    """Copy what a planner has grown."""
+    data = ob.PlannerData(si)
+    planner.getPlannerData(data)
+    count = data.numVertices()
+    vertices = np.array([data.getVertex(k).getState()[0:n] for k in range(count)]).reshape(-1, n)
+    edges = [(k, m) for k in range(count) for m in data.getEdges(k)]
+    return SearchTree(vertices=vertices, edges=np.array(edges, dtype=np.int64).reshape(-1, 2))
 
 
 def _length(path: FloatArray) -> float:

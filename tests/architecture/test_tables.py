@@ -83,6 +83,7 @@ FAMILIES = [
                 "route",
                 "rrt_connect_config",
                 "scene_kernel",
+                "search_tree",
                 "shortcut",
                 "spheres",
                 "timed_path",

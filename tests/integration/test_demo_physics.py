@@ -35,7 +35,7 @@ SHOWN = (
     "/states/arms/arm_0",
     "/states/tasks/order_1",
     "/counts",
-    "/metrics/clearance",
+    "/metrics/motion",
     "/log",
 )
 

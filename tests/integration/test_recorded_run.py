@@ -11,6 +11,7 @@ import pytest
 from fleet.config import Fidelity, RunConfig
 from fleet.insight.causes import OWN, Cause, Column
 from fleet.simulation import Simulation
+from fleet.stations import arm_cell
 from fleet.watch import CONGESTION, Watch, open_recorder
 from planners.motion.kinematics import link_frames
 from tests.unit.fleet.recording.test_rerun_recorder import STEP_M, rows
@@ -161,3 +162,44 @@ def test_scans_end_on_walls_or_robots(seen: Seen) -> None:
         x, y, _ = np.array(hits).T
         assert -0.01 <= x.min() <= x.max() <= width + 0.01
         assert -0.01 <= y.min() <= y.max() <= depth + 0.01
+
+
+def test_search_trees_are_recorded_on_request_and_change_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A post stands beside each arm: on the sites that ship every way is a straight line in joint space."""
+    fence = arm_cell._fence
+
+    def with_post(base: np.ndarray) -> list:
+        aside = base[3] - np.pi / 2
+        centre = np.array([base[0] + 0.45 * np.cos(aside), base[1] + 0.45 * np.sin(aside), 0.5])
+        return [*fence(base), (centre, np.array([0.04, 0.04, 0.5]), 0.0, 0)]
+
+    monkeypatch.setattr(arm_cell, "_fence", with_post)
+    config = RunConfig(site="small", robots=2, tasks=2, fidelity=Fidelity.KINEMATIC, duration_s=25.0)
+    hashes = []
+    shown: dict[tuple[int, int], np.ndarray] = {}
+    for internals in (False, True):
+        path = tmp_path / f"{internals}.rrd"
+        with Simulation(config) as simulation, open_recorder(simulation, path, internals=internals) as recorder:
+            watch = Watch(simulation, recorder, internals=internals)
+            while not simulation.finished:
+                simulation.tick()
+                shown |= {(arm, simulation.now): edges for arm, edges in simulation.desk.trees.items()}
+                watch.look()
+            hashes.append(simulation.world.state_bytes())
+            scene = simulation.scene
+            dock_cells = [int(simulation.graph.state_cell[station.dock_state]) for station in simulation.stations]
+            docks = simulation.site.grid.cell_xy(dock_cells)
+    assert hashes[0] == hashes[1]
+    assert not rows(tmp_path / "False.rrd", "/world/trees/**", "LineStrips3D:strips")
+    assert max(map(len, shown.values())) > 3
+    for arm, base in enumerate(scene.arm_base):
+        recorded = rows(path, f"/world/trees/arm_{arm}", "LineStrips3D:strips")
+        assert list(recorded) == [tick for other, tick in shown if other == arm]
+        for tick, edges in recorded.items():
+            np.testing.assert_allclose(np.reshape(edges, (-1, 2, 3)), shown[arm, tick], atol=1e-5)
+            tips = np.reshape(edges, (-1, 3))
+            assert np.linalg.norm(tips - base[:3], axis=1).max(initial=0.0) < 1.5
+            # What is searched for is the way between the rack and the tray of a car at the dock.
+            assert not len(tips) or np.linalg.norm(tips[:, :2] - docks[arm], axis=1).min() < 0.02

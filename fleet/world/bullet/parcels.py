@@ -101,7 +101,9 @@ class Parcels:
 
     def poses(self) -> FloatArray:
         """Measure the poses in the order of `ids`, shape (p, 7)."""
-        return np.array([self.pose(parcel) for parcel in self.ids()]).reshape(-1, 7)
+        measure = self._client.getBasePositionAndOrientation
+        poses = [(*position, *quat) for position, quat in (measure(self._bodies[k]) for k in self.ids())]
+        return np.array(poses).reshape(-1, 7)
 
     def motion(self, parcel: int) -> FloatArray:
         """Measure pose and linear and angular velocity of a parcel, shape (13,)."""

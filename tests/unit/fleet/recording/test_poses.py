@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fleet.recording.poses import (
+    ArmChain,
     ackermann_angles,
-    arm_link_poses,
     arm_parts,
     car_link_poses,
     car_parts,
@@ -75,7 +75,7 @@ def test_arm_links_equal_the_product_of_matrices() -> None:
     arm = iiwa_spec()
     base = np.array([[0.0, 0.0, 0.0, 0.0], [3.0, 1.0, 0.1, 2.0]])
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (3, 2, 7))
-    links = arm_link_poses(arm, base, q)
+    links = ArmChain(arm).link_poses(base, q)
     for f, m in np.ndindex(3, 2):
         world_from_link = turn_z(base[m, 3])
         world_from_link[:3, 3] = base[m, :3]

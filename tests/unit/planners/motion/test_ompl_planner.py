@@ -97,3 +97,16 @@ def test_an_error_in_the_check_reaches_the_caller(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(ompl_planner, "settle_early", settle_then_break)
     with pytest.raises(KeyboardInterrupt):
         OmplPlanner().plan(problem)
+
+
+@pytest.mark.parametrize("name", ["RRTConnect", "RRT", "KPIECE1"])
+def test_trees_are_kept_on_request_and_change_nothing(name: str) -> None:
+    problem = around_the_wall()
+    watched = OmplPlanner(name)
+    watched.trees = []
+    found, alone = watched.plan(problem), OmplPlanner(name).plan(problem)
+    np.testing.assert_array_equal(found.path, alone.path)
+    (tree,) = watched.trees
+    assert (tree.vertices == problem.start).all(axis=1).any()
+    assert len(tree.edges) >= len(found.path) - 1
+    assert all(problem.checker.edge(*tree.vertices[edge]) for edge in tree.edges)
