@@ -10,6 +10,7 @@ import re
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NoReturn, get_type_hints
@@ -91,9 +92,17 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet
         sys.exit(0)
     except OSError as error:
         _fail(prog, f"{error.filename or 'file system'}: {error.strerror or error}")
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
+        _discard(interrupt)
         _fail(prog, "interrupted", status=INTERRUPTED)
     sys.exit(status)
+
+
+def _discard(interrupt: KeyboardInterrupt) -> None:
+    """Free what was under way; what is half made, as the compiler's objects may be, complains of that to nobody."""
+    complain, sys.unraisablehook = sys.unraisablehook, lambda unraisable: None
+    traceback.clear_frames(interrupt.__traceback__)
+    sys.unraisablehook = complain
 
 
 def _fail(prog: str, message: str, *, status: int = BAD_INPUT) -> NoReturn:

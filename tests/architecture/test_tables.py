@@ -70,6 +70,7 @@ FAMILIES = [
                 "collision",
                 "composite",
                 "coordination",
+                "exchange",
                 "ik",
                 "ik_numeric",
                 "ik_offset",
