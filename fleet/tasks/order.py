@@ -148,7 +148,7 @@ def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Gener
     for k in range(n_orders):
         if k >= n_cars:
             release_s += float(rng.exponential(20.0 / n_cars))
-        edges = rng.uniform(0.05, 0.08, 3)
+        length, width, height = rng.uniform(0.05, 0.08, 3).tolist()
         orders.append(
             Delivery(
                 name=f"order_{k + 1}",
@@ -156,7 +156,7 @@ def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Gener
                 pick=picks[int(rng.integers(len(picks)))],
                 drop=drops[int(rng.integers(len(drops)))],
                 mass_kg=round(float(rng.uniform(0.1, MAX_GENERATED_KG)), 3),
-                size_m=(round(float(edges[0]), 4), round(float(edges[1]), 4), round(float(edges[2]), 4)),
+                size_m=(round(length, 4), round(width, 4), round(height, 4)),
             )
         )
     return tuple(orders)

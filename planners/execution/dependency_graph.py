@@ -406,6 +406,8 @@ class DependencyGraph:
 
     def _numbered(self, agent: int, first: int, last: int) -> list[int]:
         """Moves of an agent with the numbers from `first` to before `last`."""
+        if first >= last:
+            return []
         moves: list[int] = self._q.moves[agent, np.arange(first, last) % self._q.moves.shape[1]].tolist()
         return moves
 
