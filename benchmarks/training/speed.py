@@ -167,6 +167,7 @@ def _resets(trial: Trial, env: WarehouseEnv, name: str, rounds_n: int) -> Iterat
     took: list[float] = []
     stands = np.zeros(2, dtype=np.float32)
     first = None
+    env.reset(seed=1)  # the episode before may have come to its end
     for _ in range(4 * rounds_n):
         for _ in range(20):
             env.step({agent: env.action_space(agent).sample() for agent in env.agents})
