@@ -10,7 +10,6 @@ import re
 import signal
 import sys
 import threading
-import traceback
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NoReturn, get_type_hints
@@ -30,6 +29,7 @@ from fleet.commands.train import Train
 from fleet.commands.why import Why
 from fleet.compilation import compilation_told
 from fleet.errors import FleetError
+from fleet.interrupts import discard, interrupts_kept
 from maps.errors import MapsError
 from planners.errors import PlanningError
 
@@ -81,7 +81,8 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet
     try:
         command = _parse(words, prog)
         # Only where somebody waits before a screen: a file or a pipe gets what the command itself has to say.
-        with compilation_told(sys.stderr) if sys.stderr.isatty() else contextlib.nullcontext():
+        told = compilation_told(sys.stderr) if sys.stderr.isatty() else contextlib.nullcontext()
+        with interrupts_kept(), told:
             status = command.run()
         sys.stdout.flush()
     except (FleetError, MapsError, PlanningError) as error:
@@ -93,16 +94,9 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet
     except OSError as error:
         _fail(prog, f"{error.filename or 'file system'}: {error.strerror or error}")
     except KeyboardInterrupt as interrupt:
-        _discard(interrupt)
+        discard(interrupt)
         _fail(prog, "interrupted", status=INTERRUPTED)
     sys.exit(status)
-
-
-def _discard(interrupt: KeyboardInterrupt) -> None:
-    """Free what was under way; what is half made, as the compiler's objects may be, complains of that to nobody."""
-    complain, sys.unraisablehook = sys.unraisablehook, lambda unraisable: None
-    traceback.clear_frames(interrupt.__traceback__)
-    sys.unraisablehook = complain
 
 
 def _fail(prog: str, message: str, *, status: int = BAD_INPUT) -> NoReturn:

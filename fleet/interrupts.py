@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
+import sys
+import threading
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+_AGAIN_S = 0.01
+"""Until a lost interrupt is raised again: by then the destructor has ended [s]."""
 
 
 @contextmanager
@@ -28,3 +35,37 @@ def interrupts() -> Iterator[list[int]]:
     finally:
         for number, old in before.items():
             signal.signal(number, old)
+
+
+@contextmanager
+def interrupts_kept() -> Iterator[None]:
+    """Within this an interrupt that was lost is raised again, until it arrives.
+
+    What is raised in a destructor is lost, and a run would go on. Kernels that are compiled or read from their cache
+    leave many objects with destructors behind.
+    """
+    complain = sys.unraisablehook
+    again: list[threading.Timer] = []
+
+    def hear(unraisable: sys.UnraisableHookArgs) -> None:
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            complain(unraisable)
+            return
+        again.append(threading.Timer(_AGAIN_S, _thread.interrupt_main))
+        again[-1].daemon = True
+        again[-1].start()
+
+    sys.unraisablehook = hear
+    try:
+        yield
+    finally:
+        for timer in again:
+            timer.cancel()
+        sys.unraisablehook = complain
+
+
+def discard(interrupt: KeyboardInterrupt) -> None:
+    """Free what was under way; what is half made, as the compiler's objects may be, complains of that to nobody."""
+    complain, sys.unraisablehook = sys.unraisablehook, lambda unraisable: None
+    traceback.clear_frames(interrupt.__traceback__)
+    sys.unraisablehook = complain

@@ -1,4 +1,7 @@
-"""An interrupt ends a command in one line, whatever was half made at that moment."""
+"""An interrupt ends a command in one line, wherever it arrives and whatever was half made at that moment."""
+
+import signal
+import time
 
 import pytest
 
@@ -22,6 +25,29 @@ def test_what_is_half_made_at_an_interrupt_says_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(Why, "run", lambda self: HalfMade())
+    with pytest.raises(SystemExit) as ended:
+        main(["why", "car_0", "runs/none"])
+    assert ended.value.code == INTERRUPTED
+    assert capsys.readouterr().err == "python -m fleet: interrupted\n"
+
+
+class Interrupted:
+    """The signal arrives while this is thrown away, where Python forgets it."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_an_interrupt_in_a_destructor_is_not_lost(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(command: Why) -> int:
+        thing = Interrupted()
+        del thing
+        time.sleep(20.0)
+        return 0
+
+    monkeypatch.setattr(Why, "run", run)
     with pytest.raises(SystemExit) as ended:
         main(["why", "car_0", "runs/none"])
     assert ended.value.code == INTERRUPTED
