@@ -18,9 +18,9 @@ from pettingzoo.utils import ParallelEnv, parallel_to_aec
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from fleet.config import require
-from fleet.envs.sites import is_whole
 from fleet.envs.window import Window
 from fleet.errors import FleetError
+from fleet.kinds import is_whole
 
 Picture = npt.NDArray[np.uint8]
 Infos = dict[str, dict[str, Any]]

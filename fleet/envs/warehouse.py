@@ -92,8 +92,8 @@ from fleet.envs.observations import Observer
 from fleet.envs.recorded import Recording
 from fleet.envs.rewards import TERMS, Rewards, RewardWeights
 from fleet.envs.rows import ARM_N, CAR_N, make_legal
-from fleet.envs.sites import is_whole
 from fleet.envs.weights import require_weights
+from fleet.kinds import is_whole
 from fleet.robots.iiwa import N_JOINTS
 from fleet.sensors.camera import Camera
 from fleet.sensors.lidar import Lidar, LidarRing
