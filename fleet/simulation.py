@@ -279,11 +279,11 @@ class Simulation:
         self.recovery.tick(self.now)
         self.desk.tick(self.now, self.world.held())
         self.world.step(*self._merged(commands, actions))
-        roster, speeds = self.dispatcher.roster, self.world.car_speeds()
         if self.books:
-            self._book(speeds)
+            self._book(self.world.car_speeds())
         if self.batteries is not None:
-            self.batteries.tick(speeds, roster.load_kg, roster.awake, roster.charges)
+            roster = self.dispatcher.roster
+            self.batteries.tick(self.world.car_speeds(), roster.load_kg, roster.awake, roster.charges)
             for car in np.flatnonzero(self.batteries.charge <= 0.0).tolist():
                 if roster.phase[car] is not CarPhase.DEAD:
                     self.lose_car(car, f"the battery of car_{car} is empty")
@@ -487,6 +487,8 @@ class Simulation:
             n = len(actions.arms)
             speeds = np.zeros_like(actions.arms) if actions.arms_qd is None else actions.arms_qd
             holds = grip[:n] if actions.grip is None else actions.grip
+            if n == len(q):
+                return commands, actions.arms, speeds, holds
             q, qd = np.concatenate((actions.arms, q[n:])), np.concatenate((speeds, qd[n:]))
             grip = np.concatenate((holds, grip[n:]))
         return commands, q, qd, grip

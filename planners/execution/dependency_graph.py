@@ -75,6 +75,7 @@ class DependencyGraph:
         # Asked for in every tick, changed in few: None = not known any more.
         self._tails: IntArray | None = None
         self._held_up: BoolArray | None = None
+        self._anyone_held_up = False
         self._all = np.full(len(states), np.iinfo(np.int64).max)
         self._nowhere = np.zeros(graph.n_cells, dtype=np.bool_)
 
@@ -288,9 +289,13 @@ class DependencyGraph:
 
     def held_up(self) -> BoolArray:
         """Agents without a grant whose next cells are all free, but it is not their turn, shape (n,)."""
-        if self._held_up is None:
-            self._held_up = held_up(self._q)
-        return self._held_up.copy()
+        return self._known_held_up().copy()
+
+    @property
+    def anyone_held_up(self) -> bool:
+        """Whether `held_up` says so of any agent."""
+        self._known_held_up()
+        return self._anyone_held_up
 
     def go_first(self, agent: int, late: BoolArray) -> bool:
         """Let an agent go before those it waits for, if nobody is there yet and everybody still comes through.
@@ -392,6 +397,12 @@ class DependencyGraph:
         self._tails = self._held_up = None
 
     # --- internals
+
+    def _known_held_up(self) -> BoolArray:
+        if self._held_up is None:
+            self._held_up = held_up(self._q)
+            self._anyone_held_up = bool(self._held_up.any())
+        return self._held_up
 
     def _keep(self, limits: Longs, closed: Iterable[int]) -> None:
         """Keep the queued moves that need nothing beyond `limits` and no `closed` cell; drop the others."""
