@@ -485,10 +485,8 @@ class Simulation:
             commands[: len(actions.cars)] = actions.cars
         if actions.arms is not None:
             n = len(actions.arms)
-            speeds = np.zeros_like(actions.arms) if actions.arms_qd is None else actions.arms_qd
-            holds = grip[:n] if actions.grip is None else actions.grip
-            if n == len(q):
-                return commands, actions.arms, speeds, holds
-            q, qd = np.concatenate((actions.arms, q[n:])), np.concatenate((speeds, qd[n:]))
-            grip = np.concatenate((holds, grip[n:]))
+            q, qd, grip = q.copy(), qd.copy(), grip.copy()
+            q[:n], qd[:n] = actions.arms, 0.0 if actions.arms_qd is None else actions.arms_qd
+            if actions.grip is not None:
+                grip[:n] = actions.grip
         return commands, q, qd, grip

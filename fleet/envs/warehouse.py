@@ -87,7 +87,7 @@ from fleet.envs.agent_simulation import AgentSimulation
 from fleet.envs.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.choices import row_of
 from fleet.envs.drawing import Drawing
-from fleet.envs.hands import TIP_N, joint_velocities, move_targets
+from fleet.envs.hands import TIP_N, joint_velocities, move_targets, shares_of
 from fleet.envs.observations import Observer
 from fleet.envs.recorded import Recording
 from fleet.envs.rewards import TERMS, Rewards, RewardWeights
@@ -435,12 +435,14 @@ class WarehouseEnv(FleetEnv):
         """The actions of one tick; joint velocities become targets that move on."""
         simulation = episode.simulation
         world, arm = simulation.world, simulation.scene.arm
-        cars = resolved.cars * episode.car_limits if self._cars else None
+        cars = np.empty_like(resolved.cars)
+        shares_of(episode.car_limits, resolved.cars, cars)
         if not self._arms:
             return Actions(cars=cars)
         q = world.arm_positions()[: len(self._arms)]
         if self._entries_n == N_JOINTS:
-            qd = resolved.arms[:, :N_JOINTS] * arm.max_velocity_radps
+            qd = np.empty_like(q)
+            shares_of(arm.max_velocity_radps, resolved.arms, qd)
         else:
             qd = joint_velocities(arm, q, resolved.arms[:, :TIP_N])
         move_targets(episode.targets, qd, q, arm.lower_rad, arm.upper_rad, simulation.tick_s)

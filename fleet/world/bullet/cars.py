@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -50,8 +51,7 @@ class _Push:
     steps: int
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CarReading:
+class CarReading(NamedTuple):
     """What the engine says of the cars at one moment; nobody changes it."""
 
     poses: FloatArray
