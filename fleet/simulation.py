@@ -111,9 +111,7 @@ class Ground:
             f"1 to {len(site.parking)} (parking cells of site {site.name})",
         )
         graph = build_lane_graph(site)
-        start_states = np.array(
-            [graph.states_of_cell(cell)[0] for cell in site.parking[: config.robots]], dtype=np.int32
-        )
+        start_states = graph.first_states(site.parking[: config.robots])
         return Ground(
             site=site,
             graph=graph,
@@ -407,9 +405,9 @@ class Simulation:
         self.close()
 
     def _abilities(self) -> tuple[Ability, ...]:
-        found = []
+        found, usual = [], CarConfig()
         for car in range(self.config.robots):
-            own = self.config.cars.get(f"car_{car}", CarConfig())
+            own = self.config.cars.get(f"car_{car}", usual)
             payload_kg = self.scene.car.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
             # Its name is a capability too, so that an order can ask for this very car.
             capabilities = frozenset((f"car_{car}", *own.capabilities))

@@ -67,9 +67,6 @@ class Observer:
         self._plans_n = -1
         docks = [station.dock_state for station in simulation.stations]
         self._docks = graph.state_pose[docks].reshape(-1, 3)
-        self._sizes = {
-            task.parcel: np.asarray(task.delivery.size_m) for task in simulation.board.tasks if task.visit is None
-        }
         self._ids: list[int] = []
         self._parcel_sizes = np.zeros((0, 3))
         self._asked: list[TransferRequest | None] = [None] * arms_n
@@ -198,7 +195,8 @@ class Observer:
         listed = ids.tolist()
         if listed != self._ids:
             self._ids = listed
-            self._parcel_sizes = np.array([self._sizes[parcel] for parcel in listed]).reshape(-1, 3)
+            tasks = simulation.board.tasks
+            self._parcel_sizes = np.array([tasks[parcel].delivery.size_m for parcel in listed]).reshape(-1, 3)
         arm_rows(
             self.arm_rows,
             self.arm_ways,

@@ -29,6 +29,7 @@ from planners.execution.queues import (
     run_through,
     start,
     start_all,
+    take_places,
     with_room,
 )
 from planners.execution.reorder import go_first, held_up
@@ -71,7 +72,7 @@ class DependencyGraph:
         states = np.array(start_states, dtype=np.int32)
         self._graph = graph
         self._q = empty_queues(graph, states)
-        self._reserved: list[set[int]] = [set() for _ in states]
+        self._reserved: dict[int, set[int]] = {}  # by agent
         # Asked for in every tick, changed in few: None = not known any more.
         self._tails: IntArray | None = None
         self._held_up: BoolArray | None = None
@@ -79,18 +80,19 @@ class DependencyGraph:
         self._all = np.full(len(states), np.iinfo(np.int64).max)
         self._nowhere = np.zeros(graph.n_cells, dtype=np.bool_)
 
-        for agent, state in enumerate(states.tolist()):
-            if not 0 <= state < graph.n_states:
-                raise ExecutionError(
-                    f"dependency graph: start_states[{agent}] = {state}; valid: states 0..{graph.n_states - 1}"
-                )
-            cell = int(graph.state_cell[state])
-            if self._q.holder[cell] != NOBODY:
-                raise ExecutionError(
-                    f"dependency graph: agents {self._q.holder[cell]} and {agent} both start in cell {cell}; "
-                    "valid: distinct cells"
-                )
-            hold(self._q, agent, cell)
+        wrong = np.flatnonzero((states < 0) | (states >= graph.n_states))
+        if wrong.size:
+            agent = int(wrong[0])
+            raise ExecutionError(
+                f"dependency graph: start_states[{agent}] = {states[agent]}; valid: states 0..{graph.n_states - 1}"
+            )
+        agent = int(take_places(self._q))
+        if agent < len(states):
+            cell = int(graph.state_cell[states[agent]])
+            raise ExecutionError(
+                f"dependency graph: agents {self._q.holder[cell]} and {agent} both start in cell {cell}; "
+                "valid: distinct cells"
+            )
 
     @property
     def queues(self) -> Queues:
@@ -317,7 +319,7 @@ class DependencyGraph:
         cells = {int(q.state_cell[q.state[agent]]): None}
         for move in self._granted(agent):
             cells.update(dict.fromkeys(self._swept(move)))
-        cells.update(dict.fromkeys(sorted(self._reserved[agent])))
+        cells.update(dict.fromkeys(sorted(self._reserved.get(agent, ()))))
         return list(cells)
 
     # --- exceptions
@@ -339,17 +341,17 @@ class DependencyGraph:
                 raise ExecutionError(f"dependency graph: cell {cell}; valid: 0..{self._graph.n_cells - 1}")
         if any(self._q.holder[cell] not in (NOBODY, agent) for cell in wanted):
             return False
-        for cell in wanted - self._reserved[agent]:
+        reserved = self._reserved.setdefault(agent, set())
+        for cell in wanted - reserved:
             hold(self._q, agent, cell)
-        self._reserved[agent] |= wanted
+        reserved |= wanted
         self._held_up = None
         return True
 
     def unreserve(self, agent: int) -> None:
         """Give back all that the agent has reserved."""
-        for cell in self._reserved[agent]:
+        for cell in self._reserved.pop(agent, ()):
             let_go(self._q, cell)
-        self._reserved[agent] = set()
         self._held_up = None
 
     def halt(self, agent: int) -> None:

@@ -84,8 +84,16 @@ def _check_rings(graph: LaneGraph, states: IntArray, steps: Steps) -> None:
 
 @njit(cache=True, nogil=True)
 def _read(  # pragma: no cover - compiled
-    states, state_cell, out_ptr, out_move, move_to, n_cells, timestep, agent, move
-):  # fmt: skip
+    states: IntArray,
+    state_cell: IntArray,
+    out_ptr: IntArray,
+    out_move: IntArray,
+    move_to: IntArray,
+    n_cells: int,
+    timestep: IndexArray,
+    agent: IndexArray,
+    move: IndexArray,
+) -> tuple[int, int]:
     """Fill in the steps; returns 0 and their number, or the kind of a fault and the entry of the plan that has it."""
     rows, n = states.shape
     for t in range(rows):
@@ -120,7 +128,7 @@ def _read(  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _ring(states, state_cell, n_cells):  # pragma: no cover - compiled
+def _ring(states: IntArray, state_cell: IntArray, n_cells: int) -> tuple[int, int]:  # pragma: no cover - compiled
     """Find the first closed ring: its timestep and lowest agent, or -1, -1. No two agents share a cell.
 
     Who enters a cell follows the one that leaves it; turning on the spot follows nobody, and leads nobody.
