@@ -81,8 +81,7 @@ class PathDriver:
         n_cars = len(start_poses)
         self._graph = graph
         self.paths = PathBuffer(n_cars)
-        for car in range(n_cars):
-            self.paths.reset(car, start_poses[car])
+        self.paths.points[:, 0] = start_poses
         self.follower = Follower(spec, n_cars, tick_s)
         self.estimator = PoseEstimator(
             spec,
@@ -95,7 +94,7 @@ class PathDriver:
         )
         self._ends: list[deque[float]] = [deque() for _ in range(n_cars)]
         self._next_release = np.full(n_cars, np.inf)
-        self._stop_s = np.array([self.paths.end_s(car) for car in range(n_cars)])
+        self._stop_s = np.zeros(n_cars)
         self._speed_cap = np.full(n_cars, PASS_SPEED_MPS)
         self._speeds = np.zeros(n_cars)
         self.estimate = start_poses.copy()

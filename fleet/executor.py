@@ -151,10 +151,10 @@ class Executor:
     def _reorder(self, tick_s: float) -> None:
         """Let the car that has waited longest for a late one go first; if it cannot, it asks again later."""
         after_s = self._config.reorder_after_s
-        held_up = self.dependencies.held_up()
-        if not held_up.any():
+        if not self.dependencies.anyone_held_up:
             self._waited_s[:] = 0.0
             return
+        held_up = self.dependencies.held_up()
         self._waited_s += tick_s
         self._waited_s *= held_up
         car = int(self._waited_s.argmax())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -41,30 +42,33 @@ class Places:
     """
 
     def __init__(self, site: Site, graph: LaneGraph, stations: Sequence[Station], traffic: Traffic) -> None:
-        self.chargers = tuple(int(graph.states_of_cell(cell)[0]) for cell in site.chargers)
+        self.chargers: tuple[int, ...] = tuple(graph.first_states(site.chargers).tolist())
         """Lane-graph state of each charger."""
-        self.parking = tuple(int(graph.states_of_cell(cell)[0]) for cell in site.parking)
+        self.parking: tuple[int, ...] = tuple(graph.first_states(site.parking).tolist())
         """Lane-graph state of each parking place."""
-        states = [*(station.dock_state for station in stations), *self.chargers, *self.parking]
-        self.cells = tuple(int(graph.state_cell[state]) for state in states)
+        self._states = [*(station.dock_state for station in stations), *self.chargers, *self.parking]
+        self.cells: tuple[int, ...] = tuple(graph.state_cell[self._states].tolist())
         """Cell of each place that is booked."""
         self.charger_numbers = range(len(stations), len(stations) + len(self.chargers))
         """Numbers of the chargers among the places that are booked."""
-        self._names = PlaceNames(site)
+        self._site = site
         self._graph = graph
         self._traffic = traffic
-        number_of = {cell: number for number, cell in enumerate(self.cells)}
-        self._places = {
-            name: Place(name=name, states=(states[number_of[cell]],), number=number_of[cell])
-            for name, cell in site.bays().items()
-        }
+        self._number_of = {cell: number for number, cell in enumerate(self.cells)}
+        self._places: dict[str, Place] = {}
 
     def named(self, name: str) -> Place:
         """The place that an order names."""
         if name not in self._places:
-            states = tuple(self._graph.states_of_cell(self._names.cell(name)).tolist())
-            self._places[name] = Place(name=name, states=states, number=NOT_BOOKED)
+            cell = self._names.cell(name)
+            number = self._number_of[cell] if self._names.is_bay(name) else NOT_BOOKED
+            states = self._graph.states_of_cell(cell).tolist() if number == NOT_BOOKED else [self._states[number]]
+            self._places[name] = Place(name=name, states=tuple(states), number=number)
         return self._places[name]
+
+    @cached_property
+    def _names(self) -> PlaceNames:
+        return PlaceNames(self._site)
 
     def moves(self, place: Place, states: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
         """Moves from each of some states to a place, `UNREACHABLE` where there is no way, shape of `states`."""

@@ -112,9 +112,7 @@ class Ground:
             f"1 to {len(site.parking)} (parking cells of site {site.name})",
         )
         graph = build_lane_graph(site)
-        start_states = np.array(
-            [graph.states_of_cell(cell)[0] for cell in site.parking[: config.robots]], dtype=np.int32
-        )
+        start_states = graph.first_states(site.parking[: config.robots])
         return Ground(
             site=site,
             graph=graph,
@@ -287,11 +285,11 @@ class Simulation:
         self.recovery.tick(self.now)
         self.desk.tick(self.now, self.world.held())
         self.world.step(*self._merged(commands, actions))
-        roster, speeds = self.dispatcher.roster, self.world.car_speeds()
         if self.books:
-            self._book(speeds)
+            self._book(self.world.car_speeds())
         if self.batteries is not None:
-            self.batteries.tick(speeds, roster.load_kg, roster.awake, roster.charges)
+            roster = self.dispatcher.roster
+            self.batteries.tick(self.world.car_speeds(), roster.load_kg, roster.awake, roster.charges)
             for car in np.flatnonzero(self.batteries.charge <= 0.0).tolist():
                 if roster.phase[car] is not CarPhase.DEAD:
                     self.lose_car(car, f"the battery of car_{car} is empty")
@@ -416,9 +414,9 @@ class Simulation:
         self.close()
 
     def _abilities(self) -> tuple[Ability, ...]:
-        found = []
+        found, usual = [], CarConfig()
         for car in range(self.config.robots):
-            own = self.config.cars.get(f"car_{car}", CarConfig())
+            own = self.config.cars.get(f"car_{car}", usual)
             payload_kg = self.scene.car.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
             # Its name is a capability too, so that an order can ask for this very car.
             capabilities = frozenset((f"car_{car}", *own.capabilities))
@@ -494,8 +492,8 @@ class Simulation:
             commands[: len(actions.cars)] = actions.cars
         if actions.arms is not None:
             n = len(actions.arms)
-            speeds = np.zeros_like(actions.arms) if actions.arms_qd is None else actions.arms_qd
-            holds = grip[:n] if actions.grip is None else actions.grip
-            q, qd = np.concatenate((actions.arms, q[n:])), np.concatenate((speeds, qd[n:]))
-            grip = np.concatenate((holds, grip[n:]))
+            q, qd, grip = q.copy(), qd.copy(), grip.copy()
+            q[:n], qd[:n] = actions.arms, 0.0 if actions.arms_qd is None else actions.arms_qd
+            if actions.grip is not None:
+                grip[:n] = actions.grip
         return commands, q, qd, grip

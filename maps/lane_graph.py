@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Literal
@@ -102,6 +103,11 @@ class LaneGraph:
         """All states in a cell, shape (k,), k may be 0."""
         row = self.state_index[cell]
         return np.asarray(row[row >= 0])
+
+    def first_states(self, cells: Sequence[int]) -> Ints:
+        """The first of the states in each of some cells, which have one, shape (k,)."""
+        rows = self.state_index[np.asarray(cells, dtype=np.int64)]
+        return np.asarray(rows[np.arange(len(rows)), (rows >= 0).argmax(axis=1)])
 
     def to_networkx(self) -> nx.DiGraph:
         """The same graph with nodes = state ids (cell, heading, pose) and edges (length [m], kind, move id)."""

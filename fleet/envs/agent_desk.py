@@ -107,10 +107,8 @@ class AgentDesk(ArmDesk):
         lost: Callable[[int, int], str],
         by_agent: frozenset[int],
     ) -> None:
-        super().__init__(planner, config, car, start_rad, tick_s, lost=lost)
         self._by_agent = by_agent
-        for arm in by_agent:
-            self.services[arm] = AgentService(arm, start_rad[arm])
+        super().__init__(planner, config, car, start_rad, tick_s, lost=lost)
 
     def submit(self, request: TransferRequest, tick: int) -> None:
         """See `ArmDesk`."""
@@ -130,3 +128,6 @@ class AgentDesk(ArmDesk):
         """What the agent of an arm is asked to do now."""
         service = self.services[arm]
         return service.transfer if isinstance(service, AgentService) else None
+
+    def _service(self, arm: int, start_rad: FloatArray) -> ArmService:
+        return AgentService(arm, start_rad) if arm in self._by_agent else super()._service(arm, start_rad)

@@ -209,7 +209,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         """
         if not self.agents:
             raise EpisodeError("step: no episode is under way; valid: reset() first")
-        if not isinstance(actions, Mapping):
+        if not isinstance(actions, dict | Mapping):  # nearly always a dict, which is known at once
             raise ActionError(f"step: actions are a {type(actions).__name__}; valid: a dictionary by agent")
         if not actions.keys() <= self.action_spaces.keys():
             unknown = sorted(map(str, actions.keys() - self.action_spaces.keys()))

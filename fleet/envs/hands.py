@@ -62,6 +62,14 @@ def _solve(joints, tool_length, q, wanted, max_velocity, out):
 
 
 @njit(cache=True)
+def shares_of(limits, shares, out):
+    """Fill in shares of limits, row by row."""
+    for k in range(len(out)):
+        for j in range(out.shape[1]):
+            out[k, j] = shares[k, j] * limits[j]
+
+
+@njit(cache=True)
 def move_targets(targets, qd, q, lower, upper, tick):
     """Move joints' targets on by their velocities for one tick; a target that is held up has no velocity."""
     for arm in range(len(q)):

@@ -26,6 +26,8 @@ MISSIONS = (CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.TO_DROP, CarPhase.UNLOA
 """Phases that a car's row tells from all others."""
 PLANNED_N = 2
 """Moves that are planned and not granted, as far as a route shows them."""
+_BLOCK_N = 16
+"""Looks whose noise is drawn at once."""
 _MISSION_OF = np.array([MISSIONS.index(phase) if phase in MISSIONS else -1 for phase in PHASES])
 
 
@@ -42,6 +44,8 @@ class Observer:
         self._simulation = simulation
         self._ring = ring
         self._rng = rng
+        self._noises: list[FloatArray] = []  # of the coming looks, the next one last
+        self._block_n = 1  # a reset does not wait for the noise of later looks
         world, scene, graph = simulation.world, simulation.scene, simulation.graph
         cars_n, arms_n = simulation.cars_n, simulation.arms_n
         rays_n = 0 if ring is None else ring.lidar.rays_n
@@ -63,9 +67,6 @@ class Observer:
         self._plans_n = -1
         docks = [station.dock_state for station in simulation.stations]
         self._docks = graph.state_pose[docks].reshape(-1, 3)
-        self._sizes = {
-            task.parcel: np.asarray(task.delivery.size_m) for task in simulation.board.tasks if task.visit is None
-        }
         self._ids: list[int] = []
         self._parcel_sizes = np.zeros((0, 3))
         self._asked: list[TransferRequest | None] = [None] * arms_n
@@ -132,7 +133,16 @@ class Observer:
         if self._ring is not None:
             # A lidar is where the car is, not where it is believed to be.
             self.hits = world.rays(*self._ring.rays(world.car_poses()[:cars_n])) if hits is None else hits
-            self.car_rows[:, CAR_N:] = self._ring.distances(self.hits, self._rng)
+            self._ring.measure(self.hits, self._noise(), self.car_rows[:, CAR_N:])
+
+    def _noise(self) -> FloatArray:
+        """Noise of this look's distances, shape (cars_n, rays_n)."""
+        if not self._noises:
+            # Drawing for many looks at once gives the same numbers.
+            shape = (self._block_n, len(self.car_rows), self.car_rows.shape[1] - CAR_N)
+            self._noises = list(self._rng.standard_normal(shape)[::-1])
+            self._block_n = _BLOCK_N
+        return self._noises.pop()
 
     def _draw_routes(self) -> None:
         """Draw the routes of cars whose granted moves have changed, or of all when there is a new plan."""
@@ -185,7 +195,8 @@ class Observer:
         listed = ids.tolist()
         if listed != self._ids:
             self._ids = listed
-            self._parcel_sizes = np.array([self._sizes[parcel] for parcel in listed]).reshape(-1, 3)
+            tasks = simulation.board.tasks
+            self._parcel_sizes = np.array([tasks[parcel].delivery.size_m for parcel in listed]).reshape(-1, 3)
         arm_rows(
             self.arm_rows,
             self.arm_ways,

@@ -42,7 +42,8 @@ class RewardWeights:
 
 TERMS = tuple(field.name for field in fields(RewardWeights))
 """Names of the terms."""
-_WORK = {TaskState.CARRIED: 0, TaskState.DELIVERED: 1, TaskState.FAILED: 2}
+_WORK = {TaskState.CARRIED: 1, TaskState.DELIVERED: 2, TaskState.FAILED: 3}
+"""Terms that events count for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +82,6 @@ class Rewards:
         self._observer = observer
         self._weights = np.array([getattr(weights, term) for term in TERMS])
         self._step_s = step_s
-        self._work = [0, 0, 0]
         self._contacts = 0
         self._shared = np.zeros(len(TERMS))
         self._shared[6] = step_s
@@ -113,20 +113,21 @@ class Rewards:
         """
         contacts = self._simulation.world.contacts()
         touched = contacts.robot + contacts.static
-        shared = self._shared
-        shared[1:4] = self._work
-        shared[4] = touched - self._contacts
+        self._shared[4] = touched - self._contacts
+        self._contacts = touched
         keys, ways = self._keys, self._ways
         self._measure()
         table = np.empty((len(keys), len(TERMS) + 2))
-        _fill(table, self._weights, shared, keys, ways, self._keys, self._ways, cars, arms, self._step_s)
-        table[: len(cars), -2], table[len(cars) :, -2] = illegal_cars, illegal_arms
-        self._contacts, self._work = touched, [0, 0, 0]
+        illegal = illegal_cars, illegal_arms
+        _fill(
+            table, self._weights, self._shared, keys, ways, self._keys, self._ways, cars, arms, *illegal, self._step_s
+        )
+        self._shared[1:4] = 0.0
         return table
 
     def _count(self, event: Event) -> None:
         if event.kind == "task" and event.facts["state"] in _WORK:
-            self._work[_WORK[TaskState(str(event.facts["state"]))]] += 1
+            self._shared[_WORK[TaskState(str(event.facts["state"]))]] += 1.0
 
     def _measure(self) -> None:
         """What each agent is about, and the way that is left: of a car straight to its next state, then along lanes."""
@@ -155,15 +156,19 @@ class Rewards:
 
 
 @njit(cache=True)
-def _fill(table, weights, shared, keys, ways, keys_now, ways_now, cars, arms, step_s):
-    """Fill the terms and, in the last column, their sums."""
+def _fill(  # one kernel for all agents, on flat arrays
+    table, weights, shared, keys, ways, keys_now, ways_now, cars, arms, illegal_cars, illegal_arms, step_s
+):  # fmt: skip
+    """Fill the terms, who was illegal and, in the last column, the sums of the terms."""
     n_terms = len(weights)
     for agent in range(len(table)):
         square = 0.0
         if agent < len(cars):
+            table[agent, n_terms] = illegal_cars[agent]
             for k in range(cars.shape[1]):
                 square += cars[agent, k] * cars[agent, k] / cars.shape[1]
         else:
+            table[agent, n_terms] = illegal_arms[agent - len(cars)]
             moves_n = arms.shape[1] - 1
             for k in range(moves_n):
                 square += arms[agent - len(cars), k] * arms[agent - len(cars), k] / moves_n

@@ -87,13 +87,13 @@ from fleet.envs.agent_simulation import AgentSimulation
 from fleet.envs.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.choices import row_of
 from fleet.envs.drawing import Drawing
-from fleet.envs.hands import TIP_N, joint_velocities, move_targets
+from fleet.envs.hands import TIP_N, joint_velocities, move_targets, shares_of
 from fleet.envs.observations import Observer
 from fleet.envs.recorded import Recording
 from fleet.envs.rewards import TERMS, Rewards, RewardWeights
 from fleet.envs.rows import ARM_N, CAR_N, make_legal
 from fleet.envs.weights import require_weights
-from fleet.kinds import is_whole
+from fleet.kinds import is_number, is_whole
 from fleet.robots.iiwa import N_JOINTS
 from fleet.sensors.camera import Camera
 from fleet.sensors.lidar import Lidar, LidarRing
@@ -435,12 +435,14 @@ class WarehouseEnv(FleetEnv):
         """The actions of one tick; joint velocities become targets that move on."""
         simulation = episode.simulation
         world, arm = simulation.world, simulation.scene.arm
-        cars = resolved.cars * episode.car_limits if self._cars else None
+        cars = np.empty_like(resolved.cars)
+        shares_of(episode.car_limits, resolved.cars, cars)
         if not self._arms:
             return Actions(cars=cars)
         q = world.arm_positions()[: len(self._arms)]
         if self._entries_n == N_JOINTS:
-            qd = resolved.arms[:, :N_JOINTS] * arm.max_velocity_radps
+            qd = np.empty_like(q)
+            shares_of(arm.max_velocity_radps, resolved.arms, qd)
         else:
             qd = joint_velocities(arm, q, resolved.arms[:, :TIP_N])
         move_targets(episode.targets, qd, q, arm.lower_rad, arm.upper_rad, simulation.tick_s)
@@ -515,9 +517,8 @@ def _box(n: int, distances_n: int = 0) -> Box:
 
 
 def _require_whole(what: str, value: object, low: int, high: int, where: str) -> None:
-    require(is_whole(value) and low <= value <= high, what, value, f"an integer from {low} to {high}{where}")
+    require(is_whole(value) and bool(low <= value <= high), what, value, f"an integer from {low} to {high}{where}")
 
 
 def _require_number(what: str, value: object, low: float, high: float) -> None:
-    ok = isinstance(value, int | float | np.number) and low <= value <= high
-    require(bool(ok), what, value, f"a number from {low:g} to {high:g}")
+    require(is_number(value) and bool(low <= value <= high), what, value, f"a number from {low:g} to {high:g}")

@@ -97,9 +97,18 @@ class LidarRing:
             Shape (n, rays_n), in [0, 1].
         """
         out = np.empty((len(fractions) // self.lidar.rays_n, self.lidar.rays_n))
-        noise = rng.standard_normal(out.shape) * self.lidar.noise_m
-        _measure(fractions, noise, self._body_m, self.lidar.range_m, out)
+        self.measure(fractions, rng.standard_normal(out.shape), out)
         return out
+
+    def measure(self, fractions: FloatArray, noise: FloatArray, out: npt.NDArray[np.floating]) -> None:
+        """Do `distances` with noise that is drawn already.
+
+        Args:
+            fractions: Hit fractions of the rays, shape (n * rays_n,).
+            noise: Drawn from the standard normal distribution, shape (n, rays_n).
+            out: Filled with what `distances` returns, shape (n, rays_n).
+        """
+        _measure(fractions, noise, self.lidar.noise_m, self._body_m, self.lidar.range_m, out)
 
 
 @njit(cache=True)
@@ -116,13 +125,13 @@ def _aim(poses, ahead, angles, body, reach, height, origins, ends):
 
 
 @njit(cache=True)
-def _measure(fractions, noise, body, reach, out):
+def _measure(fractions, noise, sigma, body, reach, out):
     for car in range(len(out)):
         for ray in range(len(body)):
             fraction = fractions[car * len(body) + ray]
             met = body[ray] + fraction * (reach - body[ray])
             if fraction < 1.0:
-                met += noise[car, ray]
+                met += sigma * noise[car, ray]
             out[car, ray] = min(max(met / reach, 0.0), 1.0)
 
 

@@ -61,7 +61,7 @@ class ArmDesk:
         lost: Callable[[int, int], str] = lambda arm, parcel: "",
     ) -> None:
         self.car = car
-        self.services = [ArmService(arm, q) for arm, q in enumerate(start_rad)]
+        self.services = [self._service(arm, q) for arm, q in enumerate(start_rad)]
         self.q = start_rad.copy()
         self.qd = np.zeros_like(start_rad)
         self.grip = np.zeros(len(start_rad), dtype=np.bool_)
@@ -163,6 +163,9 @@ class ArmDesk:
     def busy_s(self) -> npt.NDArray[np.float64]:
         """Time each arm has worked so far [s], shape (n_arms,)."""
         return np.array([service.busy_s for service in self.services])
+
+    def _service(self, arm: int, start_rad: FloatArray) -> ArmService:
+        return ArmService(arm, start_rad)
 
     def _ask(self, arm: int, ticket: int, tick: int) -> None:
         self.services[arm].request()

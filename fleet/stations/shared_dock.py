@@ -15,6 +15,7 @@ from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.protocol import FloatArray
 from fleet.world.scene import Scene
 from maps.site import Site
+from maps.stations import DockPlace
 from planners.motion.coordination import ArmInWorld, SweptArm, apart_in_step, cover
 from planners.motion.spheres import box_spheres
 from planners.motion.timed_path import samples_of
@@ -136,8 +137,10 @@ def share_docks(site: Site, scene: Scene, tool: Tool, services: Sequence[ArmServ
         tool: What the arms hold parcels with.
         services: What the arms do, in the order of the stations; they are given their gates.
     """
-    places = list(enumerate(site.stations))
-    pairs = [(a, b) for (a, first), (b, second) in itertools.combinations(places, 2) if first.dock == second.dock]
+    arms_at: dict[DockPlace, list[int]] = {}
+    for arm, place in enumerate(site.stations):
+        arms_at.setdefault(place.dock, []).append(arm)
+    pairs = sorted(pair for arms in arms_at.values() for pair in itertools.combinations(arms, 2))
     if not pairs:
         return ()
     model = arm_spheres(scene.arm, tool)

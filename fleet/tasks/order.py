@@ -148,14 +148,15 @@ def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Gener
     for k in range(n_orders):
         if k >= n_cars:
             release_s += float(rng.exponential(20.0 / n_cars))
-        length, width, height = rng.uniform(0.05, 0.08, 3).tolist()
+        # Written out, as `rng.uniform` looks at its bounds for longer than it draws; the numbers are the same.
+        length, width, height = (0.05 + (0.08 - 0.05) * rng.random(3)).tolist()
         orders.append(
             Delivery(
                 name=f"order_{k + 1}",
                 release_s=round(release_s, 3),
                 pick=picks[int(rng.integers(len(picks)))],
                 drop=drops[int(rng.integers(len(drops)))],
-                mass_kg=round(float(rng.uniform(0.1, MAX_GENERATED_KG)), 3),
+                mass_kg=round(0.1 + (MAX_GENERATED_KG - 0.1) * rng.random(), 3),
                 size_m=(round(length, 4), round(width, 4), round(height, 4)),
             )
         )

@@ -29,6 +29,7 @@ from planners.execution.queues import (
     run_through,
     start,
     start_all,
+    take_places,
     with_room,
 )
 from planners.execution.reorder import go_first, held_up
@@ -71,25 +72,27 @@ class DependencyGraph:
         states = np.array(start_states, dtype=np.int32)
         self._graph = graph
         self._q = empty_queues(graph, states)
-        self._reserved: list[set[int]] = [set() for _ in states]
+        self._reserved: dict[int, set[int]] = {}  # by agent
         # Asked for in every tick, changed in few: None = not known any more.
         self._tails: IntArray | None = None
         self._held_up: BoolArray | None = None
+        self._anyone_held_up = False
         self._all = np.full(len(states), np.iinfo(np.int64).max)
         self._nowhere = np.zeros(graph.n_cells, dtype=np.bool_)
 
-        for agent, state in enumerate(states.tolist()):
-            if not 0 <= state < graph.n_states:
-                raise ExecutionError(
-                    f"dependency graph: start_states[{agent}] = {state}; valid: states 0..{graph.n_states - 1}"
-                )
-            cell = int(graph.state_cell[state])
-            if self._q.holder[cell] != NOBODY:
-                raise ExecutionError(
-                    f"dependency graph: agents {self._q.holder[cell]} and {agent} both start in cell {cell}; "
-                    "valid: distinct cells"
-                )
-            hold(self._q, agent, cell)
+        wrong = np.flatnonzero((states < 0) | (states >= graph.n_states))
+        if wrong.size:
+            agent = int(wrong[0])
+            raise ExecutionError(
+                f"dependency graph: start_states[{agent}] = {states[agent]}; valid: states 0..{graph.n_states - 1}"
+            )
+        agent = int(take_places(self._q))
+        if agent < len(states):
+            cell = int(graph.state_cell[states[agent]])
+            raise ExecutionError(
+                f"dependency graph: agents {self._q.holder[cell]} and {agent} both start in cell {cell}; "
+                "valid: distinct cells"
+            )
 
     @property
     def queues(self) -> Queues:
@@ -288,9 +291,13 @@ class DependencyGraph:
 
     def held_up(self) -> BoolArray:
         """Agents without a grant whose next cells are all free, but it is not their turn, shape (n,)."""
-        if self._held_up is None:
-            self._held_up = held_up(self._q)
-        return self._held_up.copy()
+        return self._known_held_up().copy()
+
+    @property
+    def anyone_held_up(self) -> bool:
+        """Whether `held_up` says so of any agent."""
+        self._known_held_up()
+        return self._anyone_held_up
 
     def go_first(self, agent: int, late: BoolArray) -> bool:
         """Let an agent go before those it waits for, if nobody is there yet and everybody still comes through.
@@ -312,7 +319,7 @@ class DependencyGraph:
         cells = {int(q.state_cell[q.state[agent]]): None}
         for move in self._granted(agent):
             cells.update(dict.fromkeys(self._swept(move)))
-        cells.update(dict.fromkeys(sorted(self._reserved[agent])))
+        cells.update(dict.fromkeys(sorted(self._reserved.get(agent, ()))))
         return list(cells)
 
     # --- exceptions
@@ -334,17 +341,17 @@ class DependencyGraph:
                 raise ExecutionError(f"dependency graph: cell {cell}; valid: 0..{self._graph.n_cells - 1}")
         if any(self._q.holder[cell] not in (NOBODY, agent) for cell in wanted):
             return False
-        for cell in wanted - self._reserved[agent]:
+        reserved = self._reserved.setdefault(agent, set())
+        for cell in wanted - reserved:
             hold(self._q, agent, cell)
-        self._reserved[agent] |= wanted
+        reserved |= wanted
         self._held_up = None
         return True
 
     def unreserve(self, agent: int) -> None:
         """Give back all that the agent has reserved."""
-        for cell in self._reserved[agent]:
+        for cell in self._reserved.pop(agent, ()):
             let_go(self._q, cell)
-        self._reserved[agent] = set()
         self._held_up = None
 
     def halt(self, agent: int) -> None:
@@ -392,6 +399,12 @@ class DependencyGraph:
         self._tails = self._held_up = None
 
     # --- internals
+
+    def _known_held_up(self) -> BoolArray:
+        if self._held_up is None:
+            self._held_up = held_up(self._q)
+            self._anyone_held_up = bool(self._held_up.any())
+        return self._held_up
 
     def _keep(self, limits: Longs, closed: Iterable[int]) -> None:
         """Keep the queued moves that need nothing beyond `limits` and no `closed` cell; drop the others."""

@@ -241,6 +241,17 @@ def hold(q: Queues, agent: int, cell: int) -> None:  # pragma: no cover - compil
 
 
 @njit(cache=True, nogil=True)
+def take_places(q: Queues) -> int:  # pragma: no cover - compiled
+    """Let every agent hold the cell of its state; returns the first one whose cell is another's, n if there is none."""
+    for agent in range(len(q.state)):
+        cell = q.state_cell[q.state[agent]]
+        if q.holder[cell] != NOBODY:
+            return agent
+        hold(q, agent, cell)
+    return len(q.state)
+
+
+@njit(cache=True, nogil=True)
 def let_go(q: Queues, cell: int) -> None:  # pragma: no cover - compiled
     """Take one reason to hold a cell away; without any the cell is free."""
     q.holds[cell] -= 1

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from maps.lane_graph import LaneGraph
 from planners.execution.errors import CyclicPlanError, IllegalPlanError
 
 IntArray = npt.NDArray[np.int32]
 IndexArray = npt.NDArray[np.intp]
+
+_NO_STATE, _ONE_CELL, _NO_MOVE = 1, 2, 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,73 +40,118 @@ def legal_steps(graph: LaneGraph, states: IntArray) -> Steps:
         IllegalPlanError: A state does not exist, a step is no move of the graph, or two agents share a cell.
         CyclicPlanError: A closed ring of followers, two agents that swap included.
     """
-    _check_states(graph, states)
-    cells = graph.state_cell[states]
-    _check_cells(cells)
-    timestep, agent = np.nonzero(states[:-1] != states[1:])
-    move = _moves(graph, states, timestep, agent)
-    _check_rings(cells, timestep, agent, graph.n_cells)
-    return Steps(timestep=timestep, agent=agent, move=move)
+    room = max(len(states) - 1, 0) * states.shape[1]
+    timestep, agent, move = (np.empty(room, dtype=np.intp) for _ in range(3))
+    fault, n = _read(
+        states, graph.state_cell, graph.out_ptr, graph.out_move, graph.move_to, graph.n_cells, timestep, agent, move
+    )
+    if fault:
+        raise _refusal(fault, graph, states, *divmod(n, states.shape[1]))
+    steps = Steps(timestep=timestep[:n], agent=agent[:n], move=move[:n])
+    _check_rings(graph, states, steps)
+    return steps
 
 
-def _check_states(graph: LaneGraph, states: IntArray) -> None:
-    outside = np.argwhere((states < 0) | (states >= graph.n_states))
-    if outside.size:
-        t, agent = (int(i) for i in outside[0])
-        raise IllegalPlanError(
+def _refusal(fault: int, graph: LaneGraph, states: IntArray, t: int, agent: int) -> IllegalPlanError:
+    """What to say of the first fault of a kind, that of an agent in a row of the plan."""
+    if fault == _NO_STATE:
+        return IllegalPlanError(
             t - 1, f"plan: agent {agent} at timestep {t} in state {states[t, agent]}; valid: 0..{graph.n_states - 1}"
         )
-
-
-def _check_cells(cells: IntArray) -> None:
-    ordered = np.sort(cells, axis=1)
-    twice = np.argwhere(ordered[:, 1:] == ordered[:, :-1])
-    if twice.size:
-        t, k = (int(i) for i in twice[0])
-        cell = int(ordered[t, k])
-        agents = np.flatnonzero(cells[t] == cell).tolist()
-        raise IllegalPlanError(
+    if fault == _ONE_CELL:
+        cell = int(graph.state_cell[states[t, agent]])
+        agents = np.flatnonzero(graph.state_cell[states[t]] == cell).tolist()
+        return IllegalPlanError(
             t - 1, f"plan: agents {agents} at timestep {t} all in cell {cell}; valid: one agent per cell"
         )
+    return IllegalPlanError(
+        t,
+        f"plan: agent {agent} at timestep {t} steps from state {states[t, agent]} to {states[t + 1, agent]}; "
+        "valid: a move of the lane graph",
+    )
 
 
-def _moves(graph: LaneGraph, states: IntArray, timestep: IndexArray, agent: IndexArray) -> IndexArray:
-    """Move of each step, shape (k,)."""
-    origin, target = states[timestep, agent], states[timestep + 1, agent]
-    first, last = graph.out_ptr[origin], graph.out_ptr[origin + 1]
-    moves = np.full(len(origin), -1, dtype=np.intp)
-    for k in range(int((last - first).max(initial=0))):
-        tried = np.flatnonzero(first + k < last)
-        candidate = graph.out_move[first[tried] + k]
-        hit = graph.move_to[candidate] == target[tried]
-        moves[tried[hit]] = candidate[hit]
-    wrong = np.flatnonzero(moves < 0)
-    if wrong.size:
-        k = int(wrong[0])
-        raise IllegalPlanError(
-            int(timestep[k]),
-            f"plan: agent {agent[k]} at timestep {timestep[k]} steps from state {origin[k]} to {target[k]}; "
-            "valid: a move of the lane graph",
-        )
-    return moves
+def _check_rings(graph: LaneGraph, states: IntArray, steps: Steps) -> None:
+    t, first = _ring(states, graph.state_cell, graph.n_cells)
+    if t < 0:
+        return
+    before, after = graph.state_cell[states[t]], graph.state_cell[states[t + 1]]
+    members = [first]
+    while (follows := int(np.flatnonzero(before == after[members[-1]])[0])) != first:
+        members.append(follows)
+    raise CyclicPlanError(t, members)
 
 
-def _check_rings(cells: IntArray, timestep: IndexArray, agent: IndexArray, n_cells: int) -> None:
-    """Let every step look ahead to the step it follows, twice as far each time; in a ring this never ends."""
-    origin, target = cells[timestep, agent], cells[timestep + 1, agent]
-    changes = np.flatnonzero(origin != target)  # turning on the spot follows nobody
-    step_at = np.full((len(cells) - 1) * n_cells, -1, dtype=np.intp)  # the step that leaves (timestep, cell)
-    step_at[timestep[changes] * n_cells + origin[changes]] = changes
-    follows = np.full(len(timestep) + 1, -1, dtype=np.intp)  # the extra last entry is where -1 leads
-    follows[changes] = step_at[timestep[changes] * n_cells + target[changes]]
-    far = follows
-    for _ in range(int(cells.shape[1]).bit_length()):
-        if (far < 0).all():
-            return
-        far = far[far]
-    ring = np.flatnonzero(far >= 0)
-    if ring.size:
-        members = [int(ring[0])]
-        while follows[members[-1]] != members[0]:
-            members.append(int(follows[members[-1]]))
-        raise CyclicPlanError(int(timestep[members[0]]), agent[members].tolist())
+@njit(cache=True, nogil=True)
+def _read(  # pragma: no cover - compiled
+    states: IntArray,
+    state_cell: IntArray,
+    out_ptr: IntArray,
+    out_move: IntArray,
+    move_to: IntArray,
+    n_cells: int,
+    timestep: IndexArray,
+    agent: IndexArray,
+    move: IndexArray,
+) -> tuple[int, int]:
+    """Fill in the steps; returns 0 and their number, or the kind of a fault and the entry of the plan that has it."""
+    rows, n = states.shape
+    for t in range(rows):
+        for k in range(n):
+            if states[t, k] < 0 or states[t, k] >= len(state_cell):
+                return _NO_STATE, t * n + k
+    last_in = np.full(n_cells, -1)
+    for t in range(rows):
+        shared = -1
+        for k in range(n):
+            cell = state_cell[states[t, k]]
+            if last_in[cell] == t and (shared < 0 or cell < state_cell[states[t, shared]]):
+                shared = k
+            last_in[cell] = t
+        if shared >= 0:
+            return _ONE_CELL, t * n + shared
+    count = 0
+    for t in range(rows - 1):
+        for k in range(n):
+            origin, target = states[t, k], states[t + 1, k]
+            if origin == target:
+                continue
+            found = -1
+            for out in range(out_ptr[origin], out_ptr[origin + 1]):
+                if move_to[out_move[out]] == target:
+                    found = out_move[out]
+            if found < 0:
+                return _NO_MOVE, t * n + k
+            timestep[count], agent[count], move[count] = t, k, found
+            count += 1
+    return 0, count
+
+
+@njit(cache=True, nogil=True)
+def _ring(states: IntArray, state_cell: IntArray, n_cells: int) -> tuple[int, int]:  # pragma: no cover - compiled
+    """Find the first closed ring: its timestep and lowest agent, or -1, -1. No two agents share a cell.
+
+    Who enters a cell follows the one that leaves it; turning on the spot follows nobody, and leads nobody.
+    """
+    rows, n = states.shape
+    leaver = np.full(n_cells, -1)  # the agent that leaves each cell, in the timestep that is looked at
+    seen = np.full(n, -1)
+    for t in range(rows - 1):
+        for k in range(n):
+            before, after = state_cell[states[t, k]], state_cell[states[t + 1, k]]
+            leaver[before] = k if after != before else -1
+        for first in range(n):
+            k = first
+            while seen[k] != t:
+                seen[k] = t
+                after = state_cell[states[t + 1, k]]
+                if after == state_cell[states[t, k]]:
+                    break
+                k = leaver[after]
+                if k == first:
+                    return t, first
+                if k < 0:
+                    break
+        for k in range(n):
+            leaver[state_cell[states[t, k]]] = -1
+    return -1, -1

@@ -289,6 +289,8 @@ def test_states_of_other_environments_are_refused(make: Callable[..., WarehouseE
         ({"arm_action": "torque"}, "joint, tip"),
         ({"control_hz": 0.0}, "0.1 to 1000"),
         ({"control_hz": math.nan}, "0.1 to 1000"),
+        ({"control_hz": True}, "control_hz is True; valid: a number from 0.1 to 1000"),
+        ({"physics_hz": True}, "physics_hz is True; valid: a number from 60"),
         ({"max_cycles": 0}, ">= 1"),
         ({"seed": -1}, ">= 0"),
         ({"tasks": 0}, "1 to 10000"),

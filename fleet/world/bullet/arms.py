@@ -58,6 +58,7 @@ class Arms:
         self._forces = spec.max_torque_nm.tolist()
         self._gains = [_POSITION_GAIN] * spec.n_joints
         self._at_once = at_once
+        self._loose = [0.0] * spec.n_joints
         self._unit = [1.0] * spec.n_joints
         self.tool = tool
         self.bodies: list[int] = []
@@ -87,7 +88,8 @@ class Arms:
         self._goal_q = np.full_like(self.q, np.nan)
         self._goal_qd = np.zeros_like(self.q)
         self._acceleration = np.zeros_like(self.q)
-        self._active: list[int] = []
+        self._turns = np.zeros_like(self.q)
+        self._active = np.zeros(0, dtype=np.int64)
         self._held = np.full(n, not at_once)
         self.moving = np.ones(n, dtype=np.bool_)
         """Whether each arm moves or is told to, shape (m,)."""
@@ -104,7 +106,7 @@ class Arms:
         n = _aim(
             q, qd, self._goal_q, self._goal_qd, self._acceleration, tick_s, self.qd, self._held, self.moving, active
         )
-        self._active = active[:n].tolist()
+        self._active = active[:n]
 
     def hold(self, substep: int) -> None:
         """Set the motors of the moving arms for one physics step.
@@ -120,7 +122,7 @@ class Arms:
             return
         left = (self._substeps_n - substep) * self._substep_s
         client = self._client
-        for arm in self._active:
+        for arm in self._active.tolist():
             qd = self._goal_qd[arm] - self._acceleration[arm] * (left - self._substep_s / 2)
             q = self._goal_q[arm] - self._goal_qd[arm] * left + self._acceleration[arm] * (left * left / 2)
             client.setJointMotorControlArray(
@@ -137,19 +139,16 @@ class Arms:
     def _turn(self) -> None:
         """Let the moving arms turn so fast that they come to their set-points within the tick, or hold them there."""
         client = self._client
-        still, unheld = [0.0] * len(self._joints), [0.0] * len(self._joints)
-        for arm in self._active:
-            speeds = np.empty(len(self._joints))
-            held = _speeds(self._goal_q[arm], self._goal_qd[arm], self.q[arm], self._substep_s, speeds)
-            self._held[arm] = held
+        _speeds(self._active, self._goal_q, self._goal_qd, self.q, self._substep_s, self._held, self._turns)
+        for arm in self._active.tolist():
             client.setJointMotorControlArray(
                 self.bodies[arm],
                 self._joints,
                 client.POSITION_CONTROL,
                 targetPositions=self._goal_q[arm].tolist(),
-                targetVelocities=still if held else speeds.tolist(),
+                targetVelocities=self._turns[arm].tolist(),
                 forces=self._forces,
-                positionGains=self._gains if held else unheld,
+                positionGains=self._gains if self._held[arm] else self._loose,
                 velocityGains=self._unit,
             )
 
@@ -160,8 +159,9 @@ class Arms:
             arms: Indices of the arms that may have moved.
         """
         for arm in arms:
-            states = np.array([s[:2] for s in self._client.getJointStates(self.bodies[arm], self._joints)])
-            self.q[arm], self.qd[arm] = states.T
+            states = self._client.getJointStates(self.bodies[arm], self._joints)
+            self.q[arm] = [state[0] for state in states]
+            self.qd[arm] = [state[1] for state in states]
 
     def state(self) -> list[float]:
         """All joint positions and velocities of the arms, fingers included, one after the other."""
@@ -211,11 +211,13 @@ def _aim(q, qd, goal_q, goal_qd, acceleration, tick, speeds, held, moving, activ
 
 
 @njit(cache=True)
-def _speeds(goal_q, goal_qd, q, tick, speeds):
-    """Fill in the speeds that lead to a set-point; returns whether an arm that should rest there has come to it."""
-    rests = True
-    for j in range(len(q)):
-        way = goal_q[j] - q[j]
-        speeds[j] = way / tick
-        rests = rests and goal_qd[j] == 0.0 and abs(way) < _HELD_RAD
-    return rests
+def _speeds(active, goal_q, goal_qd, q, tick, held, speeds):
+    """Fill in the speeds that lead active arms to their set-points; one that should rest where it is, is held there."""
+    for arm in active:
+        held[arm] = True
+        for j in range(q.shape[1]):
+            way = goal_q[arm, j] - q[arm, j]
+            speeds[arm, j] = way / tick
+            held[arm] = held[arm] and goal_qd[arm, j] == 0.0 and abs(way) < _HELD_RAD
+        if held[arm]:
+            speeds[arm] = 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,16 +16,16 @@ from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
 from fleet.robots.spec import CarSpec
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.client import Client
-from fleet.world.bullet.frames import quaternion, rotation
+from fleet.world.bullet.frames import quaternion, rotation, rotation_into
 
 FloatArray = npt.NDArray[np.float64]
 
 FLOOR_GROUP = 128
 """Collision group of the floor: wheels touch nothing else, because the chassis box covers them on all sides."""
 
-# Torque of one wheel motor: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
-_DRIVE_NM = 0.6
-_BRAKE_NM = 4.0
+# Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
+_DRIVE_NM = [0.6] * 4
+_BRAKE_NM = [4.0] * 4
 _STEER_NM = 10.0
 _STEER_GAIN = 0.4
 # A brake that only holds zero wheel speed creeps (0.35 mm/s at 10 solver iterations: the contact solver has no static
@@ -34,6 +35,8 @@ _STILL_MPS = 0.005
 _TYRE_GRIP_N = 48.0
 # Shoved away by more than this, the tyres have slipped: they hold at the new place.
 _SLIPPED_M = 0.003
+# Numbers of a car's state: place, quaternion, velocity, angles of the left and the right front wheel.
+_STATE_N = 12
 # A person shoves for about half a second; the speed follows half a sine wave.
 _PUSH_S = 0.5
 
@@ -48,8 +51,7 @@ class _Push:
     steps: int
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CarReading:
+class CarReading(NamedTuple):
     """What the engine says of the cars at one moment; nobody changes it."""
 
     poses: FloatArray
@@ -131,6 +133,7 @@ class Cars:
         self._pushes: dict[int, _Push] = {}
         self._ackermann = Ackermann(spec)
         self._changed = np.empty(len(self.bodies), dtype=np.int64)
+        self._fresh = np.empty((2, len(self.bodies)))
         self._limit = np.array([spec.max_steering_rad, spec.max_speed_mps])
         self._wheels: list[int] = []
         self._hinges: list[int] = []
@@ -167,26 +170,22 @@ class Cars:
         """
         if self._brakes:
             self._brake(commands)
-        changed_n = _take(commands, self._limit, self._sent, self._unset, self._changed)
+        changed_n = _take(commands, self._limit, self._sent, self._unset, self._changed, self._fresh)
         if changed_n == 0:
             return
-        changed = self._changed[:changed_n]
-        speeds = self._sent[changed, 1]
-        spins, angles = self._ackermann.motions(self._sent[changed, 0], speeds)
-        motor, wheels, velocity, position = (
-            self._client.setJointMotorControl2,
-            self._client.setJointMotorControlArray,
-            self._client.VELOCITY_CONTROL,
-            self._client.POSITION_CONTROL,
-        )
-        rate = self._spec.max_steering_rate_radps
-        rows = zip(changed.tolist(), speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
-        for car, speed, spin, targets in rows:
+        steering, speeds = self._fresh[:, :changed_n]
+        spins, angles = self._ackermann.motions(steering, speeds)
+        client, rate = self._client, self._spec.max_steering_rate_radps
+        motor, motors = client.setJointMotorControl2, client.setJointMotorControlArray
+        velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
+        left, right = self._hinges
+        changed = self._changed[:changed_n].tolist()
+        rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
+        for car, speed, spin, (left_rad, right_rad) in rows:
             body = self.bodies[car]
-            torque = _BRAKE_NM if speed == 0.0 else _DRIVE_NM
-            wheels(body, self._wheels, velocity, targetVelocities=spin, forces=[torque] * 4)
-            for joint, target in zip(self._hinges, targets, strict=True):
-                motor(body, joint, position, target, 0.0, _STEER_NM, _STEER_GAIN, 1.0, rate)
+            motors(body, self._wheels, velocity, targetVelocities=spin, forces=_BRAKE_NM if speed == 0.0 else _DRIVE_NM)
+            motor(body, left, position, left_rad, 0.0, _STEER_NM, _STEER_GAIN, 1.0, rate)
+            motor(body, right, position, right_rad, 0.0, _STEER_NM, _STEER_GAIN, 1.0, rate)
 
     def push(self, car: int, way: FloatArray) -> None:
         """Start a shove of half a second that displaces the car by about `way`, unless something stops it.
@@ -227,17 +226,21 @@ class Cars:
 
     def reading(self) -> CarReading:
         """Ask the engine where the cars are, and how they move."""
-        if not self.bodies:
+        n = len(self.bodies)
+        if not n:
             return self.now
         client = self._client
-        states = np.array([(*p, *q) for p, q in map(client.getBasePositionAndOrientation, self.bodies)])
-        velocities = np.array([v for v, _ in map(client.getBaseVelocity, self.bodies)])
-        hinges = [client.getJointStates(body, self._hinges) for body in self.bodies]
-        angles = np.array([(left[0], right[0]) for left, right in hinges])
-        turns = rotation(states[:, 3:])
-        poses, speeds = np.empty((len(self.bodies), 3)), np.empty(len(self.bodies))
-        poses[:, 2] = np.arctan2(turns[:, 1, 0], turns[:, 0, 0])
-        top_speed = _read(states, turns @ self._com, turns, velocities, poses, speeds)
+        pose, velocity, joints = client.getBasePositionAndOrientation, client.getBaseVelocity, client.getJointStates
+        numbers: list[float] = []
+        for body in self.bodies:
+            place, quat = pose(body)
+            left, right = joints(body, self._hinges)
+            numbers += (*place, *quat, *velocity(body)[0], left[0], right[0])
+        states = np.array(numbers).reshape(n, _STATE_N)
+        turns, angles, poses, speeds = np.empty((n, 3, 3)), np.empty((n, 2)), np.empty((n, 3)), np.empty(n)
+        _turn(states, turns, angles)
+        yaws = np.arctan2(turns[:, 1, 0], turns[:, 0, 0])
+        top_speed = _read(states, turns @ self._com, turns, yaws, poses, speeds)
         steering = self._ackermann.bicycles(angles)
         return CarReading(poses=poses, speeds=speeds, steering=steering, centres=states[:, :2], top_speed=top_speed)
 
@@ -320,15 +323,16 @@ def _split(numbers: list[float], length: int) -> list[list[float]]:
 
 
 @njit(cache=True)
-def _take(commands, limits, sent, unset, changed):
-    """Note in `sent` the commands, limited, that differ from it or have to be set anew; returns of how many cars."""
+def _take(commands, limits, sent, unset, changed, fresh):
+    """Note in `sent` the commands, limited, that differ from it or have to be set anew, and list them; returns of how
+    many cars: which these are, and their steering and speeds."""
     n = 0
     for car in range(len(commands)):
         steering = min(max(commands[car, 0], -limits[0]), limits[0])
         speed = min(max(commands[car, 1], -limits[1]), limits[1])
         if unset[car] or steering != sent[car, 0] or speed != sent[car, 1]:
             sent[car, 0], sent[car, 1] = steering, speed
-            changed[n] = car
+            changed[n], fresh[0, n], fresh[1, n] = car, steering, speed
             n += 1
     if n:
         unset[:] = False
@@ -336,13 +340,22 @@ def _take(commands, limits, sent, unset, changed):
 
 
 @njit(cache=True)
-def _read(states, offsets, turns, velocities, poses, speeds):
-    """Fill in the places of the rear axles and their forward speeds; returns the fastest motion [m/s]."""
+def _turn(states, turns, angles):
+    """Fill in the bodies' rotations and the angles of their front wheels."""
+    for car in range(len(states)):
+        rotation_into(states[car, 3:7], turns[car])
+        angles[car, 0], angles[car, 1] = states[car, 10], states[car, 11]
+
+
+@njit(cache=True)
+def _read(states, offsets, turns, yaws, poses, speeds):
+    """Fill in the poses of the rear axles and their forward speeds; returns the fastest motion [m/s]."""
     fastest = 0.0
     for car in range(len(states)):
         poses[car, 0], poses[car, 1] = states[car, 0] - offsets[car, 0], states[car, 1] - offsets[car, 1]
+        poses[car, 2] = yaws[car]
         # A yaw rate moves the centre of mass sideways only: its forward speed is that of the rear axle.
-        v = velocities[car]
+        v = states[car, 7:10]
         speeds[car] = 0.0 + v[0] * turns[car, 0, 0] + v[1] * turns[car, 1, 0] + v[2] * turns[car, 2, 0]  # no -0.0
         fastest = max(fastest, np.hypot(v[0], v[1]))
     return fastest

@@ -198,3 +198,15 @@ def _chain(base, base_from_joint, q, tool_length, radii, points):
         for r in range(3):
             points[row, r] = pose[r, 3] + pose[r, 2] * tool_length * (k + 1) / 3
         points[row, 3] = radii[n_joints]
+
+
+@njit(cache=True)
+def near_and_gap(  # one kernel for all that is asked in a tick, on flat arrays
+    poses, front, rear, half_width, height, boxes, margin, best, car_pairs, box_pairs,
+    base, base_from_joint, q, tool_length, radii, held, serving, near,
+):  # fmt: skip
+    """Do `near_cars` and `arm_gap` for cars at `poses`; returns what the first does, the distance of both."""
+    bodies = car_rectangles(poses, front, rear, half_width)
+    n_cars, n_boxes, best = near_cars(bodies, boxes, margin, best, car_pairs, box_pairs)
+    best = arm_gap(base, base_from_joint, q, tool_length, radii, held, bodies, height, serving, best, margin, near)
+    return n_cars, n_boxes, best

@@ -17,6 +17,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from fleet.robots.spec import CarSpec
 from fleet.world.bullet.client import Client
@@ -56,8 +57,8 @@ class ContactMonitor:
         """Bodies of walls, shelves and obstacles."""
         self.pedestals: set[int] = set()
         self.floor = -1
-        self.serving = [-1] * len(arms)
-        """Car whose tray each arm may touch, -1 for none."""
+        self.serving: npt.NDArray[np.int64] = np.full(len(arms), -1, dtype=np.int64)
+        """Car whose tray each arm may touch, -1 for none, shape (n_arms,)."""
         self._free = [False] * len(arms)
         self.touched: list[dict[int, set[int]]] = [{} for _ in arms]
         """Parcels that the links of each arm touch: ``touched[arm][link]``."""
@@ -104,7 +105,7 @@ class ContactMonitor:
 
     def memory(self) -> Any:
         """State of the counting."""
-        return self._step, dict(self._last), self.counts.robot, self.counts.static, list(self.serving)
+        return self._step, dict(self._last), self.counts.robot, self.counts.static, self.serving.copy()
 
     def recall(self, memory: Any) -> None:
         """Return to `memory`."""

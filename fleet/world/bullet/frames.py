@@ -27,16 +27,22 @@ def rotation(quat_xyzw: FloatArray) -> FloatArray:
 @njit(cache=True)
 def _rotations(quats, turns):
     for k in range(len(quats)):
-        x, y, z, w = quats[k, 0], quats[k, 1], quats[k, 2], quats[k, 3]
-        turns[k, 0, 0] = 1 - 2 * (y * y + z * z)
-        turns[k, 0, 1] = 2 * (x * y - z * w)
-        turns[k, 0, 2] = 2 * (x * z + y * w)
-        turns[k, 1, 0] = 2 * (x * y + z * w)
-        turns[k, 1, 1] = 1 - 2 * (x * x + z * z)
-        turns[k, 1, 2] = 2 * (y * z - x * w)
-        turns[k, 2, 0] = 2 * (x * z - y * w)
-        turns[k, 2, 1] = 2 * (y * z + x * w)
-        turns[k, 2, 2] = 1 - 2 * (x * x + y * y)
+        rotation_into(quats[k], turns[k])
+
+
+@njit(cache=True)
+def rotation_into(quat, turn):
+    """Fill in the matrix of a unit quaternion x, y, z, w, shape (3, 3)."""
+    x, y, z, w = quat[0], quat[1], quat[2], quat[3]
+    turn[0, 0] = 1 - 2 * (y * y + z * z)
+    turn[0, 1] = 2 * (x * y - z * w)
+    turn[0, 2] = 2 * (x * z + y * w)
+    turn[1, 0] = 2 * (x * y + z * w)
+    turn[1, 1] = 1 - 2 * (x * x + z * z)
+    turn[1, 2] = 2 * (y * z - x * w)
+    turn[2, 0] = 2 * (x * z - y * w)
+    turn[2, 1] = 2 * (y * z + x * w)
+    turn[2, 2] = 1 - 2 * (x * x + y * y)
 
 
 def quaternion(yaw: float) -> tuple[float, float, float, float]:

@@ -174,7 +174,7 @@ class SuctionGrip:
         # Nearly always all parcels are far away, which one looks at first.
         near = []
         for parcel in self._parcels.ids():
-            gap_m = math.dist(flange, self._parcels.pose(parcel)[:3].tolist())
+            gap_m = math.dist(flange, self._parcels.where(parcel)[:3])
             if gap_m < length_m + math.hypot(*self._parcels.shapes[parcel].size_m) + 2 * _REACH_M:
                 near.append(parcel)
         if not near:

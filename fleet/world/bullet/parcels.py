@@ -27,7 +27,7 @@ class Parcels:
         self._client = client
         self._anchored = anchored
         self._bodies: dict[int, int] = {}
-        self._poses: dict[int, FloatArray] = {}  # measured since anything moved last
+        self._places: dict[int, tuple[float, ...]] = {}  # poses, as far as measured since anything moved last
         self.shapes: dict[int, ParcelBody] = {}
         """Size and mass of every parcel; the pose is that of its entry."""
         self.by_body: dict[int, int] = {}
@@ -81,29 +81,31 @@ class Parcels:
         body = self.body(parcel)
         self._client.removeBody(body)
         del self._bodies[parcel], self.by_body[body], self.shapes[parcel]
-        self._poses.pop(parcel, None)
+        self._places.pop(parcel, None)
 
     def ids(self) -> list[int]:
         """Return the ids in the world, ascending."""
         return sorted(self._bodies)
 
-    def pose(self, parcel: int) -> FloatArray:
-        """Measure x, y, z, qx, qy, qz, qw of a parcel, once until `moved` is called, shape (7,)."""
-        pose = self._poses.get(parcel)
-        if pose is None:
+    def where(self, parcel: int) -> tuple[float, ...]:
+        """Measure x, y, z, qx, qy, qz, qw of a parcel, once until `moved` is called."""
+        place = self._places.get(parcel)
+        if place is None:
             position, quat = self._client.getBasePositionAndOrientation(self.body(parcel))
-            pose = self._poses[parcel] = np.array([*position, *quat])
-        return pose
+            place = self._places[parcel] = position + quat
+        return place
 
     def moved(self) -> None:
         """Everything may have moved: poses are measured anew."""
-        self._poses.clear()
+        self._places.clear()
+
+    def pose(self, parcel: int) -> FloatArray:
+        """The same as an array, shape (7,)."""
+        return np.array(self.where(parcel))
 
     def poses(self) -> FloatArray:
         """Measure the poses in the order of `ids`, shape (p, 7)."""
-        measure = self._client.getBasePositionAndOrientation
-        poses = [(*position, *quat) for position, quat in (measure(self._bodies[k]) for k in self.ids())]
-        return np.array(poses).reshape(-1, 7)
+        return np.array([self.where(parcel) for parcel in self.ids()]).reshape(-1, 7)
 
     def motion(self, parcel: int) -> FloatArray:
         """Measure pose and linear and angular velocity of a parcel, shape (13,)."""
@@ -115,7 +117,7 @@ class Parcels:
         numbers = motion.tolist()
         self._client.resetBasePositionAndOrientation(self.body(parcel), numbers[:3], numbers[3:7])
         self._client.resetBaseVelocity(self.body(parcel), numbers[7:10], numbers[10:13])
-        self._poses.pop(parcel, None)
+        self._places.pop(parcel, None)
 
     def state(self) -> list[float]:
         """All ids, positions and velocities, one after the other."""

@@ -17,7 +17,7 @@ from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.bullet.arms import Arms
 from fleet.world.bullet.camera import render
 from fleet.world.bullet.cars import FLOOR_GROUP, CarReading, Cars
-from fleet.world.bullet.clearance import arm_gap, car_rectangles, near_cars
+from fleet.world.bullet.clearance import near_and_gap
 from fleet.world.bullet.client import Client, PhysicsError, quiet
 from fleet.world.bullet.config import BulletConfig
 from fleet.world.bullet.contacts import ContactMonitor
@@ -288,11 +288,12 @@ class BulletWorld:
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,)."""
         cast, starts, stops = self._client.rayTestBatch, origins.tolist(), ends.tolist()
-        fractions: list[float] = []
+        fractions = np.empty(len(starts))
         for first in range(0, len(starts), _RAYS_PER_CALL):
             part = slice(first, first + _RAYS_PER_CALL)
-            fractions += [hit[2] for hit in cast(starts[part], stops[part])]
-        return np.array(fractions)
+            hits = cast(starts[part], stops[part])
+            fractions[part] = [hit[2] for hit in hits]
+        return fractions
 
     def image(self, camera: Camera) -> CameraImage:
         """What a camera sees now, rendered without a display; changes nothing."""
@@ -418,36 +419,37 @@ class BulletWorld:
 
     def _measure(self) -> list[tuple[int, int]]:
         """Update the smallest clearance and name the bodies that cars can touch within a tick."""
-        spec = self._scene.car
-        rectangles = car_rectangles(self._cars.now.poses, spec.front_m, spec.rear_m, spec.half_width_m)
-        margin = _NEAR_MARGIN_M + 2 * self._cars.now.top_speed * self.tick_s
+        spec, arm, now = self._scene.car, self._scene.arm, self._cars.now
+        margin = _NEAR_MARGIN_M + 2 * now.top_speed * self.tick_s
         while True:
-            cars_n, boxes_n, gap = near_cars(
-                rectangles, self._boxes, margin, self._min_clearance_m, self._car_pairs, self._box_pairs
+            cars_n, boxes_n, gap = near_and_gap(
+                now.poses,
+                spec.front_m,
+                spec.rear_m,
+                spec.half_width_m,
+                spec.height_m,
+                self._boxes,
+                margin,
+                self._min_clearance_m,
+                self._car_pairs,
+                self._box_pairs,
+                self._scene.arm_base,
+                arm.base_from_joint,
+                self._arms.q,
+                arm.tool_length_m,
+                self._radii,
+                self._held_spheres(),
+                self._monitor.serving,
+                self._near_arms,
             )
             if cars_n <= len(self._car_pairs) and boxes_n <= len(self._box_pairs):
                 break
             self._car_pairs = np.zeros((2 * max(cars_n, 32), 2), dtype=np.int64)
             self._box_pairs = np.zeros((2 * max(boxes_n, 128), 2), dtype=np.int64)
-        if self.n_arms and self.n_cars:
-            gap = arm_gap(
-                self._scene.arm_base,
-                self._scene.arm.base_from_joint,
-                self._arms.q,
-                self._scene.arm.tool_length_m,
-                self._radii,
-                self._held_spheres(),
-                rectangles,
-                spec.height_m,
-                np.array(self._monitor.serving, dtype=np.int64),
-                gap,
-                margin,
-                self._near_arms,
-            )
         self._min_clearance_m = gap
         cars, bodies = self._cars.bodies, self._box_bodies
-        near = [(cars[i], cars[j]) for i, j in self._car_pairs[:cars_n].tolist()]
-        return near + [(cars[i], bodies[j]) for i, j in self._box_pairs[:boxes_n].tolist()]
+        near = [(cars[i], cars[j]) for i, j in self._car_pairs[:cars_n].tolist()] if cars_n else []
+        return near + [(cars[i], bodies[j]) for i, j in self._box_pairs[:boxes_n].tolist()] if boxes_n else near
 
     def _held_spheres(self) -> FloatArray:
         spheres = self._empty
