@@ -10,6 +10,7 @@ import pytest
 
 from fleet.world.bullet.arm_file import ArmFile, ArmFileError, load, read_arm
 from fleet.world.bullet.client import Client
+from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.bullet.dynamics import ArmDynamics
 from planners.motion.collision import CollisionChecker
 from planners.motion.ik import SrsGeometry
@@ -42,6 +43,12 @@ def written(folder: Path, name: str, text: str) -> Path:
     return path
 
 
+def pairs_apart(arm: ArmFile) -> list[tuple[int, int]]:
+    """Links of different rigid parts that may not touch."""
+    part = arm.part_of_link
+    return [(a, b) for a in part for b in part if part[a] < part[b] and (part[a], part[b]) not in arm.touching]
+
+
 def engine_disagrees(arm: ArmFile, n: int) -> int:
     """States that the engine's bodies collide in although our spheres are free; forward kinematics on the way."""
     client = Client()
@@ -55,13 +62,7 @@ def engine_disagrees(arm: ArmFile, n: int) -> int:
     shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=half.tolist())
     box = client.createMultiBody(baseCollisionShapeIndex=shape, basePosition=(centre + base).tolist())
     checker = CollisionChecker(arm.model, Boxes.one(centre, half), margin=0.0)
-    links = [link for link in arm.part_of_link]
-    pairs = [
-        (a, b)
-        for a in links
-        for b in links
-        if arm.part_of_link[a] < arm.part_of_link[b] and (arm.part_of_link[a], arm.part_of_link[b]) not in arm.touching
-    ]
+    pairs = pairs_apart(arm)
     wrong = 0
     for q in np.random.default_rng(4).uniform(arm.model.lower, arm.model.upper, (n, arm.model.n_joints)):
         for joint, angle in zip(arm.joint_index, q.tolist(), strict=True):
@@ -78,11 +79,38 @@ def engine_disagrees(arm: ArmFile, n: int) -> int:
     return wrong
 
 
+def confirmer_agrees(arm: ArmFile) -> None:
+    """The confirmer and a plain look at the same links agree on every state, and it knows where a held thing is."""
+    states = np.random.default_rng(1).uniform(arm.model.lower, arm.model.upper, (150, arm.model.n_joints))
+    client = Client()
+    body = load(client, arm.path)[arm.body]
+    pairs = pairs_apart(arm)
+    touching = []
+    for q in states:
+        for joint, angle in zip(arm.joint_index, q.tolist(), strict=True):
+            client.resetJointState(body, joint, angle)
+        points = [client.getClosestPoints(body, body, 0.0, linkIndexA=a, linkIndexB=b) for a, b in pairs]
+        touching.append(any(point[8] < 0 for found in points for point in found))
+    client.close()
+    assert any(touching), arm.path
+    confirmer = PathConfirmer.of_file(arm)
+    assert [not confirmer.confirm(q[None]).free for q in states] == touching
+    # A thing 2 m ahead of the last link, and a box there.
+    alone = next(q for q, touch in zip(states, touching, strict=True) if not touch)
+    corners = np.array([[x, y, 2 + z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)])
+    there = (arm.flange(alone) @ np.array([0.0, 0.0, 2.0, 1.0]))[:3]
+    confirmer.set_boxes(there[None], np.full((1, 3), 0.02))
+    assert confirmer.confirm(alone[None]).free
+    assert confirmer.confirm(alone[None], corners).what == "held thing - box"
+    confirmer.close()
+
+
 def test_mjcf_arm_with_tilted_axes(tmp_path: Path) -> None:
     arm = read_arm(written(tmp_path, "arm.xml", MJCF))
     assert arm.joint_names == ("j1", "j2", "j3")
     np.testing.assert_allclose(arm.model.upper, [2.0, 1.5, 1.0])
     assert engine_disagrees(arm, 400) == 0
+    confirmer_agrees(arm)
 
 
 def test_one_joint_in_numbers(tmp_path: Path) -> None:
@@ -144,6 +172,7 @@ def test_the_arms_that_ship_with_the_engine() -> None:
     assert [arm.model.n_joints for arm in (panda, xarm, iiwa)] == [7, 6, 7]
     for arm in (panda, xarm, iiwa):
         assert engine_disagrees(arm, 300) == 0
+        confirmer_agrees(arm)
         q = np.random.default_rng(0).uniform(arm.model.lower, arm.model.upper)
         for found in arm.inverse.ik_all(arm.flange(q)):
             np.testing.assert_allclose(arm.flange(found), arm.flange(q), atol=1e-4)

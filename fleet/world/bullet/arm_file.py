@@ -125,7 +125,7 @@ def read_arm(
         held = body.freeze(chain, frozen or {})
         base_from_joint, link_from_frame = body.frames(chain)
         lower, upper = body.limits(chain)
-        part_of_link = body.parts(chain)
+        part_of_link = rigid_parts([info[16] for info in body.info], chain)
         covers = body.covers(part_of_link, link_from_frame, chain, cache_dir)
         if not covers:
             raise ArmFileError(f"{place}: the arm has no collision shapes; valid: links with <collision> geometry")
@@ -155,6 +155,26 @@ def read_arm(
             frozen=held,
             body=body.number,
         )
+
+
+def rigid_parts(parents: Sequence[int], chain: Sequence[int]) -> dict[int, int]:
+    """Rigid part of each link of an arm.
+
+    Args:
+        parents: The link that each link hangs on, -1 being the base.
+        chain: Links that the arm's joints move, base to tip, n of them.
+
+    Returns:
+        By link, -1 being the base: 0 for what stands still, i for what joint i moves, n+1 for what only hangs on the
+        last link of the chain, such as a tool.
+    """
+    part_of = {-1: 0}
+    for link in range(len(parents)):
+        moved_by = [chain.index(a) for a in _ancestors(parents, link) if a in chain]
+        part_of[link] = 0 if not moved_by else moved_by[-1] + 1
+        if part_of[link] == len(chain) and link != chain[-1]:
+            part_of[link] += 1
+    return part_of
 
 
 def load(client: Client, path: Path) -> list[int]:
@@ -303,16 +323,6 @@ class _Body:
         steps = [_snapped(np.linalg.inv(a) @ b) for a, b in pairwise(poses)]
         return np.array(steps), link_from_frame
 
-    def parts(self, chain: list[int]) -> dict[int, int]:
-        """Rigid part of each link: that of the joint that moves it; n+1 if it only hangs on the last link."""
-        part_of = {-1: 0}
-        for link in range(len(self.info)):
-            moved_by = [chain.index(a) for a in self._ancestors(link) if a in chain]
-            part_of[link] = 0 if not moved_by else moved_by[-1] + 1
-            if part_of[link] == len(chain) and link != chain[-1]:
-                part_of[link] += 1
-        return part_of
-
     def covers(
         self, part_of: Mapping[int, int], link_from_frame: FloatArray, chain: list[int], cache_dir: Path | None
     ) -> list[tuple[int, FloatArray, FloatArray]]:
@@ -430,11 +440,7 @@ class _Body:
 
     def _ancestors(self, link: int) -> list[int]:
         """Links from the base to a link, itself included."""
-        way = []
-        while link >= 0:
-            way.append(link)
-            link = self.info[link][16]
-        return way[::-1]
+        return _ancestors([info[16] for info in self.info], link)
 
     def _before_branch(self) -> int:
         """The last movable link that all other movable links behind the first hang on, or that nothing hangs on."""
@@ -445,6 +451,15 @@ class _Body:
             if len(nearest) != 1 or self.info[nearest[0]][2] != 0:
                 return end
             end = nearest[0]
+
+
+def _ancestors(parents: Sequence[int], link: int) -> list[int]:
+    """Links from the base to a link, itself included."""
+    way = []
+    while link >= 0:
+        way.append(link)
+        link = parents[link]
+    return way[::-1]
 
 
 def _pose(position: tuple[float, ...], quat_xyzw: tuple[float, ...]) -> FloatArray:
