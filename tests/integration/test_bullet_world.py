@@ -344,6 +344,23 @@ def test_a_snapshot_brings_back_what_left_and_removes_what_came(make_world: Make
         world.remove_obstacle(0)
 
 
+@pytest.mark.parametrize("mine", [Grip.FRICTION, Grip.SUCTION])
+def test_another_world_of_the_process_changes_nothing(make_world: MakeWorld, mine: Grip) -> None:
+    """The engine has one distance at which contacts end for all its connections; each kind of grip needs its own."""
+
+    def driven(world: BulletWorld) -> bytes:
+        run(world, 0.5, (0.2, 1.0))
+        return world.state_bytes()
+
+    alone = driven(make_world(cars=[(1.0, 1.0, 0.0)], grip=mine))
+    world = make_world(cars=[(1.0, 1.0, 0.0)], grip=mine)
+    other = Grip.SUCTION if mine is Grip.FRICTION else Grip.FRICTION
+    beside = make_world(cars=[(1.0, 1.0, 0.0)], grip=other)
+    run(beside, 0.1)
+    PathConfirmer.of_spec(iiwa_spec(), TOOLS["suction"]).close()
+    assert driven(world) == alone
+
+
 def test_a_path_is_confirmed_or_refused_with_its_first_bad_state() -> None:
     spec = iiwa_spec(TOOLS["suction"])
     confirmer = PathConfirmer.of_spec(spec, TOOLS["suction"])

@@ -17,6 +17,8 @@ FloatArray = npt.NDArray[np.float64]
 
 SUBSTEP_S = 1.0 / 240.0
 _FINGER_FORCE_N = 100.0
+_CONTACT_BREAKING_M = 0.02
+"""The engine's own."""
 
 
 class ArmBench:
@@ -64,6 +66,7 @@ class ArmBench:
 
     def step(self) -> None:
         """Advance one physics step; torque commands end with it, the others go on."""
+        self.client.keep_contacts(_CONTACT_BREAKING_M)
         self.client.stepSimulation()
 
     def add_box(self, centre_m: npt.ArrayLike, half_m: npt.ArrayLike, yaw_rad: float = 0.0) -> int:
