@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pybullet_data
 
+from fleet.errors import ConfigError
 from fleet.robots.iiwa import iiwa_spec
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,7 +35,13 @@ class ArmKind:
 
 
 def arm_kind(name: str) -> ArmKind:
-    """Look up an arm by its name; valid: a name in `ARM_NAMES`."""
+    """Look up an arm by its name.
+
+    Raises:
+        ConfigError: It is none in `ARM_NAMES`.
+    """
+    if name not in ARM_NAMES:
+        raise ConfigError(f"arm {name!r}; valid: {', '.join(ARM_NAMES)}")
     data = Path(pybullet_data.getDataPath())
     if name == "iiwa":
         spec = iiwa_spec()

@@ -15,6 +15,7 @@ from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS, Tool
 from fleet.stations.arm_motions import backwards, shown
 from fleet.stations.arm_spheres import arm_spheres, cache_dir
+from fleet.tabletop.errors import TabletopError
 from fleet.tabletop.hand import Grasp, cup_grasps, down, finger_grasps
 from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.scene import StaticBox
@@ -51,6 +52,7 @@ _TOUCH_M = 0.003
 """Depth of a touch that the engine lets pass: things rest on the table, and on each other."""
 
 _PANDA_HOME = np.array([0.0, -0.6, 0.0, -2.4, 0.0, 1.8, 0.785])
+_MODELS = (("iiwa", "suction"), ("iiwa", "friction"), ("panda", "friction"))
 Leg = Trajectory | Dwell
 NOBODY = Capsules()
 """No other arm."""
@@ -68,7 +70,13 @@ class Model:
 
 
 def load_model(arm: str, tool: str) -> Model:
-    """The model of an arm by the names a `TableScene` has for it and its tool."""
+    """The model of an arm by the names a `TableScene` has for it and its tool.
+
+    Raises:
+        TabletopError: There is none of these names.
+    """
+    if (arm, tool) not in _MODELS:
+        raise TabletopError(f"arm {arm!r} with tool {tool!r}; valid: {', '.join(f'{a} with {b}' for a, b in _MODELS)}")
     if arm == "iiwa":
         held = TOOLS[tool]
         spec = iiwa_spec(held)

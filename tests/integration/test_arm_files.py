@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pybullet_data
 import pytest
 
+from fleet.errors import ConfigError
+from fleet.robots.arm_kinds import arm_kind
 from fleet.world.bullet.arm_file import ArmFile, ArmFileError, load, read_arm
 from fleet.world.bullet.client import Client
 from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.bullet.dynamics import ArmDynamics
+from planners.errors import PlanningError
 from planners.motion.collision import CollisionChecker
 from planners.motion.ik import SrsGeometry
 from planners.motion.ik_offset import OffsetGeometry
@@ -135,11 +139,29 @@ def test_one_joint_in_numbers(tmp_path: Path) -> None:
     [
         ("none.urdf", None, "no such file"),
         ("arm.dae", "x", "unknown kind '.dae'"),
-        ("broken.urdf", "<robot", "cannot load"),
+        ("broken.urdf", "<robot", "not XML"),
         ("broken.xml", "<mujoco", "not XML"),
         ("fixed.urdf", URDF.format(joint=HINGE.replace("revolute", "fixed")), "no movable joint"),
         ("slide.urdf", URDF.format(joint=HINGE.replace("revolute", "prismatic")), "'turn' of the chain slides"),
         ("flat.urdf", URDF.format(joint=HINGE).replace("0.2 0.2 0.1", "0.2 0 0.1"), "a box of size"),
+        ("roots.urdf", URDF.format(joint=""), "links without a joint: base, arm"),
+        (
+            "loop.urdf",
+            URDF.format(joint=HINGE.replace('"base"', '"arm"')),
+            "links without a joint: base|hangs on itself",
+        ),
+        ("parents.urdf", URDF.format(joint=HINGE + HINGE), "'arm' hangs on two joints"),
+        (
+            "orphan.urdf",
+            URDF.format(joint=HINGE.replace('"base"', '"bass"')),
+            "parent 'bass'; valid: a link of the file",
+        ),
+        ("twice.urdf", URDF.format(joint=HINGE + '<link name="arm"/>'), "name 'arm': 2"),
+        ("nan.urdf", URDF.format(joint=HINGE.replace("0 0 0.1", "nan 0 0")), "origin xyz 'nan 0 0'; valid: finite"),
+        ("word.urdf", URDF.format(joint=HINGE.replace("-1.5", "low")), "limit lower 'low'"),
+        ("swapped.urdf", URDF.format(joint=HINGE.replace("-1.5", "3")), "limits 3 to 1.5; valid: lower before upper"),
+        ("pointless.urdf", URDF.format(joint=HINGE.replace("0 1 0", "0 0 0")), "axis '0 0 0'; valid: a direction"),
+        ("light.urdf", URDF.format(joint=HINGE).replace('"2"/><origin', '"-2"/><origin'), "mass -2"),
         ("bare.urdf", URDF.format(joint=HINGE).replace("collision>", "visual>"), "no collision shapes"),
     ],
 )
@@ -149,6 +171,36 @@ def test_bad_files_are_named(tmp_path: Path, name: str, text: str | None, messag
         path.write_text(text, encoding="utf-8")
     with pytest.raises(ArmFileError, match=message):
         read_arm(path)
+
+
+def test_odd_input_is_named(tmp_path: Path) -> None:
+    path = written(tmp_path, "r.urdf", URDF.format(joint=HINGE))
+    for wrong in ({"path": 3}, {"tool_length_m": np.nan}, {"tool_length_m": "a"}, {"allowed": [("arm",)]}):
+        with pytest.raises(ArmFileError, match="valid:"):
+            read_arm(**({"path": path} | wrong))  # type: ignore[arg-type]
+    with pytest.raises(ArmFileError, match=r"'panda_finger_joint1' at 9.0; valid: 0 to 0.04"):
+        read_arm(DATA / "franka_panda/panda.urdf", frozen={"panda_finger_joint1": 9.0})
+    with pytest.raises(ConfigError, match="arm 'nobody'; valid: iiwa, panda, xarm"):
+        arm_kind("nobody")
+    arm = read_arm(path)
+    confirmer = PathConfirmer.of_file(arm)
+    here = np.zeros((1, 1))
+    cases: list[Callable[[], object]] = [
+        lambda: confirmer.confirm(np.array([[np.nan]])),
+        lambda: confirmer.confirm(np.zeros((3, 4))),
+        lambda: confirmer.confirm(np.empty((0, 1))),
+        lambda: confirmer.confirm(here, np.full((4, 3), np.nan)),
+        lambda: confirmer.confirm(here, allowance_m=np.nan),
+        lambda: confirmer.set_boxes(np.full((1, 3), np.nan), np.ones((1, 3))),
+        lambda: confirmer.set_boxes(np.zeros((2, 3)), np.ones((1, 3))),
+        lambda: confirmer.set_boxes(np.zeros((1, 3)), -np.ones((1, 3))),
+        lambda: confirmer.set_things([np.empty((0, 3))]),
+    ]
+    for case in cases:
+        with pytest.raises(PlanningError, match="expected"):
+            case()
+    assert confirmer.confirm(here).free
+    confirmer.close()
 
 
 def test_unknown_names_are_told(tmp_path: Path) -> None:

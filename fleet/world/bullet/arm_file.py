@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from fleet.errors import FleetError
 from fleet.world.bullet.client import Client, PhysicsError, quiet
+from fleet.world.bullet.urdf_text import urdf_fault
 from planners.motion.arm_model import ArmModel, assemble
 from planners.motion.inverse import InverseKinematics, inverse_kinematics
 from planners.motion.kinematics import jacobian, link_frames
@@ -117,9 +118,14 @@ def read_arm(
         The arm.
 
     Raises:
-        ArmFileError: No such file, not loadable, no movable joint, a sliding joint in the chain, an unknown name.
+        ArmFileError: No such file, not loadable, no movable joint, a sliding joint in the chain, an unknown name, a
+            number out of range.
     """
+    if not isinstance(path, str | Path):
+        raise ArmFileError(f"path is {path!r}; valid: the path of a {', '.join(KINDS)} file")
     place = Path(path)
+    if not isinstance(tool_length_m, int | float) or not math.isfinite(tool_length_m):
+        raise ArmFileError(f"tool_length_m is {tool_length_m!r}; valid: a finite number [m]")
     with _Body(place) as body:
         chain = body.chain(tip)
         held = body.freeze(chain, frozen or {})
@@ -187,6 +193,10 @@ def load(client: Client, path: Path) -> list[int]:
         raise ArmFileError(f"{path}: no such file; valid: a {', '.join(KINDS)} file")
     if path.suffix.lower() not in KINDS:
         raise ArmFileError(f"{path}: unknown kind {path.suffix!r}; valid: {', '.join(KINDS)}")
+    if path.suffix.lower() == ".urdf":
+        fault = urdf_fault(path.read_text(encoding="utf-8", errors="replace"))
+        if fault:
+            raise ArmFileError(f"{path}: {fault}")
     try:
         with quiet():
             if path.suffix.lower() == ".urdf":
@@ -287,8 +297,12 @@ class _Body:
         for name, link in others.items():
             low, high = self.info[link][8:10]
             value = frozen.get(name, min(max(0.0, low), high) if low < high else 0.0)
-            if not math.isfinite(value):
-                raise ArmFileError(f"{self._path}: joint {name!r} at {value}; valid: a finite position")
+            if (
+                not isinstance(value, int | float)
+                or not math.isfinite(value)
+                or (low < high and not low <= value <= high)
+            ):
+                raise ArmFileError(f"{self._path}: joint {name!r} at {value!r}; valid: {low:g} to {high:g}")
             held[name] = float(value)
             self._client.resetJointState(self.id, link, value)
         return held
@@ -360,6 +374,8 @@ class _Body:
         number = {self._client.getBodyInfo(self.id)[0].decode(): -1} | {
             info[12].decode(): link for link, info in enumerate(self.info)
         }
+        if any(isinstance(pair, str) or len(pair) != 2 for pair in allowed):
+            raise ArmFileError(f"{self._path}: allowed: {allowed!r}; valid: pairs of names")
         unknown = [name for pair in allowed for name in pair if name not in number]
         if unknown:
             raise ArmFileError(f"{self._path}: allowed: no link {unknown[0]!r}; valid: {', '.join(number)}")

@@ -14,6 +14,8 @@ from fleet.robots.tools import Tool
 from fleet.world.bullet.arm_file import ArmFile, load, rigid_parts
 from fleet.world.bullet.client import Client, PhysicsError
 from fleet.world.bullet.frames import quaternion
+from planners.errors import PlanningError
+from planners.motion import checks
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -21,6 +23,7 @@ IntArray = npt.NDArray[np.int64]
 # The engine takes at most this many shapes in one body.
 _SHAPES_PER_BODY = 16
 _REVOLUTE, _PRISMATIC = 0, 1
+_CORNERS = 4  # a hull has a volume
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,14 +163,23 @@ class PathConfirmer:
             yaw_rad: Turns about z, shape (n,); all zero when None.
             min_frame: Parts of the arm below this may touch it, as the base touches the floor, shape (n,); all zero
                 when None.
+
+        Raises:
+            PlanningError: Malformed input.
         """
         client = self._client
+        centre, half = (
+            checks.rows(f"set_boxes: {name}", row, 3, least=0) for name, row in (("centre", centre_m), ("half", half_m))
+        )
+        turns = checks.vector("set_boxes: yaw", np.zeros(len(centre)) if yaw_rad is None else yaw_rad, len(centre))
+        lowest = np.zeros(len(centre), dtype=np.int64) if min_frame is None else np.asarray(min_frame)
+        if half.shape != centre.shape or lowest.shape != turns.shape or not np.all(half > 0):
+            raise PlanningError(
+                f"set_boxes: centres {centre.shape}, half sizes {half}, parts {lowest.shape}; expected as many, > 0"
+            )
         for body in self._boxes:
             client.removeBody(body)
         self._boxes = []
-        centre, half = np.asarray(centre_m), np.asarray(half_m)
-        turns = np.zeros(len(centre)) if yaw_rad is None else np.asarray(yaw_rad)
-        lowest = np.zeros(len(centre), dtype=np.int64) if min_frame is None else np.asarray(min_frame)
         for frame in np.unique(lowest):
             alike = np.flatnonzero(lowest == frame)
             for first in range(0, len(alike), _SHAPES_PER_BODY):
@@ -185,10 +197,15 @@ class PathConfirmer:
                 self._boxes.append(body)
 
     def set_things(self, corners_m: Iterable[FloatArray]) -> None:
-        """Replace the things in the arm's way, each the hull of its corners (v, 3) [m]."""
+        """Replace the things in the arm's way, each the hull of its corners (v, 3), v >= 4 [m].
+
+        Raises:
+            PlanningError: Malformed input.
+        """
+        hulls = [checks.rows("set_things: corners", corners, 3, least=_CORNERS) for corners in corners_m]
         for body in self._things:
             self._client.removeBody(body)
-        self._things = [self._hull(corners, mass_kg=0.0) for corners in corners_m]
+        self._things = [self._hull(corners, mass_kg=0.0) for corners in hulls]
 
     def confirm(self, path: FloatArray, held: FloatArray | None = None, *, allowance_m: float = 0.0) -> Confirmation:
         """Check every state of a path.
@@ -196,18 +213,23 @@ class PathConfirmer:
         The states are checked as they are; nothing is looked at between them.
 
         Args:
-            path: Joint positions [rad], shape (k, n).
+            path: Joint positions [rad], shape (k, n), k >= 1.
             held: Corners of a thing in the tool, of which the hull counts, in the last link's frame, shape (v, 3) [m];
                 None for none.
             allowance_m: Depth of a touch that is let pass, >= 0 [m].
 
         Returns:
             The verdict with the first state that touches something.
+
+        Raises:
+            PlanningError: Malformed input: nothing touches what is no number.
         """
         client = self._client
-        self._take(np.empty((0, 3)) if held is None else np.asarray(held, dtype=np.float64))
+        states = checks.rows("confirm: path", path, len(self._joints))
+        allowance_m = checks.positive("confirm: allowance_m", allowance_m, zero=True)
+        self._take(np.empty((0, 3)) if held is None else checks.rows("confirm: held", held, 3, least=_CORNERS))
         zeros = [[0.0]] * len(self._joints)
-        for index, q in enumerate(np.asarray(path, dtype=np.float64)):
+        for index, q in enumerate(states):
             client.resetJointStatesMultiDof(self._arm, self._joints, [[angle] for angle in q.tolist()], zeros)
             if self._held is not None:
                 link = client.getLinkState(self._arm, self._last, computeForwardKinematics=1)
