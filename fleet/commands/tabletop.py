@@ -6,6 +6,7 @@ import hashlib
 import json
 import sys
 import time
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -63,7 +64,9 @@ class _Tabletop:
             prepare_output(self.out)
             film = None if self.no_record else _Film(self.out / RECORDING, f"tabletop {self.name}", world)
             try:
-                tally = Job(layout, model, world, seed=self.seed, watch=film.frame if film else _nothing).run()
+                job = Job(layout, model, world, seed=self.seed, watch=film.frame if film else _nothing)
+                with closing(job):
+                    tally = job.run()
             finally:
                 if film is not None:
                     film.close()
@@ -82,6 +85,7 @@ class _Tabletop:
             "rounds": tally.rounds_n,
             "rounds_together": tally.together_n,
             "missed": tally.missed_n,
+            "paths_refused": tally.refused_n,
             "robot_contacts": tally.robot_contacts,
             "sim_s": round(tally.sim_s, 3),
             "state_hash": state,

@@ -18,7 +18,10 @@ def checked(name: str, values: npt.ArrayLike, n: int, unit: str) -> npt.NDArray[
     Raises:
         ControlError: Another shape, or a value that is not finite.
     """
-    array = np.asarray(values, dtype=np.float64)
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ControlError(f"{name}: {values!r}; valid: {n} finite values [{unit}]") from None
     if array.shape != (n,) or not np.all(np.isfinite(array)):
         raise ControlError(f"{name}: {array.tolist()} of shape {array.shape}; valid: {n} finite values [{unit}]")
     return array

@@ -15,6 +15,8 @@ from fleet.control.limits import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
 
+SHORTEST_S, LONGEST_S = 0.1, 3600.0
+"""A motion that tells something, and that is replayed in minutes."""
 LEAST_ROWS = 5
 """Fewer rows say nothing about friction."""
 BEYOND_RAD = 0.1
@@ -53,7 +55,7 @@ def read_recording(path: Path, n_joints: int) -> JointRecording:
         raise RecordingFileError(f"{path}: no such file; valid: a CSV file with time, q1 to q{n_joints}")
     rows: list[list[float]] = []
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:
             for cells in (reader := csv.reader(file)):
                 words = [cell.strip() for cell in cells]
                 if not any(words) or words[0].startswith("#"):
@@ -84,8 +86,12 @@ def check_recording(path: Path, recording: JointRecording, limits: JointLimits) 
         limits: Of the arm.
 
     Raises:
-        RecordingFileError: Time and joint that are outside the limits, or that jump.
+        RecordingFileError: Time and joint that are outside the limits, or that jump, or a time that is not in seconds.
     """
+    if not SHORTEST_S <= recording.t[-1] <= LONGEST_S:
+        raise RecordingFileError(
+            f"{path}: the motion lasts {recording.t[-1]:g} s; valid: {SHORTEST_S:g} to {LONGEST_S:g} s"
+        )
     for name, rows in (("q", recording.q), ("target", recording.target)):
         if rows is None:
             continue

@@ -32,11 +32,11 @@ class JointLimits:
     """Deceleration that joints are stopped with before they meet their ends."""
 
     def __post_init__(self) -> None:
-        n = len(self.lower_rad)
+        n = np.size(self.lower_rad)
         for name in ("lower_rad", "upper_rad", "max_velocity_radps", "max_torque_nm", "braking_radps2"):
             values = getattr(self, name)
-            if values.shape != (n,) or np.any(np.isnan(values)):
-                raise ControlError(f"JointLimits.{name}: {values}; valid: {n} numbers")
+            if not isinstance(values, np.ndarray) or values.shape != (n,) or np.any(np.isnan(values)):
+                raise ControlError(f"JointLimits.{name}: {values}; valid: an array of {n} numbers")
         if not np.all(self.lower_rad < self.upper_rad):
             joint = int(np.argmin(self.lower_rad < self.upper_rad))
             raise ControlError(

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pybullet_data
 
+from fleet.errors import ConfigError
 from fleet.robots.iiwa import iiwa_spec
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,10 +30,18 @@ class ArmKind:
     """Limits of the real arm, shape (n,)."""
     frozen: Mapping[str, float] = field(default_factory=dict)
     """Where other joints are held [rad or m]."""
+    allowed: tuple[tuple[str, str], ...] = ()
+    """Pairs of links that may touch, by name: their covers meet where the links themselves do not."""
 
 
 def arm_kind(name: str) -> ArmKind:
-    """Look up an arm by its name; valid: a name in `ARM_NAMES`."""
+    """Look up an arm by its name.
+
+    Raises:
+        ConfigError: It is none in `ARM_NAMES`.
+    """
+    if name not in ARM_NAMES:
+        raise ConfigError(f"arm {name!r}; valid: {', '.join(ARM_NAMES)}")
     data = Path(pybullet_data.getDataPath())
     if name == "iiwa":
         spec = iiwa_spec()
@@ -50,6 +59,8 @@ def arm_kind(name: str) -> ArmKind:
             max_acceleration_radps2=np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]),
             max_torque_nm=np.array([87.0] * 4 + [12.0] * 3),
             frozen={"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04},
+            # Their spheres overlap by 4 mm in every ordinary posture; the links themselves are apart.
+            allowed=(("panda_link5", "panda_link7"),),
         )
     # UFACTORY, xArm 6 user manual: 180 deg/s and 1145 deg/s^2 for every joint; torques of the description.
     return ArmKind(

@@ -58,6 +58,8 @@ def iiwa_spec(tool: Tool | None = None) -> ArmSpec:
         tool_length_m=tool.length_m,
         home_rad=_home(base_from_joint, tool.length_m),
         visuals=_link_visuals(path) + tool.visuals,
+        # Joint 6's limits keep the forearm off the flange; only the convex hull of the hollow forearm says otherwise.
+        touching=((5, 7),),
     )
 
 

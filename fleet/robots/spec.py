@@ -79,6 +79,8 @@ class ArmSpec:
     home_rad: npt.NDArray[np.float64]
     visuals: tuple[Visual, ...]
     """Links: 'link_0'..'link_7' (link i moves with joint i) and 'tool' (rigid in the last link)."""
+    touching: tuple[tuple[int, int], ...] = ()
+    """Pairs of links whose hulls meet although the links do not, lower first: 0 is the base, i moves with joint i."""
 
     @cached_property
     def joints(self) -> npt.NDArray[np.float64]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from fleet.errors import FleetError
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
@@ -99,10 +101,16 @@ class ArmMotions:
             UnreachableError: It has.
         """
         if self._confirm is not None:
-            wrong = self._confirm(boxes, trajectory.q[::CONFIRM_EVERY], held)
+            wrong = self._confirm(boxes, shown(trajectory), held)
             if wrong:
                 raise UnreachableError(f"the physics engine refuses a motion: {wrong}")
         return trajectory
+
+
+def shown(motion: Trajectory) -> FloatArray:
+    """What the physics engine is shown of a motion: samples 0.05 s apart and its end, shape (k, n)."""
+    last = len(motion.q) - 1
+    return motion.q[np.append(np.arange(0, last, CONFIRM_EVERY), last)]
 
 
 def backwards(motion: Trajectory) -> Trajectory:

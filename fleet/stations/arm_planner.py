@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ from fleet.world.protocol import FloatArray
 from planners.motion.obstacles import Boxes
 
 if TYPE_CHECKING:
-    from fleet.world.bullet.confirm import HeldBox, PathConfirmer
+    from fleet.world.bullet.confirm import PathConfirmer
 
 TOUCH_M = 0.003
 """Depth of a touch that is let pass: parcels rest on what they are taken from [m]."""
@@ -68,25 +69,21 @@ class EngineConfirm:
     def __call__(self, boxes: Boxes, path: FloatArray, held: Held | None) -> str:
         """See `Confirm`."""
         if boxes is not self._boxes:
-            # The base may touch what it stands on: boxes that do not count for all links are left to the spheres.
-            solid = boxes.min_frame == 0
-            self._confirmer.set_boxes(boxes.centre[solid], boxes.half[solid], boxes.yaw[solid])
+            self._confirmer.set_boxes(boxes.centre, boxes.half, boxes.yaw, boxes.min_frame)
             self._boxes = boxes
-        verdict = self._confirmer.confirm(path, self._box(held), allowance_m=TOUCH_M)
+        verdict = self._confirmer.confirm(path, self._corners(held), allowance_m=TOUCH_M)
         return "" if verdict.free else f"{verdict.what} at sample {verdict.first_index}"
 
     def close(self) -> None:
         """Free the engine's client."""
         self._confirmer.close()
 
-    def _box(self, held: Held | None) -> HeldBox | None:
+    def _corners(self, held: Held | None) -> FloatArray | None:
+        """Corners of what is held in the last link's frame, shape (8, 3)."""
         if held is None:
             return None
-        from fleet.world.bullet.confirm import HeldBox
-
-        link_from_box = np.eye(4)
-        link_from_box[2, 3] = self._tool_length_m + held.below_tip_m
-        return HeldBox(size_m=held.size_m, link_from_box=link_from_box)
+        centre = np.array([0.0, 0.0, self._tool_length_m + held.below_tip_m])
+        return centre + np.array(list(product((-0.5, 0.5), repeat=3))) * held.size_m
 
 
 class LocalArmPlanner:
@@ -113,7 +110,7 @@ class LocalArmPlanner:
             # Only here, so that worlds without physics never load the engine.
             from fleet.world.bullet.confirm import PathConfirmer
 
-            self._engine = EngineConfirm(PathConfirmer(spec, tool), tool.length_m)
+            self._engine = EngineConfirm(PathConfirmer.of_spec(spec, tool), tool.length_m)
         for name, cell in zip(setup.names, setup.cells, strict=True):
             planner = CellPlanner(
                 cell,

@@ -48,8 +48,10 @@ def loose_grips(
         least_height_m: Fingers close at least this far above its lower face [m].
 
     Raises:
-        UngrippableError: It leans, or is too wide for the fingers.
+        UngrippableError: It leans, is too wide for the fingers, or is nowhere or of no size.
     """
+    if not np.isfinite(pose).all() or not all(0 < edge < math.inf for edge in size_m):
+        raise UngrippableError(f"the parcel has edges {size_m} and pose {pose.tolist()}; valid: finite, edges > 0")
     rotation, half = pose[:3, :3], np.asarray(size_m) / 2
     up = int(np.abs(rotation[2]).argmax())
     normal = rotation[:, up] * np.sign(rotation[2, up])

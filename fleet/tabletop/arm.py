@@ -9,12 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.robots.arm_kinds import arm_kind
-from fleet.robots.iiwa import iiwa_spec
-from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, PANDA_HAND_BOXES_M, TIP_M
+from fleet.robots.iiwa import iiwa_spec, iiwa_urdf
+from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, PANDA_HAND_BOXES_M, TIP_M, panda_urdf
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS, Tool
+from fleet.stations.arm_motions import backwards, shown
 from fleet.stations.arm_spheres import arm_spheres, cache_dir
+from fleet.tabletop.errors import TabletopError
 from fleet.tabletop.hand import Grasp, cup_grasps, down, finger_grasps
+from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.scene import StaticBox
 from planners.motion import RrtConnectNative
 from planners.motion.arm_model import ArmModel, assemble
@@ -45,10 +48,11 @@ _SQUARE_SIDE = 0.74
 """Half the side of the square whose four spheres cover a circle of radius 1."""
 _GRASPS_N = 3
 """Grasps of a thing that are tried."""
+_TOUCH_M = 0.003
+"""Depth of a touch that the engine lets pass: things rest on the table, and on each other."""
 
 _PANDA_HOME = np.array([0.0, -0.6, 0.0, -2.4, 0.0, 1.8, 0.785])
-_PANDA_ALLOWED = (("panda_link5", "panda_link7"),)
-"""Their spheres overlap by 4 mm in every ordinary posture; the links themselves are apart."""
+_MODELS = (("iiwa", "suction"), ("iiwa", "friction"), ("panda", "friction"))
 Leg = Trajectory | Dwell
 NOBODY = Capsules()
 """No other arm."""
@@ -61,19 +65,27 @@ class Model:
     spec: ArmSpec
     tool: Tool
     spheres: ArmModel
+    description: str
+    """URDF text of the arm with its tool."""
 
 
 def load_model(arm: str, tool: str) -> Model:
-    """The model of an arm by the names a `TableScene` has for it and its tool."""
+    """The model of an arm by the names a `TableScene` has for it and its tool.
+
+    Raises:
+        TabletopError: There is none of these names.
+    """
+    if (arm, tool) not in _MODELS:
+        raise TabletopError(f"arm {arm!r} with tool {tool!r}; valid: {', '.join(f'{a} with {b}' for a, b in _MODELS)}")
     if arm == "iiwa":
         held = TOOLS[tool]
         spec = iiwa_spec(held)
-        return Model(spec=spec, tool=held, spheres=arm_spheres(spec, held))
+        return Model(spec=spec, tool=held, spheres=arm_spheres(spec, held), description=iiwa_urdf(held))
     # Only here: the engine reads the file, and tables of an iiwa do without.
     from fleet.world.bullet.arm_file import read_arm
 
     kind = arm_kind("panda")
-    file = read_arm(kind.path, frozen=kind.frozen, allowed=_PANDA_ALLOWED, tool_length_m=TIP_M, cache_dir=cache_dir())
+    file = read_arm(kind.path, frozen=kind.frozen, allowed=kind.allowed, tool_length_m=TIP_M, cache_dir=cache_dir())
     spheres = _with_fine_hand(file)
     spec = ArmSpec(
         name="panda",
@@ -88,13 +100,9 @@ def load_model(arm: str, tool: str) -> Model:
         tool_length_m=TIP_M,
         home_rad=_PANDA_HOME,
         visuals=(),
+        touching=file.touching,
     )
-    return Model(spec=spec, tool=PANDA_HAND, spheres=spheres)
-
-
-def _backwards(leg: Trajectory) -> Trajectory:
-    """The same motion from its end to its start."""
-    return Trajectory(t=leg.t, q=leg.q[::-1].copy(), qd=-leg.qd[::-1])
+    return Model(spec=spec, tool=PANDA_HAND, spheres=spheres, description=panda_urdf())
 
 
 def _with_fine_hand(file: ArmFile) -> ArmModel:
@@ -141,7 +149,10 @@ class _Around:
 
 
 class TableArm:
-    """One arm on its place.
+    """One arm on its place; the physics engine has the last word on its paths, beside the moving world.
+
+    Attributes:
+        refused_n: Paths that the engine did not let pass.
 
     Args:
         model: The arm.
@@ -163,6 +174,13 @@ class TableArm:
                 for box in fixed
             )
         )
+        self._confirmer = PathConfirmer.of_spec(spec, model.tool, model.description)
+        self._confirmer.set_boxes(self._fixed.centre, self._fixed.half, self._fixed.yaw, self._fixed.min_frame)
+        self.refused_n = 0
+
+    def close(self) -> None:
+        """Free the engine; calling twice is harmless."""
+        self._confirmer.close()
 
     @property
     def home(self) -> FloatArray:
@@ -208,11 +226,16 @@ class TableArm:
         own = corners[thing]
         others = [other for number, other in enumerate(corners) if number != thing]
         around = self._around(corners, other, thing)
+        self._confirmer.set_things(corner - self._base[:3] for corner in others)
         why = "nothing to take hold of it by"
         for grasp in self._grasps(pose, own, others)[:_GRASPS_N]:
             pick = self._route(start, grasp.tips, around, None, seed)
             if not pick.solved:
                 why = f"way to it: {pick.status.value}"
+                continue
+            wrong = self._refused(pick.legs)
+            if wrong:
+                why = f"way to it: the physics engine refuses it: {wrong}"
                 continue
             held = self._held(grasp.below_m, grasp.half_width_m)
             tips = np.stack(
@@ -221,10 +244,15 @@ class TableArm:
                     for yaw in np.linspace(-np.pi, np.pi, 8, endpoint=False)
                 ]
             )
-            lift = _backwards(pick.legs[-1])
+            lift = backwards(pick.legs[-1])
             place = self._route(lift.q[-1], tips, around, held, seed + 1)
             if not place.solved:
                 why = f"way from it: {place.status.value}"
+                continue
+            back = backwards(place.legs[-1])
+            wrong = self._refused((lift, *place.legs), self._in_hand(own, lift.q[0])) or self._refused((back,))
+            if wrong:
+                why = f"way from it: the physics engine refuses it: {wrong}"
                 continue
             return Chore(
                 thing=thing,
@@ -234,7 +262,7 @@ class TableArm:
                     lift,
                     *place.legs,
                     Dwell(duration_s=RELEASE_S),
-                    _backwards(place.legs[-1]),
+                    back,
                 ),
                 grips_at=len(pick.legs),
                 frees_at=len(pick.legs) + 2 + len(place.legs),
@@ -247,7 +275,23 @@ class TableArm:
     ) -> tuple[Trajectory, ...] | str:
         """Plan the way to the home posture; see `bring`."""
         route = self._router(self._around(corners, other), None).travel(start, self.home[None], seed)
-        return route.legs if route.solved else f"way home: {route.status.value}"
+        if not route.solved:
+            return f"way home: {route.status.value}"
+        self._confirmer.set_things(own - self._base[:3] for own in corners)
+        wrong = self._refused(route.legs)
+        return f"way home: the physics engine refuses it: {wrong}" if wrong else route.legs
+
+    def _refused(self, legs: tuple[Trajectory, ...], held: FloatArray | None = None) -> str:
+        """What the engine has against motions, empty if nothing; `held` are a thing's corners in the last link."""
+        verdict = self._confirmer.confirm(np.concatenate([shown(leg) for leg in legs]), held, allowance_m=_TOUCH_M)
+        self.refused_n += not verdict.free
+        return verdict.what
+
+    def _in_hand(self, corners: FloatArray, q: FloatArray) -> FloatArray:
+        """Corners of a thing (v, 3) in the last link's frame, as they lie there when the arm grips it at q (n,)."""
+        flange = self._inverse.flange(q)
+        inside: FloatArray = (corners - self._base[:3] - flange[:3, 3]) @ flange[:3, :3]
+        return inside
 
     def _around(self, corners: list[FloatArray], other: Capsules, but: int = -1) -> _Around:
         """What is in the way: all that stands on the table, all things but one, and another arm."""

@@ -42,6 +42,8 @@ class Tally:
     """Rounds in which two arms worked at the same time."""
     missed_n: int = 0
     """Times that a tool did not get hold of a thing, or lost it."""
+    refused_n: int = 0
+    """Paths that the physics engine did not let pass."""
     robot_contacts: int = 0
     """Ticks in which arms touched each other."""
     sim_s: float = 0.0
@@ -89,6 +91,11 @@ class Job:
         self._tries: Counter[int] = Counter()
         self._used: list[set[int]] = [set() for _ in layout.places]
         self.tally = Tally(objects_n=len(layout.scene.objects))
+
+    def close(self) -> None:
+        """Free what paths are confirmed with; calling twice is harmless."""
+        for arm in self._arms:
+            arm.close()
 
     def run(self) -> Tally:
         """Work until everything is sorted, or nothing that is left can be brought."""
@@ -268,6 +275,7 @@ class Job:
         tally.reasons = {k: tally.reasons.get(k, "not tried") for k, good in enumerate(inside) if not good}
         tally.sim_s = self._world.ticks * TICK_S
         tally.robot_contacts = self._world.robot_contacts
+        tally.refused_n = sum(arm.refused_n for arm in self._arms)
 
 
 def _state(path: TimedPath, along_s: float) -> tuple[FloatArray, FloatArray]:

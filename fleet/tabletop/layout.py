@@ -19,6 +19,7 @@ FloatArray = npt.NDArray[np.float64]
 
 KINDS = ("cube", "sphere", "cylinder")
 _COLOURS = {"cube": (0.80, 0.25, 0.22, 1.0), "sphere": (0.20, 0.45, 0.75, 1.0), "cylinder": (0.30, 0.62, 0.30, 1.0)}
+_MOST_SEED = 2**31 - 1
 _MASS_KG = (0.05, 0.3)
 _EDGE_M = (0.04, 0.055)
 _APART_M = 0.10
@@ -66,7 +67,8 @@ class Layout:
 
 def sort_layout(seed: int, objects: int = 9) -> Layout:
     """One iiwa; cubes, spheres and cylinders lie in front of it and belong left, right and behind."""
-    _check("--objects", objects, 10)
+    _check("seed", seed, 0, _MOST_SEED)
+    _check("--objects", objects, 1, 10)
     rng = np.random.default_rng(seed)
     places = (
         _place("cubes", (0.05, 0.55), (3, 2)),
@@ -88,7 +90,8 @@ def sort_layout(seed: int, objects: int = 9) -> Layout:
 
 def pair_layout(seed: int, objects: int = 10) -> Layout:
     """Two iiwa side by side; cubes and cylinders lie between them, each arm brings one kind to its own side."""
-    _check("--objects", objects, 12)
+    _check("seed", seed, 0, _MOST_SEED)
+    _check("--objects", objects, 1, 12)
     rng = np.random.default_rng(seed)
     places = (_place("cubes", (0.05, 0.93), (3, 2)), _place("cylinders", (0.05, -0.93), (3, 2)))
     spots = _scattered(rng, objects, (0.25, 0.525), (-0.185, 0.185), apart_m=0.09)
@@ -106,7 +109,8 @@ def pair_layout(seed: int, objects: int = 10) -> Layout:
 
 def tray_layout(seed: int, objects: int = 6) -> Layout:
     """One Panda; objects of `random_urdfs` lie in a tray in front of it and belong into a box beside it."""
-    _check("--objects", objects, 8)
+    _check("seed", seed, 0, _MOST_SEED)
+    _check("--objects", objects, 1, 8)
     rng = np.random.default_rng(seed)
     place = _place("box", (0.05, 0.50), (3, 2), half_m=(0.18, 0.16))
     tray = _place("tray", (0.50, 0.0), (1, 1), half_m=(0.18, 0.24))
@@ -151,9 +155,9 @@ def tray_layout(seed: int, objects: int = 6) -> Layout:
 LAYOUTS: dict[str, Callable[..., Layout]] = {"sort": sort_layout, "tray": tray_layout, "pair": pair_layout}
 
 
-def _check(name: str, value: int, most: int) -> None:
-    if not 1 <= value <= most:
-        raise TabletopError(f"{name} is {value}; valid: an integer from 1 to {most}")
+def _check(name: str, value: int, least: int, most: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+        raise TabletopError(f"{name} is {value!r}; valid: an integer from {least} to {most}")
 
 
 def _scattered(

@@ -37,6 +37,8 @@ def motion_planner(name: str) -> MotionPlanner:
         UnknownPlannerError: Neither has the name.
         HangingPlannerError: An OMPL planner that would never return.
     """
+    if not isinstance(name, str):
+        raise UnknownPlannerError(f"arm planner {name!r}; valid: a name")
     if name in MOTION_PLANNERS:
         return MOTION_PLANNERS[name]()
     try:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.array_cache import Arrays, cached_arrays
 from planners.motion.kinematics import joint_rows
 from planners.motion.spheres import fit_spheres_cached, link_self_pairs
@@ -43,6 +44,8 @@ class ArmModel:
 
     def __post_init__(self) -> None:
         n = len(joint_rows(self.base_from_joint))
+        for name in ("lower", "upper", "sphere_centre", "sphere_radius", "sphere_frame", "self_pairs"):
+            checks.is_array(f"ArmModel.{name}", getattr(self, name))
         for name in ("lower", "upper"):
             if getattr(self, name).shape != (n,):
                 raise PlanningError(f"ArmModel.{name}: shape {getattr(self, name).shape}, expected ({n},)")
@@ -50,6 +53,17 @@ class ArmModel:
             joint = int(np.argmin(self.lower < self.upper))
             raise PlanningError(f"ArmModel: joint {joint} has lower {self.lower[joint]} >= upper {self.upper[joint]}")
         k = len(self.sphere_radius)
+        checks.spheres("ArmModel: spheres", (self.sphere_centre, self.sphere_radius))
+        checks.positive("ArmModel.tool_length", abs(self.tool_length), zero=True)
+        for name in ("sphere_frame", "self_pairs", "sphere_part"):
+            indices = getattr(self, name)
+            if indices is not None and indices.dtype.kind not in "iu":
+                raise PlanningError(f"ArmModel.{name}: numbers of kind {indices.dtype}, expected integers")
+        part = self.sphere_part
+        if part is not None and (part.shape != (k,) or not np.array_equal(np.minimum(part, n), self.sphere_frame)):
+            raise PlanningError(
+                f"ArmModel.sphere_part: {part}, expected the frame of each sphere, or {n + 1} for a tool"
+            )
         if self.sphere_centre.shape != (k, 3) or self.sphere_frame.shape != (k,):
             raise PlanningError(
                 f"ArmModel: sphere arrays disagree: centre {self.sphere_centre.shape}, radius ({k},), "
@@ -164,11 +178,17 @@ def assemble(
         The arm model.
     """
     n = len(joint_rows(base_from_joint))
+    if not covers or not all(0 <= part <= n + 1 for part, _, _ in covers):
+        raise PlanningError(f"assemble: parts {[part for part, _, _ in covers]}, expected at least one, 0 to {n + 1}")
     centre = np.concatenate([np.reshape(c, (-1, 3)) for _, c, _ in covers])
     radius = np.concatenate([np.reshape(r, -1) for _, _, r in covers])
     part = np.concatenate([np.full(len(r), i, dtype=np.int64) for i, _, r in covers])
     frame = np.minimum(part, n)
-    low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
+    low, high = checks.limits("assemble", lower, upper)
+    if not np.isfinite(high - low).all():
+        raise PlanningError(
+            f"assemble: limits {low} and {high}, expected finite: configurations are drawn between them"
+        )
 
     def pairs() -> Arrays:
         found = link_self_pairs(

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
-from planners.motion.trajectory import Trajectory
+from planners.motion import checks
+from planners.motion.trajectory import MOST_SAMPLES, Trajectory
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -61,7 +62,16 @@ def asynchronous(
         (trapezoidal velocity) and 4.5 (smoothing by averaging).
     """
     sides = np.zeros(np.shape(start)) if push is None else push
-    rows = [np.array(row, dtype=np.float64) for row in (start, goal, max_velocity, max_acceleration, sides)]
+    rows = [
+        checks.floats(f"asynchronous: {name}", row)
+        for name, row in (
+            ("start", start),
+            ("goal", goal),
+            ("max_velocity", max_velocity),
+            ("max_acceleration", max_acceleration),
+            ("push", sides),
+        )
+    ]
     if rows[0].ndim != 1 or len({row.shape for row in rows}) != 1:
         raise PlanningError(f"asynchronous: shapes {[row.shape for row in rows]}, expected (n,) for all")
     ends, limits = np.stack(rows[:2]), np.stack(rows[2:4])
@@ -72,10 +82,18 @@ def asynchronous(
             f"asynchronous: dt_s {dt_s}, smoothing_s {smoothing_s}, push {rows[4]}, push_s {push_s}; expected > 0, > 0,"
             " -1, 0 or 1, and >= 0"
         )
+    if not np.isfinite((dt_s, smoothing_s, push_s)).all() or not np.isfinite(limits).all():
+        raise PlanningError(
+            f"asynchronous: limits {limits}, dt_s {dt_s}, smoothing_s {smoothing_s}, push_s {push_s}; expected finite"
+        )
     if np.array_equal(ends[0], ends[1]):
         return Trajectory(t=np.zeros(1), q=ends[:1], qd=np.zeros((1, ends.shape[1])))
     first, last = (1, 0) if late else (0, 1)
     q, qd = _sampled(ends[first], ends[last], limits[0], limits[1], rows[4], push_s, float(dt_s), float(smoothing_s))
+    if len(q) == 0:
+        raise PlanningError(
+            f"asynchronous: limits {limits} with samples of {dt_s} s; expected at most {MOST_SAMPLES} samples"
+        )
     if late:
         q, qd = np.ascontiguousarray(q[::-1]), np.ascontiguousarray(-qd[::-1])
     return Trajectory(t=np.arange(len(q), dtype=np.float64) * float(dt_s), q=q, qd=qd)
@@ -105,9 +123,16 @@ def soonest(
 
     Returns:
         Times [s] and rows of `others`, shapes (k,).
+
+    Raises:
+        PlanningError: Malformed input.
     """
-    first, second = np.array(q, dtype=np.float64), np.array(others, dtype=np.float64)
-    limits = np.array([max_velocity, max_acceleration], dtype=np.float64)
+    second = checks.floats("soonest: others", others)
+    n = second.shape[1] if second.ndim == 2 else 0
+    first, second = checks.rows("soonest: q", q, n, least=0), checks.rows("soonest: others", second, n)
+    limits = np.array([checks.vector("soonest: limits", row, n) for row in (max_velocity, max_acceleration)])
+    if not np.all(limits > 0):
+        raise PlanningError(f"soonest: limits {limits}, expected > 0")
     return _least_times(first, second, limits[0], limits[1])  # type: ignore[no-any-return]
 
 
@@ -188,7 +213,7 @@ def smoothed(since, at, height, window):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _sampled(start, goal, velocity, acceleration, sides, push, dt, window):  # type: ignore[no-untyped-def]
-    """Positions and velocities, each (k, n)."""
+    """Positions and velocities, each (k, n), none if they are too many."""
     n = start.shape[0]
     at = np.empty((n, 5))
     height = np.empty((n, 5))
@@ -196,6 +221,8 @@ def _sampled(start, goal, velocity, acceleration, sides, push, dt, window):  # t
     for j in range(n):
         whole = steps_into(goal[j] - start[j], velocity[j], acceleration[j], sides[j], push, at[j], height[j])
         longest = max(longest, whole)
+    if not (longest + window) / dt < MOST_SAMPLES:
+        return np.empty((0, n)), np.empty((0, n))
     k = int(np.ceil((longest + window) / dt - 1e-9)) + 1
     q = np.empty((k, n))
     qd = np.zeros((k, n))

@@ -6,12 +6,13 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.ik import SrsGeometry, branch_into, wrist_target_into
 
 FloatArray = npt.NDArray[np.float64]
 
 _N_ARM_ANGLES = 72  # grid of 5 deg around the start's arm angle
+_MOST_STEPS = 100_000
 _MAX_TURN = 2  # grid steps the arm angle may change per way point
 
 
@@ -137,12 +138,9 @@ def cartesian_line(
     Raises:
         PlanningError: Malformed input.
     """
-    start = np.ascontiguousarray(q_start, dtype=np.float64)
-    goal = np.asarray(base_from_goal, dtype=np.float64)
-    if start.shape != (len(srs.lower),) or goal.shape != (4, 4):
-        raise PlanningError(f"cartesian_line: q_start {start.shape}, goal {goal.shape}; expected (7,) and (4, 4)")
-    if n_steps < 1:
-        raise PlanningError(f"cartesian_line: n_steps {n_steps}, expected >= 1")
+    start = checks.vector("cartesian_line: q_start", q_start, len(srs.lower))
+    goal = checks.rigid("cartesian_line: base_from_goal", base_from_goal)
+    checks.whole("cartesian_line: n_steps", n_steps, 1, _MOST_STEPS)
     if not srs.within_limits(start):
         return None
     first = srs.flange(start)

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.arm_model import ArmModel
 from planners.motion.kinematics import joint_rows
 from planners.motion.obstacles import Boxes, Capsules, rounded_boxes
@@ -119,16 +120,14 @@ class CollisionChecker:
             capsules: More obstacles, such as the spheres of another arm at rest; None for none.
 
         Raises:
-            PlanningError: Shapes do not fit, the margin is negative, or the arm has too many parts.
+            PlanningError: Shapes or kinds do not fit, a number is out of range, or the arm has too many parts.
         """
-        if not margin >= 0:
-            raise PlanningError(f"CollisionChecker: margin {margin} m, expected >= 0")
-        held_centre = np.empty((0, 3)) if held_spheres is None else np.asarray(held_spheres[0], dtype=np.float64)
-        held_radius = np.empty(0) if held_spheres is None else np.asarray(held_spheres[1], dtype=np.float64)
-        if held_centre.shape != (len(held_radius), 3):
+        if not isinstance(model, ArmModel) or not isinstance(boxes, Boxes):
             raise PlanningError(
-                f"CollisionChecker: held spheres {held_centre.shape} and {held_radius.shape}, expected (m, 3) and (m,)"
+                f"CollisionChecker: {type(model).__name__} and {type(boxes).__name__}, expected ArmModel and Boxes"
             )
+        margin = checks.positive("CollisionChecker: margin", margin, zero=True)
+        held_centre, held_radius = checks.spheres("CollisionChecker: held spheres", held_spheres)
         n = model.n_joints
         own_part = model.sphere_frame if model.sphere_part is None else model.sphere_part
         order = np.argsort(own_part, kind="stable")  # the kernels want each part's spheres side by side
@@ -152,7 +151,7 @@ class CollisionChecker:
         table = rounded_boxes(boxes, capsules if capsules is not None else Capsules())
         self.model = model
         self.boxes = boxes
-        self.margin = float(margin)
+        self.margin = margin
         self.n_spheres = len(centre)
         """Spheres of the arm and of what it holds."""
         self.scene = pack_scene(
@@ -179,17 +178,23 @@ class CollisionChecker:
         return CollisionChecker(self.model, self.boxes, self._held, margin, self._capsules)
 
     def free(self, q: npt.ArrayLike) -> bool:
-        """Whether one configuration (n,) is free of obstacles (with margin) and of itself; limits are not looked at."""
+        """Whether one configuration (n,) is free of obstacles (with margin) and of itself; limits are not looked at.
+
+        What is not finite is not free.
+        """
         return state_free(self._angles(q), self.scene)  # type: ignore[no-any-return]
 
     def edge(self, a: npt.ArrayLike, b: npt.ArrayLike) -> bool:
-        """Whether the straight joint-space motion from a (n,) to b (n,) is free; `a` itself is taken as free."""
+        """Whether the straight joint-space motion from a (n,) to b (n,) is free; `a` itself is taken as free.
+
+        What is not finite is not free, nor is a motion of more than 40 rad.
+        """
         return edge_free(self._angles(a), self._angles(b), self.scene)  # type: ignore[no-any-return]
 
     def path_free(self, path: npt.ArrayLike) -> bool:
         """Whether a piecewise straight path (m, n) is free, its first configuration included."""
-        points = np.ascontiguousarray(path, dtype=np.float64)
-        if len(points) == 0:
+        points = checks.floats("path", path)
+        if points.ndim and len(points) == 0:
             return False
         if points.ndim != 2 or points.shape[1:] != self._shape:
             raise PlanningError(f"path: shape {points.shape}, expected (m, {self._shape[0]})")
@@ -197,23 +202,28 @@ class CollisionChecker:
 
     def batch(self, q: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """`free` for many configurations (m, n), shape (m,)."""
-        angles = np.ascontiguousarray(q, dtype=np.float64).reshape(-1, self.model.n_joints)
+        angles = checks.floats("q", q)
+        if angles.ndim != 2 or angles.shape[1:] != self._shape:
+            raise PlanningError(f"q: shape {angles.shape}, expected (m, {self._shape[0]})")
         out = np.empty(len(angles), dtype=np.bool_)
         states_free(angles, out, self.scene)
         return out
 
     def clearance(self, q: npt.ArrayLike) -> float:
         """Smallest distance from any sphere to any obstacle [m]; negative when they overlap, infinite without any."""
-        return float(clearance(self._angles(q), self.scene))
+        return float(clearance(checks.vector("q", q, *self._shape), self.scene))
 
     def sphere_centres(self, q: npt.ArrayLike) -> FloatArray:
         """Sphere centres of arm and held parcel in the base frame [m], shape (k, 3)."""
         points = np.empty((self.n_spheres, 3))
-        spheres_at(self._angles(q), self.scene, points)
+        spheres_at(checks.vector("q", q, *self._shape), self.scene, points)
         return points
 
     def _angles(self, q: npt.ArrayLike) -> FloatArray:
-        angles = np.ascontiguousarray(q, _FLOAT)
+        try:
+            angles = np.ascontiguousarray(q, _FLOAT)
+        except (TypeError, ValueError):
+            raise PlanningError(f"q: {q!r}, expected {self._shape[0]} numbers") from None
         if angles.shape != self._shape:
             raise PlanningError(f"q: shape {angles.shape}, expected {self._shape}")
         return angles

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.arm_model import ArmModel
 from planners.motion.kinematics import joint_rows, link_frames_into
 from planners.motion.timed_path import TimedPath
@@ -57,16 +58,8 @@ class ArmInWorld:
         world_from_base: npt.ArrayLike,
         held_spheres: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     ) -> None:
-        pose = np.asarray(world_from_base, dtype=np.float64)
-        if pose.shape != (4, 4) or not np.all(np.isfinite(pose)):
-            raise PlanningError(f"ArmInWorld: world_from_base of shape {pose.shape}, expected finite values (4, 4)")
-        held = ((), ()) if held_spheres is None else held_spheres
-        held_centre = np.asarray(held[0], dtype=np.float64).reshape(-1, 3)
-        held_radius = np.asarray(held[1], dtype=np.float64).reshape(-1)
-        if len(held_centre) != len(held_radius):
-            raise PlanningError(
-                f"ArmInWorld: {len(held_centre)} held centres, {len(held_radius)} radii; expected equal"
-            )
+        pose = checks.rigid("ArmInWorld: world_from_base", world_from_base)
+        held_centre, held_radius = checks.spheres("ArmInWorld: held spheres", held_spheres)
         self.model = model
         self.world_from_base = pose
         self.joints = joint_rows(model.base_from_joint)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.kinematics import joint_rows, last_link_pose, link_frames
 
 FloatArray = npt.NDArray[np.float64]
@@ -17,6 +18,7 @@ N_BRANCHES = 8
 """Elbow, shoulder and wrist each have two postures."""
 
 _N_JOINTS = 7
+_MOST_ARM_ANGLES = 100_000
 _FIT_TOLERANCE = 1e-6
 _STRAIGHT = 1e-9  # below this the shoulder-wrist line is vertical and the reference plane is free
 
@@ -301,7 +303,7 @@ class SrsGeometry:
         """
         transforms = np.array(base_from_joint, dtype=np.float64)
         rows = joint_rows(transforms)
-        low, high = np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64)
+        low, high = checks.limits("SrsGeometry", lower, upper)
         if len(rows) != _N_JOINTS or low.shape != (_N_JOINTS,) or high.shape != (_N_JOINTS,):
             raise PlanningError(
                 f"SrsGeometry: {len(rows)} joints, limits {low.shape} and {high.shape}; expected {_N_JOINTS} of each"
@@ -322,7 +324,9 @@ class SrsGeometry:
 
     def within_limits(self, q: npt.ArrayLike) -> bool:
         """Whether one configuration (7,) respects the joint limits."""
-        angles = np.asarray(q, dtype=np.float64)
+        angles = checks.floats("q", q)
+        if angles.shape != (_N_JOINTS,):
+            raise PlanningError(f"q: shape {angles.shape}, expected ({_N_JOINTS},)")
         return bool(np.all((angles >= self.lower) & (angles <= self.upper)))
 
     def ik_branch(self, base_from_flange: npt.ArrayLike, arm_angle: float, branch: int) -> FloatArray | None:
@@ -337,10 +341,11 @@ class SrsGeometry:
             Joint angles in (-pi, pi] [rad], shape (7,); None if the wrist is out of reach.
 
         Raises:
-            PlanningError: No such branch.
+            PlanningError: No such branch, no finite angle, or no pose.
         """
-        if not 0 <= branch < N_BRANCHES:
-            raise PlanningError(f"ik_branch: branch {branch}, expected 0 to {N_BRANCHES - 1}")
+        checks.whole("ik_branch: branch", branch, 0, N_BRANCHES - 1)
+        if not np.isfinite(arm_angle):
+            raise PlanningError(f"ik_branch: arm_angle {arm_angle}, expected a finite number")
         target, q = np.empty((3, 4)), np.empty(_N_JOINTS)
         wrist_target_into(_pose(base_from_flange), self.packed, target)
         return q if branch_into(target, float(arm_angle), branch, self.packed, q) else None
@@ -357,14 +362,18 @@ class SrsGeometry:
 
         Returns:
             Solutions [rad], shape (m, 7), m >= 0, ordered by elbow side, then arm angle.
+
+        Raises:
+            PlanningError: No pose, or no such number of arm angles.
         """
+        checks.whole("ik_all: n_arm_angles", n_arm_angles, 1, _MOST_ARM_ANGLES)
         out = np.empty((N_BRANCHES * n_arm_angles + 8 * 24, _N_JOINTS))
         n = _solutions(_pose(base_from_flange), n_arm_angles, self.packed, self.lower, self.upper, out)
         return out[:n]
 
     def arm_angle_and_branch(self, q: npt.ArrayLike) -> tuple[float, int]:
         """Arm angle [rad] and branch (0 to 7) of a configuration: the inverse of `ik_branch`."""
-        turned = np.asarray(q, dtype=np.float64) * self.packed[3].reshape(-1)[:_N_JOINTS]
+        turned = checks.vector("q", q, _N_JOINTS) * self.packed[3].reshape(-1)[:_N_JOINTS]
         branch = int(turned[3] > 0.0) + 2 * int(turned[1] > 0.0) + 4 * int(turned[5] > 0.0)
         shoulder = _rz(turned[0]) @ _ry(turned[1]) @ _rz(turned[2])
         upper_arm, fore_arm = self.packed[2, 0, :2]
@@ -389,7 +398,7 @@ def _ry(angle: float) -> FloatArray:
 
 
 def _pose(base_from_flange: npt.ArrayLike) -> FloatArray:
-    return np.ascontiguousarray(base_from_flange, dtype=np.float64)
+    return checks.rigid("base_from_flange", base_from_flange)
 
 
 def _pack(transforms: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.kinematics import jacobian_into, joint_rows, last_link_pose, link_frames_into
 from planners.motion.shortcut import uniform
 
@@ -19,6 +20,8 @@ POSITION_M = 1e-6
 TURN_RAD = 1e-5
 """... and to the wanted orientation [rad]."""
 _STEPS = 60
+_MOST_WANTED = 100_000
+_MOST_SEED = 2**63
 _SLOW = 12  # steps after which an attempt that is still far is given up
 _FAR = 0.05
 _METRE_PER_RAD = 0.3  # weight of orientation against position: an arm's typical lever
@@ -194,7 +197,7 @@ class NumericInverse:
             PlanningError: Shapes do not fit, or a limit is not finite.
         """
         rows = joint_rows(base_from_joint)
-        low, high = np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64)
+        low, high = checks.limits("NumericInverse", lower, upper)
         if low.shape != (len(rows),) or high.shape != (len(rows),) or not np.all(np.isfinite(high - low)):
             raise PlanningError(
                 f"NumericInverse: {len(rows)} joints, limits {low.shape} and {high.shape}; expected as many, finite"
@@ -214,8 +217,11 @@ class NumericInverse:
 
         Returns:
             Solution [rad], shape (n,); None if descent ends elsewhere.
+
+        Raises:
+            PlanningError: No pose, or no configuration.
         """
-        found = self._solve(base_from_flange, np.asarray(q, dtype=np.float64).reshape(1, -1), 1, 1, 0)
+        found = self._solve(base_from_flange, checks.vector("q", q, len(self.lower))[None], 1, 1, 0)
         return found[0] if len(found) else None
 
     def ik_all(self, base_from_flange: npt.ArrayLike, n_wanted: int = 1, seed: int = 0) -> FloatArray:
@@ -228,14 +234,19 @@ class NumericInverse:
 
         Returns:
             Solutions [rad], shape (m, n), 0 <= m <= n_wanted, in the order they were found.
+
+        Raises:
+            PlanningError: No pose, or a number out of range.
         """
+        checks.whole("ik_all: n_wanted", n_wanted, 1, _MOST_WANTED)
+        checks.whole("ik_all: seed", seed, 0, _MOST_SEED)
         middle = (0.5 * (self.lower + self.upper))[None]
         return self._solve(base_from_flange, middle, n_wanted, self.n_starts, seed)
 
     def _solve(
         self, base_from_flange: npt.ArrayLike, seeds: FloatArray, n_wanted: int, n_starts: int, seed: int
     ) -> FloatArray:
-        pose = np.ascontiguousarray(base_from_flange, dtype=np.float64)
+        pose = checks.rigid("base_from_flange", base_from_flange)
         out = np.empty((n_wanted, len(self.lower)))
         random = np.array([seed], dtype=np.uint64)
         n, _ = _solutions(self.joints, pose, self.lower, self.upper, seeds, n_wanted, n_starts, random, out)

@@ -9,11 +9,13 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.kinematics import joint_rows, last_link_pose, link_frames
 
 FloatArray = npt.NDArray[np.float64]
 
 _N_JOINTS = 7
+_MOST_LASTS = 100_000
 _MEET_M = 1e-6
 _FIT_TOLERANCE = 1e-6
 _MOST = 8  # solutions at one value of the last joint: elbow, arm plane and shoulder have two postures each
@@ -253,7 +255,7 @@ class OffsetGeometry:
         """
         transforms = np.array(base_from_joint, dtype=np.float64)
         rows = joint_rows(transforms)
-        low, high = np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64)
+        low, high = checks.limits("OffsetGeometry", lower, upper)
         if len(rows) != _N_JOINTS or low.shape != (_N_JOINTS,) or high.shape != (_N_JOINTS,):
             raise PlanningError(
                 f"OffsetGeometry: {len(rows)} joints, limits {low.shape} and {high.shape}; expected {_N_JOINTS} of each"
@@ -289,7 +291,7 @@ class OffsetGeometry:
         Returns:
             Solutions [rad], shape (m, 7), 0 <= m <= 8.
         """
-        return self._solve(base_from_flange, np.array([float(q7_rad)]))
+        return self._solve(base_from_flange, checks.vector("q7_rad", [q7_rad], 1))
 
     def ik_all(self, base_from_flange: npt.ArrayLike, n_last: int = _GRID) -> FloatArray:
         """All solutions inside the joint limits on a regular grid of the last joint.
@@ -302,7 +304,11 @@ class OffsetGeometry:
 
         Returns:
             Solutions [rad], shape (m, 7), m >= 0, ordered by the last joint.
+
+        Raises:
+            PlanningError: No pose, or no such number of angles.
         """
+        checks.whole("ik_all: n_last", n_last, 1, _MOST_LASTS)
         found = self._solve(base_from_flange, self._grid(n_last))
         return found if len(found) else self._solve(base_from_flange, self._grid(n_last * _FINE))
 
@@ -311,7 +317,7 @@ class OffsetGeometry:
         return grid
 
     def _solve(self, base_from_flange: npt.ArrayLike, lasts: FloatArray) -> FloatArray:
-        pose = np.ascontiguousarray(base_from_flange, dtype=np.float64)
+        pose = checks.rigid("base_from_flange", base_from_flange)
         out = np.empty((_MOST * (min(len(lasts), 4 * _GRID) + 1), _N_JOINTS))
         n = _solutions(pose, lasts, self.joints, self.shoulder, self.lower, self.upper, out)
         return out[:n]

@@ -7,6 +7,7 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
+from planners.motion import checks
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -72,9 +73,11 @@ def joint_rows(base_from_joint: npt.ArrayLike) -> FloatArray:
     Raises:
         PlanningError: Wrong shape, or a rotation part that is not a rotation.
     """
-    joints = np.asarray(base_from_joint, dtype=np.float64)
+    joints = checks.floats("base_from_joint", base_from_joint)
     if joints.ndim != 3 or joints.shape[1:] != (4, 4) or len(joints) == 0:
         raise PlanningError(f"base_from_joint: shape {joints.shape}, expected (n_joints, 4, 4) with n_joints > 0")
+    if not np.isfinite(joints).all():
+        raise PlanningError("base_from_joint: must be finite")
     rotation = joints[:, :3, :3]
     if not np.allclose(rotation @ rotation.transpose(0, 2, 1), np.eye(3), atol=1e-6):
         raise PlanningError("base_from_joint: the upper left 3x3 parts must be rotations")
@@ -95,7 +98,7 @@ def link_frames(base_from_joint: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
         PlanningError: Shapes do not fit.
     """
     joints = joint_rows(base_from_joint)
-    angles = np.atleast_2d(np.asarray(q, dtype=np.float64))
+    angles = np.atleast_2d(checks.floats("q", q))
     if angles.ndim != 2 or angles.shape[1] != len(joints):
         raise PlanningError(f"q: shape {np.shape(q)}, expected (..., {len(joints)}), one angle per joint")
     rows = np.empty((len(angles), len(joints) + 1, 3, 4))
@@ -120,7 +123,7 @@ def jacobian(base_from_joint: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
         PlanningError: Shapes do not fit.
     """
     joints = joint_rows(base_from_joint)
-    angles = np.ascontiguousarray(q, dtype=np.float64)
+    angles = checks.floats("q", q)
     if angles.shape != (len(joints),):
         raise PlanningError(f"q: shape {angles.shape}, expected ({len(joints)},), one angle per joint")
     frames = np.empty((len(joints) + 1, 3, 4))
@@ -131,7 +134,7 @@ def jacobian(base_from_joint: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
 
 
 def last_link_pose(joints: FloatArray, q: npt.ArrayLike) -> FloatArray:
-    """Pose of the last link in the base frame; without checks, for solvers that ask often.
+    """Pose of the last link in the base frame, for solvers that ask often.
 
     Args:
         joints: What `joint_rows` gives, shape (n, 3, 4).
@@ -139,9 +142,15 @@ def last_link_pose(joints: FloatArray, q: npt.ArrayLike) -> FloatArray:
 
     Returns:
         Shape (4, 4).
+
+    Raises:
+        PlanningError: Not one number per joint: the kernel would leave frames out, or read beyond.
     """
+    angles = checks.floats("q", q)
+    if angles.shape != (len(joints),):
+        raise PlanningError(f"q: shape {angles.shape}, expected ({len(joints)},), one angle per joint")
     frames = np.empty((len(joints) + 1, 3, 4))
-    link_frames_into(joints, np.ascontiguousarray(q, dtype=np.float64), frames)
+    link_frames_into(joints, angles, frames)
     pose = np.eye(4)
     pose[:3] = frames[-1]
     return pose
@@ -157,6 +166,8 @@ def flange_from_tip(base_from_tip: npt.ArrayLike, tool_length_m: float) -> Float
     Returns:
         Pose of the last link frame in the base frame, shape (4, 4).
     """
-    flange = np.array(base_from_tip, dtype=np.float64)
+    flange = checks.floats("base_from_tip", base_from_tip).copy()
+    if flange.shape != (4, 4):
+        raise PlanningError(f"base_from_tip: shape {flange.shape}, expected (4, 4)")
     flange[:3, 3] -= tool_length_m * flange[:3, 2]
     return flange

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from planners.motion import checks
 from planners.motion.cartesian import cartesian_line, turned
 from planners.motion.ik import SrsGeometry
 from planners.motion.ik_numeric import NumericInverse
@@ -17,6 +18,7 @@ STEP_M = 0.01
 STEP_RAD = 0.1
 """And their turn."""
 _MAX_JOINT_STEP_RAD = 0.25
+_MOST_M = 100.0  # longer than any arm; shorter lines that leave the reach are found out on the way
 
 
 def tip_pose(inverse: InverseKinematics, q: FloatArray, tool_length_m: float) -> FloatArray:
@@ -45,9 +47,17 @@ def straight_line(
     Returns:
         Configurations [rad], about 1 cm apart, shape (k, n), the first being `q_start`; None if the line leaves the
         reach or the joint limits, or needs a jump.
+
+    Raises:
+        PlanningError: No pose, no configuration, or no length.
     """
+    checks.vector("straight_line: tool_length_m", [tool_length_m], 1)
+    q_start = checks.vector("straight_line: q_start", q_start, len(descent.lower))
+    base_from_tip = checks.rigid("straight_line: base_from_tip", base_from_tip)
     first = tip_pose(inverse, q_start, tool_length_m)
     way_m = float(np.linalg.norm(base_from_tip[:3, 3] - first[:3, 3]))
+    if way_m > _MOST_M:
+        return None
     turn_rad = float(np.arccos(np.clip((np.trace(first[:3, :3].T @ base_from_tip[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
     n_steps = max(2, int(np.ceil(way_m / STEP_M)), int(np.ceil(turn_rad / STEP_RAD)))
     if isinstance(inverse, SrsGeometry):

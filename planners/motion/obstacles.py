@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.errors import PlanningError
+from planners.motion import checks
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -43,22 +44,24 @@ class Boxes:
     """Spheres on link frames below this are not tested (the base may stand on the floor), shape (k,)."""
 
     def __post_init__(self) -> None:
+        for name in ("centre", "half", "yaw", "min_frame"):
+            checks.is_array(f"Boxes.{name}", getattr(self, name))
         k = len(self.yaw)
         if self.centre.shape != (k, 3) or self.half.shape != (k, 3) or self.min_frame.shape != (k,):
             raise PlanningError(
                 f"Boxes: centre {self.centre.shape}, half {self.half.shape}, yaw {self.yaw.shape}, "
                 f"min_frame {self.min_frame.shape}; expected (k, 3), (k, 3), (k,), (k,)"
             )
-        if not np.all(self.half > 0) or not np.all(np.isfinite(self.centre)) or not np.all(np.isfinite(self.yaw)):
-            raise PlanningError("Boxes: half extents must be positive, centres and yaws finite")
+        if not np.all(self.half > 0) or not all(np.isfinite(x).all() for x in (self.centre, self.half, self.yaw)):
+            raise PlanningError("Boxes: half extents must be positive, and all numbers finite")
 
     @classmethod
     def one(cls, centre: npt.ArrayLike, half: npt.ArrayLike, *, yaw: float = 0.0, min_frame: int = 0) -> Boxes:
         """A single box: centre (3,) and half edge lengths (3,) [m], yaw [rad]."""
         return cls(
-            centre=np.array(centre, dtype=np.float64).reshape(1, -1),
-            half=np.array(half, dtype=np.float64).reshape(1, -1),
-            yaw=np.array([yaw], dtype=np.float64),
+            centre=checks.floats("Boxes: centre", centre).reshape(1, -1).copy(),
+            half=checks.floats("Boxes: half", half).reshape(1, -1).copy(),
+            yaw=checks.floats("Boxes: yaw", [yaw]),
             min_frame=np.array([min_frame], dtype=np.int64),
         )
 
@@ -92,29 +95,31 @@ class Capsules:
     """Spheres on link frames below this are not tested, shape (k,)."""
 
     def __post_init__(self) -> None:
+        for name in ("start", "end", "radius", "min_frame"):
+            checks.is_array(f"Capsules.{name}", getattr(self, name))
         k = len(self.radius)
         if self.start.shape != (k, 3) or self.end.shape != (k, 3) or self.min_frame.shape != (k,):
             raise PlanningError(
                 f"Capsules: start {self.start.shape}, end {self.end.shape}, radius {self.radius.shape}, "
                 f"min_frame {self.min_frame.shape}; expected (k, 3), (k, 3), (k,), (k,)"
             )
-        if not np.all(self.radius > 0) or not np.all(np.isfinite(self.start)) or not np.all(np.isfinite(self.end)):
-            raise PlanningError("Capsules: radii must be positive and ends finite")
+        if not np.all(self.radius > 0) or not all(np.isfinite(x).all() for x in (self.start, self.end, self.radius)):
+            raise PlanningError("Capsules: radii must be positive, and all numbers finite")
 
     @classmethod
     def one(cls, start: npt.ArrayLike, end: npt.ArrayLike, radius_m: float, *, min_frame: int = 0) -> Capsules:
         """A single capsule: ends (3,) and radius [m]."""
         return cls(
-            start=np.array(start, dtype=np.float64).reshape(1, -1),
-            end=np.array(end, dtype=np.float64).reshape(1, -1),
-            radius=np.array([radius_m], dtype=np.float64),
+            start=checks.floats("Capsules: start", start).reshape(1, -1).copy(),
+            end=checks.floats("Capsules: end", end).reshape(1, -1).copy(),
+            radius=checks.floats("Capsules: radius", [radius_m]),
             min_frame=np.array([min_frame], dtype=np.int64),
         )
 
     @classmethod
     def spheres(cls, centre: npt.ArrayLike, radius_m: npt.ArrayLike) -> Capsules:
         """Spheres, such as those of another arm at rest: centres (k, 3) and radii (k,) [m]."""
-        middle, radius = np.array(centre, dtype=np.float64).reshape(-1, 3), np.array(radius_m, dtype=np.float64)
+        middle, radius = checks.spheres("Capsules: spheres", (centre, radius_m))
         return cls(start=middle, end=middle, radius=radius, min_frame=np.zeros(len(radius), dtype=np.int64))
 
     @classmethod

@@ -10,12 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.collision import CollisionChecker
 from planners.motion.scene_kernel import straight_goal
 
 FloatArray = npt.NDArray[np.float64]
 
 _MAX_SEED = 2**32 - 2
+_MOST_ITERATIONS = 2**62
 
 
 class MotionStatus(Enum):
@@ -46,6 +48,10 @@ class MotionProblem:
     """Tree extensions a planner may try; the only budget."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.checker, CollisionChecker):
+            raise PlanningError(f"MotionProblem.checker: {self.checker!r}, expected a CollisionChecker")
+        checks.is_array("MotionProblem.start", self.start)
+        checks.is_array("MotionProblem.goals", self.goals)
         n = self.checker.model.n_joints
         if self.start.shape != (n,) or self.goals.ndim != 2 or self.goals.shape[1:] != (n,) or len(self.goals) == 0:
             raise PlanningError(
@@ -54,10 +60,8 @@ class MotionProblem:
             )
         if not np.all(np.isfinite(self.start)) or not np.all(np.isfinite(self.goals)):
             raise PlanningError("MotionProblem: start and goals must be finite")
-        if not 0 <= self.seed <= _MAX_SEED:
-            raise PlanningError(f"MotionProblem: seed {self.seed}, expected 0 to {_MAX_SEED}")
-        if self.max_iterations < 0:
-            raise PlanningError(f"MotionProblem: max_iterations {self.max_iterations}, expected >= 0")
+        checks.whole("MotionProblem: seed", self.seed, 0, _MAX_SEED)
+        checks.whole("MotionProblem: max_iterations", self.max_iterations, 0, _MOST_ITERATIONS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

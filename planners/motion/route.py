@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.collision import CollisionChecker
 from planners.motion.ik_numeric import NumericInverse
 from planners.motion.inverse import InverseKinematics
@@ -22,6 +23,8 @@ FloatArray = npt.NDArray[np.float64]
 
 _SPEED_SHARE, _ACCELERATION_SHARE = 0.995, 0.98
 """Parts of the limits that are planned with: `retime` keeps its limits up to 0.3 % and 1 %."""
+_MOST = 2**31 - 1
+_MOST_SEED = 2**32 - 1_000
 _WORTH = 0.95
 """A goal is worth a try if its distance is less than so much of the best path's length."""
 
@@ -38,8 +41,10 @@ class RouteStatus(Enum):
     """Configurations exist, but all of them collide."""
     NO_LINE_TO_GOAL = "no_line_to_goal"
     """No straight way leads to a pose from where the search could get to."""
+    START_COLLIDES = "start_collides"
+    """The start, or the end of the straight way out, collides, is near to something, or outside the joint limits."""
     NO_PATH = "no_path"
-    """The search's budget is used up, or the start collides."""
+    """The search's budget is used up."""
     NOT_TIMED = "not_timed"
     """A timed motion leaves its path so far that it collides."""
 
@@ -60,6 +65,9 @@ class RouteProblem:
     """The same problem and seed give the same bytes, in any process."""
 
     def __post_init__(self) -> None:
+        for name in ("start", "tips", "leave", "arrive"):
+            checks.is_array(f"RouteProblem.{name}", getattr(self, name))
+        checks.whole("RouteProblem: seed", self.seed, 0, _MOST_SEED)
         if self.start.ndim != 1 or self.tips.ndim != 3 or self.tips.shape[1:] != (4, 4) or len(self.tips) == 0:
             raise PlanningError(
                 f"RouteProblem: start {self.start.shape}, tips {self.tips.shape}; expected (n,) and (k, 4, 4), k >= 1"
@@ -70,6 +78,8 @@ class RouteProblem:
         for name in ("start", "tips", "leave", "arrive"):
             if not np.all(np.isfinite(getattr(self, name))):
                 raise PlanningError(f"RouteProblem.{name}: must be finite, got {getattr(self, name)}")
+        for tip in self.tips:
+            checks.rigid("RouteProblem.tips", tip)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,6 +134,18 @@ class RouteConfig:
     sample_s: float = 0.01
     """Sample period of the legs [s]."""
 
+    def __post_init__(self) -> None:
+        for name, least in (("goals_n", 1), ("most_goals_n", 1), ("first_iterations", 0), ("tries_n", 1)):
+            checks.whole(f"RouteConfig.{name}", getattr(self, name), least, _MOST)
+        for name in ("restarts_n", "max_iterations"):
+            checks.whole(f"RouteConfig.{name}", getattr(self, name), 0, _MOST)
+        for name in ("good_ratio", "line_speed", "sample_s"):
+            checks.positive(f"RouteConfig.{name}", getattr(self, name))
+        if not self.corner_rad:
+            raise PlanningError("RouteConfig.corner_rad: nothing, expected at least one number > 0")
+        for corner in self.corner_rad:
+            checks.positive("RouteConfig.corner_rad", corner)
+
 
 class RoutePlanner:
     """Plans routes of one arm in one scene.
@@ -153,8 +175,11 @@ class RoutePlanner:
         model = travel.model
         self._solid = travel.with_margin(0.0)
         self._descent = NumericInverse.from_joints(model.base_from_joint, model.lower, model.upper)
-        self._velocity = np.array(max_velocity_radps, dtype=np.float64)
-        self._acceleration = np.array(max_acceleration_radps2, dtype=np.float64)
+        self._velocity = checks.floats("RoutePlanner: max_velocity_radps", max_velocity_radps).copy()
+        self._acceleration = checks.floats("RoutePlanner: max_acceleration_radps2", max_acceleration_radps2).copy()
+        for name, limit in (("velocity", self._velocity), ("acceleration", self._acceleration)):
+            if limit.shape != (model.n_joints,) or not np.all(limit > 0):
+                raise PlanningError(f"RoutePlanner: max_{name} {limit}, expected {model.n_joints} values > 0")
         self._tool_m = model.tool_length
 
     def plan(self, problem: RouteProblem) -> Route:
@@ -198,7 +223,13 @@ class RoutePlanner:
 
         Returns:
             The route, or a status that says why there is none.
+
+        Raises:
+            PlanningError: Malformed input.
         """
+        start = checks.vector("travel: start", start, self._travel.model.n_joints)
+        goals = checks.rows("travel: goals", goals, self._travel.model.n_joints)
+        checks.whole("travel: seed", seed, 0, _MOST_SEED)
         for attempt in range(1 + self.config.restarts_n):
             budget = self.config.max_iterations if attempt else self.config.first_iterations
             result = self._shortest(start, goals, seed + attempt * self.config.tries_n, budget)
@@ -206,6 +237,8 @@ class RoutePlanner:
                 return self._timed(start[None], result.path, result.path[-1:], goals)
             if result.status is MotionStatus.INVALID_GOAL:
                 return self._failed(RouteStatus.GOALS_COLLIDE)
+            if result.status is MotionStatus.INVALID_START:
+                return self._failed(RouteStatus.START_COLLIDES)
         return self._failed(RouteStatus.NO_PATH)
 
     def _to_goals(
@@ -216,6 +249,8 @@ class RoutePlanner:
         status = RouteStatus.NO_PATH
         while len(goals):
             result = self._shortest(out[-1], goals, problem.seed, budget)
+            if result.status is MotionStatus.INVALID_START:
+                return self._failed(RouteStatus.START_COLLIDES)
             if not result.solved:
                 break
             chosen = int(np.argmin(np.abs(goals - result.path[-1]).max(axis=1)))

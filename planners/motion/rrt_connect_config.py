@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from planners.errors import PlanningError
+from planners.motion import checks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +17,5 @@ class RrtConnectConfig:
     """Rounds of shortening after a path is found."""
 
     def __post_init__(self) -> None:
-        if not self.range_rad > 0:
-            raise PlanningError(f"RrtConnectConfig.range_rad: {self.range_rad}, expected > 0")
-        if self.shortcut_rounds < 0:
-            raise PlanningError(f"RrtConnectConfig.shortcut_rounds: {self.shortcut_rounds}, expected >= 0")
+        checks.positive("RrtConnectConfig.range_rad", self.range_rad)
+        checks.whole("RrtConnectConfig.shortcut_rounds", self.shortcut_rounds, 0, 1_000_000)

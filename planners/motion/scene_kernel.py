@@ -18,6 +18,8 @@ IntArray = npt.NDArray[np.int64]
 COLLISION = -1.0
 """What `_state` gives for a configuration that is not free."""
 _QUEUE = 8192  # waiting sub-intervals of one edge; 20 rad at the finest step has 4096
+_LONGEST_RAD = 40.0  # what that queue has room for
+_LARGEST = 1e6
 _FINEST_RAD = 0.01  # intervals shorter than this are not split again
 _HEADER = 10
 _SPHERE = 4  # centre, radius
@@ -323,9 +325,20 @@ def _state(  # type: ignore[no-untyped-def]  # noqa: PLR0912 - one pass over par
     return share
 
 
+@njit(cache=True, inline="always")
+def _usable(q):  # type: ignore[no-untyped-def]
+    """Whether all numbers are finite, and small enough for a sine: nothing touches a NaN, so it would count as free."""
+    for i in range(q.shape[0]):  # noqa: SIM110 - compiled
+        if not abs(q[i]) < _LARGEST:
+            return False
+    return True
+
+
 @njit(cache=True)
 def state_free(q, scene):  # type: ignore[no-untyped-def]
-    """Whether one configuration is free, with the margin."""
+    """Whether one configuration is free, with the margin; one that is not finite is not."""
+    if not _usable(q):
+        return False
     joints, spheres, hulls, boxes, _, parts, groups, runs, partners, near = _open(scene)
     frames, points, tops, turns, reach, _, _, _, todo = _open_scratch(scene)
     state = _state(q, False, _margin(scene), joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
@@ -338,13 +351,16 @@ def states_free(q, out, scene):  # type: ignore[no-untyped-def]
     joints, spheres, hulls, boxes, _, parts, groups, runs, partners, near = _open(scene)
     frames, points, tops, turns, reach, _, _, _, todo = _open_scratch(scene)
     for i in range(q.shape[0]):
+        if not _usable(q[i]):
+            out[i] = False
+            continue
         state = _state(q[i], False, _margin(scene), joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
         out[i] = state != COLLISION
 
 
 @njit(cache=True)
 def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
-    """Whether the straight joint-space motion from a to b is free; a itself is taken as free.
+    """Whether the straight joint-space motion from a to b is free; a is taken as free, and edges beyond 40 rad are not.
 
     Breadth first: the middle of an interval is tested, motion bounds prove a part around it free, and the rest on both
     sides waits in a queue. What is clear for a whole interval is not tested again inside. `scene` is
@@ -354,12 +370,16 @@ def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
     frames, points, tops, turns, reach, total, q, queue, todo = _open_scratch(scene)
     margin = _margin(scene)
     n = q.shape[0]
+    if not (_usable(a) and _usable(b)):
+        return False
     if _state(b, False, margin, joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo) == COLLISION:  # noqa: E501  # fmt: skip
         return False
     length = 0.0
     for i in range(n):
         length += (b[i] - a[i]) ** 2
     length = np.sqrt(length)
+    if length > _LONGEST_RAD:
+        return False
     for p in range(parts.shape[0]):
         bound = 0.0
         total[p, n] = 0.0

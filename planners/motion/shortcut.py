@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from planners.motion import checks
 from planners.motion.collision import CollisionChecker
 from planners.motion.scene_kernel import edge_free
 
@@ -13,6 +14,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _IDLE_ROUNDS = 4
 """So many rounds without a gain end the shortening."""
+_MOST_ROUNDS = 1_000_000
 _LEAST_GAIN = 0.005
 """A cut is tried only if it saves this share of the path."""
 
@@ -117,9 +119,14 @@ def shorten(path: npt.ArrayLike, checker: CollisionChecker, *, rounds: int, seed
     Returns:
         A free path that is not longer, shape (m, n).
 
+    Raises:
+        PlanningError: Malformed input.
+
     Source: Geraerts and Overmars, Creating high-quality paths for motion planning, IJRR 2007 (shortcuts).
     """
-    corners = np.asarray(path, dtype=np.float64)
+    corners = checks.rows("shorten: path", path, checker.model.n_joints)
+    checks.whole("shorten: rounds", rounds, 0, _MOST_ROUNDS)
+    checks.whole("shorten: seed", seed, 0, 2**64 - 1)
     buffer = np.empty((len(corners) + 10 * rounds + 2, corners.shape[1]))
     buffer[: len(corners)] = corners
     n = _shorten(buffer, len(corners), rounds, np.array([seed], dtype=np.uint64), checker.scene)

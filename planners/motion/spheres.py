@@ -11,6 +11,7 @@ from scipy.cluster.vq import kmeans2
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from planners.errors import PlanningError
+from planners.motion import checks
 from planners.motion.array_cache import Arrays, cached_arrays
 from planners.motion.kinematics import link_frames
 
@@ -21,6 +22,7 @@ _FIT_VERSION = 1  # part of the cache key; raise it when the fit changes
 _SURFACE_SAMPLES = 3000
 _VOLUME_SAMPLES = 6000
 _RESTARTS = 6
+_MOST_SPHERES = 100
 _LLOYD_STEPS = 25
 _NEAR_M = 0.03  # the samples are 0.1-0.2 rad apart, so a near miss may hide a hit
 _MOSTLY_TOUCHING = 0.5
@@ -40,9 +42,12 @@ def read_binary_stl(path: Path) -> FloatArray:
         Corners in file order, in the file's units, shape (3 * n_triangles, 3).
 
     Raises:
-        PlanningError: The size does not match the triangle count (an ASCII STL, or cut off).
+        PlanningError: It cannot be read, or its size does not match the triangle count (an ASCII STL, or cut off).
     """
-    data = Path(path).read_bytes()
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise PlanningError(f"{path}: {error.strerror}; expected a binary STL file") from error
     count = int(np.frombuffer(data[80:_STL_HEADER], "<u4")[0]) if len(data) >= _STL_HEADER else -1
     if len(data) != _STL_HEADER + count * _STL_TRIANGLE.itemsize:
         raise PlanningError(f"{path}: {len(data)} bytes is not a binary STL of {count} triangles")
@@ -59,20 +64,19 @@ def fit_spheres(vertices: npt.ArrayLike, k: int, seed: int) -> tuple[FloatArray,
 
     Args:
         vertices: Mesh vertices, shape (v, 3).
-        k: Number of spheres, >= 1.
+        k: Number of spheres, 1 to 100.
         seed: Seed of samples and restarts.
 
     Returns:
         Centres (m, 3) and radii (m,), m <= k (an empty Voronoi cell gives no sphere), in the mesh's units.
 
     Raises:
-        PlanningError: k < 1, or the mesh has no volume.
+        PlanningError: k is out of range, or the mesh has no volume.
     """
-    points = np.asarray(vertices, dtype=np.float64)
+    points = checks.rows("fit_spheres: vertices", vertices, 3, least=0)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < _MINIMUM_POINTS:
         raise PlanningError(f"fit_spheres: vertices of shape {points.shape}, expected (v, 3) with v >= 4")
-    if k < 1:
-        raise PlanningError(f"fit_spheres: k = {k}, expected at least 1")
+    checks.whole("fit_spheres: k =", k, 1, _MOST_SPHERES)
     try:
         hull = ConvexHull(points)
     except QhullError as error:
@@ -125,9 +129,9 @@ def box_spheres(
     Raises:
         PlanningError: A non-positive extent or count.
     """
-    half = np.asarray(half_extent, dtype=np.float64)
+    half = checks.vector("box_spheres: half extent", half_extent, 3)
     count = np.asarray(per_axis)
-    if half.shape != (3,) or np.any(half <= 0) or count.shape != (3,) or np.any(count < 1):
+    if np.any(half <= 0) or count.shape != (3,) or np.any(count < 1):
         raise PlanningError(
             f"box_spheres: half extent {half}, per axis {per_axis}; expected three positive values each"
         )

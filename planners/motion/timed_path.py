@@ -11,7 +11,8 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
-from planners.motion.trajectory import Trajectory
+from planners.motion import checks
+from planners.motion.trajectory import MOST_SAMPLES, Trajectory
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -25,6 +26,9 @@ class Dwell:
 
     duration_s: float
     """How long [s], >= 0."""
+
+    def __post_init__(self) -> None:
+        checks.positive("Dwell: duration_s", self.duration_s, zero=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,8 +80,17 @@ def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
         PlanningError: Malformed input, or a leg does not start where the one before ends.
     """
     motions = [leg for leg in legs if isinstance(leg, Trajectory)]
-    if not (np.isfinite(step_s) and step_s > 0) or not motions:
-        raise PlanningError(f"timed_path: step_s {step_s}, {len(motions)} motions; expected > 0 and at least 1")
+    step_s = checks.positive("timed_path: step_s", step_s)
+    others = [leg for leg in legs if not isinstance(leg, Trajectory | Dwell)]
+    if not motions or others:
+        raise PlanningError(
+            f"timed_path: {len(motions)} motions, {others[:1]}; expected motions, at least 1, and rests"
+        )
+    if not all(np.isfinite(leg.q).all() and np.isfinite(leg.qd).all() for leg in motions):
+        raise PlanningError("timed_path: a motion that is not finite")
+    lasts_s = sum(leg.duration_s for leg in legs)
+    if not lasts_s / step_s < MOST_SAMPLES:
+        raise PlanningError(f"timed_path: {lasts_s} s in steps of {step_s} s; expected at most {MOST_SAMPLES} samples")
     here = motions[0].q[0]
     q, rests = [here[None]], [np.array([True])]
     between: list[FloatArray] = []

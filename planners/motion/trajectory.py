@@ -9,10 +9,15 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
+from planners.motion import checks
 
 FloatArray = npt.NDArray[np.float64]
 
 _SAME_RAD = 1e-9
+_MOST_S = 1e5
+_LONGEST_RAD = 1e4
+MOST_SAMPLES = 10_000_000
+"""Samples of the longest motion that is made: gigabytes."""
 _FINE_DT_S = 0.004  # the average is taken over steps no longer than this
 _CELL_RAD = 0.02
 _LINE_CELLS = 4
@@ -30,6 +35,15 @@ class Trajectory:
     """Joint angles [rad], shape (k, n)."""
     qd: FloatArray
     """Joint velocities [rad/s], shape (k, n)."""
+
+    def __post_init__(self) -> None:
+        for name in ("t", "q", "qd"):
+            checks.is_array(f"Trajectory.{name}", getattr(self, name))
+        k = len(self.t) if self.t.ndim == 1 else 0
+        if k == 0 or self.q.ndim != 2 or len(self.q) != k or self.qd.shape != self.q.shape:
+            raise PlanningError(
+                f"Trajectory: t {self.t.shape}, q {self.q.shape}, qd {self.qd.shape}; expected (k,) and twice (k, n)"
+            )
 
     @property
     def duration_s(self) -> float:
@@ -175,12 +189,17 @@ def _speeds(size, tangent, curve, max_velocity, max_acceleration):  # type: igno
 
 @njit(cache=True)
 def _sampled(path, size, point, tangent, curve, speed, fine_dt, per_sample, width):  # type: ignore[no-untyped-def]
-    """Positions and velocities every `per_sample` fine steps, averaged over `width` fine steps; each (k, n)."""
+    """Positions and velocities every `per_sample` fine steps, averages over `width` of them; each (k, n), or (0, n)."""
     m, n = tangent.shape
     pace = np.sqrt(speed)
     time = np.zeros(m + 1)
     for c in range(m):
-        time[c + 1] = time[c] + 2.0 * size[c] / (pace[c] + pace[c + 1])
+        if pace[c] + pace[c + 1] > 0.0:
+            time[c + 1] = time[c] + 2.0 * size[c] / (pace[c] + pace[c + 1])
+        else:
+            time[c + 1] = np.inf
+    if not time[m] / fine_dt + width + per_sample < MOST_SAMPLES:
+        return np.empty((0, n)), np.empty((0, n))
     # Slow down a little, so that the end falls on a sample.
     total = int(np.ceil(time[m] / fine_dt - 1e-9)) + width - 1
     total += -total % per_sample
@@ -238,7 +257,7 @@ def retime(
 
     Args:
         path: Corners [rad], shape (k, n), k >= 1; equal neighbours are merged.
-        max_velocity: Velocity limits [rad/s], shape (n,), > 0.
+        max_velocity: Velocity limits [rad/s], shape (n,), > 0; infinite for none.
         max_acceleration: Acceleration limits [rad/s^2], shape (n,), > 0.
         dt_s: Sample period [s], > 0.
         max_deviation_rad: How far corners may be cut [rad], > 0.
@@ -249,32 +268,43 @@ def retime(
         samples respect the limits within 0.1 % (velocity) and 1 % (acceleration).
 
     Raises:
-        PlanningError: Malformed input.
+        PlanningError: Malformed input, or a motion that takes more than a day or ten million samples.
 
     Source: Time-optimal path parameterization by reachability (Pham and Pham, TOPP-RA, IEEE T-RO 2018) on cells of
         constant curvature; corner arcs in the spirit of Kunz and Stilman, RSS 2012.
     """
-    corners = np.asarray(path, dtype=np.float64)
+    corners = checks.floats("retime: path", path)
     if corners.ndim != 2 or len(corners) == 0 or not np.all(np.isfinite(corners)):
         raise PlanningError(f"retime: path of shape {corners.shape}, expected finite values (k, n) with k >= 1")
     n = corners.shape[1]
-    velocity, acceleration = np.array(max_velocity, dtype=np.float64), np.array(max_acceleration, dtype=np.float64)
+    velocity = checks.floats("retime: max_velocity", max_velocity)
+    acceleration = checks.floats("retime: max_acceleration", max_acceleration)
     for name, limit in (("max_velocity", velocity), ("max_acceleration", acceleration)):
         if limit.shape != (n,) or not np.all(limit > 0):
             raise PlanningError(f"retime: {name} {limit}, expected {n} values > 0")
-    if not (dt_s > 0 and max_deviation_rad > 0 and smoothing_s >= 0):
-        raise PlanningError(
-            f"retime: dt_s {dt_s}, max_deviation_rad {max_deviation_rad}, smoothing_s {smoothing_s}; "
-            "expected > 0, > 0, >= 0"
-        )
+    if not np.all(np.isfinite(acceleration)):
+        raise PlanningError(f"retime: max_acceleration {acceleration}, expected finite values")
+    dt_s = checks.positive("retime: dt_s", dt_s)
+    checks.positive("retime: max_deviation_rad", max_deviation_rad)
+    checks.positive("retime: smoothing_s", smoothing_s, zero=True)
     moved = np.linalg.norm(np.diff(corners, axis=0), axis=1) > _SAME_RAD
     corners = np.ascontiguousarray(corners[np.concatenate([[True], moved])])
     if len(corners) == 1:
         return Trajectory(t=np.zeros(1), q=corners.copy(), qd=np.zeros((1, n)))
+    turned = np.abs(np.diff(corners, axis=0)).sum(axis=0)
+    if turned.max() > _LONGEST_RAD:
+        raise PlanningError(f"retime: a path of {turned.max()} rad in one joint, expected at most {_LONGEST_RAD}")
+    # From rest to rest no joint gets a tenth as fast; the kernels are as exact as the largest speed is small.
+    velocity = np.minimum(velocity, 10.0 * np.sqrt(acceleration * np.maximum(turned, 1.0)))
     per_sample = max(1, int(np.ceil(dt_s / _FINE_DT_S)))
     fine_dt = dt_s / per_sample
     width = max(1, round(smoothing_s / fine_dt))
     cells = _cells(corners, max_deviation_rad)
     speed = _speeds(cells[0], cells[2], cells[3], velocity, acceleration)
     q, qd = _sampled(corners, *cells, speed, fine_dt, per_sample, width)
+    if len(q) == 0:
+        raise PlanningError(
+            f"retime: limits {velocity} and {acceleration} with samples of {dt_s} s and {smoothing_s} s of smoothing; "
+            f"expected a motion of at most {MOST_SAMPLES} samples"
+        )
     return Trajectory(t=np.arange(len(q), dtype=np.float64) * float(dt_s), q=q, qd=qd)

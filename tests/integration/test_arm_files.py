@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pybullet_data
 import pytest
 
+from fleet.errors import ConfigError
+from fleet.robots.arm_kinds import arm_kind
 from fleet.world.bullet.arm_file import ArmFile, ArmFileError, load, read_arm
 from fleet.world.bullet.client import Client
+from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.bullet.dynamics import ArmDynamics
+from planners.errors import PlanningError
 from planners.motion.collision import CollisionChecker
 from planners.motion.ik import SrsGeometry
 from planners.motion.ik_offset import OffsetGeometry
@@ -42,6 +47,12 @@ def written(folder: Path, name: str, text: str) -> Path:
     return path
 
 
+def pairs_apart(arm: ArmFile) -> list[tuple[int, int]]:
+    """Links of different rigid parts that may not touch."""
+    part = arm.part_of_link
+    return [(a, b) for a in part for b in part if part[a] < part[b] and (part[a], part[b]) not in arm.touching]
+
+
 def engine_disagrees(arm: ArmFile, n: int) -> int:
     """States that the engine's bodies collide in although our spheres are free; forward kinematics on the way."""
     client = Client()
@@ -55,13 +66,7 @@ def engine_disagrees(arm: ArmFile, n: int) -> int:
     shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=half.tolist())
     box = client.createMultiBody(baseCollisionShapeIndex=shape, basePosition=(centre + base).tolist())
     checker = CollisionChecker(arm.model, Boxes.one(centre, half), margin=0.0)
-    links = [link for link in arm.part_of_link]
-    pairs = [
-        (a, b)
-        for a in links
-        for b in links
-        if arm.part_of_link[a] < arm.part_of_link[b] and (arm.part_of_link[a], arm.part_of_link[b]) not in arm.touching
-    ]
+    pairs = pairs_apart(arm)
     wrong = 0
     for q in np.random.default_rng(4).uniform(arm.model.lower, arm.model.upper, (n, arm.model.n_joints)):
         for joint, angle in zip(arm.joint_index, q.tolist(), strict=True):
@@ -78,11 +83,38 @@ def engine_disagrees(arm: ArmFile, n: int) -> int:
     return wrong
 
 
+def confirmer_agrees(arm: ArmFile) -> None:
+    """The confirmer and a plain look at the same links agree on every state, and it knows where a held thing is."""
+    states = np.random.default_rng(1).uniform(arm.model.lower, arm.model.upper, (150, arm.model.n_joints))
+    client = Client()
+    body = load(client, arm.path)[arm.body]
+    pairs = pairs_apart(arm)
+    touching = []
+    for q in states:
+        for joint, angle in zip(arm.joint_index, q.tolist(), strict=True):
+            client.resetJointState(body, joint, angle)
+        points = [client.getClosestPoints(body, body, 0.0, linkIndexA=a, linkIndexB=b) for a, b in pairs]
+        touching.append(any(point[8] < 0 for found in points for point in found))
+    client.close()
+    assert any(touching), arm.path
+    confirmer = PathConfirmer.of_file(arm)
+    assert [not confirmer.confirm(q[None]).free for q in states] == touching
+    # A thing 2 m ahead of the last link, and a box there.
+    alone = next(q for q, touch in zip(states, touching, strict=True) if not touch)
+    corners = np.array([[x, y, 2 + z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)])
+    there = (arm.flange(alone) @ np.array([0.0, 0.0, 2.0, 1.0]))[:3]
+    confirmer.set_boxes(there[None], np.full((1, 3), 0.02))
+    assert confirmer.confirm(alone[None]).free
+    assert confirmer.confirm(alone[None], corners).what == "held thing - box"
+    confirmer.close()
+
+
 def test_mjcf_arm_with_tilted_axes(tmp_path: Path) -> None:
     arm = read_arm(written(tmp_path, "arm.xml", MJCF))
     assert arm.joint_names == ("j1", "j2", "j3")
     np.testing.assert_allclose(arm.model.upper, [2.0, 1.5, 1.0])
     assert engine_disagrees(arm, 400) == 0
+    confirmer_agrees(arm)
 
 
 def test_one_joint_in_numbers(tmp_path: Path) -> None:
@@ -107,11 +139,29 @@ def test_one_joint_in_numbers(tmp_path: Path) -> None:
     [
         ("none.urdf", None, "no such file"),
         ("arm.dae", "x", "unknown kind '.dae'"),
-        ("broken.urdf", "<robot", "cannot load"),
+        ("broken.urdf", "<robot", "not XML"),
         ("broken.xml", "<mujoco", "not XML"),
         ("fixed.urdf", URDF.format(joint=HINGE.replace("revolute", "fixed")), "no movable joint"),
         ("slide.urdf", URDF.format(joint=HINGE.replace("revolute", "prismatic")), "'turn' of the chain slides"),
         ("flat.urdf", URDF.format(joint=HINGE).replace("0.2 0.2 0.1", "0.2 0 0.1"), "a box of size"),
+        ("roots.urdf", URDF.format(joint=""), "links without a joint: base, arm"),
+        (
+            "loop.urdf",
+            URDF.format(joint=HINGE.replace('"base"', '"arm"')),
+            "links without a joint: base|hangs on itself",
+        ),
+        ("parents.urdf", URDF.format(joint=HINGE + HINGE), "'arm' hangs on two joints"),
+        (
+            "orphan.urdf",
+            URDF.format(joint=HINGE.replace('"base"', '"bass"')),
+            "parent 'bass'; valid: a link of the file",
+        ),
+        ("twice.urdf", URDF.format(joint=HINGE + '<link name="arm"/>'), "name 'arm': 2"),
+        ("nan.urdf", URDF.format(joint=HINGE.replace("0 0 0.1", "nan 0 0")), "origin xyz 'nan 0 0'; valid: finite"),
+        ("word.urdf", URDF.format(joint=HINGE.replace("-1.5", "low")), "limit lower 'low'"),
+        ("swapped.urdf", URDF.format(joint=HINGE.replace("-1.5", "3")), "limits 3 to 1.5; valid: lower before upper"),
+        ("pointless.urdf", URDF.format(joint=HINGE.replace("0 1 0", "0 0 0")), "axis '0 0 0'; valid: a direction"),
+        ("light.urdf", URDF.format(joint=HINGE).replace('"2"/><origin', '"-2"/><origin'), "mass -2"),
         ("bare.urdf", URDF.format(joint=HINGE).replace("collision>", "visual>"), "no collision shapes"),
     ],
 )
@@ -121,6 +171,36 @@ def test_bad_files_are_named(tmp_path: Path, name: str, text: str | None, messag
         path.write_text(text, encoding="utf-8")
     with pytest.raises(ArmFileError, match=message):
         read_arm(path)
+
+
+def test_odd_input_is_named(tmp_path: Path) -> None:
+    path = written(tmp_path, "r.urdf", URDF.format(joint=HINGE))
+    for wrong in ({"path": 3}, {"tool_length_m": np.nan}, {"tool_length_m": "a"}, {"allowed": [("arm",)]}):
+        with pytest.raises(ArmFileError, match="valid:"):
+            read_arm(**({"path": path} | wrong))  # type: ignore[arg-type]
+    with pytest.raises(ArmFileError, match=r"'panda_finger_joint1' at 9.0; valid: 0 to 0.04"):
+        read_arm(DATA / "franka_panda/panda.urdf", frozen={"panda_finger_joint1": 9.0})
+    with pytest.raises(ConfigError, match="arm 'nobody'; valid: iiwa, panda, xarm"):
+        arm_kind("nobody")
+    arm = read_arm(path)
+    confirmer = PathConfirmer.of_file(arm)
+    here = np.zeros((1, 1))
+    cases: list[Callable[[], object]] = [
+        lambda: confirmer.confirm(np.array([[np.nan]])),
+        lambda: confirmer.confirm(np.zeros((3, 4))),
+        lambda: confirmer.confirm(np.empty((0, 1))),
+        lambda: confirmer.confirm(here, np.full((4, 3), np.nan)),
+        lambda: confirmer.confirm(here, allowance_m=np.nan),
+        lambda: confirmer.set_boxes(np.full((1, 3), np.nan), np.ones((1, 3))),
+        lambda: confirmer.set_boxes(np.zeros((2, 3)), np.ones((1, 3))),
+        lambda: confirmer.set_boxes(np.zeros((1, 3)), -np.ones((1, 3))),
+        lambda: confirmer.set_things([np.empty((0, 3))]),
+    ]
+    for case in cases:
+        with pytest.raises(PlanningError, match="expected"):
+            case()
+    assert confirmer.confirm(here).free
+    confirmer.close()
 
 
 def test_unknown_names_are_told(tmp_path: Path) -> None:
@@ -144,6 +224,7 @@ def test_the_arms_that_ship_with_the_engine() -> None:
     assert [arm.model.n_joints for arm in (panda, xarm, iiwa)] == [7, 6, 7]
     for arm in (panda, xarm, iiwa):
         assert engine_disagrees(arm, 300) == 0
+        confirmer_agrees(arm)
         q = np.random.default_rng(0).uniform(arm.model.lower, arm.model.upper)
         for found in arm.inverse.ik_all(arm.flange(q)):
             np.testing.assert_allclose(arm.flange(found), arm.flange(q), atol=1e-4)

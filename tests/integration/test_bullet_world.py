@@ -16,7 +16,7 @@ from fleet.errors import ConfigError
 from fleet.robots import TOOLS, iiwa_spec, racecar_spec
 from fleet.world.bullet import BulletConfig, BulletWorld
 from fleet.world.bullet.client import PhysicsError
-from fleet.world.bullet.confirm import HeldBox, PathConfirmer
+from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
 
@@ -344,22 +344,51 @@ def test_a_snapshot_brings_back_what_left_and_removes_what_came(make_world: Make
         world.remove_obstacle(0)
 
 
+@pytest.mark.parametrize("mine", [Grip.FRICTION, Grip.SUCTION])
+def test_another_world_of_the_process_changes_nothing(make_world: MakeWorld, mine: Grip) -> None:
+    """The engine has one distance at which contacts end for all its connections; each kind of grip needs its own."""
+
+    def driven(world: BulletWorld) -> bytes:
+        run(world, 0.5, (0.2, 1.0))
+        return world.state_bytes()
+
+    alone = driven(make_world(cars=[(1.0, 1.0, 0.0)], grip=mine))
+    world = make_world(cars=[(1.0, 1.0, 0.0)], grip=mine)
+    other = Grip.SUCTION if mine is Grip.FRICTION else Grip.FRICTION
+    beside = make_world(cars=[(1.0, 1.0, 0.0)], grip=other)
+    run(beside, 0.1)
+    PathConfirmer.of_spec(iiwa_spec(), TOOLS["suction"]).close()
+    assert driven(world) == alone
+
+
 def test_a_path_is_confirmed_or_refused_with_its_first_bad_state() -> None:
     spec = iiwa_spec(TOOLS["suction"])
-    confirmer = PathConfirmer(spec, TOOLS["suction"])
+    confirmer = PathConfirmer.of_spec(spec, TOOLS["suction"])
     path = spec.home_rad + np.linspace(0.0, 1.5, 100)[:, None] * np.eye(7)[0]
-    held = HeldBox(size_m=(0.08, 0.08, 0.08), link_from_box=np.eye(4))
-    held.link_from_box[2, 3] = spec.tool_length_m + 0.04
+    held = np.array([[x, y, spec.tool_length_m + z] for x in (-0.04, 0.04) for y in (-0.04, 0.04) for z in (0.0, 0.08)])
     assert confirmer.confirm(path).free
     # Just below where the tip passes after 0.8 rad: the held parcel strikes it, the bare tool does not.
     centre = np.array([[0.40 * np.cos(np.pi + 0.8), 0.40 * np.sin(np.pi + 0.8), 0.55]])
     confirmer.set_boxes(centre, np.full((1, 3), 0.03))
     assert confirmer.confirm(path).free
     verdict = confirmer.confirm(path, held)
-    assert (verdict.free, verdict.what) == (False, "held box - box")
+    assert (verdict.free, verdict.what) == (False, "held thing - box")
     assert 0.0 < path[verdict.first_index, 0] < 0.8
+    # The same as a thing of four corners.
+    confirmer.set_boxes(np.empty((0, 3)), np.empty((0, 3)))
+    confirmer.set_things([centre + 0.03 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])])
+    assert confirmer.confirm(path).free
+    assert confirmer.confirm(path, held).what == "held thing - thing 0"
     folded = np.array([0.0, -2.0, 0.0, 2.0, 0.0, -1.8, 0.0])
     assert confirmer.confirm(np.array([spec.home_rad, folded])).first_index == 1
+    # What an arm stands on counts for all but its lowest links.
+    table = (np.array([[0.0, 0.0, 0.0]]), np.array([[0.9, 0.9, 0.2]]))
+    confirmer.set_things([])
+    confirmer.set_boxes(*table)
+    assert confirmer.confirm(path).what == "lbr_iiwa_link_1 - box"
+    confirmer.set_boxes(*table, min_frame=np.array([2]))
+    assert confirmer.confirm(path).free
+    assert confirmer.confirm(np.array([[0.0, 2.09, 0.0, 0.0, 0.0, 0.0, 0.0]])).what.endswith(" - box")
     confirmer.close()
 
 

@@ -5,12 +5,17 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import pytest
 
 from fleet.cli import main
 from fleet.recording.cli import run_rerun
+from fleet.world.bullet.confirm import Confirmation, PathConfirmer
 
 pytestmark = pytest.mark.bullet
+
+FloatArray = npt.NDArray[np.float64]
 
 
 def ran(words: list[str]) -> int:
@@ -75,3 +80,21 @@ def test_bad_input_is_one_line(words: list[str], message: str, capsys: pytest.Ca
     said = capsys.readouterr().err
     assert message in said
     assert said.count("\n") == 1
+
+
+def test_the_physics_engine_has_the_last_word(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Paths that lead into the table are no paths, however good they look to the spheres."""
+    seen = []
+
+    def bent(self: PathConfirmer, path: FloatArray, held: FloatArray | None = None, **settings: float) -> Confirmation:
+        verdict = confirm(self, path + 0.3 * np.eye(7)[1], held, **settings)
+        seen.append(verdict.what)
+        return verdict
+
+    confirm = PathConfirmer.confirm
+    monkeypatch.setattr(PathConfirmer, "confirm", bent)
+    assert ran(["sort", "--seed", "1", "--objects", "1", "--no-record", "--out", str(tmp_path)]) == 1
+    result = result_of(tmp_path)
+    assert seen[0].endswith(" - box")
+    assert (result["sorted"], result["paths_refused"]) == (0, sum(map(bool, seen)))
+    assert result["reasons"] == {"0": f"way to it: the physics engine refuses it: {seen[0]}"}

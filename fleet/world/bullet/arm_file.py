@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from fleet.errors import FleetError
 from fleet.world.bullet.client import Client, PhysicsError, quiet
+from fleet.world.bullet.urdf_text import urdf_fault
 from planners.motion.arm_model import ArmModel, assemble
 from planners.motion.inverse import InverseKinematics, inverse_kinematics
 from planners.motion.kinematics import jacobian, link_frames
@@ -117,15 +118,20 @@ def read_arm(
         The arm.
 
     Raises:
-        ArmFileError: No such file, not loadable, no movable joint, a sliding joint in the chain, an unknown name.
+        ArmFileError: No such file, not loadable, no movable joint, a sliding joint in the chain, an unknown name, a
+            number out of range.
     """
+    if not isinstance(path, str | Path):
+        raise ArmFileError(f"path is {path!r}; valid: the path of a {', '.join(KINDS)} file")
     place = Path(path)
+    if not isinstance(tool_length_m, int | float) or not math.isfinite(tool_length_m):
+        raise ArmFileError(f"tool_length_m is {tool_length_m!r}; valid: a finite number [m]")
     with _Body(place) as body:
         chain = body.chain(tip)
         held = body.freeze(chain, frozen or {})
         base_from_joint, link_from_frame = body.frames(chain)
         lower, upper = body.limits(chain)
-        part_of_link = body.parts(chain)
+        part_of_link = rigid_parts([info[16] for info in body.info], chain)
         covers = body.covers(part_of_link, link_from_frame, chain, cache_dir)
         if not covers:
             raise ArmFileError(f"{place}: the arm has no collision shapes; valid: links with <collision> geometry")
@@ -157,6 +163,26 @@ def read_arm(
         )
 
 
+def rigid_parts(parents: Sequence[int], chain: Sequence[int]) -> dict[int, int]:
+    """Rigid part of each link of an arm.
+
+    Args:
+        parents: The link that each link hangs on, -1 being the base.
+        chain: Links that the arm's joints move, base to tip, n of them.
+
+    Returns:
+        By link, -1 being the base: 0 for what stands still, i for what joint i moves, n+1 for what only hangs on the
+        last link of the chain, such as a tool.
+    """
+    part_of = {-1: 0}
+    for link in range(len(parents)):
+        moved_by = [chain.index(a) for a in _ancestors(parents, link) if a in chain]
+        part_of[link] = 0 if not moved_by else moved_by[-1] + 1
+        if part_of[link] == len(chain) and link != chain[-1]:
+            part_of[link] += 1
+    return part_of
+
+
 def load(client: Client, path: Path) -> list[int]:
     """Load a description of any kind with its base fixed; gives the bodies' ids.
 
@@ -167,6 +193,10 @@ def load(client: Client, path: Path) -> list[int]:
         raise ArmFileError(f"{path}: no such file; valid: a {', '.join(KINDS)} file")
     if path.suffix.lower() not in KINDS:
         raise ArmFileError(f"{path}: unknown kind {path.suffix!r}; valid: {', '.join(KINDS)}")
+    if path.suffix.lower() == ".urdf":
+        fault = urdf_fault(path.read_text(encoding="utf-8", errors="replace"))
+        if fault:
+            raise ArmFileError(f"{path}: {fault}")
     try:
         with quiet():
             if path.suffix.lower() == ".urdf":
@@ -267,8 +297,12 @@ class _Body:
         for name, link in others.items():
             low, high = self.info[link][8:10]
             value = frozen.get(name, min(max(0.0, low), high) if low < high else 0.0)
-            if not math.isfinite(value):
-                raise ArmFileError(f"{self._path}: joint {name!r} at {value}; valid: a finite position")
+            if (
+                not isinstance(value, int | float)
+                or not math.isfinite(value)
+                or (low < high and not low <= value <= high)
+            ):
+                raise ArmFileError(f"{self._path}: joint {name!r} at {value!r}; valid: {low:g} to {high:g}")
             held[name] = float(value)
             self._client.resetJointState(self.id, link, value)
         return held
@@ -302,16 +336,6 @@ class _Body:
             poses.append(before @ link_from_frame[i + 1])
         steps = [_snapped(np.linalg.inv(a) @ b) for a, b in pairwise(poses)]
         return np.array(steps), link_from_frame
-
-    def parts(self, chain: list[int]) -> dict[int, int]:
-        """Rigid part of each link: that of the joint that moves it; n+1 if it only hangs on the last link."""
-        part_of = {-1: 0}
-        for link in range(len(self.info)):
-            moved_by = [chain.index(a) for a in self._ancestors(link) if a in chain]
-            part_of[link] = 0 if not moved_by else moved_by[-1] + 1
-            if part_of[link] == len(chain) and link != chain[-1]:
-                part_of[link] += 1
-        return part_of
 
     def covers(
         self, part_of: Mapping[int, int], link_from_frame: FloatArray, chain: list[int], cache_dir: Path | None
@@ -350,6 +374,8 @@ class _Body:
         number = {self._client.getBodyInfo(self.id)[0].decode(): -1} | {
             info[12].decode(): link for link, info in enumerate(self.info)
         }
+        if any(isinstance(pair, str) or len(pair) != 2 for pair in allowed):
+            raise ArmFileError(f"{self._path}: allowed: {allowed!r}; valid: pairs of names")
         unknown = [name for pair in allowed for name in pair if name not in number]
         if unknown:
             raise ArmFileError(f"{self._path}: allowed: no link {unknown[0]!r}; valid: {', '.join(number)}")
@@ -430,11 +456,7 @@ class _Body:
 
     def _ancestors(self, link: int) -> list[int]:
         """Links from the base to a link, itself included."""
-        way = []
-        while link >= 0:
-            way.append(link)
-            link = self.info[link][16]
-        return way[::-1]
+        return _ancestors([info[16] for info in self.info], link)
 
     def _before_branch(self) -> int:
         """The last movable link that all other movable links behind the first hang on, or that nothing hangs on."""
@@ -445,6 +467,15 @@ class _Body:
             if len(nearest) != 1 or self.info[nearest[0]][2] != 0:
                 return end
             end = nearest[0]
+
+
+def _ancestors(parents: Sequence[int], link: int) -> list[int]:
+    """Links from the base to a link, itself included."""
+    way = []
+    while link >= 0:
+        way.append(link)
+        link = parents[link]
+    return way[::-1]
 
 
 def _pose(position: tuple[float, ...], quat_xyzw: tuple[float, ...]) -> FloatArray:

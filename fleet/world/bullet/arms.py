@@ -185,6 +185,8 @@ class Arms:
         self._goal_q = np.full_like(self.q, np.inf)  # no target equals it, so every arm counts as moving
 
     def _all_joints(self) -> list[int]:
+        if not self.bodies:
+            return []
         return self._joints + [self.joint_names[name] for name in self.tool.finger_joints]
 
 

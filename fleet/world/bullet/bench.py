@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from fleet.control import ControlError, JointLimits
+from fleet.control.errors import checked
 from fleet.world.bullet.arm_file import ArmFile, load
 from fleet.world.bullet.client import Client
 from fleet.world.bullet.drive import ArmDrive
@@ -17,6 +20,8 @@ FloatArray = npt.NDArray[np.float64]
 
 SUBSTEP_S = 1.0 / 240.0
 _FINGER_FORCE_N = 100.0
+_CONTACT_BREAKING_M = 0.02
+"""The engine's own."""
 
 
 class ArmBench:
@@ -36,8 +41,10 @@ class ArmBench:
     def __init__(
         self, arm: ArmFile, limits: JointLimits, *, step_s: float = SUBSTEP_S, gravity_mps2: float = GRAVITY_MPS2
     ) -> None:
-        if not 0 < step_s <= 0.1:
-            raise ControlError(f"step_s is {step_s}; valid: a number > 0 and at most 0.1")
+        if not isinstance(step_s, int | float) or not 0 < step_s <= 0.1:
+            raise ControlError(f"step_s is {step_s!r}; valid: a number > 0 and at most 0.1")
+        if not isinstance(gravity_mps2, int | float) or not math.isfinite(gravity_mps2):
+            raise ControlError(f"gravity_mps2 is {gravity_mps2!r}; valid: a finite number")
         self.client = client = Client()
         self.step_s = step_s
         try:
@@ -64,18 +71,20 @@ class ArmBench:
 
     def step(self) -> None:
         """Advance one physics step; torque commands end with it, the others go on."""
+        self.client.keep_contacts(_CONTACT_BREAKING_M)
         self.client.stepSimulation()
 
     def add_box(self, centre_m: npt.ArrayLike, half_m: npt.ArrayLike, yaw_rad: float = 0.0) -> int:
         """Put a fixed box into the engine: centre (3,), half edges (3,) [m]; gives its body."""
         client = self.client
-        half = np.asarray(half_m, dtype=np.float64)
-        if half.shape != (3,) or not np.all(half > 0):
+        half, centre = checked("half_m", half_m, 3, "m"), checked("centre_m", centre_m, 3, "m")
+        if not np.all(half > 0):
             raise ControlError(f"half_m: {half}; valid: three numbers > 0 [m]")
+        checked("yaw_rad", [yaw_rad], 1, "rad")
         return int(
             client.createMultiBody(
                 baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_BOX, halfExtents=half.tolist()),
-                basePosition=np.asarray(centre_m, dtype=np.float64).tolist(),
+                basePosition=centre.tolist(),
                 baseOrientation=quaternion(yaw_rad),
             )
         )

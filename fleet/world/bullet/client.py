@@ -25,6 +25,11 @@ _REHEARSAL = "import pybullet as p, sys; i = p.connect(p.GUI); i < 0 or p.discon
 _REHEARSAL_S = 60.0
 
 
+# The engine keeps the distance from which contacts are dropped once for all connections of a process: what was set last
+# in this process, which is "", and in the servers it is connected to [m].
+_contact_breaking_m: dict[str, float] = {}
+
+
 class PhysicsError(FleetError):
     """The physics engine refused a connection or a description."""
 
@@ -96,7 +101,9 @@ class Client:
                 "python -m pybullet_utils.runServer starts with key 12347, or connect DIRECT"
             )
         self.engine = pybullet
+        self._place = self._server if connect is Connect.SHARED_MEMORY else ""
         if connect is Connect.SHARED_MEMORY:
+            _contact_breaking_m.pop(self._place, None)
             self.setTimeOut(_SERVER_TIMEOUT_S)
 
     def __getattr__(self, name: str) -> Any:
@@ -108,6 +115,16 @@ class Client:
                 value = partial(self._ask_server, value)
         self.__dict__[name] = value  # found without __getattr__ next time
         return value
+
+    def keep_contacts(self, distance_m: float) -> None:
+        """Set the distance from which contacts are dropped [m]; costs nothing while it stays the same.
+
+        All connections of a process share it, so a world sets it before every step: else worlds that were made later,
+        or clients that check paths, would decide how things slide in this one.
+        """
+        if _contact_breaking_m.get(self._place) != distance_m:
+            self.setPhysicsEngineParameter(contactBreakingThreshold=distance_m)
+            _contact_breaking_m[self._place] = distance_m
 
     def load_urdf(self, text: str, **options: Any) -> int:
         """Load a description from its text.

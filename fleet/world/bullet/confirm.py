@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,22 +11,19 @@ import numpy.typing as npt
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
-from fleet.world.bullet.client import Client
+from fleet.world.bullet.arm_file import ArmFile, load, rigid_parts
+from fleet.world.bullet.client import Client, PhysicsError
 from fleet.world.bullet.frames import quaternion
+from planners.errors import PlanningError
+from planners.motion import checks
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 # The engine takes at most this many shapes in one body.
 _SHAPES_PER_BODY = 16
-
-
-@dataclass(frozen=True, kw_only=True)
-class HeldBox:
-    """A box that moves with the arm's last link."""
-
-    size_m: tuple[float, float, float]
-    link_from_box: FloatArray
-    """Pose of the box centre in the last link's frame, 4x4 matrix."""
+_REVOLUTE, _PRISMATIC = 0, 1
+_CORNERS = 4  # a hull has a volume
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,91 +38,208 @@ class Confirmation:
 
 
 class PathConfirmer:
-    """Checks joint paths of one arm against boxes, against the arm itself and with a held box.
+    """Checks joint paths of one arm against obstacles, against the arm itself and with a held thing.
 
-    Everything is in the arm's base frame. Fingers stand open. A held box may touch the tool and the last link.
+    Everything is in the arm's base frame. Which links may touch follows from how the arm is built: those of one rigid
+    part, such as a tool and the link that carries it, those of neighbouring parts, and those that the arm names. A held
+    thing may touch the last link and what hangs on it.
 
     Args:
-        spec: Arm model.
-        tool: What the arm holds.
+        client: Engine with the arm, which is moved to the origin; it is closed with this object.
+        body: The arm.
+        joints: The engine's numbers of its joints, base to tip, shape (n,).
+        rest: Where its other joints stand, by number [rad or m].
+        touching: Pairs of rigid parts that may touch, lower first: 0 is the base, i moves with joint i, n+1 is a tool.
+        link_from_frame: The frame that held things are given in, in the engine's frame of the last link; the same when
+            None, shape (4, 4).
+        tests_itself: Whether the engine reports touches between the body's own links.
     """
 
-    def __init__(self, spec: ArmSpec, tool: Tool) -> None:
-        self._client = client = Client()
-        client.setPhysicsEngineParameter(contactBreakingThreshold=0.001)
-        self._joints = list(range(spec.n_joints))
-        self._last = spec.n_joints - 1
-        self._arm = client.load_urdf(iiwa_urdf(tool), useFixedBase=True, flags=client.URDF_USE_SELF_COLLISION)
-        self._links = {-1: "link_0"}
-        for link in range(client.getNumJoints(self._arm)):
-            info = client.getJointInfo(self._arm, link)
-            self._links[link] = info[12].decode().removeprefix("lbr_iiwa_")
-            if info[1].decode() in tool.finger_joints:
-                client.resetJointState(self._arm, link, tool.finger_travel_m)
-        # The tool is rigid in the last link, fingers slide along the palm: those touches are how it is built.
-        rigid = [link for link in self._links if link >= self._last]
-        for a in rigid:
-            for b in rigid:
-                if a < b:
-                    client.setCollisionFilterPair(self._arm, self._arm, a, b, 0)
-        self._rigid = rigid
-        # Joint 6's limits keep the forearm off the flange; only the convex hull of the hollow forearm says otherwise.
-        client.setCollisionFilterPair(self._arm, self._arm, self._last - 2, self._last, 0)
+    def __init__(
+        self,
+        client: Client,
+        body: int,
+        joints: Sequence[int],
+        *,
+        rest: Mapping[int, float],
+        touching: Iterable[tuple[int, int]] = (),
+        link_from_frame: FloatArray | None = None,
+        tests_itself: bool = True,
+    ) -> None:
+        self._client, self._arm, self._joints = client, body, list(joints)
+        mass = client.getDynamicsInfo(body, -1)
+        client.resetBasePositionAndOrientation(body, mass[3], mass[4])
+        infos = [client.getJointInfo(body, link) for link in range(client.getNumJoints(body))]
+        self._links = {-1: client.getBodyInfo(body)[0].decode()}
+        self._links |= {link: info[12].decode() for link, info in enumerate(infos)}
+        for joint, value in rest.items():
+            client.resetJointState(body, joint, value)
+        self._last = self._joints[-1]
+        self._link_from_frame = np.eye(4) if link_from_frame is None else link_from_frame
+        self._part = part = rigid_parts([info[16] for info in infos], self._joints)
+        n = len(self._joints)
+        self._carrier = [link for link in part if part[link] >= n]
+        allowed = set(touching) | {(i, i + 1) for i in range(n + 1)}
+        self._pairs: list[tuple[int, int]] = []
+        for a in part:
+            for b in part:
+                pair = part[a], part[b]
+                if a == b or pair[0] > pair[1]:
+                    continue
+                if pair[0] == pair[1] or pair in allowed:
+                    client.setCollisionFilterPair(body, body, a, b, 0)
+                elif not tests_itself:
+                    self._pairs.append((a, b))
         self._boxes: list[int] = []
+        self._things: list[int] = []
         self._held: int | None = None
-        self._held_size: tuple[float, float, float] | None = None
+        self._held_corners: FloatArray = np.empty((0, 3))
 
-    def set_boxes(self, centre_m: FloatArray, half_m: FloatArray, yaw_rad: FloatArray | None = None) -> None:
-        """Replace the obstacles.
+    @classmethod
+    def of_spec(cls, spec: ArmSpec, tool: Tool, description: str | None = None) -> PathConfirmer:
+        """For an arm with a tool; fingers stand open.
+
+        Args:
+            spec: Arm model.
+            tool: What the arm holds.
+            description: URDF text of the arm with its tool; None for the iiwa's.
+
+        Raises:
+            PhysicsError: The engine refuses the description, or it has fewer joints than the model.
+        """
+        client = Client()
+        try:
+            body = client.load_urdf(
+                description or iiwa_urdf(tool), useFixedBase=True, flags=client.URDF_USE_SELF_COLLISION
+            )
+            infos = [client.getJointInfo(body, joint) for joint in range(client.getNumJoints(body))]
+            fingers = [info[0] for info in infos if info[1].decode() in tool.finger_joints]
+            movable = [info[0] for info in infos if info[2] in (_REVOLUTE, _PRISMATIC) and info[0] not in fingers]
+            if len(movable) < spec.n_joints:
+                raise PhysicsError(f"{spec.name}: the description has {len(movable)} joints; valid: {spec.n_joints}")
+            rest = dict.fromkeys(fingers, tool.finger_travel_m)
+            return cls(client, body, movable[: spec.n_joints], rest=rest, touching=spec.touching)
+        except BaseException:
+            client.close()
+            raise
+
+    @classmethod
+    def of_file(cls, arm: ArmFile) -> PathConfirmer:
+        """For an arm as it was read from a file.
+
+        Raises:
+            ArmFileError: The file is not there any more.
+        """
+        client = Client()
+        try:
+            body = load(client, arm.path)[arm.body]
+            number = {client.getJointInfo(body, i)[1].decode(): i for i in range(client.getNumJoints(body))}
+            return cls(
+                client,
+                body,
+                arm.joint_index,
+                rest={number[name]: value for name, value in arm.frozen.items()},
+                touching=arm.touching,
+                link_from_frame=arm.link_from_frame[-1],
+                # The other kinds are loaded without contacts between their own links.
+                tests_itself=arm.path.suffix.lower() == ".urdf",
+            )
+        except BaseException:
+            client.close()
+            raise
+
+    def set_boxes(
+        self,
+        centre_m: FloatArray,
+        half_m: FloatArray,
+        yaw_rad: FloatArray | None = None,
+        min_frame: IntArray | None = None,
+    ) -> None:
+        """Replace the boxes in the arm's way.
 
         Args:
             centre_m: Centres, shape (n, 3).
             half_m: Half sizes, shape (n, 3).
             yaw_rad: Turns about z, shape (n,); all zero when None.
+            min_frame: Parts of the arm below this may touch it, as the base touches the floor, shape (n,); all zero
+                when None.
+
+        Raises:
+            PlanningError: Malformed input.
         """
         client = self._client
+        centre, half = (
+            checks.rows(f"set_boxes: {name}", row, 3, least=0) for name, row in (("centre", centre_m), ("half", half_m))
+        )
+        turns = checks.vector("set_boxes: yaw", np.zeros(len(centre)) if yaw_rad is None else yaw_rad, len(centre))
+        lowest = np.zeros(len(centre), dtype=np.int64) if min_frame is None else np.asarray(min_frame)
+        if half.shape != centre.shape or lowest.shape != turns.shape or not np.all(half > 0):
+            raise PlanningError(
+                f"set_boxes: centres {centre.shape}, half sizes {half}, parts {lowest.shape}; expected as many, > 0"
+            )
         for body in self._boxes:
             client.removeBody(body)
         self._boxes = []
-        turns = np.zeros(len(centre_m)) if yaw_rad is None else np.asarray(yaw_rad)
-        for first in range(0, len(centre_m), _SHAPES_PER_BODY):
-            part = slice(first, first + _SHAPES_PER_BODY)
-            shape = client.createCollisionShapeArray(
-                shapeTypes=[client.GEOM_BOX] * len(centre_m[part]),
-                halfExtents=np.asarray(half_m[part]).tolist(),
-                collisionFramePositions=np.asarray(centre_m[part]).tolist(),
-                collisionFrameOrientations=[quaternion(float(yaw)) for yaw in turns[part]],
-            )
-            self._boxes.append(client.createMultiBody(baseCollisionShapeIndex=shape))
+        for frame in np.unique(lowest):
+            alike = np.flatnonzero(lowest == frame)
+            for first in range(0, len(alike), _SHAPES_PER_BODY):
+                rows = alike[first : first + _SHAPES_PER_BODY]
+                shape = client.createCollisionShapeArray(
+                    shapeTypes=[client.GEOM_BOX] * len(rows),
+                    halfExtents=half[rows].tolist(),
+                    collisionFramePositions=centre[rows].tolist(),
+                    collisionFrameOrientations=[quaternion(float(yaw)) for yaw in turns[rows]],
+                )
+                body = client.createMultiBody(baseCollisionShapeIndex=shape)
+                for link, part in self._part.items():
+                    if part < frame:
+                        client.setCollisionFilterPair(self._arm, body, link, -1, 0)
+                self._boxes.append(body)
 
-    def confirm(self, path: FloatArray, held: HeldBox | None = None, *, allowance_m: float = 0.0) -> Confirmation:
+    def set_things(self, corners_m: Iterable[FloatArray]) -> None:
+        """Replace the things in the arm's way, each the hull of its corners (v, 3), v >= 4 [m].
+
+        Raises:
+            PlanningError: Malformed input.
+        """
+        hulls = [checks.rows("set_things: corners", corners, 3, least=_CORNERS) for corners in corners_m]
+        for body in self._things:
+            self._client.removeBody(body)
+        self._things = [self._hull(corners, mass_kg=0.0) for corners in hulls]
+
+    def confirm(self, path: FloatArray, held: FloatArray | None = None, *, allowance_m: float = 0.0) -> Confirmation:
         """Check every state of a path.
 
         The states are checked as they are; nothing is looked at between them.
 
         Args:
-            path: Joint positions [rad], shape (k, n_joints).
-            held: Box in the tool, None for none.
+            path: Joint positions [rad], shape (k, n), k >= 1.
+            held: Corners of a thing in the tool, of which the hull counts, in the last link's frame, shape (v, 3) [m];
+                None for none.
             allowance_m: Depth of a touch that is let pass, >= 0 [m].
 
         Returns:
             The verdict with the first state that touches something.
+
+        Raises:
+            PlanningError: Malformed input: nothing touches what is no number.
         """
         client = self._client
-        self._take(held)
-        back = held.link_from_box if held is not None else np.eye(4)
-        offset, turn = back[:3, 3].tolist(), _quaternion_of(back[:3, :3])
+        states = checks.rows("confirm: path", path, len(self._joints))
+        allowance_m = checks.positive("confirm: allowance_m", allowance_m, zero=True)
+        self._take(np.empty((0, 3)) if held is None else checks.rows("confirm: held", held, 3, least=_CORNERS))
         zeros = [[0.0]] * len(self._joints)
-        for index, q in enumerate(np.asarray(path, dtype=np.float64)):
+        for index, q in enumerate(states):
             client.resetJointStatesMultiDof(self._arm, self._joints, [[angle] for angle in q.tolist()], zeros)
             if self._held is not None:
                 link = client.getLinkState(self._arm, self._last, computeForwardKinematics=1)
-                place, quat = client.multiplyTransforms(link[4], link[5], offset, turn)
-                client.resetBasePositionAndOrientation(self._held, place, quat)
+                client.resetBasePositionAndOrientation(self._held, link[4], link[5])
             client.performCollisionDetection()
             points = list(client.getContactPoints(self._arm))
             if self._held is not None:
                 points += client.getContactPoints(self._held)
+            for a, b in self._pairs:
+                points += client.getClosestPoints(self._arm, self._arm, 0.0, linkIndexA=a, linkIndexB=b)
             for point in points:
                 if point[8] < -allowance_m:
                     what = f"{self._name(point, 0)} - {self._name(point, 1)}"
@@ -135,33 +250,30 @@ class PathConfirmer:
         """End the connection; calling twice is harmless."""
         self._client.close()
 
-    def _take(self, held: HeldBox | None) -> None:
+    def _take(self, corners: FloatArray) -> None:
         client = self._client
-        size = held.size_m if held is not None else None
-        if size == self._held_size:
+        if np.array_equal(corners, self._held_corners):
             return
         if self._held is not None:
             client.removeBody(self._held)
             self._held = None
-        self._held_size = size
-        if size is not None:
-            shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=[x / 2 for x in size])
-            # Boxes without mass do not collide with boxes without mass.
-            self._held = client.createMultiBody(baseMass=1.0, baseCollisionShapeIndex=shape)
-            for link in self._rigid:
+        self._held_corners = corners.copy()
+        if len(corners):
+            # Things without mass do not collide with things without mass.
+            turn, shift = self._link_from_frame[:3, :3], self._link_from_frame[:3, 3]
+            self._held = self._hull(corners @ turn.T + shift, mass_kg=1.0)
+            for link in self._carrier:
                 client.setCollisionFilterPair(self._arm, self._held, link, -1, 0)
+
+    def _hull(self, corners: FloatArray, mass_kg: float) -> int:
+        client = self._client
+        shape = client.createCollisionShape(client.GEOM_MESH, vertices=np.asarray(corners).tolist())
+        return int(client.createMultiBody(baseMass=mass_kg, baseCollisionShapeIndex=shape))
 
     def _name(self, point: tuple[int, ...], side: int) -> str:
         body, link = point[1 + side], point[3 + side]
         if body == self._arm:
             return self._links[link]
-        return "held box" if body == self._held else "box"
-
-
-def _quaternion_of(turn: FloatArray) -> list[float]:
-    """Rotation matrix as x, y, z, w: the eigenvector of the largest eigenvalue (Bar-Itzhack, J. Guidance 2000)."""
-    k = np.zeros((4, 4))
-    k[:3, :3] = turn + turn.T - np.eye(3) * np.trace(turn)
-    k[:3, 3] = k[3, :3] = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
-    k[3, 3] = np.trace(turn)
-    return np.linalg.eigh(k)[1][:, -1].tolist()
+        if body == self._held:
+            return "held thing"
+        return "box" if body in self._boxes else f"thing {self._things.index(body)}"

@@ -31,6 +31,8 @@ _ITERATIONS_N = 50
 _FRICTION, _SPINNING, _ROLLING = 0.8, 0.05, 0.002
 _FINGER_FRICTION = 1.2
 _TABLE_FRICTION = 0.8
+_CONTACT_BREAKING_M = 0.02
+"""The engine's own; anchored friction needs it."""
 _COLOURS = {"table": (0.82, 0.80, 0.76, 1.0), "rim": (0.45, 0.47, 0.50, 1.0), "tray": (0.35, 0.42, 0.55, 1.0)}
 
 
@@ -183,6 +185,7 @@ class TableWorld:
         """
         self._arms.aim(q, qd)
         self._grip.command(grip)
+        self._client.keep_contacts(_CONTACT_BREAKING_M)
         for substep in range(SUBSTEPS_N):
             self._arms.hold(substep)
             self._grip.before_step()
@@ -211,14 +214,15 @@ class TableWorld:
 
     def object_corners(self, number: int) -> FloatArray:
         """Corners of a thing's mesh or box in the world, shape (v, 3) [m]."""
-        body = self.objects.body(number)
-        if self.objects.kinds[number].path is not None:
-            local = np.array(self._client.getMeshData(body, -1)[1], dtype=np.float64)
+        kind, body = self.objects.kinds[number], self.objects.body(number)
+        if kind.path is None:
+            # A round thing's box does not roll with it.
+            pose = self.objects.pose(number)
+            corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * kind.size_m / 2
         else:
-            half = np.array(self.objects.kinds[number].size_m) / 2
-            local = half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        position, quat = self._client.getBasePositionAndOrientation(body)
-        return local @ rotation(np.array(quat)).T + np.array(position)
+            pose = np.concatenate(self._client.getBasePositionAndOrientation(body))
+            corners = np.array(self._client.getMeshData(body, -1)[1], dtype=np.float64)
+        return corners @ rotation(pose[3:]).T + pose[:3]
 
     def drawn_shapes(self) -> list[DrawnShape]:
         """Everything there is to draw, in the order of `drawn_poses`."""

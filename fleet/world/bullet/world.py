@@ -104,6 +104,7 @@ class BulletWorld:
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
         self._calls_n = config.calls_n
+        self._contact_breaking_m = config.contact_breaking_m
         call_s = config.tick_s / config.calls_n
         self._scene = scene
         self._client = client = Client(config.connect, config.shared_memory_key)
@@ -119,9 +120,9 @@ class BulletWorld:
                         fixedTimeStep=call_s,
                         numSubSteps=config.at_once_n or 0,
                         numSolverIterations=config.iterations_n,
-                        contactBreakingThreshold=config.contact_breaking_m,
                         deterministicOverlappingPairs=1,
                     )
+                client.keep_contacts(self._contact_breaking_m)
                 floor = self._add_floor()
                 # At once there are so many steps that wheels alone hold a car.
                 brakes = config.at_once_n is None
@@ -178,6 +179,7 @@ class BulletWorld:
         self._grip.command(np.asarray(grip, dtype=np.bool_))
         parcels = self._parcels
         watched = self._watched()
+        self._client.keep_contacts(self._contact_breaking_m)
         for call in range(self._calls_n):
             self._arms.hold(call)
             self._grip.before_step()
@@ -336,6 +338,7 @@ class BulletWorld:
         if not isinstance(snapshot, Snapshot):
             raise TypeError(f"snapshot is a {type(snapshot).__name__}; valid: what BulletWorld.save returned")
         client = self._client
+        client.keep_contacts(self._contact_breaking_m)
         for parcel in [p for p in self._parcels.ids() if p not in snapshot.parcels]:
             self.remove_parcel(parcel)
         for obstacle in [o for o in self._obstacles if o not in snapshot.obstacles]:

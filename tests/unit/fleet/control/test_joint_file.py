@@ -5,7 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fleet.control.joint_file import JointRecording, RecordingFileError, read_recording, write_recording
+from fleet.control import JointLimits
+from fleet.control.joint_file import (
+    JointRecording,
+    RecordingFileError,
+    check_recording,
+    read_recording,
+    write_recording,
+)
 
 GOOD = "".join(f"{k / 10},{k / 100},0.5\n" for k in range(6))
 
@@ -21,7 +28,7 @@ def test_a_motion_comes_back(tmp_path: Path) -> None:
         np.testing.assert_allclose(getattr(again, name), getattr(recording, name), atol=1e-9)
 
 
-@pytest.mark.parametrize("head", ["", "time,q1,q2\n", "# the left arm\nt, q1, q2\n"])
+@pytest.mark.parametrize("head", ["", "\ufeff", "\ufefftime,q1,q2\n", "time,q1,q2\n", "# the left arm\nt, q1, q2\n"])
 def test_names_and_remarks_may_be_there(tmp_path: Path, head: str) -> None:
     path = tmp_path / "a.csv"
     path.write_text(head + GOOD, encoding="utf-8")
@@ -48,6 +55,21 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None
     path.write_text(text, encoding="utf-8")
     with pytest.raises(RecordingFileError, match=message):
         read_recording(path, 2)
+
+
+@pytest.mark.parametrize("unit", [1e9, 1e-9])
+def test_times_that_are_no_seconds_are_named(unit: float) -> None:
+    """Nanoseconds asked for terabytes, and seconds that were divided once more gave figures of nothing."""
+    limits = JointLimits(
+        lower_rad=np.full(2, -2.0),
+        upper_rad=np.full(2, 2.0),
+        max_velocity_radps=np.full(2, 9.0),
+        max_torque_nm=np.full(2, 9.0),
+        braking_radps2=np.full(2, 9.0),
+    )
+    recording = JointRecording(t=np.arange(6) / 10 * unit, q=np.full((6, 2), 0.5))
+    with pytest.raises(RecordingFileError, match=r"the motion lasts .* s; valid: 0.1 to 3600 s"):
+        check_recording(Path("a.csv"), recording, limits)
 
 
 def test_no_file_and_no_text(tmp_path: Path) -> None:

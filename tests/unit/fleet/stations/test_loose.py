@@ -48,3 +48,10 @@ def test_what_leans_or_is_too_wide_is_not_gripped():
     with pytest.raises(UngrippableError, match=r"lies 0.120 m wide; valid: at most 0.100"):
         loose_grips(lying(0, 0, 0), (0.12, 0.13, 0.05), TOOLS["friction"], GAP_M, LEAST_M)
     assert len(loose_grips(lying(0, 0, 0), (0.12, 0.07, 0.05), TOOLS["friction"], GAP_M, LEAST_M).tips) == 2
+
+
+@pytest.mark.parametrize("tool", ["suction", "friction"])
+def test_what_lies_nowhere_or_has_no_size_is_refused(tool):
+    for pose, size in ((lying(0, 0, 0) * np.nan, SIZE_M), (lying(0, 0, 0), (0.05, 0.0, 0.05))):
+        with pytest.raises(UngrippableError, match="valid: finite, edges > 0"):
+            loose_grips(pose, size, TOOLS[tool], GAP_M, LEAST_M)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fleet.tabletop.arm import load_model
 from fleet.tabletop.errors import TabletopError
 from fleet.tabletop.hand import cup_grasps, finger_grasps
 from fleet.tabletop.layout import LAYOUTS
@@ -37,6 +38,18 @@ def test_what_does_not_fit_is_refused(name: str, most: int) -> None:
     for objects in (0, most + 1):
         with pytest.raises(TabletopError, match=rf"--objects is {objects}; valid: an integer from 1 to {most}"):
             LAYOUTS[name](0, objects)
+
+
+@pytest.mark.parametrize(("seed", "objects"), [(-1, 3), ("a", 3), (0, 1.5), (0, True), (0, None), (1.5, 3)])
+def test_what_is_no_count_is_refused(seed: object, objects: object) -> None:
+    with pytest.raises(TabletopError, match="valid: an integer from"):
+        LAYOUTS["sort"](seed, objects)
+
+
+def test_arms_and_tools_without_a_model_are_refused() -> None:
+    for arm, tool in (("nobody", "suction"), ("panda", "suction"), ("iiwa", "glue")):
+        with pytest.raises(TabletopError, match=f"arm '{arm}' with tool '{tool}'; valid: iiwa with suction"):
+            load_model(arm, tool)
 
 
 def test_a_cup_comes_down_on_the_middle_of_the_top() -> None:
