@@ -17,6 +17,7 @@ from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.world.bullet.cars import FLOOR_GROUP
 from fleet.world.bullet.client import Client
 from fleet.world.bullet.config import BulletConfig
+from fleet.world.bullet.world import FLOOR_FRICTION
 from fleet.world.scene import Scene
 
 FloatArray = npt.NDArray[np.float64]
@@ -32,9 +33,11 @@ class BareLoop:
         parcels_n: Parcels on the slots of the site.
         rays_n: Rays of each car's lidar.
         steps_n: Physics steps per control step.
+        like_fleet: The floor is as rough, and motors are as strong, as in the fleet's world, so that the engine has
+            about the same work; else the floor is as the engine makes it, and motors have the torques they are given.
     """
 
-    def __init__(self, scene: Scene, parcels_n: int, rays_n: int, steps_n: int) -> None:
+    def __init__(self, scene: Scene, parcels_n: int, rays_n: int, steps_n: int, *, like_fleet: bool = False) -> None:
         self._client = client = Client()
         config = BulletConfig()
         client.setGravity(0.0, 0.0, -9.81)
@@ -46,6 +49,8 @@ class BareLoop:
         )
         floor = client.createMultiBody(baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_PLANE))
         client.setCollisionFilterGroupMask(floor, -1, 2 | FLOOR_GROUP, -1)
+        if like_fleet:
+            client.changeDynamics(floor, -1, lateralFriction=FLOOR_FRICTION)
         flags = client.URDF_USE_INERTIA_FROM_FILE
         self._cars = [
             client.load_urdf(
@@ -86,7 +91,10 @@ class BareLoop:
             x, y, z = (float(a) for a in box.centre_m)
             client.createMultiBody(0.3, cube, basePosition=(x, y, z + float(box.half_m[2]) + 0.03))
         self._steps_n = steps_n
-        self._forces = scene.arm.max_torque_nm.tolist()
+        # A call that makes many steps lets motors push for all of them in each (decision 26).
+        strength = steps_n if like_fleet else 1
+        self._forces = (strength * scene.arm.max_torque_nm).tolist()
+        self._drive_nm, self._steer_nm = [0.6 * strength] * 4, [10.0 * strength] * 2
         model = scene.car
         self._ring = LidarRing(Lidar(rays_n=rays_n, noise_m=0.0), model.front_m, model.rear_m, model.half_width_m)
         self._state = client.saveState()
@@ -109,10 +117,10 @@ class BareLoop:
         client = self._client
         for body, (steering, speed) in zip(self._cars, cars.tolist(), strict=True):
             client.setJointMotorControlArray(
-                body, self._wheels, client.VELOCITY_CONTROL, targetVelocities=[speed] * 4, forces=[0.6] * 4
+                body, self._wheels, client.VELOCITY_CONTROL, targetVelocities=[speed] * 4, forces=self._drive_nm
             )
             client.setJointMotorControlArray(
-                body, self._hinges, client.POSITION_CONTROL, targetPositions=[steering] * 2, forces=[10.0] * 2
+                body, self._hinges, client.POSITION_CONTROL, targetPositions=[steering] * 2, forces=self._steer_nm
             )
         for body, speeds in zip(self._arms, arms.tolist(), strict=True):
             client.setJointMotorControlArray(

@@ -153,6 +153,32 @@ def test_later_episodes_begin_with_what_the_lidar_meets_there(make: Callable[...
         assert np.array_equal(observations[agent][CAR_N:], distances.astype(np.float32))
 
 
+def test_every_look_of_the_lidar_has_noise_of_its_own(make: Callable[..., WarehouseEnv]) -> None:
+    """Noise is drawn for many looks at once: the numbers are those of draws look by look, also after a return."""
+    lidar = Lidar(noise_m=0.02)
+    env = make(fidelity="kinematic", lidar=lidar, n_arms=0)
+    env.reset(seed=2)
+    simulation = env.simulation
+    car = simulation.scene.car
+    ring = LidarRing(lidar, car.front_m, car.rear_m, car.half_width_m)
+    rng = np.random.default_rng(int(np.random.SeedSequence(env._seed).generate_state(2)[1]))
+    ring.distances(np.ones(2 * lidar.rays_n), rng)  # the look of the reset
+    state = None
+    for n in range(40):
+        observations = env.step({agent: np.array([0.3, 0.4]) for agent in env.agents})[0]
+        world = env.simulation.world
+        met = ring.distances(world.rays(*ring.rays(world.car_poses())), rng).astype(np.float32)
+        assert np.array_equal([observations[f"car_{k}"][CAR_N:] for k in range(2)], met), f"look {n}"
+        if n == 20:
+            state, kept = env.save_state(), rng.bit_generator.state
+    env.load_state(state)
+    rng.bit_generator.state = kept
+    observations = env.step({agent: np.array([0.3, 0.4]) for agent in env.agents})[0]
+    world = env.simulation.world
+    met = ring.distances(world.rays(*ring.rays(world.car_poses())), rng).astype(np.float32)
+    assert np.array_equal([observations[f"car_{k}"][CAR_N:] for k in range(2)], met)
+
+
 SHOW_HASH = """
 import hashlib, sys, numpy as np
 from fleet.envs import warehouse_v0

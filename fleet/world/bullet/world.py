@@ -31,7 +31,8 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _GRAVITY_MPS2 = 9.81
-_FLOOR_FRICTION = 1.0
+FLOOR_FRICTION = 1.0
+"""Lateral friction of the floor."""
 # What a car may gain on top of its present speed within one tick, braking and shoves included.
 _NEAR_MARGIN_M = 0.05
 # Largest half widths of the iiwa's link meshes, from their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
@@ -385,7 +386,7 @@ class BulletWorld:
                 visualFramePosition=(x, y, -0.005),
             ),
         )
-        client.changeDynamics(body, -1, lateralFriction=_FLOOR_FRICTION)
+        client.changeDynamics(body, -1, lateralFriction=FLOOR_FRICTION)
         static_group = 2
         client.setCollisionFilterGroupMask(body, -1, static_group | FLOOR_GROUP, -1)
         return int(body)

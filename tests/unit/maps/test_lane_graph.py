@@ -28,6 +28,12 @@ def points_of(graph, move):
     return graph.path_points[span], graph.path_s[span]
 
 
+def test_first_states_are_the_first_of_their_cells(small):
+    _, graph = small
+    cells = np.unique(graph.state_cell).tolist()
+    assert graph.first_states(cells).tolist() == [graph.states_of_cell(cell)[0] for cell in cells]
+
+
 def test_every_lane_is_a_state_that_waits_0_1_m_inside(small):
     site, graph = small
     assert graph.n_states == len(site.lanes)
@@ -161,6 +167,8 @@ def test_pebble_graph_joins_free_neighbours():
     assert pairs == {(0, 1), (1, 0), (1, 4), (4, 1), (4, 5), (5, 4)}
     assert graph.state_at(2, 0) == -1
     assert graph.states_of_cell(4).tolist() == [graph.state_at(4, 0)]
+    assert graph.first_states([4]).tolist() == [graph.state_at(4, 0)]
+    assert graph.first_states([]).tolist() == []
 
 
 def test_rotating_graph_turns_on_the_spot():

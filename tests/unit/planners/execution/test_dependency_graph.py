@@ -199,6 +199,15 @@ def test_a_swap_is_a_ring_of_two() -> None:
         with_plan(open_grid(1, 2), [0, 1], [1, 0])
 
 
+def test_a_ring_is_told_from_who_follows_a_chain_and_who_turns() -> None:
+    """Agents 0 and 1 follow each other into a free cell, 2 stands, 3 to 5 go round."""
+    graph = graph_of(range(8), [(0, 1), (1, 2), (4, 5), (5, 6), (6, 4)])
+    with pytest.raises(CyclicPlanError) as refused:
+        with_plan(graph, [1, 0, 7, 4, 5, 6], [2, 1, 7, 5, 6, 4])
+    assert (refused.value.timestep, refused.value.agents) == (0, (3, 4, 5))
+    assert not with_plan(graph, [1, 0, 7, 4, 5, 3], [2, 1, 7, 5, 6, 3]).anyone_held_up
+
+
 def test_a_plan_that_stands_still_is_nothing() -> None:
     dependencies = with_plan(open_grid(1, 2), [0, 1], [0, 1])
     assert not dependencies.n_queued(0)
@@ -366,10 +375,12 @@ LATE, ON_TIME = np.ones(2, dtype=np.bool_), np.zeros(2, dtype=np.bool_)
 def test_who_waits_at_a_crossing_for_a_late_agent_goes_first(crossing: LaneGraph) -> None:
     dependencies = with_plan(crossing, [0, 3], [1, 3], [2, 4], [2, 5])
     assert dependencies.held_up().tolist() == [False, True]
+    assert dependencies.anyone_held_up
     assert dependencies.line(1) == [(0, 0), (0, 1), (1, 2), (1, 3)]
     assert dependencies.go_first(1, LATE)
     assert dependencies.line(1) == [(1, 2), (1, 3), (0, 0), (0, 1)]
     assert dependencies.held_up().tolist() == [True, False]
+    assert dependencies.anyone_held_up
     assert dependencies.tail_states().tolist() == [2, 5]
     for agent in (1, 1, 0, 0):
         dependencies.grant(agent)
