@@ -56,6 +56,10 @@ class ArrowColumn:
         """The values, one list per row."""
         return self.rows
 
+    def part(self, first: int, n_rows: int) -> ArrowColumn:
+        """Some of its rows, of the same memory."""
+        return ArrowColumn(self.descriptor, self.rows.slice(first, n_rows))
+
 
 def send(rec: rr.RecordingStream, path: str, index: Iterable[Times], columns: Iterable[ArrowColumn]) -> None:
     """Send columns; rerun's own type of a column is a class of its own, of which it uses these two methods only."""

@@ -42,8 +42,8 @@ class Frame:
     """Rear-axle poses x, y, yaw [m, m, rad], shape (n_cars, 3)."""
     car_steering: FloatArray
     """Bicycle-equivalent steering angles [rad], shape (n_cars,)."""
-    wheel_angle: FloatArray
-    """Rolled angle of the wheels, positive forward [rad], shape (n_cars,)."""
+    car_speeds: FloatArray
+    """Signed forward speeds [m/s], shape (n_cars,)."""
     arm_q: FloatArray
     """Joint positions [rad], shape (n_arms, n_joints)."""
     parcel_ids: IntArray

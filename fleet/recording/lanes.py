@@ -59,10 +59,13 @@ class Lanes:
         for frame in frames:
             # Whoever makes the frames hands over the same tuples until a word changes.
             for kind, words in (("car", frame.car_state), ("arm", frame.arm_state)):
-                if words is not self._words[kind]:
+                before = self._words[kind]
+                if words is not before:
                     self._words[kind] = words
-                    self._take(frame, f"{kind}s", {f"{kind}_{k}": word for k, word in enumerate(words)})
-            self._take(frame, "tasks", frame.task_state)
+                    new = [k for k, word in enumerate(words) if before is None or word != before[k]]
+                    self._take(frame, f"{kind}s", {f"{kind}_{k}": words[k] for k in new})
+            if frame.task_state:
+                self._take(frame, "tasks", frame.task_state)
         for group in self._groups:
             if group.rows:
                 self._send(group)

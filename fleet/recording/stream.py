@@ -1,4 +1,4 @@
-"""Stream: turns batches of frames into rerun columns; runs in the recorder's worker thread."""
+"""Stream: turns batches of frames into rerun columns."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from fleet.world.scene import Scene
 
 _FLUSH_TICK_S = 60.0
 """Period at which rerun would write to its sinks by itself [s]: every batch is flushed when it is complete."""
-_FLUSH_S = 10.0
-"""Wall time that a flush may take [s]."""
+_OPEN_S, _CLOSE_S = 10.0, 60.0
+"""Wall time that writing the scenery, and what is left at the end, may take [s]."""
 _SERVER_MEMORY = "512MB"
 """What a viewer that joins late may still be sent; older frames are dropped, the scenery is kept."""
 
@@ -86,7 +86,7 @@ class Stream:
                 ),
                 static=True,
             )
-        self._rec.flush(timeout_sec=_FLUSH_S)
+        self._rec.flush(timeout_sec=_OPEN_S)
 
     def write(self, frames: Sequence[Frame], lines: Sequence[LogLine]) -> None:
         """Append frames and log lines, both ascending in time."""
@@ -101,11 +101,12 @@ class Stream:
         if lines:
             columns = rr.TextLog.columns(text=[line.text for line in lines], level=[line.level for line in lines])
             self._rec.send_columns("log", indexes=index_of(lines), columns=columns)
-        self._rec.flush(timeout_sec=_FLUSH_S)
+        # Begun, not waited for: threads of rerun's own compress and write.
+        self._rec.flush(timeout_sec=0.0)
 
     def close(self) -> None:
         """Write what is pending and the footer."""
-        self._rec.flush(timeout_sec=10.0)
+        self._rec.flush(timeout_sec=_CLOSE_S)
         self._rec.disconnect()
 
     def _write_scalars(self, frames: Sequence[Frame]) -> None:
