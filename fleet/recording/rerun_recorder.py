@@ -23,16 +23,23 @@ _BATCH_N = 240
 """Frames that are written at once, whatever their age."""
 _BATCH_S = 0.45
 """Wall time after which the oldest frame is written [s]: what a killed process loses, but for the time of writing."""
+_QUEUE_N = 960
+"""Frames that may wait while serving; more are dropped."""
 _COMPACT_N = 60
 """Batches from which on a finished recording is worth compacting, which takes as long as writing fifty of them."""
+_JOIN_S = 60.0
+"""Wall time that `close` gives the other thread to finish its batch [s]."""
 
 
 class RerunRecorder:
     """A `Recorder` that writes `path` and, with `serve`, also feeds viewers on the loopback interface.
 
-    Batches are made in the thread of the run, because two threads that run Python take turns every 5 ms: what costs
-    5 ms here would take a second there. Threads of rerun's own compress and write, and nobody waits for them. If the
-    run takes so long for a tick that no frame comes, another thread writes what there is.
+    Batches are made in the thread of the run, because two threads that run Python take turns every 5 ms: what takes
+    5 ms here would take a second beside it. Threads of rerun's own compress and write, and nobody waits for them. If
+    the run takes so long for a tick that no frame comes, another thread writes what there is.
+
+    That thread writes everything while serving, because rerun waits for a viewer that has stopped to read. Frames are
+    dropped and counted then, so that a viewer never slows the run; to a file alone nothing is lost.
 
     Args:
         path: File to write; replaced if it exists.
@@ -71,14 +78,18 @@ class RerunRecorder:
 
         self._path = path
         self._every = max(1, round(1.0 / (rate_hz * tick_s)))
+        self._live = serve
         self._frames: list[Frame] = []
         self._lines: list[LogLine] = []
-        self._lock = threading.Lock()
-        self._closing = threading.Event()
+        self._lock, self._writing = threading.Lock(), threading.Lock()
+        self._wake = threading.Event()
+        self._closing = False
         self._failure: Exception | None = None
         self._due_s = math.inf
         self._seen_s = 0.0
         self._batches_n = 0
+        self.dropped_n = 0
+        """Frames that were dropped to keep a live run going."""
         self.written_n = 0
         """Frames written so far."""
         try:
@@ -112,14 +123,20 @@ class RerunRecorder:
 
     def record(self, frame: Frame) -> None:
         """Take a frame; nobody else may change its arrays from now on."""
+        now_s = time.perf_counter()
         with self._lock:
-            now_s = time.perf_counter()
+            if self._live and len(self._frames) >= _QUEUE_N:
+                self.dropped_n += 1
+                return
             self._frames.append(frame)
             self._due_s = min(self._due_s, now_s + _BATCH_S)
-            # The next frame comes after as long a time as this one.
-            if 2.0 * now_s - self._seen_s >= self._due_s or len(self._frames) >= _BATCH_N:
-                self._write()
-            self._seen_s = now_s
+        # The next frame comes after as long a time as this one.
+        due = 2.0 * now_s - self._seen_s >= self._due_s or len(self._frames) >= _BATCH_N
+        self._seen_s = now_s
+        if due and self._live:
+            self._wake.set()
+        elif due:
+            self._write()
 
     def log(self, line: LogLine) -> None:
         """Take a line of the event log."""
@@ -133,16 +150,18 @@ class RerunRecorder:
         Raises:
             RecordingError: Writing failed at some time in the run, or does not come to an end.
         """
-        if self._closing.is_set():
+        if self._closing:
             return
-        self._closing.set()
-        self._watchdog.join()
-        with self._lock:
-            self._write()
-            try:
-                self._stream.close()
-            except Exception as error:
-                self._failure = self._failure or error
+        self._closing = True
+        self._wake.set()
+        self._watchdog.join(_JOIN_S)
+        if self._watchdog.is_alive():
+            raise RecordingError(f"recording {self._path}: the writer did not finish within {_JOIN_S:.0f} s")
+        self._write()
+        try:
+            self._stream.close()
+        except Exception as error:
+            self._failure = self._failure or error
         if self._failure is not None:
             raise RecordingError(f"recording {self._path} is incomplete: {self._failure}") from self._failure
         if self._batches_n >= _COMPACT_N:
@@ -162,24 +181,29 @@ class RerunRecorder:
                 raise
 
     def _write(self) -> None:
-        """Write what there is, with the lock held."""
-        self._due_s = math.inf
-        if self._failure is None and (self._frames or self._lines):
-            self._batches_n += 1
-            try:
-                self._stream.write(self._frames, self._lines)
-                self.written_n += len(self._frames)
-            except Exception as error:  # told by `close`: a broken recording must not end the run
-                self._failure = error
-        # After an interrupt they are still there, and written once more: better twice than in part.
-        self._frames, self._lines = [], []
+        """Write what there is; who comes second waits for who came first."""
+        with self._writing:
+            with self._lock:
+                frames, lines = list(self._frames), list(self._lines)
+                self._due_s = math.inf
+            if self._failure is None and (frames or lines):
+                self._batches_n += 1
+                try:
+                    self._stream.write(frames, lines)
+                    self.written_n += len(frames)
+                except Exception as error:  # told by `close`: a broken recording must not end the run
+                    self._failure = error
+            # Not earlier: an interrupt leaves them here, to be written once more. Better twice than in part.
+            with self._lock:
+                del self._frames[: len(frames)], self._lines[: len(lines)]
 
     def _write_late(self) -> None:
-        """Write what is due while the run is busy with one tick, until it closes."""
-        while not self._closing.wait(max(0.0, min(_BATCH_S, self._due_s - time.perf_counter()))):
-            with self._lock:
-                if time.perf_counter() >= self._due_s:
-                    self._write()
+        """Write what is due and nobody else has written, until the end."""
+        while not self._closing:
+            woken = self._wake.wait(max(0.0, min(_BATCH_S, self._due_s - time.perf_counter())))
+            self._wake.clear()
+            if woken or time.perf_counter() >= self._due_s:
+                self._write()
 
 
 def require_free_port(port: int) -> None:

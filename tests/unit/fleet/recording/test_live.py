@@ -51,5 +51,6 @@ def test_a_viewer_that_dies_or_freezes_takes_nothing_with_it_and_a_late_one_sees
             for viewer in viewers:
                 viewer.kill()
                 viewer.wait()
+    assert (recorder.dropped_n, recorder.written_n) == (0, FRAMES_N)
     report = verify_recording(path)
     assert (report.verified, report.frames) == (True, FRAMES_N)

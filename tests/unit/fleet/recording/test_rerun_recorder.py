@@ -259,6 +259,22 @@ def test_what_is_due_is_written_while_the_run_is_busy_with_one_tick(tmp_path: Pa
         assert "/log" in verify_recording(tmp_path / "a.rrd").entities
 
 
+def test_a_live_run_drops_and_counts_instead_of_waiting_for_what_blocks(
+    tmp_path: Path, site: Site, frames: Frames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fleet.recording.rerun_recorder._QUEUE_N", 4)
+    monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_S", 0.0)
+    read = threading.Event()
+    with open_recorder(tmp_path / "a.rrd", site, serve=True, port=free_port()) as recorder:
+        write = recorder._stream.write
+        monkeypatch.setattr(recorder._stream, "write", lambda *batch: (read.wait(), write(*batch)))
+        for frame in frames(12):
+            recorder.record(frame)
+        read.set()
+    assert (recorder.written_n, recorder.dropped_n) == (4, 8)
+    assert verify_recording(tmp_path / "a.rrd").frames == 4
+
+
 def test_an_interrupt_amid_writing_loses_nothing(
     tmp_path: Path, site: Site, frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
