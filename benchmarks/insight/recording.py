@@ -154,7 +154,7 @@ with Simulation(config) as simulation:
 
 
 def _lost(fidelity: Fidelity, path: Path, rng: random.Random, trial: Trial) -> float:
-    """Kill a run, which does not go faster than the clock, at any time, and see how much of what it had recorded is in the file.
+    """Kill a run that goes no faster than the clock, at any time, and see how much of what it recorded is in the file.
 
     Returns:
         Wall time from the last frame in the file to the last one that was made [s].

@@ -30,6 +30,7 @@ _EXAMPLES = (
     rr.StateChange(state="a"),
     rr.Scalars(0.0),
     rr.TextDocument("a"),
+    rr.TextLog("a", level="INFO"),
 )
 _KINDS = {
     batch.component_descriptor().component: (batch.component_descriptor(), batch.as_arrow_array().type)

@@ -31,7 +31,7 @@ class Wait:
     """Where that is, if it is no robot."""
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, slots=True)
 class Frame:
     """The visible state of a run at one tick. Whoever hands it to a recorder gives its arrays away."""
 

@@ -99,8 +99,11 @@ class Stream:
             self._write_views(frames)
             write_trees(self._rec, frames)
         if lines:
-            columns = rr.TextLog.columns(text=[line.text for line in lines], level=[line.level for line in lines])
-            self._rec.send_columns("log", indexes=index_of(lines), columns=columns)
+            rows = offsets_of([1] * len(lines))
+            text = values("TextLog:text", [line.text for line in lines], rows)
+            send(
+                self._rec, "log", index_of(lines), [text, values("TextLog:level", [line.level for line in lines], rows)]
+            )
         # Begun, not waited for: threads of rerun's own compress and write.
         self._rec.flush(timeout_sec=0.0)
 

@@ -181,15 +181,6 @@ class DependencyGraph:
         """Queued moves in order."""
         return self._numbered(agent, self._q.granted[agent], self._q.queued[agent])
 
-    def queued_moves(self) -> tuple[Longs, Longs]:
-        """Queued moves of all agents in order, one agent after the other, and how many each has, shape (n,)."""
-        q = self._q
-        counts = q.queued - q.granted
-        ends = np.cumsum(counts)
-        agents = np.repeat(np.arange(len(counts)), counts)
-        numbers = np.arange(counts.sum()) - np.repeat(ends - counts - q.granted, counts)
-        return q.moves[agents, numbers % q.moves.shape[1]].astype(np.int64), counts.astype(np.int64)
-
     def grantable(self, agent: int) -> bool:
         """True when the agent's next queued move may start."""
         return bool(may_start(self._q, agent))

@@ -110,12 +110,7 @@ class Parcels:
 
     def poses(self) -> FloatArray:
         """Measure the poses in the order of `ids`, shape (p, 7)."""
-        measure = self._client.getBasePositionAndOrientation
-        poses: list[float] = []
-        for parcel in self.ids():
-            position, quat = measure(self._bodies[parcel])
-            poses += position
-            poses += quat
+        poses = self._client.base_poses([self._bodies[parcel] for parcel in self.ids()])
         return np.array(poses, dtype=np.float64).reshape(-1, 7)
 
     def motion(self, parcel: int) -> FloatArray:
