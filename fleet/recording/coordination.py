@@ -12,6 +12,7 @@ from numba import njit
 
 from fleet.recording import palette
 from fleet.recording.columns import offsets_of, pairs, send, values, vectors
+from fleet.recording.errors import RecordingError
 from fleet.recording.frame import FloorPlan, Frame, Wait
 from fleet.recording.index import index_of, set_time
 from fleet.world.scene import Scene
@@ -38,6 +39,9 @@ _FULL_S = 60.0
 _SEEN_S = 1.0
 """Cells in which cars stood for less are left out [s]."""
 
+Place = npt.NDArray[np.float64]
+"""x, y [m], shape (2,)."""
+
 
 class Coordination:
     """Writes what a run's robots have to do with each other.
@@ -55,6 +59,7 @@ class Coordination:
         self._car_colours = {path: palette.identity_colours(cars, alpha=alpha) for path, alpha in _ALPHA.items()}
         self._fixed_xy = {f"arm_{k}": base[:2] for k, base in enumerate(scene.arm_base)}
         self._fixed_xy |= dict(zip(floor.station_names, floor.dock_xy, strict=True))
+        self._car_of = {f"car_{k}": k for k in cars}
         self._causes: set[str] = set()
         self._waits: Sequence[Wait] = ()
         self._told = _sentences({})
@@ -121,13 +126,7 @@ class Coordination:
             self._told = _sentences(frame.explanations)
         waits = self._waits
         ring = cyclic((wait.who, wait.whom) for wait in waits)
-        xy = {f"car_{k}": pose[:2] for k, pose in enumerate(frame.car_poses)} | self._fixed_xy
-        # What is nowhere, such as a plan that is late, is drawn beside who waits for it.
-        xy |= {
-            wait.whom: self._cell_xy[wait.cell] if wait.cell >= 0 else xy[wait.who] + _BESIDE_M
-            for wait in waits
-            if wait.whom not in xy
-        }
+        arrows = np.array([self._arrow(wait, frame) for wait in waits], np.float64).reshape(-1, 2, 2)
         names = sorted({name for wait in waits for name in (wait.who, wait.whom)})
         inside = [wait.who in ring and wait.whom in ring for wait in waits]
         return _Look(
@@ -136,10 +135,25 @@ class Coordination:
             names=names,
             places=chains(names, {wait.who: wait.whom for wait in waits}) * _NODE_PX,
             colours=np.array([_node_colour(name, ring) for name in names], np.uint32),
-            origins=np.array([xy[wait.who] for wait in waits]).reshape(-1, 2),
-            ends=np.array([xy[wait.whom] for wait in waits]).reshape(-1, 2),
+            origins=arrows[:, 0],
+            ends=arrows[:, 1],
             arrow_colours=np.where(inside, palette.CYCLE, palette.WAIT).astype(np.uint32),
         )
+
+    def _arrow(self, wait: Wait, frame: Frame) -> tuple[Place, Place]:
+        """From who waits to what it waits for [m]."""
+        origin, end = self._place(wait.who, frame), self._place(wait.whom, frame)
+        if origin is None:
+            raise RecordingError(f"{wait.who} waits and is no robot; valid: car_0, arm_0, ...")
+        if end is None:
+            # What is nowhere, such as a plan that is late, is drawn beside who waits for it.
+            end = self._cell_xy[wait.cell] if wait.cell >= 0 else origin + _BESIDE_M
+        return origin, end
+
+    def _place(self, name: str, frame: Frame) -> Place | None:
+        """Where a robot or a station is [m]; None for other things."""
+        car = self._car_of.get(name)
+        return self._fixed_xy.get(name) if car is None else frame.car_poses[car, :2]
 
     def _write_congestion(self, frame: Frame, stood_s: Mapping[str, npt.NDArray[np.float64]]) -> None:
         """In every cell one strip per cause, as wide as its share of the time; opaque where cars stood long."""

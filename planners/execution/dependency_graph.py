@@ -22,6 +22,7 @@ from planners.execution.queues import (
     empty_queues,
     end,
     end_all,
+    first_in_line,
     hold,
     let_go,
     may_start,
@@ -260,11 +261,7 @@ class DependencyGraph:
 
     def next_visitors(self) -> IntArray:
         """The agent whose queued move comes first in each cell, -1 = nobody, shape (n_cells,)."""
-        q = self._q
-        found = np.full(len(q.line_first), NOBODY, dtype=np.int32)
-        cells = np.flatnonzero(q.line_first != NONE)
-        found[cells] = q.visit_agent[q.line_first[cells]]
-        return found
+        return first_in_line(self._q)
 
     def line(self, cell: int) -> list[tuple[int, int]]:
         """Queued moves that sweep a cell, in the order in which they may: pairs (agent, move)."""
