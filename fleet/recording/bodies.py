@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from fleet.recording import palette
-from fleet.recording.columns import ArrowColumn, offsets_of, send, strips, vectors
+from fleet.recording.columns import ArrowColumn, Chunks, offsets_of, strips, vectors
 from fleet.recording.frame import FloatArray, Frame, IntArray
 from fleet.recording.index import Times, index_of, set_time
 from fleet.recording.poses import (
@@ -41,11 +41,13 @@ class Bodies:
 
     Args:
         rec: The open recording.
+        chunks: Takes the rows of a batch.
         scene: Robots.
     """
 
-    def __init__(self, rec: rr.RecordingStream, scene: Scene) -> None:
+    def __init__(self, rec: rr.RecordingStream, chunks: Chunks, scene: Scene) -> None:
         self._rec = rec
+        self._chunks = chunks
         self._scene = scene
         n_cars, n_arms = len(scene.car_start), len(scene.arm_base)
         self._wheels = n_cars <= _FEW_N
@@ -97,7 +99,7 @@ class Bodies:
         rolled = self._rolled(frames) if self._wheels else steering
         links = car_link_poses(self._scene.car, poses, steering, rolled, wheels=self._wheels)
         for path, part in self._car_parts:
-            send(self._rec, path, index, _instances(*links[part.link]))
+            self._chunks.add(path, index, _instances(*links[part.link]))
 
     def _rolled(self, frames: Sequence[Frame]) -> FloatArray:
         """How far the wheels have turned by what the cars have driven [rad], shape (f, n_cars)."""
@@ -125,13 +127,12 @@ class Bodies:
         columns = _instances(position[1:].reshape(-1, *position.shape[2:]), quat[1:].reshape(-1, *quat.shape[2:]))
         n_rows = position.shape[1]
         for k, (path, _) in enumerate(self._arm_parts):
-            send(self._rec, path, index, [column.part(k * n_rows, n_rows) for column in columns])
+            self._chunks.add(path, index, [column.part(k * n_rows, n_rows) for column in columns])
 
     def _write_parcels(self, frames: Sequence[Frame], index: list[Times]) -> None:
         poses = snapped(np.concatenate([frame.parcel_poses for frame in frames]))
         offsets = offsets_of([len(frame.parcel_ids) for frame in frames])
-        send(
-            self._rec,
+        self._chunks.add(
             "world/parcels",
             index,
             [
@@ -167,7 +168,7 @@ class Bodies:
             rows = offsets_of([len(trail) for trail in trails])
             lengths = [trail.shape[1] for trail in trails for _ in trail]
             xy = np.concatenate([trail.reshape(-1, 2) for trail in trails])
-            send(self._rec, TRAILS, index_of(due), [strips(xy, lengths, 0.006, rows)])
+            self._chunks.add(TRAILS, index_of(due), [strips(xy, lengths, 0.006, rows)])
 
     def _write_scans(self, frames: Sequence[Frame]) -> None:
         """Rays of the lidars that hit something, and what they hit."""
@@ -178,10 +179,10 @@ class Bodies:
         starts = [frame.scan_origins for frame in frames if frame.scan_origins is not None]
         rows = offsets_of([len(hits) for hits in ends])
         hits = snapped(np.concatenate(ends))
-        send(self._rec, HITS, index, [vectors("Points3D:positions", hits, rows)])
+        self._chunks.add(HITS, index, [vectors("Points3D:positions", hits, rows)])
         rays = np.stack([snapped(np.concatenate(starts)), hits], axis=1)
         height = float(rays[0, 0, 2]) if len(rays) else 0.0
-        send(self._rec, RAYS, index, [strips(rays[:, :, :2], [2] * len(rays), height, rows)])
+        self._chunks.add(RAYS, index, [strips(rays[:, :, :2], [2] * len(rays), height, rows)])
 
 
 def _instances(position: Array, quat: Array) -> list[ArrowColumn]:

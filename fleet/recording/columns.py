@@ -15,6 +15,7 @@ import numpy.typing as npt
 import pyarrow as pa  # type: ignore[import-untyped]
 import rerun as rr
 from numba import njit
+from rerun.chunk import Chunk
 
 from fleet.recording.index import Times
 
@@ -62,10 +63,29 @@ class ArrowColumn:
         return ArrowColumn(self.descriptor, self.rows.slice(first, n_rows))
 
 
-def send(rec: rr.RecordingStream, path: str, index: Iterable[Times], columns: Iterable[ArrowColumn]) -> None:
-    """Send columns; rerun's own type of a column is a class of its own, of which it uses these two methods only."""
-    wanted: Iterable[Any] = columns
-    rec.send_columns(path, indexes=index, columns=wanted)
+class Chunks:
+    """The rows of a batch, entity by entity, on their way to a recording.
+
+    They go out together: rerun's threads, which pass them on, compress and write, wake once for a batch and not once
+    for each of its entities.
+
+    Args:
+        rec: The open recording.
+    """
+
+    def __init__(self, rec: rr.RecordingStream) -> None:
+        self._rec = rec
+        self._made: list[Chunk] = []
+
+    def add(self, path: str, index: Iterable[Times], columns: Iterable[ArrowColumn]) -> None:
+        """Add rows of one entity, as columns; rerun's own type of a column is a class, of which it uses two methods."""
+        wanted: Iterable[Any] = columns
+        self._made.append(Chunk.from_columns(path, indexes=index, columns=wanted))
+
+    def send(self) -> None:
+        """Hand over what was added."""
+        self._rec.send_chunks(self._made)
+        self._made = []
 
 
 def offsets_of(lengths: Sequence[int] | npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:

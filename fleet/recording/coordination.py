@@ -11,7 +11,7 @@ import rerun as rr
 from numba import njit
 
 from fleet.recording import palette
-from fleet.recording.columns import offsets_of, pairs, send, values, vectors
+from fleet.recording.columns import Chunks, offsets_of, pairs, values, vectors
 from fleet.recording.errors import RecordingError
 from fleet.recording.frame import FloorPlan, Frame, Wait
 from fleet.recording.index import index_of, set_time
@@ -48,12 +48,14 @@ class Coordination:
 
     Args:
         rec: The open recording.
+        chunks: Takes the rows of a batch.
         scene: Number and places of the robots.
         floor: Cells and stations.
     """
 
-    def __init__(self, rec: rr.RecordingStream, scene: Scene, floor: FloorPlan) -> None:
+    def __init__(self, rec: rr.RecordingStream, chunks: Chunks, scene: Scene, floor: FloorPlan) -> None:
         self._rec = rec
+        self._chunks = chunks
         self._cell_xy = floor.cell_xy
         cars = range(len(scene.car_start))
         self._car_colours = {path: palette.identity_colours(cars, alpha=alpha) for path, alpha in _ALPHA.items()}
@@ -88,7 +90,7 @@ class Coordination:
         owners = np.concatenate([owner for _, owner in changes])
         centres, colours, offsets = _owned(owners, self._plates[path], self._car_colours[path])
         columns = [vectors("Boxes3D:centers", centres, offsets), values("Boxes3D:colors", colours, offsets)]
-        send(self._rec, path, index_of([frame for frame, _ in changes]), columns)
+        self._chunks.add(path, index_of([frame for frame, _ in changes]), columns)
 
     def _write_waits(self, frames: Sequence[Frame]) -> None:
         """The wait-for graph, the same as arrows over the floor, red for whoever waits in a circle, and sentences."""
@@ -102,8 +104,7 @@ class Coordination:
         edges = offsets_of([len(look.waits) for look in looks])
         origins = np.concatenate([look.origins for look in looks])
         ends = np.concatenate([look.ends for look in looks])
-        send(
-            self._rec,
+        self._chunks.add(
             WAITS,
             index_of(frames),
             [
