@@ -1,4 +1,4 @@
-"""Columns: component data for `send_columns` made straight from arrays.
+"""Columns: component data made straight from arrays, and the chunks in which they go to a recording.
 
 The constructors of rerun's archetypes accept anything and cost about 0.1 ms a call, which is most of the price of a
 small batch; these know that they get float arrays.
