@@ -25,8 +25,8 @@ _BATCH_S = 0.45
 """Wall time after which the oldest frame is written [s]: what a killed process loses, but for the time of writing."""
 _QUEUE_N = 960
 """Frames that may wait while serving; more are dropped."""
-_COMPACT_N = 60
-"""Batches from which on a finished recording is worth compacting, which takes as long as writing fifty of them."""
+_COMPACT_N = 100
+"""Batches from which on a finished recording is worth compacting, which takes as long as writing thirty of them."""
 _JOIN_S = 60.0
 """Wall time that `close` gives the other thread to finish its batch [s]."""
 
