@@ -152,8 +152,8 @@ class PathDriver:
     def remaining(self, car: int) -> FloatArray:
         """See `Driver`."""
         count = int(self.paths.count[car])
-        ahead = self.paths.s[car, :count] >= self.follower.progress[car]
-        return self.paths.points[car, :count, :2][ahead]
+        passed = int(self.paths.s[car, :count].searchsorted(self.follower.progress[car]))
+        return self.paths.points[car, passed:count, :2].copy()
 
     def off_lane(self) -> list[int]:
         """See `Driver`."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from fleet.config import TrafficConfig
 from fleet.driving import Driver
@@ -15,6 +16,7 @@ from fleet.world.protocol import FloatArray, World
 from maps.lane_graph import LaneGraph
 from planners.execution.dependency_graph import DependencyGraph
 from planners.execution.errors import UnexecutablePlanError
+from planners.execution.queues import Longs, Queues, move_at
 from planners.mapf.problem import Plan
 
 RETRY_S = 0.5
@@ -105,14 +107,8 @@ class Executor:
 
     def planned_lines(self) -> tuple[FloatArray, ...]:
         """Centre lines of the cars' moves that are planned and not granted, points x, y, each (k, 2)."""
-        graph = self.graph
-        moves, per_car = self.dependencies.queued_moves()
-        first = graph.path_ptr[moves]
-        counts = graph.path_ptr[moves + 1] - first
-        ends = np.cumsum(counts)
-        points = graph.path_points[np.repeat(first - ends + counts, counts) + np.arange(counts.sum()), :2]
-        bounds = np.concatenate([[0], ends])[np.concatenate([[0], np.cumsum(per_car)])].tolist()
-        return tuple(points[begin:end] for begin, end in itertools.pairwise(bounds))
+        points, bounds = _planned(self.dependencies.queues, self.graph.path_ptr, self.graph.path_points)
+        return tuple(points[begin:end] for begin, end in itertools.pairwise(bounds.tolist()))
 
     def relocate(self, car: int, state: int) -> None:
         """Say that a car stands in another state after a manoeuvre off the lane graph."""
@@ -163,3 +159,24 @@ class Executor:
             if self.dependencies.go_first(car, self._still_s >= after_s):
                 self.reordered_n += 1
                 self._dirty = True
+
+
+@njit(cache=True)
+def _planned(q: Queues, path_ptr: npt.NDArray[np.integer], path_points: FloatArray) -> tuple[FloatArray, Longs]:
+    """Points of all queued moves, (k, 2), car by car, and where each car's begin among them, (n_cars + 1,)."""
+    n_cars = len(q.granted)
+    bounds = np.zeros(n_cars + 1, np.int64)
+    for car in range(n_cars):
+        bounds[car + 1] = bounds[car]
+        for number in range(q.granted[car], q.queued[car]):
+            move = move_at(q, car, number)
+            bounds[car + 1] += path_ptr[move + 1] - path_ptr[move]
+    points = np.empty((bounds[n_cars], 2))
+    n = 0
+    for car in range(n_cars):
+        for number in range(q.granted[car], q.queued[car]):
+            move = move_at(q, car, number)
+            for k in range(path_ptr[move], path_ptr[move + 1]):
+                points[n, 0], points[n, 1] = path_points[k, 0], path_points[k, 1]
+                n += 1
+    return points, bounds

@@ -152,12 +152,11 @@ class Watch:
         self._internals = internals
         if internals:
             simulation.desk.keep_trees()
-        self._wheel = np.zeros(simulation.world.n_cars)
-        self._rolled_s = 0.0
         self._sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
         self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in simulation.board.tasks}
         self._epoch = -1
         self._due_s: dict[float, float] = {}
+        self._sampled_s = 0.0
         self._codes = np.full(simulation.world.n_cars, -1)
         self._car_words: tuple[str, ...] = ()
         self._arm_words: tuple[str, ...] = ()
@@ -181,11 +180,6 @@ class Watch:
             return
         simulation = self._simulation
         world = simulation.world
-        speeds = world.car_speeds()
-        self._roll(speeds)
-        sampled = self._beat(_SAMPLE_S)
-        if sampled:
-            self._look_at_words(speeds)
         self._look_at_parcels(world.parcel_ids())
         changed, self._changed_tasks = self._changed_tasks, {}
         perception = simulation.dispatcher.perception
@@ -195,7 +189,7 @@ class Watch:
             sim_s=simulation.sim_s,
             car_poses=world.car_poses(),
             car_steering=world.car_steering(),
-            wheel_angle=self._wheel.copy(),
+            car_speeds=world.car_speeds(),
             arm_q=world.arm_positions(),
             parcel_ids=self._parcels,
             parcel_poses=world.parcel_poses(),
@@ -208,15 +202,22 @@ class Watch:
         )
         if self._internals:
             frame.trees, simulation.desk.trees = simulation.desk.trees, {}
-        if sampled:
+        if frame.sim_s >= self._sampled_s - 1e-9:
             self._sample(frame)
+        self._recorder.record(frame)
+
+    def _sample(self, frame: Frame) -> None:
+        """What is looked at less often than poses."""
+        if self._beat(_SAMPLE_S):
+            self._look_at_words(frame)
+            self._look_at_cells(frame)
         if self._beat(_LINES_S):
             self._look_at_lines(frame)
-            self._look_at_figures(frame, speeds)
+            self._look_at_figures(frame)
             self._look_at_congestion(frame)
         if self._beat(_WHY_S):
             self._look_at_waits(frame)
-        self._recorder.record(frame)
+        self._sampled_s = min(self._due_s[period_s] for period_s in (_SAMPLE_S, _LINES_S, _WHY_S))
 
     def _beat(self, period_s: float) -> bool:
         """Whether what is looked at once in a period is due."""
@@ -226,29 +227,24 @@ class Watch:
             self._due_s[period_s] = now_s + period_s
         return due
 
-    def _roll(self, speeds: npt.NDArray[np.float64]) -> None:
-        """Turn the wheels by what the cars have driven since the last frame."""
-        now_s = self._simulation.sim_s
-        self._wheel += speeds * (now_s - self._rolled_s) / self._simulation.scene.car.wheel_radius_m
-        self._rolled_s = now_s
-
-    def _look_at_words(self, speeds: npt.NDArray[np.float64]) -> None:
+    def _look_at_words(self, frame: Frame) -> None:
         """States of cars and arms; the tuples stay the same objects until a word changes."""
         codes = _WORD_OF_PHASE[self._simulation.dispatcher.roster.phase_index]
-        codes[(codes == _DRIVES) & (np.abs(speeds) <= _SLOW_MPS)] = _WAITS
+        codes[(codes == _DRIVES) & (np.abs(frame.car_speeds) <= _SLOW_MPS)] = _WAITS
         if (codes != self._codes).any():
             self._codes = codes
             self._car_words = tuple(_WORDS[code] for code in codes.tolist())
         arms = tuple(service.state for service in self._simulation.desk.services)
         if arms != self._arm_words:
             self._arm_words = arms
+        frame.car_state, frame.arm_state = self._car_words, self._arm_words
 
     def _look_at_parcels(self, ids: npt.NDArray[np.int64]) -> None:
-        if len(ids) != len(self._parcels) or (ids != self._parcels).any():
+        if ids is not self._parcels:
             self._parcels = ids
             self._parcel_sizes = np.array([self._sizes[k] for k in ids.tolist()]).reshape(-1, 3)
 
-    def _sample(self, frame: Frame) -> None:
+    def _look_at_cells(self, frame: Frame) -> None:
         """Cells and scans."""
         simulation = self._simulation
         frame.held_by = simulation.executor.dependencies.holders()
@@ -256,11 +252,11 @@ class Watch:
         if self._lidar is not None:
             frame.scan_origins, frame.scans = self._lidar.hits(frame.car_poses, simulation.world.rays)
 
-    def _look_at_figures(self, frame: Frame, speeds: npt.NDArray[np.float64]) -> None:
+    def _look_at_figures(self, frame: Frame) -> None:
         """Plotted figures; counts of tasks where they change, and now and then, so that their lines go on."""
         simulation = self._simulation
         frame.metrics = {
-            "mean_speed_mps": float(np.abs(speeds).mean()),
+            "mean_speed_mps": float(np.abs(frame.car_speeds).mean()),
             "min_clearance_m": min(simulation.world.min_clearance_m(), _CLEARANCE_M),
         }
         if simulation.batteries is not None:

@@ -1,7 +1,9 @@
 """Recording: its share of a run's computing time, the size of its file, and what a killed run loses.
 
-Shares are of computing time, so that other work on the machine matters little; the loss is wall time, and on a machine
-that is busy with other things it is theirs too.
+Shares are of computing time, counted in one run: what its thread spends in ticks, and what this process spends outside
+of them, in looks, in the threads that write, and in compacting the file, less the same of a run that is not recorded.
+Between two runs the ticks alone differ by some percent. The loss is wall time, and on a machine that is busy with
+other things it is theirs too.
 """
 
 from __future__ import annotations
@@ -40,8 +42,10 @@ _KILLED_AFTER_S = (2.0, 6.0)
 
 @dataclass(frozen=True, kw_only=True)
 class _Run:
-    cpu_s: float
-    """Of this process, all threads, and of programs that were run and have ended, from the first tick to the file."""
+    ticks_s: float
+    """Computing time of the run's thread in ticks [s]."""
+    rest_s: float
+    """The same of this process outside of them, all threads, until the file is finished, and of compacting it [s]."""
     open_s: float
     """Computing time of opening the recording, which writes meshes and layout [s]."""
     size_mb: float
@@ -64,19 +68,23 @@ def measure_recording(trial: Trial) -> Iterable[Row]:
                 _run(replace(config, duration_s=_WARM_S), out / RECORDING)
                 runs = [(_run(config, None), _run(config, out / RECORDING)) for _ in range(_PAIRS[fidelity])]
                 bare, full = zip(*runs, strict=True)
-                off_s, on_s = min(run.cpu_s for run in bare), min(run.cpu_s for run in full)
+                idle = min(run.rest_s / run.ticks_s for run in bare)
+                share = min(run.rest_s / run.ticks_s for run in full) - idle
+                ticks_s = min(run.ticks_s for run in (*bare, *full))
                 where = f"{robots} cars, {fidelity}"
                 trial.check(full[0].frames_n > 0, f"{where}: the recording has no frames")
-                yield Row(name=f"recording, {where}", value=100 * (on_s / off_s - 1), unit="% of CPU", target=target)
+                yield Row(name=f"recording, {where}", value=100 * share, unit="% of CPU", target=target)
                 yield Row(
-                    name=f"recording, {where}, a frame", value=1000 * (on_s - off_s) / full[0].frames_n, unit="ms"
+                    name=f"recording, {where}, a frame", value=1000 * share * ticks_s / full[0].frames_n, unit="ms"
                 )
                 yield Row(name=f"recording, {where}, opened", value=1000 * min(run.open_s for run in full), unit="ms")
                 size = "<= 10" if robots == 100 else ""
                 yield Row(name=f"file, {where}, {sim_s:g} s", value=full[0].size_mb, unit="MB", target=size)
         yield Row(name="not recording, 20 cars", value=_idle_share(), unit="% of CPU", target="<= 0.5")
-        losses_s = [_lost(out / f"killed_{k}", random.Random(k), trial) for k in range(2 if trial.quick else 8)]
-        yield Row(name="lost by kill -9, most", value=max(losses_s), unit="s", target="<= 0.5")
+        for fidelity in (Fidelity.PHYSICS, Fidelity.KINEMATIC):
+            kills = range(2 if trial.quick else 8)
+            losses_s = [_lost(fidelity, out / f"killed_{k}", random.Random(k), trial) for k in kills]
+            yield Row(name=f"lost by kill -9, {fidelity}, most", value=max(losses_s), unit="s", target="<= 0.5")
 
 
 def _run(config: RunConfig, path: Path | None) -> _Run:
@@ -89,18 +97,23 @@ def _run(config: RunConfig, path: Path | None) -> _Run:
         open_s = _cpu_s() - begin_s
         watch = Watch(simulation, recorder)
         begin_s = _cpu_s()
+        ticks_s = 0.0
         while not simulation.finished:
+            tick_s = time.thread_time()
             simulation.tick()
+            ticks_s += time.thread_time() - tick_s
             watch.look()
         recorder.close()
-        cpu_s = _cpu_s() - begin_s
+        rest_s = _cpu_s() - begin_s - ticks_s
     if path is None:
-        return _Run(cpu_s=cpu_s, open_s=open_s, size_mb=0.0, frames_n=0)
+        return _Run(ticks_s=ticks_s, rest_s=rest_s, open_s=open_s, size_mb=0.0, frames_n=0)
     frames_n = verify_recording(path).frames
-    return _Run(cpu_s=cpu_s, open_s=open_s, size_mb=path.stat().st_size / 1e6, frames_n=frames_n)
+    size_mb = path.stat().st_size / 1e6
+    return _Run(ticks_s=ticks_s, rest_s=rest_s, open_s=open_s, size_mb=size_mb, frames_n=frames_n)
 
 
 def _cpu_s() -> float:
+    """Computing time of this process, all threads, and of programs that were run and have ended [s]."""
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + ended.ru_utime + ended.ru_stime
 
@@ -126,7 +139,7 @@ from pathlib import Path
 from fleet.config import Fidelity, RunConfig
 from fleet.simulation import Simulation
 from fleet.watch import Watch, open_recorder
-config = RunConfig(site="medium", robots=20, fidelity=Fidelity.KINEMATIC, duration_s=600.0)
+config = RunConfig(site="medium", robots=20, fidelity=Fidelity(sys.argv[2]), duration_s=600.0)
 with Simulation(config) as simulation:
     watch = Watch(simulation, open_recorder(simulation, Path(sys.argv[1])))
     for _ in range(20):  # kernels are compiled
@@ -140,13 +153,13 @@ with Simulation(config) as simulation:
 """
 
 
-def _lost(path: Path, rng: random.Random, trial: Trial) -> float:
-    """Kill a run that keeps to the clock at any time, and see how much of what it had recorded is in the file.
+def _lost(fidelity: Fidelity, path: Path, rng: random.Random, trial: Trial) -> float:
+    """Kill a run that goes no faster than the clock, at any time, and see how much of what it recorded is in the file.
 
     Returns:
         Wall time from the last frame in the file to the last one that was made [s].
     """
-    command = [sys.executable, "-c", _KILLED, str(path)]
+    command = [sys.executable, "-c", _KILLED, str(path), str(fidelity)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         if process.stdout is None:
             raise RuntimeError("the run has no output")

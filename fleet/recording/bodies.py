@@ -9,8 +9,8 @@ import numpy as np
 import rerun as rr
 
 from fleet.recording import palette
-from fleet.recording.columns import offsets_of, send, strips, vectors
-from fleet.recording.frame import FloatArray, Frame
+from fleet.recording.columns import ArrowColumn, Chunks, offsets_of, strips, vectors
+from fleet.recording.frame import FloatArray, Frame, IntArray
 from fleet.recording.index import Times, index_of, set_time
 from fleet.recording.poses import (
     BODY,
@@ -41,11 +41,13 @@ class Bodies:
 
     Args:
         rec: The open recording.
+        chunks: Takes the rows of a batch.
         scene: Robots.
     """
 
-    def __init__(self, rec: rr.RecordingStream, scene: Scene) -> None:
+    def __init__(self, rec: rr.RecordingStream, chunks: Chunks, scene: Scene) -> None:
         self._rec = rec
+        self._chunks = chunks
         self._scene = scene
         n_cars, n_arms = len(scene.car_start), len(scene.arm_base)
         self._wheels = n_cars <= _FEW_N
@@ -55,7 +57,9 @@ class Bodies:
         self._place_bases()
         log_tags(rec, CAR_BODIES, n_cars, scene.car)
         self._arm_q: FloatArray | None = None
-        self._parcels: tuple[int, ...] | None = None
+        self._wheel_angle: FloatArray = np.zeros(n_cars)
+        self._rolled_s: float | None = None
+        self._parcels: IntArray | None = None
         self._trail: deque[Array] = deque(maxlen=round(_TRAIL_S / _TRAIL_STEP_S) + 1)
         self._trail_due_s = 0.0
         colours = palette.identity_colours(range(n_cars), alpha=110)
@@ -66,15 +70,7 @@ class Bodies:
     def write(self, frames: Sequence[Frame]) -> None:
         """Append the poses of some frames."""
         index = index_of(frames)
-        links = car_link_poses(
-            self._scene.car,
-            np.stack([frame.car_poses for frame in frames]),
-            np.stack([frame.car_steering for frame in frames]),
-            np.stack([frame.wheel_angle for frame in frames]),
-            wheels=self._wheels,
-        )
-        for path, part in self._car_parts:
-            self._send(path, index, *links[part.link])
+        self._write_cars(frames, index)
         self._write_arms(frames)
         self._write_parcels(frames, index)
         self._write_trails(frames)
@@ -88,18 +84,37 @@ class Bodies:
 
     def _place_bases(self) -> None:
         """Bases of arms do not move."""
-        links = self._chain.link_poses(self._scene.arm_base, self._scene.arm_start[None])
+        position, quat = self._chain.link_poses(self._scene.arm_base, self._scene.arm_start[None])
         for path, part in self._arm_parts:
             if part.link == _BASE:
-                position, quat = links[_BASE]
-                self._rec.log(path, rr.InstancePoses3D(translations=position[0], quaternions=quat[0]), static=True)
+                base = rr.InstancePoses3D(translations=position[0, 0], quaternions=quat[0, 0])
+                self._rec.log(path, base, static=True)
         self._arm_parts = [(path, part) for path, part in self._arm_parts if part.link != _BASE]
+
+    def _write_cars(self, frames: Sequence[Frame], index: list[Times]) -> None:
+        if not self._car_parts:
+            return
+        poses = _stacked([frame.car_poses for frame in frames])
+        steering = _stacked([frame.car_steering for frame in frames])
+        rolled = self._rolled(frames) if self._wheels else steering
+        links = car_link_poses(self._scene.car, poses, steering, rolled, wheels=self._wheels)
+        for path, part in self._car_parts:
+            self._chunks.add(path, index, _instances(*links[part.link]))
+
+    def _rolled(self, frames: Sequence[Frame]) -> FloatArray:
+        """How far the wheels have turned by what the cars have driven [rad], shape (f, n_cars)."""
+        times_s = np.array([frame.sim_s for frame in frames])
+        steps_s = np.diff(times_s, prepend=times_s[0] if self._rolled_s is None else self._rolled_s)
+        turns = _stacked([frame.car_speeds for frame in frames]) * steps_s[:, None] / self._scene.car.wheel_radius_m
+        angles = self._wheel_angle + np.cumsum(turns, axis=0)
+        self._wheel_angle, self._rolled_s = angles[-1], frames[-1].sim_s
+        return angles
 
     def _write_arms(self, frames: Sequence[Frame]) -> None:
         """Rows only for frames in which an arm has moved."""
         if not self._arm_parts:
             return
-        q = np.stack([frame.arm_q for frame in frames])
+        q = _stacked([frame.arm_q for frame in frames])
         before = np.concatenate([q[:1] if self._arm_q is None else self._arm_q[None], q[:-1]])
         moved = np.abs(q - before).max(axis=(1, 2)) > 0
         moved[0] |= self._arm_q is None
@@ -107,28 +122,17 @@ class Bodies:
         if not moved.any():
             return
         index = index_of([frame for frame, new in zip(frames, moved, strict=True) if new])
-        links = self._chain.link_poses(self._scene.arm_base, q[moved])
-        for path, part in self._arm_parts:
-            self._send(path, index, *links[part.link])
-
-    def _send(self, path: str, index: list[Times], position: Array, quat: Array) -> None:
-        n_rows, n_instances = position.shape[:2]
-        offsets = np.arange(n_rows + 1, dtype=np.int32) * np.int32(n_instances)
-        send(
-            self._rec,
-            path,
-            index,
-            [
-                vectors("InstancePoses3D:translations", snapped(position), offsets),
-                vectors("InstancePoses3D:quaternions", snapped(quat), offsets),
-            ],
-        )
+        position, quat = self._chain.link_poses(self._scene.arm_base, q[moved])
+        # The rows of all links but the base, one link after the other.
+        columns = _instances(position[1:].reshape(-1, *position.shape[2:]), quat[1:].reshape(-1, *quat.shape[2:]))
+        n_rows = position.shape[1]
+        for k, (path, _) in enumerate(self._arm_parts):
+            self._chunks.add(path, index, [column.part(k * n_rows, n_rows) for column in columns])
 
     def _write_parcels(self, frames: Sequence[Frame], index: list[Times]) -> None:
-        poses = snapped(np.concatenate([frame.parcel_poses.reshape(-1, 7) for frame in frames]))
+        poses = snapped(np.concatenate([frame.parcel_poses for frame in frames]))
         offsets = offsets_of([len(frame.parcel_ids) for frame in frames])
-        send(
-            self._rec,
+        self._chunks.add(
             "world/parcels",
             index,
             [
@@ -137,18 +141,19 @@ class Bodies:
             ],
         )
         for frame in frames:
-            ids = tuple(frame.parcel_ids.tolist())
-            if ids != self._parcels:
-                self._parcels = ids
+            ids = frame.parcel_ids
+            # Whoever makes the frames hands over the same array until a parcel comes or goes.
+            if ids is not self._parcels and (self._parcels is None or not np.array_equal(ids, self._parcels)):
                 set_time(self._rec, frame)
                 self._rec.log(
                     "world/parcels",
                     rr.Boxes3D.from_fields(
                         half_sizes=frame.parcel_size_m.reshape(-1, 3) / 2,
-                        colors=palette.identity_colours(ids),
+                        colors=palette.identity_colours(ids.tolist()),
                         fill_mode="solid",
                     ),
                 )
+            self._parcels = ids
 
     def _write_trails(self, frames: Sequence[Frame]) -> None:
         """Where the cars were in the last seconds, as lines that are renewed twice a second."""
@@ -163,7 +168,7 @@ class Bodies:
             rows = offsets_of([len(trail) for trail in trails])
             lengths = [trail.shape[1] for trail in trails for _ in trail]
             xy = np.concatenate([trail.reshape(-1, 2) for trail in trails])
-            send(self._rec, TRAILS, index_of(due), [strips(xy, lengths, 0.006, rows)])
+            self._chunks.add(TRAILS, index_of(due), [strips(xy, lengths, 0.006, rows)])
 
     def _write_scans(self, frames: Sequence[Frame]) -> None:
         """Rays of the lidars that hit something, and what they hit."""
@@ -174,10 +179,25 @@ class Bodies:
         starts = [frame.scan_origins for frame in frames if frame.scan_origins is not None]
         rows = offsets_of([len(hits) for hits in ends])
         hits = snapped(np.concatenate(ends))
-        send(self._rec, HITS, index, [vectors("Points3D:positions", hits, rows)])
+        self._chunks.add(HITS, index, [vectors("Points3D:positions", hits, rows)])
         rays = np.stack([snapped(np.concatenate(starts)), hits], axis=1)
         height = float(rays[0, 0, 2]) if len(rays) else 0.0
-        send(self._rec, RAYS, index, [strips(rays[:, :, :2], [2] * len(rays), height, rows)])
+        self._chunks.add(RAYS, index, [strips(rays[:, :, :2], [2] * len(rays), height, rows)])
+
+
+def _instances(position: Array, quat: Array) -> list[ArrowColumn]:
+    """Columns of poses, positions (rows, n, 3) [m] and quaternions (rows, n, 4)."""
+    n_rows, n_instances = position.shape[:2]
+    offsets = np.arange(n_rows + 1, dtype=np.int32) * np.int32(n_instances)
+    return [
+        vectors("InstancePoses3D:translations", snapped(position), offsets),
+        vectors("InstancePoses3D:quaternions", snapped(quat), offsets),
+    ]
+
+
+def _stacked(arrays: Sequence[FloatArray]) -> FloatArray:
+    """As `np.stack` for arrays of one shape, at a third of its price."""
+    return np.concatenate(arrays).reshape(len(arrays), *arrays[0].shape)
 
 
 def _packed(colour: int) -> np.ndarray:

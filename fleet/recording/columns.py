@@ -1,4 +1,4 @@
-"""Columns: component data for `send_columns` made straight from arrays.
+"""Columns: component data made straight from arrays, and the chunks in which they go to a recording.
 
 The constructors of rerun's archetypes accept anything and cost about 0.1 ms a call, which is most of the price of a
 small batch; these know that they get float arrays.
@@ -15,6 +15,7 @@ import numpy.typing as npt
 import pyarrow as pa  # type: ignore[import-untyped]
 import rerun as rr
 from numba import njit
+from rerun.chunk import Chunk
 
 from fleet.recording.index import Times
 
@@ -30,6 +31,7 @@ _EXAMPLES = (
     rr.StateChange(state="a"),
     rr.Scalars(0.0),
     rr.TextDocument("a"),
+    rr.TextLog("a", level="INFO"),
 )
 _KINDS = {
     batch.component_descriptor().component: (batch.component_descriptor(), batch.as_arrow_array().type)
@@ -56,11 +58,34 @@ class ArrowColumn:
         """The values, one list per row."""
         return self.rows
 
+    def part(self, first: int, n_rows: int) -> ArrowColumn:
+        """Some of its rows, of the same memory."""
+        return ArrowColumn(self.descriptor, self.rows.slice(first, n_rows))
 
-def send(rec: rr.RecordingStream, path: str, index: Iterable[Times], columns: Iterable[ArrowColumn]) -> None:
-    """Send columns; rerun's own type of a column is a class of its own, of which it uses these two methods only."""
-    wanted: Iterable[Any] = columns
-    rec.send_columns(path, indexes=index, columns=wanted)
+
+class Chunks:
+    """The rows of a batch, entity by entity, on their way to a recording.
+
+    They go out together: rerun's threads, which pass them on, compress and write, wake once for a batch and not once
+    for each of its entities.
+
+    Args:
+        rec: The open recording.
+    """
+
+    def __init__(self, rec: rr.RecordingStream) -> None:
+        self._rec = rec
+        self._made: list[Chunk] = []
+
+    def add(self, path: str, index: Iterable[Times], columns: Iterable[ArrowColumn]) -> None:
+        """Add rows of one entity, as columns; rerun's own type of a column is a class, of which it uses two methods."""
+        wanted: Iterable[Any] = columns
+        self._made.append(Chunk.from_columns(path, indexes=index, columns=wanted))
+
+    def send(self) -> None:
+        """Hand over what was added."""
+        self._rec.send_chunks(self._made)
+        self._made = []
 
 
 def offsets_of(lengths: Sequence[int] | npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:

@@ -31,7 +31,7 @@ class Wait:
     """Where that is, if it is no robot."""
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, slots=True)
 class Frame:
     """The visible state of a run at one tick. Whoever hands it to a recorder gives its arrays away."""
 
@@ -42,8 +42,8 @@ class Frame:
     """Rear-axle poses x, y, yaw [m, m, rad], shape (n_cars, 3)."""
     car_steering: FloatArray
     """Bicycle-equivalent steering angles [rad], shape (n_cars,)."""
-    wheel_angle: FloatArray
-    """Rolled angle of the wheels, positive forward [rad], shape (n_cars,)."""
+    car_speeds: FloatArray
+    """Signed forward speeds [m/s], shape (n_cars,)."""
     arm_q: FloatArray
     """Joint positions [rad], shape (n_arms, n_joints)."""
     parcel_ids: IntArray

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
-import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
 import rerun as rr
 
-_DURATION = pa.duration("ns")
+_DURATION, _INT64 = pa.duration("ns"), pa.int64()
 
 
 class Stamped(Protocol):
@@ -44,19 +43,19 @@ class Times:
 
 def index_of(stamped: Sequence[Stamped]) -> list[Times]:
     """Columns `sim_time` and `tick` of some frames or log lines."""
-    return list(_index(tuple([item.sim_s for item in stamped]), tuple([item.tick for item in stamped])))
+    return list(_index(tuple([(item.sim_s, item.tick) for item in stamped])))
 
 
 @lru_cache(maxsize=16)
-def _index(sim_s: tuple[float, ...], ticks: tuple[int, ...]) -> tuple[Times, Times]:
+def _index(moments: tuple[tuple[float, int], ...]) -> tuple[Times, Times]:
     """The columns; what is looked at in the same frames has the same ones."""
-    nanoseconds = np.rint(np.array(sim_s) * 1e9).astype(np.int64)
-    return Times("sim_time", pa.array(nanoseconds).view(_DURATION)), Times("tick", pa.array(ticks, pa.int64()))
+    nanoseconds = pa.array([round(sim_s * 1e9) for sim_s, _ in moments], _DURATION)
+    return Times("sim_time", nanoseconds), Times("tick", pa.array([tick for _, tick in moments], _INT64))
 
 
 def epochs_of(numbers: Sequence[int]) -> Times:
     """Column `plan_epoch`: how many plans had landed by each row."""
-    return Times("plan_epoch", pa.array(numbers, pa.int64()))
+    return Times("plan_epoch", pa.array(numbers, _INT64))
 
 
 def set_time(rec: rr.RecordingStream, stamped: Stamped) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from fleet.recording import palette
-from fleet.recording.columns import offsets_of, send, values
+from fleet.recording.columns import Chunks, offsets_of, values
 from fleet.recording.frame import Frame
 from fleet.recording.index import index_of
 
@@ -44,11 +44,13 @@ class Lanes:
 
     Args:
         rec: The open recording.
+        chunks: Takes the rows of a batch.
         n_robots: Cars and arms.
     """
 
-    def __init__(self, rec: rr.RecordingStream, n_robots: int) -> None:
+    def __init__(self, rec: rr.RecordingStream, chunks: Chunks, n_robots: int) -> None:
         self._rec = rec
+        self._chunks = chunks
         self._together_n = 1 if n_robots <= FEW_N else _TOGETHER_N
         self._groups: list[_Group] = []
         self._lane: dict[str, tuple[_Group, int]] = {}
@@ -59,10 +61,13 @@ class Lanes:
         for frame in frames:
             # Whoever makes the frames hands over the same tuples until a word changes.
             for kind, words in (("car", frame.car_state), ("arm", frame.arm_state)):
-                if words is not self._words[kind]:
+                before = self._words[kind]
+                if words is not before:
                     self._words[kind] = words
-                    self._take(frame, f"{kind}s", {f"{kind}_{k}": word for k, word in enumerate(words)})
-            self._take(frame, "tasks", frame.task_state)
+                    new = [k for k, word in enumerate(words) if before is None or word != before[k]]
+                    self._take(frame, f"{kind}s", {f"{kind}_{k}": words[k] for k in new})
+            if frame.task_state:
+                self._take(frame, "tasks", frame.task_state)
         for group in self._groups:
             if group.rows:
                 self._send(group)
@@ -102,7 +107,7 @@ class Lanes:
             self._configure(group)
         offsets = offsets_of([len(row) for row in states])
         column = values("StateChange:state", [state for row in states for state in row], offsets)
-        send(self._rec, group.path, index_of(frames), [column])
+        self._chunks.add(group.path, index_of(frames), [column])
 
 
 def title(names: Sequence[str]) -> str:

@@ -12,7 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from fleet.recording.bodies import CAR_BODIES
-from fleet.recording.coordination import CONGESTION, GRAPH, PRIORITIES, WHY
+from fleet.recording.coordination import CONGESTION, PRIORITIES, WAITS
 from fleet.recording.frame import FloorPlan
 from fleet.recording.lanes import FEW_N, STATES, car_paths
 from fleet.recording.scenery import CAMERA, LABELS, PIXELS_PER_M
@@ -65,8 +65,8 @@ def layout(
         close.append(_eye_view(f"Close-up {name}", *_closeup(scene.arm_base[0]), hidden=(LABELS, *_FLAT)))
         if cameras:
             close += _camera_views(scene, cameras)
-    why = rrb.TextDocumentView(origin=f"/{WHY}", name="Why robots wait")
-    graph = rrb.GraphView(origin=f"/{GRAPH}", name="Waits")
+    why = rrb.TextDocumentView(origin=f"/{WAITS}", name="Why robots wait")
+    graph = rrb.GraphView(origin=f"/{WAITS}", name="Waits")
     text: list[rrb.View] = [
         rrb.TextLogView(
             origin="/log",

@@ -110,12 +110,12 @@ def car_link_poses(
     Returns:
         Poses of the body and the four wheels.
     """
-    yaw = poses[..., 2]
-    origin = np.stack([poses[..., 0], poses[..., 1], np.zeros_like(yaw)], axis=-1)
-    heading = _about(2, yaw)
+    origin, heading = _on_floor(np.ascontiguousarray(poses, np.float64).reshape(-1, 3))
+    origin, heading = origin.reshape(*poses.shape[:-1], 3), heading.reshape(*poses.shape[:-1], 4)
     links: dict[str, tuple[Array, Array]] = {BODY: (origin, heading)}
     if not wheels:
         return links
+    yaw = poses[..., 2]
     cos, sin = np.cos(yaw), np.sin(yaw)
     roll = _about(1, wheel_angle)
     left, right = ackermann_angles(spec, steering)
@@ -130,6 +130,16 @@ def car_link_poses(
     return links
 
 
+@njit(cache=True)
+def _on_floor(poses):
+    """Positions (k, 3) and quaternions xyzw (k, 4) from x, y, yaw, (k, 3)."""
+    position, quat = np.zeros((len(poses), 3)), np.zeros((len(poses), 4))
+    for k in range(len(poses)):
+        position[k, 0], position[k, 1] = poses[k, 0], poses[k, 1]
+        quat[k, 2], quat[k, 3] = np.sin(poses[k, 2] / 2), np.cos(poses[k, 2] / 2)
+    return position, quat
+
+
 class ArmChain:
     """Forward kinematics of all arms of a kind.
 
@@ -141,7 +151,7 @@ class ArmChain:
         self._places = np.ascontiguousarray(spec.base_from_joint[:, :3, 3])
         self._turns = np.array([quat_from_matrix(parent_from_joint) for parent_from_joint in spec.base_from_joint])
 
-    def link_poses(self, base: Array, q: Array) -> LinkPoses:
+    def link_poses(self, base: Array, q: Array) -> tuple[Array, Array]:
         """Poses of the links.
 
         Args:
@@ -149,12 +159,13 @@ class ArmChain:
             q: Joint positions [rad], shape (f, m, n_joints).
 
         Returns:
-            Poses of 'link_0' .. 'link_<n_joints>'.
+            Positions (n_joints + 1, f, m, 3) [m] and quaternions xyzw (n_joints + 1, f, m, 4) of the links from the
+            base on, in the world.
         """
         shape = (len(self._turns) + 1, *q.shape[:2])
         position, quat = np.empty((*shape, 3)), np.empty((*shape, 4))
         _chain(np.asarray(base, np.float64), self._places, self._turns, np.asarray(q, np.float64), position, quat)
-        return {f"link_{k}": (position[k], quat[k]) for k in range(len(position))}
+        return position, quat
 
 
 @njit(cache=True)
@@ -197,7 +208,15 @@ def snapped(values: Array) -> npt.NDArray[np.float32]:
 
     Recordings are compressed by LZ4, which finds repeated bytes and nothing else.
     """
-    return (np.rint(values * _STEPS) / _STEPS).astype(np.float32)
+    return _snapped(np.ascontiguousarray(values).reshape(-1)).reshape(values.shape)
+
+
+@njit(cache=True)
+def _snapped(values):
+    made = np.empty(len(values), np.float32)
+    for k in range(len(values)):
+        made[k] = np.rint(values[k] * _STEPS) / _STEPS
+    return made
 
 
 @dataclass(frozen=True, kw_only=True)

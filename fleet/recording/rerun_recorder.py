@@ -1,12 +1,12 @@
-"""RerunRecorder: writes a rerun recording from a worker thread; the simulation only hands over frames."""
+"""RerunRecorder: collects the frames of a run and hands them to rerun in batches."""
 
 from __future__ import annotations
 
+import math
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -20,22 +20,26 @@ if TYPE_CHECKING:
     from fleet.recording.stream import Stream
 
 _BATCH_N = 240
-"""Frames that wake the worker early; larger batches are cheaper per frame."""
-_BATCH_S = 0.4
-"""Wall time after which a smaller batch is written anyway [s]: what a killed process loses, and the time of writing."""
+"""Frames that are written at once, whatever their age."""
+_BATCH_S = 0.45
+"""Wall time after which the oldest frame is written [s]: what a killed process loses, but for the time of writing."""
 _QUEUE_N = 960
-"""Frames that may wait; beyond it the simulation waits (file) or frames are dropped (live)."""
-_COMPACT_N = 60
-"""Batches from which on a finished recording is worth compacting, which takes as long as writing fifty of them."""
+"""Frames that may wait while serving; more are dropped."""
+_COMPACT_N = 100
+"""Batches from which on a finished recording is worth compacting, which takes as long as writing thirty of them."""
 _JOIN_S = 60.0
-"""Wall time that `close` gives the worker to write what is queued [s]."""
+"""Wall time that `close` gives the other thread to finish its batch [s]."""
 
 
 class RerunRecorder:
     """A `Recorder` that writes `path` and, with `serve`, also feeds viewers on the loopback interface.
 
-    To a file nothing is lost: if the worker falls behind, `record` waits. While serving, frames are dropped and
-    counted instead, so that a viewer never slows the run.
+    Batches are made in the thread of the run, because two threads that run Python take turns every 5 ms: what takes
+    5 ms here would take a second beside it. Threads of rerun's own compress and write, and nobody waits for them. If
+    the run takes so long for a tick that no frame comes, another thread writes what there is.
+
+    That thread writes everything while serving, because rerun waits for a viewer that has stopped to read. Frames are
+    dropped and counted then, so that a viewer never slows the run; to a file alone nothing is lost.
 
     Args:
         path: File to write; replaced if it exists.
@@ -77,16 +81,17 @@ class RerunRecorder:
         self._live = serve
         self._frames: list[Frame] = []
         self._lines: list[LogLine] = []
-        self._changed = threading.Condition()
+        self._lock, self._writing = threading.Lock(), threading.Lock()
+        self._wake = threading.Event()
         self._closing = False
         self._failure: Exception | None = None
+        self._due_s = math.inf
+        self._seen_s = 0.0
         self._batches_n = 0
         self.dropped_n = 0
         """Frames that were dropped to keep a live run going."""
         self.written_n = 0
         """Frames written so far."""
-        self.cpu_s = 0.0
-        """CPU time of the worker thread so far [s]."""
         try:
             if serve:
                 require_free_port(port)
@@ -104,8 +109,8 @@ class RerunRecorder:
             )
         except (OSError, RuntimeError, ValueError) as error:
             raise RecordingError(f"recording {path} cannot be opened: {error}") from error
-        self._worker = threading.Thread(target=self._work, name="recorder", daemon=True)
-        self._worker.start()
+        self._watchdog = threading.Thread(target=self._write_late, name="recorder", daemon=True)
+        self._watchdog.start()
 
     @property
     def uri(self) -> str:
@@ -117,36 +122,46 @@ class RerunRecorder:
         return tick % self._every == 0
 
     def record(self, frame: Frame) -> None:
-        """Queue a frame; nobody else may change its arrays from now on."""
-        with self._changed:
-            if len(self._frames) >= _QUEUE_N and self._live:
+        """Take a frame; nobody else may change its arrays from now on."""
+        now_s = time.perf_counter()
+        with self._lock:
+            if self._live and len(self._frames) >= _QUEUE_N:
                 self.dropped_n += 1
                 return
-            while len(self._frames) >= _QUEUE_N and self._failure is None:
-                self._changed.wait()
             self._frames.append(frame)
-            if len(self._frames) == _BATCH_N:
-                self._changed.notify_all()
+            self._due_s = min(self._due_s, now_s + _BATCH_S)
+        # The next frame comes after as long a time as this one.
+        due = 2.0 * now_s - self._seen_s >= self._due_s or len(self._frames) >= _BATCH_N
+        self._seen_s = now_s
+        if due and self._live:
+            self._wake.set()
+        elif due:
+            self._write()
 
     def log(self, line: LogLine) -> None:
-        """Queue a line of the event log."""
-        with self._changed:
+        """Take a line of the event log."""
+        with self._lock:
             self._lines.append(line)
+            self._due_s = min(self._due_s, time.perf_counter() + _BATCH_S)
 
     def close(self) -> None:
-        """Write what is queued and the footer, and compact the file.
+        """Write what is left and the footer, and compact the file.
 
         Raises:
             RecordingError: Writing failed at some time in the run, or does not come to an end.
         """
-        with self._changed:
-            if self._closing:
-                return
-            self._closing = True
-            self._changed.notify_all()
-        self._worker.join(_JOIN_S)
-        if self._worker.is_alive():
+        if self._closing:
+            return
+        self._closing = True
+        self._wake.set()
+        self._watchdog.join(_JOIN_S)
+        if self._watchdog.is_alive():
             raise RecordingError(f"recording {self._path}: the writer did not finish within {_JOIN_S:.0f} s")
+        self._write()
+        try:
+            self._stream.close()
+        except Exception as error:
+            self._failure = self._failure or error
         if self._failure is not None:
             raise RecordingError(f"recording {self._path} is incomplete: {self._failure}") from self._failure
         if self._batches_n >= _COMPACT_N:
@@ -165,28 +180,30 @@ class RerunRecorder:
             if error is None:
                 raise
 
-    def _work(self) -> None:
-        closing = False
-        while not closing:
-            with self._changed:
-                self._changed.wait_for(lambda: self._closing or len(self._frames) >= _BATCH_N, _BATCH_S)
-                closing = self._closing
-                frames, self._frames = self._frames, []
-                lines, self._lines = self._lines, []
-                self._changed.notify_all()
+    def _write(self) -> None:
+        """Write what there is; who comes second waits for who came first."""
+        with self._writing:
+            with self._lock:
+                frames, lines = list(self._frames), list(self._lines)
+                self._due_s = math.inf
             if self._failure is None and (frames or lines):
                 self._batches_n += 1
-                self._attempt(partial(self._stream.write, frames, lines))
-                self.written_n += len(frames) if self._failure is None else 0
-        self._attempt(self._stream.close)
+                try:
+                    self._stream.write(frames, lines)
+                    self.written_n += len(frames)
+                except Exception as error:  # told by `close`: a broken recording must not end the run
+                    self._failure = error
+            # Not earlier: an interrupt leaves them here, to be written once more. Better twice than in part.
+            with self._lock:
+                del self._frames[: len(frames)], self._lines[: len(lines)]
 
-    def _attempt(self, write: Callable[[], None]) -> None:
-        started = time.thread_time()
-        try:
-            write()
-        except Exception as error:  # told by `close`: a broken recording must not end the run
-            self._failure = self._failure or error
-        self.cpu_s += time.thread_time() - started
+    def _write_late(self) -> None:
+        """Write what is due and nobody else has written, until the end."""
+        while not self._closing:
+            woken = self._wake.wait(max(0.0, min(_BATCH_S, self._due_s - time.perf_counter())))
+            self._wake.clear()
+            if woken or time.perf_counter() >= self._due_s:
+                self._write()
 
 
 def require_free_port(port: int) -> None:

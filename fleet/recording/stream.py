@@ -1,4 +1,4 @@
-"""Stream: turns batches of frames into rerun columns; runs in the recorder's worker thread."""
+"""Stream: turns batches of frames into rerun columns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import rerun as rr
 
 from fleet.recording import palette
 from fleet.recording.bodies import Bodies
-from fleet.recording.columns import offsets_of, send, strips, values
+from fleet.recording.columns import Chunks, offsets_of, strips, values
 from fleet.recording.coordination import Coordination
 from fleet.recording.frame import FloorPlan, Frame, LogLine
 from fleet.recording.index import epochs_of, index_of, set_time
@@ -25,8 +25,8 @@ from fleet.world.scene import Scene
 
 _FLUSH_TICK_S = 60.0
 """Period at which rerun would write to its sinks by itself [s]: every batch is flushed when it is complete."""
-_FLUSH_S = 10.0
-"""Wall time that a flush may take [s]."""
+_OPEN_S, _CLOSE_S = 10.0, 60.0
+"""Wall time that writing the scenery, and what is left at the end, may take [s]."""
 _SERVER_MEMORY = "512MB"
 """What a viewer that joins late may still be sent; older frames are dropped, the scenery is kept."""
 
@@ -74,9 +74,10 @@ class Stream:
         self._rec.send_recording_name(f"{floor.name}, {len(scene.car_start)} cars")
         log_scenery(self._rec, scene, floor)
         self._rec.log("about", rr.TextDocument(_markdown(floor.name, about), media_type="text/markdown"), static=True)
-        self._bodies = Bodies(self._rec, scene)
-        self._coordination = Coordination(self._rec, scene, floor)
-        self._lanes = Lanes(self._rec, len(scene.car_start) + len(scene.arm_base))
+        self._chunks = Chunks(self._rec)
+        self._bodies = Bodies(self._rec, self._chunks, scene)
+        self._coordination = Coordination(self._rec, self._chunks, scene, floor)
+        self._lanes = Lanes(self._rec, self._chunks, len(scene.car_start) + len(scene.arm_base))
         for name in ("granted", "planned"):
             radius, alpha = (0.035, 230) if name == "granted" else (0.012, 150)
             self._rec.log(
@@ -86,7 +87,7 @@ class Stream:
                 ),
                 static=True,
             )
-        self._rec.flush(timeout_sec=_FLUSH_S)
+        self._rec.flush(timeout_sec=_OPEN_S)
 
     def write(self, frames: Sequence[Frame], lines: Sequence[LogLine]) -> None:
         """Append frames and log lines, both ascending in time."""
@@ -99,13 +100,17 @@ class Stream:
             self._write_views(frames)
             write_trees(self._rec, frames)
         if lines:
-            columns = rr.TextLog.columns(text=[line.text for line in lines], level=[line.level for line in lines])
-            self._rec.send_columns("log", indexes=index_of(lines), columns=columns)
-        self._rec.flush(timeout_sec=_FLUSH_S)
+            rows = offsets_of([1] * len(lines))
+            text = values("TextLog:text", [line.text for line in lines], rows)
+            level = values("TextLog:level", [line.level for line in lines], rows)
+            self._chunks.add("log", index_of(lines), [text, level])
+        self._chunks.send()
+        # Begun, not waited for: threads of rerun's own compress and write.
+        self._rec.flush(timeout_sec=0.0)
 
     def close(self) -> None:
         """Write what is pending and the footer."""
-        self._rec.flush(timeout_sec=10.0)
+        self._rec.flush(timeout_sec=_CLOSE_S)
         self._rec.disconnect()
 
     def _write_scalars(self, frames: Sequence[Frame]) -> None:
@@ -139,7 +144,7 @@ class Stream:
         if names and rows:
             figures = [row.get(name, math.nan) for row in rows for name in names]
             column = values("Scalars:scalars", figures, offsets_of([len(names)] * len(rows)))
-            send(self._rec, path, index_of(frames), [column])
+            self._chunks.add(path, index_of(frames), [column])
 
     def _write_paths(self, frames: Sequence[Frame]) -> None:
         for name, height, changes in (
@@ -152,7 +157,8 @@ class Stream:
                 lines = [line for _, row in changes for line in row or ()]
                 rows = offsets_of([len(row or ()) for _, row in changes])
                 xy = np.concatenate(lines) if lines else np.empty((0, 2))
-                send(self._rec, f"world/paths/{name}", index, [strips(xy, [len(line) for line in lines], height, rows)])
+                column = strips(xy, [len(line) for line in lines], height, rows)
+                self._chunks.add(f"world/paths/{name}", index, [column])
 
     def _write_views(self, frames: Sequence[Frame]) -> None:
         for frame in frames:

@@ -174,7 +174,7 @@ class PlanarWorld:
 
     def parcel_ids(self) -> IntArray:
         """See `World`."""
-        return self._parcels.ids.copy()
+        return self._parcels.ids
 
     def parcel_poses(self) -> FloatArray:
         """See `World`."""

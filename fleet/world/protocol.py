@@ -82,7 +82,7 @@ class World(Protocol):
         """Parcel id in each arm's grip, -1 for none, shape (n_arms,)."""
 
     def parcel_ids(self) -> IntArray:
-        """Ids of the parcels in the world, ascending, shape (p,)."""
+        """Ids of the parcels in the world, ascending, shape (p,); the same array until one comes or goes."""
 
     def parcel_poses(self) -> FloatArray:
         """Poses in the order of `parcel_ids`, shape (p, 7)."""

@@ -22,6 +22,7 @@ from planners.execution.queues import (
     empty_queues,
     end,
     end_all,
+    first_in_line,
     hold,
     let_go,
     may_start,
@@ -184,15 +185,6 @@ class DependencyGraph:
         """Queued moves in order."""
         return self._numbered(agent, self._q.granted[agent], self._q.queued[agent])
 
-    def queued_moves(self) -> tuple[Longs, Longs]:
-        """Queued moves of all agents in order, one agent after the other, and how many each has, shape (n,)."""
-        q = self._q
-        counts = q.queued - q.granted
-        ends = np.cumsum(counts)
-        agents = np.repeat(np.arange(len(counts)), counts)
-        numbers = np.arange(counts.sum()) - np.repeat(ends - counts - q.granted, counts)
-        return q.moves[agents, numbers % q.moves.shape[1]].astype(np.int64), counts.astype(np.int64)
-
     def grantable(self, agent: int) -> bool:
         """True when the agent's next queued move may start."""
         return bool(may_start(self._q, agent))
@@ -272,11 +264,7 @@ class DependencyGraph:
 
     def next_visitors(self) -> IntArray:
         """The agent whose queued move comes first in each cell, -1 = nobody, shape (n_cells,)."""
-        q = self._q
-        found = np.full(len(q.line_first), NOBODY, dtype=np.int32)
-        cells = np.flatnonzero(q.line_first != NONE)
-        found[cells] = q.visit_agent[q.line_first[cells]]
-        return found
+        return first_in_line(self._q)
 
     def line(self, cell: int) -> list[tuple[int, int]]:
         """Queued moves that sweep a cell, in the order in which they may: pairs (agent, move)."""

@@ -260,6 +260,16 @@ def let_go(q: Queues, cell: int) -> None:  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
+def first_in_line(q: Queues) -> IntArray:  # pragma: no cover - compiled
+    """The agent of the first visit in each cell's line, or `NOBODY`, shape (C,)."""
+    agents = np.full(len(q.line_first), NOBODY, np.int32)
+    for cell in range(len(agents)):
+        if q.line_first[cell] != NONE:
+            agents[cell] = q.visit_agent[q.line_first[cell]]
+    return agents
+
+
+@njit(cache=True, nogil=True)
 def run_through(q: Queues, limits: Longs, closed: BoolArray) -> Longs:  # pragma: no cover - compiled
     """Run the queues without their timing: which moves come through when each agent does at most `limits`.
 

@@ -114,7 +114,7 @@ def test_cells_are_held_by_whom_the_executor_granted_them(seen: Seen) -> None:
 
 
 def test_the_graph_is_who_waited_for_whom(seen: Seen) -> None:
-    recorded = rows(seen.path, "/coordination/graph", "GraphEdges:edges")
+    recorded = rows(seen.path, "/world/waits", "GraphEdges:edges")
     assert sum(map(len, recorded.values())) > 5
     for tick, edges in recorded.items():
         between = {tuple(edge.values()) for edge in edges}
@@ -123,7 +123,7 @@ def test_the_graph_is_who_waited_for_whom(seen: Seen) -> None:
 
 
 def test_the_reasons_of_a_moment_are_those_of_that_moment(seen: Seen) -> None:
-    recorded = rows(seen.path, "/coordination/why", "TextDocument:text")
+    recorded = rows(seen.path, "/world/waits", "TextDocument:text")
     assert len(recorded) > 10
     for tick, (text,) in recorded.items():
         expected = [f"**{name}**: {reason.removeprefix(name).strip()}" for name, reason in seen.reasons[tick].items()]

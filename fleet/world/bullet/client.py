@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -147,6 +147,19 @@ class Client:
                     return self.loadURDF(str(path), **options)
             except pybullet.error as reason:
                 raise PhysicsError(f"loading a robot description failed: {reason}") from reason
+
+    def base_poses(self, bodies: Iterable[int]) -> list[float]:
+        """Measure x, y, z, qx, qy, qz, qw of the bases of some bodies, one after the other."""
+        measure, client = pybullet.getBasePositionAndOrientation, self.id
+        if self.connect is Connect.SHARED_MEMORY:
+            measure = partial(self._ask_server, measure)
+        poses: list[float] = []
+        for body in bodies:
+            # By position: half the time of a call is spent on names of arguments.
+            position, quat = measure(body, client)
+            poses += position
+            poses += quat
+        return poses
 
     def close(self) -> None:
         """End the connection; calling twice is harmless."""

@@ -27,6 +27,7 @@ class Parcels:
         self._client = client
         self._anchored = anchored
         self._bodies: dict[int, int] = {}
+        self._numbers: npt.NDArray[np.int64] | None = None
         self._places: dict[int, tuple[float, ...]] = {}  # poses, as far as measured since anything moved last
         self.shapes: dict[int, ParcelBody] = {}
         """Size and mass of every parcel; the pose is that of its entry."""
@@ -69,6 +70,7 @@ class Parcels:
             frictionAnchor=self._anchored,
         )
         self._bodies[parcel.parcel] = body
+        self._numbers = None
         self.by_body[body] = parcel.parcel
         self.shapes[parcel.parcel] = parcel
 
@@ -81,11 +83,18 @@ class Parcels:
         body = self.body(parcel)
         self._client.removeBody(body)
         del self._bodies[parcel], self.by_body[body], self.shapes[parcel]
+        self._numbers = None
         self._places.pop(parcel, None)
 
     def ids(self) -> list[int]:
         """Return the ids in the world, ascending."""
         return sorted(self._bodies)
+
+    def numbers(self) -> npt.NDArray[np.int64]:
+        """Return what `ids` does as an array, the same one until a parcel comes or goes, shape (p,)."""
+        if self._numbers is None:
+            self._numbers = np.array(self.ids(), dtype=np.int64)
+        return self._numbers
 
     def where(self, parcel: int) -> tuple[float, ...]:
         """Measure x, y, z, qx, qy, qz, qw of a parcel, once until `moved` is called."""
@@ -105,7 +114,8 @@ class Parcels:
 
     def poses(self) -> FloatArray:
         """Measure the poses in the order of `ids`, shape (p, 7)."""
-        return np.array([self.where(parcel) for parcel in self.ids()]).reshape(-1, 7)
+        poses = self._client.base_poses([self._bodies[parcel] for parcel in self.ids()])
+        return np.array(poses, dtype=np.float64).reshape(-1, 7)
 
     def motion(self, parcel: int) -> FloatArray:
         """Measure pose and linear and angular velocity of a parcel, shape (13,)."""

@@ -82,6 +82,7 @@ class TableObjects(Parcels):
         client.changeDynamics(body, -1, lateralFriction=_FRICTION, spinningFriction=_SPINNING, rollingFriction=_ROLLING)
         self.kinds.append(thing)
         self._bodies[number], self.by_body[body] = body, number
+        self._numbers = None
         self.shapes[number] = ParcelBody(
             parcel=number, size_m=thing.size_m, mass_kg=thing.mass_kg, pose=thing.pose.copy()
         )

@@ -219,8 +219,8 @@ class BulletWorld:
         return np.array(self._grip.held, dtype=np.int64)
 
     def parcel_ids(self) -> IntArray:
-        """Ids of the parcels in the world, ascending, shape (p,)."""
-        return np.array(self._parcels.ids(), dtype=np.int64)
+        """Ids of the parcels in the world, ascending, shape (p,); the same array until one comes or goes."""
+        return self._parcels.numbers()
 
     def parcel_poses(self) -> FloatArray:
         """Poses in the order of `parcel_ids`, shape (p, 7)."""

@@ -77,11 +77,11 @@ def test_cells_are_drawn_in_the_colour_of_their_car(shown: tuple[Path, list[Fram
 
 def test_waits_are_a_graph_and_arrows_with_circles_in_red(shown: tuple[Path, list[Frame]]) -> None:
     path, made = shown
-    edges = rows(path, "/coordination/graph", "GraphEdges:edges")
+    edges = rows(path, "/world/waits", "GraphEdges:edges")
     assert [tuple(edge.values()) for edge in edges[0]] == [(wait.who, wait.whom) for wait in RING]
     assert edges[4] == []
-    names = rows(path, "/coordination/graph", "GraphNodes:labels")[0]
-    colours = dict(zip(names, rows(path, "/coordination/graph", "GraphNodes:colors")[0], strict=True))
+    names = rows(path, "/world/waits", "GraphNodes:labels")[0]
+    colours = dict(zip(names, rows(path, "/world/waits", "GraphNodes:colors")[0], strict=True))
     assert {name for name, colour in colours.items() if colour == palette.CYCLE} == {"car_0", "car_1"}
     arrows = rows(path, "/world/waits", "Arrows3D:colors")
     assert arrows[0] == [palette.CYCLE, palette.CYCLE, palette.WAIT]
@@ -93,7 +93,7 @@ def test_waits_are_a_graph_and_arrows_with_circles_in_red(shown: tuple[Path, lis
 
 
 def test_explanations_are_told_as_long_as_somebody_waits(shown: tuple[Path, list[Frame]]) -> None:
-    texts = rows(shown[0], "/coordination/why", "TextDocument:text")
+    texts = rows(shown[0], "/world/waits", "TextDocument:text")
     assert texts == {0: ["**car_2**: has waited 3.0 s: x"], 4: ["Nobody waits."]}
 
 

@@ -2,8 +2,6 @@
 
 import signal
 import subprocess
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,7 +10,7 @@ from fleet.recording import RerunRecorder
 from fleet.recording.check import verify_recording
 from fleet.recording.cli import quiet_environment, rerun_program
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
-from tests.unit.fleet.recording.test_rerun_recorder import free_port
+from tests.unit.fleet.recording.test_rerun_recorder import free_port, wait_for
 
 FRAMES_N, LATE_N = 1200, 800
 
@@ -56,11 +54,3 @@ def test_a_viewer_that_dies_or_freezes_takes_nothing_with_it_and_a_late_one_sees
     assert (recorder.dropped_n, recorder.written_n) == (0, FRAMES_N)
     report = verify_recording(path)
     assert (report.verified, report.frames) == (True, FRAMES_N)
-
-
-def wait_for(condition: Callable[[], bool], *, most_s: float = 60.0) -> None:
-    """Poll, because what happens does so in other processes."""
-    end_s = time.monotonic() + most_s
-    while not condition():
-        assert time.monotonic() < end_s, "it did not happen"
-        time.sleep(0.05)

@@ -75,15 +75,15 @@ def test_arm_links_equal_the_product_of_matrices() -> None:
     arm = iiwa_spec()
     base = np.array([[0.0, 0.0, 0.0, 0.0], [3.0, 1.0, 0.1, 2.0]])
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (3, 2, 7))
-    links = ArmChain(arm).link_poses(base, q)
+    positions, quats = ArmChain(arm).link_poses(base, q)
     for f, m in np.ndindex(3, 2):
         world_from_link = turn_z(base[m, 3])
         world_from_link[:3, 3] = base[m, :3]
         for joint in range(7):
             world_from_link = world_from_link @ arm.base_from_joint[joint] @ turn_z(q[f, m, joint])
-            position, quat = links[f"link_{joint + 1}"]
-            np.testing.assert_allclose(position[f, m], world_from_link[:3, 3], atol=1e-12)
-            np.testing.assert_allclose(matrix_of(quat[f, m]), world_from_link[:3, :3], atol=1e-12)
+            position, quat = positions[joint + 1, f, m], quats[joint + 1, f, m]
+            np.testing.assert_allclose(position, world_from_link[:3, 3], atol=1e-12)
+            np.testing.assert_allclose(matrix_of(quat), world_from_link[:3, :3], atol=1e-12)
 
 
 def test_parts_hold_every_triangle_whether_or_not_wheels_turn() -> None:

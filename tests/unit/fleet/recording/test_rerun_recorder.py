@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -227,26 +228,69 @@ def test_what_a_camera_saw_is_shown_once_behind_its_pinhole(tmp_path: Path, site
     assert "/world/cameras/pick_1" in verify_recording(path).entities
 
 
-def test_to_a_file_the_simulation_waits_and_nothing_is_lost(
+def test_what_is_due_is_written_by_the_thread_of_the_run(
     tmp_path: Path, site: Site, frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fleet.recording.rerun_recorder._QUEUE_N", 4)
+    """Two threads that run Python wait for each other."""
+    monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_S", 0.2)
+    writers = []
     with open_recorder(tmp_path / "a.rrd", site) as recorder:
-        for frame in frames(12):
+        write = recorder._stream.write
+        monkeypatch.setattr(
+            recorder._stream, "write", lambda *batch: (writers.append(threading.current_thread()), write(*batch))
+        )
+        begin_s = time.monotonic()
+        for frame in frames(120):
             recorder.record(frame)
-    assert (recorder.written_n, recorder.dropped_n) == (12, 0)
+            time.sleep(0.01)
+        waited_s = time.monotonic() - begin_s
+    assert 5 <= len(writers) <= 2 + 2 * waited_s / 0.2
+    assert writers.count(threading.current_thread()) >= 3
+    assert verify_recording(tmp_path / "a.rrd").frames == 120
 
 
-def test_a_live_run_drops_and_counts_instead(
+def test_what_is_due_is_written_while_the_run_is_busy_with_one_tick(tmp_path: Path, site: Site, frames: Frames) -> None:
+    with open_recorder(tmp_path / "a.rrd", site) as recorder:
+        for frame in frames(5):
+            recorder.record(frame)
+        recorder.log(LogLine(tick=8, sim_s=0.2, text="it hangs"))
+        wait_for(lambda: recorder.written_n == 5, most_s=5.0)
+        wait_for(lambda: verify_recording(tmp_path / "a.rrd").frames == 5, most_s=5.0)
+        assert "/log" in verify_recording(tmp_path / "a.rrd").entities
+
+
+def test_a_live_run_drops_and_counts_instead_of_waiting_for_what_blocks(
     tmp_path: Path, site: Site, frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("fleet.recording.rerun_recorder._QUEUE_N", 4)
-    monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_S", 60.0)
+    monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_S", 0.0)
+    read = threading.Event()
     with open_recorder(tmp_path / "a.rrd", site, serve=True, port=free_port()) as recorder:
+        write = recorder._stream.write
+        monkeypatch.setattr(recorder._stream, "write", lambda *batch: (read.wait(), write(*batch)))
         for frame in frames(12):
             recorder.record(frame)
+        read.set()
     assert (recorder.written_n, recorder.dropped_n) == (4, 8)
     assert verify_recording(tmp_path / "a.rrd").frames == 4
+
+
+def test_an_interrupt_amid_writing_loses_nothing(
+    tmp_path: Path, site: Site, frames: Frames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    with open_recorder(tmp_path / "a.rrd", site) as recorder:
+        first, second, third = frames(3)
+        recorder.record(first)
+        recorder.record(second)
+        monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_N", 2)
+        monkeypatch.setattr(recorder._stream._bodies, "write", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            recorder.record(third)
+    assert verify_recording(tmp_path / "a.rrd").frames == 3
 
 
 def test_the_live_server_listens_on_loopback_only(tmp_path: Path, site: Site) -> None:
@@ -275,7 +319,7 @@ def test_a_path_that_cannot_be_written_is_named(tmp_path: Path, site: Site) -> N
 def test_a_failure_of_the_writer_is_told_at_the_end_and_does_not_block(
     tmp_path: Path, site: Site, frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fleet.recording.rerun_recorder._QUEUE_N", 4)
+    monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_N", 4)
     recorder = open_recorder(tmp_path / "a.rrd", site)
 
     def fail(*_: object) -> None:
@@ -289,6 +333,14 @@ def test_a_failure_of_the_writer_is_told_at_the_end_and_does_not_block(
         recorder.close()
     recorder.close()
     assert not any(thread.name == "recorder" for thread in threading.enumerate())
+
+
+def wait_for(condition: Callable[[], bool], *, most_s: float = 60.0) -> None:
+    """Poll, because what happens does so in other threads or processes."""
+    end_s = time.monotonic() + most_s
+    while not condition():
+        assert time.monotonic() < end_s, "it did not happen"
+        time.sleep(0.05)
 
 
 def free_port() -> int:
