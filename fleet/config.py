@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
-from numbers import Integral
 from pathlib import Path
 
 from fleet.errors import ConfigError
+from fleet.kinds import misfits
 
 MOST_TASKS_N = 1_000_000
 """As many orders take half a minute to make, and 1.5 GB."""
@@ -80,9 +80,12 @@ def _positive(what: str, value: float) -> None:
     require(math.isfinite(value) and value > 0, what, value, "a number > 0")
 
 
-def _is_whole(value: object) -> bool:
-    """Python hands a setting on as it comes: 2.5, True or a text would only be noticed in the middle of a run."""
-    return isinstance(value, Integral) and not isinstance(value, bool)
+class _Settings:
+    """Fields that hold what is declared: 2.5 robots, or a text, would only be noticed in the middle of a run."""
+
+    def __post_init__(self) -> None:
+        for name, value, valid in misfits(self):
+            require(False, f"{type(self).__name__}.{name}", value, valid)
 
 
 def _not_negative(what: str, value: float) -> None:
@@ -90,7 +93,7 @@ def _not_negative(what: str, value: float) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrafficConfig:
+class TrafficConfig(_Settings):
     """Multi-agent path finding and its execution."""
 
     planner: str = "pibt"
@@ -111,6 +114,7 @@ class TrafficConfig:
     """A car that waits that long at a free cell for one that comes first and is late may go first [s]; inf = never."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require(self.horizon_n >= 1, "traffic.horizon_n", self.horizon_n, "an integer >= 1")
         _positive("traffic.period_s", self.period_s)
         _not_negative("traffic.latency_s", self.latency_s)
@@ -121,7 +125,7 @@ class TrafficConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AllocationConfig:
+class AllocationConfig(_Settings):
     """Who gets which task."""
 
     allocator: str = "hungarian"
@@ -140,6 +144,7 @@ class AllocationConfig:
     """... and more than this share of what the task costs it."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require(self.station_cap_n >= 1, "allocation.station_cap_n", self.station_cap_n, "an integer >= 1")
         _not_negative("allocation.ageing", self.ageing)
         _not_negative("allocation.lateness", self.lateness)
@@ -149,7 +154,7 @@ class AllocationConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TimeoutConfig:
+class TimeoutConfig(_Settings):
     """How long a task may stay in a state before something is done about it [s]; inf = for ever."""
 
     waiting_s: float = math.inf
@@ -164,12 +169,13 @@ class TimeoutConfig:
     """From the first place of a visit to its end; then it fails, and the car is free."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("waiting_s", "assigned_s", "service_s", "carried_s", "visiting_s"):
             require(getattr(self, name) > 0, f"timeouts.{name}", getattr(self, name), "a number > 0, or inf")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmConfig:
+class ArmConfig(_Settings):
     """Planning and timing of the arms."""
 
     planner: str = "rrt_connect"
@@ -186,6 +192,7 @@ class ArmConfig:
     """The same for accelerations [rad/s^2]."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _not_negative("arms.latency_s", self.latency_s)
         for name in ("velocity_radps", "acceleration_radps2"):
             limit = getattr(self, name)
@@ -195,7 +202,7 @@ class ArmConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EstimateConfig:
+class EstimateConfig(_Settings):
     """Pose estimate that the cars steer by."""
 
     noise_m: float = 0.01
@@ -206,6 +213,7 @@ class EstimateConfig:
     """Age of a measurement when it arrives."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _not_negative("estimate.noise_m", self.noise_m)
         _not_negative("estimate.noise_rad", self.noise_rad)
         require(0 <= self.latency_ticks <= 30, "estimate.latency_ticks", self.latency_ticks, "an integer from 0 to 30")
@@ -216,7 +224,7 @@ RATES_PER_H = (1e-3, 1e5)
 
 
 @dataclass(frozen=True, kw_only=True)
-class StreamConfig:
+class StreamConfig(_Settings):
     """A stream of generated orders with due dates and priorities."""
 
     kind: StreamKind = StreamKind.POISSON
@@ -238,6 +246,7 @@ class StreamConfig:
     """Part of the orders in the class `idle`."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require(self.kind in list(StreamKind), "--stream", self.kind, ", ".join(StreamKind))
         object.__setattr__(self, "kind", StreamKind(self.kind))
         low_n, high_n = RATES_PER_H
@@ -254,7 +263,7 @@ class StreamConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarConfig:
+class CarConfig(_Settings):
     """What sets one car apart from others of its model."""
 
     capabilities: tuple[str, ...] = ()
@@ -263,12 +272,13 @@ class CarConfig:
     """Greatest parcel it may carry [kg]; None = what its model can."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.max_payload_kg is not None:
             _positive("max_payload_kg", self.max_payload_kg)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BatteryConfig:
+class BatteryConfig(_Settings):
     """Batteries and when cars go to charge; charges are shares of the capacity, from 0 to 1."""
 
     enabled: bool = False
@@ -299,6 +309,7 @@ class BatteryConfig:
     """Chargers of the site that are in use, first ones first; None = all."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("capacity_wh", "awake_w", "charge_w"):
             _positive(f"battery.{name}", getattr(self, name))
         _not_negative("battery.asleep_w", self.asleep_w)
@@ -323,7 +334,7 @@ EVENT_PARAMETERS: dict[str, dict[str, tuple[float, float]]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScenarioEvent:
+class ScenarioEvent(_Settings):
     """Something that happens to the fleet at a given time."""
 
     time_s: float
@@ -335,6 +346,7 @@ class ScenarioEvent:
     """See `EVENT_PARAMETERS`; each has a default."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _not_negative("time_s", self.time_s)
         require(self.kind in EVENT_PARAMETERS, "kind", self.kind, ", ".join(EVENT_PARAMETERS))
         ranges = EVENT_PARAMETERS[self.kind]
@@ -345,7 +357,7 @@ class ScenarioEvent:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunConfig:
+class RunConfig(_Settings):
     """Everything that decides the outcome of a run."""
 
     site: str = "small"
@@ -385,6 +397,7 @@ class RunConfig:
     battery: BatteryConfig = field(default_factory=BatteryConfig)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, kind in (("fidelity", Fidelity), ("grip", Grip), ("perception", Perception), ("connect", Connect)):
             # Plain words are welcome from Python; what follows compares members.
             value = getattr(self, name)
@@ -392,10 +405,10 @@ class RunConfig:
             object.__setattr__(self, name, kind(value))
         seen = self.perception is Perception.TRUTH or self.fidelity is Fidelity.PHYSICS
         require(seen, "--perception", str(self.perception), "truth, or camera with --fidelity physics")
-        require(_is_whole(self.robots) and self.robots >= 1, "--robots", self.robots, "an integer >= 1")
-        fits = self.tasks is None or (_is_whole(self.tasks) and 1 <= self.tasks <= MOST_TASKS_N)
+        require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
+        fits = self.tasks is None or 1 <= self.tasks <= MOST_TASKS_N
         require(fits, "--tasks", self.tasks, f"an integer from 1 to {MOST_TASKS_N}")
-        require(_is_whole(self.seed) and self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
         _positive("--duration", self.duration_s)
         if self.grip_force_n is not None:

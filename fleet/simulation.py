@@ -16,6 +16,7 @@ from fleet.config import CarConfig, Fidelity, RunConfig, require
 from fleet.dispatcher import Dispatcher
 from fleet.disturbance import Disturbances
 from fleet.driving import Driver, PathDriver, StateDriver
+from fleet.errors import FleetError
 from fleet.executor import Executor
 from fleet.insight.cause_watch import CauseWatch
 from fleet.insight.explain import Explanation, explain
@@ -145,6 +146,7 @@ class Simulation:
     def __init__(
         self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None, ground: Ground | None = None
     ) -> None:
+        self._closed = False
         self.config = config
         ground = ground or Ground.of(config)
         self.site: Site = ground.site
@@ -269,7 +271,13 @@ class Simulation:
         return not stands and self.board.count(TaskState.ORDERED) == 0
 
     def tick(self, actions: Actions | None = None) -> None:
-        """Advance the whole fleet by one tick."""
+        """Advance the whole fleet by one tick.
+
+        Raises:
+            FleetError: The run is closed.
+        """
+        if self._closed:
+            raise FleetError(f"tick {self.now} of a run that is closed; make a new Simulation to run again")
         self.disturbances.tick(self.now)
         self.dispatcher.tick(self.now, self.sim_s)
         self.traffic.tick(self.now)
@@ -394,6 +402,7 @@ class Simulation:
 
     def close(self) -> None:
         """Free the world and the planning process; calling twice is harmless."""
+        self._closed = True
         if self._owns_world:
             self.world.close()
         self.arm_planner.close()

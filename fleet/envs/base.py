@@ -7,6 +7,7 @@ import pickle
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -18,14 +19,18 @@ from pettingzoo.utils import ParallelEnv, parallel_to_aec
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from fleet.config import require
-from fleet.envs.sites import is_whole
 from fleet.envs.window import Window
 from fleet.errors import FleetError
+from fleet.kinds import is_whole
 
 Picture = npt.NDArray[np.uint8]
 Infos = dict[str, dict[str, Any]]
 Told = tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], Infos]
 """Observations, rewards, terminations, truncations and infos of all agents."""
+
+
+_DIGEST_BYTES = sha256().digest_size
+"""Written before a moment: a pickle with a changed byte may be read as another moment."""
 
 
 class EpisodeError(FleetError):
@@ -69,7 +74,8 @@ class EnvState:
         path = Path(path)
         part = path.with_name(f".{path.name}.part")
         try:
-            part.write_bytes(pickle.dumps(replace(self, quick=None)))
+            moment = pickle.dumps(replace(self, quick=None))
+            part.write_bytes(sha256(moment).digest() + moment)
             part.replace(path)
         except OSError as reason:
             raise StateError(f"saved state {path}: {reason}; valid: a file that can be written") from reason
@@ -82,8 +88,12 @@ class EnvState:
             StateError: No such file, or it holds something else.
         """
         try:
-            state = pickle.loads(Path(path).read_bytes())
-        except Exception as reason:  # a damaged pickle can raise anything
+            content = Path(path).read_bytes()
+            digest, moment = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+            if sha256(moment).digest() != digest:
+                raise ValueError("it is damaged, or no saved state")
+            state = pickle.loads(moment)
+        except Exception as reason:  # the pickle of another version can raise anything
             raise StateError(f"saved state {path}: {reason}; valid: a file that EnvState.write wrote") from reason
         if not isinstance(state, EnvState):
             raise StateError(f"saved state {path} holds a {type(state).__name__}; valid: an EnvState")

@@ -16,7 +16,7 @@ from gymnasium.utils import EzPickle
 from fleet.config import require
 from fleet.envs.navigation import NavigationEnv, Observation
 from fleet.envs.navigation_policy import PursuitPolicy
-from fleet.envs.sites import is_whole
+from fleet.kinds import is_whole
 
 SELF = "car_0"
 

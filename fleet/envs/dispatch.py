@@ -53,8 +53,9 @@ from fleet.envs.dispatch_view import DispatchObserver, DispatchView
 from fleet.envs.grid_fleet import TIMESTEP_S
 from fleet.envs.grid_kernel import NONE
 from fleet.envs.layer import Bools, LayerEnv, Longs
-from fleet.envs.sites import check_site, is_number, is_whole, place_of
+from fleet.envs.sites import check_site, place_of
 from fleet.envs.weights import check_weights, require_weights
+from fleet.kinds import is_number, is_whole
 from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
 from maps.site import Site

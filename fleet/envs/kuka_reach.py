@@ -35,7 +35,7 @@ from numba import njit
 
 from fleet.config import Fidelity, require
 from fleet.envs.choices import row_of
-from fleet.envs.sites import is_number, is_whole
+from fleet.kinds import is_number, is_whole
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
 from fleet.robots.tools import TOOLS

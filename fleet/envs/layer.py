@@ -20,7 +20,7 @@ from fleet.envs.floor_drawing import FloorDrawing
 from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite
 from fleet.envs.grid_kernel import Counts, Ints, Phase, SmallInts
 from fleet.envs.order_streams import episode_orders
-from fleet.envs.sites import is_number
+from fleet.kinds import is_number
 from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
 

@@ -43,8 +43,8 @@ from fleet.config import Fidelity, Grip, RunConfig, require
 from fleet.envs.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.choices import row_of
 from fleet.envs.floor_drawing import FloorDrawing
-from fleet.envs.sites import is_number, is_whole
 from fleet.envs.weights import check_weights, require_weights
+from fleet.kinds import is_number, is_whole
 from fleet.robots.pursuit import PathBuffer
 from fleet.world import make_world
 from fleet.world.protocol import FloatArray

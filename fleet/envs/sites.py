@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import functools
-import math
-from typing import TypeGuard
-
-import numpy as np
 
 from fleet.config import Fidelity, require
 from fleet.envs.grid_fleet import FleetSite
+from fleet.kinds import is_whole
 from maps.site import Site, load_site, site_names
 
 
@@ -28,16 +25,6 @@ def check_site(site: object, fidelity: object, n_cars: object) -> None:
     spots_n = len(read.parking)
     ok = is_whole(n_cars) and 1 <= n_cars <= spots_n
     require(ok, "n_cars", n_cars, f"1 to {spots_n} (parking cells of site {read.name})")
-
-
-def is_whole(value: object) -> TypeGuard[int]:
-    """Whether a value is an integer, and no truth value."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
-
-
-def is_number(value: object) -> TypeGuard[float]:
-    """Whether a value is a finite number, and no truth value."""
-    return is_whole(value) or (isinstance(value, float | np.floating) and math.isfinite(value))
 
 
 def place_of(site: str | Site) -> FleetSite:

@@ -92,8 +92,8 @@ from fleet.envs.observations import Observer
 from fleet.envs.recorded import Recording
 from fleet.envs.rewards import TERMS, Rewards, RewardWeights
 from fleet.envs.rows import ARM_N, CAR_N, make_legal
-from fleet.envs.sites import is_number, is_whole
 from fleet.envs.weights import require_weights
+from fleet.kinds import is_number, is_whole
 from fleet.robots.iiwa import N_JOINTS
 from fleet.sensors.camera import Camera
 from fleet.sensors.lidar import Lidar, LidarRing
@@ -517,7 +517,7 @@ def _box(n: int, distances_n: int = 0) -> Box:
 
 
 def _require_whole(what: str, value: object, low: int, high: int, where: str) -> None:
-    require(is_whole(value) and bool(low <= value <= high), what, value, f"an integer from {low} to {high}{where}")
+    require(is_whole(value) and low <= value <= high, what, value, f"an integer from {low} to {high}{where}")
 
 
 def _require_number(what: str, value: object, low: float, high: float) -> None:

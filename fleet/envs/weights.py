@@ -6,7 +6,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from fleet.config import require
-from fleet.envs.sites import is_number
+from fleet.kinds import is_number
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

@@ -19,14 +19,14 @@ from planners.execution.queues import NOBODY, move_at
 if TYPE_CHECKING:
     from fleet.simulation import Simulation
 
-_BOUND, _HELD, _REST = 0, 1, 2
-_UNDER_WAY = (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE)
+_BOUND, _IDLE, _REST = 0, 1, 2
+_UNDER_WAY = (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE, CarPhase.HELD)
 _RULES = np.array(
-    [_BOUND if phase in _UNDER_WAY else _HELD if phase is CarPhase.HELD else _REST for phase in PHASES],
+    [_BOUND if phase in _UNDER_WAY else _IDLE if phase is CarPhase.IDLE else _REST for phase in PHASES],
     dtype=np.int64,
 )
-"""Cars on their way change from tick to tick, also those that are held back and drive to a parking place; the others
-only when something is decided."""
+"""Cars on their way change from tick to tick, also those that are held back, or have no task, and drive to a parking
+place; the others only when something is decided."""
 # Kernels know plain numbers only.
 _DRIVES, _SETS_OFF, _CELL, _TURN = int(Cause.DRIVES), int(Cause.SETS_OFF), int(Cause.CELL), int(Cause.TURN)
 _CLOSED, _BLOCKED, _HALTED = int(Cause.CLOSED), int(Cause.BLOCKED), int(Cause.HALTED)
@@ -75,7 +75,9 @@ class CauseWatch:
         self._clear_tick = [NONE] * simulation.world.n_arms
         self._halted_by = np.full(self._n_cars, NONE, dtype=np.int32)
         self._parked = np.zeros(self._n_cars, dtype=np.bool_)
-        """Cars that are held back and have come to the parking place where they wait."""
+        """Cars that are held back, or have no task, and have come to the parking place where they wait."""
+        self._without_task = self.rows[: self._n_cars].copy()
+        """Why cars without a task have none: their rows when nothing keeps them on their way."""
 
     def tick(self, tick: int, speeds: FloatArray) -> None:
         """Look at the tick that was just done.
@@ -104,6 +106,7 @@ class CauseWatch:
             traffic.wreck_of,
             self._dock_at,
             simulation.dispatcher.bookings.place_of,
+            self._without_task,
             self._halted_by,
             self._parked,
             self._n_cars,
@@ -121,8 +124,10 @@ class CauseWatch:
         for car in (self.rows[:, _CAUSE] == _LOOK_UP).nonzero()[0].tolist():
             tail, goal, place = int(tails[car]), int(traffic.goals[car]), int(self.rows[car, _PLACE])
             if tail == goal or goal < 0:
-                self._parked[car] = phases[car] is CarPhase.HELD
-                if self._parked[car]:
+                self._parked[car] = phases[car] in (CarPhase.HELD, CarPhase.IDLE)
+                if phases[car] is CarPhase.IDLE:
+                    self.rows[car] = self._without_task[car]
+                elif self._parked[car]:
                     self._set_held(car)
                 else:
                     self._look_at_goal(car, place)
@@ -191,7 +196,7 @@ class CauseWatch:
         self._seen = [*roster.phase]
         idle = [car for car, phase in enumerate(roster.phase) if phase is CarPhase.IDLE]
         if idle and (given != self._given or phases != self._phases or tables is not self._tables):
-            self._why_idle.fill(self.rows, idle)
+            self._why_idle.fill(self._without_task, idle)
         self._given, self._booked, self._phases, self._tables = given, booked, phases, tables
 
     def _set_at_rest(self, car: int, phase: CarPhase, tick: int) -> None:
@@ -319,13 +324,16 @@ class CauseWatch:
 
 @njit(cache=True)
 def _look_at_bound(
-    rows, rules, phase, speeds, q, closed, blocked, wreck_of, dock_at, place_of, halted_by, parked, n_cars
+    rows, rules, phase, speeds, q, closed, blocked, wreck_of, dock_at, place_of, without_task, halted_by, parked, n_cars
 ):
     """Fill the rows of cars on their way; returns how many of them stand without a move."""
     without_move = 0
     for car in range(n_cars):
-        if rules[phase[car]] == _REST:
+        rule = rules[phase[car]]
+        if rule == _REST:
             continue
+        if rule == _IDLE:
+            rows[car] = without_task[car]
         if parked[car]:
             if q.queued[car] == q.finished[car]:
                 continue
@@ -358,6 +366,10 @@ def _look_at_bound(
         else:
             cause = _LOOK_UP
             without_move += 1
+        if rule == _IDLE:
+            if cause in (_DRIVES, _SETS_OFF):
+                continue
+            rows[car, _TASK] = NONE
         rows[car, _CAUSE] = cause
         rows[car, _BY] = by
         rows[car, _AT] = cell

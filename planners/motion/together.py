@@ -127,16 +127,12 @@ def plan_together(
         seed: The same trips and seed give the same bytes.
         margin_m: Distance kept between the arms [m], >= 0.
     """
-    first, second = (_soonest_first(trip) for trip in trips)
-    shared = _shared(trips[0], first, trips[1], second), _shared(trips[1], second, trips[0], first)
+    stops, shared = _meetings(trips)
     if all(own[0] and not any(own[1:]) and len(own) > 1 for own in shared):
         exchanged = _exchanged(trips, planner, seed, margin_m)
         if exchanged is not None:
             return exchanged
-    motions = [
-        _motions(trip, stops, meets, planner, seed)
-        for trip, stops, meets in zip(trips, (first, second), shared, strict=True)
-    ]
+    motions = [_motions(trip, own, meets, planner, seed) for trip, own, meets in zip(trips, stops, shared, strict=True)]
     pairs = [(a, b) for a in motions[0] for b in motions[1]]
     promised = np.array([_coarse_steps(a, b, margin_m) for a, b in pairs])
     for k in np.argsort(promised, kind="stable")[:TRIES_N]:
@@ -157,11 +153,10 @@ def alone_s(trips: tuple[Trip, Trip], planner: MotionPlanner, *, seed: int = 0) 
         planner: Plans the legs of single arms.
         seed: As for `plan_together`.
     """
-    first, second = (_soonest_first(trip) for trip in trips)
-    shared = _shared(trips[0], first, trips[1], second), _shared(trips[1], second, trips[0], first)
+    stops, shared = _meetings(trips)
     return tuple(
-        min((motion.path.duration_s for motion in _motions(trip, stops, meets, planner, seed)), default=np.inf)
-        for trip, stops, meets in zip(trips, (first, second), shared, strict=True)
+        min((motion.path.duration_s for motion in _motions(trip, own, meets, planner, seed)), default=np.inf)
+        for trip, own, meets in zip(trips, stops, shared, strict=True)
     )
 
 
@@ -198,6 +193,12 @@ def _exchanged(trips: tuple[Trip, Trip], planner: MotionPlanner, seed: int, marg
         return None
     found = replace(found, index=np.ascontiguousarray(found.index[:, order]))
     return Together(way=Way.DECOUPLED, paths=tuple(paths), found=found)
+
+
+def _meetings(trips: tuple[Trip, Trip]) -> tuple[tuple[list[FloatArray], ...], tuple[list[bool], ...]]:
+    """Goals of each arm's stops, soonest first, and at which of its stops it could meet the other."""
+    first, second = (_soonest_first(trip) for trip in trips)
+    return (first, second), (_shared(trips[0], first, trips[1], second), _shared(trips[1], second, trips[0], first))
 
 
 def _shared(trip: Trip, stops: Sequence[FloatArray], other: Trip, others: Sequence[FloatArray]) -> list[bool]:

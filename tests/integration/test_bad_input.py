@@ -285,5 +285,5 @@ def test_the_process_itself_says_one_line_and_ends_with_2(
 @pytest.mark.parametrize("setting", [{"robots": 2.0}, {"robots": True}, {"tasks": 2.5}, {"seed": 1.5}, {"seed": "1"}])
 def test_a_setting_from_python_that_is_no_integer_is_named(setting: dict[str, object]) -> None:
     (name,) = setting
-    with pytest.raises(ConfigError, match=f"--{name} is .*; valid: an integer"):
+    with pytest.raises(ConfigError, match=f"RunConfig.{name} is .*; valid: an integer"):
         RunConfig(**setting)  # type: ignore[arg-type]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, RunConfig, ScenarioEvent
-from fleet.insight.causes import NONE, OWN, Cause, Column
+from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, OWN, WITHOUT_TASK, Cause, Column
 from fleet.insight.explain import Explanation
 from fleet.insight.ledger import STANDING_MPS
 from fleet.roster import CarPhase
@@ -58,7 +58,10 @@ def check(simulation: Simulation) -> None:
         assert (cause == Cause.SERVED) == (phase in AT_DOCK)
         assert (cause == Cause.FAULT) == (phase in OUT)
         assert (cause == Cause.CHARGES) == (phase is CarPhase.CHARGING)
-        assert (cause in (Cause.NO_TASK, Cause.CHARGER)) == (phase is CarPhase.IDLE)
+        assert cause not in WITHOUT_TASK or phase is CarPhase.IDLE
+        if phase is CarPhase.IDLE and cause not in WITHOUT_TASK:
+            assert cause in NOT_KEPT_BY_PLACE | {Cause.CLOSED} - {Cause.DRIVES}
+            assert abs(speeds[robot]) < STANDING_MPS
         if cause == Cause.CELL:
             assert cell in dependencies.held_cells(by)
         elif cause in (Cause.TURN, Cause.YIELDS):
@@ -88,6 +91,21 @@ def test_causes_agree_with_the_run(settings: dict[str, object]) -> None:
         assert np.array_equal(np.delete(last, Column.UNTIL, axis=1), np.delete(rows, Column.UNTIL, axis=1))
     assert circles == [], "robots that go on have not waited for each other"
     assert len(seen - OWN) >= (1 if settings is ALONE else 2), "there was something to explain"
+
+
+def test_a_chain_goes_on_through_a_car_without_a_task_that_is_held_up_on_its_way() -> None:
+    through: set[str] = set()
+    with made(site="small", robots=14, tasks=20, seed=1, duration_s=120.0) as simulation:
+        while not simulation.finished:
+            simulation.tick()
+            idle = {
+                f"car_{car}" for car, phase in enumerate(simulation.dispatcher.roster.phase) if phase is CarPhase.IDLE
+            }
+            if simulation.now % 5 == 0:
+                for robot in simulation.legend.robots:
+                    told = simulation.explain(robot, simulation.sim_s)
+                    through |= {link.robot for link in told.chain[1:-1] if link.robot in idle and link.waits}
+    assert through, "some car without a task was held up while another waited for it"
 
 
 def test_a_run_that_is_asked_is_the_same_run() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from fleet.cli import main
 from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.errors import FleetError
 from fleet.insight.metrics import Summary
 from fleet.recording.check import verify_recording
 from fleet.simulation import Simulation
@@ -90,3 +91,12 @@ def test_a_second_run_replaces_the_files_of_the_first(tmp_path: Path) -> None:
     demo(["--fidelity", "grid", "--duration", "5", "--seed", "1", "--no-record", "--out", str(tmp_path)])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["result.json", "run.jsonl", "run.trace"]
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["seed"] == 1
+
+
+@pytest.mark.parametrize("fidelity", list(Fidelity))
+def test_a_run_that_is_closed_says_so(fidelity: Fidelity) -> None:
+    simulation = Simulation(RunConfig(site="cell", robots=1, arms=ArmConfig(workers_n=0), fidelity=fidelity))
+    simulation.tick()
+    simulation.close()
+    with pytest.raises(FleetError, match="tick 1 of a run that is closed"):
+        simulation.tick()
