@@ -517,7 +517,7 @@ def _box(n: int, distances_n: int = 0) -> Box:
 
 
 def _require_whole(what: str, value: object, low: int, high: int, where: str) -> None:
-    require(is_whole(value) and bool(low <= value <= high), what, value, f"an integer from {low} to {high}{where}")
+    require(is_whole(value) and low <= value <= high, what, value, f"an integer from {low} to {high}{where}")
 
 
 def _require_number(what: str, value: object, low: float, high: float) -> None:
