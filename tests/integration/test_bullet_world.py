@@ -15,7 +15,7 @@ from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots import TOOLS, iiwa_spec, racecar_spec
 from fleet.world.bullet import BulletConfig, BulletWorld
-from fleet.world.bullet.client import PhysicsError
+from fleet.world.bullet.client import Client, PhysicsError
 from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
@@ -409,6 +409,20 @@ def test_arms_that_meet_are_told() -> None:
     assert " - the other arm's " in verdict.what
     assert confirmer.confirm(path).free  # one path alone is not asked about the other arm
     confirmer.close()
+
+
+def test_a_closed_connection_does_not_reach_the_next_one() -> None:
+    """The engine gives the number of a closed connection to the next: its functions would act there."""
+    first = Client()
+    first.setGravity(0.0, 0.0, -9.81)
+    number = first.id
+    first.close()
+    second = Client()
+    assert second.id == number
+    for name in ("setGravity", "stepSimulation"):
+        with pytest.raises(PhysicsError, match=f"{name}: the connection to the physics engine is closed"):
+            getattr(first, name)()
+    second.close()
 
 
 def test_bad_worlds_are_refused(make_world: MakeWorld, monkeypatch: pytest.MonkeyPatch) -> None:
