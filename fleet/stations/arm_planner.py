@@ -65,12 +65,16 @@ class EngineConfirm:
         self._confirmer = confirmer
         self._tool_length_m = tool_length_m
         self._boxes: Boxes | None = None
+        self._floor = True
 
     def __call__(self, boxes: Boxes, path: FloatArray, held: Held | None) -> str:
         """See `Confirm`."""
-        if boxes is not self._boxes:
-            self._confirmer.set_boxes(boxes.centre, boxes.half, boxes.yaw, boxes.min_frame)
-            self._boxes = boxes
+        # How a parcel is turned about the tool is not known here, so a leaning one would seem to stick in the floor.
+        floor = held is None
+        if boxes is not self._boxes or floor is not self._floor:
+            solid = np.full(len(boxes), fill_value=True) if floor else boxes.min_frame == 0
+            self._confirmer.set_boxes(boxes.centre[solid], boxes.half[solid], boxes.yaw[solid], boxes.min_frame[solid])
+            self._boxes, self._floor = boxes, floor
         verdict = self._confirmer.confirm(path, self._corners(held), allowance_m=TOUCH_M)
         return "" if verdict.free else f"{verdict.what} at sample {verdict.first_index}"
 

@@ -178,6 +178,17 @@ class TableArm:
         self._confirmer.set_boxes(self._fixed.centre, self._fixed.half, self._fixed.yaw, self._fixed.min_frame)
         self.refused_n = 0
 
+    def meet(self, other: TableArm) -> None:
+        """Let the engine know an arm that stands beside this one."""
+        model = self._model
+        self._confirmer.set_neighbour(model.tool, other._base[:3] - self._base[:3], model.description)
+
+    def touches(self, own: FloatArray, theirs: FloatArray) -> str:
+        """Where this arm touches the one it has met in motions (k, n) of the same moments; empty if nowhere."""
+        verdict = self._confirmer.confirm_beside(own, theirs)
+        self.refused_n += not verdict.free
+        return verdict.what
+
     def close(self) -> None:
         """Free the engine; calling twice is harmless."""
         self._confirmer.close()

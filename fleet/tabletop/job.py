@@ -22,6 +22,8 @@ FloatArray = npt.NDArray[np.float64]
 STEP_S = 0.02
 """Step of the schedule of two arms."""
 _SETTLE_S = 0.6
+_CONFIRM_S = 0.05
+"""Moments of a schedule that the physics engine is shown are so far apart."""
 _TRIES_N = 3
 """Times that a thing is tried before it is given up."""
 _CHOICES_N = 3
@@ -86,6 +88,8 @@ class Job:
     ) -> None:
         self._layout, self._world, self._seed, self._watch = layout, world, seed, watch
         self._arms = [TableArm(model, base, layout.scene.boxes) for base in layout.scene.arm_base]
+        if len(self._arms) > 1:
+            self._arms[0].meet(self._arms[1])
         self._q = np.array([arm.home for arm in self._arms])
         self._grip = np.zeros(len(self._arms), dtype=np.bool_)
         self._tries: Counter[int] = Counter()
@@ -168,7 +172,7 @@ class Job:
         """A schedule for two arms: both work, or one works while the other goes home."""
         for first, second in self._pairs(options, corners, seed):
             found = self._scheduled(first, second)
-            if found.solved:
+            if found.solved and self._confirmed(first, second, found):
                 self.tally.together_n += first.chore is not None and second.chore is not None
                 return [first, second], found
         for part in [part for own in options for part in own]:
@@ -189,6 +193,15 @@ class Job:
         held = [None if part.chore is None else part.chore.reach_m for part in (first, second)]
         arms = [arm.in_world(reach) for arm, reach in zip(self._arms, held, strict=True)]
         return schedule(arms, [first.path, second.path])
+
+    def _confirmed(self, first: _Part, second: _Part, found: Schedule) -> bool:
+        """Whether the engine lets two motions pass as they are scheduled."""
+        times = np.append(np.arange(0.0, found.makespan_s, _CONFIRM_S), found.makespan_s)
+        own, theirs = (
+            np.array([part.path.at(found.along_s(number, float(t))) for t in times])
+            for number, part in enumerate((first, second))
+        )
+        return not self._arms[0].touches(own, theirs)
 
     def _beside(self, number: int, other_q: FloatArray | None = None) -> Capsules:
         """The other arm as this one sees it at rest: at home, unless told otherwise."""
@@ -215,7 +228,7 @@ class Job:
         first, second = self._way_home(0, corners, self._seed, self._q[1]), self._way_home(1, corners, self._seed)
         if first is not None and second is not None:
             found = self._scheduled(first, second)
-            if found.solved:
+            if found.solved and self._confirmed(first, second, found):
                 self._play([first, second], found)
 
     def _play(self, parts: list[_Part | None], found: Schedule | None) -> None:

@@ -67,6 +67,7 @@ FAMILIES = [
                 "array_cache",
                 "asynchronous",
                 "cartesian",
+                "checks",
                 "collision",
                 "composite",
                 "coordination",

@@ -15,10 +15,11 @@ from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots import TOOLS, iiwa_spec, racecar_spec
 from fleet.world.bullet import BulletConfig, BulletWorld
-from fleet.world.bullet.client import PhysicsError
+from fleet.world.bullet.client import Client, PhysicsError
 from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
+from planners.errors import PlanningError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -390,6 +391,38 @@ def test_a_path_is_confirmed_or_refused_with_its_first_bad_state() -> None:
     assert confirmer.confirm(path).free
     assert confirmer.confirm(np.array([[0.0, 2.09, 0.0, 0.0, 0.0, 0.0, 0.0]])).what.endswith(" - box")
     confirmer.close()
+
+
+def test_arms_that_meet_are_told() -> None:
+    spec, tool = iiwa_spec(TOOLS["suction"]), TOOLS["suction"]
+    confirmer = PathConfirmer.of_spec(spec, tool)
+    reach = np.array([np.pi / 2, 1.2, 0.0, -0.3, 0.0, 0.0, 0.0])  # along y, where the other arm stands
+    path = spec.home_rad + np.linspace(0.0, 1.0, 50)[:, None] * (reach - spec.home_rad)
+    still = np.tile(spec.home_rad, (50, 1))
+    with pytest.raises(PlanningError, match="neighbour None"):
+        confirmer.confirm_beside(path, still)
+    confirmer.set_neighbour(tool, np.array([0.0, 0.8, 0.0]))
+    assert confirmer.confirm_beside(still, still).free
+    verdict = confirmer.confirm_beside(path, still)
+    assert not verdict.free
+    assert 10 < verdict.first_index < 50
+    assert " - the other arm's " in verdict.what
+    assert confirmer.confirm(path).free  # one path alone is not asked about the other arm
+    confirmer.close()
+
+
+def test_a_closed_connection_does_not_reach_the_next_one() -> None:
+    """The engine gives the number of a closed connection to the next: its functions would act there."""
+    first = Client()
+    first.setGravity(0.0, 0.0, -9.81)
+    number = first.id
+    first.close()
+    second = Client()
+    assert second.id == number
+    for name in ("setGravity", "stepSimulation"):
+        with pytest.raises(PhysicsError, match=f"{name}: the connection to the physics engine is closed"):
+            getattr(first, name)()
+    second.close()
 
 
 def test_bad_worlds_are_refused(make_world: MakeWorld, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,3 +98,12 @@ def test_the_physics_engine_has_the_last_word(tmp_path: Path, monkeypatch: pytes
     assert seen[0].endswith(" - box")
     assert (result["sorted"], result["paths_refused"]) == (0, sum(map(bool, seen)))
     assert result["reasons"] == {"0": f"way to it: the physics engine refuses it: {seen[0]}"}
+
+
+def test_a_schedule_that_the_engine_refuses_is_not_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    verdict = Confirmation(free=False, first_index=0, what="cup - the other arm's cup")
+    monkeypatch.setattr(PathConfirmer, "confirm_beside", lambda *_: verdict)
+    assert ran(["pair", "--objects", "2", "--no-record", "--out", str(tmp_path)]) == 1
+    result = result_of(tmp_path)
+    assert (result["sorted"], result["rounds"], result["rounds_together"]) == (0, 0, 0)
+    assert result["reasons"] == dict.fromkeys(("0", "1"), "no schedule with the other arm")

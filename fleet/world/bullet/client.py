@@ -107,9 +107,15 @@ class Client:
             self.setTimeOut(_SERVER_TIMEOUT_S)
 
     def __getattr__(self, name: str) -> Any:
-        """Return an engine function bound to this connection, or a constant of the engine."""
+        """Return an engine function bound to this connection, or a constant of the engine.
+
+        Raises:
+            PhysicsError: The connection is closed: another one may have its number by now.
+        """
         value = getattr(pybullet, name)
         if callable(value):
+            if self.__dict__.get("id", 0) < 0:
+                raise PhysicsError(f"{name}: the connection to the physics engine is closed")
             value = partial(value, physicsClientId=self.id)
             if self.connect is Connect.SHARED_MEMORY:
                 value = partial(self._ask_server, value)
@@ -167,6 +173,8 @@ class Client:
             with quiet(), suppress(pybullet.error):
                 pybullet.disconnect(self.id)
             self.id = -1
+            for name in [name for name in self.__dict__ if callable(getattr(pybullet, name, None))]:
+                del self.__dict__[name]
 
     def _ask_server(self, function: Any, *args: Any, **kwargs: Any) -> Any:
         try:

@@ -93,6 +93,7 @@ class PathConfirmer:
         self._boxes: list[int] = []
         self._things: list[int] = []
         self._held: int | None = None
+        self._neighbour: int | None = None
         self._held_corners: FloatArray = np.empty((0, 3))
 
     @classmethod
@@ -147,6 +148,23 @@ class PathConfirmer:
         except BaseException:
             client.close()
             raise
+
+    def set_neighbour(self, tool: Tool, place_m: FloatArray, description: str | None = None) -> None:
+        """Put an arm of the same model beside this one.
+
+        Args:
+            tool: What it holds.
+            place_m: Its base in this arm's base frame, shape (3,).
+            description: URDF text of the arm with its tool; None for the iiwa's.
+        """
+        client = self._client
+        place = checks.vector("set_neighbour: place", place_m, 3)
+        self._neighbour = client.load_urdf(
+            description or iiwa_urdf(tool), basePosition=place.tolist(), useFixedBase=True
+        )
+        for link in range(client.getNumJoints(self._neighbour)):
+            if client.getJointInfo(self._neighbour, link)[1].decode() in tool.finger_joints:
+                client.resetJointState(self._neighbour, link, tool.finger_travel_m)
 
     def set_boxes(
         self,
@@ -207,6 +225,33 @@ class PathConfirmer:
             self._client.removeBody(body)
         self._things = [self._hull(corners, mass_kg=0.0) for corners in hulls]
 
+    def confirm_beside(self, path: FloatArray, beside: FloatArray) -> Confirmation:
+        """Check that this arm does not touch its neighbour in any state; nothing else is looked at.
+
+        Args:
+            path: Joint positions [rad], shape (k, n), k >= 1.
+            beside: The neighbour's at the same moments [rad], shape (k, n).
+
+        Raises:
+            PlanningError: Malformed input, or there is no neighbour.
+        """
+        client, neighbour = self._client, self._neighbour
+        n = len(self._joints)
+        own, theirs = checks.rows("confirm_beside: path", path, n), checks.rows("confirm_beside: beside", beside, n)
+        if neighbour is None or own.shape != theirs.shape:
+            raise PlanningError(
+                f"confirm_beside: neighbour {neighbour}, {own.shape} and {theirs.shape}; expected equal"
+            )
+        zeros = [[0.0]] * n
+        for index, states in enumerate(zip(own.tolist(), theirs.tolist(), strict=True)):
+            for body, q in zip((self._arm, neighbour), states, strict=True):
+                client.resetJointStatesMultiDof(body, self._joints, [[angle] for angle in q], zeros)
+            for point in client.getClosestPoints(self._arm, neighbour, 0.0):
+                if point[8] < 0.0:
+                    what = f"{self._links[point[3]]} - the other arm's {self._links[point[4]]}"
+                    return Confirmation(free=False, first_index=index, what=what)
+        return Confirmation(free=True, first_index=-1, what="")
+
     def confirm(self, path: FloatArray, held: FloatArray | None = None, *, allowance_m: float = 0.0) -> Confirmation:
         """Check every state of a path.
 
@@ -241,7 +286,7 @@ class PathConfirmer:
             for a, b in self._pairs:
                 points += client.getClosestPoints(self._arm, self._arm, 0.0, linkIndexA=a, linkIndexB=b)
             for point in points:
-                if point[8] < -allowance_m:
+                if point[8] < -allowance_m and self._neighbour not in point[1:3]:
                     what = f"{self._name(point, 0)} - {self._name(point, 1)}"
                     return Confirmation(free=False, first_index=index, what=what)
         return Confirmation(free=True, first_index=-1, what="")
