@@ -103,7 +103,7 @@ def test_the_least_delay_keeps_the_distance_by_the_meshes_and_no_more(trips, mar
         )
 
     delay_s = (int(np.argmax(found.index[:, 1] > 0)) - 1) * STEP_S
-    assert least_m(delay_s) > margin_m - 0.002  # the engine rounds its hulls by a millimetre each
+    assert least_m(delay_s) > margin_m - 0.002  # the engine's distances are a little less than the hulls'
     assert least_m(delay_s - 2 * STEP_S) < margin_m
     referee.close()
 
