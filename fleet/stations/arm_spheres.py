@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ def arm_spheres(spec: ArmSpec, tool: Tool) -> ArmModel:
         The model in the arm's base frame.
     """
     meshes = [read_binary_stl(spec.urdf.parent / "meshes" / f"link_{k}.stl") for k in range(spec.n_joints + 1)]
-    centres, radii = [], []
+    centres, radii, corners = [], [], []
     for part in tool.visuals:
         size = np.array(part.size_m)
         centre, radius = box_spheres(size / 2, tuple(np.ceil(size / TOOL_SPHERE_M).astype(int).tolist()))
@@ -46,6 +47,7 @@ def arm_spheres(spec: ArmSpec, tool: Tool) -> ArmModel:
             middle[0] += np.sign(middle[0]) * tool.finger_travel_m / 2
         centres.append(centre + middle)
         radii.append(radius)
+        corners.append(middle + np.array(list(product((-0.5, 0.5), repeat=3))) * size)
     return build_arm_model(
         base_from_joint=spec.base_from_joint,
         lower=spec.lower_rad,
@@ -55,5 +57,6 @@ def arm_spheres(spec: ArmSpec, tool: Tool) -> ArmModel:
         tool_length=spec.tool_length_m,
         tool_centre=np.concatenate(centres),
         tool_radius=np.concatenate(radii),
+        tool_vertices=np.concatenate(corners),
         cache_dir=cache_dir(),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from planners.errors import PlanningError
 from planners.motion import checks
 from planners.motion.array_cache import Arrays, cached_arrays
+from planners.motion.hulls import Hulls, convex_hulls
 from planners.motion.kinematics import joint_rows
 from planners.motion.spheres import fit_spheres_cached, link_self_pairs
 
@@ -41,6 +42,8 @@ class ArmModel:
     """From the last link frame to the tool tip along +z [m]."""
     sphere_part: IntArray | None = None
     """Rigid part of each sphere, shape (k,): its frame, or n+1 for the tool; None if there is none."""
+    hulls: Hulls | None = None
+    """Convex hulls of the rigid parts 0 to n+1 in their link frames; None if only spheres are known."""
 
     def __post_init__(self) -> None:
         n = len(joint_rows(self.base_from_joint))
@@ -98,6 +101,7 @@ def build_arm_model(
     tool_length: float,
     tool_centre: npt.ArrayLike = (),
     tool_radius: npt.ArrayLike = (),
+    tool_vertices: npt.ArrayLike = (),
     cache_dir: Path | None = None,
     seed: int = 0,
 ) -> ArmModel:
@@ -114,7 +118,8 @@ def build_arm_model(
         tool_length: From the last link frame to the tool tip along +z [m].
         tool_centre: Centres of the tool's spheres in the last link frame [m], shape (t, 3); may be empty.
         tool_radius: Radii of the tool's spheres [m], shape (t,).
-        cache_dir: Directory for fitted spheres; None fits anew.
+        tool_vertices: Points whose convex hull holds the tool [m], shape (v, 3); without any it is its spheres.
+        cache_dir: Directory for fitted spheres and hulls; None fits anew.
         seed: Seed of the sphere fit and of the sampled self-collision statistics.
 
     Returns:
@@ -136,7 +141,9 @@ def build_arm_model(
     tool = np.reshape(np.asarray(tool_centre, dtype=np.float64), (-1, 3))
     covers = [(i, c, r) for i, (c, r) in enumerate(fitted)]
     covers.append((n + 1, tool, np.asarray(tool_radius, dtype=np.float64).reshape(-1)))
-    return assemble(
+    bodies = [np.reshape(np.asarray(body, dtype=np.float64), (-1, 3)) for body in (*link_vertices, tool_vertices)]
+    hulls = cached_arrays(cache_dir, "hulls1", bodies, lambda: dict(convex_hulls(bodies)._asdict()))
+    model = assemble(
         base_from_joint=base_from_joint,
         lower=lower,
         upper=upper,
@@ -145,6 +152,7 @@ def build_arm_model(
         cache_dir=cache_dir,
         seed=seed,
     )
+    return replace(model, hulls=Hulls(**hulls))  # type: ignore[arg-type]
 
 
 def assemble(

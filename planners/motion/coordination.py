@@ -25,6 +25,7 @@ from numba import njit
 from planners.errors import PlanningError
 from planners.motion import checks
 from planners.motion.arm_model import ArmModel
+from planners.motion.hulls import bodies_of
 from planners.motion.kinematics import joint_rows, link_frames_into
 from planners.motion.timed_path import TimedPath
 
@@ -64,7 +65,8 @@ class ArmInWorld:
         self.world_from_base = pose
         self.joints = joint_rows(model.base_from_joint)
         n = model.n_joints
-        part = np.concatenate([model.sphere_frame, np.full(len(held_radius), n + 1)]).astype(np.int64)
+        own = model.sphere_frame if model.sphere_part is None else model.sphere_part
+        part = np.concatenate([own, np.full(len(held_radius), n + 2)]).astype(np.int64)
         order = np.argsort(part, kind="stable")  # the kernels want each rigid part's spheres side by side
         centre = np.concatenate([model.sphere_centre, held_centre])[order]
         radius = np.concatenate([model.sphere_radius, held_radius])[order]
@@ -72,6 +74,12 @@ class ArmInWorld:
         """Centre, radius and link frame of each sphere, hulls last, shape (s, 5); parts as in `SweptArm`."""
         self.lever = _levers(self.joints, self.spheres)
         """Greatest distance of each sphere's centre from each joint's axis [m], shape (s, n)."""
+        self.bodies = bodies_of(model.hulls, self.spheres[: len(order), :4], part[order], np.minimum(part[order], n))
+        """Hulls where they are known, else spheres."""
+        balls = np.column_stack([self.bodies.ball, self.bodies.frame])
+        moved = self.bodies.frame[:, None] > np.arange(n)
+        self.body_lever = _levers(self.joints, balls) + moved * self.bodies.ball[:, 3:]
+        """Greatest distance of each body's points from each joint's axis [m], shape (b, n)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,33 +193,6 @@ def free_cells(a: SweptArm, b: SweptArm, margin_m: float = MARGIN_M) -> BoolArra
     free = np.empty((len(a), len(b)), dtype=np.bool_)
     _diagram(a.centre, a.radius, a.parts, a.change, b.centre, b.radius, b.parts, b.change, float(margin_m), free)
     return free
-
-
-def in_turn(first: SweptArm, second: SweptArm, delays: range, step_s: float, margin_m: float = MARGIN_M) -> Schedule:
-    """The shortest schedule of two motions in which the second begins late and nobody waits after that.
-
-    Args:
-        first: The arm that begins at once.
-        second: The other.
-        delays: Steps that the second may wait, >= 0, shortest first.
-        step_s: Length of a step [s].
-        margin_m: Distance kept between them [m], >= 0.
-
-    Returns:
-        Samples of the first and of the second; without a solution if no delay keeps the arms apart.
-
-    Raises:
-        PlanningError: The margin is negative.
-    """
-    if not margin_m >= 0:
-        raise PlanningError(f"in_turn: margin_m {margin_m}, expected >= 0")
-    covers = first.centre, first.radius, first.parts, second.centre, second.radius, second.parts
-    for delay in delays:
-        if _in_turn(*covers, delay, float(margin_m)):
-            steps = np.arange(max(len(first), len(second) + delay))
-            index = np.stack([np.minimum(steps, len(first) - 1), np.clip(steps - delay, 0, len(second) - 1)], axis=1)
-            return Schedule(status=ScheduleStatus.SOLVED, index=index, step_s=step_s)
-    return Schedule(status=ScheduleStatus.NO_SOLUTION, index=np.empty((0, 2), dtype=np.int64), step_s=step_s)
 
 
 class ScheduleStatus(Enum):
@@ -473,17 +454,6 @@ def _in_step(ca, ra, parts_a, cb, rb, parts_b, margin):  # type: ignore[no-untyp
             j = min(max(step + slip, 0), m - 1)
             if clearance(ca[i], ra[i], parts_a, cb[j], rb[j], parts_b, margin) < 0.0:
                 return False
-    return True
-
-
-@njit(cache=True)
-def _in_turn(ca, ra, parts_a, cb, rb, parts_b, delay, margin):  # type: ignore[no-untyped-def]
-    k, m = ca.shape[0], cb.shape[0]
-    for step in range(max(k, m + delay)):
-        i = min(step, k - 1)
-        j = min(max(step - delay, 0), m - 1)
-        if clearance(ca[i], ra[i], parts_a, cb[j], rb[j], parts_b, margin) < 0.0:
-            return False
     return True
 
 

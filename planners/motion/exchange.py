@@ -5,7 +5,8 @@ Both have time to spare then: the first is done early anyway, the second waits. 
 to where the arms part, also if they have to come back from there. Which way that is tells the deepest overlap along the
 exchange: each joint is worth what it moves the overlapping spheres apart.
 
-Overlaps are looked at by samples here, which is a promise and no proof: `coordination` has the last word.
+Whether the arms are apart is asked of their hulls at samples, which is a promise and no proof: `turns` has the last
+word. Which way they part is told by their spheres, which say how deep they overlap.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from numba import njit
 from planners.motion.asynchronous import SMOOTHING_S, asynchronous, smoothed, soonest, steps_into
 from planners.motion.collision import CollisionChecker
 from planners.motion.coordination import ArmInWorld
+from planners.motion.hulls import Bodies, step_apart
 from planners.motion.kinematics import link_frames_into
 from planners.motion.scene_kernel import path_free
 from planners.motion.trajectory import Trajectory
@@ -32,16 +34,19 @@ PUSH_S = 0.25
 """How long joints are pushed apart [s]: 0.2 and 0.3 changed makespans by 0.1 %."""
 _STEP_S = 0.04
 _SAMPLES = 23  # of an exchange: 0.9 s
-_SWEPT_M = 0.01  # what spheres that cover a step are larger by
+_BOW_M = 0.001
+_BEYOND_M = 0.03  # by how much spheres reach beyond hulls, both together, at most
+_FINE_S = 0.01
+_POLISHED_N = 42  # joints at most whose push is tried to change at last
 _NEAR_M = 0.02  # spheres nearer than this are pushed apart, too
 _KEPT = 0.5  # how much of what joints were worth counts in the next round
 _IDLE = 0.03  # joints worth less than this share of the best are not pushed
 _ALIKE_RAD = 0.3
 _POSTURES_N = 24
 _FIRST_FRAME = 2  # what is below meets nobody
-_TRIES_N = 24
+_TRIES_N = 60
 _UNKNOWN, _FORWARDS, _BACKWARDS, _BLOCKED = 0, 1, 2, 3  # whether joints move as soon as they can, seen from the place
-_ROUNDS_N = 6
+_ROUNDS_N = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,6 +91,7 @@ class _Side(NamedTuple):
     """Of each sphere, shape (s,)."""
     parts: IntArray
     """As of `SweptArm`."""
+    bodies: Bodies
     scene: FloatArray
     limits: FloatArray
     """Speed, acceleration, lowest and highest angle of each joint, shape (4, n)."""
@@ -113,7 +119,7 @@ def exchange(visits: Sequence[Visit], margin_m: float, sample_s: float) -> Excha
     sides = (_side(visits[0]), _side(visits[1]))
     if sides[0].start.shape != sides[1].start.shape:
         return None
-    (first, i, j), (came_back, left_back), push, gap = _search(sides, margin_m + _SWEPT_M)
+    (first, i, j), (came_back, left_back), push, gap_s = _search(sides, margin_m + _BOW_M)
     if i < 0:
         return None
     rows = (i, j) if first == 0 else (j, i)
@@ -128,7 +134,7 @@ def exchange(visits: Sequence[Visit], margin_m: float, sample_s: float) -> Excha
             came = asynchronous(visit.start, here, *limits, late=True, push=push[1], push_s=PUSH_S)
             goes = asynchronous(here, side.end[row], *limits, late=left_back)
         legs.append((came, goes))
-    return Exchange(first=first, legs=(legs[0], legs[1]), gap_s=gap * _STEP_S)
+    return Exchange(first=first, legs=(legs[0], legs[1]), gap_s=gap_s)
 
 
 def _side(visit: Visit) -> _Side:
@@ -138,11 +144,20 @@ def _side(visit: Visit) -> _Side:
     frame = arm.spheres[:, 4].astype(np.int64)
     limits = visit.max_velocity, visit.max_acceleration
     leave, row = soonest(visit.place, visit.beyond, *limits)
+    bodies = arm.bodies
+    meets = bodies.frame >= _FIRST_FRAME
+    bodies = bodies._replace(
+        hulls=bodies.hulls._replace(first=bodies.hulls.first[meets]),
+        frame=bodies.frame[meets],
+        radius=bodies.radius[meets],
+        ball=bodies.ball[meets],
+    )
     return _Side(
         joints=joints,
         spheres=np.ascontiguousarray(arm.spheres[:, :4]),
         frame=frame,
         parts=arm.parts[frame[arm.parts[:, 0]] >= _FIRST_FRAME],
+        bodies=bodies,
         scene=visit.checker.scene,
         limits=np.array([*limits, model.lower, model.upper], dtype=np.float64),
         start=np.array(visit.start, dtype=np.float64),
@@ -171,6 +186,11 @@ def _search(sides, margin):  # type: ignore[no-untyped-def]
                 total[count] = max(one.come[i] + one.stay, other.come[j]) + other.stay + other.leave[j]
                 count += 1
     points = np.empty((2, _SAMPLES, max(len(sides[0].spheres), len(sides[1].spheres)), 3))
+    frames = np.empty((2, _SAMPLES, n + 1, 3, 4))
+    pairs_n = max(len(sides[0].bodies.frame), len(sides[1].bodies.frame))
+    middle = np.empty((2, _SAMPLES, pairs_n, 3))
+    way = np.empty((2, pairs_n, pairs_n, 3))
+    at = np.full((2, pairs_n, pairs_n, 2), -1)
     ways = np.zeros((2, 2, max(len(sides[0].place), len(sides[1].place))), dtype=np.int64)
     best = np.inf
     found = (0, -1, -1)
@@ -178,6 +198,7 @@ def _search(sides, margin):  # type: ignore[no-untyped-def]
     found_push = np.zeros((2, n))
     found_gap = 0
     tries = 0
+    carried = np.zeros((2, 2, n))
     for k in np.argsort(total[:count], kind="mergesort"):
         if total[k] >= best or tries == _TRIES_N:
             break
@@ -196,22 +217,74 @@ def _search(sides, margin):  # type: ignore[no-untyped-def]
         after = one.come[i] + one.stay + other.stay + other.leave[j]  # without a gap
         if best < np.inf:
             most = min(most, int(np.ceil((best - after) / _STEP_S - 1e-6)) - 1)
-        gap, push = _parted(one, i, other, j, most, margin, points)
+        gap, push = _parted(
+            one, i, other, j, most, margin, points, frames, middle, way[first], at[first], carried[first]
+        )
         if gap > most:
             continue
         promised = max(total[k], after + gap * _STEP_S, one.come[i] + one.stay + one.leave[i])
         if promised >= best:
-            continue
-        if not _leg_free(one, one.place[i], one.end[i], push[0]):
-            continue
-        if not _leg_free(other, other.place[j], other.start, push[1]):
             continue
         best = promised
         found = (first, i, j)
         found_back = (ways[first, 0, i] == _BACKWARDS, ways[1 - first, 1, j] == _BACKWARDS)
         found_push = push
         found_gap = gap
-    return found, found_back, found_push, found_gap
+    gap_s = found_gap * _STEP_S
+    if found[1] >= 0 and found_gap > 0:
+        one, other = sides[found[0]], sides[1 - found[0]]
+        gap_s = _polished(one, found[1], other, found[2], found_gap, margin, way[found[0]], at[found[0]], found_push)
+    return found, found_back, found_push, gap_s
+
+
+@njit(cache=True)
+def _polished(one, i, other, j, most, margin, way, at, push):  # type: ignore[no-untyped-def]
+    """Change the pushes joint by joint as long as that shortens the gap; which is returned [s]."""
+    n = one.start.shape[0]
+    here = (one.place[i], other.place[j])
+    there = (one.end[i], other.start)
+    sides = (one, other)
+    spare = (most * _STEP_S + other.stay + other.leave[j], one.come[i] + one.stay + most * _STEP_S)
+    samples = int(_SAMPLES * _STEP_S / _FINE_S) + 1
+    q = np.empty((samples, n))
+    frames = np.empty((2, samples, n + 1, 3, 4))
+    middle = np.empty((2, samples, way.shape[0], 3))
+    for s in range(2):
+        _sampled(here[s], there[s], sides[s].limits, push[s], _FINE_S, q)
+        _place(sides[s], q, frames[s], middle[s])
+    gap = int(np.ceil(most * _STEP_S / _FINE_S))
+    while gap > 0 and _met(one, other, frames, middle, gap - 1, margin, way, at, 0) < 0:
+        gap -= 1
+    tried = frames.copy()
+    tried_middle = middle.copy()
+    guess = 0
+    idle = 0  # joints since the last that helped
+    turn = 0
+    while gap > 0 and idle < 2 * n and turn < _POLISHED_N:
+        s, a = turn // n % 2, turn % n
+        turn += 1
+        idle += 1
+        kept = push[s, a]
+        for side in (-1.0, 0.0, 1.0):
+            if side == kept or not _allowed(here[s][a], there[s][a], sides[s].limits, a, side, spare[s]):
+                continue
+            push[s, a] = side
+            _sampled(here[s], there[s], sides[s].limits, push[s], _FINE_S, q)
+            _place(sides[s], q, tried[s], tried_middle[s])
+            met = _met(one, other, tried, tried_middle, gap - 1, margin, way, at, guess)
+            if met < 0 and _leg_free(sides[s], here[s], there[s], push[s]):
+                kept = side
+                idle = 0
+                frames[s] = tried[s]
+                middle[s] = tried_middle[s]
+                while gap > 0 and met < 0:
+                    gap -= 1
+                    met = _met(one, other, frames, middle, gap - 1, margin, way, at, guess) if gap > 0 else 0
+            guess = max(met, 0)
+        push[s, a] = kept
+        tried[s] = frames[s]
+        tried_middle[s] = middle[s]
+    return gap * _FINE_S
 
 
 @njit(cache=True)
@@ -271,6 +344,13 @@ def _leg_free(side, here, there, push):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _allowed(here, there, limits, a, side, spare):  # type: ignore[no-untyped-def]
+    """Whether a push keeps a joint inside its limits and its time."""
+    swing = here + side * limits[1, a] * PUSH_S**2
+    return side == 0.0 or (limits[2, a] <= swing <= limits[3, a] and _joint_s(here, there, limits, a, side) <= spare)
+
+
+@njit(cache=True)
 def _joint_s(here, there, limits, j, push):  # type: ignore[no-untyped-def]
     """Time of one joint's motion."""
     at = np.empty(5)
@@ -279,7 +359,7 @@ def _joint_s(here, there, limits, j, push):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _parted(one, i, other, j, most, margin, points):  # type: ignore[no-untyped-def]
+def _parted(one, i, other, j, most, margin, points, frames, middle, way, at, worth):  # type: ignore[no-untyped-def]
     """Shortest gap found between one's leaving and the other's arrival in steps (most + 1: none), and the pushes."""
     n = one.start.shape[0]
     here = (one.place[i], other.place[j])
@@ -289,59 +369,99 @@ def _parted(one, i, other, j, most, margin, points):  # type: ignore[no-untyped-
     spare = (most * _STEP_S + other.stay + other.leave[j], one.come[i] + one.stay + most * _STEP_S)
     q = np.empty((2, _SAMPLES, n))
     push = np.zeros((2, n))
-    best = np.zeros((2, n))
-    worth = np.zeros((2, n))
+    found_n = 0
+    found_gap = np.empty(_ROUNDS_N, dtype=np.int64)
+    found_push = np.empty((_ROUNDS_N, 2, n))
     gap = most
+    guess = 0
+    _choose(worth, here, there, push)
     for turn in range(_ROUNDS_N):
         for s in range(2):
             limits = sides[s].limits
             for a in range(n):
-                if push[s, a] != 0.0:
-                    swing = here[s][a] + push[s, a] * limits[1, a] * PUSH_S**2
-                    late = _joint_s(here[s][a], there[s][a], limits, a, push[s, a]) > spare[s]
-                    if late or not limits[2, a] <= swing <= limits[3, a]:
-                        push[s, a] = 0.0
+                if not _allowed(here[s][a], there[s][a], limits, a, push[s, a], spare[s]):
+                    push[s, a] = 0.0
             _sampled(here[s], there[s], limits, push[s], _STEP_S, q[s])
-            _place(sides[s], q[s], points[s])
-        while gap >= 0 and _clear(one, other, points, gap, margin):
-            gap -= 1
-            best[:] = push
+            _place(sides[s], q[s], frames[s], middle[s])
+        better = False
+        low = -1  # no gap below is looked for, this one meets
+        while gap > low:
+            half = gap if turn > 0 and low < 0 else (gap + low + 1) // 2
+            met = _met(one, other, frames, middle, half, margin, way, at, guess)
+            if met < 0:
+                gap = half - 1
+                better = True
+            else:
+                guess = met
+                if half == gap:
+                    break
+                low = half
+        if better:
+            found_gap[found_n] = gap + 1
+            found_push[found_n] = push
+            found_n += 1
         if gap < 0 or turn == _ROUNDS_N - 1:
             break
-        worth *= _KEPT
-        _weigh(one, other, q, points, gap, margin, worth)
-        same = True
         for s in range(2):
-            most_worth = np.abs(worth[s]).max()
-            for a in range(n):
-                side = 0.0
-                if abs(worth[s, a]) > _IDLE * most_worth:
-                    side = np.sign(worth[s, a])
-                    if (there[s][a] - here[s][a]) * side > _ALIKE_RAD:
-                        side = 0.0  # it goes there anyway
-                same = same and side == push[s, a]
-                push[s, a] = side
+            _place_spheres(sides[s], frames[s], points[s])
+        worth *= _KEPT
+        _weigh(one, other, q, points, gap, margin - _BEYOND_M, worth)
+        same = _choose(worth, here, there, push)
         if same:
             break
-    return gap + 1, best
+    for k in range(found_n - 1, -1, -1):
+        own = found_push[k]
+        if _leg_free(one, here[0], there[0], own[0]) and _leg_free(other, here[1], there[1], own[1]):
+            return found_gap[k], own
+    return most + 1, push
 
 
 @njit(cache=True)
-def _place(side, q, points):  # type: ignore[no-untyped-def]
-    """Fill sphere centres (k, s, 3) in the world."""
-    frames = np.empty((q.shape[1] + 1, 3, 4))
+def _choose(worth, here, there, push):  # type: ignore[no-untyped-def]
+    """Fill the pushes of the joints that are worth most (2, n); whether they were the same before."""
+    same = True
+    for s in range(2):
+        most_worth = np.abs(worth[s]).max()
+        for a in range(worth.shape[1]):
+            side = 0.0
+            if abs(worth[s, a]) > _IDLE * most_worth:
+                side = np.sign(worth[s, a])
+                if (there[s][a] - here[s][a]) * side > _ALIKE_RAD:
+                    side = 0.0  # it goes there anyway
+            same = same and side == push[s, a]
+            push[s, a] = side
+    return same
+
+
+@njit(cache=True)
+def _place(side, q, frames, middle):  # type: ignore[no-untyped-def]
+    """Fill link frames (k, n+1, 3, 4) and middles of bodies (k, b, 3) in the world."""
+    ball, frame = side.bodies.ball, side.bodies.frame
     for k in range(q.shape[0]):
-        link_frames_into(side.joints, q[k], frames)
-        for s in range(side.spheres.shape[0]):
-            f = side.frame[s]
+        link_frames_into(side.joints, q[k], frames[k])
+        for b in range(ball.shape[0]):
+            f = frame[b]
+            for a in range(3):
+                middle[k, b, a] = frames[k, f, a, 3]
+                for c in range(3):
+                    middle[k, b, a] += frames[k, f, a, c] * ball[b, c]
+
+
+@njit(cache=True)
+def _place_spheres(side, frames, points):  # type: ignore[no-untyped-def]
+    """Fill sphere centres (k, s, 3) in the world."""
+    spheres, frame = side.spheres, side.frame
+    for k in range(frames.shape[0]):
+        for s in range(spheres.shape[0]):
+            f = frame[s]
             if f < _FIRST_FRAME:
                 continue
-            x, y, z = side.spheres[s, 0], side.spheres[s, 1], side.spheres[s, 2]
+            x, y, z = spheres[s, 0], spheres[s, 1], spheres[s, 2]
             for a in range(3):
-                points[k, s, a] = frames[f, a, 0] * x + frames[f, a, 1] * y + frames[f, a, 2] * z + frames[f, a, 3]
+                points[k, s, a] = frames[k, f, a, 0] * x + frames[k, f, a, 1] * y + frames[k, f, a, 2] * z + frames[k, f, a, 3]  # noqa: E501  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")  # a call would copy both sides
 def _deepest(one, a, other, b, margin, least):  # type: ignore[no-untyped-def]
     """The least distance of two spheres beyond the margin, if below `least`, and which these are (-1: none)."""
     s_least = -1
@@ -373,23 +493,37 @@ def _square(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def _moment(k, gap):  # type: ignore[no-untyped-def]
+def _moment(k, gap, samples):  # type: ignore[no-untyped-def]
     """Samples of both arms at moment k of an exchange: in step, then each against the other at the place."""
     if k <= gap:
         return k, gap - k
-    if k < _SAMPLES:
+    if k < samples:
         return k, 0
-    return 0, k - _SAMPLES + gap + 1
+    return 0, k - samples + gap + 1
 
 
 @njit(cache=True)
-def _clear(one, other, points, gap, margin):  # type: ignore[no-untyped-def]
-    """Whether the arms are apart all along an exchange."""
-    for k in range(2 * _SAMPLES - gap - 1):
-        s, t = _moment(k, gap)
-        if _deepest(one, points[0, s], other, points[1, t], margin, 0.0)[1] >= 0:
-            return False
-    return True
+def _met(one, other, frames, middle, gap, margin, way, at, guess):  # type: ignore[no-untyped-def]
+    """A moment of an exchange at which the arms are not apart, looking from a guess onwards; -1 for none."""
+    samples = frames.shape[1]
+    last = 2 * samples - gap - 2
+    ball, theirs = one.bodies.ball, other.bodies.ball
+    for turn in range(last + 1):
+        k = (guess + turn) % (last + 1)
+        s, t = _moment(k, gap, samples)
+        for p in range(ball.shape[0]):
+            for r in range(theirs.shape[0]):
+                size = ball[p, 3] + theirs[r, 3] + margin
+                x = middle[0, s, p, 0] - middle[1, t, r, 0]
+                y = middle[0, s, p, 1] - middle[1, t, r, 1]
+                z = middle[0, s, p, 2] - middle[1, t, r, 2]
+                if x * x + y * y + z * z < size * size:
+                    s_end, t_end = _moment(min(k + 1, last), gap, samples)
+                    f, g = one.bodies.frame[p], other.bodies.frame[r]
+                    distance = margin + one.bodies.radius[p] + other.bodies.radius[r]
+                    if not step_apart(one.bodies.hulls, p, frames[0, s, f], frames[0, s_end, f], other.bodies.hulls, r, frames[1, t, g], frames[1, t_end, g], distance, way[p, r], at[p, r]):  # noqa: E501  # fmt: skip
+                        return k
+    return -1
 
 
 @njit(cache=True)
@@ -398,7 +532,7 @@ def _weigh(one, other, q, points, gap, margin, worth):  # type: ignore[no-untype
     away = np.empty(3)
     frames = np.empty((q.shape[2] + 1, 3, 4))
     for k in range(2 * _SAMPLES - gap - 1):
-        s, t = _moment(k, gap)
+        s, t = _moment(k, gap, _SAMPLES)
         least, u, v = _deepest(one, points[0, s], other, points[1, t], margin, _NEAR_M)
         if u < 0:
             continue

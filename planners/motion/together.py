@@ -20,7 +20,6 @@ from planners.motion.coordination import (
     SweptArm,
     at_rest,
     free_cells,
-    in_turn,
     schedule,
     schedule_in,
     swept,
@@ -29,15 +28,16 @@ from planners.motion.exchange import Visit, exchange
 from planners.motion.problem import MotionPlanner, MotionProblem
 from planners.motion.timed_path import Dwell, TimedPath, timed_path
 from planners.motion.trajectory import Trajectory, retime
+from planners.motion.turns import in_turn
 
 FloatArray = npt.NDArray[np.float64]
 
 SAMPLE_S = 0.01
 STEP_S = 0.02
 """Step of the coordination diagram: half of it changed makespans by 0.2 %, twice of it by 4 % [s]."""
-EXCHANGE_STEP_S = 0.01
+EXCHANGE_STEP_S = 0.005
 """The same for an exchange of places [s]."""
-TRIED_SOONER_N = 8
+TRIED_SOONER_N = 16
 """Steps by which the second arm is tried to be sooner than an exchange promises."""
 MOTIONS_N = 3
 """Motions of each arm that are tried with each other."""
@@ -175,7 +175,7 @@ def _exchanged(trips: tuple[Trip, Trip], planner: MotionPlanner, seed: int, marg
         )
         for trip in trips
     ]
-    best = exchange(visits, margin_m, SAMPLE_S)
+    best = exchange(visits, margin_m, EXCHANGE_STEP_S)
     if best is None:
         return None
     paths = []
@@ -185,10 +185,10 @@ def _exchanged(trips: tuple[Trip, Trip], planner: MotionPlanner, seed: int, marg
             return None
         paths.append(timed_path([come, Dwell(duration_s=trip.dwell_s), leave, *further], EXCHANGE_STEP_S))
     order = [best.first, 1 - best.first]
-    first, second = (swept(trips[k].arm, paths[k]) for k in order)
-    soonest = paths[best.first].starts[2] - paths[1 - best.first].starts[1] + round(best.gap_s / EXCHANGE_STEP_S)
-    delays = range(max(0, soonest - TRIED_SOONER_N), len(first))
-    found = in_turn(first, second, delays, EXCHANGE_STEP_S, margin_m)
+    (first, one), (second, other) = ((trips[k].arm, paths[k]) for k in order)
+    soonest = one.starts[2] - other.starts[1] + round(best.gap_s / EXCHANGE_STEP_S)
+    delays = range(max(0, soonest - TRIED_SOONER_N if best.gap_s > 0 else 0), len(one.q))
+    found = in_turn((first, second), (one, other), delays, margin_m)
     if not found.solved:
         return None
     found = replace(found, index=np.ascontiguousarray(found.index[:, order]))

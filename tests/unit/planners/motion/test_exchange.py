@@ -10,11 +10,12 @@ import pytest
 from planners.errors import PlanningError
 from planners.motion.asynchronous import asynchronous
 from planners.motion.collision import Boxes, CollisionChecker
-from planners.motion.coordination import ArmInWorld, free_cells, in_turn, swept
+from planners.motion.coordination import ArmInWorld, free_cells, swept
 from planners.motion.exchange import Visit, exchange
 from planners.motion.rrt_connect_native import RrtConnectNative
 from planners.motion.timed_path import Dwell, timed_path
 from planners.motion.together import Trip, Way, plan_together
+from planners.motion.turns import in_turn
 from tests.unit.planners.motion.pair_scene import MAX_ACCELERATION, MAX_VELOCITY, Referee, bases
 
 STEP_S = 0.02
@@ -65,28 +66,54 @@ def _plain_paths():  # type: ignore[no-untyped-def]
     return timed_path(legs, STEP_S), timed_path(legs, STEP_S)
 
 
-def test_the_least_delay_is_that_of_the_diagram(trips):  # type: ignore[no-untyped-def]
-    first, second = (swept(trip.arm, path) for trip, path in zip(trips, _plain_paths(), strict=True))
-    found = in_turn(first, second, range(len(first)), STEP_S)
-    free = free_cells(first, second)
-    assert found.solved
-    assert np.all(free[tuple(found.index.T)])
-    delay = int(np.argmax(found.index[:, 1] > 0)) - 1
-    assert delay > 10
-    steps = np.arange(len(found.index) - 1)
-    sooner = np.minimum(steps, len(first) - 1), np.clip(steps - delay + 1, 0, len(second) - 1)
-    assert not np.all(free[sooner])
-    assert not in_turn(first, second, range(delay), STEP_S).solved
+def test_hulls_find_a_shorter_delay_than_covers_by_spheres(trips):  # type: ignore[no-untyped-def]
+    arms, paths = tuple(trip.arm for trip in trips), _plain_paths()
+    free = free_cells(*(swept(arm, path) for arm, path in zip(arms, paths, strict=True)))
+    k, m = free.shape
+
+    def covered(delay: int) -> bool:
+        steps = np.arange(max(k, m + delay))
+        return bool(np.all(free[np.minimum(steps, k - 1), np.clip(steps - delay, 0, m - 1)]))
+
+    def delay_of(margin_m: float) -> int:
+        found = in_turn(arms, paths, range(k), margin_m)
+        assert found.solved
+        return int(np.argmax(found.index[:, 1] > 0)) - 1
+
+    assert 10 < delay_of(0.01) < next(delay for delay in range(k) if covered(delay))
+    assert delay_of(0.01) <= delay_of(0.05) < delay_of(0.2)
+    assert not in_turn(arms, paths, range(delay_of(0.01))).solved
     with pytest.raises(PlanningError, match="margin_m -1"):
-        in_turn(first, second, range(3), STEP_S, -1.0)
+        in_turn(arms, paths, range(3), -1.0)
+
+
+@pytest.mark.parametrize("margin_m", [0.01, 0.05])
+def test_the_least_delay_keeps_the_distance_by_the_meshes_and_no_more(trips, margin_m):  # type: ignore[no-untyped-def]
+    arms, paths = tuple(trip.arm for trip in trips), _plain_paths()
+    found = in_turn(arms, paths, range(200), margin_m)
+    referee = Referee()
+
+    def least_m(late_s: float) -> float:
+        times = np.arange(0.0, found.makespan_s, 0.005)
+        return min(
+            referee.distance_m(
+                *(path.at(max(0.0, t - late)) for path, late in zip(paths, (0.0, late_s), strict=True)), 0.3
+            )
+            for t in times
+        )
+
+    delay_s = (int(np.argmax(found.index[:, 1] > 0)) - 1) * STEP_S
+    assert least_m(delay_s) > margin_m - 0.002  # the engine's distances are a little less than the hulls'
+    assert least_m(delay_s - 2 * STEP_S) < margin_m
+    referee.close()
 
 
 def test_arms_that_push_exchange_places_sooner_and_apart(trips):  # type: ignore[no-untyped-def]
     both = plan_together(trips, RrtConnectNative())
     assert both.way is Way.DECOUPLED
     assert both.found is not None
-    plain = [swept(trip.arm, path) for trip, path in zip(trips, _plain_paths(), strict=True)]
-    assert both.found.makespan_s < in_turn(*plain, range(200), STEP_S).makespan_s - 0.02
+    arms = trips[0].arm, trips[1].arm
+    assert both.found.makespan_s < in_turn(arms, _plain_paths(), range(200)).makespan_s - 0.02
     for trip, path in zip(trips, both.paths, strict=True):
         assert trip.checker.path_free(path.q)
     referee = Referee()
