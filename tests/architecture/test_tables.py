@@ -72,6 +72,7 @@ FAMILIES = [
                 "composite",
                 "coordination",
                 "exchange",
+                "hulls",
                 "ik",
                 "ik_numeric",
                 "ik_offset",
@@ -91,6 +92,7 @@ FAMILIES = [
                 "timed_path",
                 "together",
                 "trajectory",
+                "turns",
             }
         ),
     ),
