@@ -125,7 +125,10 @@ class Cell:
 
 
 class Referee:
-    """Plays motions in PyBullet and measures distances there; knows nothing of spheres, samples or diagrams."""
+    """Plays motions in PyBullet and measures distances there; knows nothing of hulls, samples or diagrams.
+
+    The engine rounds every mesh by 1 mm, so that it finds arms 2 mm nearer than they are.
+    """
 
     def __init__(self, cell: Cell) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
