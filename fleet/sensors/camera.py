@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.kinds import is_whole
 from fleet.sensors.errors import SensorError
 
 FloatArray = npt.NDArray[np.float64]
@@ -47,8 +48,8 @@ class Camera:
 
     def __post_init__(self) -> None:
         for what, size in (("width_px", self.width_px), ("height_px", self.height_px)):
-            whole = isinstance(size, int | np.integer) and not isinstance(size, bool)
-            self._require(whole and 1 <= size <= MAX_EDGE_PX, what, size, f"an integer from 1 to {MAX_EDGE_PX}")
+            ok = is_whole(size) and 1 <= size <= MAX_EDGE_PX
+            self._require(ok, what, size, f"an integer from 1 to {MAX_EDGE_PX}")
         low, high = FOV_RAD
         self._require(low <= self.fov_rad <= high, "fov_rad", self.fov_rad, f"{low:.3f} to {high:.3f}")
         self._require(0.0 < self.near_m < math.inf, "near_m", self.near_m, "a number > 0")
