@@ -15,7 +15,7 @@ from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
 from fleet.robots.tools import TOOLS
 from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.world.bullet.cars import FLOOR_GROUP
-from fleet.world.bullet.client import Client
+from fleet.world.bullet.client import Client, quiet
 from fleet.world.bullet.config import BulletConfig
 from fleet.world.bullet.world import FLOOR_FRICTION
 from fleet.world.scene import Scene
@@ -33,8 +33,8 @@ class BareLoop:
         parcels_n: Parcels on the slots of the site.
         rays_n: Rays of each car's lidar.
         steps_n: Physics steps per control step.
-        like_fleet: The floor is as rough, and motors are as strong, as in the fleet's world, so that the engine has
-            about the same work; else the floor is as the engine makes it, and motors have the torques they are given.
+        like_fleet: The floor is as rough as in the fleet's world, and the engine solves what touches as it does there;
+            else both are as the engine has them by itself.
     """
 
     def __init__(self, scene: Scene, parcels_n: int, rays_n: int, steps_n: int, *, like_fleet: bool = False) -> None:
@@ -51,6 +51,8 @@ class BareLoop:
         client.setCollisionFilterGroupMask(floor, -1, 2 | FLOOR_GROUP, -1)
         if like_fleet:
             client.changeDynamics(floor, -1, lateralFriction=FLOOR_FRICTION)
+            with quiet():
+                client.solve_directly()
         flags = client.URDF_USE_INERTIA_FROM_FILE
         self._cars = [
             client.load_urdf(
@@ -91,10 +93,8 @@ class BareLoop:
             x, y, z = (float(a) for a in box.centre_m)
             client.createMultiBody(0.3, cube, basePosition=(x, y, z + float(box.half_m[2]) + 0.03))
         self._steps_n = steps_n
-        # A call that makes many steps lets motors push for all of them in each (decision 26).
-        strength = steps_n if like_fleet else 1
-        self._forces = (strength * scene.arm.max_torque_nm).tolist()
-        self._drive_nm, self._steer_nm = [0.6 * strength] * 4, [10.0 * strength] * 2
+        self._forces = scene.arm.max_torque_nm.tolist()
+        self._drive_nm, self._steer_nm = [0.6] * 4, [10.0] * 2
         model = scene.car
         self._ring = LidarRing(Lidar(rays_n=rays_n, noise_m=0.0), model.front_m, model.rear_m, model.half_width_m)
         self._state = client.saveState()

@@ -58,20 +58,20 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
     rounds_n, seconds = (8, 0.25) if trial.quick else (24, 0.5)
     for team in PHYSICS:
         env = _env(team, "physics")
-        bare = BareLoop(_scene(team), team.cars_n, RAYS_N, _steps_n())
-        alike = BareLoop(_scene(team), team.cars_n, RAYS_N, _steps_n(), like_fleet=True)
+        bare = BareLoop(_scene(team), team.cars_n, RAYS_N, _steps_n(), like_fleet=True)
+        loose = BareLoop(_scene(team), team.cars_n, RAYS_N, _steps_n())
         # In turns, so that all meet the same load; the fastest round is the least disturbed one.
-        players = [_player(env), _bare_player(bare, team), _bare_player(alike, team)]
+        players = [_player(env), _bare_player(bare, team), _bare_player(loose, team)]
         rates = np.array([[_rate(player, seconds) for player in players] for _ in range(rounds_n)])
-        ours, theirs, alikes = rates.max(axis=0).tolist()
-        share, alike_share = (100.0 * float(np.median(rates[:, 0] / rates[:, k])) for k in (1, 2))
+        ours, theirs, looses = rates.max(axis=0).tolist()
+        share, loose_share = (100.0 * float(np.median(rates[:, 0] / rates[:, k])) for k in (1, 2))
         yield Row(name=f"physics, {team}", value=ours, unit="steps/s", target=team.target)
         yield Row(name=f"bare PyBullet, {team.cars_n} cars, {team.site}", value=theirs, unit="steps/s")
         yield Row(name="  share of the bare loop", value=share, unit="%", target=team.bare_target)
-        yield Row(name="  bare PyBullet, floor and motors as the fleet's", value=alikes, unit="steps/s")
-        yield Row(name="  share of that loop", value=alike_share, unit="%")
+        yield Row(name="  bare PyBullet, smoother floor, iterations", value=looses, unit="steps/s")
+        yield Row(name="  share of that loop", value=loose_share, unit="%")
         bare.close()
-        alike.close()
+        loose.close()
         yield from _resets(trial, env, f"physics, {team}", rounds_n)
         env.close()
     for team in KINEMATIC:
@@ -85,9 +85,9 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
     trial.notes.append(
         f"{CONTROL_HZ:.0f} Hz control, {PHYSICS_HZ:.0f} Hz physics, {RAYS_N} rays per car, per second of CPU time of "
         "one process, the fastest of several rounds; shares are medians. The bare loop has the same scene, robots, "
-        "parcels, rays and kind of actions; it has no contacts to judge, no orders, traffic and rewards. Its floor is "
-        "half as rough as the fleet's and its motors are weaker, with which the engine has less to do; the second one "
-        "has both as the fleet (decision 26). Figures of other machines compare by the empty loop."
+        "parcels, floor, motors, solver, rays and kind of actions; it has no contacts to judge, no orders, traffic and "
+        "rewards. The second one has the floor and the solver that the engine has by itself, with which cars slide and "
+        "the engine has less to do (decision 26). Figures of other machines compare by the empty loop."
     )
 
 

@@ -16,6 +16,7 @@ from fleet.errors import ConfigError
 from fleet.robots import TOOLS, iiwa_spec, racecar_spec
 from fleet.world.bullet import BulletConfig, BulletWorld
 from fleet.world.bullet.client import Client, PhysicsError
+from fleet.world.bullet.config import exact_tick_s
 from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
@@ -133,6 +134,47 @@ def test_a_car_drives_straight_and_brakes(make_world: MakeWorld) -> None:
     assert stop[0] - x < 0.15
     run(world, 5.0)
     np.testing.assert_allclose(world.car_poses()[0], stop, atol=5e-4)  # a standing car does not creep
+
+
+AT_ONCE = BulletConfig(tick_s=exact_tick_s(8, 240.0), at_once_n=8)
+"""Eight steps of 1/240 s in one call of the engine."""
+
+
+def test_motors_are_as_strong_when_steps_are_made_at_once(make_world: MakeWorld) -> None:
+    gained = []
+    for at_once in (False, True):
+        settings = {"tick_s": AT_ONCE.tick_s, "at_once_n": 8} if at_once else {"tick_s": AT_ONCE.tick_s / 4}
+        world = make_world(cars=[(1.0, 1.0, 0.0)], **settings)
+        run(world, 0.2, (0.0, 2.0))
+        gained.append(world.car_speeds()[0])
+    torque_nm, radius_m = 0.6, 0.05
+    mass_kg = sum(world._client.getDynamicsInfo(world._cars.bodies[0], link)[0] for link in range(-1, 6))
+    assert gained[1] == pytest.approx(gained[0], rel=0.05)
+    assert gained[1] < 0.2 * 4 * torque_nm / radius_m / mass_kg
+
+
+def test_an_arm_too_weak_for_its_weight_sinks_also_when_steps_are_made_at_once() -> None:
+    arm = iiwa_spec()
+    weak = dataclasses.replace(arm, max_torque_nm=arm.max_torque_nm * 0.1)
+    level = np.array([0.0, np.pi / 2, 0.0, 0.0, 0.0, 0.0, 0.0])
+    scene = scene_of(arm=weak, arm_base=np.array([[5.0, 5.0, 1.5, 0.0]]), arm_start=level[None])
+    sunk = []
+    for config in (BulletConfig(tick_s=AT_ONCE.tick_s / 4), AT_ONCE):
+        world = BulletWorld(scene, config)
+        run(world, 0.2)
+        sunk.append(world.arm_positions()[0, 1] - level[1])
+        world.close()
+    assert sunk[0] > 0.02
+    assert sunk[1] == pytest.approx(sunk[0], rel=0.05)
+
+
+def test_a_car_stands_still_on_its_wheels_when_steps_are_made_at_once(make_world: MakeWorld) -> None:
+    world = make_world(cars=[(1.0, 1.0, 0.0), (3.0, 1.0, 0.7)], tick_s=AT_ONCE.tick_s, at_once_n=8)
+    run(world, 1.0, (0.5, 0.6))
+    run(world, 1.0)
+    stop = world.car_poses()
+    run(world, 20.0)
+    np.testing.assert_allclose(world.car_poses(), stop, atol=1e-6)
 
 
 def test_positive_steering_turns_left_on_the_circle_of_the_bicycle(make_world: MakeWorld) -> None:

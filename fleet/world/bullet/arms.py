@@ -34,6 +34,7 @@ class Arms:
         substeps_n: Physics steps per tick.
         substep_s: Length of a physics step [s].
         at_once: A "physics step" is a whole tick, of which the engine makes many steps by itself.
+        limit_share: Part of their limits that motors are given; see `BulletConfig`.
         description: URDF text of the arm with its tool; None for the iiwa's. Its first joints are the arm's.
     """
 
@@ -48,6 +49,7 @@ class Arms:
         substep_s: float,
         *,
         at_once: bool = False,
+        limit_share: float = 1.0,
         description: str | None = None,
     ) -> None:
         self._client = client
@@ -55,7 +57,7 @@ class Arms:
         self._substeps_n = substeps_n
         self._substep_s = substep_s
         self._joints = list(range(spec.n_joints))
-        self._forces = spec.max_torque_nm.tolist()
+        self._forces = (limit_share * spec.max_torque_nm).tolist()
         self._gains = [_POSITION_GAIN] * spec.n_joints
         self._at_once = at_once
         self._loose = [0.0] * spec.n_joints

@@ -24,8 +24,8 @@ FLOOR_GROUP = 128
 """Collision group of the floor: wheels touch nothing else, because the chassis box covers them on all sides."""
 
 # Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
-_DRIVE_NM = [0.6] * 4
-_BRAKE_NM = [4.0] * 4
+_DRIVE_NM = 0.6
+_BRAKE_NM = 4.0
 _STEER_NM = 10.0
 _STEER_GAIN = 0.4
 # A brake that only holds zero wheel speed creeps (0.35 mm/s at 10 solver iterations: the contact solver has no static
@@ -95,8 +95,8 @@ class Cars:
         wheels: Collision shape of the wheels.
         substep_s: Length of a physics step [s].
         brakes: Standing cars are held where they are. Costs an eighth of a physics step, as the engine looks at all
-            constraints, of moving cars too. Without it they creep by 0.01 mm/s (measured at 240 steps per second of 30
-            iterations).
+            constraints, of moving cars too. Without it they creep, unless the engine solves contacts directly.
+        limit_share: Part of their limits that motors are given; see `BulletConfig`.
     """
 
     def __init__(
@@ -108,10 +108,13 @@ class Cars:
         substep_s: float,
         *,
         brakes: bool = True,
+        limit_share: float = 1.0,
     ) -> None:
         self._client = client
         self._spec = spec
         self._substep_s = substep_s
+        self._drive_nm, self._brake_nm = ([limit * limit_share] * len(WHEELS) for limit in (_DRIVE_NM, _BRAKE_NM))
+        self._steer_nm = _STEER_NM * limit_share
         self.bodies: list[int] = []
         urdf = racecar_urdf(wheels)
         for x, y, yaw in start:
@@ -175,7 +178,7 @@ class Cars:
             return
         steering, speeds = self._fresh[:, :changed_n]
         spins, angles = self._ackermann.motions(steering, speeds)
-        client, rate = self._client, self._spec.max_steering_rate_radps
+        client, rate, steer_nm = self._client, self._spec.max_steering_rate_radps, self._steer_nm
         motor, motors = client.setJointMotorControl2, client.setJointMotorControlArray
         velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
         left, right = self._hinges
@@ -183,9 +186,10 @@ class Cars:
         rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
         for car, speed, spin, (left_rad, right_rad) in rows:
             body = self.bodies[car]
-            motors(body, self._wheels, velocity, targetVelocities=spin, forces=_BRAKE_NM if speed == 0.0 else _DRIVE_NM)
-            motor(body, left, position, left_rad, 0.0, _STEER_NM, _STEER_GAIN, 1.0, rate)
-            motor(body, right, position, right_rad, 0.0, _STEER_NM, _STEER_GAIN, 1.0, rate)
+            torques = self._brake_nm if speed == 0.0 else self._drive_nm
+            motors(body, self._wheels, velocity, targetVelocities=spin, forces=torques)
+            motor(body, left, position, left_rad, 0.0, steer_nm, _STEER_GAIN, 1.0, rate)
+            motor(body, right, position, right_rad, 0.0, steer_nm, _STEER_GAIN, 1.0, rate)
 
     def push(self, car: int, way: FloatArray) -> None:
         """Start a shove of half a second that displaces the car by about `way`, unless something stops it.

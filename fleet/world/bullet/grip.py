@@ -88,13 +88,17 @@ class SuctionGrip:
         arms: The arms.
         parcels: The parcels.
         limit_n: Most force a cup holds [N].
+        limit_share: Part of their limits that constraints are given; see `BulletConfig`.
     """
 
-    def __init__(self, client: Client, arms: Arms, parcels: Parcels, limit_n: float) -> None:
+    def __init__(
+        self, client: Client, arms: Arms, parcels: Parcels, limit_n: float, *, limit_share: float = 1.0
+    ) -> None:
         self._client = client
         self._arms = arms
         self._parcels = parcels
         self._limit_n = limit_n
+        self._margin = _CONSTRAINT_MARGIN * limit_share
         n = len(arms.bodies)
         self.held = [-1] * n
         self._constraint = [-1] * n
@@ -206,7 +210,7 @@ class SuctionGrip:
         weight = self._parcels.shapes[parcel].mass_kg * _GRAVITY_MPS2
         self._limit[arm] = min(self._limit_n, max(_LEAST_LIMIT_N, _WEIGHTS * weight))
         self.changes_n += 1
-        client.changeConstraint(constraint, maxForce=_CONSTRAINT_MARGIN * self._limit[arm])
+        client.changeConstraint(constraint, maxForce=self._margin * self._limit[arm])
         client.setCollisionFilterPair(body, box, self._cup, -1, 0)
         self.held[arm], self._constraint[arm], self._overload[arm] = parcel, constraint, 0
         self.loss[arm] = ""
@@ -367,8 +371,9 @@ def make_grip(
     *,
     force_n: float,
     touched: list[dict[int, set[int]]],
+    limit_share: float = 1.0,
 ) -> GripDevice:
     """Make the grip of a kind; see `SuctionGrip` and `FrictionGrip`."""
     if kind is Grip.FRICTION:
         return FrictionGrip(client, arms, parcels, force_n, touched)
-    return SuctionGrip(client, arms, parcels, force_n)
+    return SuctionGrip(client, arms, parcels, force_n, limit_share=limit_share)
