@@ -87,7 +87,7 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
         "one process, the fastest of several rounds; shares are medians. The bare loop has the same scene, robots, "
         "parcels, floor, motors, solver, rays and kind of actions; it has no contacts to judge, no orders, traffic and "
         "rewards. The second one has the floor and the solver that the engine has by itself, with which cars slide and "
-        "the engine has less to do (decision 26). Figures of other machines compare by the empty loop."
+        "the engine has less to do (decision 33). Figures of other machines compare by the empty loop."
     )
 
 
