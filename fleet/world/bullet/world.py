@@ -33,8 +33,10 @@ IntArray = npt.NDArray[np.int64]
 _GRAVITY_MPS2 = 9.81
 FLOOR_FRICTION = 1.0
 """Lateral friction of the floor."""
-# What never moves is a rigid body to the engine, not a robot without joints: that saves a tenth of a step.
+# What never moves is a rigid body to the engine, not a robot without joints: that saves a tenth of a step. It has the
+# engine's own group for such bodies, which touch neither one another nor the floor: pairs of them would be looked at.
 _RIGID = 1
+_FIXED_GROUP = 2
 # What a car may gain on top of its present speed within one tick, braking and shoves included.
 _NEAR_MARGIN_M = 0.05
 # Largest half widths of the iiwa's link meshes, from their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
@@ -401,8 +403,7 @@ class BulletWorld:
             useMaximalCoordinates=_RIGID,
         )
         client.changeDynamics(body, -1, lateralFriction=FLOOR_FRICTION)
-        static_group = 2
-        client.setCollisionFilterGroupMask(body, -1, static_group | FLOOR_GROUP, -1)
+        client.setCollisionFilterGroupMask(body, -1, _FIXED_GROUP | FLOOR_GROUP, -1)
         return int(body)
 
     def _add_box(self, kind: str, centre: FloatArray, half: FloatArray) -> int:
@@ -415,6 +416,7 @@ class BulletWorld:
             basePosition=centre.tolist(),
             useMaximalCoordinates=_RIGID,
         )
+        client.setCollisionFilterGroupMask(body, -1, _FIXED_GROUP, ~(_FIXED_GROUP | FLOOR_GROUP))
         return int(body)
 
     def _list_boxes(self) -> None:
