@@ -144,11 +144,9 @@ def last_link_pose(joints: FloatArray, q: npt.ArrayLike) -> FloatArray:
         Shape (4, 4).
 
     Raises:
-        PlanningError: Not one number per joint: the kernel would leave frames out, or read beyond.
+        PlanningError: Not one finite number per joint: the kernel would leave frames out, or read beyond.
     """
-    angles = checks.floats("q", q)
-    if angles.shape != (len(joints),):
-        raise PlanningError(f"q: shape {angles.shape}, expected ({len(joints)},), one angle per joint")
+    angles = checks.vector("q", q, len(joints))
     frames = np.empty((len(joints) + 1, 3, 4))
     link_frames_into(joints, angles, frames)
     pose = np.eye(4)

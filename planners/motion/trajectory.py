@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _SAME_RAD = 1e-9
 _MOST_S = 1e5
+_UNEQUAL = 1e-3
 _LONGEST_RAD = 1e4
 MOST_SAMPLES = 10_000_000
 """Samples of the longest motion that is made: gigabytes."""
@@ -44,6 +46,11 @@ class Trajectory:
             raise PlanningError(
                 f"Trajectory: t {self.t.shape}, q {self.q.shape}, qd {self.qd.shape}; expected (k,) and twice (k, n)"
             )
+        # Samples are found by their number, so that other times would lead beyond the arrays.
+        steps_s = np.diff(self.t)
+        equal = k == 1 or (steps_s.min() > 0.0 and np.ptp(steps_s) < _UNEQUAL * steps_s.max())
+        if self.t[0] != 0.0 or not equal:
+            raise PlanningError(f"Trajectory: t {self.t}, expected times from 0 in equal steps")
 
     @property
     def duration_s(self) -> float:
@@ -58,7 +65,12 @@ class Trajectory:
 
         Returns:
             Joint angles [rad] and velocities [rad/s], each shape (n,).
+
+        Raises:
+            PlanningError: The time is no number.
         """
+        if math.isnan(time_s):
+            raise PlanningError(f"time_s {time_s!r}, expected a number of seconds")
         if len(self.t) == 1 or time_s <= self.t[0]:
             return self.q[0].copy(), self.qd[0].copy()
         if time_s >= self.t[-1]:

@@ -90,6 +90,7 @@ CASES: dict[str, tuple[str, Case]] = {
     "limits that are no numbers": ("lower < upper", lambda b: inverse_kinematics(b.arm[0], b.arm[1] * NAN, b.arm[2])),
     "a joint nowhere": ("finite", lambda b: link_frames(np.where(np.eye(4) > 0, 1.0, NAN)[None], [0.0])),
     "angles in words": ("numbers", lambda b: link_frames(b.arm[0], "home")),
+    "the flange of an arm nowhere": ("finite", lambda b: b.srs.flange(Q * NAN)),
     "a tip without a place": (r"\(3, 3\)", lambda b: flange_from_tip(np.eye(3), 0.1)),
     "a short configuration": (r"\(2,\)", lambda b: b.checker.free(Q[:2])),
     "a configuration in words": ("home", lambda b: b.checker.free("home")),
@@ -141,6 +142,10 @@ CASES: dict[str, tuple[str, Case]] = {
     "a rest of ages": ("samples", lambda b: timed_path([b.motion, Dwell(duration_s=1e12)], 0.02)),
     "legs in words": ("motions", lambda b: timed_path([b.motion, "rest"], 0.02)),  # type: ignore[list-item]
     "a motion without samples": ("Trajectory", lambda b: Trajectory(t=np.empty(0), q=PATH[:0], qd=PATH[:0])),
+    "a motion from a second on": ("equal steps", lambda b: replace(b.motion, t=b.motion.t + 1.0)),
+    "a motion that runs back": ("equal steps", lambda b: replace(b.motion, t=-b.motion.t)),
+    "a motion with a gap": ("equal steps", lambda b: replace(b.motion, t=b.motion.t**2)),
+    "a motion at no time": ("time_s nan", lambda b: b.motion.sample(NAN)),
     "an arm of twice its size": ("world_from_base", lambda b: ArmInWorld(b.model, np.eye(4) * 2)),
     "spheres of no size": ("radii", lambda b: replace(b.model, sphere_radius=-b.model.sphere_radius)),
     "parts of other spheres": ("sphere_part", lambda b: replace(b.model, sphere_part=b.model.sphere_frame[:3])),
