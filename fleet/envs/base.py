@@ -63,7 +63,9 @@ class EnvState:
     actions: tuple[Any, ...]
     """What `FleetEnv._advance` was given so far."""
     quick: Any = None
-    """What brings the moment back without running the episode again, in the environment that saved it."""
+    """What brings a moment back without running the episode again, in the environment that saved it."""
+    quick_n: int = 0
+    """Actions that were made by then."""
 
     def write(self, path: str | Path) -> None:
         """Write to a file, whole or not at all.
@@ -74,7 +76,7 @@ class EnvState:
         path = Path(path)
         part = path.with_name(f".{path.name}.part")
         try:
-            moment = pickle.dumps(replace(self, quick=None))
+            moment = pickle.dumps(replace(self, quick=None, quick_n=0))
             part.write_bytes(sha256(moment).digest() + moment)
             part.replace(path)
         except OSError as reason:
@@ -227,13 +229,15 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         """
         if not self.agents:
             raise EpisodeError("save_state: no episode is under way; valid: reset() first")
+        quick, quick_n = self._quick()
         return EnvState(
             name=self.metadata["name"],
             arguments=copy.deepcopy(self._arguments),
             seed=self._seed,
             series=self._series.bit_generator.state,
             actions=tuple(self._log),
-            quick=self._quick(),
+            quick=quick,
+            quick_n=quick_n,
         )
 
     def load_state(self, state: EnvState) -> dict[str, Any]:
@@ -257,13 +261,15 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
             if repr(state.arguments.get(key)) != repr(value):
                 raise StateError(f"load_state: saved with {key} = {state.arguments.get(key)!r}; valid: {value!r}")
         self._seed = state.seed
+        done_n = 0
         if state.quick is not None and self._restore(state.quick):
-            self._log, self.steps_n = list(state.actions), len(state.actions)
+            done_n = state.quick_n
+            self._log, self.steps_n = list(state.actions[:done_n]), done_n
             self.agents = self.possible_agents[:]
         else:
             self._start()
-            for resolved in state.actions:
-                self._do(resolved)
+        for resolved in state.actions[done_n:]:
+            self._do(resolved)
         self._series = np.random.default_rng()
         self._series.bit_generator.state = state.series
         return self._observations()
@@ -316,9 +322,12 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     def _record(self) -> None:
         """Write this moment to a recording."""
 
-    def _quick(self) -> Any:
-        """What `_restore` needs to return to this moment at once; None if only running again is exact."""
-        return None
+    def _quick(self) -> tuple[Any, int]:
+        """What `_restore` needs to return to this moment, or to one shortly before, and the steps made by then.
+
+        None if only running again from the start is exact.
+        """
+        return None, 0
 
     def _restore(self, quick: Any) -> bool:
         """Return to a moment at once; False, with nothing changed, if that is not exact any more."""

@@ -127,6 +127,12 @@ class World(Protocol):
             SensorError: A world without bodies to see.
         """
 
+    def settle(self) -> None:
+        """Forget the past, but for what can be saved: `load` returns exactly to a world that was saved then.
+
+        Positions and velocities stay; what follows differs in last bits from what would have followed.
+        """
+
     def save(self) -> object:
         """A snapshot for `load` in this process."""
 

@@ -30,11 +30,6 @@ _REHEARSAL_S = 60.0
 _contact_breaking_m: dict[str, float] = {}
 
 
-# How much a directly solved constraint gives way: a wheel that carries a quarter of a car, by 0.02 mm/s. Without it the
-# equations of driven wheels on the floor have no unique solution, and standing cars creep by 0.01 mm/s.
-_SOFTNESS_MPS_PER_N = 1e-6
-
-
 class PhysicsError(FleetError):
     """The physics engine refused a connection or a description."""
 
@@ -136,16 +131,6 @@ class Client:
         if _contact_breaking_m.get(self._place) != distance_m:
             self.setPhysicsEngineParameter(contactBreakingThreshold=distance_m)
             _contact_breaking_m[self._place] = distance_m
-
-    def solve_directly(self) -> None:
-        """Let the engine solve motors, grips and contacts of a physics step exactly, not by iterations.
-
-        A linear complementarity problem per group of bodies that touch, by Dantzig's method: D. Baraff, Fast contact
-        force computation for nonpenetrating rigid bodies, SIGGRAPH 1994, https://doi.org/10.1145/192161.192168.
-        """
-        self.setPhysicsEngineParameter(
-            constraintSolverType=self.CONSTRAINT_SOLVER_LCP_DANTZIG, globalCFM=_SOFTNESS_MPS_PER_N
-        )
 
     def load_urdf(self, text: str, **options: Any) -> int:
         """Load a description from its text.

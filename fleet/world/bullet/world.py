@@ -37,6 +37,11 @@ FLOOR_FRICTION = 1.0
 # engine's own group for such bodies, which touch neither one another nor the floor: pairs of them would be looked at.
 _RIGID = 1
 _FIXED_GROUP = 2
+_MOVING_GROUP = 1
+# What no count of changes is.
+_NEVER = -1
+# Two bodies are looked at if each one's mask has the other's group; by itself the engine asks one of them only.
+_BOTH_AGREE = 0
 # What a car may gain on top of its present speed within one tick, braking and shoves included.
 _NEAR_MARGIN_M = 0.05
 # Largest half widths of the iiwa's link meshes, from their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
@@ -74,6 +79,8 @@ class Snapshot:
     """How often bodies or grips had come or gone."""
     holds: bool
     """Whether anything was in a grip."""
+    settled: bool
+    """Whether the engine had just found all pairs of bodies anew."""
 
 
 class BulletWorld:
@@ -81,11 +88,12 @@ class BulletWorld:
 
     Arm set-points are meant for the end of the tick; the motors follow them with a lag of less than one physics step.
 
-    `save` and `load`: a world in which no suction grip was made or undone in between returns exactly, so the same
-    commands give the same states to the last bit. A grip that was made or undone after the snapshot leaves differences
-    of up to 1e-2 in what follows. If parcels or obstacles came or went, what is missing is made anew and what is new
-    is removed; positions and velocities are restored, the solver's memory of contacts is not. Creating a new world and
-    repeating the same calls is always exact.
+    `save` and `load`: a world that was settled before it was saved, and in which no suction grip was made or undone
+    since, returns exactly, so the same commands give the same states to the last bit. A grip that was made or undone
+    after the snapshot leaves differences of up to 1e-2 in what follows, touches in a world that was not settled leave
+    some in the last bits, and more with time. If parcels or obstacles came or went, what is missing is made anew and
+    what is new is removed; positions and velocities are restored, the solver's memory of contacts is not. Creating a
+    new world and repeating the same calls is always exact.
 
     With SHARED_MEMORY the server's world is emptied first.
 
@@ -127,9 +135,8 @@ class BulletWorld:
                         numSubSteps=config.at_once_n or 0,
                         numSolverIterations=config.iterations_n,
                         deterministicOverlappingPairs=1,
+                        collisionFilterMode=_BOTH_AGREE,
                     )
-                    if at_once:
-                        client.solve_directly()
                 client.keep_contacts(self._contact_breaking_m)
                 floor = self._add_floor()
                 self._cars = Cars(
@@ -176,6 +183,10 @@ class BulletWorld:
             raise
         self.window = Window(client, self._cars.bodies) if config.connect is Connect.GUI else None
         """The engine's own window, if it has one here."""
+        # Wheels touch nothing but the floor.
+        self._links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
+        self._links += [(car, -1) for car in self._cars.bodies]
+        self._settled = _NEVER
         self._min_clearance_m = np.inf
         self._radii = np.array([*_LINK_RADII_M, tool.half_width_m])
         self._car_pairs = np.zeros((64, 2), dtype=np.int64)
@@ -193,6 +204,7 @@ class BulletWorld:
         self._cars.drive(np.asarray(car_commands, dtype=np.float64).reshape(self.n_cars, 2))
         self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))
         self._grip.command(np.asarray(grip, dtype=np.bool_))
+        self._settled = _NEVER
         parcels = self._parcels
         watched = self._watched()
         self._client.keep_contacts(self._contact_breaking_m)
@@ -341,6 +353,7 @@ class BulletWorld:
             bodies=self._visitors(),
             changes_n=self._changes_n + self._grip.changes_n,
             holds=any(parcel >= 0 for parcel in self._grip.held),
+            settled=self._settled == self._changes_n + self._grip.changes_n,
         )
         weakref.finalize(snapshot, _remove_state, weakref.ref(client), state)
         return snapshot
@@ -360,10 +373,14 @@ class BulletWorld:
         for obstacle in [o for o in self._obstacles if o not in snapshot.obstacles]:
             self.remove_obstacle(obstacle)
         restored = self._visitors() == snapshot.bodies
+        if snapshot.settled:
+            self._search(on=False)
         if restored:
             client.restoreState(snapshot.state)
         else:
             self._rebuild(snapshot)
+        if snapshot.settled:
+            self._search(on=True)
         client.performCollisionDetection()  # rays would see the old poses
         self._parcels.moved()
         self._cars.recall(snapshot.memory["cars"])
@@ -373,10 +390,24 @@ class BulletWorld:
         self._min_clearance_m = snapshot.memory["clearance"]
         self._cars.now = snapshot.reading if restored else self._cars.reading()
         self._near = self._measure()
+        self._settled = snapshot.changes_n if snapshot.settled and self.is_exact(snapshot) else _NEVER
+
+    def settle(self) -> None:
+        """See `World`.
+
+        The engine remembers pairs of bodies: wide boxes around them, where it began to search for their nearest points,
+        how hard they pressed. None of that is in its snapshots, and all of it decides last bits. Afterwards, as after
+        a return to this moment, it finds all pairs anew.
+        """
+        self._search(on=False)
+        self._client.performCollisionDetection()
+        self._search(on=True)
+        self._client.performCollisionDetection()
+        self._settled = self._changes_n + self._grip.changes_n
 
     def is_exact(self, snapshot: object) -> bool:
         """See `World`: nothing was in a grip, and neither grips nor bodies have come or gone since."""
-        if not isinstance(snapshot, Snapshot) or snapshot.holds:
+        if not isinstance(snapshot, Snapshot) or snapshot.holds or not snapshot.settled:
             return False
         return snapshot.changes_n == self._changes_n + self._grip.changes_n
 
@@ -400,7 +431,6 @@ class BulletWorld:
                 rgbaColor=_COLOURS["floor"],
                 visualFramePosition=(x, y, -0.005),
             ),
-            useMaximalCoordinates=_RIGID,
         )
         client.changeDynamics(body, -1, lateralFriction=FLOOR_FRICTION)
         client.setCollisionFilterGroupMask(body, -1, _FIXED_GROUP | FLOOR_GROUP, -1)
@@ -482,6 +512,19 @@ class BulletWorld:
                 spheres[arm, :3] = self._parcels.pose(parcel)[:3]
                 spheres[arm, 3] = np.linalg.norm(self._parcels.shapes[parcel].size_m) / 2
         return spheres
+
+    def _search(self, *, on: bool) -> None:
+        """Let the engine look for bodies that touch, or forget all that it knows of any."""
+        filtered, floor = self._client.setCollisionFilterGroupMask, self._monitor.floor
+        moving = self._links + [(self._parcels.body(parcel), -1) for parcel in self._parcels.ids()]
+        group, mask = (_MOVING_GROUP, -1) if on else (0, 0)
+        # The floor touches everything: without it the engine has few pairs to go through.
+        if not on:
+            filtered(floor, -1, 0, 0)
+        for body, link in moving:
+            filtered(body, link, group, mask)
+        if on:
+            filtered(floor, -1, _FIXED_GROUP | FLOOR_GROUP, -1)
 
     def _visitors(self) -> tuple[int, ...]:
         parcels = tuple(self._parcels.body(parcel) for parcel in self._parcels.ids())
