@@ -15,8 +15,8 @@ from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
 from fleet.robots.tools import TOOLS
 from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.world.bullet.cars import FLOOR_GROUP
-from fleet.world.bullet.client import Client, quiet
-from fleet.world.bullet.config import BulletConfig
+from fleet.world.bullet.client import Client
+from fleet.world.bullet.config import BulletConfig, exact_tick_s
 from fleet.world.bullet.world import FLOOR_FRICTION
 from fleet.world.scene import Scene
 
@@ -33,26 +33,24 @@ class BareLoop:
         parcels_n: Parcels on the slots of the site.
         rays_n: Rays of each car's lidar.
         steps_n: Physics steps per control step.
-        like_fleet: The floor is as rough as in the fleet's world, and the engine solves what touches as it does there;
-            else both are as the engine has them by itself.
+        like_fleet: The floor is as rough as in the fleet's world; else as the engine makes it by itself.
     """
 
     def __init__(self, scene: Scene, parcels_n: int, rays_n: int, steps_n: int, *, like_fleet: bool = False) -> None:
         self._client = client = Client()
-        config = BulletConfig()
+        config = BulletConfig(tick_s=exact_tick_s(steps_n, PHYSICS_HZ), at_once_n=steps_n)
         client.setGravity(0.0, 0.0, -9.81)
         client.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / PHYSICS_HZ,
             numSolverIterations=config.iterations_n,
             contactBreakingThreshold=config.contact_breaking_m,
             deterministicOverlappingPairs=1,
+            collisionFilterMode=0,
         )
         floor = client.createMultiBody(baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_PLANE))
         client.setCollisionFilterGroupMask(floor, -1, 2 | FLOOR_GROUP, -1)
         if like_fleet:
             client.changeDynamics(floor, -1, lateralFriction=FLOOR_FRICTION)
-            with quiet():
-                client.solve_directly()
         flags = client.URDF_USE_INERTIA_FROM_FILE
         self._cars = [
             client.load_urdf(

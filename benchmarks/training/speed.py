@@ -68,7 +68,7 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
         yield Row(name=f"physics, {team}", value=ours, unit="steps/s", target=team.target)
         yield Row(name=f"bare PyBullet, {team.cars_n} cars, {team.site}", value=theirs, unit="steps/s")
         yield Row(name="  share of the bare loop", value=share, unit="%", target=team.bare_target)
-        yield Row(name="  bare PyBullet, smoother floor, iterations", value=looses, unit="steps/s")
+        yield Row(name="  bare PyBullet, smoother floor", value=looses, unit="steps/s")
         yield Row(name="  share of that loop", value=loose_share, unit="%")
         bare.close()
         loose.close()
@@ -86,8 +86,8 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
         f"{CONTROL_HZ:.0f} Hz control, {PHYSICS_HZ:.0f} Hz physics, {RAYS_N} rays per car, per second of CPU time of "
         "one process, the fastest of several rounds; shares are medians. The bare loop has the same scene, robots, "
         "parcels, floor, motors, solver, rays and kind of actions; it has no contacts to judge, no orders, traffic and "
-        "rewards. The second one has the floor and the solver that the engine has by itself, with which cars slide and "
-        "the engine has less to do (decision 33). Figures of other machines compare by the empty loop."
+        "rewards. The second one has the floor that the engine makes by itself, on which cars slide and the engine has "
+        "less to do (decision 33). Figures of other machines compare by the empty loop."
     )
 
 
