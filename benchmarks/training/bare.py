@@ -43,6 +43,7 @@ class BareLoop:
         client.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / PHYSICS_HZ,
             numSolverIterations=config.iterations_n,
+            solverResidualThreshold=config.residual,
             contactBreakingThreshold=config.contact_breaking_m,
             deterministicOverlappingPairs=1,
             collisionFilterMode=0,

@@ -63,9 +63,7 @@ class EnvState:
     actions: tuple[Any, ...]
     """What `FleetEnv._advance` was given so far."""
     quick: Any = None
-    """What brings a moment back without running the episode again, in the environment that saved it."""
-    quick_n: int = 0
-    """Actions that were made by then."""
+    """What brings the moment back without running the episode again, in the environment that saved it."""
 
     def write(self, path: str | Path) -> None:
         """Write to a file, whole or not at all.
@@ -76,7 +74,7 @@ class EnvState:
         path = Path(path)
         part = path.with_name(f".{path.name}.part")
         try:
-            moment = pickle.dumps(replace(self, quick=None, quick_n=0))
+            moment = pickle.dumps(replace(self, quick=None))
             part.write_bytes(sha256(moment).digest() + moment)
             part.replace(path)
         except OSError as reason:
@@ -229,15 +227,13 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         """
         if not self.agents:
             raise EpisodeError("save_state: no episode is under way; valid: reset() first")
-        quick, quick_n = self._quick()
         return EnvState(
             name=self.metadata["name"],
             arguments=copy.deepcopy(self._arguments),
             seed=self._seed,
             series=self._series.bit_generator.state,
             actions=tuple(self._log),
-            quick=quick,
-            quick_n=quick_n,
+            quick=self._quick(),
         )
 
     def load_state(self, state: EnvState) -> dict[str, Any]:
@@ -261,15 +257,13 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
             if repr(state.arguments.get(key)) != repr(value):
                 raise StateError(f"load_state: saved with {key} = {state.arguments.get(key)!r}; valid: {value!r}")
         self._seed = state.seed
-        done_n = 0
         if state.quick is not None and self._restore(state.quick):
-            done_n = state.quick_n
-            self._log, self.steps_n = list(state.actions[:done_n]), done_n
+            self._log, self.steps_n = list(state.actions), len(state.actions)
             self.agents = self.possible_agents[:]
         else:
             self._start()
-        for resolved in state.actions[done_n:]:
-            self._do(resolved)
+            for resolved in state.actions:
+                self._do(resolved)
         self._series = np.random.default_rng()
         self._series.bit_generator.state = state.series
         return self._observations()
@@ -322,12 +316,9 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     def _record(self) -> None:
         """Write this moment to a recording."""
 
-    def _quick(self) -> tuple[Any, int]:
-        """What `_restore` needs to return to this moment, or to one shortly before, and the steps made by then.
-
-        None if only running again from the start is exact.
-        """
-        return None, 0
+    def _quick(self) -> Any:
+        """What `_restore` needs to return to this moment at once; None if only running again is exact."""
+        return None
 
     def _restore(self, quick: Any) -> bool:
         """Return to a moment at once; False, with nothing changed, if that is not exact any more."""

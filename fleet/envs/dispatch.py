@@ -186,9 +186,9 @@ class DispatchEnv(LayerEnv[DispatchView]):
             for agent, own, has_lost, wrong in told
         }
 
-    def _quick(self) -> tuple[Any, int]:
-        quick, steps_n = super()._quick()
-        return quick and (*quick, self._idle_n.copy()), steps_n
+    def _quick(self) -> Any:
+        quick = super()._quick()
+        return quick and (*quick, self._idle_n.copy())
 
     def _restore(self, quick: Any) -> bool:
         self._idle_n = quick[3].copy()

@@ -211,9 +211,9 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         told = zip(self.possible_agents, rows, masks, strict=True)
         return {agent: {"observation": row, "action_mask": mask} for agent, row, mask in told}
 
-    def _quick(self) -> tuple[Any, int]:
+    def _quick(self) -> Any:
         fleet = self.fleet.copy()
-        return fleet and (fleet, self.delivered_n, self.late_s), self.steps_n
+        return fleet and (fleet, self.delivered_n, self.late_s)
 
     def _restore(self, quick: Any) -> bool:
         fleet, self.delivered_n, self.late_s = quick[:3]

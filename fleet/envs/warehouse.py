@@ -112,8 +112,6 @@ ARM_ACTIONS = {"joint": N_JOINTS, "tip": TIP_N}
 """Ways to move an arm, and how many entries each has, without the grip."""
 TICKS_HZ = 20.0
 """Least rate of ticks: the car of the classical fleet steers well at it."""
-SETTLE_STEPS = 10
-"""Physics forgets the past after so many steps (`World.settle`), so that an episode can be taken up there exactly."""
 EYE_HEIGHT_M = 0.15
 """Of a car's camera, on its nose [m]."""
 _INFOS = (*TERMS, "illegal")
@@ -276,8 +274,6 @@ class WarehouseEnv(FleetEnv):
         )
         self._ground: Ground | None = None
         self._start_of_world: object = None
-        self._keeps = False
-        self._checkpoint: tuple[_Quick | None, int] = (None, 0)
         self._start_hits: FloatArray | None = None  # what all rays meet there
         self._planner: ArmPlanner = NoPlanner()
         self._episode: Episode | None = None
@@ -318,7 +314,6 @@ class WarehouseEnv(FleetEnv):
         world = _world(ground)
         self._close_recording()
         world.load(self._start_of_world)
-        self._checkpoint = (None, 0)
         orders, lidar = np.random.SeedSequence(seed).generate_state(2).tolist()
         simulation = AgentSimulation(
             replace(self._config, seed=orders),
@@ -355,7 +350,6 @@ class WarehouseEnv(FleetEnv):
         return Resolved(cars=cars, arms=arms, illegal_cars=no_car, illegal_arms=no_arm)
 
     def _advance(self, resolved: Resolved) -> tuple[dict[str, float], bool, Infos]:
-        self._settle()
         episode = self._now()
         simulation = episode.simulation
         for _ in range(self._ticks_n):
@@ -385,29 +379,15 @@ class WarehouseEnv(FleetEnv):
         self._drawing = self._drawing or Drawing(self.simulation)
         return self._drawing.picture()
 
-    def _quick(self) -> tuple[Any, int]:
-        if self._config.fidelity is Fidelity.KINEMATIC:
-            return self._kept(), self.steps_n
-        self._keeps = True
-        return self._checkpoint
-
-    def _kept(self) -> _Quick | None:
-        """This moment, if the world can return to it exactly."""
+    def _quick(self) -> _Quick | None:
         episode, world = self._now(), _world(self._opened())
-        if episode.simulation.desk.awaits_plans or (world.held() >= 0).any():
-            return None
+        if self._config.fidelity is Fidelity.PHYSICS or episode.simulation.desk.awaits_plans:
+            return None  # what the engine remembers of touches is in no snapshot
         return _Quick(episode=self._copied(episode), world=world, moment=world.save())
-
-    def _settle(self) -> None:
-        """Let physics forget the past now and then, and keep the moment once somebody saves any."""
-        if self.steps_n and self.steps_n % SETTLE_STEPS == 0:
-            _world(self._opened()).settle()
-            if self._keeps:
-                self._checkpoint = (self._kept(), self.steps_n)
 
     def _restore(self, quick: _Quick) -> bool:
         world = _world(self._opened())
-        if self._episode is None or quick.world is not world or not world.is_exact(quick.moment):
+        if self._episode is None or quick.world is not world:
             return False
         self._close_recording()
         world.load(quick.moment)

@@ -259,10 +259,6 @@ class PlanarWorld:
         self._failed = snapshot.failed.copy()
         self._surroundings.load(snapshot.surroundings)
 
-    def is_exact(self, snapshot: object) -> bool:
-        """See `World`; always."""
-        return isinstance(snapshot, PlanarSnapshot)
-
     def state_bytes(self) -> bytes:
         """See `World`."""
         parcels = self._parcels

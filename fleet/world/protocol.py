@@ -128,9 +128,9 @@ class World(Protocol):
         """
 
     def settle(self) -> None:
-        """Forget the past, but for what can be saved: `load` returns exactly to a world that was saved then.
+        """Forget the past, but for positions and velocities: a start that is saved now can be returned to exactly.
 
-        Positions and velocities stay; what follows differs in last bits from what would have followed.
+        What follows differs in last bits from what would have followed.
         """
 
     def save(self) -> object:
@@ -138,9 +138,6 @@ class World(Protocol):
 
     def load(self, snapshot: object) -> None:
         """Return to a snapshot of this world."""
-
-    def is_exact(self, snapshot: object) -> bool:
-        """Whether `load` would return to a snapshot to the last bit, so that what follows is the same, too."""
 
     def state_bytes(self) -> bytes:
         """The physical state as bytes, equal for equal states: input of the state hash."""

@@ -95,7 +95,7 @@ class Cars:
         wheels: Collision shape of the wheels.
         substep_s: Length of a physics step [s].
         brakes: Standing cars are held where they are. Costs an eighth of a physics step, as the engine looks at all
-            constraints, of moving cars too. Without it they creep, unless the engine solves contacts directly.
+            constraints, of moving cars too. Without it they creep (`BulletConfig.residual`).
         limit_share: Part of their limits that motors are given; see `BulletConfig`.
     """
 

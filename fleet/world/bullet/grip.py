@@ -50,8 +50,6 @@ class GripDevice(Protocol):
     """Parcel in each arm's tool, -1 for none."""
     loss: list[str]
     """Why each arm's tool lost what it held last, in words; empty if it did not."""
-    changes_n: int
-    """How often a constraint was made or removed."""
 
     def command(self, grip: npt.NDArray[np.bool_]) -> None:
         """Take what each arm should do in the coming tick: hold (True) or let go."""
@@ -106,7 +104,6 @@ class SuctionGrip:
         self._overload = [0] * n
         self._dropped = [False] * n
         self.loss = [""] * n
-        self.changes_n = 0
         self._cup = arms.names.get("cup", -1)
 
     def command(self, grip: npt.NDArray[np.bool_]) -> None:
@@ -209,7 +206,6 @@ class SuctionGrip:
         )
         weight = self._parcels.shapes[parcel].mass_kg * _GRAVITY_MPS2
         self._limit[arm] = min(self._limit_n, max(_LEAST_LIMIT_N, _WEIGHTS * weight))
-        self.changes_n += 1
         client.changeConstraint(constraint, maxForce=self._margin * self._limit[arm])
         client.setCollisionFilterPair(body, box, self._cup, -1, 0)
         self.held[arm], self._constraint[arm], self._overload[arm] = parcel, constraint, 0
@@ -221,7 +217,6 @@ class SuctionGrip:
 
     def _let_go(self, arm: int) -> None:
         self._client.removeConstraint(self._constraint[arm])
-        self.changes_n += 1
         box = self._parcels.body(self.held[arm])
         self._client.setCollisionFilterPair(self._arms.bodies[arm], box, self._cup, -1, 1)
         self.held[arm], self._constraint[arm] = -1, -1
@@ -262,7 +257,6 @@ class FrictionGrip:
         self._fingers = [arms.names[name] for name in arms.tool.touch_links] if arms.bodies else []
         n = len(arms.bodies)
         self.held = [-1] * n
-        self.changes_n = 0
         self._closed: list[bool | None] = [None] * n
         self._steady = [0] * n
         self._failed = [False] * n

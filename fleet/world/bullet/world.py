@@ -38,8 +38,6 @@ FLOOR_FRICTION = 1.0
 _RIGID = 1
 _FIXED_GROUP = 2
 _MOVING_GROUP = 1
-# What no count of changes is.
-_NEVER = -1
 # Two bodies are looked at if each one's mask has the other's group; by itself the engine asks one of them only.
 _BOTH_AGREE = 0
 # What a car may gain on top of its present speed within one tick, braking and shoves included.
@@ -75,10 +73,6 @@ class Snapshot:
     obstacles: dict[int, tuple[FloatArray, FloatArray]]
     bodies: tuple[int, ...]
     """The engine's ids of everything that can come and go."""
-    changes_n: int
-    """How often bodies or grips had come or gone."""
-    holds: bool
-    """Whether anything was in a grip."""
     settled: bool
     """Whether the engine had just found all pairs of bodies anew."""
 
@@ -88,12 +82,12 @@ class BulletWorld:
 
     Arm set-points are meant for the end of the tick; the motors follow them with a lag of less than one physics step.
 
-    `save` and `load`: a world that was settled before it was saved, and in which no suction grip was made or undone
-    since, returns exactly, so the same commands give the same states to the last bit. A grip that was made or undone
-    after the snapshot leaves differences of up to 1e-2 in what follows, touches in a world that was not settled leave
-    some in the last bits, and more with time. If parcels or obstacles came or went, what is missing is made anew and
-    what is new is removed; positions and velocities are restored, the solver's memory of contacts is not. Creating a
-    new world and repeating the same calls is always exact.
+    `save` and `load`: a world in which nothing touched anything but what it stood on returns exactly, so the same
+    commands give the same states to the last bit; touches leave differences in the last bits, which grow, a suction
+    grip that was made or undone after the snapshot up to 1e-2. A world that was settled before it was saved, with its
+    robots apart and nothing in a grip, returns exactly whatever happened since. If parcels or obstacles came or went,
+    what is missing is made anew and what is new is removed; positions and velocities are restored, the solver's memory
+    of contacts is not. Creating a new world and repeating the same calls is always exact.
 
     With SHARED_MEMORY the server's world is emptied first.
 
@@ -124,7 +118,6 @@ class BulletWorld:
         self._client = client = Client(config.connect, config.shared_memory_key)
         self._obstacles: dict[int, tuple[int, FloatArray, FloatArray]] = {}
         self._fixed: list[int] = []
-        self._changes_n = 0
         try:
             with arranged(client, scene.size_m):
                 with quiet():
@@ -134,6 +127,7 @@ class BulletWorld:
                         fixedTimeStep=call_s,
                         numSubSteps=config.at_once_n or 0,
                         numSolverIterations=config.iterations_n,
+                        solverResidualThreshold=config.residual,
                         deterministicOverlappingPairs=1,
                         collisionFilterMode=_BOTH_AGREE,
                     )
@@ -186,7 +180,7 @@ class BulletWorld:
         # Wheels touch nothing but the floor.
         self._links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
         self._links += [(car, -1) for car in self._cars.bodies]
-        self._settled = _NEVER
+        self._settled = False
         self._min_clearance_m = np.inf
         self._radii = np.array([*_LINK_RADII_M, tool.half_width_m])
         self._car_pairs = np.zeros((64, 2), dtype=np.int64)
@@ -204,7 +198,7 @@ class BulletWorld:
         self._cars.drive(np.asarray(car_commands, dtype=np.float64).reshape(self.n_cars, 2))
         self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))
         self._grip.command(np.asarray(grip, dtype=np.bool_))
-        self._settled = _NEVER
+        self._settled = False
         parcels = self._parcels
         watched = self._watched()
         self._client.keep_contacts(self._contact_breaking_m)
@@ -256,14 +250,14 @@ class BulletWorld:
     def add_parcel(self, body: ParcelBody) -> None:
         """Put a parcel into the world; raises `PhysicsError` if its id is taken."""
         self._parcels.add(body)
-        self._changes_n += 1
+        self._settled = False
 
     def remove_parcel(self, parcel: int) -> None:
         """Take a parcel out of the world; raises `PhysicsError` if it is not there."""
         self._parcels.body(parcel)
         self._grip.forget(parcel)
         self._parcels.remove(parcel)
-        self._changes_n += 1
+        self._settled = False
 
     def set_serving(self, arm: int, car: int) -> None:
         """Say which car's tray an arm may touch (-1: none); used to judge contacts and clearance only."""
@@ -276,7 +270,7 @@ class BulletWorld:
         centre, half = np.array(centre_m, dtype=np.float64), np.array(half_m, dtype=np.float64)
         body = self._add_box("obstacle", centre, half)
         self._obstacles[obstacle] = (body, centre, half)
-        self._changes_n += 1
+        self._settled = False
         self._monitor.fixed.add(body)
         self._list_boxes()
         self._near = self._measure()
@@ -288,7 +282,7 @@ class BulletWorld:
         body, _, _ = self._obstacles.pop(obstacle)
         self._monitor.fixed.discard(body)
         self._client.removeBody(body)
-        self._changes_n += 1
+        self._settled = False
         self._list_boxes()
         self._near = self._measure()
 
@@ -351,9 +345,7 @@ class BulletWorld:
             parcels=parcels,
             obstacles={key: (centre, half) for key, (_, centre, half) in self._obstacles.items()},
             bodies=self._visitors(),
-            changes_n=self._changes_n + self._grip.changes_n,
-            holds=any(parcel >= 0 for parcel in self._grip.held),
-            settled=self._settled == self._changes_n + self._grip.changes_n,
+            settled=self._settled,
         )
         weakref.finalize(snapshot, _remove_state, weakref.ref(client), state)
         return snapshot
@@ -390,7 +382,7 @@ class BulletWorld:
         self._min_clearance_m = snapshot.memory["clearance"]
         self._cars.now = snapshot.reading if restored else self._cars.reading()
         self._near = self._measure()
-        self._settled = snapshot.changes_n if snapshot.settled and self.is_exact(snapshot) else _NEVER
+        self._settled = snapshot.settled and restored
 
     def settle(self) -> None:
         """See `World`.
@@ -403,13 +395,7 @@ class BulletWorld:
         self._client.performCollisionDetection()
         self._search(on=True)
         self._client.performCollisionDetection()
-        self._settled = self._changes_n + self._grip.changes_n
-
-    def is_exact(self, snapshot: object) -> bool:
-        """See `World`: nothing was in a grip, and neither grips nor bodies have come or gone since."""
-        if not isinstance(snapshot, Snapshot) or snapshot.holds or not snapshot.settled:
-            return False
-        return snapshot.changes_n == self._changes_n + self._grip.changes_n
+        self._settled = True
 
     def state_bytes(self) -> bytes:
         """Positions, velocities and joint states of all bodies as float64, equal for equal states."""
@@ -538,7 +524,6 @@ class BulletWorld:
         for parcel, (shape, motion) in snapshot.parcels.items():
             if parcel not in self._parcels.shapes:
                 self._parcels.add(shape)
-                self._changes_n += 1
             self._parcels.place(parcel, motion)
         self._cars.place(snapshot.cars)
         self._arms.place(snapshot.arms)
