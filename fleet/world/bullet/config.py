@@ -66,7 +66,7 @@ class BulletConfig:
         """The solver stops when no velocity changes by more than the root of this [m^2/s^2]; the engine's own is 1e-7.
 
         Steps that are made at once stop sooner, which saves a tenth of them: standing cars, which nothing holds there,
-        then creep by 0.11 mm/s instead of 0.03, and all else is as exact as before (decision 33).
+        then creep by 0.11 mm/s instead of 0.03, and all else is as exact as in runs (decision 33).
         """
         return 1e-7 if self.at_once_n is None else 1e-5
 

@@ -373,7 +373,8 @@ class BulletWorld:
             self._rebuild(snapshot)
         if snapshot.settled:
             self._search(on=True)
-        client.performCollisionDetection()  # rays would see the old poses
+        else:
+            client.performCollisionDetection()  # rays would see the old poses
         self._parcels.moved()
         self._cars.recall(snapshot.memory["cars"])
         self._arms.recall(snapshot.memory["arms"])
@@ -394,7 +395,6 @@ class BulletWorld:
         self._search(on=False)
         self._client.performCollisionDetection()
         self._search(on=True)
-        self._client.performCollisionDetection()
         self._settled = True
 
     def state_bytes(self) -> bytes:
