@@ -177,6 +177,16 @@ def test_a_car_hardly_creeps_on_its_wheels_when_steps_are_made_at_once(make_worl
     np.testing.assert_allclose(world.car_poses(), stop, atol=20.0 * 0.00015)  # 0.15 mm/s
 
 
+def test_wheels_touch_the_floor_only(make_world: MakeWorld) -> None:
+    """Beside each other cars are 5 mm apart, and wheels stand out by 10 mm."""
+    side_m = 2 * racecar_spec().half_width_m + 0.005
+    world = make_world(cars=[(1.0, 1.0, 0.0), (1.0, 1.0 + side_m, 0.0)])
+    start = world.car_poses()
+    run(world, 0.5)
+    np.testing.assert_allclose(world.car_poses(), start, atol=1e-5)
+    assert world.contacts().robot == 0
+
+
 def test_positive_steering_turns_left_on_the_circle_of_the_bicycle(make_world: MakeWorld) -> None:
     world = make_world(cars=[(2.0, 2.0, 0.0)])
     run(world, 1.0, (0.4, 0.5))

@@ -21,7 +21,7 @@ from fleet.world.bullet.frames import quaternion, rotation, rotation_into
 FloatArray = npt.NDArray[np.float64]
 
 FLOOR_GROUP = 128
-"""Collision group of the floor: wheels touch nothing else, because the chassis box covers them on all sides."""
+"""Collision group of the floor: wheels touch nothing else. As spheres they stand out of the chassis by a centimetre."""
 
 # Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
 _DRIVE_NM = 0.6
