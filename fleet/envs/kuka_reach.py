@@ -103,8 +103,7 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
             arm_start=spec.home_rad[None],
         )
         self._world = _world(scene, Fidelity(fidelity))
-        self._world.settle()
-        self._home = self._world.save()
+        self._home = self._world.save(settle=True)
         self._joints = joint_rows(spec.base_from_joint)
         self._middle, self._half = (spec.upper_rad + spec.lower_rad) / 2, (spec.upper_rad - spec.lower_rad) / 2
         self._no_cars, self._no_grip = np.zeros((0, 2)), np.zeros(1, dtype=np.bool_)

@@ -175,8 +175,7 @@ class NavigationEnv(FleetEnv):
         if not fits:
             self._world.close()
         require(fits, "control_hz", control_hz, f"{1.0 / self._world.tick_s:.6g} / 1, 2, 3, ...")
-        self._world.settle()
-        self._parked = self._world.save()
+        self._parked = self._world.save(settle=True)
         self._no_joints = np.zeros((0, scene.arm.n_joints))
         self._no_grip = np.zeros(0, dtype=np.bool_)
         half_m = ((scene.car.front_m + scene.car.rear_m + TOUCH_M) / 2, scene.car.half_width_m + TOUCH_M / 2)

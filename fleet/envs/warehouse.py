@@ -413,8 +413,7 @@ class WarehouseEnv(FleetEnv):
             world = self._made_world(ground)
             self._ground = replace(ground, world=world)
             # Also the first episode begins as a return to the start, so that it is like all others.
-            world.settle()
-            self._start_of_world = world.save()
+            self._start_of_world = world.save(settle=True)
             if len(self._arms) < world.n_arms:
                 names = tuple(station.name for station in ground.site.stations)
                 cells = arm_cells(ground.site, ground.scene)

@@ -232,11 +232,9 @@ class PlanarWorld:
         """
         raise SensorError(f"camera {camera.name}: this world has no bodies to see; valid: fidelity physics")
 
-    def settle(self) -> None:
-        """See `World`; this one has no past."""
-
-    def save(self) -> PlanarSnapshot:
-        """See `World`."""
+    def save(self, *, settle: bool = False) -> PlanarSnapshot:
+        """See `World`; this one has no past to forget."""
+        del settle
         return PlanarSnapshot(
             cars=self._cars.save(),
             arms=self._arms.save(),

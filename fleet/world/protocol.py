@@ -127,14 +127,13 @@ class World(Protocol):
             SensorError: A world without bodies to see.
         """
 
-    def settle(self) -> None:
-        """Forget the past, but for positions and velocities: a start that is saved now can be returned to exactly.
+    def save(self, *, settle: bool = False) -> object:
+        """A snapshot for `load` in this process.
 
-        What follows differs in last bits from what would have followed.
+        Args:
+            settle: Forget the past first, but for positions and velocities, so that a return to a start is exact
+                whatever happened since. What follows differs in last bits from what would have followed.
         """
-
-    def save(self) -> object:
-        """A snapshot for `load` in this process."""
 
     def load(self, snapshot: object) -> None:
         """Return to a snapshot of this world."""

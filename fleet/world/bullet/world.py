@@ -74,7 +74,7 @@ class Snapshot:
     bodies: tuple[int, ...]
     """The engine's ids of everything that can come and go."""
     settled: bool
-    """Whether the engine had just found all pairs of bodies anew."""
+    """Whether the engine finds all pairs of bodies anew."""
 
 
 class BulletWorld:
@@ -84,8 +84,8 @@ class BulletWorld:
 
     `save` and `load`: a world in which nothing touched anything but what it stood on returns exactly, so the same
     commands give the same states to the last bit; touches leave differences in the last bits, which grow, a suction
-    grip that was made or undone after the snapshot up to 1e-2. A world that was settled before it was saved, with its
-    robots apart and nothing in a grip, returns exactly whatever happened since. If parcels or obstacles came or went,
+    grip that was made or undone after the snapshot up to 1e-2. A world that settled when it was saved, with its robots
+    apart and nothing in a grip, returns exactly whatever happened since. If parcels or obstacles came or went,
     what is missing is made anew and what is new is removed; positions and velocities are restored, the solver's memory
     of contacts is not. Creating a new world and repeating the same calls is always exact.
 
@@ -180,7 +180,6 @@ class BulletWorld:
         # Wheels touch nothing but the floor.
         self._links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
         self._links += [(car, -1) for car in self._cars.bodies]
-        self._settled = False
         self._min_clearance_m = np.inf
         self._radii = np.array([*_LINK_RADII_M, tool.half_width_m])
         self._car_pairs = np.zeros((64, 2), dtype=np.int64)
@@ -198,7 +197,6 @@ class BulletWorld:
         self._cars.drive(np.asarray(car_commands, dtype=np.float64).reshape(self.n_cars, 2))
         self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))
         self._grip.command(np.asarray(grip, dtype=np.bool_))
-        self._settled = False
         parcels = self._parcels
         watched = self._watched()
         self._client.keep_contacts(self._contact_breaking_m)
@@ -250,14 +248,12 @@ class BulletWorld:
     def add_parcel(self, body: ParcelBody) -> None:
         """Put a parcel into the world; raises `PhysicsError` if its id is taken."""
         self._parcels.add(body)
-        self._settled = False
 
     def remove_parcel(self, parcel: int) -> None:
         """Take a parcel out of the world; raises `PhysicsError` if it is not there."""
         self._parcels.body(parcel)
         self._grip.forget(parcel)
         self._parcels.remove(parcel)
-        self._settled = False
 
     def set_serving(self, arm: int, car: int) -> None:
         """Say which car's tray an arm may touch (-1: none); used to judge contacts and clearance only."""
@@ -270,7 +266,6 @@ class BulletWorld:
         centre, half = np.array(centre_m, dtype=np.float64), np.array(half_m, dtype=np.float64)
         body = self._add_box("obstacle", centre, half)
         self._obstacles[obstacle] = (body, centre, half)
-        self._settled = False
         self._monitor.fixed.add(body)
         self._list_boxes()
         self._near = self._measure()
@@ -282,7 +277,6 @@ class BulletWorld:
         body, _, _ = self._obstacles.pop(obstacle)
         self._monitor.fixed.discard(body)
         self._client.removeBody(body)
-        self._settled = False
         self._list_boxes()
         self._near = self._measure()
 
@@ -323,9 +317,18 @@ class BulletWorld:
         """What a camera sees now, rendered without a display; changes nothing."""
         return render(self._client, camera, self._parcels.by_body)
 
-    def save(self) -> Snapshot:
-        """Remember this moment; see the class for how exact a return is."""
+    def save(self, *, settle: bool = False) -> Snapshot:
+        """Remember this moment; see the class for how exact a return is.
+
+        The engine remembers pairs of bodies: wide boxes around them, where it began to search for their nearest points,
+        how hard they pressed. None of that is in its snapshots, and all of it decides last bits. A world that settles,
+        and one that returns to that moment, finds all pairs anew.
+        """
         client = self._client
+        if settle:
+            self._search(on=False)
+            client.performCollisionDetection()
+            self._search(on=True)
         state = client.saveState()
         parcels = {}
         for parcel in self._parcels.ids():
@@ -345,7 +348,7 @@ class BulletWorld:
             parcels=parcels,
             obstacles={key: (centre, half) for key, (_, centre, half) in self._obstacles.items()},
             bodies=self._visitors(),
-            settled=self._settled,
+            settled=settle,
         )
         weakref.finalize(snapshot, _remove_state, weakref.ref(client), state)
         return snapshot
@@ -383,19 +386,6 @@ class BulletWorld:
         self._min_clearance_m = snapshot.memory["clearance"]
         self._cars.now = snapshot.reading if restored else self._cars.reading()
         self._near = self._measure()
-        self._settled = snapshot.settled and restored
-
-    def settle(self) -> None:
-        """See `World`.
-
-        The engine remembers pairs of bodies: wide boxes around them, where it began to search for their nearest points,
-        how hard they pressed. None of that is in its snapshots, and all of it decides last bits. Afterwards, as after
-        a return to this moment, it finds all pairs anew.
-        """
-        self._search(on=False)
-        self._client.performCollisionDetection()
-        self._search(on=True)
-        self._settled = True
 
     def state_bytes(self) -> bytes:
         """Positions, velocities and joint states of all bodies as float64, equal for equal states."""
