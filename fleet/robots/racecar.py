@@ -58,6 +58,18 @@ def wheel_places(spec: CarSpec) -> npt.NDArray[np.float64]:
     return np.array([[x, side * y, spec.wheel_radius_m] for x in (0.0, spec.wheelbase_m) for side in (1.0, -1.0)])
 
 
+def body_boxes() -> npt.NDArray[np.float64]:
+    """Give the boxes with which a car's body collides: chassis, block below the tray, walls of the tray.
+
+    Returns:
+        Lowest and highest corners in the car's frame [m], shape (6, 2, 3).
+    """
+    plates = [(size, xyz) for size, xyz in _tray_boxes() if not _is_floor(size)]
+    boxes = np.array([(_CHASSIS_SIZE_M, _CHASSIS_CENTRE_M), _support(), *plates])
+    sizes, centres = boxes[:, 0], boxes[:, 1]
+    return np.stack((centres - sizes / 2, centres + sizes / 2), axis=1)
+
+
 def racecar_spec() -> CarSpec:
     """Give sizes and limits of the racecar.
 
@@ -176,8 +188,12 @@ def _tray_boxes() -> list[tuple[tuple[float, float, float], tuple[float, float, 
 def _tray_part(size: tuple[float, float, float], xyz: tuple[float, float, float]) -> str:
     shape = f'<origin xyz="{spaced(xyz)}"/><geometry><box size="{spaced(size)}"/></geometry>'
     visual = f'    <visual>{shape}<material name="tray"/></visual>'
-    # The floor plate is the top of the support block, which collides in its place.
-    return visual if size[2] == _WALL_M else f"{visual}\n    <collision>{shape}</collision>"
+    return visual if _is_floor(size) else f"{visual}\n    <collision>{shape}</collision>"
+
+
+def _is_floor(size: tuple[float, float, float]) -> bool:
+    """Whether a box of the tray is its floor: the top of the support block, which collides in its place."""
+    return size[2] == _WALL_M
 
 
 def _visuals() -> tuple[Visual, ...]:

@@ -64,6 +64,8 @@ class CarReading(NamedTuple):
     """Centres of mass x, y, shape (n, 2)."""
     top_speed: float
     """Fastest motion of any car [m/s], sideways included."""
+    frames: FloatArray
+    """Of the rear axles, as they lean, shape (n, 3, 4)."""
 
 
 @dataclass(kw_only=True)
@@ -127,7 +129,12 @@ class Cars:
             self.bodies.append(body)
         poses = np.array(start, dtype=np.float64).reshape(-1, 3)
         still = np.zeros(len(poses))
-        self.now = CarReading(poses=poses, speeds=still, steering=still, centres=poses[:, :2], top_speed=0.0)
+        frames = np.zeros((len(poses), 3, 4))
+        frames[:, :, :3] = rotation(np.array([quaternion(yaw) for yaw in poses[:, 2]]).reshape(-1, 4))
+        frames[:, :2, 3] = poses[:, :2]
+        self.now = CarReading(
+            poses=poses, speeds=still, steering=still, centres=poses[:, :2], top_speed=0.0, frames=frames
+        )
         """What was read last."""
         self._sent = np.full((len(self.bodies), 2), np.nan)
         self._unset = np.ones(len(self.bodies), dtype=np.bool_)
@@ -242,11 +249,14 @@ class Cars:
             numbers += (*place, *quat, *velocity(body)[0], left[0], right[0])
         states = np.array(numbers).reshape(n, _STATE_N)
         turns, angles, poses, speeds = np.empty((n, 3, 3)), np.empty((n, 2)), np.empty((n, 3)), np.empty(n)
+        frames = np.empty((n, 3, 4))
         _turn(states, turns, angles)
         yaws = np.arctan2(turns[:, 1, 0], turns[:, 0, 0])
-        top_speed = _read(states, turns @ self._com, turns, yaws, poses, speeds)
+        top_speed = _read(states, turns @ self._com, turns, yaws, poses, speeds, frames)
         steering = self._ackermann.bicycles(angles)
-        return CarReading(poses=poses, speeds=speeds, steering=steering, centres=states[:, :2], top_speed=top_speed)
+        return CarReading(
+            poses=poses, speeds=speeds, steering=steering, centres=states[:, :2], top_speed=top_speed, frames=frames
+        )
 
     def state(self) -> list[float]:
         """All positions and velocities of the cars, one after the other."""
@@ -352,8 +362,8 @@ def _turn(states, turns, angles):
 
 
 @njit(cache=True)
-def _read(states, offsets, turns, yaws, poses, speeds):
-    """Fill in the poses of the rear axles and their forward speeds; returns the fastest motion [m/s]."""
+def _read(states, offsets, turns, yaws, poses, speeds, frames):
+    """Fill in the poses and frames of the rear axles and their forward speeds; returns the fastest motion [m/s]."""
     fastest = 0.0
     for car in range(len(states)):
         poses[car, 0], poses[car, 1] = states[car, 0] - offsets[car, 0], states[car, 1] - offsets[car, 1]
@@ -362,4 +372,7 @@ def _read(states, offsets, turns, yaws, poses, speeds):
         v = states[car, 7:10]
         speeds[car] = 0.0 + v[0] * turns[car, 0, 0] + v[1] * turns[car, 1, 0] + v[2] * turns[car, 2, 0]  # no -0.0
         fastest = max(fastest, np.hypot(v[0], v[1]))
+        for axis in range(3):
+            frames[car, axis, :3] = turns[car, axis]
+            frames[car, axis, 3] = states[car, axis] - offsets[car, axis]
     return fastest

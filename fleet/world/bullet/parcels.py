@@ -12,6 +12,8 @@ from fleet.world.protocol import ParcelBody
 FloatArray = npt.NDArray[np.float64]
 
 _SPINNING_FRICTION = 0.05
+_ROUND_M = 0.001
+"""Balls are this much larger than the parcels."""
 _RGBA = (0.72, 0.53, 0.34, 1.0)
 
 
@@ -28,7 +30,10 @@ class Parcels:
         self._anchored = anchored
         self._bodies: dict[int, int] = {}
         self._numbers: npt.NDArray[np.int64] | None = None
-        self._places: dict[int, tuple[float, ...]] = {}  # poses, as far as measured since anything moved last
+        # Poses, as far as measured since anything moved last.
+        self._places: dict[int, tuple[float, ...]] = {}
+        self._poses: FloatArray | None = None
+        self._radii: FloatArray | None = None  # of balls round the parcels
         self.shapes: dict[int, ParcelBody] = {}
         """Size and mass of every parcel; the pose is that of its entry."""
         self.by_body: dict[int, int] = {}
@@ -70,7 +75,7 @@ class Parcels:
             frictionAnchor=self._anchored,
         )
         self._bodies[parcel.parcel] = body
-        self._numbers = None
+        self._listed_anew()
         self.by_body[body] = parcel.parcel
         self.shapes[parcel.parcel] = parcel
 
@@ -83,7 +88,7 @@ class Parcels:
         body = self.body(parcel)
         self._client.removeBody(body)
         del self._bodies[parcel], self.by_body[body], self.shapes[parcel]
-        self._numbers = None
+        self._listed_anew()
         self._places.pop(parcel, None)
 
     def ids(self) -> list[int]:
@@ -107,15 +112,27 @@ class Parcels:
     def moved(self) -> None:
         """Everything may have moved: poses are measured anew."""
         self._places.clear()
+        self._poses = None
 
     def pose(self, parcel: int) -> FloatArray:
         """The same as an array, shape (7,)."""
         return np.array(self.where(parcel))
 
     def poses(self) -> FloatArray:
-        """Measure the poses in the order of `ids`, shape (p, 7)."""
-        poses = self._client.base_poses([self._bodies[parcel] for parcel in self.ids()])
-        return np.array(poses, dtype=np.float64).reshape(-1, 7)
+        """Measure the poses in the order of `ids`, once until `moved` is called, shape (p, 7)."""
+        if self._poses is None:
+            poses = self._client.base_poses([self._bodies[parcel] for parcel in self.ids()])
+            self._poses = np.array(poses, dtype=np.float64).reshape(-1, 7)
+        return self._poses.copy()
+
+    def balls(self) -> FloatArray:
+        """Measure balls round the parcels, centre x, y, z and radius, shape (p, 4)."""
+        balls = self.poses()[:, :4]
+        if self._radii is None:
+            sizes = [self.shapes[parcel].size_m for parcel in self.ids()]
+            self._radii = np.linalg.norm(np.array(sizes).reshape(-1, 3), axis=1) / 2 + _ROUND_M
+        balls[:, 3] = self._radii
+        return balls
 
     def motion(self, parcel: int) -> FloatArray:
         """Measure pose and linear and angular velocity of a parcel, shape (13,)."""
@@ -128,7 +145,12 @@ class Parcels:
         self._client.resetBasePositionAndOrientation(self.body(parcel), numbers[:3], numbers[3:7])
         self._client.resetBaseVelocity(self.body(parcel), numbers[7:10], numbers[10:13])
         self._places.pop(parcel, None)
+        self._poses = None
 
     def state(self) -> list[float]:
         """All ids, positions and velocities, one after the other."""
         return [x for parcel in self.ids() for x in (float(parcel), *self.motion(parcel).tolist())]
+
+    def _listed_anew(self) -> None:
+        """Other parcels are in the world."""
+        self._numbers = self._poses = self._radii = None

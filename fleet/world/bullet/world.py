@@ -23,6 +23,7 @@ from fleet.world.bullet.config import BulletConfig
 from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
+from fleet.world.bullet.rays import Rays
 from fleet.world.bullet.window import Window, arranged
 from fleet.world.protocol import Contacts, ParcelBody
 from fleet.world.scene import Scene
@@ -46,7 +47,6 @@ _NEAR_MARGIN_M = 0.05
 _LINK_RADII_M = (0.12, 0.12, 0.12, 0.12, 0.10, 0.09, 0.06)
 # The iiwa's base stands on the floor, and its links up to the elbow cannot come nearer to it than 8 cm.
 _OFF_FLOOR_LINKS = 3
-_RAYS_PER_CALL = 16_000
 _COLOURS = {
     "wall": (0.22, 0.24, 0.27, 1.0),
     "shelf": (0.32, 0.25, 0.18, 1.0),
@@ -186,6 +186,7 @@ class BulletWorld:
         self._box_pairs = np.zeros((256, 2), dtype=np.int64)
         self._near_arms = np.zeros(self.n_arms, dtype=np.bool_)
         self._empty = np.full((self.n_arms, 4), -1.0)
+        self._rays = Rays(client, scene, self._arms.bodies)
         self._touch_tells = config.grip is Grip.FRICTION
         self._list_boxes()
         self._near = self._measure()
@@ -305,13 +306,8 @@ class BulletWorld:
 
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,)."""
-        cast, starts, stops = self._client.rayTestBatch, origins.tolist(), ends.tolist()
-        fractions = np.empty(len(starts))
-        for first in range(0, len(starts), _RAYS_PER_CALL):
-            part = slice(first, first + _RAYS_PER_CALL)
-            hits = cast(starts[part], stops[part])
-            fractions[part] = [hit[2] for hit in hits]
-        return fractions
+        frames, parcels = self._cars.now.frames, self._parcels.balls()
+        return self._rays.cast(origins, ends, boxes=self._corners, cars=frames, arms=self._arms.q, parcels=parcels)
 
     def image(self, camera: Camera) -> CameraImage:
         """What a camera sees now, rendered without a display; changes nothing."""
@@ -430,6 +426,7 @@ class BulletWorld:
         rows = [(*box.centre_m, *box.half_m) for box in self._scene.boxes]
         rows += [(*centre, *half) for _, centre, half in self._obstacles.values()]
         solid = np.array(rows, dtype=np.float64).reshape(-1, 6)
+        self._corners = np.stack((solid[:, :3] - solid[:, 3:], solid[:, :3] + solid[:, 3:]), axis=1)
         bodies = np.array(self._fixed + [body for body, _, _ in self._obstacles.values()], dtype=np.int64)
         low = solid[:, 2] - solid[:, 5] < self._scene.car.height_m
         flat = np.zeros((len(solid), 5))
