@@ -35,7 +35,7 @@ from fleet.stations.shared_dock import share_docks
 from fleet.stations.station import Station
 from fleet.tasks.batches import Batches
 from fleet.tasks.board import Task, TaskBoard, TaskState
-from fleet.tasks.order import MAX_GENERATED_KG, Ability, generate_orders
+from fleet.tasks.order import MAX_GENERATED_KG, Ability, ability_of, generate_orders
 from fleet.tasks.order_file import OrderBook, read_orders
 from fleet.tasks.reasons import AssignmentReport
 from fleet.tasks.stream import stream_orders
@@ -418,9 +418,7 @@ class Simulation:
         for car in range(self.config.robots):
             own = self.config.cars.get(f"car_{car}", usual)
             payload_kg = self.scene.car.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
-            # Its name is a capability too, so that an order can ask for this very car.
-            capabilities = frozenset((f"car_{car}", *own.capabilities))
-            found.append(Ability(max_payload_kg=payload_kg, capabilities=capabilities))
+            found.append(ability_of(car, payload_kg, tuple(own.capabilities)))
         return tuple(found)
 
     def _orders(self, rng: np.random.Generator) -> OrderBook:

@@ -15,7 +15,7 @@ from fleet.study.design import Design, StudyError
 from fleet.study.findings import Findings, find
 from fleet.study.pool import run_all
 from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
-from fleet.tasks.order import Ability
+from fleet.tasks.order import ability_of
 from fleet.tasks.order_file import read_orders
 from maps.site import load_site
 from planners.mapf import PLANNERS
@@ -50,10 +50,7 @@ def check(design: Design) -> None:
     if design.orders is not None:
         payload_kg = racecar_spec().max_payload_kg
         # What the smallest fleet can do all can.
-        cars = [
-            Ability(max_payload_kg=payload_kg, capabilities=frozenset({f"car_{car}"}))
-            for car in range(min(design.robots))
-        ]
+        cars = [ability_of(car, payload_kg) for car in range(min(design.robots))]
         read_orders(design.orders, site, cars, chargers_n=len(site.chargers) if design.battery else 0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -106,6 +107,12 @@ class Ability:
         return order.payload_kg <= self.max_payload_kg and self.capabilities.issuperset(order.needs)
 
 
+@functools.lru_cache(4096)  # the same cars in every episode
+def ability_of(car: int, max_payload_kg: float, capabilities: tuple[str, ...] = ()) -> Ability:
+    """What a car can do; its name is a capability too, so that an order can ask for this very car."""
+    return Ability(max_payload_kg=max_payload_kg, capabilities=frozenset((f"car_{car}", *capabilities)))
+
+
 def misfit(order: Order, abilities: Sequence[Ability], grip_kg: float = math.inf) -> str | None:
     """Say why no car, or no arm, can take an order.
 
@@ -149,7 +156,7 @@ def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Gener
         if k >= n_cars:
             release_s += float(rng.exponential(20.0 / n_cars))
         # Written out, as `rng.uniform` looks at its bounds for longer than it draws; the numbers are the same.
-        length, width, height = (0.05 + (0.08 - 0.05) * rng.random(3)).tolist()
+        edges = [0.05 + (0.08 - 0.05) * share for share in rng.random(3).tolist()]
         orders.append(
             Delivery(
                 name=f"order_{k + 1}",
@@ -157,7 +164,7 @@ def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Gener
                 pick=picks[int(rng.integers(len(picks)))],
                 drop=drops[int(rng.integers(len(drops)))],
                 mass_kg=round(0.1 + (MAX_GENERATED_KG - 0.1) * rng.random(), 3),
-                size_m=(round(length, 4), round(width, 4), round(height, 4)),
+                size_m=(round(edges[0], 4), round(edges[1], 4), round(edges[2], 4)),
             )
         )
     return tuple(orders)
