@@ -172,7 +172,7 @@ def fill_candidates(
         mask: Receives the legal actions, shape (n, k + 1).
         candidates: Receives the tasks, shape (n, k).
     """
-    n, k = candidates.shape
+    k = candidates.shape[1]
     m = len(pressing)
     turn = np.empty(m, dtype=np.int64)
     seen = np.zeros(len(floor.dock_row), dtype=np.int64)
@@ -183,11 +183,10 @@ def fill_candidates(
             offered[kept], turn[kept] = j, seen[view.pick[j]]
             seen[view.pick[j]] += 1
             kept += 1
+    free_cars = np.flatnonzero(view.free)
     key = np.empty(kept, dtype=np.int64)
     chosen = np.empty(k, dtype=np.int64)
-    for car in range(n):
-        if not view.free[car]:
-            continue
+    for car in free_cars:
         for a in range(kept):
             moves = np.int64(floor.distance[floor.dock_row[view.pick[offered[a]]], view.state[car]])
             key[a] = turn[a] * _TIES + moves if moves < UNREACHABLE else np.iinfo(np.int64).max
@@ -207,8 +206,10 @@ def fill_candidates(
             pick_row = floor.dock_row[view.pick[j]]
             rest = floor.distance[floor.dock_row[view.drop[j]], floor.dock_state[view.pick[j]]]
             nearer = 0
-            for other in range(n):
-                nearer += int(view.free[other] and floor.distance[pick_row, view.state[other]] < moves)
+            for other in free_cars:
+                nearer += int(floor.distance[pick_row, view.state[other]] < moves)
+                if nearer == CROWD_N:
+                    break
             at = OWN_N + c * CANDIDATE_N
             rows[car, at] = 1.0
             rows[car, at + 1] = moves / far_n
@@ -222,4 +223,4 @@ def fill_candidates(
             rows[car, at + 7] = view.rank[j] == 2
             rows[car, at + 8] = view.under_way[view.pick[j]] / ROOM_N
             rows[car, at + 9] = view.under_way[view.drop[j]] / ROOM_N
-            rows[car, at + 10] = min(nearer, CROWD_N) / CROWD_N
+            rows[car, at + 10] = nearer / CROWD_N

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 
 import numpy as np
-import numpy.typing as npt
 
 from fleet.config import StreamConfig, StreamKind, require
 from fleet.tasks.order import MAX_GENERATED_KG, Delivery, Priority
@@ -46,25 +46,32 @@ def stream_orders(
     picks = _Popular(site.station_names("pick"), config, places)
     drops = _Popular(site.station_names("drop"), config, places)
     shares = (config.emergency_share, 1.0 - config.emergency_share - config.idle_share, config.idle_share)
-    classes = np.cumsum(shares)
+    classes, priorities = np.cumsum(shares).tolist(), list(Priority)
     orders = []
     for k, release_s in enumerate(times):
-        edges = [round(float(edge), 4) for edge in parcels.uniform(*EDGE_M, 3)]
-        chance, of_class, slack_s = terms.random(), terms.random(), terms.uniform(*config.slack_s)
-        priority = list(Priority)[min(int(np.searchsorted(classes, of_class, side="right")), 2)]
+        edges = [round(_between(EDGE_M, share), 4) for share in parcels.random(3).tolist()]
+        chance, of_class, slack_share = terms.random(3).tolist()
+        slack_s = _between(config.slack_s, slack_share)
+        priority = priorities[min(bisect_right(classes, of_class), len(priorities) - 1)]
         orders.append(
             Delivery(
                 name=f"order_{k + 1}",
                 release_s=release_s,
                 pick=picks.draw(places),
                 drop=drops.draw(places),
-                mass_kg=round(float(parcels.uniform(*MASS_KG)), 3),
+                mass_kg=round(_between(MASS_KG, parcels.random()), 3),
                 size_m=(edges[0], edges[1], edges[2]),
                 due_s=round(release_s + slack_s, 3) if chance < config.due_share else math.inf,
                 priority=priority,
             )
         )
     return tuple(orders)
+
+
+def _between(bounds: tuple[float, float], share: float) -> float:
+    """What a generator's `uniform` makes of its next number; that looks at the bounds for longer than it draws."""
+    low, high = bounds
+    return low + (high - low) * share
 
 
 def _arrivals(config: StreamConfig, duration_s: float, n_orders: int | None, rng: np.random.Generator) -> list[float]:
@@ -90,8 +97,7 @@ class _Popular:
         skewed = config.kind in (StreamKind.SKEWED, StreamKind.SKEWED_WAVES)
         weight = np.arange(1.0, len(names) + 1.0) ** (-config.zipf if skewed else 0.0)
         self._names = [names[k] for k in rng.permutation(len(names))]
-        self._up_to: npt.NDArray[np.float64] = np.cumsum(weight / weight.sum())
+        self._up_to: list[float] = np.cumsum(weight / weight.sum()).tolist()
 
     def draw(self, rng: np.random.Generator) -> str:
-        at = int(np.searchsorted(self._up_to, rng.random(), side="right"))
-        return self._names[min(at, len(self._names) - 1)]
+        return self._names[min(bisect_right(self._up_to, rng.random()), len(self._names) - 1)]
