@@ -14,7 +14,7 @@ from fleet.robots import iiwa_urdf
 from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
 from fleet.robots.tools import TOOLS
 from fleet.sensors.lidar import Lidar, LidarRing
-from fleet.world.bullet.cars import FLOOR_GROUP
+from fleet.world.bullet import groups
 from fleet.world.bullet.client import Client
 from fleet.world.bullet.config import BulletConfig, exact_tick_s
 from fleet.world.bullet.world import FLOOR_FRICTION
@@ -46,10 +46,10 @@ class BareLoop:
             solverResidualThreshold=config.residual,
             contactBreakingThreshold=config.contact_breaking_m,
             deterministicOverlappingPairs=1,
-            collisionFilterMode=0,
+            collisionFilterMode=groups.BOTH_AGREE,
         )
         floor = client.createMultiBody(baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_PLANE))
-        client.setCollisionFilterGroupMask(floor, -1, 2 | FLOOR_GROUP, -1)
+        client.setCollisionFilterGroupMask(floor, -1, groups.FIXED | groups.FLOOR, groups.ALL)
         if like_fleet:
             client.changeDynamics(floor, -1, lateralFriction=FLOOR_FRICTION)
         flags = client.URDF_USE_INERTIA_FROM_FILE
@@ -66,7 +66,7 @@ class BareLoop:
         self._wheels, self._hinges = [names[f"{wheel}_spin"] for wheel in WHEELS], [names[hinge] for hinge in HINGES]
         for car in self._cars:
             for wheel in self._wheels:
-                client.setCollisionFilterGroupMask(car, wheel, 1, FLOOR_GROUP)
+                client.setCollisionFilterGroupMask(car, wheel, groups.MOVING, groups.WHEELS_MASK)
         self._arms = [
             client.load_urdf(
                 iiwa_urdf(TOOLS["suction"]),

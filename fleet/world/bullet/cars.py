@@ -14,14 +14,12 @@ from numba import njit
 from fleet.robots.model import WheelShape
 from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
 from fleet.robots.spec import CarSpec
+from fleet.world.bullet import groups
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.client import Client
 from fleet.world.bullet.frames import quaternion, rotation, rotation_into
 
 FloatArray = npt.NDArray[np.float64]
-
-FLOOR_GROUP = 128
-"""Collision group of the floor: wheels touch nothing else. As spheres they stand out of the chassis by a centimetre."""
 
 # Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
 _DRIVE_NM = 0.6
@@ -159,7 +157,7 @@ class Cars:
         self._brakes: list[int] = []
         for body in self.bodies:
             for wheel in self._wheels:
-                client.setCollisionFilterGroupMask(body, wheel, 1, FLOOR_GROUP)
+                client.setCollisionFilterGroupMask(body, wheel, groups.MOVING, groups.WHEELS_MASK)
             if not brakes:
                 continue
             place, quat = client.getBasePositionAndOrientation(body)

@@ -14,9 +14,10 @@ from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots.tools import TOOLS
 from fleet.sensors.camera import Camera, CameraImage
+from fleet.world.bullet import groups
 from fleet.world.bullet.arms import Arms
 from fleet.world.bullet.camera import render
-from fleet.world.bullet.cars import FLOOR_GROUP, CarReading, Cars
+from fleet.world.bullet.cars import CarReading, Cars
 from fleet.world.bullet.clearance import near_and_gap
 from fleet.world.bullet.client import Client, PhysicsError, quiet
 from fleet.world.bullet.config import BulletConfig
@@ -34,13 +35,8 @@ IntArray = npt.NDArray[np.int64]
 _GRAVITY_MPS2 = 9.81
 FLOOR_FRICTION = 1.0
 """Lateral friction of the floor."""
-# What never moves is a rigid body to the engine, not a robot without joints: that saves a tenth of a step. It has the
-# engine's own group for such bodies, which touch neither one another nor the floor: pairs of them would be looked at.
+# What never moves is a rigid body to the engine, not a robot without joints: that saves a tenth of a step.
 _RIGID = 1
-_FIXED_GROUP = 2
-_MOVING_GROUP = 1
-# Two bodies are looked at if each one's mask has the other's group; by itself the engine asks one of them only.
-_BOTH_AGREE = 0
 # What a car may gain on top of its present speed within one tick, braking and shoves included.
 _NEAR_MARGIN_M = 0.05
 # Largest half widths of the iiwa's link meshes, from their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
@@ -129,7 +125,7 @@ class BulletWorld:
                         numSolverIterations=config.iterations_n,
                         solverResidualThreshold=config.residual,
                         deterministicOverlappingPairs=1,
-                        collisionFilterMode=_BOTH_AGREE,
+                        collisionFilterMode=groups.BOTH_AGREE,
                     )
                 client.keep_contacts(self._contact_breaking_m)
                 floor = self._add_floor()
@@ -405,7 +401,7 @@ class BulletWorld:
             ),
         )
         client.changeDynamics(body, -1, lateralFriction=FLOOR_FRICTION)
-        client.setCollisionFilterGroupMask(body, -1, _FIXED_GROUP | FLOOR_GROUP, -1)
+        client.setCollisionFilterGroupMask(body, -1, groups.FIXED | groups.FLOOR, groups.ALL)
         return int(body)
 
     def _add_box(self, kind: str, centre: FloatArray, half: FloatArray) -> int:
@@ -418,7 +414,7 @@ class BulletWorld:
             basePosition=centre.tolist(),
             useMaximalCoordinates=_RIGID,
         )
-        client.setCollisionFilterGroupMask(body, -1, _FIXED_GROUP, ~(_FIXED_GROUP | FLOOR_GROUP))
+        client.setCollisionFilterGroupMask(body, -1, groups.FIXED, groups.FIXED_MASK)
         return int(body)
 
     def _list_boxes(self) -> None:
@@ -490,14 +486,14 @@ class BulletWorld:
         """Let the engine look for bodies that touch, or forget all that it knows of any."""
         filtered, floor = self._client.setCollisionFilterGroupMask, self._monitor.floor
         moving = self._links + [(self._parcels.body(parcel), -1) for parcel in self._parcels.ids()]
-        group, mask = (_MOVING_GROUP, -1) if on else (0, 0)
+        group, mask = (groups.MOVING, groups.ALL) if on else (0, 0)
         # The floor touches everything: without it the engine has few pairs to go through.
         if not on:
             filtered(floor, -1, 0, 0)
         for body, link in moving:
             filtered(body, link, group, mask)
         if on:
-            filtered(floor, -1, _FIXED_GROUP | FLOOR_GROUP, -1)
+            filtered(floor, -1, groups.FIXED | groups.FLOOR, groups.ALL)
 
     def _visitors(self) -> tuple[int, ...]:
         parcels = tuple(self._parcels.body(parcel) for parcel in self._parcels.ids())
