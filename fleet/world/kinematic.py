@@ -17,6 +17,7 @@ from fleet.sensors.errors import SensorError
 from fleet.world.arms import ServoArms
 from fleet.world.parcels import Parcels, ParcelSnapshot
 from fleet.world.protocol import TOOL_FAILED, Contacts, FloatArray, IntArray, ParcelBody
+from fleet.world.ray_points import ray_points
 from fleet.world.scene import Scene
 from fleet.world.surroundings import Surroundings, SurroundingsSnapshot
 
@@ -222,7 +223,7 @@ class PlanarWorld:
 
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """See `World`; in the plane: z is ignored, a body that contains a ray's origin does not stop it."""
-        return self._surroundings.rays(origins, ends, self._cars.poses)
+        return self._surroundings.rays(*ray_points(origins, ends), self._cars.poses)
 
     def image(self, camera: Camera) -> CameraImage:
         """Refuse: nothing here has a body that could be seen.

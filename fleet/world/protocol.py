@@ -118,7 +118,15 @@ class World(Protocol):
         """Smallest clearance so far: car-car bodies, and arms against cars they do not serve [m]."""
 
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
-        """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,)."""
+        """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,).
+
+        Args:
+            origins: World points, shape (r, 3).
+            ends: World points, shape (r, 3).
+
+        Raises:
+            SensorError: Other shapes, or numbers that are no places.
+        """
 
     def image(self, camera: Camera) -> CameraImage:
         """What a camera sees now.

@@ -288,6 +288,31 @@ def test_rays_meet_walls_cars_and_run_time_boxes(case: Case, world: World) -> No
     assert world.rays(origins, ends)[0] == pytest.approx(5.5 / 8, abs=0.005)
 
 
+@pytest.mark.parametrize(
+    ("origins", "ends"),
+    [
+        (np.zeros((2, 3)), np.ones((3, 3))),
+        (np.zeros((2, 2)), np.ones((2, 2))),
+        (np.zeros(3), np.ones(3)),
+        (np.array([[1.0, np.nan, 0.1]]), np.ones((1, 3))),
+        (np.ones((1, 3)), np.array([[math.inf, 0.0, 0.1]])),
+        (np.ones((1, 3)), np.array([[1e300, 0.0, 0.1]])),
+    ],
+)
+def test_rays_that_are_none_are_refused(world: World, origins: FloatArray, ends: FloatArray) -> None:
+    with pytest.raises(SensorError, match="valid: "):
+        world.rays(origins, ends)
+
+
+def test_rays_may_come_in_any_kind_of_array(case: Case, world: World) -> None:
+    run(case, world, 0.1)
+    origins, ends = np.array([[1.5, 4.5, 0.5]] * 4), np.array([[9.5, 4.5, 0.5]] * 4)
+    told = world.rays(origins, ends)
+    assert np.array_equal(world.rays(origins.astype(np.float32), np.asfortranarray(ends)), told)
+    assert np.array_equal(world.rays(origins[::2], ends[::2]), told[::2])
+    assert world.rays(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0,)
+
+
 def test_pushed_car_moves_the_way_it_is_pushed(case: Case, world: World) -> None:
     world.push_car(1, 0.0, 0.3, 0.0)
     run(case, world, 1.0)

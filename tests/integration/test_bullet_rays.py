@@ -27,14 +27,17 @@ LOW = np.array([0.5, 1.7, -0.4, -0.9, 0.3, 1.2, 0.1])
 """An arm that is stretched out close above the floor."""
 
 
-def crowded(grip: Grip = Grip.SUCTION) -> BulletWorld:
+CARS = ((2.0, 4.0, 0.3), (4.5, 6.0, 2.0), (1.5, 1.0, -1.2))
+
+
+def crowded(grip: Grip = Grip.SUCTION, cars: tuple[tuple[float, float, float], ...] = CARS) -> BulletWorld:
     """Cars of which one leans on a parcel, arms of which one lies low, parcels and an obstacle."""
     arm = iiwa_spec(TOOLS[grip.value])
     scene = Scene(
         size_m=(10.0, 10.0),
         boxes=BOXES,
         car=racecar_spec(),
-        car_start=np.array([[2.0, 4.0, 0.3], [4.5, 6.0, 2.0], [1.5, 1.0, -1.2]]),
+        car_start=np.array(cars),
         arm=arm,
         arm_base=np.array([[3.0, 4.0, 0.0, 0.7], [6.0, 6.0, 0.2, -2.0]]),
         arm_start=np.array([LOW, arm.home_rad]),
@@ -113,6 +116,46 @@ def test_no_ray_goes_through_an_arm_or_a_parcel(grip: Grip) -> None:
     world.close()
 
 
+def test_rays_see_an_arm_that_rested_and_was_hit() -> None:
+    rng, world = np.random.default_rng(4), crowded(cars=CARS[2:])  # no car is near
+    client, body = world._client, world._arms.bodies[1]
+    q, still = world.arm_positions(), np.zeros((world.n_cars, 2))
+
+    def rest() -> None:
+        world.step(still, q, np.zeros_like(q), np.zeros(2, dtype=np.bool_))
+
+    for _ in range(60):
+        rest()
+    rested, away = world.arm_positions()[1], 0.0
+    elbow = np.array(client.getAABB(body, 4)).mean(axis=0)
+    pose = np.array([elbow[0] + 0.5, elbow[1], elbow[2], 0.0, 0.0, 0.0, 1.0])
+    world.add_parcel(ParcelBody(parcel=7, size_m=(0.3, 0.3, 0.3), mass_kg=20.0, pose=pose))
+    client.resetBaseVelocity(world._parcels.body(7), (-15.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for _ in range(20):
+        rest()
+        told = [state[0] for state in client.getJointStates(body, range(7))]
+        assert np.array_equal(world.arm_positions()[1], told)
+        away = max(away, float(np.abs(told - rested).max()))
+        ends = rng.uniform(elbow - 0.5, elbow + 0.5, (500, 3))
+        origins = ends + rng.normal(0.0, 0.5, ends.shape)
+        hits = client.rayTestBatch(origins.tolist(), ends.tolist())
+        met = np.array([hit[0] == body for hit in hits])
+        assert np.array_equal(world.rays(origins, ends)[met], np.array([hit[2] for hit in hits])[met])
+    assert away > 0.3
+    world.close()
+
+
+def test_rays_of_a_new_world_see_all_of_the_cars() -> None:
+    """The engine finds new bodies at its first search only; some of these rays are its own, as they come near arms."""
+    rng, world = np.random.default_rng(5), crowded()
+    ends = rng.uniform((1.0, 3.0, 0.01), (5.0, 7.0, 0.4), (4000, 3))
+    origins = rng.uniform((1.0, 3.0, 0.01), (5.0, 7.0, 1.5), (4000, 3))
+    before = world.rays(origins, ends)
+    world._client.performCollisionDetection()
+    assert np.array_equal(world.rays(origins, ends), before)
+    world.close()
+
+
 def test_rays_see_cars_that_lie_on_their_side() -> None:
     rng, world = np.random.default_rng(2), crowded()
     body = world._cars.bodies[2]
@@ -150,7 +193,6 @@ def test_rays_that_begin_inside_of_something_are_the_engines() -> None:
     ends = inside + np.array([2.0, 0.5, 0.3])
     assert np.array_equal(world.rays(inside, ends), engine_fractions(world, inside, ends))
     assert np.array_equal(world.rays(inside, inside), engine_fractions(world, inside, inside))
-    assert world.rays(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0,)
     world.close()
 
 

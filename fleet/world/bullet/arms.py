@@ -154,16 +154,13 @@ class Arms:
                 velocityGains=self._unit,
             )
 
-    def read(self, arms: list[int]) -> None:
-        """Fetch joint positions and velocities from the engine.
-
-        Args:
-            arms: Indices of the arms that may have moved.
-        """
-        for arm in arms:
-            states = self._client.getJointStates(self.bodies[arm], self._joints)
-            self.q[arm] = [state[0] for state in states]
-            self.qd[arm] = [state[1] for state in states]
+    def read(self) -> None:
+        """Fetch joint positions and velocities from the engine: something may have hit an arm that rests, too."""
+        states, joints = self._client.getJointStates, self._joints
+        for arm, body in enumerate(self.bodies):
+            told = states(body, joints)
+            self.q[arm] = [state[0] for state in told]
+            self.qd[arm] = [state[1] for state in told]
 
     def state(self) -> list[float]:
         """All joint positions and velocities of the arms, fingers included, one after the other."""

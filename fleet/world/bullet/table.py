@@ -196,7 +196,7 @@ class TableWorld:
                 self._feel()
             self._grip.after_step()
         bodies = self._arms.bodies
-        self._arms.read(list(range(len(bodies))))
+        self._arms.read()
         if any(self._client.getContactPoints(a, b) for i, a in enumerate(bodies) for b in bodies[i + 1 :]):
             self.robot_contacts += 1
         self.ticks += 1

@@ -27,6 +27,7 @@ from fleet.world.bullet.parcels import Parcels
 from fleet.world.bullet.rays import Rays
 from fleet.world.bullet.window import Window, arranged
 from fleet.world.protocol import Contacts, ParcelBody
+from fleet.world.ray_points import ray_points
 from fleet.world.scene import Scene
 
 FloatArray = npt.NDArray[np.float64]
@@ -186,6 +187,7 @@ class BulletWorld:
         self._touch_tells = config.grip is Grip.FRICTION
         self._list_boxes()
         self._near = self._measure()
+        client.performCollisionDetection()  # the engine's rays would not find all of the cars
 
     def step(
         self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]
@@ -207,7 +209,7 @@ class BulletWorld:
             self._monitor.observe(watched, self._near, held, parcels.by_body)
             self._grip.after_step()
         self._cars.now = self._cars.reading()
-        self._arms.read([arm for arm, watches in enumerate(watched) if watches])
+        self._arms.read()
         self._near = self._measure()
 
     def car_poses(self) -> FloatArray:
@@ -301,7 +303,8 @@ class BulletWorld:
         return float(self._min_clearance_m)
 
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
-        """Hit fraction of each ray in [0, 1], 1 = nothing hit, shape (r,)."""
+        """See `World`; wheels stop no rays."""
+        origins, ends = ray_points(origins, ends)
         frames, parcels = self._cars.now.frames, self._parcels.balls()
         return self._rays.cast(origins, ends, boxes=self._corners, cars=frames, arms=self._arms.q, parcels=parcels)
 
