@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -417,6 +418,12 @@ class RunConfig(_Settings):
         for name in self.cars:
             require(name in names, "cars", name, f"car_0 to {names[-1]}")
         _not_negative("collect_after_s", self.collect_after_s)
+
+    def seeded(self, seed: int) -> RunConfig:
+        """The same run with another seed >= 0; all else has been checked already."""
+        twin = copy.copy(self)
+        object.__setattr__(twin, "seed", seed)
+        return twin
 
     @property
     def n_tasks(self) -> int:

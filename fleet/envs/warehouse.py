@@ -316,7 +316,7 @@ class WarehouseEnv(FleetEnv):
         world.load(self._start_of_world)
         orders, lidar = np.random.SeedSequence(seed).generate_state(2).tolist()
         simulation = AgentSimulation(
-            replace(self._config, seed=orders),
+            self._config.seeded(orders),
             ground=ground,
             planner=self._planner,
             cars_n=len(self._cars),
