@@ -17,6 +17,8 @@ MIN_EDGE_M, MAX_EDGE_M = 0.04, 0.10
 MIN_MASS_KG, MAX_MASS_KG = 0.05, 2.0
 MAX_GENERATED_KG = 0.5
 """Heaviest parcel of an order that is not read from a file [kg]."""
+_GENERATED_EDGE_M = (0.05, 0.08)
+_GENERATED_KG = (0.1, MAX_GENERATED_KG)
 
 
 class Priority(StrEnum):
@@ -136,6 +138,23 @@ def misfit(order: Order, abilities: Sequence[Ability], grip_kg: float = math.inf
     return f"needs is '{';'.join(order.needs)}'; valid: {valid}"
 
 
+def between(bounds: tuple[float, float], share: float) -> float:
+    """What a generator's `uniform` makes of its next number; that looks at the bounds for longer than it draws."""
+    low, high = bounds
+    return low + (high - low) * share
+
+
+def draw_edges(rng: np.random.Generator) -> tuple[float, float, float]:
+    """Draw the edges of a parcel [m]."""
+    length, width, height = (round(between(_GENERATED_EDGE_M, share), 4) for share in rng.random(3).tolist())
+    return length, width, height
+
+
+def draw_mass(rng: np.random.Generator) -> float:
+    """Draw the mass of a parcel [kg]."""
+    return round(between(_GENERATED_KG, rng.random()), 3)
+
+
 def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Generator) -> tuple[Delivery, ...]:
     """Draw orders: the first wave at time zero, then Poisson arrivals that keep the fleet busy.
 
@@ -155,16 +174,15 @@ def generate_orders(site: Site, n_orders: int, n_cars: int, rng: np.random.Gener
     for k in range(n_orders):
         if k >= n_cars:
             release_s += float(rng.exponential(20.0 / n_cars))
-        # Written out, as `rng.uniform` looks at its bounds for longer than it draws; the numbers are the same.
-        edges = [0.05 + (0.08 - 0.05) * share for share in rng.random(3).tolist()]
+        size_m = draw_edges(rng)
         orders.append(
             Delivery(
                 name=f"order_{k + 1}",
                 release_s=round(release_s, 3),
                 pick=picks[int(rng.integers(len(picks)))],
                 drop=drops[int(rng.integers(len(drops)))],
-                mass_kg=round(0.1 + (MAX_GENERATED_KG - 0.1) * rng.random(), 3),
-                size_m=(round(edges[0], 4), round(edges[1], 4), round(edges[2], 4)),
+                mass_kg=draw_mass(rng),
+                size_m=size_m,
             )
         )
     return tuple(orders)

@@ -8,11 +8,9 @@ from bisect import bisect_right
 import numpy as np
 
 from fleet.config import StreamConfig, StreamKind, require
-from fleet.tasks.order import MAX_GENERATED_KG, Delivery, Priority
+from fleet.tasks.order import Delivery, Priority, between, draw_edges, draw_mass
 from maps.site import Site
 
-EDGE_M = (0.05, 0.08)
-MASS_KG = (0.1, MAX_GENERATED_KG)
 MAX_ORDERS_N = 1_000_000
 """More are not drawn: they take minutes and gigabytes before the run begins."""
 
@@ -49,9 +47,9 @@ def stream_orders(
     classes, priorities = np.cumsum(shares).tolist(), list(Priority)
     orders = []
     for k, release_s in enumerate(times):
-        edges = [round(_between(EDGE_M, share), 4) for share in parcels.random(3).tolist()]
+        size_m = draw_edges(parcels)
         chance, of_class, slack_share = terms.random(3).tolist()
-        slack_s = _between(config.slack_s, slack_share)
+        slack_s = between(config.slack_s, slack_share)
         priority = priorities[min(bisect_right(classes, of_class), len(priorities) - 1)]
         orders.append(
             Delivery(
@@ -59,19 +57,13 @@ def stream_orders(
                 release_s=release_s,
                 pick=picks.draw(places),
                 drop=drops.draw(places),
-                mass_kg=round(_between(MASS_KG, parcels.random()), 3),
-                size_m=(edges[0], edges[1], edges[2]),
+                mass_kg=draw_mass(parcels),
+                size_m=size_m,
                 due_s=round(release_s + slack_s, 3) if chance < config.due_share else math.inf,
                 priority=priority,
             )
         )
     return tuple(orders)
-
-
-def _between(bounds: tuple[float, float], share: float) -> float:
-    """What a generator's `uniform` makes of its next number; that looks at the bounds for longer than it draws."""
-    low, high = bounds
-    return low + (high - low) * share
 
 
 def _arrivals(config: StreamConfig, duration_s: float, n_orders: int | None, rng: np.random.Generator) -> list[float]:
