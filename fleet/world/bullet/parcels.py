@@ -12,8 +12,6 @@ from fleet.world.protocol import ParcelBody
 FloatArray = npt.NDArray[np.float64]
 
 _SPINNING_FRICTION = 0.05
-_ROUND_M = 0.001
-"""Balls are this much larger than the parcels."""
 _RGBA = (0.72, 0.53, 0.34, 1.0)
 
 
@@ -33,7 +31,7 @@ class Parcels:
         # Poses, as far as measured since anything moved last.
         self._places: dict[int, tuple[float, ...]] = {}
         self._poses: FloatArray | None = None
-        self._radii: FloatArray | None = None  # of balls round the parcels
+        self._radii: dict[int, float] = {}
         self.shapes: dict[int, ParcelBody] = {}
         """Size and mass of every parcel; the pose is that of its entry."""
         self.by_body: dict[int, int] = {}
@@ -78,6 +76,7 @@ class Parcels:
         self._listed_anew()
         self.by_body[body] = parcel.parcel
         self.shapes[parcel.parcel] = parcel
+        self._radii[parcel.parcel] = float(np.linalg.norm(parcel.size_m)) / 2
 
     def remove(self, parcel: int) -> None:
         """Take a parcel out of the world.
@@ -87,7 +86,7 @@ class Parcels:
         """
         body = self.body(parcel)
         self._client.removeBody(body)
-        del self._bodies[parcel], self.by_body[body], self.shapes[parcel]
+        del self._bodies[parcel], self.by_body[body], self.shapes[parcel], self._radii[parcel]
         self._listed_anew()
         self._places.pop(parcel, None)
 
@@ -125,13 +124,15 @@ class Parcels:
             self._poses = np.array(poses, dtype=np.float64).reshape(-1, 7)
         return self._poses.copy()
 
+    def ball(self, parcel: int) -> tuple[float, float, float, float]:
+        """Measure the ball round a parcel, centre x, y, z and radius."""
+        x, y, z = self.where(parcel)[:3]
+        return x, y, z, self._radii[parcel]
+
     def balls(self) -> FloatArray:
-        """Measure balls round the parcels, centre x, y, z and radius, shape (p, 4)."""
+        """The same of all in the order of `ids`, shape (p, 4)."""
         balls = self.poses()[:, :4]
-        if self._radii is None:
-            sizes = [self.shapes[parcel].size_m for parcel in self.ids()]
-            self._radii = np.linalg.norm(np.array(sizes).reshape(-1, 3), axis=1) / 2 + _ROUND_M
-        balls[:, 3] = self._radii
+        balls[:, 3] = [self._radii[parcel] for parcel in self.ids()]
         return balls
 
     def motion(self, parcel: int) -> FloatArray:
@@ -153,4 +154,4 @@ class Parcels:
 
     def _listed_anew(self) -> None:
         """Other parcels are in the world."""
-        self._numbers = self._poses = self._radii = None
+        self._numbers = self._poses = None

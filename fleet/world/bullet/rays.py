@@ -22,7 +22,7 @@ from planners.motion.kinematics import link_frames_into
 FloatArray = npt.NDArray[np.float64]
 
 _MARGIN_M = 0.001
-"""Rays that come this close to a ball round an arm's link, or to the floor, are the engine's [m]."""
+"""Rays that come this close to a ball round an arm's link or a parcel, or to the floor, are the engine's [m]."""
 _RAYS_PER_CALL = 16_000
 
 
@@ -115,7 +115,7 @@ def _link_balls(client: Client, joints: FloatArray, body: int, base: FloatArray,
     for row, frame in enumerate(frames):
         centre = base_from_world @ ((low[row] + high[row]) / 2 - base[:3])
         balls[row, :3] = frame[:, :3].T @ (centre - frame[:, 3])
-        balls[row, 3] = np.linalg.norm(high[row] - low[row]) / 2 + _MARGIN_M
+        balls[row, 3] = np.linalg.norm(high[row] - low[row]) / 2
     return balls
 
 
@@ -222,7 +222,7 @@ def _cast(  # one kernel for all rays, on flat arrays
             if ask:
                 break
             px, py, pz = balls[k, 0] - ox, balls[k, 1] - oy, balls[k, 2] - oz
-            ask = _meets_ball(px, py, pz, dx, dy, dz, square, balls[k, 3], best)
+            ask = _meets_ball(px, py, pz, dx, dy, dz, square, balls[k, 3] + _MARGIN_M, best)
         fractions[ray] = best
         if ask:
             unsure[n] = ray

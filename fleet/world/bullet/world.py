@@ -481,8 +481,7 @@ class BulletWorld:
         spheres = spheres.copy()
         for arm, parcel in enumerate(self._grip.held):
             if parcel >= 0:
-                spheres[arm, :3] = self._parcels.pose(parcel)[:3]
-                spheres[arm, 3] = np.linalg.norm(self._parcels.shapes[parcel].size_m) / 2
+                spheres[arm] = self._parcels.ball(parcel)
         return spheres
 
     def _search(self, *, on: bool) -> None:
