@@ -87,8 +87,8 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
         "one process, the fastest of several rounds; shares are medians. The bare loop has the same scene, robots, "
         "parcels, floor, motors, solver, rays and kind of actions; the engine casts all of its rays (decision 34), and "
         "it has no contacts to judge, no orders, traffic and rewards. The second one has the floor that the engine "
-        "makes by itself, on which cars slide and the engine has "
-        "less to do (decision 33). Figures of other machines compare by the empty loop."
+        "makes by itself, on which cars slide and the engine has less to do (decision 33). Figures of other machines "
+        "compare by the empty loop."
     )
 
 
