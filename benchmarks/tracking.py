@@ -6,9 +6,9 @@ import numpy as np
 
 from benchmarks.harness import Benchmark, Row, Trial, main
 from fleet.config import ArmConfig, RunConfig
-from fleet.driving import PathDriver
-from fleet.roster import CarPhase
+from fleet.missions.roster import CarPhase
 from fleet.simulation import Simulation
+from fleet.traffic.drivers import PathDriver
 from fleet.world.protocol import FloatArray
 
 

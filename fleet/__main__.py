@@ -1,9 +1,9 @@
 """``python -m fleet``: all commands."""
 
-from fleet.console import own_output
+from fleet.terminal.console import own_output
 
 if __name__ == "__main__":
     own_output()
-    from fleet.cli import main
+    from fleet.cli.main import main
 
     main()

@@ -2,10 +2,10 @@
 
 import sys
 
-from fleet.console import own_output
+from fleet.terminal.console import own_output
 
 if __name__ == "__main__":
     own_output()
-    from fleet.cli import main
+    from fleet.cli.main import main
 
     main(["demo", *sys.argv[1:]], prog="python -m fleet.demo")

@@ -11,27 +11,25 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fleet.allotment import Allotment, require_allocator
 from fleet.config import CarConfig, Fidelity, RunConfig, require
-from fleet.dispatcher import Dispatcher
-from fleet.disturbance import Disturbances
-from fleet.driving import Driver, PathDriver, StateDriver
+from fleet.dispatch.allocation import Allotment, require_allocator
+from fleet.dispatch.dispatcher import Dispatcher
 from fleet.errors import FleetError
-from fleet.executor import Executor
+from fleet.incidents.disturbance import Disturbances
+from fleet.incidents.recovery import Recovery
 from fleet.insight.cause_watch import CauseWatch
 from fleet.insight.explain import Explanation, explain
 from fleet.insight.ledger import Ledger
 from fleet.insight.legend import Legend, legend_of
 from fleet.insight.metrics import Metrics, Summary
 from fleet.insight.slip import SlipMeter
-from fleet.recovery import Recovery
+from fleet.missions.roster import CarPhase
 from fleet.robots.battery import Batteries
 from fleet.robots.tools import TOOLS
-from fleet.roster import CarPhase
-from fleet.stations.arm_cell import arm_cells
-from fleet.stations.arm_desk import ArmDesk, ArmPlanner
-from fleet.stations.arm_planner import make_arm_planner
-from fleet.stations.shared_dock import share_docks
+from fleet.stations.arms.arm_cell import arm_cells
+from fleet.stations.arms.arm_desk import ArmDesk, ArmPlanner
+from fleet.stations.arms.arm_planner import make_arm_planner
+from fleet.stations.arms.shared_dock import share_docks
 from fleet.stations.station import Station
 from fleet.tasks.batches import Batches
 from fleet.tasks.board import Task, TaskBoard, TaskState
@@ -39,7 +37,9 @@ from fleet.tasks.order import MAX_GENERATED_KG, Ability, ability_of, generate_or
 from fleet.tasks.order_file import OrderBook, read_orders
 from fleet.tasks.reasons import AssignmentReport
 from fleet.tasks.stream import stream_orders
-from fleet.traffic import Traffic
+from fleet.traffic.drivers import Driver, PathDriver, StateDriver
+from fleet.traffic.executor import Executor
+from fleet.traffic.replanning import Traffic
 from fleet.world import make_world
 from fleet.world.grid import GridWorld
 from fleet.world.protocol import FloatArray, World
@@ -68,8 +68,8 @@ class Event:
 class Actions:
     """What agents decide instead of the executor and the arm desk, for the first robots; None leaves all to them.
 
-    Made for a run whose driver and desk know which robots agents decide (`fleet.envs.agent_simulation`): in any other
-    run the executor takes for granted that a car follows its path, and recovery takes back a car that does not.
+    Made for a run whose driver and desk know which robots agents decide (`fleet.envs.warehouse.agent_simulation`): in
+    any other run the executor takes for granted that a car follows its path, and recovery takes back one that does not.
     """
 
     cars: FloatArray | None = None

@@ -13,19 +13,19 @@ from fleet.robots import iiwa_spec, racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.sensors.boxes import SeenBox
 from fleet.sensors.camera import Camera, CameraImage
-from fleet.stations.arm_spheres import arm_spheres
+from fleet.stations.arms.arm_spheres import arm_spheres
 from fleet.world.bullet.world import BulletWorld
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
 from planners.motion import RrtConnectNative
-from planners.motion.collision import CollisionChecker
-from planners.motion.ik_numeric import NumericInverse
-from planners.motion.inverse import inverse_kinematics
-from planners.motion.lines import straight_line
-from planners.motion.obstacles import Boxes
-from planners.motion.route import RoutePlanner, RouteProblem
-from planners.motion.spheres import box_spheres
-from planners.motion.trajectory import Trajectory, retime
+from planners.motion.arm.ik_numeric import NumericInverse
+from planners.motion.arm.inverse import inverse_kinematics
+from planners.motion.arm.spheres import box_spheres
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.collision.obstacles import Boxes
+from planners.motion.path.lines import straight_line
+from planners.motion.path.route import RoutePlanner, RouteProblem
+from planners.motion.path.trajectory import Trajectory, retime
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.arms import workcell
 from benchmarks.arms.engine import Engine
 from benchmarks.harness import Row, Trial
-from planners.motion.collision import CollisionChecker
+from planners.motion.collision.collision import CollisionChecker
 
 N_STATES, QUICK_STATES = 100_000, 2_000
 N_TIMED, QUICK_TIMED = 20_000, 2_000

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from benchmarks.arms import workcell
 from fleet.robots import iiwa_urdf
-from fleet.world.bullet.client import Client
+from fleet.world.bullet.engine.client import Client
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from planners.motion.asynchronous import least_times_s
-from planners.motion.coordination import MARGIN_M, SweptArm, cover
-from planners.motion.together import Trip
+from planners.motion.pair.asynchronous import least_times_s
+from planners.motion.pair.coordination import MARGIN_M, SweptArm, cover
+from planners.motion.pair.together import Trip
 
 FloatArray = npt.NDArray[np.float64]
 

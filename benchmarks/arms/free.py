@@ -11,7 +11,7 @@ import numpy.typing as npt
 from benchmarks.arms import workcell
 from benchmarks.harness import Row, Trial
 from planners.motion import RrtConnect, RrtConnectNative
-from planners.motion.collision import CollisionChecker
+from planners.motion.collision.collision import CollisionChecker
 from planners.motion.problem import MotionPlanner, MotionProblem
 
 FloatArray = npt.NDArray[np.float64]

@@ -11,7 +11,7 @@ from benchmarks.harness import Row, Trial
 from fleet.config import ArmConfig, Grip, RunConfig
 from fleet.insight.slip import Slip
 from fleet.simulation import Simulation
-from fleet.stations.service import ArmService, ServiceState
+from fleet.stations.arms.service import ArmService, ServiceState
 from fleet.stations.service_time import Direction
 
 SITE, CARS_N = "cell", 3

@@ -12,11 +12,11 @@ import pybullet_data
 
 from benchmarks.arms import workcell
 from benchmarks.harness import Row, Trial
-from fleet.stations.arm_spheres import cache_dir
-from fleet.world.bullet.arm_file import read_arm
-from planners.motion.ik_numeric import NumericInverse
-from planners.motion.inverse import InverseKinematics, inverse_kinematics
-from planners.motion.kinematics import link_frames
+from fleet.stations.arms.arm_spheres import cache_dir
+from fleet.world.bullet.bench.arm_file import read_arm
+from planners.motion.arm.ik_numeric import NumericInverse
+from planners.motion.arm.inverse import InverseKinematics, inverse_kinematics
+from planners.motion.arm.kinematics import link_frames
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -21,15 +21,15 @@ from benchmarks.harness import Row, Trial
 from fleet.robots import iiwa_spec
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.tools import TOOLS
-from fleet.stations.arm_spheres import arm_spheres
-from planners.motion.collision import CollisionChecker
-from planners.motion.coordination import ArmInWorld, Schedule
-from planners.motion.ik import SrsGeometry
-from planners.motion.kinematics import flange_from_tip
-from planners.motion.obstacles import Boxes
-from planners.motion.rrt_connect_native import RrtConnectNative
-from planners.motion.timed_path import Dwell, TimedPath
-from planners.motion.together import Trip, Way, alone_s, plan_together
+from fleet.stations.arms.arm_spheres import arm_spheres
+from planners.motion.arm.ik import SrsGeometry
+from planners.motion.arm.kinematics import flange_from_tip
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.collision.obstacles import Boxes
+from planners.motion.pair.coordination import ArmInWorld, Schedule
+from planners.motion.pair.together import Trip, Way, alone_s, plan_together
+from planners.motion.path.timed_path import Dwell, TimedPath
+from planners.motion.search.rrt_connect_native import RrtConnectNative
 
 FloatArray = npt.NDArray[np.float64]
 

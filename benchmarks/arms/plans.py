@@ -15,11 +15,11 @@ import numpy.typing as npt
 from benchmarks.arms import workcell
 from benchmarks.harness import Row, Trial
 from planners.motion import MotionProblem, OmplPlanner, RrtConnectNative
-from planners.motion.collision import CollisionChecker
-from planners.motion.inverse import inverse_kinematics
-from planners.motion.kinematics import flange_from_tip
-from planners.motion.route import Route, RoutePlanner, RouteProblem
-from planners.motion.spheres import box_spheres
+from planners.motion.arm.inverse import inverse_kinematics
+from planners.motion.arm.kinematics import flange_from_tip
+from planners.motion.arm.spheres import box_spheres
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.path.route import Route, RoutePlanner, RouteProblem
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from functools import cache
 from fleet.robots import iiwa_spec
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS
-from fleet.stations.arm_spheres import arm_spheres
-from planners.motion.arm_model import ArmModel
-from planners.motion.obstacles import Boxes
+from fleet.stations.arms.arm_spheres import arm_spheres
+from planners.motion.arm.arm_model import ArmModel
+from planners.motion.collision.obstacles import Boxes
 
 TOOL = TOOLS["friction"]
 FLOOR_FRAME = 2

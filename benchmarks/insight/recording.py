@@ -25,8 +25,8 @@ from benchmarks.harness import Row, Trial
 from fleet.config import Fidelity, RunConfig
 from fleet.recording import RECORDING, NullRecorder, Recorder
 from fleet.recording.check import verify_recording
+from fleet.session.frames import Watch, open_recorder
 from fleet.simulation import Simulation
-from fleet.watch import Watch, open_recorder
 from maps.site import save_site
 from maps.warehouse import generate_warehouse
 
@@ -89,7 +89,7 @@ def measure_recording(trial: Trial) -> Iterable[Row]:
 
 def _run(config: RunConfig, path: Path | None) -> _Run:
     # Loading rerun is no part of the run.
-    import fleet.recording.stream  # noqa: F401
+    import fleet.recording.stream.stream  # noqa: F401
 
     with Simulation(config) as simulation:
         begin_s = _cpu_s()
@@ -138,7 +138,7 @@ import os, sys, time
 from pathlib import Path
 from fleet.config import Fidelity, RunConfig
 from fleet.simulation import Simulation
-from fleet.watch import Watch, open_recorder
+from fleet.session.frames import Watch, open_recorder
 config = RunConfig(site="medium", robots=20, fidelity=Fidelity(sys.argv[2]), duration_s=600.0)
 with Simulation(config) as simulation:
     watch = Watch(simulation, open_recorder(simulation, Path(sys.argv[1])))

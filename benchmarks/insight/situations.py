@@ -24,7 +24,7 @@ from fleet.config import (
 )
 from fleet.insight.causes import NO_WAIT, Cause
 from fleet.insight.explain import Explanation, Link
-from fleet.roster import CarPhase
+from fleet.missions.roster import CarPhase
 from fleet.simulation import Simulation
 
 STILL_S = 0.5

@@ -13,8 +13,8 @@ from benchmarks.harness import Trial
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.mapf.distance_table import DistanceTable
+from planners.mapf.multi_step.priorities import Priorities
 from planners.mapf.pibt import Stepper
-from planners.mapf.priorities import Priorities
 from planners.mapf.problem import Plan
 from planners.mapf.validate import conflicts
 from planners.status import Status

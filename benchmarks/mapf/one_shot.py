@@ -15,7 +15,7 @@ from maps.lane_graph import LaneGraph, grid_lane_graph
 from maps.movingai import read_map, starts_and_goals
 from planners.deadline import Deadline
 from planners.mapf.distance_table import DistanceTable
-from planners.mapf.lacam import Lacam, LacamConfig
+from planners.mapf.lacam.lacam import Lacam, LacamConfig
 from planners.mapf.metrics import lower_bound, sum_of_loss
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.validate import breaches

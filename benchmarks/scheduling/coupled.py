@@ -12,11 +12,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from benchmarks.harness import Row, Trial
+from planners.allocation.job_shop.shop_kernel import dispatch, empty_books
+from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.regret_lns import RegretLns
 from planners.allocation.shop import Shop
-from planners.allocation.shop_kernel import dispatch, empty_books
-from planners.allocation.shop_plan import arrays_of, planned
 from planners.allocation.validate import faults
 
 CASES = ((6, 3, 1, 1566.0), (10, 4, 2, 3263.0), (20, 5, 2, 10515.0), (40, 8, 3, 23125.0), (80, 16, 4, 49770.0))

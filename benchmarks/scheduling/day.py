@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.harness import Row, Trial
 from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, RunConfig, StreamConfig, StreamKind
-from fleet.roster import CarPhase
+from fleet.missions.roster import CarPhase
 from fleet.simulation import Simulation
 from fleet.tasks.board import OPEN_STATES, TaskState
 

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from benchmarks.harness import Row, Trial
+from fleet.charts.statistics import Estimate, estimate, paired
 from fleet.config import Fidelity, StreamConfig, StreamKind
 from fleet.study.design import Design
-from fleet.study.statistics import Estimate, estimate, paired
 from fleet.study.study import check, run_study
 from fleet.study.table import Row as Run
 

@@ -14,9 +14,9 @@ from fleet.robots import iiwa_urdf
 from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
 from fleet.robots.tools import TOOLS
 from fleet.sensors.lidar import Lidar, LidarRing
-from fleet.world.bullet import groups
-from fleet.world.bullet.client import Client
-from fleet.world.bullet.config import BulletConfig, exact_tick_s
+from fleet.world.bullet.engine import groups
+from fleet.world.bullet.engine.client import Client
+from fleet.world.bullet.engine.config import BulletConfig, exact_tick_s
 from fleet.world.bullet.world import FLOOR_FRICTION
 from fleet.world.scene import Scene
 

@@ -14,14 +14,14 @@ import numpy as np
 
 from benchmarks.harness import Row, Trial
 from benchmarks.training.machine import machine_row
-from fleet.envs.dispatch import DispatchEnv
-from fleet.envs.grid_fleet import TIMESTEP_S, FleetSite, GridFleet
-from fleet.envs.layer import LayerEnv
-from fleet.envs.order_streams import episode_orders
+from fleet.charts.chart import Series, draw
+from fleet.charts.statistics import Estimate, estimate
+from fleet.envs.dispatch.env import DispatchEnv
+from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
+from fleet.envs.layers.layer import LayerEnv
+from fleet.envs.layers.order_streams import episode_orders
 from fleet.envs.policies import POLICIES, Policy, make_policy
-from fleet.envs.traffic import TrafficEnv
-from fleet.study.chart import Series, draw
-from fleet.study.statistics import Estimate, estimate
+from fleet.envs.traffic.env import TrafficEnv
 from maps.site import Site, load_site
 from maps.warehouse import generate_warehouse
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from benchmarks.harness import Row, Trial
 from benchmarks.training.transfer import TRANSFERS, play_transfer, write_shares
-from fleet.study.statistics import estimate
+from fleet.charts.statistics import estimate
 from fleet.training.curve import Curve, draw_curves
 from fleet.training.recipes import RECIPES
 from fleet.training.results import EPISODES, EVALUATION, LEARNED, PROGRESS, SCRIPTED

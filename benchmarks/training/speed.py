@@ -12,7 +12,7 @@ from benchmarks.harness import Row, Trial
 from benchmarks.training.bare import PHYSICS_HZ, BareLoop
 from benchmarks.training.machine import machine_row
 from fleet.config import RunConfig
-from fleet.envs.warehouse import WarehouseEnv
+from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.simulation import Ground
 from fleet.world.scene import Scene
 

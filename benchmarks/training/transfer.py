@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from fleet.charts.statistics import share
 from fleet.envs.policies.policy import Random
-from fleet.study.statistics import share
 from fleet.training.evaluation import evaluate
 from fleet.training.recipes import RECIPES
 from fleet.training.results import (

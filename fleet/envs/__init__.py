@@ -15,4 +15,4 @@ register("aec", "fleet/traffic-v0", entry_point="fleet.envs.traffic_v0:env", max
 register("parallel", "fleet/navigate-v0", entry_point="fleet.envs.navigate_v0:parallel_env", max_cycles=600)
 register("aec", "fleet/navigate-v0", entry_point="fleet.envs.navigate_v0:env", max_cycles=600)
 gymnasium.register("fleet/KukaReach-v0", entry_point="fleet.envs.kuka_reach:KukaReachEnv")
-gymnasium.register("fleet/CarNavigate-v0", entry_point="fleet.envs.car_navigate:CarNavigateEnv")
+gymnasium.register("fleet/CarNavigate-v0", entry_point="fleet.envs.navigate.car_navigate:CarNavigateEnv")

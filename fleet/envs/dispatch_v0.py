@@ -1,5 +1,5 @@
 """Version 0 of the dispatch environment, under the names that PettingZoo's own environments have."""
 
-from fleet.envs.dispatch import env, parallel_env, raw_env
+from fleet.envs.dispatch.env import env, parallel_env, raw_env
 
 __all__ = ["env", "parallel_env", "raw_env"]

@@ -34,15 +34,15 @@ from gymnasium.utils import EzPickle
 from numba import njit
 
 from fleet.config import Fidelity, require
-from fleet.envs.choices import row_of
-from fleet.kinds import is_number, is_whole
+from fleet.config.field_checks import is_number, is_whole
+from fleet.envs.core.choices import row_of
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.world.kinematic import KinematicConfig, KinematicWorld
 from fleet.world.protocol import FloatArray, World
 from fleet.world.scene import Scene
-from planners.motion.kinematics import joint_rows, last_link_pose
+from planners.motion.arm.kinematics import joint_rows, last_link_pose
 
 FIDELITIES = (Fidelity.PHYSICS, Fidelity.KINEMATIC)
 TOLERANCE_M = 0.05
@@ -227,7 +227,7 @@ def _advance(targets, goes_on, q, qd, lower, upper):
 def _world(scene: Scene, fidelity: Fidelity) -> World:
     if fidelity is Fidelity.PHYSICS:
         # The engine takes a moment to load and is needed by this world alone.
-        from fleet.world.bullet.config import BulletConfig
+        from fleet.world.bullet.engine.config import BulletConfig
         from fleet.world.bullet.world import BulletWorld
 
         return BulletWorld(scene, BulletConfig(tick_s=TICK_S))

@@ -11,8 +11,8 @@ from fleet.insight.cause_log import CauseLog
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
 from fleet.insight.ledger import STANDING_MPS
 from fleet.insight.why_idle import WhyIdle
-from fleet.roster import PHASES, CarPhase
-from fleet.stations.service import ServiceState
+from fleet.missions.roster import PHASES, CarPhase
+from fleet.stations.arms.service import ServiceState
 from fleet.world.protocol import FloatArray
 from planners.execution.queues import NOBODY, move_at
 

@@ -16,7 +16,7 @@ from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 from fleet.world.protocol import FloatArray
 
 if TYPE_CHECKING:
-    from fleet.perception import Perception
+    from fleet.missions.perception import Perception
     from fleet.simulation import Simulation
 
 _WAITING = (TaskState.BACKLOG, TaskState.READY, *UNDER_WAY)

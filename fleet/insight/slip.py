@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fleet.robots.spec import ArmSpec
-from fleet.stations.service import ArmService
+from fleet.stations.arms.service import ArmService
 from fleet.world.protocol import FloatArray, World
-from planners.motion.kinematics import link_frames
+from planners.motion.arm.kinematics import link_frames
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,12 +14,12 @@ from fleet.league.schedule import Schedule
 from maps.lane_graph import grid_lane_graph
 from maps.lorr import Ints
 from planners.deadline import Deadline
-from planners.mapf.goal_costs import GoalCosts, left
-from planners.mapf.guidance import Errands, GuidanceConfig, learn_guidance
-from planners.mapf.multi_step_kernel import Wishes
-from planners.mapf.multi_step_pibt import Mover, rank_weights
-from planners.mapf.operations import LONGEST
-from planners.mapf.priorities import pocket_depth
+from planners.mapf.multi_step.goal_costs import GoalCosts, left
+from planners.mapf.multi_step.guidance import Errands, GuidanceConfig, learn_guidance
+from planners.mapf.multi_step.multi_step_kernel import Wishes
+from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
+from planners.mapf.multi_step.operations import LONGEST
+from planners.mapf.multi_step.priorities import pocket_depth
 
 _ROOMY = 0.25
 """Share of the floor that may be full of robots while all of them push on."""

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.interrupts import interrupts
 from fleet.league.arena import Arena
 from fleet.league.controller import Controller
 from fleet.league.referee import check_actions
+from fleet.terminal.interrupts import interrupts
 from maps.lorr import LeagueProblem, LeagueResult
 from planners.mapf.validate import Conflict
 

@@ -8,7 +8,6 @@ from fleet.recording.frame import LogLine as LogLine
 from fleet.recording.frame import NullRecorder as NullRecorder
 from fleet.recording.frame import Recorder as Recorder
 from fleet.recording.frame import Wait as Wait
-from fleet.recording.pictures import PictureRecorder as PictureRecorder
 from fleet.recording.rerun_recorder import RerunRecorder as RerunRecorder
 from fleet.recording.rerun_recorder import require_free_port as require_free_port
 from fleet.recording.run_file import RECORDING as RECORDING
@@ -17,3 +16,4 @@ from fleet.recording.run_file import RunRecord as RunRecord
 from fleet.recording.run_file import prepare_output as prepare_output
 from fleet.recording.run_file import read_run as read_run
 from fleet.recording.run_file import versions as versions
+from fleet.recording.stream.pictures import PictureRecorder as PictureRecorder

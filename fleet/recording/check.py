@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fleet.recording.cli import run_rerun
 from fleet.recording.errors import RecordingError
+from fleet.recording.rerun_cli import run_rerun
 
 _FRAME_ENTITY = "/world/cars/body"
 _NO_FOOTER = "no footer: the recording was cut off and is readable up to there; repair: rerun rrd optimize IN -o OUT"

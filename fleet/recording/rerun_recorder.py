@@ -11,13 +11,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from fleet.recording.cli import compact
 from fleet.recording.errors import RecordingError
 from fleet.recording.frame import FloorPlan, Frame, LogLine
+from fleet.recording.rerun_cli import compact
 from fleet.world.scene import Scene
 
 if TYPE_CHECKING:
-    from fleet.recording.stream import Stream
+    from fleet.recording.stream.stream import Stream
 
 _BATCH_N = 240
 """Frames that are written at once, whatever their age."""
@@ -74,7 +74,7 @@ class RerunRecorder:
         port: int = 9876,
     ) -> None:
         # rerun takes a second to load and is needed by recorded runs only
-        from fleet.recording.stream import Stream
+        from fleet.recording.stream.stream import Stream
 
         self._path = path
         self._every = max(1, round(1.0 / (rate_hz * tick_s)))

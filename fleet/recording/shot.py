@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from fleet.recording.cli import quiet_environment, rerun_program
 from fleet.recording.errors import RecordingError
+from fleet.recording.rerun_cli import quiet_environment, rerun_program
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient

@@ -11,10 +11,10 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk, RrdReader
 
 from fleet.recording.check import repaired
-from fleet.recording.coordination import CONGESTION
 from fleet.recording.errors import RecordingError
-from fleet.recording.scenery import CAMERA, PIXELS_PER_M
-from fleet.recording.views import VIEWS
+from fleet.recording.stream.coordination import CONGESTION
+from fleet.recording.stream.scenery import CAMERA, PIXELS_PER_M
+from fleet.recording.stream.views import VIEWS
 
 ROOTS = ("a", "b")
 _MARGIN_M = 0.6

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from fleet.study.drawing import Box, Dot, Drawing, Line, Words
+from fleet.charts.drawing import Box, Dot, Drawing, Line, Words
 
 INK, QUIET, GRID, WALL, SHELF = "var(--ink)", "var(--quiet)", "var(--grid)", "var(--wall)", "var(--shelf)"
 """Colours that the page defines, see `fleet.report.page`."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from planners.motion.kinematics import joint_rows
+from planners.motion.arm.kinematics import joint_rows
 
 
 @dataclass(frozen=True, kw_only=True)

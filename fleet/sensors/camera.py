@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.kinds import is_whole
+from fleet.config.field_checks import is_whole
 from fleet.sensors.errors import SensorError
 
 FloatArray = npt.NDArray[np.float64]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fleet.charts.statistics import Estimate, estimate, paired
 from fleet.study.knee import find_knee
-from fleet.study.statistics import Estimate, estimate, paired
 from fleet.study.table import Row
 
 DEMAND_MET = 0.97

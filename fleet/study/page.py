@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from fleet.study.chart import Series, draw
-from fleet.study.drawing import Drawing
+from fleet.charts.chart import Series, draw
+from fleet.charts.drawing import Drawing
+from fleet.charts.statistics import Estimate
 from fleet.study.findings import Findings, Point
-from fleet.study.statistics import Estimate
 from fleet.study.words import between, sentences
 
 PAGE = "study.html"

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from fleet.allotment import require_allocator
 from fleet.config import require
+from fleet.dispatch.allocation import require_allocator
 from fleet.recording.run_file import plain
 from fleet.robots import racecar_spec
 from fleet.study.design import Design, StudyError

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from fleet.charts.statistics import Estimate
 from fleet.study.findings import Curve, Findings
-from fleet.study.statistics import Estimate
 
 
 def between(value: Estimate | None, *, scale: float = 1.0, sign: bool = False) -> str:

@@ -13,25 +13,25 @@ from fleet.robots.iiwa import iiwa_spec, iiwa_urdf
 from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, PANDA_HAND_BOXES_M, TIP_M, panda_urdf
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS, Tool
-from fleet.stations.arm_motions import backwards, shown
-from fleet.stations.arm_spheres import arm_spheres, cache_dir
+from fleet.stations.arms.arm_motions import backwards, shown
+from fleet.stations.arms.arm_spheres import arm_spheres, cache_dir
 from fleet.tabletop.errors import TabletopError
 from fleet.tabletop.hand import Grasp, cup_grasps, down, finger_grasps
 from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.scene import StaticBox
 from planners.motion import RrtConnectNative
-from planners.motion.arm_model import ArmModel, assemble
-from planners.motion.collision import CollisionChecker
-from planners.motion.coordination import ArmInWorld, at_rest
-from planners.motion.inverse import inverse_kinematics
-from planners.motion.obstacles import Boxes, Capsules
-from planners.motion.route import Route, RoutePlanner, RouteProblem
-from planners.motion.spheres import box_spheres
-from planners.motion.timed_path import Dwell
-from planners.motion.trajectory import Trajectory
+from planners.motion.arm.arm_model import ArmModel, assemble
+from planners.motion.arm.inverse import inverse_kinematics
+from planners.motion.arm.spheres import box_spheres
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.collision.obstacles import Boxes, Capsules
+from planners.motion.pair.coordination import ArmInWorld, at_rest
+from planners.motion.path.route import Route, RoutePlanner, RouteProblem
+from planners.motion.path.timed_path import Dwell
+from planners.motion.path.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from fleet.world.bullet.arm_file import ArmFile
+    from fleet.world.bullet.bench.arm_file import ArmFile
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def load_model(arm: str, tool: str) -> Model:
         spec = iiwa_spec(held)
         return Model(spec=spec, tool=held, spheres=arm_spheres(spec, held), description=iiwa_urdf(held))
     # Only here: the engine reads the file, and tables of an iiwa do without.
-    from fleet.world.bullet.arm_file import read_arm
+    from fleet.world.bullet.bench.arm_file import read_arm
 
     kind = arm_kind("panda")
     file = read_arm(kind.path, frozen=kind.frozen, allowed=kind.allowed, tool_length_m=TIP_M, cache_dir=cache_dir())

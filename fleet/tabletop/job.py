@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from fleet.tabletop.arm import NOBODY, Chore, Leg, Model, TableArm
 from fleet.tabletop.layout import Layout
-from fleet.world.bullet.table import TICK_S, TableWorld
-from planners.motion.coordination import Schedule, schedule
-from planners.motion.obstacles import Capsules
-from planners.motion.timed_path import TimedPath, timed_path
-from planners.motion.trajectory import Trajectory
+from fleet.world.bullet.bench.table import TICK_S, TableWorld
+from planners.motion.collision.obstacles import Capsules
+from planners.motion.pair.coordination import Schedule, schedule
+from planners.motion.path.timed_path import TimedPath, timed_path
+from planners.motion.path.trajectory import Trajectory
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -2,14 +2,14 @@
 
 from fleet.tasks.board import TaskBoard as TaskBoard
 from fleet.tasks.board import TaskState as TaskState
-from fleet.tasks.charge import ChargeType
-from fleet.tasks.delivery import DeliveryType
-from fleet.tasks.inspection import InspectType
-from fleet.tasks.move import MoveType
-from fleet.tasks.multi_stop import MultiStopType
-from fleet.tasks.park import ParkType
-from fleet.tasks.patrol import PatrolType
-from fleet.tasks.task_type import TaskType
+from fleet.tasks.types.charge import ChargeType
+from fleet.tasks.types.delivery import DeliveryType
+from fleet.tasks.types.inspection import InspectType
+from fleet.tasks.types.move import MoveType
+from fleet.tasks.types.multi_stop import MultiStopType
+from fleet.tasks.types.park import ParkType
+from fleet.tasks.types.patrol import PatrolType
+from fleet.tasks.types.task_type import TaskType
 
 TASK_TYPES: dict[str, TaskType] = {
     "delivery": DeliveryType(),

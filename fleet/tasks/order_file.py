@@ -15,7 +15,7 @@ from fleet.tasks.fields import Fields, OrdersError
 from fleet.tasks.order import Ability, Delivery, Order, Priority, misfit
 from fleet.tasks.place_names import PlaceNames
 from fleet.tasks.precedence import broken
-from fleet.tasks.task_type import Setting
+from fleet.tasks.types.task_type import Setting
 from maps.site import Site
 
 REQUIRED = ("id", "release_s")

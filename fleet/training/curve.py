@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from fleet.study.chart import COLORS
-from fleet.study.drawing import Area, Drawing, Line, Words
+from fleet.charts.chart import COLORS
+from fleet.charts.drawing import Area, Drawing, Line, Words
 
 WIDTH, HEIGHT = 760, 360
 LEFT, RIGHT, TOP, BOTTOM = 64, 20, 58, 44

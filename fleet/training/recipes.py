@@ -50,19 +50,19 @@ class Recipe:
 
 
 def _navigate(**arguments: Any) -> Any:
-    from fleet.envs.navigation import NavigationEnv
+    from fleet.envs.navigate.navigation import NavigationEnv
 
     return NavigationEnv(**arguments)
 
 
 def _pursuit() -> Policy:
-    from fleet.envs.navigation_policy import PursuitPolicy
+    from fleet.envs.navigate.navigation_policy import PursuitPolicy
 
     return PursuitPolicy()
 
 
 def _dispatch(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
-    from fleet.envs.dispatch import DispatchEnv, DispatchWeights
+    from fleet.envs.dispatch.env import DispatchEnv, DispatchWeights
 
     return DispatchEnv(weights=DispatchWeights(**weights or {}), **arguments)
 
@@ -74,7 +74,7 @@ def _nearest() -> Policy:
 
 
 def _car(**arguments: Any) -> Any:
-    from fleet.envs.car_navigate import CarNavigateEnv
+    from fleet.envs.navigate.car_navigate import CarNavigateEnv
 
     return SoloEnv(CarNavigateEnv(**arguments), "car_0")
 
@@ -137,7 +137,7 @@ RECIPES: dict[str, Recipe] = {
         figures=("delivered", "late", "waiting"),
         steps_n=2_000_000,
         ppo=PpoConfig(horizon_n=240, minibatch_n=4096, entropy=0.003, discount=0.98, learning_rate=1e-3),
-        choice=Choice(own_n=12, each_n=11),  # fleet.envs.dispatch_view: OWN_N, CANDIDATE_N
+        choice=Choice(own_n=12, each_n=11),  # fleet.envs.dispatch.view: OWN_N, CANDIDATE_N
         # A car that pays for the lateness of what it delivers leaves late tasks to the others, who do the same.
         arguments={"site": "small", "n_cars": 6, "weights": {"late": -0.02, "empty": -0.03}},
     ),

@@ -14,7 +14,7 @@ def make_world(scene: Scene, graph: LaneGraph, config: RunConfig) -> World:
     """The world that the configuration asks for."""
     if config.fidelity is Fidelity.PHYSICS:
         # The engine takes a moment to load and is needed by this world alone.
-        from fleet.world.bullet.config import BulletConfig
+        from fleet.world.bullet.engine.config import BulletConfig
         from fleet.world.bullet.world import BulletWorld
 
         settings = BulletConfig(

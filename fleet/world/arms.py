@@ -9,7 +9,7 @@ from numba import njit
 
 from fleet.robots.spec import ArmSpec
 from fleet.world.protocol import FloatArray
-from planners.motion.kinematics import link_frames_into
+from planners.motion.arm.kinematics import link_frames_into
 
 LINK_RADIUS_M = 0.08
 """Arms are judged against cars as spheres of this radius on and between their joints [m]; iiwa links are 0.06-0.09."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from planners.allocation.job_shop.tours import Tours, planned_tours
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.allocation.shop import Shop
-from planners.allocation.tours import Tours, planned_tours
 from planners.status import Status
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
+from planners.allocation.job_shop.tours import Tours, planned_tours
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.allocation.shop import Shop
-from planners.allocation.tours import Tours, planned_tours
 from planners.status import Status
 
 Bid: TypeAlias = tuple[float, int]

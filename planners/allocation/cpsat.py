@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from planners.allocation.job_shop.shop_kernel import Arrays, Integers, empty_books, evaluate
+from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.regret_lns import ITERATIONS, RegretLns
-from planners.allocation.shop_kernel import Arrays, Integers, empty_books, evaluate
-from planners.allocation.shop_plan import arrays_of, planned
 
 WINDOW_N = 12
 """Tasks given to the solver at most; from about 20 on it falls behind local search."""

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.allocation.hungarian import Hungarian
+from planners.allocation.job_shop.shop_kernel import Arrays, Integers, anneal, append, dispatch, empty_books, evaluate
+from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.shop import Shop
-from planners.allocation.shop_kernel import Arrays, Integers, anneal, append, dispatch, empty_books, evaluate
-from planners.allocation.shop_plan import arrays_of, planned
 from planners.errors import PlanningError
 
 ITERATIONS = 2000

@@ -1,10 +1,10 @@
 """Multi-agent path finding: the problem, the referee, and one file per planner."""
 
-from planners.mapf.cbs import Cbs as Cbs
-from planners.mapf.lacam import Lacam as Lacam
-from planners.mapf.multi_step_pibt import MultiStepPibt as MultiStepPibt
+from planners.mapf.cbs.cbs import Cbs as Cbs
+from planners.mapf.lacam.lacam import Lacam as Lacam
+from planners.mapf.multi_step.multi_step_pibt import MultiStepPibt as MultiStepPibt
 from planners.mapf.pibt import Pibt as Pibt
-from planners.mapf.sipp import Sipp as Sipp
+from planners.mapf.sipp.sipp import Sipp as Sipp
 
 PLANNERS = {"pibt": Pibt, "multi_step_pibt": MultiStepPibt}
 """Planner of one window by name; each is made with `seed=` and has `plan(instance, tables, deadline) -> Plan`."""

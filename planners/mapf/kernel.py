@@ -12,7 +12,7 @@ from numba import njit
 Whole: TypeAlias = int | np.int64
 """A whole number in a kernel, where both are the same."""
 
-_FILES = [path.stat() for path in sorted(Path(__file__).parent.glob("*.py"))]
+_FILES = [path.stat() for path in sorted(Path(__file__).parent.rglob("*.py"))]
 _STAMP = (max(file.st_mtime for file in _FILES), sum(file.st_size for file in _FILES))
 
 

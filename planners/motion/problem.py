@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from planners.errors import PlanningError
 from planners.motion import checks
-from planners.motion.collision import CollisionChecker
-from planners.motion.scene_kernel import straight_goal
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.collision.scene_kernel import straight_goal
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 import tyro
 
-from fleet.cli import COMMANDS, GROUPS, OPTIONS, SITE_COMMANDS, main
-from fleet.commands.demo import Demo
+from fleet.cli.demo import Demo
+from fleet.cli.main import COMMANDS, GROUPS, OPTIONS, SITE_COMMANDS, main
 from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, Perception, RunConfig, StreamKind
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS

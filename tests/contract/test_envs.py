@@ -14,16 +14,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fleet.config import ArmConfig, ConfigError
-from fleet.envs.base import ActionError, EnvState, EpisodeError, StateError
-from fleet.envs.rewards import TERMS, RewardWeights
-from fleet.envs.rows import CAR_N, NEAR_M
-from fleet.envs.warehouse import WarehouseEnv
-from fleet.roster import CarPhase
+from fleet.config import ArmConfig
+from fleet.envs.core.base import ActionError, EnvState, EpisodeError, StateError
+from fleet.envs.warehouse.env import WarehouseEnv
+from fleet.envs.warehouse.rewards import TERMS, RewardWeights
+from fleet.envs.warehouse.rows import CAR_N, NEAR_M
+from fleet.errors import ConfigError
+from fleet.missions.roster import CarPhase
 from fleet.sensors.lidar import Lidar, LidarRing
-from fleet.stations.arm_cell import arm_cells
-from fleet.stations.arm_desk import ArmDesk
-from fleet.stations.arm_planner import make_arm_planner
+from fleet.stations.arms.arm_cell import arm_cells
+from fleet.stations.arms.arm_desk import ArmDesk
+from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.tasks.board import TaskState
 
 Actions = dict[str, npt.NDArray[np.float32]]
@@ -311,7 +312,7 @@ LOAD_AND_HASH = """
 import sys
 from pathlib import Path
 from fleet.envs import warehouse_v0
-from fleet.envs.base import EnvState
+from fleet.envs.core.base import EnvState
 state = EnvState.read(Path(sys.argv[1]))
 env = warehouse_v0.parallel_env(**state.arguments)
 print(env.load_state(state)["car_0"].tobytes().hex())

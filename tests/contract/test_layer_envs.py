@@ -14,15 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.config import ConfigError
 from fleet.envs import dispatch_v0, traffic_v0
-from fleet.envs.base import ActionError, EnvState, EpisodeError, StateError
-from fleet.envs.dispatch import TERMS as DISPATCH_TERMS
-from fleet.envs.dispatch import DispatchWeights
-from fleet.envs.layer import LayerEnv
+from fleet.envs.core.base import ActionError, EnvState, EpisodeError, StateError
+from fleet.envs.dispatch.env import TERMS as DISPATCH_TERMS
+from fleet.envs.dispatch.env import DispatchWeights
+from fleet.envs.layers.layer import LayerEnv
 from fleet.envs.policies import POLICIES, make_policy
-from fleet.envs.traffic import TERMS as TRAFFIC_TERMS
-from fleet.errors import FleetError
+from fleet.envs.traffic.env import TERMS as TRAFFIC_TERMS
+from fleet.errors import ConfigError, FleetError
 from maps.errors import MapsError
 from maps.warehouse import generate_warehouse
 

@@ -11,9 +11,9 @@ import pytest
 
 from planners.errors import PlanningError
 from planners.motion import MOTION_PLANNERS, MotionProblem, MotionStatus
-from planners.motion.arm_model import ArmModel
-from planners.motion.collision import CollisionChecker
-from planners.motion.obstacles import Boxes
+from planners.motion.arm.arm_model import ArmModel
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.collision.obstacles import Boxes
 
 LOW = np.array([-0.9, 0.9, -1.0])
 ACROSS = np.array([0.9, 0.9, -1.0])

@@ -15,12 +15,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import fleet.envs  # noqa: F401 - makes the environments known
-from fleet.config import ConfigError
-from fleet.envs.base import ActionError, EpisodeError
-from fleet.envs.car_navigate import CarNavigateEnv
+from fleet.envs.core.base import ActionError, EpisodeError
 from fleet.envs.kuka_reach import TOLERANCE_M, KukaReachEnv, ReachPolicy
-from fleet.envs.navigation import BRAKE_S, TOW_S, NavigationEnv
-from fleet.envs.navigation_policy import PursuitPolicy
+from fleet.envs.navigate.car_navigate import CarNavigateEnv
+from fleet.envs.navigate.navigation import BRAKE_S, TOW_S, NavigationEnv
+from fleet.envs.navigate.navigation_policy import PursuitPolicy
+from fleet.errors import ConfigError
 
 FIDELITIES = ("kinematic", "physics")
 

@@ -23,8 +23,9 @@ from pettingzoo.test import (
 from pettingzoo.utils import parallel_to_aec
 
 import fleet.envs  # noqa: F401 - makes the environments known
-from fleet.config import ConfigError, Fidelity
+from fleet.config import Fidelity
 from fleet.envs import dispatch_v0, navigate_v0, traffic_v0, warehouse_v0
+from fleet.errors import ConfigError
 
 HETEROGENEOUS = ("Agents have different observation space sizes", "Observations are different shapes")
 """What it warns about whenever agents are of different types."""

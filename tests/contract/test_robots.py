@@ -7,7 +7,7 @@ import pytest
 
 from fleet.robots import ROBOTS, TOOLS, ArmModel, CarModel
 from fleet.robots.spec import ArmSpec
-from fleet.world.bullet.client import Client
+from fleet.world.bullet.engine.client import Client
 
 CARS = {name: model for name, model in ROBOTS.items() if isinstance(model, CarModel)}
 ARMS = {name: model for name, model in ROBOTS.items() if isinstance(model, ArmModel)}

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig
-from fleet.roster import CarPhase
+from fleet.missions.roster import CarPhase
 from fleet.simulation import Simulation
 from fleet.tasks import TASK_TYPES
 from fleet.tasks.board import DONE_STATES, TaskState

@@ -21,10 +21,10 @@ from fleet.world.protocol import ParcelBody, World
 from fleet.world.scene import Scene, StaticBox
 from maps.grid import GridMap
 from maps.lane_graph import grid_lane_graph
-from planners.motion.kinematics import link_frames
+from planners.motion.arm.kinematics import link_frames
 
 try:
-    from fleet.world.bullet.config import BulletConfig
+    from fleet.world.bullet.engine.config import BulletConfig
     from fleet.world.bullet.world import BulletWorld
 except ImportError:  # pragma: no cover - only where pybullet is not installed
     BulletWorld = None  # type: ignore[assignment, misc]

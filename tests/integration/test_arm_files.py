@@ -11,15 +11,15 @@ import pytest
 
 from fleet.errors import ConfigError
 from fleet.robots.arm_kinds import arm_kind
-from fleet.world.bullet.arm_file import ArmFile, ArmFileError, load, read_arm
-from fleet.world.bullet.client import Client
+from fleet.world.bullet.bench.arm_file import ArmFile, ArmFileError, load, read_arm
+from fleet.world.bullet.bench.dynamics import ArmDynamics
 from fleet.world.bullet.confirm import PathConfirmer
-from fleet.world.bullet.dynamics import ArmDynamics
+from fleet.world.bullet.engine.client import Client
 from planners.errors import PlanningError
-from planners.motion.collision import CollisionChecker
-from planners.motion.ik import SrsGeometry
-from planners.motion.ik_offset import OffsetGeometry
-from planners.motion.obstacles import Boxes
+from planners.motion.arm.ik import SrsGeometry
+from planners.motion.arm.ik_offset import OffsetGeometry
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.collision.obstacles import Boxes
 
 pytestmark = pytest.mark.bullet
 

@@ -10,7 +10,7 @@ import pybullet
 import pytest
 
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig
-from fleet.dispatcher import CarPhase
+from fleet.dispatch.dispatcher import CarPhase
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.tools import TOOLS
 from fleet.simulation import Simulation

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.cli import main
+from fleet.cli.main import main
 from fleet.config import RunConfig
 from fleet.errors import ConfigError
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from fleet.approach import NEAR_N
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, ScenarioEvent
-from fleet.dispatcher import CALL_S
+from fleet.dispatch.dispatcher import CALL_S
 from fleet.insight.ledger import STANDING_MPS
 from fleet.insight.metrics import Summary
-from fleet.roster import CarPhase
+from fleet.missions.admission import NEAR_N
+from fleet.missions.roster import CarPhase
 from fleet.simulation import Event, Simulation
 
 SLOW_SERVICE_S = 22.5

@@ -15,9 +15,9 @@ from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots import TOOLS, iiwa_spec, racecar_spec
 from fleet.world.bullet import BulletConfig, BulletWorld
-from fleet.world.bullet.client import Client, PhysicsError
-from fleet.world.bullet.config import exact_tick_s
 from fleet.world.bullet.confirm import PathConfirmer
+from fleet.world.bullet.engine.client import Client, PhysicsError
+from fleet.world.bullet.engine.config import exact_tick_s
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
 from planners.errors import PlanningError

@@ -11,11 +11,11 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig
 from fleet.errors import ConfigError
-from fleet.perception import SeenPoses, Sighting
+from fleet.missions.perception import SeenPoses, Sighting
 from fleet.robots import racecar_spec
 from fleet.simulation import Simulation
+from fleet.stations.arms.transfer import TransferRequest
 from fleet.stations.station import Station
-from fleet.stations.transfer import TransferRequest
 from fleet.tasks.board import Task, TaskState
 from fleet.tasks.order import Delivery
 from fleet.world.bullet.world import BulletWorld

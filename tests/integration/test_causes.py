@@ -7,7 +7,7 @@ from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, R
 from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, OWN, WITHOUT_TASK, Cause, Column
 from fleet.insight.explain import Explanation
 from fleet.insight.ledger import STANDING_MPS
-from fleet.roster import CarPhase
+from fleet.missions.roster import CarPhase
 from fleet.simulation import Simulation
 
 AT_DOCK = (CarPhase.LOADING, CarPhase.UNLOADING)

@@ -8,7 +8,7 @@ import pytest
 from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig
 from fleet.errors import ConfigError
 from fleet.insight.metrics import Summary
-from fleet.roster import CarPhase
+from fleet.missions.roster import CarPhase
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import TaskState
 from fleet.tasks.reasons import TaskReason

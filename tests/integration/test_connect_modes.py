@@ -15,8 +15,8 @@ import pytest
 
 from fleet.config import ArmConfig, Connect, RunConfig
 from fleet.simulation import Simulation
-from fleet.world.bullet import client as client_module
-from fleet.world.bullet.client import PhysicsError
+from fleet.world.bullet.engine import client as client_module
+from fleet.world.bullet.engine.client import PhysicsError
 
 pytestmark = pytest.mark.bullet
 

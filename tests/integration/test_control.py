@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fleet.cli import main
+from fleet.cli.main import main
 from fleet.control import computed_torque
 from fleet.control.friction_fit import fit_friction
 from fleet.control.joint_file import JointRecording, write_recording
-from fleet.world.bullet.bench import ArmBench
-from fleet.world.bullet.replay import Drive, MotionReplay, drive_of, open_bench
+from fleet.world.bullet.bench.bench import ArmBench
+from fleet.world.bullet.bench.replay import Drive, MotionReplay, drive_of, open_bench
 
 pytestmark = pytest.mark.bullet
 

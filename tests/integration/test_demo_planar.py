@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.cli import main
+from fleet.cli.main import main
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.errors import FleetError
 from fleet.insight.metrics import Summary

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.cli import main
+from fleet.cli.main import main
 from fleet.config import ArmConfig, EstimateConfig, Fidelity, RunConfig, ScenarioEvent, TrafficConfig
 from fleet.recording.trace_file import TRACE
 from fleet.session import SessionConfig, run_session

@@ -11,7 +11,7 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.metrics import Summary
-from fleet.roster import CarPhase
+from fleet.missions.roster import CarPhase
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import TaskState
 from planners.mapf.distance_table import DistanceTable

@@ -8,7 +8,7 @@ import pytest
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig, ScenarioEvent
 from fleet.insight.metrics import Summary
 from fleet.simulation import Event, Simulation
-from fleet.stations.service import ServiceState
+from fleet.stations.arms.service import ServiceState
 from fleet.tasks.board import TaskState
 
 SETTINGS = {"site": "cell", "robots": 1, "tasks": 1, "duration_s": 150.0, "arms": ArmConfig(workers_n=0)}

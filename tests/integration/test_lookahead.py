@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig
-from fleet.lookahead import AGED_S, SLOT_S
+from fleet.dispatch.horizon import AGED_S, SLOT_S
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import TaskState
 from fleet.tasks.reasons import PairReason, TaskReason

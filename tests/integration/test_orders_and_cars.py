@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, CarConfig, Fidelity, RunConfig, StreamConfig, TimeoutConfig
-from fleet.dispatcher import CannotCancel, CannotRequeue
-from fleet.roster import CarPhase
+from fleet.dispatch.dispatcher import CannotCancel, CannotRequeue
+from fleet.missions.roster import CarPhase
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import TaskState, UnknownTask
 from fleet.tasks.reasons import PairReason, TaskReason

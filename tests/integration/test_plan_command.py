@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fleet.cli import main
+from fleet.cli.main import main
 from maps.movingai import read_map, starts_and_goals
 from maps.smart import read_paths
 from planners.mapf import ONE_SHOT_PLANNERS

@@ -10,10 +10,10 @@ import pytest
 
 from fleet.config import Fidelity, RunConfig
 from fleet.insight.causes import OWN, Cause, Column
+from fleet.session.frames import CONGESTION, Watch, open_recorder
 from fleet.simulation import Simulation
-from fleet.stations import arm_cell
-from fleet.watch import CONGESTION, Watch, open_recorder
-from planners.motion.kinematics import link_frames
+from fleet.stations.arms import arm_cell
+from planners.motion.arm.kinematics import link_frames
 from tests.unit.fleet.recording.test_rerun_recorder import STEP_M, rows
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fleet.cli import main
+from fleet.cli.main import main
 from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.causes import OWN, Cause
 from fleet.insight.ledger import Account

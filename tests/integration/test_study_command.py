@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.cli import main
+from fleet.cli.main import main
 from fleet.study.table import CSV_FILE, read_rows
 
 WORDS = ["--site", "cell", "--fidelity", "grid", "--robots", "1:2", "--seeds", "2", "--duration", "80"]

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fleet.cli import main
-from fleet.recording.cli import run_rerun
+from fleet.cli.main import main
+from fleet.recording.rerun_cli import run_rerun
 from fleet.world.bullet.confirm import Confirmation, PathConfirmer
 
 pytestmark = pytest.mark.bullet

@@ -8,7 +8,7 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig
 from fleet.simulation import Event, Simulation
-from fleet.stations.service import ServiceState
+from fleet.stations.arms.service import ServiceState
 from fleet.tasks.board import TaskState
 from maps.site import load_site, save_site, site_from_plan
 

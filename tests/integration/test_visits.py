@@ -16,8 +16,8 @@ from fleet.config import (
     ScenarioEvent,
     TimeoutConfig,
 )
-from fleet.dispatcher import CannotCancel, CannotRequeue
-from fleet.roster import ON_VISIT, CarPhase
+from fleet.dispatch.dispatcher import CannotCancel, CannotRequeue
+from fleet.missions.roster import ON_VISIT, CarPhase
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import CANCELLABLE, OPEN_STATES, UNDER_WAY, TaskState
 from fleet.tasks.place_names import LANE_STAND_S

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.cli import main
+from fleet.cli.main import main
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.insight.time_table import time_columns
 from fleet.session import SessionConfig, run_session

@@ -12,9 +12,9 @@ import pytest
 import fleet.envs  # noqa: F401 - makes the environments known
 from benchmarks.harness import Trial
 from benchmarks.training import subproc
-from fleet.config import ConfigError
-from fleet.envs.dispatch import DispatchEnv
-from fleet.envs.navigation import NavigationEnv
+from fleet.envs.dispatch.env import DispatchEnv
+from fleet.envs.navigate.navigation import NavigationEnv
+from fleet.errors import ConfigError
 from tests.stacks.conftest import require_package
 
 require_package("stable_baselines3", "sb3")

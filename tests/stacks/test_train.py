@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
-from fleet.cli import main
+from fleet.cli.main import main
 from fleet.envs.policies.policy import Random
 from fleet.training.errors import TrainingError
 from fleet.training.recipes import RECIPES, Recipe

@@ -18,8 +18,8 @@ from benchmarl.models.mlp import MlpConfig
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.pettingzoo import PettingZooWrapper
 
-from fleet.envs.dispatch import DispatchEnv
-from fleet.envs.navigation import NavigationEnv
+from fleet.envs.dispatch.env import DispatchEnv
+from fleet.envs.navigate.navigation import NavigationEnv
 
 ENVS = {"navigate": NavigationEnv, "dispatch": DispatchEnv}
 ALGORITHMS = {"ippo": IppoConfig, "mappo": MappoConfig}

@@ -19,8 +19,8 @@ from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaskingTorchRLModule
 from ray.tune.registry import register_env
 
-from fleet.envs.dispatch import DispatchEnv
-from fleet.envs.navigation import NavigationEnv
+from fleet.envs.dispatch.env import DispatchEnv
+from fleet.envs.navigate.navigation import NavigationEnv
 
 
 class Renamed(BaseParallelWrapper):

@@ -9,8 +9,8 @@ import argparse
 
 from stable_baselines3 import PPO
 
-from fleet.envs.dispatch import DispatchEnv
-from fleet.envs.navigation import NavigationEnv
+from fleet.envs.dispatch.env import DispatchEnv
+from fleet.envs.navigate.navigation import NavigationEnv
 from fleet.training.stacks.sb3 import TypeVecEnv
 
 ENVS = {"navigate": NavigationEnv, "dispatch": DispatchEnv}

@@ -16,8 +16,8 @@ from torchrl.modules import MaskedCategorical, MultiAgentMLP, NormalParamExtract
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
-from fleet.envs.dispatch import DispatchEnv
-from fleet.envs.navigation import NavigationEnv
+from fleet.envs.dispatch.env import DispatchEnv
+from fleet.envs.navigate.navigation import NavigationEnv
 
 ENVS = {"navigate": NavigationEnv, "dispatch": DispatchEnv}
 GROUP = "car"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fleet.envs.dispatch import DispatchEnv
+from fleet.envs.dispatch.env import DispatchEnv
 from planners.allocation import allocator_named
 from planners.allocation.problem import AllocationProblem
 

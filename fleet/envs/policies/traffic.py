@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.grid_kernel import NONE
-from fleet.envs.traffic import TrafficEnv
+from fleet.envs.grid.kernel import NONE
+from fleet.envs.traffic.env import TrafficEnv
 from maps.lane_graph import LaneGraph
 from planners.mapf.pibt import Stepper
 

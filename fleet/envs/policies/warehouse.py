@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import ArmConfig
-from fleet.envs.rows import NEAR_M, WAY_POINTS_M
-from fleet.envs.warehouse import WarehouseEnv
+from fleet.envs.warehouse.env import WarehouseEnv
+from fleet.envs.warehouse.rows import NEAR_M, WAY_POINTS_M
 from fleet.simulation import Simulation
-from fleet.stations.arm_cell import arm_cells
-from fleet.stations.arm_desk import ArmDesk
-from fleet.stations.arm_planner import make_arm_planner
-from fleet.stations.transfer import TransferRequest
+from fleet.stations.arms.arm_cell import arm_cells
+from fleet.stations.arms.arm_desk import ArmDesk
+from fleet.stations.arms.arm_planner import make_arm_planner
+from fleet.stations.arms.transfer import TransferRequest
 
 LOOKAHEAD_N = 0
 """Way-point that a car steers for: 0.4 m ahead, the wheelbase and a little more."""

@@ -9,8 +9,8 @@ from numba import njit
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
-from fleet.world.bullet.client import Client
-from fleet.world.bullet.frames import quaternion
+from fleet.world.bullet.engine.client import Client
+from fleet.world.bullet.engine.frames import quaternion
 
 FloatArray = npt.NDArray[np.float64]
 

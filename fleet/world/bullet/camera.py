@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fleet.sensors.camera import Camera, CameraImage
-from fleet.world.bullet.client import Client
+from fleet.world.bullet.engine.client import Client
 
 # OpenGL's camera frame has y up and z backwards.
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])

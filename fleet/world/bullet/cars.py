@@ -14,10 +14,10 @@ from numba import njit
 from fleet.robots.model import WheelShape
 from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
 from fleet.robots.spec import CarSpec
-from fleet.world.bullet import groups
 from fleet.world.bullet.ackermann import Ackermann
-from fleet.world.bullet.client import Client
-from fleet.world.bullet.frames import quaternion, rotation, rotation_into
+from fleet.world.bullet.engine import groups
+from fleet.world.bullet.engine.client import Client
+from fleet.world.bullet.engine.frames import quaternion, rotation, rotation_into
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
-from fleet.world.bullet.arm_file import ArmFile, load, rigid_parts
-from fleet.world.bullet.client import Client, PhysicsError
-from fleet.world.bullet.frames import quaternion
+from fleet.world.bullet.bench.arm_file import ArmFile, load, rigid_parts
+from fleet.world.bullet.engine.client import Client, PhysicsError
+from fleet.world.bullet.engine.frames import quaternion
 from planners.errors import PlanningError
 from planners.motion import checks
 

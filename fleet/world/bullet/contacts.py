@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.robots.spec import CarSpec
-from fleet.world.bullet.client import Client
-from fleet.world.bullet.frames import rotation
+from fleet.world.bullet.engine.client import Client
+from fleet.world.bullet.engine.frames import rotation
 from fleet.world.protocol import Contacts
 
 _PAUSE_S = 0.25

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from fleet.config import Grip
 from fleet.world.bullet.arms import Arms
-from fleet.world.bullet.client import Client
-from fleet.world.bullet.frames import rotation
+from fleet.world.bullet.engine.client import Client
+from fleet.world.bullet.engine.frames import rotation
 from fleet.world.bullet.parcels import Parcels
 from fleet.world.protocol import TOOL_FAILED
 

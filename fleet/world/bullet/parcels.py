@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.robots.tools import CARDBOARD_FRICTION
-from fleet.world.bullet.client import Client, PhysicsError
+from fleet.world.bullet.engine.client import Client, PhysicsError
 from fleet.world.protocol import ParcelBody
 
 FloatArray = npt.NDArray[np.float64]

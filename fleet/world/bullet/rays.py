@@ -15,9 +15,9 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.robots.racecar import body_boxes
-from fleet.world.bullet.client import Client
+from fleet.world.bullet.engine.client import Client
 from fleet.world.scene import Scene
-from planners.motion.kinematics import link_frames_into
+from planners.motion.arm.kinematics import link_frames_into
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -14,18 +14,18 @@ from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots.tools import TOOLS
 from fleet.sensors.camera import Camera, CameraImage
-from fleet.world.bullet import groups
 from fleet.world.bullet.arms import Arms
 from fleet.world.bullet.camera import render
 from fleet.world.bullet.cars import CarReading, Cars
 from fleet.world.bullet.clearance import near_and_gap
-from fleet.world.bullet.client import Client, PhysicsError, quiet
-from fleet.world.bullet.config import BulletConfig
 from fleet.world.bullet.contacts import ContactMonitor
+from fleet.world.bullet.engine import groups
+from fleet.world.bullet.engine.client import Client, PhysicsError, quiet
+from fleet.world.bullet.engine.config import BulletConfig
+from fleet.world.bullet.engine.window import Window, arranged
 from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
 from fleet.world.bullet.rays import Rays
-from fleet.world.bullet.window import Window, arranged
 from fleet.world.protocol import Contacts, ParcelBody
 from fleet.world.ray_points import ray_points
 from fleet.world.scene import Scene

@@ -8,9 +8,9 @@ import pytest
 from benchmarks.arms import GROUPS, camera, checks, free, inverse, plans
 from benchmarks.arms.bin_cell import BinCell, Pick
 from benchmarks.harness import Trial
-from planners.motion.collision import CollisionChecker
-from planners.motion.ik_numeric import NumericInverse
-from planners.motion.rrt_connect_native import RrtConnectNative
+from planners.motion.arm.ik_numeric import NumericInverse
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.search.rrt_connect_native import RrtConnectNative
 
 
 @pytest.fixture

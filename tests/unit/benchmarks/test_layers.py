@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.harness import Trial
 from benchmarks.training import layers
-from fleet.envs.traffic import TrafficEnv
+from fleet.envs.traffic.env import TrafficEnv
 from maps.site import load_site
 
 

@@ -8,9 +8,9 @@ import pkgutil
 
 import pytest
 
-from fleet.config import ConfigError
 from fleet.envs import policies, warehouse_v0
 from fleet.envs.policies import POLICIES, make_policy
+from fleet.errors import ConfigError
 from fleet.tasks.board import DONE_STATES
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from fleet.insight.causes import NONE, Cause, Column
 from fleet.insight.ledger import Account, Ledger, percentages
-from fleet.roster import PHASES, CarPhase
+from fleet.missions.roster import PHASES, CarPhase
 
 DOCKS = np.array([[0.0, 0.0], [20.0, 0.0]])
 

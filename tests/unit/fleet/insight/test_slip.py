@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fleet.insight.slip import SlipMeter
 from fleet.robots.iiwa import iiwa_spec
-from planners.motion.kinematics import link_frames
+from planners.motion.arm.kinematics import link_frames
 
 SPEC = iiwa_spec()
 BASE = np.array([[1.0, 2.0, 0.1, 0.7]])

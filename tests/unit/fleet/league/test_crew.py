@@ -14,8 +14,8 @@ from fleet.league.controller import PibtController
 from fleet.league.crew import Crew, CrewConfig
 from fleet.league.play import Played, play
 from maps.lorr import LeagueProblem, write_result
-from planners.mapf import goal_costs
-from planners.mapf.guidance import GuidanceConfig
+from planners.mapf.multi_step import goal_costs
+from planners.mapf.multi_step.guidance import GuidanceConfig
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem, write_files
 from tests.unit.fleet.league.replay import Replay
 

@@ -11,7 +11,7 @@ from fleet.league.schedule import Schedule
 from maps.grid import EAST
 from maps.lane_graph import grid_lane_graph
 from maps.lorr import LeagueProblem
-from planners.mapf.goal_costs import GoalCosts
+from planners.mapf.multi_step.goal_costs import GoalCosts
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from fleet.recording import RerunRecorder
 from fleet.recording.check import verify_recording
-from fleet.recording.cli import quiet_environment, rerun_program
+from fleet.recording.rerun_cli import quiet_environment, rerun_program
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
 from tests.unit.fleet.recording.test_rerun_recorder import free_port, wait_for
 

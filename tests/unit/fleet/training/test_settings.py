@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from fleet.cli import BAD_INPUT, main
-from fleet.config import ConfigError
+from fleet.cli.main import BAD_INPUT, main
+from fleet.errors import ConfigError
 from fleet.training.errors import TrainingError
 from fleet.training.settings import PpoConfig, read_settings
 

@@ -16,7 +16,7 @@ from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, Ki
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
 from fleet.world.surroundings import FOOT_M
-from planners.motion.kinematics import link_frames
+from planners.motion.arm.kinematics import link_frames
 
 FloatArray = npt.NDArray[np.float64]
 

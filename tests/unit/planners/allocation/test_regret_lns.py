@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planners.allocation.job_shop.shop_kernel import dispatch, empty_books, evaluate
+from planners.allocation.job_shop.shop_plan import arrays_of, timetable
 from planners.allocation.problem import AllocationProblem
 from planners.allocation.regret_lns import RegretLns
 from planners.allocation.shop import Shop, ShopError
-from planners.allocation.shop_kernel import dispatch, empty_books, evaluate
-from planners.allocation.shop_plan import arrays_of, timetable
 from planners.allocation.validate import faults
 from planners.errors import PlanningError
 

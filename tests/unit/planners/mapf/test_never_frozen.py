@@ -9,8 +9,8 @@ import pytest
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.mapf.distance_table import DistanceTable
+from planners.mapf.multi_step.priorities import Priorities, pocket_depth
 from planners.mapf.pibt import Pibt
-from planners.mapf.priorities import Priorities, pocket_depth
 from planners.mapf.problem import Instance
 from planners.mapf.validate import breaches
 from tests.unit.planners.mapf.lanes import random_starts

@@ -11,10 +11,10 @@ import pybullet_data
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planners.motion.arm_model import ArmModel, build_arm_model
-from planners.motion.ik import SrsGeometry
-from planners.motion.obstacles import Boxes
-from planners.motion.spheres import read_binary_stl
+from planners.motion.arm.arm_model import ArmModel, build_arm_model
+from planners.motion.arm.ik import SrsGeometry
+from planners.motion.arm.spheres import read_binary_stl
+from planners.motion.collision.obstacles import Boxes
 
 IIWA = Path(pybullet_data.getDataPath()) / "kuka_iiwa"
 

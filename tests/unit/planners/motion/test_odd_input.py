@@ -10,22 +10,22 @@ import pytest
 
 from planners.errors import PlanningError
 from planners.motion import MotionProblem, RrtConnectConfig, RrtConnectNative, motion_planner
-from planners.motion.arm_model import ArmModel, assemble
-from planners.motion.asynchronous import asynchronous, soonest
-from planners.motion.cartesian import cartesian_line
-from planners.motion.collision import CollisionChecker
-from planners.motion.coordination import ArmInWorld
-from planners.motion.ik import SrsGeometry
-from planners.motion.ik_numeric import NumericInverse
-from planners.motion.inverse import inverse_kinematics
-from planners.motion.kinematics import flange_from_tip, link_frames
-from planners.motion.lines import straight_line
-from planners.motion.obstacles import Boxes, Capsules
-from planners.motion.route import RouteConfig, RoutePlanner, RouteProblem, RouteStatus
-from planners.motion.shortcut import shorten
-from planners.motion.spheres import box_spheres, fit_spheres, read_binary_stl
-from planners.motion.timed_path import Dwell, timed_path
-from planners.motion.trajectory import Trajectory, retime
+from planners.motion.arm.arm_model import ArmModel, assemble
+from planners.motion.arm.ik import SrsGeometry
+from planners.motion.arm.ik_numeric import NumericInverse
+from planners.motion.arm.inverse import inverse_kinematics
+from planners.motion.arm.kinematics import flange_from_tip, link_frames
+from planners.motion.arm.spheres import box_spheres, fit_spheres, read_binary_stl
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.collision.obstacles import Boxes, Capsules
+from planners.motion.pair.asynchronous import asynchronous, soonest
+from planners.motion.pair.coordination import ArmInWorld
+from planners.motion.path.cartesian import cartesian_line
+from planners.motion.path.lines import straight_line
+from planners.motion.path.route import RouteConfig, RoutePlanner, RouteProblem, RouteStatus
+from planners.motion.path.timed_path import Dwell, timed_path
+from planners.motion.path.trajectory import Trajectory, retime
+from planners.motion.search.shortcut import shorten
 
 NAN, INF = np.nan, np.inf
 Q = np.array([0.0, 0.3, 0.0, -1.2, 0.0, 0.8, 0.0])

@@ -1,0 +1,1 @@
+"""Charts: a small drawing library, and the statistics that its pictures show."""

@@ -1,0 +1,160 @@
+"""The lorr command: play a problem of the League of Robot Runners."""
+
+from __future__ import annotations
+
+import json
+import math
+import resource
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from fleet.config import require
+from fleet.terminal.interrupts import interrupts
+from fleet.terminal.progress_bar import Bar
+from maps.lorr import LeagueProblem, read_problem, write_result
+
+if TYPE_CHECKING:
+    from fleet.league.arena import Arena
+    from fleet.league.play import Played
+
+PLAYED, ILLEGAL, INTERRUPTED = 0, 1, 130
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lorr:
+    """Play a League of Robot Runners problem; prints a table, writes the League's output format and a summary."""
+
+    problem: Annotated[Path, tyro.conf.Positional]
+    """Problem file of 2023 or 2024 (JSON); its map, agent and task files are found relative to it."""
+    steps: int = 1000
+    """Timesteps to play."""
+    budget_ms: float = 1000.0
+    """Wall time for each step of the planner [ms]."""
+    output: Path | None = None
+    """File for the run in the League's output format (JSON)."""
+    json: Path | None = None
+    """File for the summary (JSON)."""
+    seed: int = 0
+    """Seed of everything random."""
+    strict_time: bool = False
+    """While the planner is late all robots wait, as in the League; otherwise late steps are only counted."""
+
+    def run(self) -> int:
+        """Play and print the result; returns the exit status."""
+        self._check()
+        problem = read_problem(self.problem)
+        for path in (self.output, self.json):
+            if path is not None:
+                _require_writable(path)
+        # Kernels take a second to load: only when there is something to play.
+        from fleet.league.crew import Crew
+        from fleet.league.play import play
+
+        with Bar(self.steps, "steps", shown=True) as bar:
+
+            def progress(arena: Arena) -> None:
+                if bar.due():
+                    done = f"{arena.n_finished} tasks"
+                    bar.show(arena.timestep, done, f"step {arena.timestep} of {self.steps}, {done} finished")
+
+            played = play(
+                problem,
+                Crew(seed=self.seed),
+                self.steps,
+                self.budget_ms / 1000.0,
+                strict_time=self.strict_time,
+                progress=progress,
+            )
+        with interrupts():
+            if self.output is not None:
+                write_result(self.output, played.result)
+            summary = self._summary(problem, played)
+            if self.json is not None:
+                self.json.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console.print(_table(summary))
+        if played.conflicts:
+            worst = played.conflicts[0]
+            console.print(f"illegal: {worst.kind} at timestep {worst.timestep}, robots {worst.agents}")
+            return ILLEGAL
+        if played.interrupted:
+            console.print("interrupted: the files hold the run up to here")
+            return INTERRUPTED
+        return PLAYED
+
+    def _check(self) -> None:
+        require(self.steps >= 1, "--steps", self.steps, "an integer >= 1")
+        require(self.budget_ms > 0 and math.isfinite(self.budget_ms), "--budget-ms", self.budget_ms, "a number > 0")
+        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        taken = {self.problem.resolve()}
+        for option, path in (("--output", self.output), ("--json", self.json)):
+            if path is not None:
+                require(path.resolve() not in taken, option, str(path), "a file of its own")
+                taken.add(path.resolve())
+
+    def _summary(self, problem: LeagueProblem, played: Played) -> dict[str, object]:
+        """What the summary file holds."""
+        result = played.result
+        wall_ms, cpu_ms = 1000.0 * result.planner_times_s, 1000.0 * played.step_cpu_s
+        return {
+            "problem": problem.name,
+            "robots": problem.n_robots,
+            "steps": played.timesteps,
+            "tasks_finished": result.n_finished,
+            "step_ms_mean": round(float(wall_ms.mean()), 3) if wall_ms.size else 0.0,
+            "step_ms_max": round(float(wall_ms.max(initial=0.0)), 3),
+            "step_cpu_ms_mean": round(float(cpu_ms.mean()), 3) if cpu_ms.size else 0.0,
+            "late_steps": played.late_steps,
+            "startup_s": round(played.startup_s, 3),
+            "peak_rss_mb": round(_peak_rss_mb(), 1),
+            "planner_errors": len(result.planner_errors),
+            "schedule_errors": len(result.schedule_errors),
+            "timeouts": result.n_timeouts,
+            "conflicts": len(played.conflicts),
+            "budget_ms": self.budget_ms,
+            "seed": self.seed,
+            "interrupted": played.interrupted,
+        }
+
+
+def _table(summary: dict[str, object]) -> Table:
+    rows = (
+        ("tasks finished", "{tasks_finished}"),
+        ("step, mean", "{step_ms_mean:.2f} ms"),
+        ("step, longest", "{step_ms_max:.2f} ms"),
+        ("step, CPU time, mean", "{step_cpu_ms_mean:.2f} ms"),
+        ("steps over the budget", "{late_steps} of {budget_ms:g} ms"),
+        ("start-up", "{startup_s:.2f} s"),
+        ("peak memory", "{peak_rss_mb:.0f} MB"),
+        ("planner errors", "{planner_errors}"),
+        ("schedule errors", "{schedule_errors}"),
+        ("conflicts found by the referee", "{conflicts}"),
+    )
+    title = "{problem}: {robots} robots, {steps} steps, seed {seed}".format_map(summary)
+    table = Table(title=title, show_header=False, min_width=len(title))
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for name, form in rows:
+        table.add_row(name, form.format_map(summary))
+    return table
+
+
+def _peak_rss_mb() -> float:
+    """Most memory this process has had [MB]."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def _require_writable(path: Path) -> None:
+    """Raise OSError now rather than after the run; leaves no file behind that was not there."""
+    existed = path.exists()
+    with path.open("ab"):
+        pass
+    if not existed:
+        path.unlink()

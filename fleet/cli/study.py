@@ -1,0 +1,174 @@
+"""The study command: how many cars are worth it, and which allocator."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from rich.console import Console
+from rich.table import Table
+
+from fleet.config import Fidelity, StreamConfig, StreamKind, require
+from fleet.study.design import Design, parse_names, parse_range
+from fleet.terminal.interrupts import interrupts
+from fleet.terminal.progress_bar import Bar
+
+if TYPE_CHECKING:
+    from fleet.study.study import Outcome
+
+COMPLETE, INTERRUPTED = 0, 130
+ORDERS_PER_CAR_H = 90.0
+"""So that work never ends: a car needs at least 50 s for a delivery on the sites that ship."""
+PLAIN_WIDTH = 120
+"""Columns of a table that goes to a file or a pipe."""
+
+DECIDING = (
+    "allocators",
+    "robots",
+    "seeds",
+    "site",
+    "fidelity",
+    "duration",
+    "stream",
+    "rate",
+    "orders",
+    "battery",
+    "planner",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Compare fleet sizes and allocators on the same orders; prints a table, writes a CSV file, plots and a page."""
+
+    allocators: str = "greedy,hungarian"
+    """Allocators, separated by commas; the others are compared with the first."""
+    robots: str = "2:20"
+    """Numbers of cars: a number, a range, a range with a step, or a list: 8, 2:20, 2:20:2, 2,4,8."""
+    seeds: int = 5
+    """Number of seeds; each has its own orders, the same for all fleets. Intervals need two or more."""
+    site: str = "medium"
+    """Name of a shipped site (see `site list`) or path of a site file."""
+    fidelity: Literal["kinematic", "grid"] = "kinematic"
+    """How robots are moved."""
+    duration: float = 1200.0
+    """Simulated time of each run [s]."""
+    stream: str = "poisson"
+    """How orders arrive, with due dates and priorities: poisson, waves, skewed or skewed_waves."""
+    rate: float | None = None
+    """Orders per hour; default 90 for each car of the largest fleet, more than it can deliver."""
+    orders: Path | None = None
+    """File of orders in place of a stream, as in the demo."""
+    battery: bool = False
+    """Cars have batteries and go to charge."""
+    planner: str = "pibt"
+    """Path planner of the fleet: pibt or multi_step_pibt."""
+    jobs: int | None = None
+    """Runs at once; default one per core."""
+    out: Path = Path("runs/study")
+    """Directory for study.csv, study.html and the plots."""
+    resume: bool = False
+    """Keep the runs that are in the directory already, and do the others."""
+
+    def run(self) -> int:
+        """Run and print the findings; returns the exit status."""
+        require(self.seeds >= 1, "--seeds", self.seeds, "an integer >= 1")
+        require(0.0 < self.duration < 1e6, "--duration", self.duration, "a number > 0, at most a million")
+        require(self.jobs is None or self.jobs >= 1, "--jobs", self.jobs, "an integer >= 1")
+        require(self.stream in list(StreamKind), "--stream", self.stream, ", ".join(StreamKind))
+        require(self.rate is None or self.orders is None, "--rate", self.rate, "without --orders")
+        robots = parse_range(self.robots, "--robots")
+        rate_per_h = ORDERS_PER_CAR_H * max(robots) if self.rate is None else self.rate
+        design = Design(
+            allocators=parse_names(self.allocators, "--allocators"),
+            robots=robots,
+            seeds=tuple(range(self.seeds)),
+            site=self.site,
+            fidelity=Fidelity(self.fidelity),
+            duration_s=self.duration,
+            stream=StreamConfig(kind=StreamKind(self.stream), rate_per_h=rate_per_h),
+            orders=self.orders,
+            planner=self.planner,
+            battery=self.battery,
+        )
+        # The planners take a second to load: only for runs, not for --help.
+        from fleet.study.study import check, run_study
+
+        check(design)
+        with interrupts() as interrupted, Bar(len(design.variants), "runs", shown=True) as bar:
+
+            def progress(done: int, total: int) -> None:
+                if bar.due():
+                    bar.show(done, f"{total - done} to go", f"{done} of {total} runs done")
+
+            outcome = run_study(
+                design,
+                self.out,
+                jobs=self.jobs or len(os.sched_getaffinity(0)),
+                resume=self.resume,
+                interrupted=interrupted,
+                progress=progress,
+            )
+        width = None if sys.stdout.isatty() else PLAIN_WIDTH
+        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
+        if outcome.rows:
+            self._show(console, outcome)
+        if outcome.open_n:
+            console.print(f"interrupted: {outcome.open_n} runs are missing; --resume does them", soft_wrap=True)
+            return INTERRUPTED
+        return COMPLETE
+
+    def _words(self) -> str:
+        """The options that decide the rows, as they are typed."""
+        said = []
+        for name in DECIDING:
+            value = getattr(self, name)
+            if value is True:
+                said.append(f"--{name}")
+            elif value not in (None, False):
+                said.append(f"--{name} {value:g}" if isinstance(value, float) else f"--{name} {value}")
+        return " ".join(said)
+
+    def _show(self, console: Console, outcome: Outcome) -> None:
+        from fleet.study.page import PAGE, charts, write_page
+        from fleet.study.words import sentences
+
+        findings = outcome.findings
+        plots = charts(findings)
+        for name, plot in plots.items():
+            plot.write_png(self.out / f"{name}.png")
+        title = f"{Path(self.site).stem}: fleet size and allocation"
+        seeds = f"{self.seeds} seed{'s' if self.seeds > 1 else ''}"
+        settings = f"{seeds}, {self.duration:g} s each, {self.fidelity}. Again: python -m fleet study {self._words()}"
+        write_page(self.out / PAGE, findings=findings, plots=list(plots.values()), title=title, settings=settings)
+        console.print(_table(outcome, title))
+        for sentence in sentences(findings):
+            console.print(sentence, soft_wrap=True)
+        console.print(f"page: {self.out / PAGE}", soft_wrap=True)
+
+
+def _table(outcome: Outcome, title: str) -> Table:
+    from fleet.study.words import between
+
+    findings = outcome.findings
+    table = Table(title=title)
+    table.add_column("allocator")
+    late = "tardiness [s]" if findings.has_due_dates else "task time [s]"
+    for name in ("cars", "deliveries/h", "difference", late, "waiting [%]"):
+        table.add_column(name, justify="right")
+    table.add_column("bottleneck")
+    for curve in findings.curves:
+        for point in curve.points:
+            table.add_row(
+                point.allocator,
+                f"{point.robots}{' (knee)' if point.robots == curve.knee else ''}",
+                between(point.throughput_per_h),
+                between(point.gain_per_h, sign=True),
+                between(point.lateness_s),
+                between(point.waiting_share, scale=100.0),
+                f"{point.bottleneck.name} {point.bottleneck.share:.0%}",
+            )
+    return table

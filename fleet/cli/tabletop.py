@@ -1,0 +1,168 @@
+"""The tabletop commands: arms that sort a table, in the physics engine."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import time
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from fleet.config import Connect, require
+from fleet.recording.run_file import RECORDING, RESULT, prepare_output, versions
+
+if TYPE_CHECKING:
+    from fleet.recording.stream.shapes import ShapeRecorder
+    from fleet.tabletop.job import Tally
+    from fleet.world.bullet.bench.table import DrawnShape, TableWorld
+
+ALL_SORTED, SOME_LEFT = 0, 1
+MOST_SEED = 2**31 - 1
+"""Searches count on from it, and take seeds of 32 bits."""
+_FRAME_TICKS = 2
+"""A recording has every second tick: 30 frames a second."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tabletop:
+    """What the tables have in common."""
+
+    seed: int = 0
+    """Seed of what lies where, and of the searches."""
+    gui: bool = False
+    """Show PyBullet's own window."""
+    out: Path = Path("runs/tabletop")
+    """Directory for recording.rrd and result.json; those of an earlier run are replaced."""
+    no_record: bool = False
+    """Write no recording."""
+
+    name: ClassVar[str]
+
+    def _run(self, objects: int) -> int:
+        """Sort the table; bad input raises."""
+        # The engine and the kernels take a second to load: only for runs, not for --help.
+        from fleet.tabletop.arm import load_model
+        from fleet.tabletop.job import Job
+        from fleet.tabletop.layout import LAYOUTS
+        from fleet.world.bullet.bench.table import TableWorld
+
+        require(0 <= self.seed <= MOST_SEED, "--seed", self.seed, f"an integer from 0 to {MOST_SEED}")
+        layout = LAYOUTS[self.name](self.seed, objects)
+        model = load_model(layout.scene.arm, layout.scene.tool)
+        start = np.tile(model.spec.home_rad, (len(layout.scene.arm_base), 1))
+        connect = Connect.GUI if self.gui else Connect.DIRECT
+        world = TableWorld(layout.scene, model.spec, model.tool, start, connect)
+        began_s = time.perf_counter()
+        try:
+            prepare_output(self.out)
+            film = None if self.no_record else _Film(self.out / RECORDING, f"tabletop {self.name}", world)
+            try:
+                job = Job(layout, model, world, seed=self.seed, watch=film.frame if film else _nothing)
+                with closing(job):
+                    tally = job.run()
+            finally:
+                if film is not None:
+                    film.close()
+            state = hashlib.sha256(world.state_bytes()).hexdigest()
+        finally:
+            world.close()
+        self._tell(tally, state, objects, time.perf_counter() - began_s)
+        return ALL_SORTED if tally.done else SOME_LEFT
+
+    def _tell(self, tally: Tally, state: str, objects: int, wall_s: float) -> None:
+        figures = {
+            "table": self.name,
+            "seed": self.seed,
+            "objects": objects,
+            "sorted": tally.sorted_n,
+            "rounds": tally.rounds_n,
+            "rounds_together": tally.together_n,
+            "missed": tally.missed_n,
+            "paths_refused": tally.refused_n,
+            "robot_contacts": tally.robot_contacts,
+            "sim_s": round(tally.sim_s, 3),
+            "state_hash": state,
+        }
+        result = {**figures, "reasons": tally.reasons, "settings": asdict(self), "versions": versions()}
+        (self.out / RESULT).write_text(json.dumps(result, indent=2, default=str) + "\n", encoding="utf-8")
+        table = Table(title=f"tabletop {self.name}", show_header=False)
+        for key, value in figures.items():
+            table.add_row(key.replace("_", " "), str(value)[:16])
+        table.add_row("wall s", f"{wall_s:.1f}")
+        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console.print(table)
+        for thing, why in tally.reasons.items():
+            console.print(f"object {thing} is not where it belongs: {why}", soft_wrap=True)
+        console.print(f"{self.out}: {RESULT}" + ("" if self.no_record else f", {RECORDING}"), soft_wrap=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TabletopSort(_Tabletop):
+    """Let a Kuka sort cubes, spheres and cylinders into places by kind."""
+
+    name: ClassVar[str] = "sort"
+    objects: int = 9
+    """How many things lie on the table, at most 10."""
+
+    def run(self) -> int:
+        """Sort, print and write; returns the exit status."""
+        return self._run(self.objects)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TabletopTray(_Tabletop):
+    """Let a Franka Panda empty a tray of pybullet_data's random objects into a box."""
+
+    name: ClassVar[str] = "tray"
+    objects: int = 6
+    """How many objects lie in the tray, at most 8."""
+
+    def run(self) -> int:
+        """Sort, print and write; returns the exit status."""
+        return self._run(self.objects)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TabletopPair(_Tabletop):
+    """Let two Kukas sort cubes and cylinders side by side, at the same time."""
+
+    name: ClassVar[str] = "pair"
+    objects: int = 10
+    """How many things lie between them, at most 12."""
+
+    def run(self) -> int:
+        """Sort, print and write; returns the exit status."""
+        return self._run(self.objects)
+
+
+class _Film:
+    """Keeps the poses of everything drawn."""
+
+    def __init__(self, path: Path, title: str, world: TableWorld) -> None:
+        from fleet.recording.stream.shapes import ShapeRecorder
+
+        self._world = world
+        self._shapes: list[DrawnShape] = world.drawn_shapes()
+        self._recorder: ShapeRecorder = ShapeRecorder(path, title, self._shapes)
+
+    def frame(self) -> None:
+        """Note this moment, if it is one of the recording's."""
+        from fleet.world.bullet.bench.table import TICK_S
+
+        if self._world.ticks % _FRAME_TICKS == 0:
+            self._recorder.record(self._world.ticks * TICK_S, self._world.drawn_poses(self._shapes))
+
+    def close(self) -> None:
+        """Write the file."""
+        self._recorder.close()
+
+
+def _nothing() -> None:
+    pass

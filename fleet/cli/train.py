@@ -1,0 +1,181 @@
+"""The train command: agents learn, and what they learned is measured against a script and chance."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+from fleet.config import require
+from fleet.terminal.interrupts import interrupts
+from fleet.terminal.progress_bar import Bar
+from fleet.training.errors import TrainingError
+
+if TYPE_CHECKING:
+    from fleet.training.recipes import Recipe
+    from fleet.training.settings import TrainConfig
+
+DONE, INTERRUPTED = 0, 130
+EXTRA = "pip install '.[train]'"
+PLAIN_WIDTH = 120
+"""Columns of a table that goes to a file or a pipe."""
+_EVALUATION = 3
+"""Branch of the seed from which the episodes of the evaluation come."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train:
+    """Train agents with PPO; prints how they do against a script and chance, writes curves and a checkpoint."""
+
+    env: str = "navigate"
+    """What is learned: navigate (cars drive to places), car (one of them), reach (an arm) or dispatch (tasks)."""
+    seed: int = 0
+    """Seed of everything random."""
+    steps: int | None = None
+    """Steps of agents; default that of the environment's recipe."""
+    fidelity: str | None = None
+    """How robots are moved, of those that the environment knows; default its own."""
+    config: Path | None = None
+    """TOML file with steps_n, checkpoint_n, tables [ppo] (settings of the algorithm) and [env] (its arguments)."""
+    episodes: int = 20
+    """Episodes that each policy plays in the evaluation."""
+    out: Path = Path("runs/train")
+    """Directory for checkpoint, curves and evaluation."""
+    resume: bool = False
+    """Go on from the checkpoint in the directory, with the same settings."""
+
+    def run(self) -> int:
+        """Train, evaluate and print; returns the exit status."""
+        # The environments take a second to load: only for runs, not for --help.
+        from fleet.training.recipes import RECIPES
+        from fleet.training.results import prepare_folder
+
+        require(self.env in RECIPES, "--env", self.env, ", ".join(RECIPES))
+        require(self.episodes >= 1, "--episodes", self.episodes, "an integer >= 1")
+        if importlib.util.find_spec("torch") is None:
+            raise TrainingError(f"training needs PyTorch, which is not installed; valid: {EXTRA}")
+        recipe = RECIPES[self.env]
+        config = self._config(recipe)
+        recipe.check(config.arguments)
+        prepare_folder(self.out, resume=self.resume)
+        return self._train(config, recipe)
+
+    def _config(self, recipe: Recipe) -> TrainConfig:
+        from fleet.training.settings import TrainConfig, read_settings
+
+        told: dict[str, Any] = read_settings(self.config) if self.config is not None else {}
+        arguments = {**recipe.arguments, **told.pop("env", {})}
+        if self.fidelity is not None:
+            arguments["fidelity"] = self.fidelity
+        ppo = dataclasses.replace(recipe.ppo, **told.pop("ppo", {}))
+        settings = {"steps_n": recipe.steps_n, **told}
+        if self.steps is not None:
+            settings["steps_n"] = self.steps
+        return TrainConfig(env=self.env, seed=self.seed, arguments=arguments, ppo=ppo, **settings)
+
+    def _train(self, config: TrainConfig, recipe: Recipe) -> int:
+        from fleet.recording.stream.curves import write_curves
+        from fleet.training.ppo.trainer import Trainer
+        from fleet.training.results import CHECKPOINT, RECORDING, write_config, write_progress
+
+        chief = recipe.figures[0]
+        trainer = Trainer(config, self.out, resume=self.resume)
+        write_config(self.out, config)  # not before the trainer has agreed to go on from what is there
+        curves = _tensorboard(self.out, trainer.rows)
+        try:
+            with interrupts() as interrupted, Bar(trainer.updates_n, "updates", shown=True) as bar:
+
+                def progress(row: Mapping[str, float]) -> None:
+                    curves(row)
+                    if bar.due():
+                        steps, done = int(row["steps"]), int(row["update"])
+                        figure = f"{chief} {row[chief]:.3g}" if row["episodes"] else "no episode ended"
+                        bar.show(done, figure, f"{steps} of {config.steps_n} steps, {figure}")
+
+                complete = trainer.run(progress, interrupted)
+        finally:
+            trainer.close()
+        console = _console()
+        if not complete:
+            since = (
+                "goes on from the last checkpoint"
+                if (self.out / CHECKPOINT).exists()
+                else "begins anew: no checkpoint yet"
+            )
+            console.print(f"interrupted: --resume {since}", soft_wrap=True)
+            return INTERRUPTED
+        write_progress(self.out, trainer.rows, chief)
+        write_curves(self.out / RECORDING, f"{config.env}, seed {config.seed}", trainer.rows)
+        return self._evaluate(config, recipe, trainer.policy(), trainer.cpu_s, console)
+
+    def _evaluate(self, config: TrainConfig, recipe: Recipe, learned: Any, cpu_s: float, console: Console) -> int:
+        import numpy as np
+
+        from fleet.envs.policies.policy import Random
+        from fleet.training.evaluation import evaluate
+        from fleet.training.results import LEARNED, RANDOM, SCRIPTED, findings, write_episodes, write_evaluation
+
+        sequence = np.random.SeedSequence([config.seed, _EVALUATION])
+        seeds = [int(seed) for seed in sequence.generate_state(self.episodes) // 2]
+        policies = {LEARNED: learned, SCRIPTED: recipe.scripted(), RANDOM: Random(config.seed)}
+        total = len(policies) * len(seeds)
+        with Bar(total, "episodes", shown=True) as bar:
+
+            def progress(done: int) -> None:
+                if bar.due():
+                    bar.show(done, "evaluation", f"{done} of {total} episodes of the evaluation")
+
+            scores = evaluate(recipe, config.arguments, policies, seeds, progress)
+        found = findings(scores, recipe.figures)
+        write_episodes(self.out, scores, seeds)
+        write_evaluation(self.out, found, cpu_s=cpu_s)
+        console.print(_table(config, recipe, found))
+        console.print(f"results: {self.out}", soft_wrap=True)
+        return DONE
+
+
+def _tensorboard(folder: Path, before: list[dict[str, float]]) -> Any:
+    """What writes a row of figures for TensorBoard; does nothing where it is not installed."""
+    import math
+
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return lambda row: None
+    writer = SummaryWriter(str(folder / "tensorboard"), purge_step=int(before[-1]["steps"]) + 1 if before else None)
+
+    def write(row: Mapping[str, float]) -> None:
+        for name, value in row.items():
+            if name not in ("update", "steps") and not math.isnan(value):
+                writer.add_scalar(name, value, int(row["steps"]))
+
+    return write
+
+
+def _console() -> Console:
+    width = None if sys.stdout.isatty() else PLAIN_WIDTH
+    return Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
+
+
+def _table(config: TrainConfig, recipe: Recipe, found: Mapping[str, Any]) -> Table:
+    table = Table(title=f"{config.env}, seed {config.seed}: mean of {found['episodes']} episodes [95 % interval]")
+    table.add_column("policy")
+    names = (*recipe.figures, "return")
+    for name in names:
+        table.add_column(name, justify="right")
+    for policy, figures in found["policies"].items():
+        table.add_row(policy, *(_words(figures[name]) for name in names))
+    for policy, figures in found["gain"].items():
+        table.add_row(f"learned - {policy}", *(_words(figures[name]) for name in names))
+    return table
+
+
+def _words(found: Mapping[str, float]) -> str:
+    return f"{found['mean']:.4g} [{found['low']:.4g}, {found['high']:.4g}]"

@@ -1,0 +1,21 @@
+"""Settings: one tree of frozen dataclasses, each of which checks itself."""
+
+from fleet.config.allocation import AllocationConfig as AllocationConfig
+from fleet.config.allocation import TimeoutConfig as TimeoutConfig
+from fleet.config.arms import ArmConfig as ArmConfig
+from fleet.config.cars import BatteryConfig as BatteryConfig
+from fleet.config.cars import CarConfig as CarConfig
+from fleet.config.cars import EstimateConfig as EstimateConfig
+from fleet.config.choices import Connect as Connect
+from fleet.config.choices import Fidelity as Fidelity
+from fleet.config.choices import Grip as Grip
+from fleet.config.choices import Perception as Perception
+from fleet.config.choices import StreamKind as StreamKind
+from fleet.config.events import EVENT_PARAMETERS as EVENT_PARAMETERS
+from fleet.config.events import ScenarioEvent as ScenarioEvent
+from fleet.config.run import MOST_TASKS_N as MOST_TASKS_N
+from fleet.config.run import RunConfig as RunConfig
+from fleet.config.settings import require as require
+from fleet.config.stream import RATES_PER_H as RATES_PER_H
+from fleet.config.stream import StreamConfig as StreamConfig
+from fleet.config.traffic import TrafficConfig as TrafficConfig

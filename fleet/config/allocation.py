@@ -1,0 +1,58 @@
+"""Settings of allocation, and of how long tasks may take."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fleet.config.settings import Settings, not_negative, require
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllocationConfig(Settings):
+    """Who gets which task."""
+
+    allocator: str = "hungarian"
+    """Name in `planners.allocation.ALLOCATORS`, or `package.module.Class` of one's own."""
+    station_cap_n: int = 2
+    """Cars near or at one station at once, the one that is served included; more would queue into the aisles."""
+    ageing: float = 0.5
+    """Seconds of travel that one second of waiting since the release is worth, so that no task starves."""
+    lateness: float = 1.0
+    """Seconds of travel that one second of lateness is worth."""
+    late_s: float = 300.0
+    """Seconds of travel that it is worth not to be late at all, for allocators that plan ahead."""
+    keep_gain_s: float = 5.0
+    """A car that is under way to a pick station gives its task away only if more than this is gained [s] ..."""
+    keep_share: float = 0.1
+    """... and more than this share of what the task costs it."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self.station_cap_n >= 1, "allocation.station_cap_n", self.station_cap_n, "an integer >= 1")
+        not_negative("allocation.ageing", self.ageing)
+        not_negative("allocation.lateness", self.lateness)
+        not_negative("allocation.late_s", self.late_s)
+        not_negative("allocation.keep_gain_s", self.keep_gain_s)
+        require(0 <= self.keep_share <= 1, "allocation.keep_share", self.keep_share, "a number from 0 to 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeoutConfig(Settings):
+    """How long a task may stay in a state before something is done about it [s]; inf = for ever."""
+
+    waiting_s: float = math.inf
+    """From the release until a car has it; then it is cancelled."""
+    assigned_s: float = 900.0
+    """On the way to the pick station, or the first place of a visit; then another car gets it, if there is one."""
+    service_s: float = math.inf
+    """At a dock; then it fails, and the car goes on when the arm is clear."""
+    carried_s: float = math.inf
+    """From the pick dock to the drop dock; then it fails, and the car takes no more tasks."""
+    visiting_s: float = math.inf
+    """From the first place of a visit to its end; then it fails, and the car is free."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("waiting_s", "assigned_s", "service_s", "carried_s", "visiting_s"):
+            require(getattr(self, name) > 0, f"timeouts.{name}", getattr(self, name), "a number > 0, or inf")

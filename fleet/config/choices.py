@@ -1,0 +1,49 @@
+"""Choices: settings that take one of a few words."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Fidelity(StrEnum):
+    """How robots are moved."""
+
+    PHYSICS = "physics"
+    KINEMATIC = "kinematic"
+    GRID = "grid"
+
+
+class Grip(StrEnum):
+    """How an arm holds a parcel."""
+
+    SUCTION = "suction"
+    FRICTION = "friction"
+
+
+class Perception(StrEnum):
+    """How it is known where a parcel lies that an arm is to pick."""
+
+    TRUTH = "truth"
+    """From the world itself."""
+    CAMERA = "camera"
+    """From an image of the station's camera."""
+
+
+class Connect(StrEnum):
+    """How the physics engine is reached."""
+
+    DIRECT = "DIRECT"
+    GUI = "GUI"
+    SHARED_MEMORY = "SHARED_MEMORY"
+
+
+class StreamKind(StrEnum):
+    """How generated orders arrive, and how they spread over the stations."""
+
+    POISSON = "poisson"
+    """One by one at a mean rate, all stations alike."""
+    WAVES = "waves"
+    """Many at once, then none for a while, at the same mean rate."""
+    SKEWED = "skewed"
+    """As `poisson`; few stations get most orders."""
+    SKEWED_WAVES = "skewed_waves"

@@ -1,0 +1,1 @@
+"""Dispatch: which car gets which task, and what happens in which order."""

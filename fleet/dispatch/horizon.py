@@ -1,0 +1,182 @@
+"""Lookahead: tasks, cars and arms as one problem for allocators that plan ahead, and what they have planned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import AllocationConfig
+from fleet.dispatch.availability import STEP_S
+from fleet.dispatch.costs import Prices
+from fleet.missions.visit_routes import VisitWays
+from fleet.stations.booking import Bookings
+from fleet.stations.service_time import ServiceTimes
+from fleet.stations.station import Station
+from fleet.tasks.board import Task, TaskState
+from fleet.traffic.replanning import Traffic
+from planners.allocation.problem import AllocationProblem, Assignment
+from planners.allocation.shop import NO_STATION, Shop
+from planners.mapf.distance_table import UNREACHABLE
+
+AGED_S = 150.0
+"""The end of a task of this age, times the weight of ageing, counts twice [s]."""
+SLOT_S = 20.0
+"""Time from one parcel that leaves a station to the next, as far as no car is under way for it yet [s]."""
+
+
+class Lookahead:
+    """Makes shops, and proposes the last plan to the next.
+
+    Args:
+        config: Ageing and lateness.
+        stations: In the order of the arms.
+        bookings: Room at the stations.
+        service_times: How long the arms take.
+        ways: Of visits.
+        traffic: Gives distances on the lane graph.
+    """
+
+    def __init__(
+        self,
+        *,
+        config: AllocationConfig,
+        stations: list[Station],
+        bookings: Bookings,
+        service_times: ServiceTimes,
+        ways: VisitWays,
+        traffic: Traffic,
+    ) -> None:
+        self._config = config
+        self._stations = stations
+        self._arm_of = {station.name: station.arm for station in stations}
+        self._bookings = bookings
+        self._service_times = service_times
+        self._ways = ways
+        self._traffic = traffic
+        self._plan: list[tuple[int, int]] = []  # task and car, in order
+        self._turn_s: dict[int, float] = {}
+
+    def turn_s(self, task: Task) -> float:
+        """When a task is planned to be picked [s]; inf = that is not planned."""
+        return self._turn_s.get(task.index, np.inf)
+
+    def keep(
+        self,
+        prices: Prices,
+        problem: AllocationProblem,
+        assignment: Assignment,
+        columns: list[int],
+        cars: npt.NDArray[np.intp],
+    ) -> None:
+        """Remember the plan for some tasks, by their columns among the prices, and some cars."""
+        self._plan, self._turn_s = [], {}
+        if assignment.timetable is None or problem.shop is None:
+            return
+        start_s = assignment.timetable.start_s[problem.shop.first_stop[:-1]].tolist()
+        car_of = {k: int(cars[row]) for row, sequence in enumerate(assignment.sequence) for k in sequence}
+        for k in sorted(car_of, key=lambda k: (start_s[k], k)):
+            task = prices.tasks[columns[k]]
+            self._plan.append((task.index, car_of[k]))
+            self._turn_s[task.index] = prices.now_s + start_s[k]
+
+    def shop(self, prices: Prices, tasks: list[Task], cars: npt.NDArray[np.intp], held: Mapping[int, Task]) -> Shop:
+        """Tasks, cars and the arms they book; the clock starts now.
+
+        Args:
+            prices: Where and when each car can begin.
+            tasks: The tasks to plan.
+            cars: The cars to plan for.
+            held: Tasks that cars have already and may still give away, by car.
+        """
+        now_s, n_stations = prices.now_s, len(self._stations)
+        visited = list(
+            dict.fromkeys(stop for task in tasks if task.visit is not None for stop in self._ways.stops(task))
+        )
+        n_known = n_stations + len(cars)
+        # Stations in their order, then where each car is, then what is visited; nobody drives to where a car was.
+        docks = [station.dock_state for station in self._stations]
+        stops = [stop[0].states[0] for stop in visited]
+        states = np.concatenate((docks, prices.states[cars], stops)).astype(np.int32)
+        travel_s = np.full((len(states), len(states)), np.inf)
+        for k, dock_state in enumerate(docks):
+            moves = self._traffic.tables.to(dock_state)[states].astype(np.float64)
+            travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
+        for k, stop in enumerate(visited, start=n_known):
+            moves = self._ways.moves_from(stop, states)
+            travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
+        np.fill_diagonal(travel_s, 0.0)
+        service_s = np.array(
+            [self._service_times.of(station.arm, station.direction).mean_s for station in self._stations]
+        )
+        number_of = {stop: k for k, stop in enumerate(visited, start=n_known)}
+        jobs = [
+            [self._arm_of[task.pick], self._arm_of[task.delivery.drop]]
+            if task.visit is None
+            else [number_of[stop] for stop in self._ways.stops(task)]
+            for task in tasks
+        ]
+        stops_n = np.array([len(job) for job in jobs])
+        place = np.concatenate(jobs).astype(np.int32)
+        served = np.repeat([task.visit is None for task in tasks], stops_n)
+        stand_s = np.repeat([self._ways.stand_s(task) for task in tasks], stops_n)
+        age_s = np.array([now_s - task.since_s[TaskState.BACKLOG] for task in tasks])
+        order, vehicle = self._proposal(tasks, cars)
+        return Shop(
+            travel_s=travel_s,
+            start=np.arange(n_stations, n_known, dtype=np.int32),
+            ready_s=prices.free_s[cars],
+            first_stop=np.concatenate(([0], np.cumsum(stops_n))).astype(np.int32),
+            place=place,
+            station=np.where(served, place, NO_STATION).astype(np.int32),
+            service_s=np.where(served, service_s[np.where(served, place, 0)], stand_s),
+            free_s=np.array([self._service_times.left_s(k, now_s) for k in range(n_stations)]),
+            buffer_n=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
+            release_s=self._release_s(tasks, cars, held, travel_s),
+            due_s=np.array([task.order.due_s - now_s for task in tasks]),
+            weight=1.0 + self._config.ageing * age_s / AGED_S,
+            late_weight=np.full(len(tasks), self._config.lateness),
+            late_cost=np.full(len(tasks), self._config.late_s),
+            first_order=order,
+            first_vehicle=vehicle,
+        )
+
+    def _release_s(
+        self,
+        tasks: list[Task],
+        cars: npt.NDArray[np.intp],
+        held: Mapping[int, Task],
+        travel_s: npt.NDArray[np.float64],
+    ) -> npt.NDArray[np.float64]:
+        """When each parcel is likely to lie on a slot [s]: if it does not yet, when so many cars have emptied one.
+
+        Those of a station come in the order of the last plan.
+        """
+        emptied_s: dict[str, list[float]] = {station.name: [] for station in self._stations}
+        for row, car in enumerate(cars.tolist()):
+            if car in held and held[car].visit is None:
+                pick = held[car].pick
+                emptied_s[pick].append(float(travel_s[len(self._stations) + row, self._arm_of[pick]]))
+        for times in emptied_s.values():
+            times.sort(reverse=True)
+        release_s = np.zeros(len(tasks))
+        waiting = [k for k, task in enumerate(tasks) if task.state is TaskState.BACKLOG]
+        last_s: dict[str, float] = {}
+        for k in sorted(waiting, key=lambda k: (tasks[k].order.priority.rank, self.turn_s(tasks[k]), tasks[k].index)):
+            pick = tasks[k].pick
+            release_s[k] = emptied_s[pick].pop() if emptied_s[pick] else last_s.get(pick, 0.0) + SLOT_S
+            last_s[pick] = float(release_s[k])
+        return release_s
+
+    def _proposal(
+        self, tasks: list[Task], cars: npt.NDArray[np.intp]
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """The last plan, as far as its tasks and cars are still there."""
+        column_of = {task.index: k for k, task in enumerate(tasks)}
+        row_of = {car: row for row, car in enumerate(cars.tolist())}
+        pairs = [(column_of[task], row_of[car]) for task, car in self._plan if task in column_of and car in row_of]
+        vehicle = np.full(len(tasks), -1, dtype=np.int32)
+        for k, row in pairs:
+            vehicle[k] = row
+        return np.array([k for k, _ in pairs], dtype=np.int32), vehicle

@@ -1,0 +1,373 @@
+"""FleetEnv: what all environments of the fleet share - spaces, render modes, refusals, saving by seed and actions."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Space
+from gymnasium.utils import EzPickle
+from pettingzoo.utils import ParallelEnv, parallel_to_aec
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
+
+from fleet.config import require
+from fleet.config.field_checks import is_whole
+from fleet.envs.core.window import Window
+from fleet.errors import FleetError
+
+Picture = npt.NDArray[np.uint8]
+Infos = dict[str, dict[str, Any]]
+Told = tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], Infos]
+"""Observations, rewards, terminations, truncations and infos of all agents."""
+
+
+_DIGEST_BYTES = sha256().digest_size
+"""Written before a moment: a pickle with a changed byte may be read as another moment."""
+
+
+class EpisodeError(FleetError):
+    """The environment was asked for something that its episode does not allow now."""
+
+
+class ActionError(FleetError):
+    """Actions of nobody in the team, or of the wrong shape or kind."""
+
+
+class StateError(FleetError):
+    """A saved state cannot be read, or is one of another environment."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EnvState:
+    """A moment of an episode: how it began, and all that agents did in it.
+
+    The seed and the actions bring it back in any process, to the last bit, by running the episode again.
+    """
+
+    name: str
+    """The environment's name."""
+    arguments: dict[str, Any]
+    """Those it was made with, but for how it is shown."""
+    seed: int
+    """Of the episode, as `FleetEnv._begin` takes it."""
+    series: Mapping[str, Any]
+    """Where the series of episodes goes on, as numpy tells the state of a generator."""
+    actions: tuple[Any, ...]
+    """What `FleetEnv._advance` was given so far."""
+    quick: Any = None
+    """What brings the moment back without running the episode again, in the environment that saved it."""
+
+    def write(self, path: str | Path) -> None:
+        """Write to a file, whole or not at all.
+
+        Raises:
+            StateError: The file cannot be written.
+        """
+        path = Path(path)
+        part = path.with_name(f".{path.name}.part")
+        try:
+            moment = pickle.dumps(replace(self, quick=None))
+            part.write_bytes(sha256(moment).digest() + moment)
+            part.replace(path)
+        except OSError as reason:
+            raise StateError(f"saved state {path}: {reason}; valid: a file that can be written") from reason
+
+    @staticmethod
+    def read(path: str | Path) -> EnvState:
+        """Read what `write` wrote; a pickle: read only files that you trust.
+
+        Raises:
+            StateError: No such file, or it holds something else.
+        """
+        try:
+            content = Path(path).read_bytes()
+            digest, moment = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+            if sha256(moment).digest() != digest:
+                raise ValueError("it is damaged, or no saved state")
+            state = pickle.loads(moment)
+        except Exception as reason:  # the pickle of another version can raise anything
+            raise StateError(f"saved state {path}: {reason}; valid: a file that EnvState.write wrote") from reason
+        if not isinstance(state, EnvState):
+            raise StateError(f"saved state {path} holds a {type(state).__name__}; valid: an EnvState")
+        return state
+
+
+class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
+    """A PettingZoo environment over a fleet: the part that does not depend on what agents decide.
+
+    A subclass calls this constructor with its own arguments, and writes `_begin`, `_advance`, `_resolved` and
+    `_picture`. It is pickled and copied by its arguments: a copy begins before its first episode.
+
+    The agents of an environment are the same in all episodes, and all end together. One that records nothing has
+    fewer `RENDER_MODES`.
+
+    Args:
+        name: As PettingZoo's modules have it (`warehouse_v0`).
+        arguments: All arguments of the subclass's constructor, by name.
+        observation_spaces: By agent; the order is that of the agents.
+        action_spaces: By agent.
+        max_cycles: Steps after which an episode is truncated.
+        fps: Steps per second of what is drawn.
+        seed: Decides the episodes until `reset` is given a seed.
+        render_mode: Of `RENDER_MODES`, or None.
+
+    Raises:
+        ConfigError: An argument is outside its valid range.
+    """
+
+    RENDER_MODES: ClassVar[tuple[str, ...]] = ("human", "rgb_array", "rerun")
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        arguments: Mapping[str, Any],
+        observation_spaces: Mapping[str, Space[Any]],
+        action_spaces: Mapping[str, Space[Any]],
+        max_cycles: int,
+        fps: float,
+        seed: int,
+        render_mode: str | None,
+    ) -> None:
+        EzPickle.__init__(self, **arguments)
+        require(is_whole(max_cycles) and max_cycles >= 1, "max_cycles", max_cycles, "an integer >= 1")
+        _require_seed(seed)
+        modes = self.RENDER_MODES
+        require(render_mode in (None, *modes), "render_mode", render_mode, f"None, {', '.join(modes)}")
+        self.metadata: dict[str, Any] = {
+            "name": name,
+            "render_modes": list(modes),
+            "render_fps": fps,
+            "is_parallelizable": True,
+        }
+        self.max_cycles = max_cycles
+        self.render_mode = render_mode
+        self.observation_spaces = dict(observation_spaces)
+        self.action_spaces = dict(action_spaces)
+        self.possible_agents = list(observation_spaces)
+        self.agents: list[str] = []
+        self.steps_n = 0
+        """Steps of the episode so far."""
+        self._arguments = {key: value for key, value in arguments.items() if key not in ("render_mode", "record_to")}
+        self._series = np.random.default_rng(seed)
+        self._seed = -1
+        self._log: list[Any] = []
+        self._window: Window | None = None
+
+    def observation_space(self, agent: str) -> Space[Any]:
+        """Space of an agent's observations; the same object every time."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Space[Any]:
+        """Space of an agent's actions; the same object every time."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        """Begin an episode.
+
+        Args:
+            seed: Decides this episode and those that follow without a seed; None = go on in the present series.
+            options: Not used.
+
+        Returns:
+            Observations and infos of all agents.
+
+        Raises:
+            ConfigError: The seed is no integer >= 0; nothing has changed.
+        """
+        del options
+        if seed is not None:
+            _require_seed(seed)
+            self._series = np.random.default_rng(seed)
+        self._seed = int(self._series.integers(2**31))
+        told = self._start()
+        self._show()
+        return told
+
+    def step(self, actions: Mapping[str, Any]) -> Told:
+        """Let every agent act.
+
+        Args:
+            actions: By agent; what is missing or illegal is made legal, and `infos[agent]["illegal"]` says so.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos of all agents.
+
+        Raises:
+            EpisodeError: No episode is under way.
+            ActionError: An agent is not one of the team, or an action has the wrong shape.
+        """
+        if not self.agents:
+            raise EpisodeError("step: no episode is under way; valid: reset() first")
+        if not isinstance(actions, dict | Mapping):  # nearly always a dict, which is known at once
+            raise ActionError(f"step: actions are a {type(actions).__name__}; valid: a dictionary by agent")
+        if not actions.keys() <= self.action_spaces.keys():
+            unknown = sorted(map(str, actions.keys() - self.action_spaces.keys()))
+            raise ActionError(f"step: actions of {', '.join(unknown)}; valid: {_listed(self.possible_agents)}")
+        resolved = self._resolved(actions)
+        told = self._do(resolved)
+        self._show()
+        return told
+
+    def save_state(self) -> EnvState:
+        """Keep this moment; the environment and its later episodes do not change it.
+
+        Raises:
+            EpisodeError: No episode is under way.
+        """
+        if not self.agents:
+            raise EpisodeError("save_state: no episode is under way; valid: reset() first")
+        return EnvState(
+            name=self.metadata["name"],
+            arguments=copy.deepcopy(self._arguments),
+            seed=self._seed,
+            series=self._series.bit_generator.state,
+            actions=tuple(self._log),
+            quick=self._quick(),
+        )
+
+    def load_state(self, state: EnvState) -> dict[str, Any]:
+        """Return to a moment, exactly: what follows, later episodes included, is what followed then.
+
+        Args:
+            state: From `save_state` of this environment, or of any other that was made with the same arguments.
+
+        Returns:
+            Observations of all agents, as they were.
+
+        Raises:
+            StateError: It was saved by an environment with other arguments.
+        """
+        if not isinstance(state, EnvState):
+            raise StateError(f"load_state: the state is a {type(state).__name__}; valid: an EnvState")
+        if state.name != self.metadata["name"]:
+            raise StateError(f"load_state: the state is one of {state.name}; valid: one of {self.metadata['name']}")
+        for key, value in self._arguments.items():
+            # Repr: dataclasses of weights and the like come from another process.
+            if repr(state.arguments.get(key)) != repr(value):
+                raise StateError(f"load_state: saved with {key} = {state.arguments.get(key)!r}; valid: {value!r}")
+        self._seed = state.seed
+        if state.quick is not None and self._restore(state.quick):
+            self._log, self.steps_n = list(state.actions), len(state.actions)
+            self.agents = self.possible_agents[:]
+        else:
+            self._start()
+            for resolved in state.actions:
+                self._do(resolved)
+        self._series = np.random.default_rng()
+        self._series.bit_generator.state = state.series
+        return self._observations()
+
+    def render(self) -> Picture | None:
+        """Draw this moment: an array (height, width, 3) in mode `rgb_array`, None in the others, which show it."""
+        if self._seed < 0:
+            return None
+        if self.render_mode == "rgb_array":
+            return self._picture()
+        if self.render_mode == "human":
+            self._window = self._window or Window("fleet")
+            self._window.show(self._picture())
+        elif self.render_mode == "rerun":
+            self._record()
+        return None
+
+    def close(self) -> None:
+        """Free what the environment holds; calling twice is harmless."""
+        self.agents = []
+        self._seed = -1
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    @abstractmethod
+    def _begin(self, seed: int) -> Infos:
+        """Begin the episode of a seed; returns all agents' infos."""
+
+    @abstractmethod
+    def _resolved(self, actions: Mapping[str, Any]) -> Any:
+        """Legal decisions of all agents, as `_advance` takes them; nobody changes them later.
+
+        Raises:
+            ActionError: An action has the wrong shape or kind.
+        """
+
+    @abstractmethod
+    def _advance(self, resolved: Any) -> tuple[dict[str, float], bool, Infos]:
+        """Make one step; returns rewards, whether the work is done, and infos."""
+
+    @abstractmethod
+    def _observations(self) -> dict[str, Any]:
+        """Observations of all agents now, in arrays that are the caller's own."""
+
+    @abstractmethod
+    def _picture(self) -> Picture:
+        """Draw this moment, shape (height, width, 3)."""
+
+    def _record(self) -> None:
+        """Write this moment to a recording."""
+
+    def _quick(self) -> Any:
+        """What `_restore` needs to return to this moment at once; None if only running again is exact."""
+        return None
+
+    def _restore(self, quick: Any) -> bool:
+        """Return to a moment at once; False, with nothing changed, if that is not exact any more."""
+        del quick
+        return False
+
+    def _start(self) -> tuple[dict[str, Any], Infos]:
+        # Should the beginning fail, no episode is under way.
+        self.agents, self._log, self.steps_n = [], [], 0
+        seed, self._seed = self._seed, -1
+        infos = self._begin(seed)
+        self._seed = seed
+        self.agents = self.possible_agents[:]
+        return self._observations(), infos
+
+    def _do(self, resolved: Any) -> Told:
+        rewards, done, infos = self._advance(resolved)
+        self._log.append(resolved)
+        self.steps_n += 1
+        out_of_time = not done and self.steps_n >= self.max_cycles
+        agents = self.agents
+        if done or out_of_time:
+            self.agents = []
+        return (
+            self._observations(),
+            rewards,
+            dict.fromkeys(agents, done),
+            dict.fromkeys(agents, out_of_time),
+            infos,
+        )
+
+    def _show(self) -> None:
+        if self.render_mode in ("human", "rerun"):
+            self.render()
+
+
+def turn_based(env: FleetEnv) -> Any:
+    """The turn-based (AEC) form of an environment."""
+    return parallel_to_aec(env)
+
+
+def in_order(env: Any) -> Any:
+    """A turn-based environment that complains about calls in a wrong order."""
+    return OrderEnforcingWrapper(env)
+
+
+def _require_seed(seed: object) -> None:
+    require(is_whole(seed) and seed >= 0, "seed", seed, "an integer >= 0")
+
+
+def _listed(agents: Sequence[str]) -> str:
+    return ", ".join(agents) if len(agents) <= 6 else f"{agents[0]}, ..., {agents[-1]}"

@@ -1,0 +1,75 @@
+"""Choices of many agents at once: read from dictionaries, and given to one agent each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.envs.core.base import ActionError
+
+Longs = npt.NDArray[np.int64]
+ILLEGAL = -1
+"""What an action becomes that is no whole number."""
+
+
+def whole_numbers(actions: Mapping[str, Any], agents: list[str]) -> Longs:
+    """Actions as whole numbers in the order of the agents, shape (n,); 0 for agents that are missing.
+
+    Numbers that are not whole, nan among them, become `ILLEGAL`.
+
+    Raises:
+        ActionError: An action is no number, or more than one.
+    """
+    in_order = len(actions) == len(agents) and list(actions) == agents
+    values = list(actions.values()) if in_order else [actions.get(agent, 0) for agent in agents]
+    with suppress(ValueError):  # of unequal shapes
+        found = np.array(values)
+        if found.shape == (len(agents),) and found.dtype.kind in "iu":
+            return found.astype(np.int64)
+    return np.array([_whole(agent, value) for agent, value in zip(agents, values, strict=True)], dtype=np.int64)
+
+
+def row_of(agent: str, action: Any, entries_n: int) -> npt.NDArray[np.float64]:
+    """A continuous action as a row of numbers, shape (entries_n,).
+
+    Raises:
+        ActionError: It is no row of so many numbers.
+    """
+    try:
+        row = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as reason:
+        raise ActionError(f"action of {agent} is {action!r}; valid: {entries_n} numbers in [-1, 1]") from reason
+    if row.shape != (entries_n,):
+        raise ActionError(f"action of {agent} has shape {row.shape}; valid: ({entries_n},)")
+    return row
+
+
+def resolve_choices(wanted: npt.NDArray[np.integer[Any]], priority: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    """Who gets what he wants, if a thing goes to one only.
+
+    Args:
+        wanted: Thing that each agent wants, negative = none, shape (n,).
+        priority: Larger goes first, of equal ones the lower index, shape (n,).
+
+    Returns:
+        True for each agent that gets its thing, shape (n,).
+    """
+    order = np.argsort(-np.asarray(priority), kind="stable")
+    order = order[wanted[order] >= 0]
+    won = np.zeros(len(wanted), dtype=np.bool_)
+    won[order[np.unique(wanted[order], return_index=True)[1]]] = True
+    return won
+
+
+def _whole(agent: str, value: Any) -> int:
+    if value is None:
+        return 0
+    try:
+        number = float(np.asarray(value).reshape(()))
+    except (ValueError, TypeError):
+        raise ActionError(f"action of {agent} is {value!r}; valid: one whole number") from None
+    return int(number) if number == np.rint(number) and abs(number) < 2**31 else ILLEGAL

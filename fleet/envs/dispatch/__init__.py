@@ -1,0 +1,1 @@
+"""Agents choose tasks for cars."""

@@ -1,0 +1,80 @@
+"""The fleets that agents of the dispatch layer decide for: one interface for all fidelities, and the grid behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from fleet.envs.dispatch.view import DispatchView
+from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
+from fleet.envs.grid.kernel import NEVER, Phase, Stage
+from fleet.envs.layers.fleets import Fleet, FleetOnGrid
+from fleet.tasks.order import Delivery
+
+
+class DispatchFleet(Fleet, Protocol):
+    """One episode of a fleet whose tasks are given out from outside."""
+
+    def view(self, left: float) -> DispatchView:
+        """The fleet now, when this share of the episode is left."""
+
+    def give(self, pairs: Sequence[tuple[int, int]]) -> None:
+        """Give tasks to cars, as pairs (car, task); each was on offer in the last view."""
+
+    def run(self, duration_s: float) -> None:
+        """Let time pass."""
+
+
+class GridDispatch(FleetOnGrid):
+    """A `DispatchFleet` on the grid: right of way is decided by PIBT, and arms take their mean time.
+
+    Args:
+        place: The site.
+        n_cars: Number of cars.
+        orders: Deliveries, ascending in release.
+        seed: Seed of the tie-breaking.
+    """
+
+    def __init__(self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
+        super().__init__(GridFleet(place, n_cars, orders, seed))
+
+    def view(self, left: float) -> DispatchView:
+        """See `DispatchFleet`."""
+        grid = self.grid
+        cars, tasks, now = grid.cars, grid.tasks, grid.now
+        first, last = tasks.window.tolist()
+        stage = tasks.stage[first:last]
+        task = (np.flatnonzero(stage == Stage.READY) + first).astype(np.int32)
+        due = tasks.due[task]
+        return DispatchView(
+            now_s=now * TIMESTEP_S,
+            left=left,
+            pose=grid.place.graph.state_pose[cars.state],
+            state=cars.state,
+            goal=cars.goal,
+            phase=cars.phase,
+            held=cars.held,
+            free=cars.phase == Phase.FREE,
+            task=task,
+            pick=tasks.pick[task],
+            drop=tasks.drop[task],
+            rank=tasks.rank[task],
+            age_s=(now - tasks.release[task]) * TIMESTEP_S,
+            due_s=np.where(due == NEVER, np.inf, (due - now) * TIMESTEP_S),
+            under_way=grid.stations.under_way,
+            backlog_n=int((stage == Stage.BACKLOG).sum()),
+        )
+
+    def give(self, pairs: Sequence[tuple[int, int]]) -> None:
+        """See `DispatchFleet`."""
+        for car, task in pairs:
+            self.grid.assign(car, task)
+        if pairs:
+            self.grid.direct()
+
+    def run(self, duration_s: float) -> None:
+        """See `DispatchFleet`."""
+        for _ in range(round(duration_s / TIMESTEP_S)):
+            self.grid.move(self.grid.planned())

@@ -1,0 +1,113 @@
+"""SimulatedDispatch: the whole fleet, kinematic or in physics, whose tasks are given out by agents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.dispatch.allocation import Allotment, Choice, Situation
+from fleet.envs.dispatch.view import DispatchView
+from fleet.envs.grid.fleet import FleetSite
+from fleet.envs.layers.simulated_fleet import OrderedSimulation, SimulatedFleet
+from fleet.missions.roster import CarPhase
+from fleet.tasks.board import UNDER_WAY, Task, TaskState
+from fleet.tasks.order import Delivery
+
+
+class AgentAllotment(Allotment):
+    """Gives the tasks out as agents have chosen, each choice once; nobody changes hands afterwards."""
+
+    chosen: Sequence[tuple[int, Task]] = ()
+    """Cars and the tasks they are to have."""
+
+    def choose(self, situation: Situation, now_s: float) -> Choice:
+        """See `Allotment`."""
+        del now_s
+        chosen, self.chosen = self.chosen, ()
+        legal = [(car, task) for car, task in chosen if situation.standing[car] is None]
+        return Choice(taken=[], given=[(car, task) for car, task in legal if task.state is TaskState.READY])
+
+    def plan_filling(self, situation: Situation, now_s: float) -> None:
+        """See `Allotment`; slots are filled in the order of the classes and of the releases."""
+
+
+class DispatchSimulation(OrderedSimulation):
+    """A `Simulation` whose tasks agents give out."""
+
+    allotment_type = AgentAllotment
+
+
+class SimulatedDispatch(SimulatedFleet):
+    """A `DispatchFleet` that is a whole simulation.
+
+    Args:
+        place: The site.
+        site: Its name or path.
+        n_cars: Number of cars.
+        orders: Deliveries, ascending in release.
+        seed: Seed of the run.
+        fidelity: `kinematic` or `physics`.
+        duration_s: Length of the episode [s].
+    """
+
+    def __init__(
+        self,
+        place: FleetSite,
+        site: str,
+        n_cars: int,
+        orders: Sequence[Delivery],
+        seed: int,
+        fidelity: Fidelity,
+        duration_s: float,
+    ) -> None:
+        config = RunConfig(
+            site=site,
+            robots=n_cars,
+            fidelity=fidelity,
+            seed=seed,
+            duration_s=duration_s,
+            arms=ArmConfig(workers_n=0),
+        )
+        self.simulation = DispatchSimulation(config, orders)
+        super().__init__(self.simulation)
+        self._number = {station.name: k for k, station in enumerate(place.site.stations)}
+        # The first tasks become ready in the first tick.
+        self.run(self.simulation.tick_s)
+
+    def view(self, left: float) -> DispatchView:
+        """See `DispatchFleet`."""
+        simulation, number = self.simulation, self._number
+        roster, board, now_s = simulation.dispatcher.roster, simulation.board, simulation.sim_s
+        ready = board.in_state(TaskState.READY)
+        under_way = np.zeros(len(number), dtype=np.int32)
+        for task in board.in_state(*UNDER_WAY):
+            under_way[number[task.delivery.drop]] += 1
+            under_way[number[task.pick]] += task.state in (TaskState.ASSIGNED, TaskState.LOADING)
+        return DispatchView(
+            now_s=now_s,
+            left=left,
+            pose=simulation.world.car_poses(),
+            state=simulation.executor.tail_states(),
+            goal=simulation.traffic.goals.copy(),
+            phase=self._phases(),
+            held=self._held(),
+            free=np.array([phase is CarPhase.IDLE for phase in roster.phase]),
+            task=np.array([task.index for task in ready], dtype=np.int32),
+            pick=np.array([number[task.pick] for task in ready], dtype=np.int32),
+            drop=np.array([number[task.delivery.drop] for task in ready], dtype=np.int32),
+            rank=np.array([task.order.priority.rank for task in ready], dtype=np.int8),
+            age_s=np.array([now_s - task.order.release_s for task in ready], dtype=np.float64),
+            due_s=np.array([task.order.due_s - now_s for task in ready], dtype=np.float64),
+            under_way=under_way,
+            backlog_n=board.count(TaskState.BACKLOG),
+        )
+
+    def give(self, pairs: Sequence[tuple[int, int]]) -> None:
+        """See `DispatchFleet`; the tasks are given out in the first tick of the next `run`."""
+        simulation = self.simulation
+        allotment = simulation.dispatcher.allotment
+        if pairs and isinstance(allotment, AgentAllotment):
+            allotment.chosen = [(car, simulation.board.tasks[task]) for car, task in pairs]
+            simulation.dispatcher.roster.changed = True

@@ -1,0 +1,226 @@
+"""What agents of the dispatch layer are told, and which tasks they can choose; the same for every fidelity."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from fleet.envs.grid.fleet import ROOM_N, TIMESTEP_S, FleetSite
+from fleet.envs.grid.kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
+from fleet.world.protocol import FloatArray
+from planners.mapf.distance_table import UNREACHABLE
+
+OWN_N, CANDIDATE_N, SUMMARY_N = 12, 11, 6
+"""Numbers about the car itself, about each candidate, and about the fleet."""
+TIME_S = 300.0
+"""Times are told in units of this [s]."""
+CROWD_N = 4
+"""Nearer cars are counted up to this."""
+_TIES = 1 << 20
+
+
+class DispatchView(NamedTuple):
+    """A fleet as dispatch sees it; n cars, m ready tasks, k stations."""
+
+    now_s: float
+    left: float
+    """Share of the episode that is left."""
+    pose: FloatArray
+    """Shape (n, 3)."""
+    state: Ints
+    """Lane-graph state in which each car's way ends as far as it is granted, shape (n,)."""
+    goal: Ints
+    """Lane-graph state, or `NONE`, shape (n,)."""
+    phase: SmallInts
+    """`Phase` of each car, shape (n,)."""
+    held: Bools
+    """Waits for room at its station, shape (n,)."""
+    free: Bools
+    """May be given a task, shape (n,)."""
+    task: Ints
+    """The ready tasks, ascending, shape (m,)."""
+    pick: Ints
+    drop: Ints
+    """Their stations, shape (m,)."""
+    rank: SmallInts
+    """Their priority classes, 0 = most urgent, shape (m,)."""
+    age_s: FloatArray
+    due_s: FloatArray
+    """Time since the release, and until the due date (inf = none), shape (m,)."""
+    under_way: Ints
+    """Tasks whose cars have still to come to each station, shape (k,)."""
+    backlog_n: int
+    """Tasks that wait for a slot."""
+
+
+class DispatchObserver:
+    """Makes rows of numbers in [-1, 1] of a fleet (layout: see `fleet.envs.dispatch.env`).
+
+    Args:
+        place: The site.
+        candidates_n: Tasks that a car can choose from.
+    """
+
+    def __init__(self, place: FleetSite, candidates_n: int) -> None:
+        self._place = place
+        self._k = candidates_n
+        self.row_n = OWN_N + candidates_n * CANDIDATE_N + SUMMARY_N
+        """Length of a row."""
+        self._size = np.array([place.site.grid.cols, place.site.grid.rows]) * place.site.grid.cell_m
+
+    def look(self, view: DispatchView) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8], Ints]:
+        """Observe all cars.
+
+        Returns:
+            Observations, shape (n, row_n); which of the k + 1 actions are legal, shape (n, k + 1); the task that each
+            candidate of each car is, `NONE` for none, shape (n, k).
+        """
+        n, k = len(view.state), self._k
+        rows = np.zeros((n, self.row_n), dtype=np.float32)
+        mask = np.zeros((n, k + 1), dtype=np.int8)
+        candidates = np.full((n, k), NONE, dtype=np.int32)
+        mask[:, 0] = 1
+        self._tell_own(view, rows)
+        fill_candidates(
+            self._place.floor,
+            view,
+            np.lexsort((view.task, view.due_s, view.rank)),
+            self._place.far_n,
+            rows,
+            mask,
+            candidates,
+        )
+        rows[:, 11] = mask[:, 1]
+        rows[:, OWN_N + k * CANDIDATE_N :] = self._summary(view)
+        np.clip(rows, -1.0, 1.0, out=rows)
+        return rows, mask, candidates
+
+    def cost_s(self, view: DispatchView, *, lateness: float = 1.0, ageing: float = 0.5) -> FloatArray:
+        """What each ready task costs each car as seconds of travel, shape (n, m); inf = not to be had.
+
+        The price of `fleet.dispatch.costs`, from the same facts: travel to the pick station and the time the task would
+        be late, less what it presses for.
+        """
+        floor = self._place.floor
+        moves = floor.distance[floor.dock_row[view.pick]][:, view.state].T.astype(np.float64)
+        rest = floor.distance[floor.dock_row[view.drop], floor.dock_state[view.pick]].astype(np.float64)
+        takes_s = (moves + rest + 2 * floor.service_n) * TIMESTEP_S
+        cost = moves * TIMESTEP_S + lateness * np.maximum(0.0, takes_s - view.due_s) - ageing * view.age_s
+        cost[moves >= UNREACHABLE] = np.inf
+        cost[~view.free] = np.inf
+        cost[:, ~self.offered(view)] = np.inf
+        return cost
+
+    @staticmethod
+    def offered(view: DispatchView) -> Bools:
+        """Whether there is room for one more task at both ends of each ready task, shape (m,)."""
+        offered: Bools = np.maximum(view.under_way[view.pick], view.under_way[view.drop]) < ROOM_N
+        return offered
+
+    def _tell_own(self, view: DispatchView, rows: npt.NDArray[np.float32]) -> None:
+        floor = self._place.floor
+        rows[:, 0:2] = 2.0 * view.pose[:, :2] / self._size - 1.0
+        rows[:, 2], rows[:, 3] = np.cos(view.pose[:, 2]), np.sin(view.pose[:, 2])
+        rows[:, 4:9] = view.phase[:, None] == np.arange(5)
+        rows[:, 9] = view.held
+        goal_row = self._place.goal_row
+        known = np.flatnonzero((view.goal >= 0) & (goal_row[view.goal] >= 0))
+        rows[known, 10] = floor.distance[goal_row[view.goal[known]], view.state[known]] / self._place.far_n
+
+    def _summary(self, view: DispatchView) -> FloatArray:
+        n = len(view.state)
+        loaded = np.isin(view.phase, (TO_DROP, UNLOADING))
+        late = view.due_s < 0.0
+        return np.array(
+            [
+                view.free.mean(),
+                len(view.task) / (len(view.task) + n),
+                view.backlog_n / (view.backlog_n + n),
+                loaded.mean(),
+                late.mean() if len(late) else 0.0,
+                view.left,
+            ]
+        )
+
+
+@njit(cache=True, nogil=True)
+def fill_candidates(
+    floor: Floor,
+    view: DispatchView,
+    pressing: npt.NDArray[np.int64],
+    far_n: float,
+    rows: npt.NDArray[np.float32],
+    mask: npt.NDArray[np.int8],
+    candidates: Ints,
+) -> None:  # pragma: no cover - compiled
+    """Find the candidates of every free car and describe them.
+
+    Of each pick station its most pressing task is a candidate, then of each its second most pressing one, and so on,
+    nearer stations first, until all `k` places are taken. They are listed by their distance, the nearest first; of
+    equally near ones the most pressing first.
+
+    Args:
+        floor: The site.
+        view: The fleet.
+        pressing: Its ready tasks, the most pressing first, shape (m,).
+        far_n: Unit of distances, in timesteps.
+        rows: Receives the descriptions, shape (n, row_n).
+        mask: Receives the legal actions, shape (n, k + 1).
+        candidates: Receives the tasks, shape (n, k).
+    """
+    k = candidates.shape[1]
+    m = len(pressing)
+    turn = np.empty(m, dtype=np.int64)
+    seen = np.zeros(len(floor.dock_row), dtype=np.int64)
+    kept = 0
+    offered = np.empty(m, dtype=np.int64)
+    for j in pressing:
+        if max(view.under_way[view.pick[j]], view.under_way[view.drop[j]]) < ROOM_N:
+            offered[kept], turn[kept] = j, seen[view.pick[j]]
+            seen[view.pick[j]] += 1
+            kept += 1
+    free_cars = np.flatnonzero(view.free)
+    key = np.empty(kept, dtype=np.int64)
+    chosen = np.empty(k, dtype=np.int64)
+    for car in free_cars:
+        for a in range(kept):
+            moves = np.int64(floor.distance[floor.dock_row[view.pick[offered[a]]], view.state[car]])
+            key[a] = turn[a] * _TIES + moves if moves < UNREACHABLE else np.iinfo(np.int64).max
+        found = 0
+        while found < min(k, kept):
+            a = int(np.argmin(key))
+            if key[a] == np.iinfo(np.int64).max:
+                break
+            chosen[found] = (key[a] % _TIES) * _TIES + a
+            key[a] = np.iinfo(np.int64).max
+            found += 1
+        chosen[:found].sort()
+        for c in range(found):
+            moves, j = chosen[c] // _TIES, offered[chosen[c] % _TIES]
+            candidates[car, c] = view.task[j]
+            mask[car, c + 1] = 1
+            pick_row = floor.dock_row[view.pick[j]]
+            rest = floor.distance[floor.dock_row[view.drop[j]], floor.dock_state[view.pick[j]]]
+            nearer = 0
+            for other in free_cars:
+                nearer += int(floor.distance[pick_row, view.state[other]] < moves)
+                if nearer == CROWD_N:
+                    break
+            at = OWN_N + c * CANDIDATE_N
+            rows[car, at] = 1.0
+            rows[car, at + 1] = moves / far_n
+            rows[car, at + 2] = rest / far_n
+            rows[car, at + 3] = view.age_s[j] / TIME_S
+            if math.isfinite(view.due_s[j]):
+                takes_s = (moves + rest + 2 * floor.service_n) * TIMESTEP_S
+                rows[car, at + 4] = 1.0
+                rows[car, at + 5] = (view.due_s[j] - takes_s) / TIME_S
+            rows[car, at + 6] = view.rank[j] == 0
+            rows[car, at + 7] = view.rank[j] == 2
+            rows[car, at + 8] = view.under_way[view.pick[j]] / ROOM_N
+            rows[car, at + 9] = view.under_way[view.drop[j]] / ROOM_N
+            rows[car, at + 10] = nearer / CROWD_N

@@ -1,0 +1,1 @@
+"""A fleet on the grid without arms and physics, fast enough to train on."""

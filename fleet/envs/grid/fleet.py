@@ -1,0 +1,216 @@
+"""GridFleet: a warehouse on lane-graph timesteps alone, thousands of times faster than real time.
+
+Every car is in one state of the lane graph; a timestep takes all cars one move on at most. Arms and parcels are reduced
+to what they cost: a car at its dock is served for a fixed number of timesteps, and a parcel needs a free slot at its
+pick station before its task is ready. Tasks, slots, room near stations, parking and right of way follow the rules of
+any run (`fleet.dispatch.dispatcher`), in the simplest form that keeps their effect.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.dispatch.allocation import QUEUE_S
+from fleet.envs.grid import kernel
+from fleet.envs.grid.kernel import NEVER, NONE, Cars, Counts, Floor, Stage, Stations, Tasks
+from fleet.missions.admission import EMERGENCY_RANK_S, LOADED_RANK_S, NEAR_N
+from fleet.stations.service_time import PRIOR_MEAN_S
+from fleet.tasks.order import Delivery
+from maps.lane_graph import LaneGraph, build_lane_graph
+from maps.site import Site
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.pibt import Stepper
+
+TIMESTEP_S = 1.0
+"""Time of one move: a cell of 1 m at the 1 m/s of aisles [s]."""
+CAP_N = 2
+"""Cars near one station at once, as in any run (`AllocationConfig.station_cap_n`)."""
+ROOM_N = max(CAP_N + 1, round(QUEUE_S / PRIOR_MEAN_S))
+"""Tasks under way to one station at once, as in any run (`fleet.dispatch.allocation`)."""
+N_KINDS = 4
+"""Kinds of moves of a car: straight, left, right, reverse."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FleetSite:
+    """What a fleet needs to know of a site, worked out once: graph, places, distances to them."""
+
+    site: Site
+    graph: LaneGraph
+    floor: Floor
+    goal_row: npt.NDArray[np.int32]
+    """Row of `floor.distance` of each state that is a dock or a parking place, else `NONE`, shape (n_states,)."""
+    move_to: npt.NDArray[np.int32]
+    """State that a move of each `MoveKind` but turns leads to, or `NONE`, shape (n_states, 4)."""
+    far_n: int
+    """The longest way to a dock or a parking place, in timesteps."""
+
+    @classmethod
+    def of(cls, site: Site) -> FleetSite:
+        """Work it out."""
+        graph = build_lane_graph(site)
+        docks = [graph.state_at(place.dock.cell, place.dock.heading) for place in site.stations]
+        spots = [int(graph.states_of_cell(cell)[0]) for cell in site.parking]
+        goals = np.array([*docks, *spots], dtype=np.int32)
+        distance, row = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)).rows(goals)
+        k = len(docks)
+        floor = Floor(
+            distance=distance,
+            dock_state=goals[:k],
+            dock_row=row[:k].astype(np.int32),
+            spot_state=goals[k:],
+            spot_row=row[k:].astype(np.int32),
+            slots_n=np.array([len(place.slots) for place in site.stations], dtype=np.int32),
+            service_n=round(PRIOR_MEAN_S / TIMESTEP_S),
+            cap_n=CAP_N,
+            near_n=NEAR_N,
+            loaded_rank_n=round(LOADED_RANK_S / TIMESTEP_S),
+            urgent_rank_n=round(EMERGENCY_RANK_S / TIMESTEP_S),
+        )
+        goal_row, move_to = _none(graph.n_states), np.full((graph.n_states, N_KINDS), NONE, dtype=np.int32)
+        goal_row[goals] = row
+        move_to[graph.move_from, graph.move_kind] = graph.move_to
+        used = distance[row]
+        far_n = int(used[used < UNREACHABLE].max())
+        return cls(site=site, graph=graph, floor=floor, goal_row=goal_row, move_to=move_to, far_n=far_n)
+
+
+class GridFleet:
+    """One episode of a fleet on the grid.
+
+    Attributes:
+        now: Timesteps that have passed.
+        cars: The cars.
+        tasks: The tasks.
+        stations: The stations.
+        counts: What has happened since `forget`.
+        priority: Who goes first in the next timestep, larger = earlier, shape (n_cars,).
+        locked: Who does not move in it, shape (n_cars,).
+
+    Args:
+        place: The site.
+        n_cars: Number of cars, at most the parking places.
+        orders: Deliveries, ascending in release.
+        seed: Seed of the tie-breaking of PIBT.
+    """
+
+    def __init__(self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
+        self.place = place
+        self.now = 0
+        floor, graph = place.floor, place.graph
+        k = len(floor.dock_state)
+        start = floor.spot_state[:n_cars].copy()
+        self.cars = Cars(
+            state=start,
+            phase=np.zeros(n_cars, dtype=np.int8),
+            held=np.zeros(n_cars, dtype=np.bool_),
+            booked=np.zeros(n_cars, dtype=np.bool_),
+            task=_none(n_cars),
+            station=_none(n_cars),
+            spot=np.arange(n_cars, dtype=np.int32),
+            left=_zero(n_cars),
+            bound=_zero(n_cars),
+            since=_zero(n_cars),
+            goal=start.copy(),
+            row=floor.spot_row[:n_cars].copy(),
+        )
+        self.tasks = _tasks_of(orders, [station.name for station in place.site.stations])
+        self.stations = Stations(booked=_zero(k), free=floor.slots_n.copy(), under_way=_zero(k))
+        self.counts = Counts.of(n_cars, np.int32)
+        self.priority = np.zeros(n_cars)
+        self.locked = np.zeros(n_cars, dtype=np.bool_)
+        self._spot_user = np.where(np.arange(len(floor.spot_state)) < n_cars, np.arange(len(floor.spot_state)), NONE)
+        self._spot_user = self._spot_user.astype(np.int32)
+        self._first = _none(k)
+        self._after = start.copy()
+        # Copies share it: all that it remembers from one step to the next is the salt of the tie-breaking.
+        self._stepper = Stepper(graph, np.zeros(graph.n_cells, dtype=np.bool_), seed=seed)
+        self._salt = self._stepper.salt
+        self._turn()
+
+    def assign(self, car: int, task: int) -> None:
+        """Give a ready task to a free car; `direct` sends it on its way."""
+        kernel.assign(self.cars, self.tasks, self.stations, car, task, self.now)
+
+    def assign_nearest(self) -> None:
+        """Give the ready tasks to the nearest free cars."""
+        kernel.assign_nearest(self.place.floor, self.cars, self.tasks, self.stations, ROOM_N, self.now)
+        self.direct()
+
+    def direct(self) -> None:
+        """Give every car its goal, and its rank in the right of way."""
+        floor, now = self.place.floor, self.now
+        kernel.direct(floor, self.cars, self.tasks, self.stations, self._spot_user, self._first, now)
+        kernel.rank_cars(floor, self.cars, self.tasks, now, self.priority, self.locked)
+
+    def planned(self) -> npt.NDArray[np.int32]:
+        """Where PIBT lets every car go in the next timestep, shape (n_cars,); holds until the next call."""
+        self._stepper.salt = self._salt
+        self._stepper.step(
+            self.cars.state,
+            self._after,
+            distances=self.place.floor.distance,
+            row=self.cars.row,
+            order=np.argsort(-self.priority, kind="stable").astype(np.int32),
+            locked=self.locked,
+            allow_rotation=False,
+        )
+        self._salt = self._stepper.salt
+        return self._after
+
+    def move(self, after: npt.NDArray[np.int32]) -> None:
+        """Let a timestep pass.
+
+        Args:
+            after: State of each car after it, shape (n_cars,); legal and free of conflicts.
+        """
+        kernel.count_moves(self.cars, after, self.counts)
+        self.now += 1
+        self._turn()
+
+    def copy(self) -> GridFleet:
+        """A fleet at the same moment that goes on alike; the two share nothing that changes."""
+        twin = copy.copy(self)
+        for name in ("cars", "tasks", "stations", "counts"):
+            group = getattr(self, name)
+            setattr(twin, name, type(group)(*(array.copy() for array in group)))
+        for name in ("priority", "locked", "_spot_user", "_first", "_after"):
+            setattr(twin, name, getattr(self, name).copy())
+        return twin
+
+    def _turn(self) -> None:
+        """Everything that happens between two moves."""
+        kernel.serve(self.place.floor, self.cars, self.tasks, self.stations, self.counts, self.now)
+        kernel.release(self.tasks, self.stations, self.counts, self.now)
+        self.direct()
+
+
+def _tasks_of(orders: Sequence[Delivery], names: list[str]) -> Tasks:
+    number = {name: k for k, name in enumerate(names)}
+    n = len(orders)
+    due = [order.due_s / TIMESTEP_S if math.isfinite(order.due_s) else NEVER for order in orders]
+    return Tasks(
+        release=np.array([math.ceil(order.release_s / TIMESTEP_S) for order in orders], dtype=np.int32),
+        due=np.array(due, dtype=np.int64).astype(np.int32),
+        pick=np.array([number[order.pick] for order in orders], dtype=np.int32),
+        drop=np.array([number[order.drop] for order in orders], dtype=np.int32),
+        rank=np.array([order.priority.rank for order in orders], dtype=np.int8),
+        stage=np.full(n, Stage.ORDERED, dtype=np.int8),
+        car=_none(n),
+        done=np.full(n, NEVER, dtype=np.int32),
+        window=_zero(2),
+    )
+
+
+def _zero(n: int) -> npt.NDArray[np.int32]:
+    return np.zeros(n, dtype=np.int32)
+
+
+def _none(n: int) -> npt.NDArray[np.int32]:
+    return np.full(n, NONE, dtype=np.int32)

@@ -1,0 +1,1 @@
+"""What environments for the layers above robots have in common."""

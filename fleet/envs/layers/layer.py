@@ -1,0 +1,244 @@
+"""LayerEnv: what the environments of the dispatch and of the traffic layer share."""
+
+from __future__ import annotations
+
+import functools
+from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box, Dict, Discrete
+
+from fleet.config import Fidelity, require
+from fleet.config.field_checks import is_number
+from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture
+from fleet.envs.core.choices import whole_numbers
+from fleet.envs.core.floor_drawing import FloorDrawing
+from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite
+from fleet.envs.grid.kernel import Counts, Ints, Phase, SmallInts
+from fleet.envs.layers.fleets import Fleet
+from fleet.envs.layers.order_streams import episode_orders
+from fleet.tasks.order import Delivery
+from fleet.world.protocol import FloatArray
+
+if TYPE_CHECKING:  # heavy, and most who train record nothing
+    from fleet.recording import PictureRecorder
+
+Bools = npt.NDArray[np.bool_]
+Longs = npt.NDArray[np.int64]
+LOADED = (Phase.TO_DROP, Phase.UNLOADING)
+"""Phases of a car with a parcel."""
+
+
+class View(Protocol):
+    """What all views of a fleet tell."""
+
+    @property
+    def state(self) -> Ints:
+        """Lane-graph state in which each car's way ends, shape (n_cars,)."""
+
+    @property
+    def goal(self) -> Ints:
+        """Lane-graph state where it goes, negative = nowhere, shape (n_cars,)."""
+
+    @property
+    def phase(self) -> SmallInts:
+        """`Phase` of each car, shape (n_cars,)."""
+
+
+ViewT = TypeVar("ViewT", bound=View)
+
+
+class LayerEnv(FleetEnv, Generic[ViewT]):
+    """Cars that all choose one of a few actions, with masks, in a fleet that does the rest.
+
+    A subclass writes `_fleet_of`, `_look`, `_rows_now`, `_play` and `_infos`.
+
+    Args:
+        name: As PettingZoo's modules have it.
+        arguments: All arguments of the subclass's constructor, by name.
+        place: The site.
+        terms_n: Terms of the reward.
+        row_n: Numbers in an observation.
+        n_actions: Of which 0 is always legal, and what an illegal one counts as.
+        step_s: Simulated time of a step [s].
+
+    Raises:
+        ConfigError: An argument is outside its valid range.
+    """
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        arguments: Mapping[str, Any],
+        place: FleetSite,
+        terms_n: int,
+        row_n: int,
+        n_actions: int,
+        step_s: float,
+    ) -> None:
+        n_cars, load, fidelity = arguments["n_cars"], arguments["load"], arguments["fidelity"]
+        require(is_number(load) and 0 < load <= 100, "load", load, "a number > 0, at most 100")
+        cars = [f"car_{car}" for car in range(n_cars)]
+        super().__init__(
+            name=name,
+            arguments=arguments,
+            # Spaces of their own: seeding one must not seed another.
+            observation_spaces={car: _space(row_n, n_actions) for car in cars},
+            action_spaces={car: Discrete(n_actions) for car in cars},
+            max_cycles=arguments["max_cycles"],
+            fps=max(1.0, 1.0 / step_s),
+            seed=arguments["seed"],
+            render_mode=arguments["render_mode"],
+        )
+        self.place = place
+        """Site, lane graph and distances."""
+        self.state_space = Box(-1.0, 1.0, (n_cars * row_n,), np.float32)
+        self.fleet: Any = None
+        """The episode's fleet; None before the first `reset`."""
+        self.delivered_n = 0
+        """Deliveries of the episode."""
+        self.late_s = 0.0
+        """Time by which they were late, together [s]."""
+        self._fidelity, self._n_cars, self._n_actions, self._step_s = Fidelity(fidelity), n_cars, n_actions, step_s
+        self._cars = np.arange(n_cars)
+        self._view: ViewT | None = None
+        self._terms_n = terms_n
+        self._mask = np.ones((n_cars, n_actions), dtype=np.int8)
+        record_to = arguments["record_to"]
+        require(isinstance(record_to, str | Path | None), "record_to", record_to, "a path")
+        self._record_to = Path(f"runs/{name}" if record_to is None else record_to)
+        self._recorder: PictureRecorder | None = None
+        self._episodes_n = 0
+
+    @property
+    def view(self) -> ViewT:
+        """The fleet at the last observation, for policies that are not told by rows of numbers.
+
+        Raises:
+            EpisodeError: There was no `reset` yet.
+        """
+        if self._view is None:
+            raise EpisodeError("there was no episode yet; valid: reset() first")
+        return self._view
+
+    def state(self) -> npt.NDArray[np.float32]:
+        """All cars' numbers; inside `state_space`.
+
+        Raises:
+            EpisodeError: There was no `reset` yet.
+        """
+        return self._rows_now()[0].ravel()
+
+    def close(self) -> None:
+        """Free what the environment holds; calling twice is harmless."""
+        self._end()
+        super().close()
+
+    @abstractmethod
+    def _fleet_of(self, orders: tuple[Delivery, ...], seed: int, duration_s: float) -> Fleet:
+        """The fleet of an episode."""
+
+    @abstractmethod
+    def _look(self) -> ViewT:
+        """Look at the fleet; kept as `view` until the next step."""
+
+    @abstractmethod
+    def _rows_now(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
+        """Observations, shape (n_cars, row_n), and masks, shape (n_cars, n_actions), of the last view."""
+
+    @abstractmethod
+    def _play(self, choice: Longs) -> tuple[FloatArray, Bools]:
+        """Make a step; returns terms, shape (n_cars, n_terms), and who did not get what it chose, shape (n_cars,).
+
+        Args:
+            choice: A legal action of each car, shape (n_cars,).
+        """
+
+    @abstractmethod
+    def _infos(self, terms: FloatArray, waits: Bools, illegal: Bools) -> Infos:
+        """Infos of all agents."""
+
+    @functools.cached_property
+    def _drawing(self) -> FloorDrawing:
+        return FloorDrawing(self.place.site)
+
+    def _end(self) -> None:
+        self._view = None
+        if self.fleet is not None:
+            self.fleet.close()
+            self.fleet = None
+        if self._recorder is not None:
+            self._recorder.close()
+            self._recorder = None
+
+    def _begin(self, seed: int) -> Infos:
+        self._end()
+        of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
+        duration_s = self.max_cycles * self._step_s
+        rng, load = np.random.default_rng(of_orders), float(self._arguments["load"])
+        orders = episode_orders(self.place, self._n_cars, load, duration_s, rng)
+        self.fleet = self._fleet_of(orders, int(of_fleet.generate_state(1)[0]), duration_s)
+        self.delivered_n, self.late_s = 0, 0.0
+        self._episodes_n += 1
+        if self.render_mode == "rerun":
+            self._open_recorder()
+        nobody = np.zeros(self._n_cars, dtype=np.bool_)
+        return self._infos(np.zeros((self._n_cars, self._terms_n)), nobody, nobody)
+
+    def _resolved(self, actions: Mapping[str, Any]) -> Longs:
+        return whole_numbers(actions, self.possible_agents)
+
+    def _advance(self, resolved: Longs) -> tuple[dict[str, float], bool, Infos]:
+        inside = (resolved >= 0) & (resolved < self._n_actions)
+        legal = inside & (self._mask[self._cars, np.where(inside, resolved, 0)] == 1)
+        self.fleet.forget()
+        terms, waits = self._play(np.where(legal, resolved, 0))
+        counts: Counts = self.fleet.counts
+        self.delivered_n += int(counts.delivered.sum())
+        self.late_s += float(counts.late.sum()) * TIMESTEP_S
+        rewards = dict(zip(self.possible_agents, terms.sum(axis=1).tolist(), strict=True))
+        return rewards, False, self._infos(terms, waits, ~legal)
+
+    def _observations(self) -> dict[str, Any]:
+        self._view = self._look()
+        rows, masks = self._rows_now()
+        self._mask = masks.copy()
+        told = zip(self.possible_agents, rows, masks, strict=True)
+        return {agent: {"observation": row, "action_mask": mask} for agent, row, mask in told}
+
+    def _quick(self) -> Any:
+        fleet = self.fleet.copy()
+        return fleet and (fleet, self.delivered_n, self.late_s)
+
+    def _restore(self, quick: Any) -> bool:
+        fleet, self.delivered_n, self.late_s = quick[:3]
+        self._end()
+        self.fleet = fleet.copy()
+        return True
+
+    def _picture(self) -> Picture:
+        view = self.view
+        goals = self.place.graph.state_pose[np.where(view.goal >= 0, view.goal, view.state), :2]
+        return self._drawing.picture(self.fleet.poses(), np.isin(view.phase, LOADED), goals)
+
+    def _record(self) -> None:
+        recorder = self._recorder or self._open_recorder()
+        figures = {"delivered": float(self.delivered_n), "late_min": self.late_s / 60.0}
+        recorder.show(self._picture(), self.steps_n * self._step_s, figures)
+
+    def _open_recorder(self) -> PictureRecorder:
+        from fleet.recording import PictureRecorder
+
+        path = self._record_to / f"episode_{self._episodes_n - 1:04}.rrd"
+        self._recorder = PictureRecorder(path, f"{self.metadata['name']}, {self._n_cars} cars")
+        return self._recorder
+
+
+def _space(row_n: int, n_actions: int) -> Dict:
+    mask = Box(0, 1, (n_actions,), np.int8)
+    return Dict({"observation": Box(-1.0, 1.0, (row_n,), np.float32), "action_mask": mask})

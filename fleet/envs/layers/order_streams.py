@@ -1,0 +1,46 @@
+"""Streams of orders for episodes: as many as a fleet of that size can carry on that site, or some times that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fleet.config import RATES_PER_H, StreamConfig
+from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite
+from fleet.tasks.order import Delivery
+from fleet.tasks.stream import stream_orders
+
+
+def rate_per_h(place: FleetSite, n_cars: int, load: float) -> float:
+    """Orders per hour.
+
+    Args:
+        place: The site.
+        n_cars: Fleet size.
+        load: 1 = as many as the cars could carry if they drove back and forth between random stations and no car
+            was ever in the way of another.
+    """
+    floor = place.floor
+    kinds = np.array([station.kind == "pick" for station in place.site.stations])
+    there = floor.distance[np.ix_(floor.dock_row[~kinds], floor.dock_state[kinds])]
+    back = floor.distance[np.ix_(floor.dock_row[kinds], floor.dock_state[~kinds])]
+    cycle_s = (float(there.mean()) + float(back.mean()) + 2 * floor.service_n) * TIMESTEP_S
+    return float(np.clip(load * n_cars * 3600.0 / cycle_s, *RATES_PER_H))
+
+
+def episode_orders(
+    place: FleetSite, n_cars: int, load: float, duration_s: float, rng: np.random.Generator
+) -> tuple[Delivery, ...]:
+    """Orders of one episode, ascending in release: one for each car at once, then a Poisson stream with due dates."""
+    config = StreamConfig(rate_per_h=rate_per_h(place, n_cars, load))
+    orders = stream_orders(place.site, config, duration_s + n_cars * 3600.0 / config.rate_per_h, None, rng)
+    if len(orders) < n_cars:  # chance may bring too few within a short time
+        orders = stream_orders(place.site, config, duration_s, n_cars, rng)
+    at_once = tuple(replace(order, release_s=0.0, due_s=order.due_s - order.release_s) for order in orders[:n_cars])
+    begin_s = orders[n_cars - 1].release_s
+    later = tuple(
+        replace(order, release_s=round(order.release_s - begin_s, 3), due_s=order.due_s - begin_s)
+        for order in orders[n_cars:]
+    )
+    return at_once + tuple(order for order in later if order.release_s < duration_s)

@@ -1,0 +1,1 @@
+"""Agents steer cars to places."""

@@ -1,0 +1,462 @@
+"""Navigation: a PettingZoo environment in which cars drive to one place after the other, among each other.
+
+Every car has a stream of places to visit, drawn from the episode's seed and the same whatever the agents do. Its way
+there is the shortest along the lanes of the site; nobody gives right of way: to keep clear of the others is the agents'
+own affair. A car that gets more than 0.8 m away from its way is out of its agent's hands for a second and a half: it
+brakes, is towed back to its way, and stands there. An episode begins with all cars parked and is truncated for all after
+`max_cycles` steps.
+
+Agents: `car_0`, `car_1`, ...
+
+Actions, both in [-1, 1]: steering / 0.8 rad (positive = left) and speed / 2 m/s (negative = reverse). Greater ones are
+clipped, nan counts as 0, a missing agent stands; `infos[agent]["illegal"]` says so.
+
+Observations, all clipped to [-1, 1]; a car's frame lies at its rear axle, x ahead, y to the left:
+
+| entries | |
+|---|---|
+| 0-1 | speed / 2 m/s, steering / 0.8 rad |
+| 2-3 | distance to the left of the way / 1 m, way left to the place / 10 m |
+| 4-15 | points of the way 0.3, 0.6, 1.0, 1.5, 2.2 and 3.0 m ahead / 3 m |
+| 16-23 | the nearest other car within 4 m: there is one (0 or 1), offset / 4 m, cos and sin of its heading, its speed / 2 m/s, the point 1 m ahead on its way / 4 m |
+| 24-31, 32-39 | the second and third nearest |
+
+Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places`, the number
+of places that were reached in this step. `state()` is all observations, one after the other.
+"""  # noqa: E501 - a table's row
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box
+from numba import njit
+
+from fleet.config import Fidelity, Grip, RunConfig, require
+from fleet.config.field_checks import is_number, is_whole
+from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
+from fleet.envs.core.choices import row_of
+from fleet.envs.core.floor_drawing import FloorDrawing
+from fleet.envs.core.weights import check_weights, require_weights
+from fleet.robots.pursuit import PathBuffer
+from fleet.world import make_world
+from fleet.world.protocol import FloatArray
+from fleet.world.site_scene import scene_of
+from maps.lane_graph import MoveKind, build_lane_graph
+from maps.site import load_site
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+
+FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
+WAY_POINTS_M = np.array([0.3, 0.6, 1.0, 1.5, 2.2, 3.0])
+"""Distances ahead at which a car is told where its way leads [m]."""
+NEAR_M = 4.0
+"""Range in which other cars are seen [m]."""
+OTHERS_N = 3
+"""Other cars that are seen at most."""
+OTHER_N = 8
+"""Numbers told of each."""
+CAR_N = 4 + 2 * len(WAY_POINTS_M) + OTHERS_N * OTHER_N
+"""Numbers in an observation."""
+OFF_LANE_M = 0.3
+"""A car further than this from its way is off its lane [m]: in the middle, its sides are 0.36 m from the walls."""
+LOST_M = 0.8
+"""A car further than this from its way is towed back [m]."""
+BRAKE_S, TOW_S = 1.0, 0.5
+"""Times in which a lost car comes to a stand, from any speed, and in which it is then brought back, in physics [s]."""
+REACHED_M = 0.1
+"""A place counts as reached this far before it [m]."""
+TOUCH_M = 0.01
+"""Bodies nearer than this touch [m]: physics lets them not overlap."""
+_AHEAD_M = 4.0
+"""Length of way that is always known [m]."""
+
+Observation = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NavigationWeights:
+    """What things are worth."""
+
+    progress: float = 1.0
+    """Per metre along the way."""
+    place: float = 1.0
+    """Per place reached."""
+    touch: float = -3.0
+    """Per time the car begins to touch another; a touch that lasts counts once."""
+    off_lane: float = -0.05
+    """Per step off the lane."""
+    towed: float = -2.0
+    """Per time the car was towed."""
+
+    def __post_init__(self) -> None:
+        check_weights(self)
+
+
+TERMS = ("progress", "place", "touch", "off_lane", "towed")
+"""Names of the terms."""
+
+
+class NavigationEnv(FleetEnv):
+    """Cars that drive to places; see the module's description.
+
+    Args:
+        site: Name of a shipped site or path of a site file.
+        n_cars: Number of cars.
+        fidelity: `kinematic` or `physics`.
+        control_hz: Steps per simulated second; the world's tick rate (kinematic 20, physics 60) is a multiple.
+        max_cycles: Steps after which an episode is truncated.
+        seed: Decides the episodes until `reset` is given a seed.
+        weights: What things are worth.
+        render_mode: `rgb_array`, `human` (a window, if there is a display) or None.
+
+    Raises:
+        ConfigError: An argument is outside its valid range.
+        SiteError: The site cannot be read.
+    """
+
+    RENDER_MODES = ("human", "rgb_array")
+
+    def __init__(
+        self,
+        site: str = "small",
+        n_cars: int = 6,
+        fidelity: str = "kinematic",
+        control_hz: float = 10.0,
+        max_cycles: int = 600,
+        seed: int = 0,
+        weights: NavigationWeights | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
+        require_weights(weights, NavigationWeights)
+        require(isinstance(site, str | Path), "site", site, "a name or a path")
+        place = self._site = load_site(site)
+        cars_ok = is_whole(n_cars) and 1 <= n_cars <= len(place.parking)
+        require(cars_ok, "n_cars", n_cars, f"1 to {len(place.parking)} on site {place.name}")
+        require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
+        require(is_number(control_hz) and control_hz > 0, "control_hz", control_hz, "a number > 0")
+        cars = [f"car_{car}" for car in range(n_cars)]
+        super().__init__(
+            name="navigate_v0",
+            arguments=arguments,
+            observation_spaces={car: _box(CAR_N) for car in cars},
+            action_spaces={car: _box(2) for car in cars},
+            max_cycles=max_cycles,
+            fps=control_hz,
+            seed=seed,
+            render_mode=render_mode,
+        )
+        self.state_space = _box(n_cars * CAR_N)
+        self._weights = weights or NavigationWeights()
+        self._drawing: FloorDrawing | None = None
+
+        graph = self._graph = build_lane_graph(place)
+        forward = not (graph.move_kind == MoveKind.REVERSE).any()
+        require(forward, "site", site, "a site on which no lane is driven in reverse")
+        self._starts = [int(graph.states_of_cell(cell)[0]) for cell in place.parking[:n_cars]]
+        self._tables = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_))
+        back = np.array([self._tables.to(state)[self._starts[0]] for state in range(graph.n_states)])
+        self._places = np.flatnonzero((back < UNREACHABLE) & (self._tables.to(self._starts[0]) < UNREACHABLE))
+        scene = scene_of(place, graph.state_pose[self._starts], Grip.SUCTION)
+        # Arms would only stand about.
+        scene = replace(scene, arm_base=scene.arm_base[:0], arm_start=scene.arm_start[:0])
+        config = RunConfig(site=site, robots=n_cars, fidelity=Fidelity(fidelity))
+        self._world = make_world(scene, graph, config)
+        ticks = 1.0 / (control_hz * self._world.tick_s)
+        self._ticks_n = round(ticks)
+        fits = self._ticks_n >= 1 and math.isclose(ticks, self._ticks_n, rel_tol=1e-6)
+        if not fits:
+            self._world.close()
+        require(fits, "control_hz", control_hz, f"{1.0 / self._world.tick_s:.6g} / 1, 2, 3, ...")
+        self._parked = self._world.save(settle=True)
+        self._no_joints = np.zeros((0, scene.arm.n_joints))
+        self._no_grip = np.zeros(0, dtype=np.bool_)
+        half_m = ((scene.car.front_m + scene.car.rear_m + TOUCH_M) / 2, scene.car.half_width_m + TOUCH_M / 2)
+        self._body = np.array([(scene.car.front_m - scene.car.rear_m) / 2, *half_m])
+        self._limits = np.array([scene.car.max_steering_rad, scene.car.max_speed_mps])
+        self._rows = np.zeros((n_cars, CAR_N), dtype=np.float32)
+        self._aside_m = np.zeros(n_cars)
+        self._touches = np.zeros(n_cars, dtype=np.bool_)
+        self._aims = np.zeros((n_cars, 2))
+
+    def state(self) -> Observation:
+        """All observations, one after the other; inside `state_space`.
+
+        Raises:
+            EpisodeError: There was no `reset` yet.
+        """
+        if self._seed < 0:
+            raise EpisodeError("state: there was no episode yet; valid: reset() first")
+        return self._rows.ravel().copy()
+
+    def close(self) -> None:
+        """Free what the environment holds; calling twice is harmless."""
+        self._world.close()
+        super().close()
+
+    def _begin(self, seed: int) -> Infos:
+        n_cars = len(self.possible_agents)
+        self._streams = np.random.default_rng(seed).spawn(n_cars)
+        self._world.load(self._parked)
+        self._paths = PathBuffer(n_cars)
+        self._ends = list(self._starts)
+        self._stops: list[deque[float]] = [deque() for _ in range(n_cars)]
+        for car, state in enumerate(self._starts):
+            self._paths.reset(car, self._graph.state_pose[state])
+            self._extend(car)
+        self._towed_n = np.zeros(n_cars, dtype=np.int64)
+        """Ticks for which each car is still out of its agent's hands."""
+        self._aside_m[:] = 0.0
+        self._look()
+        return {agent: {**dict.fromkeys((*TERMS, "places"), 0.0), "illegal": False} for agent in self.possible_agents}
+
+    def _resolved(self, actions: Mapping[str, Any]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """Shares of steering and speed, shape (n_cars, 2), and whose action was illegal or missing."""
+        rows = np.full((len(self.possible_agents), 2), np.nan)
+        for car, agent in enumerate(self.possible_agents):
+            action = actions.get(agent)
+            if action is None:
+                continue
+            rows[car] = row_of(agent, action, 2)
+        legal = np.clip(np.nan_to_num(rows, nan=0.0), -1.0, 1.0)
+        return legal, (legal != rows).any(axis=1)
+
+    def _advance(self, resolved: tuple[FloatArray, npt.NDArray[np.bool_]]) -> tuple[dict[str, float], bool, Infos]:
+        shares, illegal = resolved
+        commands = np.where((self._towed_n > 0)[:, None], 0.0, shares * self._limits)
+        before_m = self._paths.progress.copy()
+        for _ in range(self._ticks_n):
+            self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
+        self._follow()
+        reached = [self._arrive(car) for car in range(len(self.possible_agents))]
+        towed = self._tow()
+        touched = self._touches.copy()
+        self._look()
+        off_lane = np.abs(self._aside_m) > OFF_LANE_M
+        weights = self._weights
+        terms = np.column_stack(
+            (
+                weights.progress * (self._paths.progress - before_m),
+                weights.place * np.array(reached),
+                weights.touch * (self._touches & ~touched),
+                weights.off_lane * off_lane,
+                weights.towed * towed,
+            )
+        )
+        rewards = dict(zip(self.possible_agents, terms.sum(axis=1).tolist(), strict=True))
+        infos: Infos = {
+            agent: {**dict(zip(TERMS, row, strict=True)), "places": float(places), "illegal": wrong}
+            for agent, row, places, wrong in zip(
+                self.possible_agents, terms.tolist(), reached, illegal.tolist(), strict=True
+            )
+        }
+        return rewards, False, infos
+
+    def _observations(self) -> dict[str, Observation]:
+        return dict(zip(self.possible_agents, self._rows.copy(), strict=True))
+
+    def _picture(self) -> Picture:
+        self._drawing = self._drawing or FloorDrawing(self._site)
+        poses = self._world.car_poses()
+        goals = np.array([self._goal(car) for car in range(len(poses))])
+        return self._drawing.picture(poses, np.zeros(len(poses), dtype=np.bool_), goals)
+
+    def _extend(self, car: int) -> None:
+        """Lengthen a car's way by the places that come next, until enough of it is known."""
+        paths, graph = self._paths, self._graph
+        while paths.end_s(car) - paths.progress[car] < _AHEAD_M:
+            state = self._ends[car]
+            goal = state
+            while goal == state:
+                goal = int(self._streams[car].choice(self._places))
+            to_goal = self._tables.to(goal)
+            while state != goal:
+                moves = graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]
+                move = int(moves[np.argmin(to_goal[graph.move_to[moves]])])
+                span = slice(graph.path_ptr[move], graph.path_ptr[move + 1])
+                paths.append(car, graph.path_points[span], graph.path_s[span])
+                state = int(graph.move_to[move])
+            self._ends[car] = state
+            self._stops[car].append(paths.end_s(car))
+
+    def _arrive(self, car: int) -> int:
+        """Tick off the places a car has reached, and see that its way goes on; returns how many."""
+        stops = self._stops[car]
+        reached = 0
+        while stops and self._paths.progress[car] >= stops[0] - REACHED_M and abs(self._aside_m[car]) <= OFF_LANE_M:
+            stops.popleft()
+            reached += 1
+        self._extend(car)
+        return reached
+
+    def _follow(self) -> None:
+        paths = self._paths
+        _project(
+            self._world.car_poses(), paths.points, paths.s, paths.count, paths.cursor, paths.progress, self._aside_m
+        )
+
+    def _tow(self) -> npt.NDArray[np.bool_]:
+        """Stop lost cars and bring them back to where their way is nearest; returns who got lost now, (n_cars,)."""
+        tow_n, brake_n = (round(time_s / self._world.tick_s) for time_s in (TOW_S, BRAKE_S))
+        left_n = np.maximum(self._towed_n - self._ticks_n, 0)
+        stands = (self._towed_n > tow_n) & (left_n <= tow_n)
+        lost: npt.NDArray[np.bool_] = (np.abs(self._aside_m) > LOST_M) & (self._towed_n == 0)
+        self._towed_n = np.where(lost, brake_n + tow_n, left_n)
+        poses = self._world.car_poses()
+        for car in np.flatnonzero(stands).tolist():
+            x, y, yaw = self._paths.points[car, self._paths.cursor[car]] - poses[car]
+            self._world.push_car(car, float(x), float(y), math.remainder(yaw, 2.0 * math.pi))
+        return lost
+
+    def _look(self) -> None:
+        paths, world = self._paths, self._world
+        left_m = np.array([stops[0] for stops in self._stops]) - paths.progress
+        _observe(
+            world.car_poses(),
+            world.car_speeds() / self._limits[1],
+            world.car_steering() / self._limits[0],
+            paths.points,
+            paths.s,
+            paths.count,
+            paths.cursor,
+            paths.progress,
+            self._aside_m,
+            left_m,
+            WAY_POINTS_M,
+            self._body,
+            self._aims,
+            self._touches,
+            self._rows,
+        )
+
+    def _goal(self, car: int) -> FloatArray:
+        """The place that a car drives to, x, y."""
+        paths = self._paths
+        at = int(np.searchsorted(paths.s[car, : paths.count[car]], self._stops[car][0] - 1e-9))
+        return paths.points[car, min(at, paths.count[car] - 1), :2]
+
+
+parallel_env = NavigationEnv
+"""The name that PettingZoo's modules have for it."""
+
+
+def raw_env(**arguments: Any) -> Any:
+    """Make the environment in turn-based (AEC) form; the arguments are those of `NavigationEnv`."""
+    return turn_based(NavigationEnv(**arguments))
+
+
+def env(**arguments: Any) -> Any:
+    """Make the turn-based environment that complains about calls in a wrong order."""
+    return in_order(raw_env(**arguments))
+
+
+def _box(n: int) -> Box:
+    return Box(-1.0, 1.0, (n,), np.float32)
+
+
+@njit(cache=True)
+def _project(poses, points, s, count, cursor, progress, aside):
+    """Find the point of its way nearest to each car, from half a metre behind the last one to a metre ahead of it."""
+    for car in range(len(poses)):
+        x, y = poses[car, 0], poses[car, 1]
+        k = cursor[car]
+        while k > 0 and s[car, k] > progress[car] - 0.5:
+            k -= 1
+        best, best_k, best_s, best_side = math.inf, cursor[car], progress[car], aside[car]
+        while k + 1 < count[car] and s[car, k] <= progress[car] + 1.0:
+            ax, ay = points[car, k, 0], points[car, k, 1]
+            dx, dy = points[car, k + 1, 0] - ax, points[car, k + 1, 1] - ay
+            length2 = dx * dx + dy * dy
+            t = 0.0
+            if length2 > 0.0:
+                t = min(max(((x - ax) * dx + (y - ay) * dy) / length2, 0.0), 1.0)
+            gap = math.hypot(x - ax - t * dx, y - ay - t * dy)
+            if gap < best:
+                best, best_k = gap, k
+                best_s = s[car, k] + t * (s[car, k + 1] - s[car, k])
+                best_side = gap if dx * (y - ay) - dy * (x - ax) >= 0.0 else -gap
+            k += 1
+        cursor[car], progress[car], aside[car] = best_k, best_s, best_side
+
+
+@njit(cache=True)
+def _ahead(points, s, count, k, at):
+    """Point of a way at an arc length, at most its end."""
+    while k + 2 < count and s[k + 1] < at:
+        k += 1
+    if k + 1 >= count:
+        return points[k, 0], points[k, 1]
+    t = min(max((at - s[k]) / max(s[k + 1] - s[k], 1e-9), 0.0), 1.0)
+    return points[k, 0] + t * (points[k + 1, 0] - points[k, 0]), points[k, 1] + t * (points[k + 1, 1] - points[k, 1])
+
+
+@njit(cache=True)
+def _parted(dx, dy, cos, sin, turn_cos, turn_sin, length, width):
+    """Whether an axis of the first of two equal rectangles parts them (separating axes)."""
+    u, v = cos * dx + sin * dy, cos * dy - sin * dx
+    return (
+        abs(u) > length + abs(turn_cos) * length + abs(turn_sin) * width
+        or abs(v) > width + abs(turn_sin) * length + abs(turn_cos) * width
+    )
+
+
+@njit(cache=True)
+def _observe(  # one kernel for all cars, on flat arrays
+    poses, speeds, steering, points, s, count, cursor, progress, aside, left_m, look_m, body, aims, touches, rows
+):  # fmt: skip
+    """Write all observations, and which cars touch another."""
+    n_cars, n_points = len(poses), len(look_m)
+    for car in range(n_cars):
+        aims[car, 0], aims[car, 1] = _ahead(points[car], s[car], count[car], cursor[car], progress[car] + 1.0)
+    gaps = np.empty(n_cars)
+    for car in range(n_cars):
+        x, y = poses[car, 0], poses[car, 1]
+        cos, sin = math.cos(poses[car, 2]), math.sin(poses[car, 2])
+        row = rows[car]
+        row[:] = 0.0
+        row[0], row[1], row[2], row[3] = speeds[car], steering[car], aside[car], left_m[car] / 10.0
+        for p in range(n_points):
+            px, py = _ahead(points[car], s[car], count[car], cursor[car], progress[car] + look_m[p])
+            row[4 + 2 * p] = (cos * (px - x) + sin * (py - y)) / 3.0
+            row[5 + 2 * p] = (cos * (py - y) - sin * (px - x)) / 3.0
+        touches[car] = False
+        for other in range(n_cars):
+            gaps[other] = math.inf
+            if other == car:
+                continue
+            dx, dy = poses[other, 0] - x, poses[other, 1] - y
+            gaps[other] = math.hypot(dx, dy)
+            if gaps[other] > 1.0:
+                continue
+            other_cos, other_sin = math.cos(poses[other, 2]), math.sin(poses[other, 2])
+            mx = dx + body[0] * (other_cos - cos)
+            my = dy + body[0] * (other_sin - sin)
+            turn_cos, turn_sin = cos * other_cos + sin * other_sin, cos * other_sin - sin * other_cos
+            if not (
+                _parted(mx, my, cos, sin, turn_cos, turn_sin, body[1], body[2])
+                or _parted(mx, my, other_cos, other_sin, turn_cos, turn_sin, body[1], body[2])
+            ):
+                touches[car] = True
+        for rank in range(min(OTHERS_N, n_cars - 1)):
+            other = int(np.argmin(gaps))
+            if gaps[other] > NEAR_M:
+                break
+            gaps[other] = math.inf
+            at = 4 + 2 * n_points + rank * OTHER_N
+            dx, dy = poses[other, 0] - x, poses[other, 1] - y
+            row[at] = 1.0
+            row[at + 1], row[at + 2] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
+            row[at + 3] = math.cos(poses[other, 2] - poses[car, 2])
+            row[at + 4] = math.sin(poses[other, 2] - poses[car, 2])
+            row[at + 5] = speeds[other]
+            dx, dy = aims[other, 0] - x, aims[other, 1] - y
+            row[at + 6], row[at + 7] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
+        for k in range(len(row)):
+            row[k] = min(max(row[k], np.float32(-1.0)), np.float32(1.0))

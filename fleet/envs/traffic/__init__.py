@@ -1,0 +1,1 @@
+"""Agents choose the next moves of cars."""

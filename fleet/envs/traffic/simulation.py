@@ -1,0 +1,142 @@
+"""SimulatedTraffic: the whole fleet, kinematic or in physics, whose moves are chosen by agents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, TrafficConfig
+from fleet.envs.grid.fleet import TIMESTEP_S
+from fleet.envs.grid.kernel import Ints
+from fleet.envs.layers.simulated_fleet import OrderedSimulation, SimulatedFleet
+from fleet.envs.traffic.right_of_way import RightOfWay
+from fleet.envs.traffic.view import TrafficView
+from fleet.tasks.order import Delivery
+from fleet.traffic.executor import Executor
+from fleet.traffic.replanning import NO_GOAL, Traffic
+from fleet.world.protocol import FloatArray
+from maps.lane_graph import LaneGraph
+from planners.mapf.distance_table import DistanceTable
+from planners.mapf.problem import Plan
+from planners.status import Status
+
+AHEAD_N = 1
+"""Granted moves that a car may still have to make when its next one is chosen, so that it need not stop."""
+
+
+class AgentTraffic(Traffic):
+    """Plans no moves: it takes those that agents wish for, as far as they can be made together.
+
+    A plan of one timestep is handed to the executor whenever there are wishes. The cars make its moves in the order
+    that the dependency graph allows, whatever their speeds, so nobody collides whatever agents do.
+    """
+
+    def __init__(
+        self,
+        graph: LaneGraph,
+        executor: Executor,
+        config: TrafficConfig,
+        tick_s: float,
+        seed: int,
+        tables: DistanceTable | None = None,
+    ) -> None:
+        super().__init__(graph, executor, config, tick_s, seed, tables)
+        self.wanted: Ints | None = None
+        """Where each car wishes to go; None once that is decided."""
+        self.granted = np.ones(len(self.goals), dtype=np.bool_)
+        """Whether each car was granted its last wish."""
+        self._right_of_way = RightOfWay(graph.state_cell, graph.n_cells)
+
+    def tick(self, tick: int) -> bool:
+        """Decide on the wishes, if there are new ones; see `Traffic`."""
+        if self.wanted is None:
+            return False
+        states = self.executor.tail_states()
+        wanted, self.wanted = self.wanted, None
+        blocked = self.blocked[self.graph.state_cell[wanted]] & (wanted != states)
+        after = self._right_of_way.resolve(states, wanted, self.priority(tick), self.locked() | blocked)
+        self.granted = after == wanted
+        self.executor.accept(Plan(states=np.stack((states, after)), status=Status.FEASIBLE, iterations=1))
+        self.plans_n += 1
+        return True
+
+    def locked(self) -> npt.NDArray[np.bool_]:
+        """Cars that cannot choose: they are served, stand at their dock, or have not made their moves yet."""
+        executor = self.executor
+        dependencies, states = executor.dependencies, executor.tail_states()
+        busy = [
+            dependencies.n_queued(car) > 0 or dependencies.n_granted(car) > AHEAD_N for car in range(len(self.goals))
+        ]
+        locked: npt.NDArray[np.bool_] = self.fixed | (self.stay & (states == self.goals)) | np.array(busy)
+        return locked
+
+    def priority(self, tick: int) -> FloatArray:
+        """Who goes first, larger = earlier, shape (n_cars,); see `TrafficView`."""
+        waited_s = (tick - self._goal_since) * self._tick_s + self.rank
+        content = (self.goals == NO_GOAL) | (self.executor.tail_states() == self.goals)
+        priority: FloatArray = np.where(content, -1.0, waited_s / TIMESTEP_S)
+        return priority
+
+
+class TrafficSimulation(OrderedSimulation):
+    """A `Simulation` whose cars agents send from state to state."""
+
+    traffic: AgentTraffic
+    traffic_type = AgentTraffic
+
+
+class SimulatedTraffic(SimulatedFleet):
+    """A `TrafficFleet` that is a whole simulation.
+
+    Args:
+        site: Its name or path.
+        n_cars: Number of cars.
+        orders: Deliveries, ascending in release.
+        seed: Seed of the run.
+        fidelity: `kinematic` or `physics`.
+        duration_s: Length of the episode [s].
+    """
+
+    def __init__(
+        self,
+        site: str,
+        n_cars: int,
+        orders: Sequence[Delivery],
+        seed: int,
+        fidelity: Fidelity,
+        duration_s: float,
+    ) -> None:
+        config = RunConfig(
+            site=site,
+            robots=n_cars,
+            fidelity=fidelity,
+            seed=seed,
+            duration_s=duration_s,
+            allocation=AllocationConfig(allocator="greedy"),
+            arms=ArmConfig(workers_n=0),
+        )
+        self.simulation = TrafficSimulation(config, orders)
+        super().__init__(self.simulation)
+        # The first tasks are given out, and goals with them.
+        self.run(self.simulation.tick_s)
+
+    def view(self) -> TrafficView:
+        """See `TrafficFleet`."""
+        simulation = self.simulation
+        traffic = simulation.traffic
+        return TrafficView(
+            state=simulation.executor.tail_states(),
+            goal=traffic.goals.copy(),
+            phase=self._phases(),
+            held=self._held(),
+            locked=traffic.locked(),
+            priority=traffic.priority(simulation.now),
+        )
+
+    def move(self, wanted: Ints) -> npt.NDArray[np.bool_]:
+        """See `TrafficFleet`."""
+        self.simulation.traffic.wanted = wanted.astype(np.int32)
+        self.run(TIMESTEP_S)
+        return self.simulation.traffic.granted

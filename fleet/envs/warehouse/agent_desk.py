@@ -1,0 +1,133 @@
+"""AgentDesk: hands transfers to agents and waits for what they make of them, instead of planning and playing them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fleet.config import ArmConfig
+from fleet.errors import FleetError
+from fleet.robots.spec import CarSpec
+from fleet.stations.arms.arm_desk import ArmDesk, ArmPlanner
+from fleet.stations.arms.service import ArmService, ServiceState
+from fleet.stations.arms.transfer import ArmRequest, Transfer, TransferRequest
+from fleet.world.protocol import FloatArray
+
+REST_S = 0.5
+"""A parcel that was let go has come to rest after this long; then its place is judged [s]."""
+
+
+class NoPlanner:
+    """The `ArmPlanner` of a run whose arms are all in the hands of agents."""
+
+    def wait_ready(self) -> None:
+        """See `ArmPlanner`."""
+
+    def close(self) -> None:
+        """See `ArmPlanner`."""
+
+    def keep_trees(self) -> None:
+        """See `ArmPlanner`."""
+
+    def submit(self, request: ArmRequest) -> int:
+        """See `ArmPlanner`.
+
+        Raises:
+            FleetError: Always.
+        """
+        raise FleetError(f"arm_{request.arm} is an agent's; valid: requests for arms that are planned for")
+
+    def result(self, ticket: int) -> Transfer:
+        """See `ArmPlanner`.
+
+        Raises:
+            FleetError: Always.
+        """
+        raise FleetError(f"ticket {ticket} was never given out")
+
+
+class AgentService(ArmService):
+    """A transfer in the hands of an agent: it lasts until the parcel was taken and has been let go."""
+
+    fetches = False
+
+    def __init__(self, arm: int, start_rad: FloatArray) -> None:
+        super().__init__(arm, start_rad)
+        self.transfer: TransferRequest | None = None
+        """What the agent is asked to do now."""
+        self._was_held = False
+        self._free_s = 0.0
+
+    @property
+    def dock_is_clear(self) -> bool:
+        """See `ArmService`."""
+        return self.state is ServiceState.IDLE
+
+    def ask(self, transfer: TransferRequest) -> None:
+        """Begin a transfer."""
+        self.state, self.transfer, self.parcel = ServiceState.MOVING, transfer, transfer.parcel
+        self._was_held, self._free_s = False, 0.0
+
+    def reset(self) -> None:
+        """See `ArmService`."""
+        self.state, self.transfer = ServiceState.IDLE, None
+
+    def tick(self, tick_s: float, held: int) -> None:
+        """See `ArmService`."""
+        self.busy_s += tick_s
+        self._was_held = self._was_held or held == self.parcel
+        self._free_s = self._free_s + tick_s if self._was_held and held != self.parcel else 0.0
+        if self._free_s >= REST_S:
+            self.state = ServiceState.DONE
+
+
+class AgentDesk(ArmDesk):
+    """An `ArmDesk` in which some arms are the agents'.
+
+    An agent's transfer is over when the parcel was let go; where it lies then decides, as for any arm, whether the
+    car is loaded, the task is delivered, the transfer is asked for again, or the task has failed.
+
+    Args:
+        planner: Answers the requests for the other arms.
+        config: Latency of an answer in simulated time.
+        car: Model of the cars that are served.
+        start_rad: Joint positions at the start, shape (n_arms, n_joints).
+        tick_s: Length of a tick [s].
+        lost: See `ArmDesk`.
+        by_agent: Arms that agents move.
+    """
+
+    def __init__(
+        self,
+        planner: ArmPlanner,
+        config: ArmConfig,
+        car: CarSpec,
+        start_rad: FloatArray,
+        tick_s: float,
+        *,
+        lost: Callable[[int, int], str],
+        by_agent: frozenset[int],
+    ) -> None:
+        self._by_agent = by_agent
+        super().__init__(planner, config, car, start_rad, tick_s, lost=lost)
+
+    def submit(self, request: TransferRequest, tick: int) -> None:
+        """See `ArmDesk`."""
+        service = self.services[request.arm]
+        if isinstance(service, AgentService):
+            self._reasons[request.arm] = f"arm_{request.arm} let go of the parcel"
+            service.ask(request)
+        else:
+            super().submit(request, tick)
+
+    @property
+    def awaits_plans(self) -> bool:
+        """Whether a plan was asked for that has not landed yet."""
+        return bool(self._due)
+
+    def transfer(self, arm: int) -> TransferRequest | None:
+        """What the agent of an arm is asked to do now."""
+        service = self.services[arm]
+        return service.transfer if isinstance(service, AgentService) else None
+
+    def _service(self, arm: int, start_rad: FloatArray) -> ArmService:
+        return AgentService(arm, start_rad) if arm in self._by_agent else super()._service(arm, start_rad)

@@ -1,0 +1,220 @@
+"""Rows: kernels that fill the observations of all agents of a type (layout: see `fleet.envs.warehouse.env`)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from planners.motion.arm.kinematics import link_frames_into
+
+WAY_POINTS_M = (0.4, 0.8, 1.2, 2.0)
+"""Distances ahead, along the route, at which a car is told where to go [m]."""
+NEAR_M = 3.0
+"""Range of the offsets to way-points and to other cars [m]."""
+NEIGHBOURS_N = 3
+"""Other cars that a car is told about, nearest first."""
+REACH_M = 1.5
+"""Range of the offsets in an arm's base frame [m]: an iiwa with its tool reaches 1.1 m."""
+EDGE_M = 0.1
+"""Greatest edge of a parcel [m]."""
+ROUTE_N = 512
+"""Most points of a route: a dozen moves of up to 40."""
+N_JOINTS = 7
+
+_WAY_AT, _NEIGHBOURS_AT = 19, 19 + 2 * len(WAY_POINTS_M)
+_NEIGHBOUR_N = 6
+_STATION_AT = _NEIGHBOURS_AT + _NEIGHBOUR_N * NEIGHBOURS_N
+CAR_N = _STATION_AT + 4
+"""Numbers in a car's observation, without lidar."""
+ARM_N = 2 * N_JOINTS + 18 + 5
+"""Numbers in an arm's observation."""
+_WAYS = np.array(WAY_POINTS_M)
+_DOCK_M = 0.6
+"""Nearer to the stop pose than this a car is in the dock [m]."""
+
+
+@njit(cache=True)
+def make_legal(rows, illegal):
+    """Make actions legal: entries that are no finite numbers 0, others between -1 and 1; notes rows that were not."""
+    for k in range(len(rows)):
+        for j in range(rows.shape[1]):
+            value = rows[k, j]
+            if not math.isfinite(value):
+                rows[k, j], illegal[k] = 0.0, True
+            elif value > 1.0 or value < -1.0:
+                rows[k, j], illegal[k] = min(max(value, -1.0), 1.0), True
+
+
+@njit(cache=True)
+def _bounded(row):
+    for k in range(len(row)):
+        row[k] = min(max(row[k], np.float32(-1.0)), np.float32(1.0))
+
+
+@njit(cache=True)
+def _on_route(line, n, x, y, granted):
+    """Distance along a route of the point nearest to (x, y), and the offset to its left there and its direction.
+
+    Only what is granted is looked at. Before the beginning and beyond the end the route goes on straight.
+    """
+    best, at, left, yaw = math.inf, 0.0, 0.0, 0.0
+    for k in range(n - 1):
+        dx, dy = line[k + 1, 0] - line[k, 0], line[k + 1, 1] - line[k, 1]
+        length = math.hypot(dx, dy)
+        if length < 1e-9:
+            continue
+        last = line[k + 1, 2] >= granted - 1e-9
+        cos, sin = dx / length, dy / length
+        along = cos * (x - line[k, 0]) + sin * (y - line[k, 1])
+        across = cos * (y - line[k, 1]) - sin * (x - line[k, 0])
+        low = -math.inf if k == 0 else 0.0
+        high = math.inf if last else length
+        stays = min(max(along, low), high)
+        gap = math.hypot(along - stays, across)
+        if gap < best:
+            best, at, left, yaw = gap, line[k, 2] + stays, across, math.atan2(sin, cos)
+        if last:
+            break
+    return at, left, yaw
+
+
+@njit(cache=True)
+def _point_at(line, n, s, k):
+    """Point of a route at a distance along it, at most its end; `k` is where the search begins, and is returned."""
+    while k < n - 2 and line[k + 1, 2] < s:
+        k += 1
+    span = line[k + 1, 2] - line[k, 2]
+    t = min(max((s - line[k, 2]) / span, 0.0), 1.0) if span > 0.0 else 1.0
+    return line[k, 0] + t * (line[k + 1, 0] - line[k, 0]), line[k, 1] + t * (line[k + 1, 1] - line[k, 1]), k
+
+
+@njit(cache=True)
+def car_rows(  # one kernel for all cars, on flat arrays
+    rows, poses, speeds, steering, limits, size, goals, state_pose, mission_of, phases, loaded, routes, routes_n,
+    granted, place_of, docks, arm_idle, served,
+):  # fmt: skip
+    """Fill the first CAR_N entries of the rows of the first `len(rows)` cars."""
+    diagonal = math.hypot(size[0], size[1])
+    gaps = np.empty(len(poses))
+    for car in range(len(rows)):
+        row = rows[car, :CAR_N]
+        row[:] = 0.0
+        x, y, yaw = poses[car]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        row[0], row[1] = 2.0 * x / size[0] - 1.0, 2.0 * y / size[1] - 1.0
+        row[2], row[3] = cos, sin
+        row[4], row[5] = speeds[car] / limits[0], steering[car] / limits[1]
+        row[8] = 1.0
+        if goals[car] >= 0:
+            goal = state_pose[goals[car]]
+            dx, dy, turn = goal[0] - x, goal[1] - y, goal[2] - yaw
+            row[6], row[7] = (cos * dx + sin * dy) / diagonal, (cos * dy - sin * dx) / diagonal
+            row[8], row[9] = math.cos(turn), math.sin(turn)
+        mission = mission_of[phases[car]]
+        if mission >= 0:
+            row[10 + mission] = 1.0
+        row[14] = loaded[car]
+
+        line, n = routes[car], routes_n[car]
+        at, left, way = _on_route(line, n, x, y, granted[car])
+        row[15] = (granted[car] - at) / NEAR_M
+        row[16] = left
+        row[17], row[18] = math.cos(way - yaw), math.sin(way - yaw)
+        k = 0
+        for p in range(len(_WAYS)):
+            px, py, k = _point_at(line, n, max(at, 0.0) + _WAYS[p], k)
+            dx, dy = px - x, py - y
+            row[_WAY_AT + 2 * p] = (cos * dx + sin * dy) / NEAR_M
+            row[_WAY_AT + 2 * p + 1] = (cos * dy - sin * dx) / NEAR_M
+
+        for other in range(len(poses)):
+            gaps[other] = math.hypot(poses[other, 0] - x, poses[other, 1] - y) if other != car else math.inf
+        for place in range(NEIGHBOURS_N):
+            other = int(np.argmin(gaps))
+            if gaps[other] >= NEAR_M:
+                break
+            gaps[other] = math.inf
+            dx, dy, turn = poses[other, 0] - x, poses[other, 1] - y, poses[other, 2] - yaw
+            first = _NEIGHBOURS_AT + _NEIGHBOUR_N * place
+            row[first] = 1.0
+            row[first + 1], row[first + 2] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
+            row[first + 3], row[first + 4] = math.cos(turn), math.sin(turn)
+            row[first + 5] = speeds[other] / limits[0]
+
+        station = place_of[car]
+        if 0 <= station < len(docks):
+            row[_STATION_AT] = 1.0
+            row[_STATION_AT + 1] = arm_idle[station]
+            row[_STATION_AT + 2] = served[station] == car
+            for other in range(len(poses)):
+                gap = math.hypot(poses[other, 0] - docks[station, 0], poses[other, 1] - docks[station, 1])
+                if other != car and gap < _DOCK_M:
+                    row[_STATION_AT + 3] = 1.0
+        _bounded(row)
+
+
+@njit(cache=True)
+def arm_rows(  # one kernel for all arms, on flat arrays
+    rows, ways, q, qd, lower, upper, max_velocity, joints, tool_length, base, held, ids, parcels, sizes, transfers, cars
+):  # fmt: skip
+    """Fill the rows of the first `len(rows)` arms, and their ways."""
+    frames = np.empty((N_JOINTS + 1, 3, 4))
+    tip = np.empty(3)
+    for arm in range(len(rows)):
+        row = rows[arm]
+        row[:] = 0.0
+        for j in range(N_JOINTS):
+            row[j] = (2.0 * q[arm, j] - upper[j] - lower[j]) / (upper[j] - lower[j])
+            row[N_JOINTS + j] = qd[arm, j] / max_velocity[j]
+        link_frames_into(joints, q[arm], frames)
+        flange = frames[N_JOINTS]
+        for a in range(3):
+            tip[a] = flange[a, 3] + tool_length * flange[a, 2]
+            row[14 + a] = tip[a] / REACH_M
+            row[17 + a] = flange[a, 2]
+        x0, y0, z0 = base[arm, 0], base[arm, 1], base[arm, 2]
+        cos, sin = math.cos(base[arm, 3]), math.sin(base[arm, 3])
+
+        wanted = int(transfers[arm, 0])
+        chosen = wanted if wanted >= 0 else held[arm]
+        parcel, nearest = -1, REACH_M
+        for k in range(len(ids)):
+            if chosen >= 0:
+                if ids[k] == chosen:
+                    parcel = k
+            else:
+                gap = math.hypot(parcels[k, 0] - x0, parcels[k, 1] - y0)
+                if gap < nearest:
+                    parcel, nearest = k, gap
+        ways[arm] = 0.0
+        if parcel >= 0:
+            dx, dy = parcels[parcel, 0] - x0, parcels[parcel, 1] - y0
+            px, py, pz = cos * dx + sin * dy, cos * dy - sin * dx, parcels[parcel, 2] - z0
+            gx, gy, gz = px - tip[0], py - tip[1], pz + sizes[parcel, 2] / 2.0 - tip[2]
+            row[20], row[21], row[22] = gx / REACH_M, gy / REACH_M, gz / REACH_M
+            if wanted >= 0:
+                dx, dy = transfers[arm, 1] - x0, transfers[arm, 2] - y0
+                wx = cos * dx + sin * dy - px
+                wy = cos * dy - sin * dx - py
+                wz = transfers[arm, 3] - z0 - pz
+                row[23], row[24], row[25] = wx / REACH_M, wy / REACH_M, wz / REACH_M
+                ways[arm] = math.sqrt(gx * gx + gy * gy + gz * gz) + math.sqrt(wx * wx + wy * wy + wz * wz)
+            for a in range(3):
+                row[26 + a] = sizes[parcel, a] / EDGE_M
+        row[29] = transfers[arm, 4]
+        row[30] = held[arm] >= 0
+        row[31] = parcel >= 0
+
+        nearest, car = REACH_M, -1
+        for k in range(len(cars)):
+            gap = math.hypot(cars[k, 0] - x0, cars[k, 1] - y0)
+            if gap < nearest:
+                nearest, car = gap, k
+        if car >= 0:
+            dx, dy, turn = cars[car, 0] - x0, cars[car, 1] - y0, cars[car, 2] - base[arm, 3]
+            row[32] = 1.0
+            row[33], row[34] = (cos * dx + sin * dy) / REACH_M, (cos * dy - sin * dx) / REACH_M
+            row[35], row[36] = math.cos(turn), math.sin(turn)
+        _bounded(row)

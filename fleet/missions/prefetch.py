@@ -1,0 +1,124 @@
+"""Fetching: an arm that shares its dock takes its next parcel while its partner still has the tray."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from fleet.missions.perception import Perception
+from fleet.missions.roster import CarPhase, Roster
+from fleet.stations.arms.arm_desk import ArmDesk
+from fleet.stations.arms.service import ServiceState
+from fleet.stations.arms.transfer import FetchRequest
+from fleet.stations.service_time import Direction
+from fleet.stations.station import Station
+from fleet.tasks.board import Task, TaskState
+from fleet.traffic.executor import Executor
+from fleet.traffic.replanning import Traffic
+
+AHEAD_MOVES_N = 8
+"""A parcel is fetched when its car has at most so many moves left to the dock: that is about twice the time it takes,
+and late enough that the car seldom loses its task to another."""
+LOOK_S = 0.25
+"""Time between two looks at who comes [s]."""
+MAX_FETCHES = 2
+"""A parcel that was missed or lost so often is left to the transfer itself."""
+
+
+class Fetching:
+    """Says which parcels are fetched ahead, and which of them are put back.
+
+    A parcel in the grip still counts as that of its slot, which stays taken: its task may go to another car, be
+    cancelled or fail as if the parcel lay there.
+
+    Args:
+        stations: In the order of the arms.
+        desk: Arm planning and playback.
+        perception: Tells where parcels lie.
+        traffic: Gives distances.
+        executor: Tells where cars are.
+        tick_s: Length of a tick [s].
+        log: Called as ``log(kind, **facts)`` when a parcel is fetched or put back.
+    """
+
+    def __init__(
+        self,
+        stations: Sequence[Station],
+        desk: ArmDesk,
+        perception: Perception,
+        traffic: Traffic,
+        executor: Executor,
+        tick_s: float,
+        log: Callable[..., None],
+    ) -> None:
+        docks = [station.dock_state for station in stations]
+        self._stations = [
+            station
+            for station in stations
+            if station.direction is Direction.TO_CAR
+            and docks.count(station.dock_state) > 1
+            and desk.services[station.arm].fetches
+        ]
+        self._desk = desk
+        self._perception = perception
+        self._traffic = traffic
+        self._executor = executor
+        self._log = log
+        self._period = max(1, round(LOOK_S / tick_s))
+        self._task: dict[int, Task] = {}
+        self._fetches: dict[int, int] = {}
+
+    def tick(self, tick: int, roster: Roster) -> None:
+        """Begin what can be begun for the cars that are on their way to pick."""
+        if not self._stations or tick % self._period:
+            return
+        coming = [
+            task if phase is CarPhase.TO_PICK else None
+            for phase, task in zip(roster.phase, roster.task_of, strict=True)
+        ]
+        tails = self._executor.tail_states()
+        for station in self._stations:
+            arm, desk = station.arm, self._desk
+            holds = desk.services[arm].state is ServiceState.HOLDING
+            if roster.served[arm] >= 0 or not (holds or desk.is_idle(arm)):
+                continue
+            moves = self._traffic.tables.to(station.dock_state)
+            queue = sorted(
+                (int(moves[tails[car]]), car)
+                for car, task in enumerate(coming)
+                if task is not None and task.pick == station.name and task.state is TaskState.ASSIGNED
+            )
+            if holds:
+                self._look_after(station, [car for left, car in queue if left == 0], coming)
+            elif queue and queue[0][0] <= AHEAD_MOVES_N:
+                task = coming[queue[0][1]]
+                if task is not None and self._fetches.get(task.index, 0) < MAX_FETCHES:
+                    self._fetch(station, task, tick)
+
+    def _fetch(self, station: Station, task: Task, tick: int) -> None:
+        if task.pick_slot is None:
+            return
+        self._fetches[task.index] = self._fetches.get(task.index, 0) + 1
+        sighting = self._perception.find(task, station)
+        if sighting.reason:
+            return
+        self._task[station.arm] = task
+        self._log("fetched_ahead", task=task.order.name, station=station.name, car=f"car_{task.car}")
+        self._desk.fetch(
+            FetchRequest(
+                arm=station.arm,
+                parcel=task.parcel,
+                size_m=sighting.size_m,
+                pick_pose=sighting.pose,
+                pick_via=task.pick_slot,
+            ),
+            tick,
+        )
+
+    def _look_after(self, station: Station, at_dock: Sequence[int], coming: Sequence[Task | None]) -> None:
+        """Put a parcel back that is not wanted: its task has ended, or another car of this arm is there first."""
+        task = self._task[station.arm]
+        ended = task.state not in (TaskState.READY, TaskState.ASSIGNED, TaskState.LOADING)
+        first = [coming[car] for car in at_dock]
+        if ended or (first and task not in first):
+            self._log("put_back", task=task.order.name, station=station.name)
+            self._desk.put_back(station.arm)

@@ -1,0 +1,78 @@
+"""VisitWays: what is left of a visit, as moves and time, for those who decide which car makes it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.missions.places import NOT_BOOKED, Place, Places
+from fleet.stations.booking import Bookings
+from fleet.tasks.board import Task
+from planners.mapf.distance_table import UNREACHABLE
+
+Stop = tuple[Place, ...]
+"""Places of which the nearest will do."""
+
+
+class VisitWays:
+    """Ways of visits. The way on from a stop for which several places will do is counted from the first of them.
+
+    Args:
+        places: Where cars can be sent.
+        bookings: Room at the places.
+    """
+
+    def __init__(self, places: Places, bookings: Bookings) -> None:
+        self._places = places
+        self._bookings = bookings
+
+    def to_stop(self, task: Task, tails: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+        """Moves of each car to where a visit goes on, `UNREACHABLE` where there is no way, shape (n_cars,)."""
+        return self.moves_from(self.stops(task)[0], tails)
+
+    def rest(self, task: Task) -> tuple[float, float]:
+        """Moves of a visit from where it goes on to its end, at most `UNREACHABLE`, and how long it stands [s]."""
+        stops = self.stops(task)
+        moves = sum(self.moves(here, there) for here, there in pairwise(stops))
+        return min(moves, float(UNREACHABLE)), self.stand_s(task) * len(stops)
+
+    def stops(self, task: Task) -> list[Stop]:
+        """The stops that a visit has before it, at least one; of the next those places that have room, if any has."""
+        stops = task.visit.stops[task.stops_n :] if task.visit is not None else ()
+        first, *rest = [tuple(map(self._places.named, stop)) for stop in stops]
+        # Its car, if it has one, has room there already.
+        free = tuple(place for place in first if place.name == task.place or self.room(place) > 0)
+        return [free or first, *rest]
+
+    def stand_s(self, task: Task) -> float:
+        """How long a visit stands at each stop [s]."""
+        return task.visit.stand_s if task.visit is not None else 0.0
+
+    def moves(self, here: Stop, there: Stop) -> float:
+        """Moves from one stop to another, `UNREACHABLE` if there is no way."""
+        return float(self.moves_from(there, np.array(here[0].states[:1], dtype=np.int32))[0])
+
+    def moves_from(self, stop: Stop, states: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+        """Moves from each of some states to a stop, `UNREACHABLE` where there is no way, shape of `states`."""
+        return np.asarray(np.minimum.reduce([self._places.moves(place, states) for place in stop]))
+
+    def room(self, place: Place) -> int:
+        """Cars a place still takes, at least 1 in a lane, where nobody books."""
+        return 1 if place.number == NOT_BOOKED else self._bookings.room(place.number)
+
+    def take_room(self, task: Task, rooms: dict[int, int]) -> bool:
+        """Count a visit in at the first place it can go to next that has room; False if there is none.
+
+        Args:
+            task: The visit.
+            rooms: Room left at places, by number; filled in for places that are asked for the first time.
+        """
+        for place in map(self._places.named, task.next_stop):
+            if place.number == NOT_BOOKED:
+                return True
+            if rooms.setdefault(place.number, self.room(place)) > 0:
+                rooms[place.number] -= 1
+                return True
+        return False

@@ -1,0 +1,335 @@
+"""Watch: turns the state of a run into frames for its recorder, each thing as often as an eye needs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import Perception
+from fleet.insight.causes import NONE, OWN, Cause, Column
+from fleet.insight.explain import explain
+from fleet.missions.roster import PHASES, CarPhase
+from fleet.recording import FloorPlan, Frame, LogLine, Recorder, RerunRecorder, Wait, versions
+from fleet.sensors.lidar import Lidar, LidarRing
+from fleet.simulation import Event, Simulation
+from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
+
+COUNTED = {
+    "waiting": (TaskState.ORDERED, TaskState.BACKLOG, TaskState.READY),
+    "under way": UNDER_WAY,
+    "done": DONE_STATES,
+    "failed, cancelled": (TaskState.FAILED, TaskState.CANCELLED),
+}
+"""Groups of task states that are counted over time."""
+LOUD = frozenset(
+    {
+        "off_lane",
+        "plan_cut",
+        "rejoin_impossible",
+        "transfer_repeated",
+        "parcel_not_located",
+        "disturbance",
+        "car_lost",
+        "order_refused",
+        "impossible_due",
+        "allocator_note",
+    }
+)
+"""Events that a person should notice in the log."""
+CONGESTION = {
+    "traffic": (Cause.CELL, Cause.TURN, Cause.YIELDS, Cause.HALTED),
+    "station": (Cause.CLOSED, Cause.STATION_FULL, Cause.ARM_BUSY, Cause.ARM, Cause.SLOT),
+    "blocked": (Cause.BLOCKED,),
+    "plan_late": (Cause.PLAN_LATE,),
+    "charging": (Cause.CHARGER,),
+}
+"""What is drawn in one colour where cars stand because of it."""
+_GROUP_OF = np.full(len(Cause), -1)
+for _number, _causes in enumerate(CONGESTION.values()):
+    _GROUP_OF[list(_causes)] = _number
+_HOLDS_UP = np.array([cause not in OWN for cause in Cause])
+"""Whether a cause keeps a robot from what it is about."""
+_WORDS = ("idle", "driving", "waiting", "docked", "fault", "held", "charging", "standing")
+_DRIVES, _WAITS, _HELD = (_WORDS.index(word) for word in ("driving", "waiting", "held"))
+_WORD_OF = {
+    CarPhase.TO_PICK: _DRIVES,
+    CarPhase.TO_DROP: _DRIVES,
+    CarPhase.TO_CHARGER: _DRIVES,
+    CarPhase.TO_PLACE: _DRIVES,
+    CarPhase.LOADING: _WORDS.index("docked"),
+    CarPhase.UNLOADING: _WORDS.index("docked"),
+    CarPhase.HELD: _HELD,
+    CarPhase.CHARGING: _WORDS.index("charging"),
+    CarPhase.STANDING: _WORDS.index("standing"),
+    CarPhase.DEAD: _WORDS.index("fault"),
+    CarPhase.RECOVERING: _WORDS.index("fault"),
+}
+_WORD_OF_PHASE = np.array([_WORD_OF.get(phase, 0) for phase in PHASES])
+_SLOW_MPS = 0.05
+"""A car on its way that is slower than this waits."""
+_CLEARANCE_M = 2.0
+"""Clearances are plotted up to this [m]."""
+_SAMPLE_S = 0.2
+"""Between looks at states, cells and lidar scans [s]."""
+_LINES_S = 0.5
+"""Between looks at the ways of the cars, at figures, and at where cars stand [s]."""
+_WHY_S = 1.0
+"""Between looks at who waits for whom, and why [s]."""
+_COUNTS_S = 4.0
+"""Between counts of tasks that have not changed [s]."""
+_CONGESTION_S = 5.0
+"""Between heat maps [s]."""
+
+
+def open_recorder(
+    simulation: Simulation,
+    path: Path,
+    *,
+    serve: bool = False,
+    port: int = 9876,
+    internals: bool = False,
+) -> RerunRecorder:
+    """Open a recording of a run.
+
+    Args:
+        simulation: The run.
+        path: File to write; replaced if it exists.
+        serve: Also host a live server on the loopback interface.
+        port: Its port.
+        internals: Whether a view of what the planners think is wanted.
+
+    Raises:
+        RecordingError: The file cannot be opened, or the port is taken.
+    """
+    site, graph = simulation.site, simulation.graph
+    centres = site.grid.cell_xy
+    floor = FloorPlan(
+        name=site.name,
+        lanes=centres(site.lanes.ravel()).reshape(-1, 2, 2),
+        station_names=tuple(station.name for station in site.stations),
+        station_xy=np.array([station.arm.pose[:2] for station in site.stations]),
+        dock_xy=centres([int(graph.state_cell[station.dock_state]) for station in simulation.stations]),
+        parking_xy=centres(list(site.parking)),
+        cell_xy=centres(np.arange(graph.n_cells)),
+    )
+    return RerunRecorder(
+        path=path,
+        scene=simulation.scene,
+        floor=floor,
+        about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
+        tick_s=simulation.tick_s,
+        plots={"motion": ("mean_speed_mps", "min_clearance_m")}
+        | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
+        cameras=floor.station_names if simulation.config.perception is Perception.CAMERA else (),
+        internals=internals,
+        serve=serve,
+        port=port,
+    )
+
+
+class Watch:
+    """Makes the frames of a run.
+
+    Bodies move in every frame. Everything else is sampled less often, or handed over when it has changed: a frame is
+    made in the time of the run.
+
+    Args:
+        simulation: The run.
+        recorder: Takes the frames.
+        lidar: Whether cars scan around themselves with a lidar, for the recording only.
+        internals: Whether what the planners think is recorded: priorities of cars, search trees of arms.
+    """
+
+    def __init__(
+        self, simulation: Simulation, recorder: Recorder, *, lidar: bool = False, internals: bool = False
+    ) -> None:
+        self._simulation = simulation
+        self._recorder = recorder
+        car = simulation.scene.car
+        self._lidar = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
+        self._internals = internals
+        if internals:
+            simulation.desk.keep_trees()
+        self._sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
+        self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in simulation.board.tasks}
+        self._epoch = -1
+        self._due_s: dict[float, float] = {}
+        self._sampled_s = 0.0
+        self._codes = np.full(simulation.world.n_cars, -1)
+        self._car_words: tuple[str, ...] = ()
+        self._arm_words: tuple[str, ...] = ()
+        self._parcels = np.empty(0, dtype=np.int64)
+        self._parcel_sizes = np.empty((0, 3))
+        self._waits: tuple[Wait, ...] = ()
+        self._explained = False
+        self._counts: dict[str, int] = {}
+        self._stood_s = np.zeros((len(CONGESTION), simulation.graph.n_cells))
+
+    def note(self, event: Event) -> None:
+        """Take an event into the log and, if it is a task's, into its lane."""
+        level = "WARN" if event.kind in LOUD or event.facts.get("state") == TaskState.FAILED else "INFO"
+        self._recorder.log(LogLine(tick=event.tick, sim_s=event.sim_s, text=_sentence(event), level=level))
+        if event.kind == "task":
+            self._changed_tasks[str(event.facts["task"])] = str(event.facts["state"])
+
+    def look(self) -> None:
+        """Record the present tick if a frame is due."""
+        if not self._recorder.due(self._simulation.now):
+            return
+        simulation = self._simulation
+        world = simulation.world
+        self._look_at_parcels(world.parcel_ids())
+        changed, self._changed_tasks = self._changed_tasks, {}
+        perception = simulation.dispatcher.perception
+        views, perception.looks = perception.looks, {}
+        frame = Frame(
+            tick=simulation.now,
+            sim_s=simulation.sim_s,
+            car_poses=world.car_poses(),
+            car_steering=world.car_steering(),
+            car_speeds=world.car_speeds(),
+            arm_q=world.arm_positions(),
+            parcel_ids=self._parcels,
+            parcel_poses=world.parcel_poses(),
+            parcel_size_m=self._parcel_sizes,
+            car_state=self._car_words,
+            arm_state=self._arm_words,
+            task_state=changed,
+            plan_epoch=self._epoch,
+            views=views,
+        )
+        if self._internals:
+            frame.trees, simulation.desk.trees = simulation.desk.trees, {}
+        if frame.sim_s >= self._sampled_s - 1e-9:
+            self._sample(frame)
+        self._recorder.record(frame)
+
+    def _sample(self, frame: Frame) -> None:
+        """What is looked at less often than poses."""
+        if self._beat(_SAMPLE_S):
+            self._look_at_words(frame)
+            self._look_at_cells(frame)
+        if self._beat(_LINES_S):
+            self._look_at_lines(frame)
+            self._look_at_figures(frame)
+            self._look_at_congestion(frame)
+        if self._beat(_WHY_S):
+            self._look_at_waits(frame)
+        self._sampled_s = min(self._due_s[period_s] for period_s in (_SAMPLE_S, _LINES_S, _WHY_S))
+
+    def _beat(self, period_s: float) -> bool:
+        """Whether what is looked at once in a period is due."""
+        now_s = self._simulation.sim_s
+        due = now_s >= self._due_s.get(period_s, 0.0) - 1e-9
+        if due:
+            self._due_s[period_s] = now_s + period_s
+        return due
+
+    def _look_at_words(self, frame: Frame) -> None:
+        """States of cars and arms; the tuples stay the same objects until a word changes."""
+        codes = _WORD_OF_PHASE[self._simulation.dispatcher.roster.phase_index]
+        codes[(codes == _DRIVES) & (np.abs(frame.car_speeds) <= _SLOW_MPS)] = _WAITS
+        if (codes != self._codes).any():
+            self._codes = codes
+            self._car_words = tuple(_WORDS[code] for code in codes.tolist())
+        arms = tuple(service.state for service in self._simulation.desk.services)
+        if arms != self._arm_words:
+            self._arm_words = arms
+        frame.car_state, frame.arm_state = self._car_words, self._arm_words
+
+    def _look_at_parcels(self, ids: npt.NDArray[np.int64]) -> None:
+        if ids is not self._parcels:
+            self._parcels = ids
+            self._parcel_sizes = np.array([self._sizes[k] for k in ids.tolist()]).reshape(-1, 3)
+
+    def _look_at_cells(self, frame: Frame) -> None:
+        """Cells and scans."""
+        simulation = self._simulation
+        frame.held_by = simulation.executor.dependencies.holders()
+        frame.next_of = simulation.executor.dependencies.next_visitors()
+        if self._lidar is not None:
+            frame.scan_origins, frame.scans = self._lidar.hits(frame.car_poses, simulation.world.rays)
+
+    def _look_at_figures(self, frame: Frame) -> None:
+        """Plotted figures; counts of tasks where they change, and now and then, so that their lines go on."""
+        simulation = self._simulation
+        frame.metrics = {
+            "mean_speed_mps": float(np.abs(frame.car_speeds).mean()),
+            "min_clearance_m": min(simulation.world.min_clearance_m(), _CLEARANCE_M),
+        }
+        if simulation.batteries is not None:
+            frame.metrics["lowest_charge"] = float(simulation.batteries.charge.min())
+        counts = {name: sum(map(simulation.board.count, states)) for name, states in COUNTED.items()}
+        if counts != self._counts or self._beat(_COUNTS_S):
+            self._counts = frame.task_counts = counts
+
+    def _look_at_lines(self, frame: Frame) -> None:
+        """Ways that are granted, and ways that are planned beyond."""
+        simulation = self._simulation
+        cars = range(simulation.world.n_cars)
+        self._epoch = frame.plan_epoch = simulation.traffic.plans_n
+        frame.paths = tuple(simulation.driver.remaining(car) for car in cars)
+        frame.plans = simulation.executor.planned_lines()
+        if self._internals:
+            frame.priorities = simulation.traffic.priorities
+
+    def _look_at_waits(self, frame: Frame) -> None:
+        """Who waits for whom now, and why."""
+        simulation = self._simulation
+        rows, legend = simulation.causes.rows, simulation.legend
+        names = legend.robots
+        waiting = np.flatnonzero(_HOLDS_UP[rows[:, Column.CAUSE]]).tolist()
+        # An arm that awaits a car is told of, but holds nobody up.
+        waits = tuple(
+            self._wait(names[robot], rows[robot].tolist())
+            for robot in waiting
+            if rows[robot, Column.CAUSE] != Cause.AWAITS
+        )
+        if waits != self._waits:
+            self._waits = frame.waits = waits
+        if waiting or self._explained:
+            # Of the last tick that was looked at: the present one has not been.
+            last_s = frame.sim_s - simulation.tick_s
+            frame.explanations = {
+                names[robot]: str(explain(simulation.causes.log, legend, names[robot], last_s)) for robot in waiting
+            }
+        self._explained = bool(waiting)
+
+    def _wait(self, name: str, row: list[int]) -> Wait:
+        """What a robot waits for: a robot, else a place or a cell."""
+        legend = self._simulation.legend
+        cause, by, cell, place = row[Column.CAUSE], row[Column.BY], row[Column.CELL], row[Column.PLACE]
+        word = Cause(cause).name.lower().replace("_", " ")
+        if by != NONE:
+            return Wait(who=name, whom=legend.robots[by], cause=word)
+        if cell != NONE:
+            return Wait(who=name, whom=f"cell {legend.cell(cell)}", cause=word, cell=cell)
+        if place != NONE:
+            at = self._simulation.dispatcher.places.cells[place]
+            return Wait(who=name, whom=legend.place(place), cause=word, cell=at)
+        return Wait(who=name, whom=word, cause=word)
+
+    def _look_at_congestion(self, frame: Frame) -> None:
+        """Add up where cars stand and why."""
+        simulation = self._simulation
+        grid = simulation.site.grid
+        n_cars = simulation.world.n_cars
+        group = _GROUP_OF[simulation.causes.rows[:n_cars, Column.CAUSE]]
+        stands = (group >= 0) & ((self._codes == _WAITS) | (self._codes == _HELD))
+        xy = frame.car_poses[stands, :2] / grid.cell_m
+        col = np.clip(xy[:, 0].astype(np.int64), 0, grid.cols - 1)
+        row = np.clip(grid.rows - 1 - np.floor(xy[:, 1]).astype(np.int64), 0, grid.rows - 1)
+        np.add.at(self._stood_s, (group[stands], grid.index(row, col)), _LINES_S)
+        if self._beat(_CONGESTION_S):
+            frame.stood_s = dict(zip(CONGESTION, self._stood_s.copy(), strict=True))
+
+
+def _sentence(event: Event) -> str:
+    """An event as a person would read it."""
+    facts = event.facts
+    if event.kind == "task":
+        car = f" ({facts['car']})" if facts["car"] else ""
+        return f"{facts['task']} is {facts['state']}{car}: {facts['cause']}"
+    return f"{event.kind.replace('_', ' ')}: " + ", ".join(f"{key} {value}" for key, value in facts.items())

@@ -1,0 +1,184 @@
+"""Session: one run with its files, its recording and its progress, from the first tick to the result."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from fleet.config import RunConfig
+from fleet.insight.cause_file import CAUSES, LEGEND, CauseWriter
+from fleet.insight.metrics import Summary
+from fleet.recording import (
+    RECORDING,
+    NullRecorder,
+    Recorder,
+    RunFile,
+    prepare_output,
+    require_free_port,
+    versions,
+)
+from fleet.session.engine_window import Display
+from fleet.session.frames import Watch, open_recorder
+from fleet.session.progress import Progress
+from fleet.session.trace import Tracer
+from fleet.simulation import Event, Simulation
+from fleet.terminal.interrupts import interrupts
+from fleet.terminal.pacing import Pace
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result(Summary):
+    """What `result.json` holds."""
+
+    wall_s: float
+    """Wall time from the first tick to the last [s]."""
+    real_time_factor: float
+    first_move_s: float | None
+    """Wall time from the start of the session to the first motion of a car [s]."""
+    run: str
+    """Digest of settings, seed and versions, the same in all files of the run."""
+    seed: int
+    site: str
+    robots: int
+    fidelity: str
+    interrupted: bool
+    orders_refused: tuple[str, ...]
+    """One line for each order of the file that could not be accepted."""
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionConfig:
+    """How a run is watched and kept."""
+
+    out: Path
+    """Directory for `recording.rrd`, `run.jsonl`, `run.trace` and `result.json`."""
+    record: bool = True
+    serve: bool = False
+    """Host a live viewer on the loopback interface."""
+    port: int = 9876
+    lidar: bool = False
+    """Record what a lidar on each car sees."""
+    internals: bool = False
+    """Record what the planners think: priorities of the cars, search trees of the arms."""
+    speed: float = 0.0
+    """Simulated seconds per wall second at most; 0 = as fast as possible."""
+    progress: bool = True
+
+
+def run_session(config: RunConfig, session: SessionConfig) -> Result:
+    """Run to the end, or to an interrupt, and leave recording, run file and result behind.
+
+    Args:
+        config: What to run.
+        session: How to watch and keep it.
+
+    Returns:
+        The result, as written.
+
+    Raises:
+        FleetError: Bad settings, files or output directory; nothing was written then.
+    """
+    started = time.perf_counter()
+    with ExitStack() as stack:
+        events: list[Event] = []
+        simulation = stack.enter_context(Simulation(config, on_event=events.append))
+        if session.serve:
+            require_free_port(session.port)
+        # From here on there are files: an interrupt ends the run, and the files are finished.
+        interrupted = stack.enter_context(interrupts())
+        prepare_output(session.out)
+        run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
+        recorder = stack.enter_context(_recorder(simulation, session))
+        tracer = stack.enter_context(Tracer(simulation, session.out, run_file.name))
+        progress = stack.enter_context(Progress(simulation, shown=session.progress))
+        if session.serve:
+            uri = f"rerun+http://127.0.0.1:{session.port}/proxy"
+            progress.say(f"live: rerun --connect {uri}")
+            progress.say(f"live, in a browser: rerun --web-viewer --bind 127.0.0.1 {uri}")
+        for refusal in simulation.refused:
+            progress.say(f"order refused: {refusal}")
+        watch = Watch(simulation, recorder, lidar=session.lidar, internals=session.internals)
+
+        def emit(event: Event) -> None:
+            if event.kind == "allocator_note":
+                progress.say(str(event.facts["note"]))
+            run_file.event(tick=event.tick, sim_s=event.sim_s, kind=event.kind, **event.facts)
+            watch.note(event)
+
+        for event in events:
+            emit(event)
+        simulation.on_event = emit
+        causes = CauseWriter(simulation.causes.log, simulation.legend)
+        run_file.event(tick=0, sim_s=0.0, kind=LEGEND, **causes.head())
+
+        def look() -> None:
+            for tick, facts in causes.lines():
+                run_file.event(tick=tick, sim_s=tick * simulation.tick_s, kind=CAUSES, **facts)
+            tracer.tick()
+            watch.look()
+            progress.look()
+
+        watch.look()
+        wall_s, first_move_s = _loop(simulation, session, look, started, interrupted)
+        simulation.log("run_ended")
+        summary = simulation.summary()
+        result = Result(
+            **{field.name: getattr(summary, field.name) for field in fields(summary)},
+            wall_s=round(wall_s, 3),
+            real_time_factor=round(simulation.sim_s / wall_s, 3) if wall_s > 0 else 0.0,
+            first_move_s=first_move_s,
+            run=run_file.name,
+            seed=config.seed,
+            site=simulation.site.name,
+            robots=config.robots,
+            fidelity=str(config.fidelity),
+            interrupted=bool(interrupted),
+            orders_refused=tuple(map(str, simulation.refused)),
+            versions=versions(),
+        )
+        run_file.result(result)
+    return result
+
+
+def _loop(
+    simulation: Simulation,
+    session: SessionConfig,
+    look: Callable[[], None],
+    started: float,
+    interrupted: list[int],
+) -> tuple[float, float | None]:
+    """Tick until finished; an interrupt lets the present tick end and stops there."""
+    first_move_s: float | None = None
+    window = getattr(simulation.world, "window", None)
+    pace = Pace(session.speed)
+    display = None if window is None else Display(simulation, window, pace)
+    begin = time.perf_counter()
+    pace.change(session.speed, simulation.sim_s)
+    while not simulation.finished and not interrupted:
+        simulation.tick()
+        look()
+        if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
+            first_move_s = round(time.perf_counter() - started, 3)
+            simulation.log("first_move")
+        if display is not None:
+            display.look(interrupted)
+        pace.wait(simulation.sim_s, interrupted)
+    return time.perf_counter() - begin, first_move_s
+
+
+def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
+    if not session.record:
+        return NullRecorder()
+    return open_recorder(
+        simulation,
+        session.out / RECORDING,
+        serve=session.serve,
+        port=session.port,
+        internals=session.internals,
+    )

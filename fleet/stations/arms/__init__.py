@@ -1,0 +1,1 @@
+"""Arms at their stations: transfers are planned, played, and kept apart."""

@@ -1,0 +1,188 @@
+"""ArmDesk: all arms of a site: asks for their plans, plays them when they are due, brings a failed arm home."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import ArmConfig
+from fleet.robots.spec import CarSpec
+from fleet.stations.arms.service import ArmService, ServiceState
+from fleet.stations.arms.transfer import (
+    ArmRequest,
+    DeliverRequest,
+    FetchRequest,
+    HomeRequest,
+    Transfer,
+    TransferRequest,
+)
+from fleet.world.protocol import FloatArray, IntArray
+
+LOOK_AGAIN_S = 1.0
+"""Time from a look that did not find a parcel to the next: what hid it may have moved [s]."""
+
+
+class ArmPlanner(Protocol):
+    """Answers requests in the order they were made; the answer depends on the request alone."""
+
+    def wait_ready(self) -> None:
+        """Wait until it can answer; raises UnreachableError if an arm cannot serve its station."""
+
+    def close(self) -> None:
+        """Free what it holds; calling twice is harmless."""
+
+    def keep_trees(self) -> None:
+        """Put search trees into the answers to all requests from now on."""
+
+    def submit(self, request: ArmRequest) -> int:
+        """Hand in a request; returns its ticket."""
+
+    def result(self, ticket: int) -> Transfer:
+        """The answer to a ticket; waits for it."""
+
+
+class ArmDesk:
+    """Requests and services of all arms.
+
+    Args:
+        planner: Answers requests.
+        config: Latency of an answer in simulated time.
+        car: Model of the cars that are served.
+        start_rad: Joint positions at the start, shape (n_arms, n_joints).
+        tick_s: Length of a tick [s].
+        lost: Called as ``lost(arm, parcel)`` when an arm has lost a parcel from its grip; returns why, in words, or
+            nothing if it was taken away on purpose.
+    """
+
+    def __init__(
+        self,
+        planner: ArmPlanner,
+        config: ArmConfig,
+        car: CarSpec,
+        start_rad: FloatArray,
+        tick_s: float,
+        *,
+        lost: Callable[[int, int], str] = lambda arm, parcel: "",
+    ) -> None:
+        self.car = car
+        self.services = [self._service(arm, q) for arm, q in enumerate(start_rad)]
+        self.q = start_rad.copy()
+        self.qd = np.zeros_like(start_rad)
+        self.grip = np.zeros(len(start_rad), dtype=np.bool_)
+        self._planner = planner
+        self._lost = lost
+        self.dropped_n = 0
+        """Parcels that arms have lost from their grips."""
+        self._latency = round(config.latency_s / tick_s)
+        self._tick_s = tick_s
+        self._due: dict[int, tuple[int, int | Transfer]] = {}
+        self._reasons = [""] * len(start_rad)
+        self.trees: dict[int, FloatArray] = {}
+        """Search trees behind the plans that have landed, by arm, as in `Transfer`; whoever shows them takes them."""
+
+    def keep_trees(self) -> None:
+        """Fill `trees` from now on."""
+        self._planner.keep_trees()
+
+    def is_idle(self, arm: int) -> bool:
+        """True when an arm is home and has nothing to do."""
+        return self.services[arm].state is ServiceState.IDLE
+
+    def is_ready(self, arm: int, parcel: int) -> bool:
+        """True when an arm could begin to serve a car with a parcel: it is home, or holds just that parcel."""
+        service = self.services[arm]
+        return self.is_idle(arm) or (service.state is ServiceState.HOLDING and service.parcel == parcel)
+
+    def fetch(self, request: FetchRequest, tick: int) -> None:
+        """Ask for a parcel to be fetched ahead, by an arm that is idle."""
+        self._reasons[request.arm] = ""
+        self._ask(request.arm, self._planner.submit(request), tick)
+
+    def put_back(self, arm: int) -> None:
+        """Let an arm put back what it has fetched."""
+        self.services[arm].put_back()
+
+    def due_tick(self, arm: int) -> int | None:
+        """Tick at which the plan that was asked for an arm lands; None = none was."""
+        return self._due[arm][0] if arm in self._due else None
+
+    def reason(self, arm: int) -> str:
+        """Why the arm's last transfer failed; empty when it did not."""
+        return self._reasons[arm]
+
+    def submit(self, request: TransferRequest, tick: int) -> None:
+        """Ask for a transfer; it starts when the latency has passed. What an arm holds already is delivered."""
+        self._reasons[request.arm] = ""
+        service = self.services[request.arm]
+        question: ArmRequest = request
+        if service.state is ServiceState.HOLDING:
+            question = DeliverRequest(
+                arm=request.arm,
+                parcel=request.parcel,
+                size_m=request.size_m,
+                pick_via=request.pick_via,
+                place_via=request.place_via,
+                car_pose=request.car_pose,
+                grip_height_m=service.grip_height_m,
+            )
+        self._ask(request.arm, self._planner.submit(question), tick)
+
+    def refuse(self, arm: int, parcel: int, reason: str, tick: int) -> None:
+        """Answer a transfer for which no request can be made, as its parcel was not found, after `LOOK_AGAIN_S`."""
+        self._reasons[arm] = ""
+        self.services[arm].request()
+        refusal = Transfer(arm=arm, parcel=parcel, steps=(), reason=reason)
+        self._due[arm] = (tick + round(LOOK_AGAIN_S / self._tick_s), refusal)
+
+    def slow(self, arm: int, factor: float) -> None:
+        """Play an arm's motions at a fraction of their speed."""
+        self.services[arm].set_speed(factor)
+        gate = self.services[arm].gate
+        if gate is not None:
+            gate.look_again()
+
+    def tick(self, tick: int, held: IntArray) -> None:
+        """Land the answers that are due and advance every busy arm; fills `q`, `qd` and `grip`."""
+        for arm, (due_tick, answer) in list(self._due.items()):
+            if due_tick <= tick:
+                del self._due[arm]
+                self._land(arm, answer if isinstance(answer, Transfer) else self._planner.result(answer))
+        for service in self.services:
+            if service.state is ServiceState.IDLE:
+                continue
+            service.tick(self._tick_s, int(held[service.arm]))
+            self.q[service.arm], self.qd[service.arm] = service.q, service.qd
+            self.grip[service.arm] = service.grip
+            if service.state is ServiceState.DONE:
+                service.reset()
+            elif service.state in (ServiceState.MISSED, ServiceState.DROPPED):
+                self._reasons[service.arm] = f"arm_{service.arm} {service.state} the parcel"
+                cause = self._lost(service.arm, service.parcel) if service.state is ServiceState.DROPPED else ""
+                if cause:
+                    self.dropped_n += 1
+                    self._reasons[service.arm] += f" ({cause})"
+                service.release()
+                self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
+
+    def busy_s(self) -> npt.NDArray[np.float64]:
+        """Time each arm has worked so far [s], shape (n_arms,)."""
+        return np.array([service.busy_s for service in self.services])
+
+    def _service(self, arm: int, start_rad: FloatArray) -> ArmService:
+        return ArmService(arm, start_rad)
+
+    def _ask(self, arm: int, ticket: int, tick: int) -> None:
+        self.services[arm].request()
+        self._due[arm] = (tick + self._latency, ticket)
+
+    def _land(self, arm: int, transfer: Transfer) -> None:
+        if transfer.trees is not None:
+            self.trees[arm] = transfer.trees
+        if transfer.reason:
+            self._reasons[arm] = transfer.reason
+            self.services[arm].refused()
+        else:
+            self.services[arm].play(transfer)

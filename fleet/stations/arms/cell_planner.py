@@ -1,0 +1,507 @@
+"""CellPlanner: an arm's transfers as known ways between fixed via points and straight lines to where parcels are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fleet.robots.spec import ArmSpec, CarSpec
+from fleet.robots.tools import Tool
+from fleet.stations.arms.arm_cell import ArmCell
+from fleet.stations.arms.arm_motions import LINE_SPEED, ArmMotions, Confirm, Held, UnreachableError, backwards
+from fleet.stations.arms.loose import LooseGrips, UngrippableError, loose_grips
+from fleet.stations.arms.retrieval import Margins, Retrieval
+from fleet.stations.arms.transfer import (
+    LOOSE,
+    TRAY,
+    DeliverRequest,
+    FetchRequest,
+    HomeRequest,
+    Signal,
+    Step,
+    Transfer,
+    TransferRequest,
+)
+from fleet.tasks.order import MAX_EDGE_M
+from fleet.world.protocol import FloatArray
+from planners.motion import motion_planner
+from planners.motion.arm.arm_model import ArmModel
+from planners.motion.arm.kinematics import flange_from_tip
+from planners.motion.arm.spheres import box_spheres
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.collision.obstacles import Boxes
+from planners.motion.path.trajectory import Trajectory
+from planners.motion.problem import MotionProblem, MotionResult
+from planners.motion.search.search_tree import GrowsTrees, SearchTree
+
+HOME = -2
+"""Via index of the rest position."""
+LIFT_M = 0.14
+"""Via points lie this far above the top of the largest parcel [m]."""
+MARGIN_M = 0.015
+"""Distance kept from obstacles on the ways between via points [m]."""
+LINE_MARGIN_M = 0.002
+"""Distance kept on the straight lines, which end between tray walls and beside parcels [m]."""
+SUCTION_GAP_M = 0.003
+"""The cup stops this far above the parcel; suction bridges 10 mm."""
+RELEASE_M = 0.004
+"""A parcel is let go this far above its support [m]."""
+LIMIT_MARGIN_RAD = 0.06
+"""Via points keep this far from joint limits, so that lines to parcels beside them stay inside."""
+TOOL_YAWS = 16
+"""Orientations about the vertical tried for a via point."""
+PROBE_M = {"suction": 0.03, "friction": 0.015}
+"""A via point must reach this far to the side of the nominal place [m]: parcels never lie exactly on it."""
+PICK_ABOVE_BOTTOM_M = 0.026
+"""Fingers close at least this far above a parcel's underside, clear of the support [m]."""
+EASY_WIDTH_M = 0.09
+"""Parcels up to this wide leave open fingers 1 cm of play on each side [m]."""
+NEAR_VIA_M = 0.3
+"""Parcels that are nearer than this to a slot or the tray are tried to be reached over its via point first [m]."""
+NEIGHBOUR_M = 0.2
+"""Slots that are nearer than this to such a parcel are taken for empty: it may lie on them [m]."""
+
+
+@dataclass(kw_only=True)
+class KnownWays:
+    """Via points and timed ways between them; cells with the same surroundings share them."""
+
+    vias: dict[int, FloatArray] = field(default_factory=dict)
+    """Configuration of each via point, shape (n,)."""
+    ways: dict[tuple[int, int, bool], Trajectory] = field(default_factory=dict)
+    """From, to, loaded -> the motion."""
+
+
+class CellPlanner:
+    """Plans for one arm in its cell; everything in the base frame.
+
+    Ways between via points (rest, above each slot, above the tray) do not depend on what lies where: they are planned
+    once, with the rack full, a car at the dock and, between slots and tray, the largest parcel in the grip.
+
+    Args:
+        cell: The surroundings.
+        model: The arm as spheres, with its tool.
+        spec: The arm's limits and rest position.
+        tool: Decides how a parcel is approached.
+        car: Gives the tray's orientation-free size.
+        planner: Of `motion_planner`.
+        iterations_n: Budget of one search.
+        known: Ways of other cells with the same surroundings, shared.
+        confirm: The physics engine's last word, if there is an engine.
+    """
+
+    def __init__(
+        self,
+        cell: ArmCell,
+        *,
+        model: ArmModel,
+        spec: ArmSpec,
+        tool: Tool,
+        car: CarSpec,
+        planner: str,
+        iterations_n: int,
+        known: KnownWays | None = None,
+        confirm: Confirm | None = None,
+    ) -> None:
+        self.cell = cell
+        self._model, self._spec, self._tool, self._car = model, spec, tool, car
+        self._motions = ArmMotions(spec, tool, confirm)
+        self._planner = motion_planner(planner)
+        self._iterations_n = iterations_n
+        boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)
+        held = box_spheres((MAX_EDGE_M / 2,) * 3)
+        below = np.array([0.0, 0.0, tool.length_m + MAX_EDGE_M / 2])
+        dock = Boxes.one(cell.dock_box[0], cell.dock_box[1], yaw=cell.dock_yaw)
+        self._empty = CollisionChecker(model, boxes, margin=MARGIN_M)
+        self._over_cars = CollisionChecker(model, Boxes.join(boxes, dock), margin=MARGIN_M)
+        self._largest = (held[0] + below, held[1])
+        self._loaded = CollisionChecker(model, boxes, held_spheres=self._largest, margin=MARGIN_M)
+        self._boxes = boxes
+        self._line_boxes = self._without_slots(boxes)
+        self._line = CollisionChecker(model, self._line_boxes, margin=LINE_MARGIN_M)
+        self._retrieval = Retrieval(
+            self._motions,
+            model=model,
+            spec=spec,
+            tool=tool,
+            planner=self._planner,
+            iterations_n=iterations_n,
+            margins=Margins(travel_m=MARGIN_M, line_m=LINE_MARGIN_M),
+        )
+        self._known = known if known is not None else KnownWays()
+        self._known.vias[HOME] = spec.home_rad
+        self._way_trees: dict[tuple[int, int, bool], list[SearchTree]] = {}
+
+    def keep_trees(self) -> None:
+        """Keep the trees of searches from now on, if the planner grows any; `take_trees` hands them over."""
+        if isinstance(self._planner, GrowsTrees):
+            self._planner.trees = []
+
+    def take_trees(self) -> FloatArray:
+        """Edges of the trees behind the answers since the last call, as the tool's tip in the world.
+
+        Returns:
+            Ends of the edges [m], shape (e, 2, 3).
+        """
+        planner = self._planner
+        if not isinstance(planner, GrowsTrees) or planner.trees is None:
+            return np.empty((0, 2, 3))
+        trees, planner.trees = planner.trees, []
+        x, y, z, yaw = self.cell.base_pose
+        turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+        edges = [np.empty((0, 2, 3))]
+        for tree in trees:
+            tips = np.array([self._motions.tip(q)[:3, 3] for q in tree.vertices]).reshape(-1, 3)
+            edges.append((tips @ turn.T + (x, y, z))[tree.edges])
+        return np.concatenate(edges)
+
+    def prepare(self) -> None:
+        """Find all via points and the ways between them.
+
+        Raises:
+            UnreachableError: A slot or the tray cannot be served.
+        """
+        for place in (TRAY, *range(len(self.cell.slots))):
+            self._via(place)
+        for slot in range(len(self.cell.slots)):
+            for a, b, loaded in ((slot, TRAY, True), (HOME, slot, False)):
+                self._way(a, b, loaded=loaded)
+                self._way(b, a, loaded=loaded)
+        self._way(HOME, TRAY, loaded=False)
+        self._way(TRAY, HOME, loaded=False)
+
+    def transfer(self, request: TransferRequest) -> Transfer:
+        """Plan a transfer; a `reason` instead of steps when there is none."""
+        try:
+            return self._retrieved(request) if request.pick_via == LOOSE else self._transfer(request)
+        except (UnreachableError, UngrippableError) as error:
+            return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
+
+    def fetch(self, request: FetchRequest) -> Transfer:
+        """Plan to take a parcel and wait with it over its slot, and to put it back; a `reason` when there is no way."""
+        try:
+            down, grip_height = self._grasp(request)
+            held = Held(size_m=request.size_m, below_tip_m=grip_height - request.size_m[2] / 2)
+            lower, lift = self._lines(down, None, held)
+        except UnreachableError as error:
+            return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
+        via = request.pick_via
+        # Upwards with the parcel is as free as downwards with it.
+        back = (backwards(lift), Signal.RELEASE, backwards(lower), self._way(via, HOME, loaded=False))
+        return Transfer(
+            arm=request.arm,
+            parcel=request.parcel,
+            steps=(self._way(HOME, via, loaded=False), lower, Signal.GRIP, lift),
+            back=back,
+            grip_height_m=grip_height,
+        )
+
+    def deliver(self, request: DeliverRequest) -> Transfer:
+        """Plan the rest of a transfer whose parcel was fetched; a `reason` when there is no way."""
+        try:
+            steps = self._delivery(request, request.pick_via, request.place_via, request.grip_height_m)
+        except UnreachableError as error:
+            return Transfer(arm=request.arm, parcel=request.parcel, steps=(), reason=str(error))
+        return Transfer(arm=request.arm, parcel=request.parcel, steps=steps)
+
+    def home(self, request: HomeRequest) -> Transfer:
+        """Plan the way home from anywhere."""
+        # A failed line ends low, beside things: first straight up, then home.
+        up = self._climb(request.q)
+        result = self._search(self._empty, up[-1], self._spec.home_rad)
+        if not result.solved:
+            return Transfer(arm=request.arm, parcel=-1, steps=(), reason=f"no way home ({result.status.value})")
+        moves = [] if len(up) == 1 else [self._motions.timed(up, LINE_SPEED, self._line)]
+        moves.append(self._motions.timed(result.path, 1.0, self._empty))
+        return Transfer(arm=request.arm, parcel=-1, steps=tuple(moves))
+
+    def _transfer(self, request: TransferRequest) -> Transfer:
+        down, grip_height = self._grasp(request)
+        held = Held(size_m=request.size_m, below_tip_m=grip_height - request.size_m[2] / 2)
+        pick, place = request.pick_via, request.place_via
+        lower, lift = self._lines(down, None, held)
+        steps = (
+            self._way(HOME, pick, loaded=False),
+            lower,
+            Signal.GRIP,
+            lift,
+            *self._delivery(request, pick, place, grip_height),
+        )
+        return Transfer(arm=request.arm, parcel=request.parcel, steps=steps)
+
+    def _retrieved(self, request: TransferRequest) -> Transfer:
+        """Take a parcel from wherever it lies, by a way that is searched for, and place it as any other."""
+        pose = np.eye(4)
+        pose[:3, 3] = self.cell.base_from_world(request.pick_pose[:3])
+        pose[:3, :3] = _turned_z(-self.cell.base_pose[3]) @ _matrix(request.pick_pose[3:])
+        grips = loose_grips(pose, request.size_m, self._tool, SUCTION_GAP_M, PICK_ABOVE_BOTTOM_M)
+        held = Held(size_m=grips.size_m, below_tip_m=grips.height_m - grips.size_m[2] / 2)
+        over = self._from_via(grips, held, request.place_via)
+        if over is None:
+            boxes = self._without_slots(self._boxes, near=pose[:3, 3])
+            try:
+                over = self._retrieval.steps(grips, held, boxes, self._via(request.place_via))
+            except UnreachableError as error:
+                x, y, z = np.round(pose[:3, 3], 3)
+                raise UnreachableError(f"{error}, which lies at ({x}, {y}, {z}) in the arm's base frame") from error
+        down = self._setting_down(request, request.place_via, grips.height_m, held)
+        return Transfer(arm=request.arm, parcel=request.parcel, steps=over + down)
+
+    def _from_via(self, grips: LooseGrips, held: Held, place: int) -> tuple[Step, ...] | None:
+        """The way over the nearest via point, down to the parcel, up again and on, if straight lines lead there."""
+        at = grips.tips[0, :2, 3]
+        places = {TRAY: self.cell.tray, **dict(enumerate(self.cell.slots))}
+        via = min(places, key=lambda k: float(np.hypot(*(places[k][:2] - at))))
+        if np.hypot(*(places[via][:2] - at)) > NEAR_VIA_M:
+            return None
+        alike = np.einsum("kij,ij->k", grips.tips[:, :3, :3], self._via_tip(via)[:3, :3])
+        for k in np.argsort(-alike, kind="stable"):
+            try:
+                lower, lift = self._lines(self._approach(via, grips.tips[k]), None, held)
+                over = () if via == place else (self._way(via, place, loaded=True),)
+                return (self._way(HOME, via, loaded=False), lower, Signal.GRIP, lift, *over)
+            except UnreachableError:
+                continue
+        return None
+
+    def _delivery(
+        self, request: TransferRequest | DeliverRequest, pick: int, place: int, grip_height: float
+    ) -> tuple[Step, ...]:
+        """From above where the parcel was picked to where it is placed, and home."""
+        held = Held(size_m=request.size_m, below_tip_m=grip_height - request.size_m[2] / 2)
+        return (self._way(pick, place, loaded=True), *self._setting_down(request, place, grip_height, held))
+
+    def _setting_down(
+        self, request: TransferRequest | DeliverRequest, place: int, grip_height: float, held: Held
+    ) -> tuple[Step, ...]:
+        """From above a place down to it, and home."""
+        down = self._approach(place, self._place_tip(request, grip_height))
+        lower, lift = self._lines(down, held, None)
+        return (
+            lower,
+            Signal.RELEASE,
+            lift,
+            Signal.CLEAR,
+            self._way(place, HOME, loaded=False),
+        )
+
+    def _lines(self, down: FloatArray, before: Held | None, after: Held | None) -> tuple[Trajectory, Trajectory]:
+        """The motions down a line and up again, with what is in the grip on each."""
+        lower, lift = (
+            self._motions.confirmed(self._motions.timed(path, LINE_SPEED, self._line), self._line_boxes, load)
+            for path, load in ((down, before), (down[::-1], after))
+        )
+        return lower, lift
+
+    def _grasp(self, request: TransferRequest | FetchRequest) -> tuple[FloatArray, float]:
+        """The way down to the first grip that can be reached, and the tip's height over the parcel's underside."""
+        refusal: UnreachableError | None = None
+        for tip, height in self._grips(request):
+            try:
+                return self._approach(request.pick_via, tip), height
+            except UnreachableError as error:
+                refusal = refusal or error
+        raise refusal or UnreachableError("the parcel cannot be gripped from above")
+
+    def _grips(self, request: TransferRequest | FetchRequest) -> list[tuple[FloatArray, float]]:
+        """Tip poses that grip the parcel, best first, each with the tip's height over the parcel's underside."""
+        centre = self.cell.base_from_world(request.pick_pose[:3])
+        rotation = _matrix(request.pick_pose[3:])
+        half = np.asarray(request.size_m) / 2
+        half_height = float(np.abs(rotation[2]) @ half)
+        via_tip = self._via_tip(request.pick_via)
+        if not self._tool.finger_joints:
+            tip = via_tip.copy()
+            tip[:3, 3] = centre[0], centre[1], centre[2] + half_height + SUCTION_GAP_M
+            return [(tip, 2 * half_height + SUCTION_GAP_M)]
+        height = max(half_height, PICK_ABOVE_BOTTOM_M)
+        grips = []
+        for turn in self._finger_turns(rotation, half, via_tip):
+            tip = _yawed(via_tip, turn)
+            tip[:3, 3] = centre[0], centre[1], centre[2] - half_height + height
+            grips.append((tip, height))
+        return grips
+
+    def _finger_turns(self, rotation: FloatArray, half: FloatArray, via_tip: FloatArray) -> list[float]:
+        """Turns that put the fingers across two opposite sides: small turns first, and across wide sides last.
+
+        A turn costs more time than anything else on the way down.
+        """
+        across = [k for k in range(3) if abs(rotation[2, k]) < np.sqrt(0.5)]
+        present = np.arctan2(via_tip[1, 0], via_tip[0, 0])
+        turns: list[tuple[bool, float]] = []
+        for k in across:
+            wide = bool(2 * half[k] > EASY_WIDTH_M)
+            # The parcel's axes are in the world frame, the tip's in the base frame.
+            wanted = np.arctan2(rotation[1, k], rotation[0, k]) - self.cell.base_pose[3]
+            small = float((wanted - present + np.pi / 2) % np.pi - np.pi / 2)
+            turns += [(wide, small), (wide, small - np.pi if small > 0 else small + np.pi)]
+        return [turn for _, turn in sorted(turns, key=lambda turn: (turn[0], abs(turn[1])))]
+
+    def _place_tip(self, request: TransferRequest | DeliverRequest, grip_height: float) -> FloatArray:
+        if request.place_via == TRAY:
+            x, y, yaw = request.car_pose
+            ahead = self._car.tray_x_m
+            world = np.array([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw), self._car.tray_floor_z_m])
+            support = self.cell.base_from_world(world)
+        else:
+            support = self.cell.slots[request.place_via]
+        tip = self._via_tip(request.place_via).copy()
+        tip[:3, 3] = support[0], support[1], support[2] + RELEASE_M + grip_height
+        return tip
+
+    def _approach(self, via: int, tip: FloatArray) -> FloatArray:
+        """Straight lines from a via point to above a tip pose and down to it, shape (k, n)."""
+        start = self._via(via)
+        above = tip.copy()
+        above[2, 3] = self._via_tip(via)[2, 3]
+        path = start[None]
+        for target in (above, tip):
+            line = self._straight(path[-1], target)
+            if line is None:
+                x, y, z = np.round(target[:3, 3], 3)
+                raise UnreachableError(f"no straight line to ({x}, {y}, {z}) in the arm's base frame")
+            path = np.concatenate((path, line[1:]))
+        return path
+
+    def _straight(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
+        line = self._motions.line(q, tip)
+        return line if line is not None and self._line.path_free(line) else None
+
+    def _climb(self, q: FloatArray) -> FloatArray:
+        """As far up as it goes, at most `LIFT_M`; at least the present configuration, shape (k, n)."""
+        for lift in (LIFT_M, LIFT_M / 2):
+            tip = self._motions.tip(q)
+            tip[2, 3] += lift
+            line = self._motions.line(q, tip)
+            if line is not None and self._empty.free(line[-1]):
+                return line
+        return q[None]
+
+    def _via(self, place: int) -> FloatArray:
+        vias = self._known.vias
+        if place not in vias:
+            vias[place] = self._find_via(place)
+        return vias[place]
+
+    def _via_tip(self, place: int) -> FloatArray:
+        return self._motions.tip(self._via(place))
+
+    def _find_via(self, place: int) -> FloatArray:
+        """The configuration above a place from which parcels around it can be reached, nearest to rest and tray."""
+        support = self.cell.tray if place == TRAY else self.cell.slots[place]
+        anchors = [self._spec.home_rad] + ([] if place == TRAY else [self._via(TRAY)])
+        candidates = []
+        for yaw in np.linspace(-np.pi, np.pi, TOOL_YAWS, endpoint=False):
+            tip = _down(yaw)
+            tip[:3, 3] = support[0], support[1], support[2] + MAX_EDGE_M + LIFT_M
+            candidates.append(self._motions.srs.ik_all(flange_from_tip(tip, self._tool.length_m)))
+        q = np.concatenate(candidates)
+        inside = ((q > self._spec.lower_rad + LIMIT_MARGIN_RAD) & (q < self._spec.upper_rad - LIMIT_MARGIN_RAD)).all(1)
+        q = q[inside]
+        q = q[self._loaded.batch(q)] if len(q) else q
+        travel_s = sum(np.abs((q - anchor) / self._spec.max_velocity_radps).max(axis=1) for anchor in anchors)
+        for k in np.argsort(travel_s, kind="stable") if len(q) else ():
+            if self._serves(q[k], support):
+                return q[k]
+        name = "the tray at its dock" if place == TRAY else f"slot {place}"
+        x, y, z = np.round(support, 3)
+        raise UnreachableError(f"arm cannot reach {name} at ({x}, {y}, {z}) in its base frame")
+
+    def _serves(self, q: FloatArray, support: FloatArray) -> bool:
+        """Whether straight lines lead from a configuration to the lowest grips on and around a support."""
+        lowest = PICK_ABOVE_BOTTOM_M if self._tool.finger_joints else 0.04
+        r = PROBE_M[self._tool.name]
+        for dx, dy in ((0.0, 0.0), (r, r), (r, -r), (-r, r), (-r, -r)):
+            tip = self._motions.tip(q)
+            tip[:3, 3] = support[0] + dx, support[1] + dy, tip[2, 3]
+            across = self._straight(q, tip)
+            if across is None:
+                return False
+            tip[2, 3] = support[2] + lowest
+            if self._straight(across[-1], tip) is None:
+                return False
+        return True
+
+    def _way(self, a: int, b: int, *, loaded: bool) -> Trajectory:
+        """The motion between two via points; the way back is the same path."""
+        ways = self._known.ways
+        low, high = min(a, b), max(a, b)
+        # Without a parcel an arm only comes to a car or leaves it: cars may drive below it.
+        checker = self._loaded if loaded else self._over_cars
+        if (a, b, loaded) not in ways:
+            result = self._search(checker, self._via(low), self._via(high))
+            if not result.solved:
+                raise UnreachableError(f"no way between via points {low} and {high} ({result.status.value})")
+            path = result.path if a == low else result.path[::-1]
+            held = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2) if loaded else None
+            ways[a, b, loaded] = self._motions.confirmed(self._motions.timed(path, 1.0, checker), self._boxes, held)
+        self._recall(checker, low, high, loaded=loaded)
+        return ways[a, b, loaded]
+
+    def _recall(self, checker: CollisionChecker, low: int, high: int, *, loaded: bool) -> None:
+        """Search a known way again, once and only if trees are wanted: the same search grows the same tree."""
+        planner = self._planner
+        if not isinstance(planner, GrowsTrees) or planner.trees is None:
+            return
+        key = (low, high, loaded)
+        if key not in self._way_trees:
+            others, planner.trees = planner.trees, []
+            self._search(checker, self._via(low), self._via(high))
+            self._way_trees[key], planner.trees = planner.trees, others
+        planner.trees += self._way_trees[key]
+
+    def _search(self, checker: CollisionChecker, start: FloatArray, goal: FloatArray) -> MotionResult:
+        problem = MotionProblem(checker=checker, start=start, goals=goal[None], max_iterations=self._iterations_n)
+        return self._planner.plan(problem)
+
+    def _without_slots(self, boxes: Boxes, near: FloatArray | None = None) -> Boxes:
+        """The obstacles of straight lines: without the parcels assumed on the slots, whose places are the targets.
+
+        Args:
+            boxes: All obstacles.
+            near: Only on slots around this point, in the base frame [m], shape (3,); None = on all.
+        """
+        half = MAX_EDGE_M / 2
+        slots = self.cell.slots
+        if near is not None:
+            slots = slots[np.linalg.norm(slots[:, :2] - near[:2], axis=1) < NEIGHBOUR_M]
+        tops = slots + np.array([0.0, 0.0, half])
+        gap = np.linalg.norm(boxes.centre[:, None] - tops[None], axis=2).min(axis=1, initial=np.inf)
+        keep = (gap > 1e-6) | (np.abs(boxes.half - half).max(axis=1) > 1e-6)
+        return Boxes(
+            centre=boxes.centre[keep], half=boxes.half[keep], yaw=boxes.yaw[keep], min_frame=boxes.min_frame[keep]
+        )
+
+
+def _down(yaw: float) -> FloatArray:
+    """Orientation of a tool that points down, x at `yaw`, as a 4x4 pose at the origin."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    pose = np.eye(4)
+    pose[:3, :3] = [[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]]
+    return pose
+
+
+def _yawed(tip: FloatArray, yaw: float) -> FloatArray:
+    """A tip pose turned about the vertical through it."""
+    turned = tip.copy()
+    turned[:3, :3] = _turned_z(yaw) @ tip[:3, :3]
+    return turned
+
+
+def _turned_z(yaw: float) -> FloatArray:
+    """Turn about the vertical as a 3x3 matrix."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _matrix(quat_xyzw: FloatArray) -> FloatArray:
+    x, y, z, w = quat_xyzw
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,258 @@
+"""ArmService: plays a planned transfer on one arm, tick by tick, and watches its grip."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+
+from fleet.stations.arms.transfer import Signal, Step, Transfer
+from fleet.world.protocol import FloatArray
+from planners.motion.path.trajectory import Trajectory
+
+GRIP_TIMEOUT_S = 0.6
+"""A grip that does not hold after this long has missed; suction needs 1 tick, fingers 0.4 s."""
+SETTLE_S = 0.15
+"""Rest after a grip or release, for the parcel to come to rest."""
+
+
+class ServiceState(StrEnum):
+    """What an arm is doing."""
+
+    IDLE = "idle"
+    PLANNING = "planning"
+    MOVING = "moving"
+    HOLDING = "holding"
+    """A parcel is in the grip, fetched ahead; the arm waits above its slot."""
+    DONE = "done"
+    """The transfer is complete; the arm is home."""
+    MISSED = "missed"
+    """The grip closed on nothing; the arm stands above the target."""
+    DROPPED = "dropped"
+    """A held parcel was lost."""
+
+
+class Gate(Protocol):
+    """Who has a say in when an arm moves."""
+
+    def may_start(self, motion: Trajectory) -> bool:
+        """Whether a motion may begin now; asked again at the next tick if not."""
+
+    def may_go_on(self) -> bool:
+        """Whether a motion that was stopped may go on."""
+
+    @property
+    def other(self) -> int:
+        """The arm that this one waits for when it may not move."""
+
+    def look_again(self) -> None:
+        """The arm is at another pace than it was said to be."""
+
+
+class ArmService:
+    """One arm's transfer in progress.
+
+    Args:
+        arm: Index of the arm in the world.
+        start_rad: Joint positions at the start, shape (n_joints,).
+    """
+
+    fetches = True
+    """Whether it can take a parcel before the car is there."""
+
+    def __init__(self, arm: int, start_rad: FloatArray) -> None:
+        self.arm = arm
+        self.state = ServiceState.IDLE
+        self.q = start_rad.copy()
+        self.qd = np.zeros_like(self.q)
+        self.grip = False
+        self.speed = 1.0
+        """Playback speed, below 1 when the arm is slow; see `set_speed`."""
+        self.changes_n = 0
+        """Grows whenever the state, the step or the speed changes."""
+        self.gate: Gate | None = None
+        """Asked before every motion; None = always free to move."""
+        self.paused = False
+        """Whether the gate has stopped a motion."""
+        self.busy_s = 0.0
+        """Time spent planning and moving [s]."""
+        self._steps: tuple[Step, ...] = ()
+        self._back: tuple[Step, ...] = ()
+        self._at = 0
+        self._elapsed_s = 0.0
+        self._carrying = False
+        self._lost = False
+        self._denied = False
+        """Whether the gate has not let the next motion begin."""
+        self.parcel = -1
+        self.grip_height_m = 0.0
+        """The tip's height over the underside of a parcel that was fetched [m]."""
+
+    @property
+    def carries(self) -> bool:
+        """Whether a parcel is in the grip."""
+        return self._carrying
+
+    @property
+    def under_way(self) -> Trajectory | None:
+        """The motion that has begun and is not over."""
+        if self.state is not ServiceState.MOVING or self._elapsed_s == 0.0:
+            return None
+        step = self._steps[self._at]
+        return step if isinstance(step, Trajectory) else None
+
+    @property
+    def done_s(self) -> float:
+        """How much of the present step is done [s]."""
+        return self._elapsed_s
+
+    @property
+    def waits_for(self) -> int:
+        """The arm whose motions keep this one from moving, -1 = none."""
+        if self.gate is None or self.state is not ServiceState.MOVING:
+            return -1
+        return self.gate.other if self.paused or self._denied else -1
+
+    def set_speed(self, speed: float) -> None:
+        """Play motions at another speed from now on."""
+        self.speed = speed
+        self.changes_n += 1
+
+    def left_s(self) -> tuple[float, float]:
+        """Time until the dock is clear, and until the transfer is over, at the present speed if nothing stops it."""
+        if self.state is not ServiceState.MOVING:
+            return 0.0, 0.0
+        clear_s = left_s = -self._elapsed_s
+        cleared = self.dock_is_clear
+        for step in self._steps[self._at :]:
+            if step is Signal.CLEAR and not cleared:
+                clear_s, cleared = left_s, True
+            elif step is not Signal.CLEAR:
+                left_s += step.duration_s if isinstance(step, Trajectory) else SETTLE_S
+        return max(0.0, clear_s if cleared else left_s) / self.speed, max(0.0, left_s) / self.speed
+
+    @property
+    def dock_is_clear(self) -> bool:
+        """True when the arm no longer needs the car to stand still."""
+        if self.state in (ServiceState.PLANNING, ServiceState.MOVING):
+            return self.state is ServiceState.MOVING and Signal.CLEAR in self._steps[: self._at + 1]
+        return True
+
+    def request(self) -> None:
+        """Note that a plan was asked for."""
+        self.changes_n += 1
+        self.state = ServiceState.PLANNING
+
+    def play(self, transfer: Transfer) -> None:
+        """Start a planned transfer."""
+        self.parcel, self.grip_height_m = transfer.parcel, transfer.grip_height_m
+        self._back = transfer.back
+        self._begin(transfer.steps)
+
+    def put_back(self) -> None:
+        """Put a fetched parcel back on its slot and come home."""
+        steps, self._back = self._back, ()
+        self._begin(steps)
+
+    def reset(self) -> None:
+        """Leave a final state and be ready for the next transfer."""
+        self.changes_n += 1
+        self.state = ServiceState.IDLE
+        self._steps, self._at = (), 0
+
+    def refused(self) -> None:
+        """There is no plan: be ready for another transfer, when what was fetched is put back."""
+        if self._back:
+            self.put_back()
+        else:
+            self.reset()
+
+    def release(self) -> None:
+        """Let go of whatever the arm holds."""
+        self.grip = False
+
+    def tick(self, tick_s: float, held: int) -> None:
+        """Advance by one tick.
+
+        Args:
+            tick_s: Length of the tick [s].
+            held: Parcel in the arm's grip now, -1 for none.
+        """
+        self.qd[:] = 0.0
+        if self.state in (ServiceState.PLANNING, ServiceState.MOVING):
+            self.busy_s += tick_s
+        if self._carrying and held != self.parcel and self.state in (ServiceState.MOVING, ServiceState.HOLDING):
+            if self.gate is None or self.under_way is None:
+                self._end(ServiceState.DROPPED)
+                return
+            # Another arm counts on this motion: it is ended first.
+            self._lost = True
+        if self.state is not ServiceState.MOVING or not self._may_move():
+            return
+        left_s = tick_s * self.speed
+        while left_s > 0.0 and self.state is ServiceState.MOVING:
+            left_s = self._advance(self._steps[self._at], left_s, held)
+
+    def _advance(self, step: Step, left_s: float, held: int) -> float:
+        """Spend up to `left_s` on a step; returns what is left."""
+        if step is Signal.CLEAR:
+            self._next()
+            return left_s
+        if isinstance(step, Trajectory):
+            if self._elapsed_s == 0.0 and self.gate is not None:
+                self._denied = not self.gate.may_start(step)
+                if self._denied:
+                    return 0.0
+            self._elapsed_s += left_s
+            over_s = self._elapsed_s - step.duration_s
+            self.q, self.qd = step.sample(min(self._elapsed_s, step.duration_s))
+            self.qd = self.qd * self.speed
+            if over_s < 0.0:
+                return 0.0
+            if self._lost:
+                self._end(ServiceState.DROPPED)
+                return 0.0
+            self._next()
+            return over_s
+        # A grip or release is a command to the world: it takes effect with this tick, so the rest of the tick is spent.
+        self.grip = step is Signal.GRIP
+        self._elapsed_s += left_s
+        if self.grip and held == self.parcel and self._elapsed_s >= SETTLE_S:
+            self._carrying = True
+            self._next()
+        elif self.grip and self._elapsed_s >= GRIP_TIMEOUT_S:
+            self.grip = False
+            self._end(ServiceState.MISSED)
+        elif step is Signal.RELEASE:
+            self._carrying = False
+            if self._elapsed_s >= SETTLE_S and held != self.parcel:
+                self._next()
+        return 0.0
+
+    def _next(self) -> None:
+        self.changes_n += 1
+        self._at += 1
+        self._elapsed_s = 0.0
+        if self._at < len(self._steps):
+            return
+        if self._back:
+            self.state = ServiceState.HOLDING
+        else:
+            self._end(ServiceState.DONE)
+
+    def _begin(self, steps: tuple[Step, ...]) -> None:
+        self.changes_n += 1
+        self.state = ServiceState.MOVING
+        self._steps, self._at, self._elapsed_s = steps, 0, 0.0
+
+    def _may_move(self) -> bool:
+        if self.paused and self.gate is not None:
+            self.paused = not self.gate.may_go_on()
+        return not self.paused
+
+    def _end(self, state: ServiceState) -> None:
+        self.changes_n += 1
+        self.state = state
+        self._carrying = self._lost = self._denied = self.paused = False
+        self._back = ()

@@ -1,0 +1,25 @@
+"""Charge: a car goes to a charger and stays until its battery is full."""
+
+from __future__ import annotations
+
+from fleet.tasks.fields import Fields, OrdersError
+from fleet.tasks.order import Order, Visit
+from fleet.tasks.types.task_type import Setting
+
+
+class ChargeType:
+    """To a charger, or to the nearest that is free, until the battery is full."""
+
+    required = ()
+    optional = ("places",)
+
+    def orders(self, shared: Order, fields: Fields, setting: Setting) -> tuple[Order, ...]:
+        """See `TaskType`."""
+        names = setting.places.numbered("charger", setting.chargers_n)
+        if not names:
+            raise OrdersError("type is 'charge'; valid: any other, because this run has no batteries (--battery)")
+        places = setting.places.places(fields, "places")
+        for place in places:
+            if place not in names:
+                raise OrdersError(f"places is {place!r}; valid: {', '.join(names)}, or none for any of them")
+        return (Visit.of(shared, kind="charge", stops=(places or names,), until_full=True),)

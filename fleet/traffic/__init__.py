@@ -1,0 +1,1 @@
+"""Traffic: plans are made anew, granted move by move, and driven."""

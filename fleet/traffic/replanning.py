@@ -1,0 +1,217 @@
+"""Traffic: asks the planner for the next window of moves and hands it to the executor when its time has come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import TrafficConfig
+from fleet.traffic.executor import Executor
+from maps.lane_graph import LaneGraph
+from planners.deadline import Deadline
+from planners.mapf import PLANNERS
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.problem import Instance, Plan
+
+NO_GOAL = -1
+NO_CELL = -1
+NO_CAR = -1
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Pending:
+    due_tick: int
+    goals: npt.NDArray[np.int32]
+    plan: Plan
+
+
+class Traffic:
+    """Goals of all cars, and the planning requests that serve them.
+
+    A request is answered at once and its plan is kept back until `latency_s` of simulated time has passed,
+    so that the outcome does not depend on how fast the machine is; its budget is one of iterations for the same reason.
+
+    Args:
+        graph: Lane graph of the site.
+        executor: Receives the plans.
+        config: Planner, window, period, latency and budget.
+        tick_s: Length of a tick [s].
+        seed: Seed of the planner's tie-breaking.
+        tables: Distances of the graph with nothing blocked, that other runs know already; None = to be found.
+    """
+
+    def __init__(
+        self,
+        graph: LaneGraph,
+        executor: Executor,
+        config: TrafficConfig,
+        tick_s: float,
+        seed: int,
+        tables: DistanceTable | None = None,
+    ) -> None:
+        n_cars = len(executor.tail_states())
+        self.graph = graph
+        self.executor = executor
+        self.goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
+        self.stay = np.zeros(n_cars, dtype=np.bool_)
+        """Cars that must not be pushed once they are at their goal (docks)."""
+        self.fixed = np.zeros(n_cars, dtype=np.bool_)
+        """Cars that cannot move (served, dead, recovering)."""
+        self.rank = np.zeros(n_cars)
+        """Added to a car's priority: loaded cars go first."""
+        self.blocked = np.zeros(graph.n_cells, dtype=np.bool_)
+        """Cells nobody may be sent into."""
+        self._blocked_n = np.zeros(graph.n_cells, dtype=np.int64)
+        self._dead_cells: dict[int, list[int]] = {}
+        self._avoided = np.zeros(graph.n_cells, dtype=np.bool_)
+        self.wreck_of = np.full(graph.n_cells, NO_CAR, dtype=np.int32)
+        """The dead car that blocks each cell, shape (n_cells,)."""
+        self.landed_goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
+        """The goals that the last plan was made for, shape (n_cars,)."""
+        self._free_tables = DistanceTable(graph, self.blocked) if tables is None else tables
+        self.tables = self._free_tables
+        """Exact distances past all that is blocked."""
+        self._ways = self.tables
+        self.plans_n = 0
+        self.priorities = np.zeros(n_cars)
+        """What the last request ranked the cars by, the greatest first to go."""
+        self._planner = PLANNERS[config.planner](seed=seed)
+        self._config = config
+        self._period = max(1, round(config.period_s / tick_s))
+        self._latency = round(config.latency_s / tick_s)
+        self._tick_s = tick_s
+        self._goal_since = np.zeros(n_cars)
+        self._tie_break = np.arange(n_cars) * 1e-6
+        self._pending: _Pending | None = None
+        self._wanted = True
+
+    def send(self, car: int, goal: int, *, stay: bool, tick: int) -> None:
+        """Give a car a goal state; a new goal starts with no waiting time."""
+        if self.goals[car] != goal:
+            self.goals[car] = goal
+            self._goal_since[car] = tick
+            self._wanted = True
+        self.stay[car] = stay
+
+    def set_fixed(self, car: int, fixed: bool) -> None:
+        """Say that a car cannot move, or that it can again."""
+        self.fixed[car] = fixed
+        self.discard()
+
+    def set_dead(self, car: int, cells: list[int]) -> None:
+        """A car will never move again, and these cells are no longer a way; called again, others take their place."""
+        self.fixed[car] = True
+        self.goals[car] = NO_GOAL
+        self._count_blocked(self._dead_cells.get(car, []), -1)
+        self._dead_cells[car] = cells
+        self.wreck_of[self.wreck_of == car] = NO_CAR
+        self.wreck_of[cells] = car
+        self._count_blocked(cells, 1)
+
+    def set_blocked(self, cell: int, blocked: bool) -> None:
+        """Take a cell out of the lanes, or give it back; it is open again when all that blocked it is over."""
+        self._count_blocked([cell], 1 if blocked else -1)
+
+    @property
+    def blocked_for_good(self) -> bool:
+        """True when nothing but dead cars blocks cells."""
+        return int(self._blocked_n.sum()) == sum(map(len, self._dead_cells.values()))
+
+    def reachable(self, state: int, goal: int) -> bool:
+        """Whether there is a way from a state to another past all that is blocked."""
+        return int(self.tables.to(goal)[state]) < UNREACHABLE
+
+    @property
+    def ways(self) -> DistanceTable:
+        """The distances that plans are made with; another object whenever they have changed."""
+        return self._ways
+
+    def next_plan_tick(self, car: int, tick: int) -> int:
+        """When the next plan lands that knows where a car is to go."""
+        if self._pending is None:
+            return (tick // self._period + 1) * self._period + self._latency
+        known = self._pending.goals[car] == self.goals[car]
+        return self._pending.due_tick + (0 if known else self._latency)
+
+    def next_cell(self, state: int, goal: int) -> int:
+        """The cell that comes next on the shortest way from a state to a goal, `NO_CELL` if there is no way."""
+        return self._step(self._ways, state, goal)[0]
+
+    def obstacle(self, state: int, goal: int) -> int:
+        """The first blocked cell on what would be the shortest way to a goal, `NO_CELL` if there would be none."""
+        while state != goal:
+            cell, state = self._step(self._free_tables, state, goal)
+            if cell == NO_CELL or self.blocked[cell]:
+                return cell
+        return NO_CELL
+
+    def _step(self, tables: DistanceTable, state: int, goal: int) -> tuple[int, int]:
+        """Cell and state that come next on the shortest way."""
+        graph, left = self.graph, tables.to(goal)
+        states = graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]]
+        if not states.size or left[state] >= UNREACHABLE:
+            return NO_CELL, state
+        best = int(states[left[states].argmin()])
+        return int(graph.state_cell[best]), best
+
+    def _count_blocked(self, cells: list[int], change: int) -> None:
+        self._blocked_n[cells] += change
+        self.blocked = self._blocked_n > 0
+        self._set_tables()
+        self.discard()
+
+    def set_avoided(self, cell: int, avoided: bool) -> None:
+        """Pass through a cell only where there is no other way, because others stand there for long, or end that."""
+        if self._avoided[cell] != avoided:
+            self._avoided[cell] = avoided
+            self._set_tables()
+            self._wanted = True
+
+    def _set_tables(self) -> None:
+        self.tables = DistanceTable(self.graph, self.blocked)
+        self._ways = self.tables
+        if self._avoided.any():
+            self._ways = DistanceTable(self.graph, self.blocked, avoid=self._avoided)
+
+    def discard(self) -> None:
+        """Throw away the plan that has not landed yet, because it rests on what is no longer so, and ask anew."""
+        self._pending = None
+        self._wanted = True
+
+    def tick(self, tick: int) -> bool:
+        """Land the plan that is due and make the request that is due.
+
+        Returns:
+            True when a plan landed.
+        """
+        landed = False
+        if self._pending is None and (self._wanted or tick % self._period == 0):
+            due_tick = tick + self._latency
+            self._pending = _Pending(due_tick=due_tick, goals=self.goals.copy(), plan=self._plan(tick))
+            self._wanted = False
+        if self._pending is not None and self._pending.due_tick <= tick:
+            self.executor.accept(self._pending.plan)
+            self.landed_goals = self._pending.goals
+            self._pending = None
+            self.plans_n += 1
+            landed = True
+        return landed
+
+    def _plan(self, tick: int) -> Plan:
+        starts = self.executor.cut()
+        waited_s = (tick - self._goal_since) * self._tick_s
+        self.priorities = waited_s + self.rank + self._tie_break
+        instance = Instance(
+            graph=self.graph,
+            starts=starts,
+            goals=self.goals.copy(),
+            priorities=self.priorities,
+            stay=self.stay.copy(),
+            fixed=self.fixed.copy(),
+            blocked=self.blocked.copy(),
+            allow_rotation=False,
+            horizon=self._config.horizon_n,
+        )
+        return self._planner.plan(instance, self._ways, Deadline(self._config.iterations_n))

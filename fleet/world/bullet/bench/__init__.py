@@ -1,0 +1,1 @@
+"""Benches: single robots in the engine, beside any fleet."""

@@ -1,0 +1,1 @@
+"""The physics engine: its connection, settings, windows and frames."""

@@ -1,0 +1,1 @@
+"""Scheduling of tasks as a job shop with travel."""

@@ -1,0 +1,1 @@
+"""Priority inheritance with backtracking over several timesteps."""

@@ -1,0 +1,216 @@
+"""Goal costs: what is left to do from every state to every goal cell that anybody may ask for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maps.lane_graph import TURN, LaneGraph
+from planners.deadline import Deadline
+from planners.errors import PlanningError
+from planners.mapf.distance_table import DistanceTable
+from planners.mapf.kernel import kernel
+from planners.mapf.multi_step import multi_step_kernel
+from planners.mapf.multi_step.multi_step_kernel import Costs, Look, Table
+from planners.mapf.multi_step.multi_step_pibt import look_of_states
+from planners.mapf.problem import IntArray
+
+EXACT_BYTES = 64 * 2**20
+"""Floors whose costs between all states and cells take no more are kept whole, with weighted moves and turns."""
+COARSE_UNIT = 2
+"""Cost of a move or a wait on a large floor, twice that of a turn ahead: only the first turn is seen, and a move that
+ends before the next one must still be worth more than waiting."""
+UNREACHABLE = 65_535
+"""Cost of a state that has no way to the goal."""
+
+
+class GoalCosts:
+    """Costs to goal cells on a rotating lane graph, entered in any heading.
+
+    A small floor is kept whole: each move has a weight and turns are counted exactly. On a large one a table knows the
+    timesteps from cell to cell without turns, filled as goals are asked for; the turns before the first move are
+    counted, those after it are not. That takes an eighth of the memory and of the time.
+
+    Args:
+        rotating: Lane graph that the robots move on.
+        pebble: The same floor without headings.
+        move_cost: Cost of each move of `rotating`, shape (n_moves,); only small floors take other costs than 1.
+        memory_cap: Memory for a large floor's table [bytes].
+    """
+
+    def __init__(
+        self, rotating: LaneGraph, pebble: LaneGraph, *, move_cost: IntArray | None = None, memory_cap: int = 2**31
+    ) -> None:
+        self._rotating, self._pebble = rotating, pebble
+        self.exact = 2 * rotating.n_states * pebble.n_states <= EXACT_BYTES
+        """Whether the floor is kept whole."""
+        self._tables = (
+            None
+            if self.exact
+            else DistanceTable(pebble, np.zeros(pebble.n_cells, dtype=np.bool_), memory_cap=memory_cap)
+        )
+        self._table: Table = np.empty((0, 0), dtype=np.uint16)
+        self.look = look_of_states(rotating.n_states) if self.exact else _look_ahead(rotating, pebble)
+        """Where to look costs up."""
+        self.unit = 1 if self.exact else COARSE_UNIT
+        """Least cost of a move."""
+        self.dearest = self.unit
+        """Largest cost of a move."""
+        self.weigh(np.ones(rotating.n_moves, dtype=np.int32) if move_cost is None else move_cost)
+
+    @property
+    def costs(self) -> Costs:
+        """The table in the form kernels read; holds until the next call of `rows` or `weigh`."""
+        return Costs(table=self._table, look=self.look)
+
+    def weigh(self, move_cost: IntArray) -> None:
+        """Give the moves other costs.
+
+        Args:
+            move_cost: Whole numbers >= 1, shape (n_moves,).
+
+        Raises:
+            PlanningError: The floor is too large for other costs than 1, or a cost is not positive.
+        """
+        if move_cost.min(initial=1) < 1:
+            raise PlanningError(f"goal costs: move_cost holds {move_cost.min()}; valid: integers >= 1")
+        if self._tables is not None:
+            if move_cost.max(initial=1) > 1:
+                raise PlanningError("goal costs: the floor is too large for weighted moves; valid: all costs 1")
+            return
+        self.unit = int(move_cost[self._rotating.move_kind != TURN].min(initial=2**16))
+        graph, n_goals = self._rotating, self._pebble.n_states
+        self._table = np.empty((n_goals, graph.n_states), dtype=np.uint16)
+        self.dearest = int(move_cost.max(initial=1))
+        heads = np.empty(self.dearest + 1, dtype=np.int32)
+        pool = np.empty((2, graph.n_states * 4 + graph.n_moves), dtype=np.int32)
+        states = graph.state_index[self._pebble.state_cell]
+        _fill_all(
+            states, graph.in_ptr, graph.in_move, graph.move_from, move_cost.astype(np.int32), self._table, heads, pool
+        )
+
+    def rows(self, cells: IntArray) -> IntArray:
+        """Row of each goal cell in the table, shape (n,); -1 for a negative cell."""
+        goals = np.where(cells >= 0, self._pebble.state_index[cells, 0], np.int32(-1))
+        if self._tables is None:
+            return goals
+        self._table, rows = self._tables.rows(goals)
+        return rows
+
+    def expect(self, cells: IntArray, deadline: Deadline) -> int:
+        """Fill the table with goals that may be asked for, as far as time and memory go.
+
+        Args:
+            cells: Goal cells, the likeliest first, shape (n,).
+            deadline: Budget; an iteration is a batch of goals.
+
+        Returns:
+            How many of them are there.
+        """
+        if self._tables is None:
+            return len(cells)
+        ready = 0
+        room = self._tables.capacity
+        while ready < min(len(cells), room) and deadline.spend():
+            batch = cells[ready : min(ready + 256, room)]
+            self._tables.rows(self._pebble.state_index[batch, 0])
+            ready += len(batch)
+        return ready
+
+    def between(self, rows: IntArray, cells: IntArray) -> IntArray:
+        """Cost from each cell, in the best heading there, to the goal of each row, both of shape (n,)."""
+        if self._tables is not None:
+            direct: IntArray = self._table[rows, self._pebble.state_index[cells, 0]].astype(np.int32)
+            return COARSE_UNIT * direct
+        states = self._rotating.state_index[cells]
+        least: IntArray = self._table[rows[:, None], states].min(axis=1).astype(np.int32)
+        return least
+
+
+def _look_ahead(rotating: LaneGraph, pebble: LaneGraph) -> Look:
+    """Every state looks into the cells around it: the turns towards each, the move, and what is left from there."""
+    moves = np.flatnonzero(rotating.move_kind != TURN)
+    origin, target = rotating.move_from[moves], rotating.move_to[moves]
+    cell, heading = rotating.state_cell[origin], rotating.state_heading[origin].astype(np.int64)
+    found = []
+    for turned in range(4):
+        state = rotating.state_index[cell, (heading + turned) % 4]
+        ahead = np.full(len(state), COARSE_UNIT + min(turned, 4 - turned))
+        found.append(np.column_stack((state, pebble.state_index[rotating.state_cell[target], 0], ahead)))
+    rows = np.concatenate(found)
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    ptr = np.concatenate(([0], np.cumsum(np.bincount(rows[:, 0], minlength=rotating.n_states))))
+    return Look(
+        ptr=ptr.astype(np.int32), key=rows[:, 1].astype(np.int32), ahead=rows[:, 2].astype(np.int32), scale=COARSE_UNIT
+    )
+
+
+@kernel
+def _fill_all(
+    goal_states: IntArray,
+    in_ptr: IntArray,
+    in_move: IntArray,
+    move_from: IntArray,
+    move_cost: IntArray,
+    table: Table,
+    heads: IntArray,
+    pool: IntArray,
+) -> None:  # pragma: no cover - compiled
+    """Shortest paths against the moves from each goal, shape (n_goals, 4) states of which -1 are none.
+
+    Dijkstra with a ring of buckets, one per cost up to the largest of a move (Dial, "Algorithm 360", Communications of
+    the ACM 12(11), 1969). A bucket is a list threaded through `pool`: states, and where the list goes on.
+    """
+    n_buckets = len(heads)
+    for goal in range(len(goal_states)):
+        for state in range(table.shape[1]):
+            table[goal, state] = UNREACHABLE
+        for bucket in range(n_buckets):
+            heads[bucket] = -1
+        used, spare = 0, -1
+        for k in range(goal_states.shape[1]):
+            if goal_states[goal, k] >= 0:
+                table[goal, goal_states[goal, k]] = 0
+                pool[0, used], pool[1, used] = goal_states[goal, k], heads[0]
+                heads[0] = used
+                used += 1
+        level, empty = 0, 0
+        while empty < n_buckets:
+            bucket = level % n_buckets
+            empty += 1
+            while heads[bucket] >= 0:
+                empty = 0
+                item = heads[bucket]
+                heads[bucket] = pool[1, item]
+                state = pool[0, item]
+                pool[1, item] = spare
+                spare = item
+                if table[goal, state] != level:
+                    continue
+                for k in range(in_ptr[state], in_ptr[state + 1]):
+                    cost = level + move_cost[in_move[k]]
+                    before = move_from[in_move[k]]
+                    if cost < table[goal, before]:
+                        table[goal, before] = cost
+                        item = spare
+                        if spare >= 0:
+                            spare = pool[1, spare]
+                        else:
+                            item = used
+                            used += 1
+                        pool[0, item], pool[1, item] = before, heads[cost % n_buckets]
+                        heads[cost % n_buckets] = item
+            level += 1
+
+
+@kernel
+def left_of(costs: Costs, states: IntArray, rows: IntArray, out: IntArray) -> None:  # pragma: no cover - compiled
+    """What is left from each state to its row's goal, shape (n,); 0 for a negative row."""
+    for k in range(len(states)):
+        out[k] = min(multi_step_kernel.left(costs, states[k], rows[k]), UNREACHABLE) if rows[k] >= 0 else 0
+
+
+def left(costs: Costs, states: IntArray, rows: IntArray) -> IntArray:
+    """What is left from each state to its row's goal, shape (n,); 0 for a negative row."""
+    out = np.empty(len(states), dtype=np.int32)
+    left_of(costs, states, rows, out)
+    return out

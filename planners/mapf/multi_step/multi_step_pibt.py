@@ -1,0 +1,296 @@
+"""Multi-step PIBT: agents hold operations of a few timesteps and push whoever is in the way of a better one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from maps.lane_graph import LaneGraph
+from planners.deadline import Deadline
+from planners.errors import PlanningError
+from planners.mapf.chance import chance_of
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable, tables_of
+from planners.mapf.multi_step import multi_step_kernel as kernels
+from planners.mapf.multi_step.multi_step_kernel import Aims, Choices, Costs, Look, Wishes
+from planners.mapf.multi_step.operations import LONGEST, Operations, operations_of
+from planners.mapf.options import open_moves
+from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
+from planners.status import Status
+
+_ROUND = 2000
+"""Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultiStepConfig:
+    """Settings of `MultiStepPibt`."""
+
+    length: int = 3
+    """Timesteps of an operation."""
+    most_tries: int = 3000
+    """Operations that a chain of pushes tries before it gives up."""
+    rounds: int = 0
+    """Rounds of improvement a timestep; each offers a better operation to random agents, as many as there are agents
+    but at most 2,000."""
+    impatience: float = 1.0
+    """Priority an agent gains with each timestep of the window that ends away from its goal."""
+
+    def __post_init__(self) -> None:
+        for name, value, least in (("most_tries", self.most_tries, 1), ("rounds", self.rounds, 0)):
+            if value < least:
+                raise PlanningError(f"multi-step pibt: {name} = {value}; valid: an integer >= {least}")
+        if not 1 <= self.length <= LONGEST:
+            raise PlanningError(f"multi-step pibt: length = {self.length}; valid: 1 to {LONGEST}")
+        if not self.impatience >= 0:
+            raise PlanningError(f"multi-step pibt: impatience = {self.impatience}; valid: a number >= 0")
+
+
+class MultiStepPibt:
+    """PIBT over operations, short sequences of moves that end in a wait.
+
+    Looking a few timesteps ahead lets a vehicle that must turn first make room in time, which one-step PIBT cannot
+    see. Of each operation only the first timestep is carried out, the rest is kept until something better is found.
+
+    Args:
+        config: Settings.
+        seed: Seed of the tie-breaking. Each call draws on: the same sequence of calls gives the same plans.
+
+    Source: Yukhnevich, Andreychuk, "Enhancing PIBT via Multi-Action Operations", 2025,
+    https://arxiv.org/abs/2511.09193. Keeping the rest of an operation and refusing closed rings are additions.
+    """
+
+    def __init__(self, config: MultiStepConfig | None = None, *, seed: int | np.random.Generator = 0) -> None:
+        self.config = MultiStepConfig() if config is None else config
+        self._rng = np.random.default_rng(seed)
+        self._mover: Mover | None = None
+
+    def plan(self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None) -> Plan:
+        """Plan one window.
+
+        Args:
+            instance: The window.
+            tables: Distances on the same graph, kept from call to call; None = built here.
+            deadline: Budget; an iteration is one timestep of all agents.
+
+        Returns:
+            A plan that is legal from its first row to its last, whatever its status.
+
+        Raises:
+            PlanningError: `tables` belong to another graph.
+        """
+        graph, n = instance.graph, instance.n_agents
+        tables = tables_of(instance, tables, "multi-step pibt")
+        deadline = Deadline() if deadline is None else deadline
+        if self._mover is None or not self._mover.fits(graph, instance.blocked, n):
+            self._mover = Mover(graph, instance.blocked, n, length=self.config.length, seed=self._rng)
+        mover = self._mover
+        table, row = tables.rows(instance.goals)
+        reachable = row >= 0
+        reachable[reachable] = table[row[reachable], instance.starts[reachable]] < UNREACHABLE
+        nowhere = np.full(n, -1, dtype=np.int32)
+        wishes = Wishes(
+            row=np.where(reachable, row, np.int32(-1)), cell=nowhere, next_row=nowhere, leg=np.zeros(n, dtype=np.int32)
+        )
+        costs = exact_costs(table, graph.n_states)
+
+        states = np.empty((instance.horizon + 1, n), dtype=np.int32)
+        states[0] = instance.starts
+        content = instance.goals == NO_GOAL
+        priority = np.array(instance.priorities, dtype=np.float64)
+        mover.begin(instance.starts)
+        done = 0
+        while done < instance.horizon and deadline.spend():
+            at_goal = states[done] == instance.goals
+            content |= at_goal
+            mover.lock(instance.fixed | (instance.stay & at_goal))
+            sequence = np.lexsort((-priority, content)).astype(np.int32)
+            states[done + 1] = mover.step(
+                costs,
+                wishes,
+                sequence,
+                weight=rank_weights(sequence),
+                most_tries=self.config.most_tries,
+                allow_rotation=instance.allow_rotation,
+                polish=lambda: self.config.rounds > 0,
+                rounds=self.config.rounds,
+            )
+            done += 1
+            priority += self.config.impatience * ~content
+        status = Status.FEASIBLE if done == instance.horizon else Status.TIMEOUT
+        if (~reachable & (row >= 0)).any():
+            status = Status.INFEASIBLE
+        return Plan(states=states[: done + 1], status=status, iterations=done)
+
+
+def exact_costs(table: npt.NDArray[np.uint16], n_states: int) -> Costs:
+    """Costs whose table has an entry for each state, shape (n_rows, n_states)."""
+    return Costs(table=table, look=look_of_states(n_states))
+
+
+def look_of_states(n_states: int) -> Look:
+    """Look-up where every state has its own entry."""
+    every = np.arange(n_states + 1, dtype=np.int32)
+    return Look(ptr=every, key=every[:-1], ahead=np.zeros(n_states, dtype=np.int32), scale=1)
+
+
+def rested_look(look: Look, operations: Operations) -> Look:
+    """Where to look after r timesteps of rest, spent turning: entry r * S + s for state s; r up to the longest turn."""
+    n_states = len(look.ptr) - 1
+    state = np.arange(n_states, dtype=np.int64).repeat(np.diff(operations.turn_ptr))
+    counts = np.diff(look.ptr)[operations.turn_state]
+    place = (np.cumsum(counts) - counts).repeat(counts)
+    entry = np.arange(counts.sum()) - place + look.ptr[operations.turn_state].repeat(counts)
+    state, steps = state.repeat(counts), operations.turn_steps.repeat(counts)
+    key, ahead = look.key[entry].astype(np.int64), look.ahead[entry]
+    parts = []
+    for rest in range(int(operations.turn_steps.max(initial=0)) + 1):
+        near = np.flatnonzero(steps <= rest)
+        order = near[np.lexsort((ahead[near], key[near], state[near]))]
+        fresh = np.ones(len(order), dtype=np.bool_)
+        fresh[1:] = (np.diff(state[order]) != 0) | (np.diff(key[order]) != 0)
+        kept = order[fresh]
+        parts.append(np.column_stack((state[kept] + rest * n_states, key[kept], ahead[kept])))
+    rows = np.concatenate(parts)
+    ptr = np.concatenate(([0], np.cumsum(np.bincount(rows[:, 0], minlength=len(parts) * n_states))))
+    return Look(
+        ptr=ptr.astype(np.int32), key=rows[:, 1].astype(np.int32), ahead=rows[:, 2].astype(np.int32), scale=look.scale
+    )
+
+
+def rank_weights(sequence: IntArray) -> npt.NDArray[np.float64]:
+    """Weight of each agent, which falls off with its place in the order, shape (n,).
+
+    With even weights the many who are pushed outvote the one who pushes, and a crowd comes to a standstill; where the
+    last weigh next to nothing, nobody cares how much time they lose.
+
+    Source: the winner of the 2024 League (No Man's Sky) squares what is a power of 3/2 here,
+    https://github.com/Straple/LORR24.
+    """
+    n = len(sequence)
+    weight = np.empty(n)
+    weight[sequence] = (1.0 - np.arange(n) / max(n, 1)) ** 1.5
+    return weight
+
+
+class Mover:
+    """Moves a fleet timestep by timestep and remembers what is left of the operations.
+
+    Args:
+        graph: Lane graph.
+        blocked: Cells nobody may enter, shape (n_cells,).
+        n: Number of agents.
+        length: Timesteps of an operation.
+        look: Where costs are looked up; None = every state has its own entry.
+        dearest: Most that a move lessens what is left to do.
+        patience: Agents look for another operation when theirs has come to its last `patience` timesteps, which it
+            rests; with 1 in every timestep, with more those whom nobody hinders decide less often.
+        seed: Seed of the tie-breaking.
+    """
+
+    def __init__(
+        self,
+        graph: LaneGraph,
+        blocked: BoolArray,
+        n: int,
+        *,
+        length: int,
+        look: Look | None = None,
+        dearest: int = 1,
+        patience: int = 1,
+        seed: int | np.random.Generator = 0,
+    ) -> None:
+        self.graph = graph
+        self._blocked = blocked.copy()
+        self.operations = operations_of(graph, length, open_moves(graph, blocked))
+        self._patience = patience
+        self._reach = length * dearest
+        self.chance = chance_of(np.random.default_rng(seed))
+        """Stream of the tie-breaking; whoever puts an earlier copy back repeats what followed."""
+        self._rested = rested_look(look_of_states(graph.n_states) if look is None else look, self.operations)
+        widest = int(np.diff(self.operations.ptr).max(initial=1))
+
+        def ints(*shape: int) -> IntArray:
+            return np.zeros(shape, dtype=np.int32)
+
+        self._choices = Choices(
+            state=ints(n),
+            chosen=ints(n),
+            at=ints(length + 1, graph.n_cells),
+            key=ints(n, widest),
+            order=np.zeros((n, widest), dtype=np.int16),
+            n_sorted=ints(n),
+            place=ints(n),
+            weight=np.ones(n),
+            locked=np.zeros(n, dtype=np.bool_),
+            eager=np.zeros(n, dtype=np.bool_),
+            stack=ints(n + 1),
+            tried=ints(n + 1),
+            before=ints(n + 1),
+            spent=np.zeros(n + 1),
+            mark=ints(n),
+            stamp=ints(1),
+        )
+
+    def fits(self, graph: LaneGraph, blocked: BoolArray, n: int) -> bool:
+        """Whether this is the floor and the size of fleet it was made for."""
+        return graph is self.graph and n == len(self._choices.state) and np.array_equal(blocked, self._blocked)
+
+    def begin(self, states: IntArray) -> None:
+        """Forget all operations: agents stand in `states`, shape (n,), in distinct cells."""
+        self._choices.state[:] = states
+        kernels.begin(self.operations, self._choices, self.graph.state_cell)
+
+    def lock(self, locked: BoolArray) -> None:
+        """Say who does not move, shape (n,). Who was about to is stopped, and then everybody decides anew."""
+        self._choices.locked[:] = locked
+        if (locked & (self._choices.chosen != self.operations.ptr[self._choices.state])).any():
+            kernels.begin(self.operations, self._choices, self.graph.state_cell)
+
+    def step(
+        self,
+        costs: Costs,
+        wishes: Wishes,
+        sequence: IntArray,
+        *,
+        weight: npt.NDArray[np.float64],
+        most_tries: int,
+        allow_rotation: bool,
+        polish: Callable[[], bool],
+        rounds: int | None = None,
+    ) -> IntArray:
+        """Decide a timestep and let it pass.
+
+        Args:
+            costs: What is left to do.
+            wishes: Where the agents want to go.
+            sequence: Agents, the one that goes first in front, shape (n,).
+            weight: What a unit of cost of each agent counts in a round of improvement, shape (n,).
+            most_tries: Operations a chain of pushes tries.
+            allow_rotation: Whether a closed ring of followers is legal.
+            polish: Asked before each round of improvement whether there is time for it.
+            rounds: Most rounds of improvement; None = as long as there is time.
+
+        Returns:
+            State of each agent after the timestep, shape (n,).
+        """
+        ops, choices, cell = self.operations, self._choices, self.graph.state_cell
+        n = len(choices.state)
+        if choices.stamp[0] > 2**30:
+            choices.mark[:] = 0
+            choices.stamp[0] = 0
+        choices.place[sequence] = np.arange(n, dtype=np.int32)
+        choices.weight[:] = weight
+        aims = Aims(table=costs.table, rested=self._rested, wishes=wishes, reach=self._reach, chance=self.chance)
+        kernels.reconsider(ops, choices, self._patience)
+        kernels.sweep(ops, choices, aims, sequence, most_tries, cell, allow_rotation)
+        done = 0
+        while (rounds is None or done < rounds) and polish():
+            kernels.polish(ops, choices, aims, min(n, _ROUND), min(most_tries, 100), cell, allow_rotation)
+            done += 1
+        after = np.empty(n, dtype=np.int32)
+        kernels.first_states(ops, choices, costs, wishes, after)
+        kernels.go_on(ops, choices, cell, after)
+        return after

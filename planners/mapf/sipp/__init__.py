@@ -1,0 +1,1 @@
+"""Safe interval path planning, one agent after another."""

@@ -1,0 +1,1 @@
+"""Arms as arrays: kinematics, inverse kinematics, shapes of links."""

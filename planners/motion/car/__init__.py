@@ -1,0 +1,1 @@
+"""Manoeuvres of one car."""

@@ -1,0 +1,1 @@
+"""Collision checks of an arm against boxes and itself."""

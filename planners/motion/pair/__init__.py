@@ -1,0 +1,1 @@
+"""Two arms over one tray."""

@@ -1,0 +1,1 @@
+"""Paths and trajectories: tool lines, routes, time stamps."""

@@ -1,0 +1,221 @@
+"""TimedPath: what an arm does over time, cut into equal steps, with bounds on what it does between the samples."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from planners.errors import PlanningError
+from planners.motion import checks
+from planners.motion.path.trajectory import MOST_SAMPLES, Trajectory
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_SAME_RAD = 1e-6  # legs that join end and start at the same configuration
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dwell:
+    """An arm that rests for a while, such as to grip."""
+
+    duration_s: float
+    """How long [s], >= 0."""
+
+    def __post_init__(self) -> None:
+        checks.positive("Dwell: duration_s", self.duration_s, zero=True)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimedPath:
+    """One arm's motion, sampled at multiples of `step_s`."""
+
+    step_s: float
+    q: FloatArray
+    """Joint angles at the samples [rad], shape (k, n)."""
+    between: FloatArray
+    """Joint angles half-way between neighbouring samples [rad], shape (k-1, n)."""
+    bow: FloatArray
+    """No joint is farther than this from the straight lines over samples and what is between [rad], shape (k-1, n)."""
+    rests: BoolArray
+    """Samples at which the arm stands still, so that it may wait there for as long as it likes, shape (k,)."""
+    legs: tuple[Trajectory | Dwell, ...]
+    """What it was made of."""
+    starts: tuple[int, ...]
+    """Sample at which each leg begins."""
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last sample [s]."""
+        return (len(self.q) - 1) * self.step_s
+
+    def at(self, along_s: float) -> FloatArray:
+        """Configuration when `along_s` of the motion is done [s], shape (n,)."""
+        number = max(0, bisect_right(self.starts, along_s / self.step_s + 1e-9) - 1)
+        leg, start = self.legs[number], self.starts[number]
+        if isinstance(leg, Dwell):
+            rest: FloatArray = self.q[start].copy()
+            return rest
+        return leg.sample(along_s - start * self.step_s)[0]
+
+
+def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
+    """Cut motions and rests that follow each other into equal steps.
+
+    Every leg takes a whole number of steps: the arm rests for the remainder of its last one. Between its samples a
+    trajectory is a cubic in each joint, which stays between its four Bezier points; that bounds how far the arm is from
+    straight lines over half steps, whatever lies between them (Farin, Curves and Surfaces for CAGD, 2002, convex hull
+    property).
+
+    Args:
+        legs: Motions from rest to rest and rests between them, at least one motion.
+        step_s: Length of a step [s], > 0.
+
+    Raises:
+        PlanningError: Malformed input, or a leg does not start where the one before ends.
+    """
+    motions = [leg for leg in legs if isinstance(leg, Trajectory)]
+    step_s = checks.positive("timed_path: step_s", step_s)
+    others = [leg for leg in legs if not isinstance(leg, Trajectory | Dwell)]
+    if not motions or others:
+        raise PlanningError(
+            f"timed_path: {len(motions)} motions, {others[:1]}; expected motions, at least 1, and rests"
+        )
+    if not all(np.isfinite(leg.q).all() and np.isfinite(leg.qd).all() for leg in motions):
+        raise PlanningError("timed_path: a motion that is not finite")
+    lasts_s = sum(leg.duration_s for leg in legs)
+    if not lasts_s / step_s < MOST_SAMPLES:
+        raise PlanningError(f"timed_path: {lasts_s} s in steps of {step_s} s; expected at most {MOST_SAMPLES} samples")
+    here = motions[0].q[0]
+    q, rests = [here[None]], [np.array([True])]
+    between: list[FloatArray] = []
+    bow: list[FloatArray] = []
+    starts, count = [], 1
+    for number, leg in enumerate(legs):
+        starts.append(count - 1)
+        if isinstance(leg, Dwell):
+            steps = int(np.ceil(leg.duration_s / step_s - 1e-9))
+            q.append(np.repeat(here[None], steps, axis=0))
+            between.append(q[-1])
+            bow.append(np.zeros((steps, len(here))))
+            rests.append(np.ones(steps, dtype=np.bool_))
+        else:
+            if leg.q.shape[1] != len(here) or np.abs(leg.q[0] - here).max() > _SAME_RAD:
+                raise PlanningError(f"timed_path: leg {number} starts at {leg.q[0]}, the one before ends at {here}")
+            steps = int(np.ceil(leg.duration_s / step_s - 1e-9))
+            halves, bows = np.empty((2 * steps + 1, len(here))), np.zeros((steps, len(here)))
+            _sample_halves(leg.t[-1] / max(1, len(leg.t) - 1), leg.q, leg.qd, 0.5 * step_s, halves, bows)
+            q.append(halves[2::2])
+            between.append(halves[1::2])
+            bow.append(bows)
+            rests.append(np.arange(1, steps + 1) == steps)
+            here = leg.q[-1]
+        count += steps
+    return TimedPath(
+        step_s=float(step_s),
+        q=np.concatenate(q),
+        between=np.concatenate(between),
+        bow=np.concatenate(bow),
+        rests=np.concatenate(rests),
+        legs=tuple(legs),
+        starts=tuple(starts),
+    )
+
+
+def samples_of(
+    leg: Trajectory, step_s: float, *, begin_s: float = 0.0, pace: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Sample what is left of a trajectory.
+
+    Args:
+        leg: From rest to rest.
+        step_s: Time between samples [s], > 0.
+        begin_s: How much of it is done at the first sample [s].
+        pace: How fast it is played, 1 for as planned, > 0.
+
+    Returns:
+        Joint angles, the last sample at the end [rad], shape (k, n), and bounds on how far each joint is from them
+        during the half steps before and after [rad], shape (k, n).
+    """
+    if len(leg.t) == 1:
+        return leg.q.copy(), np.zeros_like(leg.q)
+    fine_s = float(leg.t[1] - leg.t[0])
+    steps = max(1, int(np.ceil((leg.duration_s - begin_s) / (step_s * pace) - 1e-9)))
+    q = np.empty((steps + 1, leg.q.shape[1]))
+    stray = np.empty_like(q)
+    _sample_all(leg.q, leg.qd, fine_s, float(begin_s), step_s * pace, q, stray)
+    q[-1] = leg.q[-1]
+    return q, stray
+
+
+@njit(cache=True)
+def _sample_all(fine_q, fine_qd, fine_s, begin_s, step_s, q, stray):  # type: ignore[no-untyped-def]
+    """Fill `q` and `stray` (k, n) from samples (m, n) that are `fine_s` apart."""
+    last = fine_q.shape[0] - 2
+    for k in range(q.shape[0]):
+        time = begin_s + k * step_s
+        at = min(int(time / fine_s + 1e-9), last)
+        u = min(1.0, time / fine_s - at)
+        begin = max(0, min(int(np.floor((time - step_s / 2) / fine_s + 1e-9)), last))
+        end = max(begin, min(int(np.ceil((time + step_s / 2) / fine_s - 1e-9)) - 1, last))
+        for j in range(q.shape[1]):
+            rise = fine_q[at + 1, j] - fine_q[at, j]
+            m0 = fine_s * fine_qd[at, j]
+            m1 = fine_s * fine_qd[at + 1, j]
+            q[k, j] = fine_q[at, j] + u * (m0 + u * (3.0 * rise - 2.0 * m0 - m1 + u * (m0 + m1 - 2.0 * rise)))
+            low = q[k, j]
+            high = q[k, j]
+            for f in range(begin, end + 1):
+                b1 = fine_q[f, j] + fine_s * fine_qd[f, j] / 3.0
+                b2 = fine_q[f + 1, j] - fine_s * fine_qd[f + 1, j] / 3.0
+                low = min(low, fine_q[f, j], b1, b2, fine_q[f + 1, j])
+                high = max(high, fine_q[f, j], b1, b2, fine_q[f + 1, j])
+            stray[k, j] = max(high - q[k, j], q[k, j] - low)
+
+
+@njit(cache=True)
+def _sample_halves(fine_s, fine_q, fine_qd, half_s, q, bow):  # type: ignore[no-untyped-def]
+    """Fill `q` (2k+1, n) with samples every half step and `bow` (k, n) with how far the curve is from lines over them.
+
+    Each fine piece that a half step touches is cut to it; the Bezier points of what is left are compared with the line.
+    """
+    last = fine_q.shape[0] - 1
+    for k in range(q.shape[0]):
+        for j in range(q.shape[1]):
+            if k * half_s >= last * fine_s - 1e-9:
+                q[k, j] = fine_q[last, j]
+            else:
+                at = int(k * half_s / fine_s + 1e-9)
+                u = k * half_s / fine_s - at
+                q[k, j] = _blossom(fine_s, fine_q, fine_qd, at, j, u, u, u)
+    for k in range(q.shape[0] - 1):
+        first = int(k * half_s / fine_s + 1e-9)
+        end = int(np.ceil((k + 1) * half_s / fine_s - 1e-9))
+        for at in range(first, min(end, last)):
+            u = max(0.0, k * half_s / fine_s - at)
+            v = min(1.0, (k + 1) * half_s / fine_s - at)
+            for j in range(q.shape[1]):
+                for point in range(4):
+                    time = (at + u + (v - u) * point / 3.0) * fine_s / half_s - k
+                    line = q[k, j] + (q[k + 1, j] - q[k, j]) * time
+                    x = (u, u, u, v)[point]
+                    y = (u, u, v, v)[point]
+                    z = (u, v, v, v)[point]
+                    away = abs(_blossom(fine_s, fine_q, fine_qd, at, j, x, y, z) - line)
+                    bow[k // 2, j] = max(bow[k // 2, j], away)
+
+
+@njit(cache=True, inline="always")
+def _blossom(fine_s, fine_q, fine_qd, at, j, x, y, z):  # type: ignore[no-untyped-def]
+    """Bezier points of parts of a piece: (u, u, u), (u, u, v), (u, v, v), (v, v, v) are those from u to v."""
+    rise = fine_q[at + 1, j] - fine_q[at, j]
+    m0 = fine_s * fine_qd[at, j]
+    m1 = fine_s * fine_qd[at + 1, j]
+    c2 = 3.0 * rise - 2.0 * m0 - m1
+    c3 = m0 + m1 - 2.0 * rise
+    return fine_q[at, j] + m0 * (x + y + z) / 3.0 + c2 * (x * y + y * z + z * x) / 3.0 + c3 * x * y * z

@@ -1,0 +1,1 @@
+"""Searches for free paths in joint space."""

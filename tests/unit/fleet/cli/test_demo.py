@@ -1,0 +1,102 @@
+"""What the demo says at its end."""
+
+import json
+import subprocess
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from fleet.cli import demo
+from fleet.cli.main import main
+
+
+def show(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    with pytest.raises(SystemExit) as stop:
+        main(["demo", "--fidelity", "grid", "--duration", "2", "--out", str(tmp_path), *words])
+    assert stop.value.code == 0
+    return capsys.readouterr().out
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Return the commands that would have opened a viewer."""
+    commands: list[list[str]] = []
+
+    def open_viewer(command: list[str], **_: object) -> None:
+        commands.append([str(word) for word in command])
+
+    # Not the module that all share: the run itself starts a planning process.
+    names = {"Popen": open_viewer, "DEVNULL": subprocess.DEVNULL}
+    monkeypatch.setattr(demo, "subprocess", SimpleNamespace(**names))
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    return commands
+
+
+def test_without_a_display_the_way_to_look_at_the_file_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], opened: list[list[str]]
+) -> None:
+    last = show(tmp_path, capsys, "--view").splitlines()[-2]
+    recording = str(tmp_path / "recording.rrd")
+    assert last.startswith("no display to open the viewer on; recording: ")
+    assert last.endswith(f"rerun {recording})")
+    assert opened == []
+
+
+def test_with_a_display_the_viewer_opens_on_the_file(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    opened: list[list[str]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("DISPLAY", ":7")
+    assert f"viewer opened on {tmp_path / 'recording.rrd'}" in show(tmp_path, capsys, "--view")
+    ((program, *words),) = opened
+    assert Path(program).name == "rerun"
+    assert words == ["--bind", "127.0.0.1", str(tmp_path / "recording.rrd")]
+
+
+def test_a_viewer_is_not_opened_unasked(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    opened: list[list[str]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("DISPLAY", ":7")
+    assert "look at it with" in show(tmp_path, capsys)
+    assert opened == []
+
+
+def test_the_table_has_a_row_for_every_figure_and_a_dash_for_those_that_do_not_exist(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = show(tmp_path, capsys, "--no-record")
+    rows = dict(line.strip("│ ").split("│") for line in said.splitlines() if line.startswith("│"))
+    values = {name.strip(): value.strip() for name, value in rows.items()}
+    assert values["tasks done"] == "0 of 6"
+    assert values["task time, mean"] == values["task time, 95th percentile"] == "-"
+    assert values["simulated time"] == "2.0 s"
+    for name in (
+        "throughput",
+        "distance loaded",
+        "distance empty",
+        "arm utilisation, mean",
+        "contacts between robots",
+        "smallest clearance between robots",
+        "real-time factor",
+    ):
+        assert values[name]
+
+
+def test_a_refused_order_is_told_at_the_start_and_in_the_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    orders = tmp_path / "orders.csv"
+    good, bad = "a,0,pick_1,drop_1,0.3,0.06\n", "b,0,pick_9,drop_1,0.3,0.06\n"
+    orders.write_text(f"id,release_s,pick,drop,mass_kg,size_m\n{good}{bad}", encoding="utf-8")
+    said = show(tmp_path, capsys, "--no-record", "--orders", str(orders))
+    line = f"orders file {orders}, line 3: pick is 'pick_9'; valid: pick_1, pick_2"
+    assert said.startswith(f"order refused: {line}\n")
+    assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["orders_refused"] == [line]
+    assert '"kind":"order_refused"' in (tmp_path / "run.jsonl").read_text(encoding="utf-8")

@@ -1,0 +1,84 @@
+"""Where a car may manoeuvre: free of walls, of others and of what they hold, and out of where it should not be."""
+
+import numpy as np
+import pytest
+
+from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.incidents.recovery import MARGIN_M, Room
+from fleet.simulation import Simulation
+
+# On the cell site: the open row 7 (from below: y 1..2) with walls below y = 1 and shelves above x 3..5, y 2..3.
+OPEN = (2.0, 1.5, 0.0)
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    """Return a car in its parking place, and little else."""
+    config = RunConfig(site="cell", robots=2, fidelity=Fidelity.KINEMATIC, arms=ArmConfig(workers_n=0))
+    with Simulation(config) as simulation:
+        simulation.tick()
+        return simulation
+
+
+def valid(room: Room, *pose: float) -> bool:
+    return bool(room.valid(np.array([pose]))[0])
+
+
+def room_of(simulation: Simulation, start: tuple[float, float, float] = OPEN) -> Room:
+    grid = simulation.site.grid
+    return Room(simulation, 0, np.array(start), grid.free.copy())
+
+
+def test_the_body_and_its_margin_keep_off_walls(simulation: Simulation) -> None:
+    room, car = room_of(simulation), simulation.scene.car
+    lowest = 1.0 + car.half_width_m + MARGIN_M
+    assert valid(room, 4.0, lowest + 0.01, 0.0)
+    assert not valid(room, 4.0, lowest - 0.01, 0.0)
+    assert not valid(room, 4.0, 1.35, -np.pi / 2), "its nose would be in the wall"
+    assert not valid(room, -5.0, 1.5, 0.0), "off the map"
+
+
+def test_a_corner_between_two_points_of_the_outline_is_not_missed(simulation: Simulation) -> None:
+    """The shelf's corner at (3, 3) from all sides: wherever the corner is inside the body, the pose is refused."""
+    room, car = room_of(simulation), simulation.scene.car
+    draw = np.random.default_rng(0)
+    poses = np.column_stack([draw.uniform(2.2, 3.8, 4000), draw.uniform(2.2, 3.8, 4000), draw.uniform(-3.1, 3.1, 4000)])
+    dx, dy = 3.0 - poses[:, 0], 3.0 - poses[:, 1]
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    hit = (ahead < car.front_m) & (ahead > -car.rear_m) & (np.abs(left) < car.half_width_m)
+    assert hit.sum() > 100
+    assert not room.valid(poses)[hit].any()
+
+
+def test_other_cars_are_kept_off(simulation: Simulation) -> None:
+    x, y, yaw = simulation.driver.estimate[1]
+    beside = (float(x) + 0.5, float(y), float(yaw))
+    room = room_of(simulation, beside)
+    car = simulation.scene.car
+    assert valid(room, *beside)
+    assert not valid(room, float(x) + 2 * car.half_width_m, float(y), float(yaw))
+    assert not valid(room, float(x), float(y), float(yaw) + 1.0)
+
+
+def test_cells_that_others_hold_are_kept_off_except_where_it_stands_already(simulation: Simulation) -> None:
+    grid = simulation.site.grid
+    usable = grid.free.copy()
+    usable[grid.cell_at(3.5, 1.5)] = False
+    room = Room(simulation, 0, np.array(OPEN), usable)
+    assert valid(room, *OPEN)
+    assert valid(room, 2.55, 1.5, 0.0)
+    assert not valid(room, 2.65, 1.5, 0.0), "its nose enters the cell"
+    standing = Room(simulation, 0, np.array([2.8, 1.5, 0.0]), usable)
+    assert valid(standing, 2.8, 1.5, 0.0)
+    assert valid(standing, 2.65, 1.5, 0.0)
+
+
+def test_a_car_that_is_too_near_a_wall_may_only_get_out(simulation: Simulation) -> None:
+    start = (4.0, 1.16, 0.0)
+    room = room_of(simulation, start)
+    assert valid(room, *start)
+    assert not valid(room, 4.0, 1.15, 0.0), "nearer"
+    assert not valid(room, 4.7, 1.16, 0.0), "as near, farther on"
+    assert valid(room, 4.1, 1.17, 0.0)
+    assert valid(room, 4.7, 1.25, 0.0)

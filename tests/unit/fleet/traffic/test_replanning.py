@@ -1,0 +1,101 @@
+"""Requests and answers: when a plan lands, what it may cost, and that nobody stops for it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fleet.config import TrafficConfig
+from fleet.errors import ConfigError
+from fleet.traffic.executor import Executor
+from fleet.traffic.replanning import Traffic
+from tests.unit.fleet.traffic.drivers import Drivers
+from tests.unit.planners.mapf.lanes import one_way_loop
+
+WORLD: Any = SimpleNamespace(tick_s=0.1)
+
+
+class Run:
+    """Traffic on a loop of 30 cells; a car ends a move in the tick after its grant."""
+
+    def __init__(self, starts: list[int], **config: Any) -> None:
+        graph = one_way_loop(30)
+        settings = TrafficConfig(**config)
+        self.driver: Any = Drivers()
+        self.executor = Executor(
+            graph, np.array(starts, dtype=np.int32), self.driver, settings, lambda kind, **facts: None
+        )
+        self.traffic = Traffic(graph, self.executor, settings, WORLD.tick_s, seed=0)
+        self.now = 0
+
+    def tick(self) -> bool:
+        landed = self.traffic.tick(self.now)
+        self.executor.tick(WORLD)
+        self.now += 1
+        return landed
+
+    def landings(self, ticks: int) -> list[int]:
+        return [self.now - 1 for _ in range(ticks) if self.tick()]
+
+
+def test_a_plan_lands_exactly_when_its_latency_is_over() -> None:
+    run = Run([0], latency_s=0.7, period_s=2.0)
+    run.traffic.send(0, 20, stay=False, tick=0)
+    assert run.landings(50) == [7, 27, 47]
+
+
+def test_a_plan_without_latency_lands_at_once() -> None:
+    assert Run([0], latency_s=0.0, period_s=2.0).landings(45) == [0, 20, 40]
+
+
+def test_cars_with_grants_drive_on_while_a_plan_is_late() -> None:
+    """Half of the time a request is under way, and no tick passes without a move."""
+    run = Run([0, 15], latency_s=1.0, period_s=2.0, commit_moves_n=20, horizon_n=30, grant_moves_n=1)
+    for car in (0, 1):
+        run.traffic.send(car, 14 + 15 * car, stay=False, tick=0)
+    run.landings(11)
+    for _ in range(13):
+        before = len(run.driver.driven)
+        run.tick()
+        assert sorted(car for car, _ in run.driver.driven[before:]) == [0, 1], f"a car stood still at tick {run.now}"
+
+
+def test_a_request_costs_what_its_budget_says_and_the_next_goes_on() -> None:
+    run = Run([0], latency_s=0.0, period_s=1.0, iterations_n=3)
+    run.traffic.send(0, 20, stay=False, tick=0)
+    run.tick()
+    assert run.executor.tail_states().tolist() == [3]
+    for _ in range(100):
+        run.tick()
+    assert run.executor.tail_states().tolist() == [20]
+    assert len(run.driver.driven) == 20
+
+
+def test_the_answer_is_the_same_on_any_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No clock is read."""
+
+    def clock() -> float:
+        raise AssertionError("the wall clock was read")
+
+    monkeypatch.setattr("time.perf_counter", clock)
+    monkeypatch.setattr("time.monotonic", clock)
+    run = Run([0], iterations_n=2)
+    run.traffic.send(0, 9, stay=False, tick=0)
+    assert run.landings(30)
+
+
+def test_what_changes_the_floor_throws_the_late_plan_away() -> None:
+    run = Run([0], latency_s=1.0, period_s=5.0)
+    run.traffic.send(0, 20, stay=False, tick=0)
+    run.landings(5)
+    run.traffic.set_blocked(25, True)
+    assert run.landings(12) == [15]
+    assert run.executor.tail_states().tolist() == [12]
+
+
+def test_a_budget_that_is_none_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"traffic.iterations_n is 0; valid: an integer >= 1"):
+        TrafficConfig(iterations_n=0)
