@@ -12,22 +12,22 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import CarConfig, Fidelity, RunConfig, require
-from fleet.dispatch.allocation import Allotment, require_allocator
+from fleet.dispatch.allocation import TaskAllocation, require_allocator
 from fleet.dispatch.dispatcher import Dispatcher
 from fleet.errors import FleetError
 from fleet.incidents.disturbance import Disturbances
 from fleet.incidents.recovery import Recovery
 from fleet.insight.cause_watch import CauseWatch
+from fleet.insight.codebook import Codebook, codebook_of
 from fleet.insight.explain import Explanation, explain
-from fleet.insight.ledger import Ledger
-from fleet.insight.legend import Legend, legend_of
 from fleet.insight.metrics import Metrics, Summary
 from fleet.insight.slip import SlipMeter
+from fleet.insight.time_accounts import TimeAccounts
 from fleet.missions.roster import CarPhase
 from fleet.robots.battery import Batteries
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_desk import ArmDesk, ArmPlanner
+from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.stations.arms.shared_dock import share_docks
 from fleet.stations.station import Station
@@ -83,7 +83,7 @@ class Actions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ground:
+class RunSetup:
     """What runs with as many cars on the same site have in common, and may hand on from one to the next."""
 
     site: Site
@@ -97,7 +97,7 @@ class Ground:
     """The world to run in, as it was when it was made; None = a new one."""
 
     @staticmethod
-    def of(config: RunConfig) -> Ground:
+    def of(config: RunConfig) -> RunSetup:
         """The ground of a run.
 
         Raises:
@@ -113,7 +113,7 @@ class Ground:
         )
         graph = build_lane_graph(site)
         start_states = graph.first_states(site.parking[: config.robots])
-        return Ground(
+        return RunSetup(
             site=site,
             graph=graph,
             start_states=start_states,
@@ -128,7 +128,7 @@ class Simulation:
     Args:
         config: Everything that decides the outcome.
         on_event: Called with every event as it happens.
-        ground: What `Ground.of` gives for this configuration, if it is known already; its world is not closed by the
+        ground: What `RunSetup.of` gives for this configuration, if it is known already; its world is not closed by the
             run.
 
     Raises:
@@ -137,18 +137,18 @@ class Simulation:
         OrdersError: The orders file cannot be read, or none of its orders can be accepted.
     """
 
-    allotment_type: type[Allotment] = Allotment
+    allocation_type: type[TaskAllocation] = TaskAllocation
     traffic_type: type[Traffic] = Traffic
     """Who gives tasks out, and who plans the moves; environments put agents in their place."""
     books: bool = True
     """Whether ticks are taken into the figures; where nobody reads them, they need not be found out."""
 
     def __init__(
-        self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None, ground: Ground | None = None
+        self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None, ground: RunSetup | None = None
     ) -> None:
         self._closed = False
         self.config = config
-        ground = ground or Ground.of(config)
+        ground = ground or RunSetup.of(config)
         self.site: Site = ground.site
         traffic, allocation = config.traffic, config.allocation
         chargers_n = config.battery.chargers_n or 1
@@ -196,8 +196,8 @@ class Simulation:
                 Station(arm, place, self.graph.state_at(place.dock.cell, place.dock.heading))
                 for arm, place in enumerate(self.site.stations)
             ]
-            self.desk: ArmDesk = self._desk()
-            self.shared_docks = share_docks(self.site, self.scene, TOOLS[config.grip], self.desk.services)
+            self.arm_manager: ArmManager = self._arm_manager()
+            self.shared_docks = share_docks(self.site, self.scene, TOOLS[config.grip], self.arm_manager.services)
             battery = config.battery
             self.batteries = Batteries(battery, self.world.n_cars, self.tick_s) if battery.enabled else None
             self.dispatcher = Dispatcher(
@@ -206,7 +206,7 @@ class Simulation:
                 config=config,
                 board=self.board,
                 stations=self.stations,
-                desk=self.desk,
+                arm_manager=self.arm_manager,
                 traffic=self.traffic,
                 executor=self.executor,
                 world=self.world,
@@ -214,15 +214,15 @@ class Simulation:
                 batteries=self.batteries,
                 askew=np.random.default_rng(askew_seed) if config.askew else None,
                 log=self.log,
-                allotment=self.allotment_type,
+                allocation=self.allocation_type,
             )
             self.recovery = Recovery(self)
             self.disturbances = Disturbances(self, config.events)
             docks = [station.place.dock.cell for station in self.stations]
-            ledger = Ledger(
+            time_accounts = TimeAccounts(
                 self.world.n_cars, self.site.grid.cell_xy(docks), self.graph.n_cells, len(self.dispatcher.places.cells)
             )
-            self.metrics = Metrics(self.world.n_cars, self.tick_s, ledger)
+            self.metrics = Metrics(self.world.n_cars, self.tick_s, time_accounts)
             self.arm_planner.wait_ready()
             undo.pop_all()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
@@ -237,9 +237,9 @@ class Simulation:
         return CauseWatch(self)
 
     @cached_property
-    def legend(self) -> Legend:
+    def codebook(self) -> Codebook:
         """What the numbers stand for."""
-        return legend_of(self)
+        return codebook_of(self)
 
     @cached_property
     def slip_meter(self) -> SlipMeter | None:
@@ -283,7 +283,7 @@ class Simulation:
         self.traffic.tick(self.now)
         commands = self.executor.tick(self.world)
         self.recovery.tick(self.now)
-        self.desk.tick(self.now, self.world.held())
+        self.arm_manager.tick(self.now, self.world.held())
         self.world.step(*self._merged(commands, actions))
         if self.books:
             self._book(self.world.car_speeds())
@@ -298,11 +298,11 @@ class Simulation:
     def _book(self, speeds: FloatArray) -> None:
         """Take the tick into the figures: slip, causes, metrics, ledger."""
         if self.slip_meter is not None:
-            self.slip_meter.tick(self.desk.services, self.world)
+            self.slip_meter.tick(self.arm_manager.services, self.world)
         roster = self.dispatcher.roster
         self.causes.tick(self.now, speeds)
         self.metrics.tick(speeds, roster.loaded, roster.bound)
-        self.metrics.ledger.tick(
+        self.metrics.time_accounts.tick(
             self.causes.rows,
             roster.phase_index,
             roster.loaded,
@@ -343,7 +343,7 @@ class Simulation:
 
     def parcel_balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world; zero unless one was lost."""
-        return self.dispatcher.stock.balance()
+        return self.dispatcher.inventory.balance()
 
     def cancel(self, name: str) -> None:
         """Take an order back, as long as its parcel was not picked; a visit can be taken back until its end.
@@ -394,7 +394,7 @@ class Simulation:
             UnknownRobot: There is no such robot.
             OutsideRun: The run was not under way then.
         """
-        return explain(self.causes.log, self.legend, robot, self.sim_s if time_s is None else time_s)
+        return explain(self.causes.log, self.codebook, robot, self.sim_s if time_s is None else time_s)
 
     def summary(self) -> Summary:
         """Figures of the run so far."""
@@ -442,9 +442,9 @@ class Simulation:
         names = tuple(station.name for station in self.site.stations)
         return make_arm_planner(arm_cells(self.site, self.scene), names, self.scene.arm, self.config)
 
-    def _desk(self) -> ArmDesk:
+    def _arm_manager(self) -> ArmManager:
         scene = self.scene
-        return ArmDesk(
+        return ArmManager(
             self.arm_planner, self.config.arms, scene.car, scene.arm_start, self.tick_s, lost=self._parcel_lost
         )
 
@@ -474,7 +474,7 @@ class Simulation:
         if parcel not in self.world.parcel_ids():
             return ""
         cause = self.world.grip_loss(arm) or "why is not known"
-        x, y, z = (round(float(v), 3) for v in self.dispatcher.stock.pose(self.board.tasks[parcel])[:3])
+        x, y, z = (round(float(v), 3) for v in self.dispatcher.inventory.pose(self.board.tasks[parcel])[:3])
         name = self.board.tasks[parcel].order.name
         self.log("parcel_dropped", task=name, arm=f"arm_{arm}", x_m=x, y_m=y, z_m=z, cause=cause)
         return cause
@@ -482,10 +482,10 @@ class Simulation:
     def _merged(
         self, commands: FloatArray, actions: Actions | None
     ) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-        desk = self.desk
+        arm_manager = self.arm_manager
         if actions is None:
-            return commands, desk.q, desk.qd, desk.grip
-        q, qd, grip = desk.q, desk.qd, desk.grip
+            return commands, arm_manager.q, arm_manager.qd, arm_manager.grip
+        q, qd, grip = arm_manager.q, arm_manager.qd, arm_manager.grip
         if actions.cars is not None:
             commands[: len(actions.cars)] = actions.cars
         if actions.arms is not None:

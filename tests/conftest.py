@@ -38,12 +38,12 @@ def ledger_of_every_run(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(module.Simulation, "__init__", keep)
     yield
     for simulation in filter(lambda simulation: simulation.books, made):
-        ledger, ticks = simulation.metrics.ledger, simulation.now
-        assert (ledger.robots.sum(axis=0) == ticks).all(), "a robot has more or less time than the run"
+        time_accounts, ticks = simulation.metrics.time_accounts, simulation.now
+        assert (time_accounts.robots.sum(axis=0) == ticks).all(), "a robot has more or less time than the run"
         log = simulation.causes.log
         assert (log.since(0)[:, 2 + Column.BY] < log.n_robots).all(), "a robot waits for one that there is not"
-        spent = ledger.robots.sum(axis=1)
-        for blamed in (ledger.by_robot, ledger.by_cell, ledger.by_place):
+        spent = time_accounts.robots.sum(axis=1)
+        for blamed in (time_accounts.by_robot, time_accounts.by_cell, time_accounts.by_place):
             assert (blamed.sum(axis=1) == spent).all(), "an account is blamed for more or less than it holds"
 
 

@@ -11,7 +11,7 @@ from benchmarks.harness import Row, Trial
 from fleet.config import ArmConfig, Grip, RunConfig
 from fleet.insight.slip import Slip
 from fleet.simulation import Simulation
-from fleet.stations.arms.service import ArmService, ServiceState
+from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.service_time import Direction
 
 SITE, CARS_N = "cell", 3
@@ -92,7 +92,7 @@ def deliver(trial: Trial, grip: Grip, seed: int, arms: ArmConfig, found: Deliver
         begun: dict[int, int] = {}
         while not simulation.finished:
             simulation.tick()
-            for service in simulation.desk.services:
+            for service in simulation.arm_manager.services:
                 _watch(simulation, service, begun, found)
         summary = simulation.summary()
         meter = simulation.slip_meter
@@ -111,12 +111,12 @@ def deliver(trial: Trial, grip: Grip, seed: int, arms: ArmConfig, found: Deliver
     trial.check(summary.robot_contacts == 0, f"{where}: {summary.robot_contacts} contacts between robots")
 
 
-def _watch(simulation: Simulation, service: ArmService, begun: dict[int, int], found: Delivered) -> None:
+def _watch(simulation: Simulation, service: ArmController, begun: dict[int, int], found: Delivered) -> None:
     """Note when an arm sets out, and how long it took when it is back."""
     arm = service.arm
-    if service.state is ServiceState.MOVING:
+    if service.state is ArmPhase.MOVING:
         begun.setdefault(arm, simulation.now)
-    elif service.state is ServiceState.IDLE and arm in begun:
+    elif service.state is ArmPhase.IDLE and arm in begun:
         took_s = (simulation.now - begun.pop(arm)) * simulation.tick_s
         to_car = simulation.stations[arm].direction is Direction.TO_CAR
         (found.pick_s if to_car else found.unload_s).append(took_s)

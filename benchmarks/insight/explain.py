@@ -67,9 +67,9 @@ def _fleet(trial: Trial, robots: int, site: str, fidelity: Fidelity) -> Iterable
         while not simulation.finished:
             simulation.tick()
         whole_s = time.process_time() - begin
-        ledger = simulation.metrics.ledger
-        trial.check((ledger.robots.sum(axis=0) == simulation.now).all(), f"{where}: the ledger does not add up")
-        writer = CauseWriter(watch.log, simulation.legend)
+        time_accounts = simulation.metrics.time_accounts
+        trial.check((time_accounts.robots.sum(axis=0) == simulation.now).all(), f"{where}: the ledger does not add up")
+        writer = CauseWriter(watch.log, simulation.codebook)
         size = sum(len(str(facts)) for _, facts in writer.lines())
         minutes = simulation.sim_s / 60.0
     yield Row(name=f"{where}: watching", value=100.0 * spent_s / whole_s, unit="% of CPU")

@@ -117,7 +117,7 @@ def play(situation: Situation, folder: Path) -> Verdict:
         while not simulation.finished:
             simulation.tick()
             for name in situation.robots:
-                robot = simulation.legend.robot(name)
+                robot = simulation.codebook.robot(name)
                 holds = situation.holds(simulation, robot)
                 still_s[name] = still_s[name] + simulation.tick_s if holds and _stands(simulation, robot) else 0.0
                 if holds or (situation.may_hold is not None and situation.may_hold(simulation, robot)):
@@ -219,7 +219,7 @@ def _is_behind_queue(simulation: Simulation, car: int) -> bool:
 
 def _may_be_behind_queue(simulation: Simulation, car: int) -> bool:
     """A car is on its way to the other pick station while the slow arm is at work, or on its way home."""
-    works = not simulation.desk.is_idle(0) and simulation.desk.services[0].speed < 1.0
+    works = not simulation.arm_manager.is_idle(0) and simulation.arm_manager.services[0].speed < 1.0
     return works and _bound_for(simulation, car, 1)
 
 
@@ -253,7 +253,7 @@ SITUATIONS: dict[str, Situation] = {
         | {"events": (_event(7.5, "arm_slow", "arm_0", factor=0.1, duration_s=40.0),)},
         orders=_FIELDS + _deliveries(3),
         robots=("car_1", "car_2"),
-        holds=lambda simulation, car: simulation.desk.services[0].speed < 1.0 and _bound_for(simulation, car, 0),
+        holds=lambda simulation, car: simulation.arm_manager.services[0].speed < 1.0 and _bound_for(simulation, car, 0),
         is_root=lambda said: _is_slow_arm(said.root),
     ),
     "full dock": Situation(

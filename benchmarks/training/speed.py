@@ -13,7 +13,7 @@ from benchmarks.training.bare import PHYSICS_HZ, BareLoop
 from benchmarks.training.machine import machine_row
 from fleet.config import RunConfig
 from fleet.envs.warehouse.env import WarehouseEnv
-from fleet.simulation import Ground
+from fleet.simulation import RunSetup
 from fleet.world.scene import Scene
 
 CONTROL_HZ = 30.0
@@ -97,7 +97,7 @@ def _steps_n() -> int:
 
 
 def _scene(team: Team) -> Scene:
-    return Ground.of(RunConfig(site=team.site, robots=team.cars_n)).scene
+    return RunSetup.of(RunConfig(site=team.site, robots=team.cars_n)).scene
 
 
 def _env(team: Team, fidelity: str) -> WarehouseEnv:

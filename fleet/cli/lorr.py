@@ -53,7 +53,7 @@ class Lorr:
             if path is not None:
                 _require_writable(path)
         # Kernels take a second to load: only when there is something to play.
-        from fleet.league.crew import Crew
+        from fleet.league.multi_step_controller import MultiStepController
         from fleet.league.play import play
 
         with Bar(self.steps, "steps", shown=True) as bar:
@@ -65,7 +65,7 @@ class Lorr:
 
             played = play(
                 problem,
-                Crew(seed=self.seed),
+                MultiStepController(seed=self.seed),
                 self.steps,
                 self.budget_ms / 1000.0,
                 strict_time=self.strict_time,

@@ -32,9 +32,9 @@ class Why:
         from fleet.recording.run_file import EVENTS, plain, read_run
 
         folder = self.folder.parent if self.folder.name == EVENTS else self.folder
-        log, legend = read_causes(read_run(folder).events, str(folder / EVENTS))
-        time_s = log.end_tick * legend.tick_s if self.at is None else self.at
-        found = explain(log, legend, self.robot, time_s)
+        log, codebook = read_causes(read_run(folder).events, str(folder / EVENTS))
+        time_s = log.end_tick * codebook.tick_s if self.at is None else self.at
+        found = explain(log, codebook, self.robot, time_s)
         console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
         if self.json:
             facts = plain(found) | {"waits": found.waits, "waited_s": found.waited_s, "release": found.release}

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig
-from fleet.dispatch.availability import Outlook
-from fleet.dispatch.costs import Prices, Pricing
-from fleet.dispatch.horizon import Lookahead
+from fleet.dispatch.availability import Availability
+from fleet.dispatch.costs import CostMatrix, CostModel
+from fleet.dispatch.horizon import RollingHorizon
 from fleet.errors import ConfigError, FleetError
-from fleet.missions.visit_routes import VisitWays
+from fleet.missions.visit_routes import VisitRoutes
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
@@ -74,7 +74,7 @@ class Situation:
     """Tasks that cars have but may still give away, by car; these cars can take another."""
     kept: Mapping[int, Task]
     """Tasks that no other car may have, by car; these cars can take no other."""
-    busy: Mapping[int, Outlook]
+    busy: Mapping[int, Availability]
     """When cars will be free that cannot take a task now, as far as that is known, by car."""
 
 
@@ -88,7 +88,7 @@ class Choice:
     """Cars and their new tasks."""
 
 
-class Allotment:
+class TaskAllocation:
     """Poses the allocation problem, hands on its answer, and keeps the reasons.
 
     Args:
@@ -97,8 +97,8 @@ class Allotment:
         stations: By name.
         bookings: Room at the stations.
         service_times: How long the arms take.
-        pricing: What each task costs each car.
-        lookahead: What can be given out, for allocators that plan ahead.
+        cost_model: What each task costs each car.
+        horizon: What can be given out, for allocators that plan ahead.
         filling: The same with what waits for a slot, which says in which order slots are filled.
         ways: Of visits.
         reason_book: Told about every decision.
@@ -113,10 +113,10 @@ class Allotment:
         stations: Mapping[str, Station],
         bookings: Bookings,
         service_times: ServiceTimes,
-        pricing: Pricing,
-        lookahead: Lookahead,
-        filling: Lookahead,
-        ways: VisitWays,
+        cost_model: CostModel,
+        horizon: RollingHorizon,
+        filling: RollingHorizon,
+        ways: VisitRoutes,
         reason_book: ReasonBook,
         log: Callable[..., None],
     ) -> None:
@@ -125,8 +125,8 @@ class Allotment:
         self._stations = stations
         self._bookings = bookings
         self._service_times = service_times
-        self._pricing = pricing
-        self._lookahead = lookahead
+        self._cost_model = cost_model
+        self._horizon = horizon
         self._filling = filling
         self._ways = ways
         self._reasons = reason_book
@@ -145,18 +145,20 @@ class Allotment:
         ready, held = self._board.in_state(TaskState.READY), situation.held
         if not ready and len(held) < 2:
             return Choice(taken=[], given=[])
-        soon = {car: outlook for car, outlook in situation.busy.items() if outlook.free_s <= self._soon_s}
-        prices = self._pricing.of([*ready, *held.values()], situation.standing, situation.kept, soon, now_s)
-        offered, full = self._offered(prices, len(ready))
-        column_of, later = self._allocate(prices, [*offered, *range(len(ready), len(prices.tasks))], held, soon)
-        self._keep_reasons(prices, full, column_of, later)
+        soon = {
+            car: availability for car, availability in situation.busy.items() if availability.free_s <= self._soon_s
+        }
+        costs = self._cost_model.of([*ready, *held.values()], situation.standing, situation.kept, soon, now_s)
+        offered, full = self._offered(costs, len(ready))
+        column_of, later = self._allocate(costs, [*offered, *range(len(ready), len(costs.tasks))], held, soon)
+        self._keep_reasons(costs, full, column_of, later)
         taken, given = [], []
         for car, task in held.items():
-            if column_of[car] < 0 or prices.tasks[column_of[car]] is not task:
-                taken.append((car, self._why_taken(prices, column_of, car, task)))
+            if column_of[car] < 0 or costs.tasks[column_of[car]] is not task:
+                taken.append((car, self._why_taken(costs, column_of, car, task)))
         for car, column in enumerate(column_of.tolist()):
-            if column >= 0 and held.get(car) is not prices.tasks[column]:
-                given.append((car, prices.tasks[column]))
+            if column >= 0 and held.get(car) is not costs.tasks[column]:
+                given.append((car, costs.tasks[column]))
         return Choice(taken=taken, given=given)
 
     def plan_filling(self, situation: Situation, now_s: float) -> None:
@@ -168,12 +170,12 @@ class Allotment:
         if not waiting:
             return
         tasks = [*self._board.in_state(TaskState.READY), *situation.held.values(), *waiting]
-        prices = self._pricing.of(tasks, situation.standing, situation.kept, situation.busy, now_s)
-        columns = [column for column in range(len(tasks)) if prices.offers(column)]
-        cars = np.flatnonzero(np.isfinite(prices.cost_s).any(axis=1))
+        costs = self._cost_model.of(tasks, situation.standing, situation.kept, situation.busy, now_s)
+        columns = [column for column in range(len(tasks)) if costs.offers(column)]
+        cars = np.flatnonzero(np.isfinite(costs.cost_s).any(axis=1))
         if columns and len(cars):
-            problem = self._problem(prices, columns, cars, situation.held, self._filling)
-            self._filling.keep(prices, problem, self._answer(problem), columns, cars)
+            problem = self._problem(costs, columns, cars, situation.held, self._filling)
+            self._filling.keep(costs, problem, self._answer(problem), columns, cars)
 
     def _to_come(self) -> list[Task]:
         """Deliveries whose parcels do not lie on slots yet, the most urgent class first, then the oldest."""
@@ -181,7 +183,7 @@ class Allotment:
         free = [task for task in waiting if self._board.waits_for(task) is None]
         return sorted(free, key=lambda task: (task.order.priority.rank, task.index))[:PLAN_N]
 
-    def _offered(self, prices: Prices, n_ready: int) -> tuple[list[int], set[int]]:
+    def _offered(self, costs: CostMatrix, n_ready: int) -> tuple[list[int], set[int]]:
         """Ready tasks that a car can take and that there is room for, the most urgent first; those without room."""
         room = self._room()
         place_room: dict[int, int] = {}
@@ -189,20 +191,20 @@ class Allotment:
         full: set[int] = set()
         order = sorted(
             range(n_ready),
-            key=lambda k: (prices.tasks[k].order.priority.rank, -prices.pressure_s[k], prices.tasks[k].index),
+            key=lambda k: (costs.tasks[k].order.priority.rank, -costs.pressure_s[k], costs.tasks[k].index),
         )
         for k in order:
-            task = prices.tasks[k]
+            task = costs.tasks[k]
             if task.visit is not None:
-                if prices.offers(k) and self._ways.take_room(task, place_room):
+                if costs.offers(k) and self._ways.take_room(task, place_room):
                     offered.append(k)
-                elif prices.offers(k):
+                elif costs.offers(k):
                     full.add(k)
                 continue
             ends = (task.pick, task.delivery.drop)
             if any(room[name] <= 0 for name in ends):
                 full.add(k)
-            elif prices.offers(k):
+            elif costs.offers(k):
                 offered.append(k)
                 # Who plans ahead knows that an arm serves one car at a time.
                 for name in ends if not self._plans_ahead else ():
@@ -224,38 +226,38 @@ class Allotment:
         return room
 
     def _allocate(
-        self, prices: Prices, columns: list[int], held: Mapping[int, Task], soon: Mapping[int, Outlook]
+        self, costs: CostMatrix, columns: list[int], held: Mapping[int, Task], soon: Mapping[int, Availability]
     ) -> tuple[npt.NDArray[np.int64], dict[int, int]]:
-        """Pose the problem; fills the codes of `prices`.
+        """Pose the problem; fills the codes of `costs`.
 
         Returns:
             The column of the task that each car has then, -1 for none, shape (n_cars,), and by column the car that is
             to take a task when it is free.
         """
-        column_of = np.full(len(prices.cost_s), -1, dtype=np.int64)
+        column_of = np.full(len(costs.cost_s), -1, dtype=np.int64)
         later: dict[int, int] = {}
-        cars = np.flatnonzero(np.isfinite(prices.cost_s[:, columns]).any(axis=1))
+        cars = np.flatnonzero(np.isfinite(costs.cost_s[:, columns]).any(axis=1))
         if not columns or not len(cars):
             return column_of, later
-        lookahead = self._lookahead if self._plans_ahead else None
-        problem = self._problem(prices, columns, cars, held, lookahead)
+        horizon = self._horizon if self._plans_ahead else None
+        problem = self._problem(costs, columns, cars, held, horizon)
         assignment = self._answer(problem)
-        if lookahead is not None:
-            lookahead.keep(prices, problem, assignment, columns, cars)
+        if horizon is not None:
+            horizon.keep(costs, problem, assignment, columns, cars)
         pairs = np.ix_(cars, np.array(columns))
         told = _CODE_OF[reasons(problem, assignment)]
-        prices.codes[pairs] = np.where(np.isfinite(problem.cost), told, prices.codes[pairs])
+        costs.codes[pairs] = np.where(np.isfinite(problem.cost), told, costs.codes[pairs])
         for car in soon:
-            prices.codes[car, prices.codes[car] != _CODE[PairReason.NO_WAY]] = _CODE[PairReason.CAR_BUSY]
+            costs.codes[car, costs.codes[car] != _CODE[PairReason.NO_WAY]] = _CODE[PairReason.CAR_BUSY]
         lists = assignment.sequence or [assignment.pairs[assignment.pairs[:, 0] == row, 1] for row in range(len(cars))]
         for car, planned in zip(cars.tolist(), lists, strict=True):
             for column in (columns[k] for k in planned):
                 if car in soon:
                     later[column] = car
-                    prices.codes[car, column] = _CODE[PairReason.PLANNED_LATER]
+                    costs.codes[car, column] = _CODE[PairReason.PLANNED_LATER]
                 elif column_of[car] < 0:
                     column_of[car] = column
-                    prices.codes[car, column] = _CODE[PairReason.CHOSEN]
+                    costs.codes[car, column] = _CODE[PairReason.CHOSEN]
         return column_of, later
 
     def _answer(self, problem: AllocationProblem) -> Assignment:
@@ -272,63 +274,63 @@ class Allotment:
 
     def _problem(
         self,
-        prices: Prices,
+        costs: CostMatrix,
         columns: list[int],
         cars: npt.NDArray[np.intp],
         held: Mapping[int, Task],
-        lookahead: Lookahead | None,
+        horizon: RollingHorizon | None,
     ) -> AllocationProblem:
         """Some tasks and cars as the allocators read them."""
-        tasks = [prices.tasks[column] for column in columns]
+        tasks = [costs.tasks[column] for column in columns]
         at = {task.index: k for k, task in enumerate(tasks)}
         has = [at.get(held[car].index, NO_TASK) if car in held else NO_TASK for car in cars.tolist()]
         return AllocationProblem(
-            cost=prices.cost_s[np.ix_(cars, np.array(columns))],
+            cost=costs.cost_s[np.ix_(cars, np.array(columns))],
             class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
             held=np.array(has, dtype=np.int32),
             keep_gain=self._config.keep_gain_s,
             keep_share=self._config.keep_share,
-            shop=lookahead.shop(prices, tasks, cars, held) if lookahead is not None else None,
+            shop=horizon.shop(costs, tasks, cars, held) if horizon is not None else None,
         )
 
-    def _why_taken(self, prices: Prices, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
+    def _why_taken(self, costs: CostMatrix, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
         """Why a car loses a task, in words."""
-        column = next(k for k, other in enumerate(prices.tasks) if other is task)
+        column = next(k for k, other in enumerate(costs.tasks) if other is task)
         takers = np.flatnonzero(column_of == column)
-        words = [f"cost car_{car} {prices.cost_s[car, column]:.1f} s"]
+        words = [f"cost car_{car} {costs.cost_s[car, column]:.1f} s"]
         if takers.size:
-            words.append(f"costs car_{takers[0]} {prices.cost_s[takers[0], column]:.1f} s")
+            words.append(f"costs car_{takers[0]} {costs.cost_s[takers[0], column]:.1f} s")
         if column_of[car] >= 0:
-            words.append(f"car_{car} takes {prices.tasks[column_of[car]].order.name}")
+            words.append(f"car_{car} takes {costs.tasks[column_of[car]].order.name}")
         return "re-assigned: " + ", ".join(words)
 
     def _keep_reasons(
         self,
-        prices: Prices,
+        costs: CostMatrix,
         full: set[int],
         column_of: npt.NDArray[np.int64],
         later: Mapping[int, int],
     ) -> None:
-        took = self._names(prices, column_of)
+        took = self._names(costs, column_of)
         free = _CODE[PairReason.LEFT_OVER]
-        taker_of = np.full(len(prices.tasks), -1)
+        taker_of = np.full(len(costs.tasks), -1)
         cars = np.flatnonzero(column_of >= 0)
         taker_of[column_of[cars]] = cars
-        for k, (task, taker) in enumerate(zip(prices.tasks, taker_of.tolist(), strict=True)):
-            codes = prices.codes[:, k].copy()
+        for k, (task, taker) in enumerate(zip(costs.tasks, taker_of.tolist(), strict=True)):
+            codes = costs.codes[:, k].copy()
             if k in full:
                 codes[codes == free] = _CODE[PairReason.NOT_OFFERED]
-            cost_s = prices.cost_s[:, k].copy()
-            decision = Decision(time_s=prices.now_s, codes=codes, cost_s=cost_s, took=took, taker=taker)
+            cost_s = costs.cost_s[:, k].copy()
+            decision = Decision(time_s=costs.now_s, codes=codes, cost_s=cost_s, took=took, taker=taker)
             self._reasons.decide(task, decision)
             if k in later:
-                text = f"car_{later[k]} is to take it, and will be free in {prices.free_s[later[k]]:.0f} s"
-                self._reasons.note(task, TaskReason.PLANNED, text, prices.now_s)
+                text = f"car_{later[k]} is to take it, and will be free in {costs.free_s[later[k]]:.0f} s"
+                self._reasons.note(task, TaskReason.PLANNED, text, costs.now_s)
             elif taker < 0:
-                self._reasons.note(task, *self._why_open(task, codes, k in full), prices.now_s)
+                self._reasons.note(task, *self._why_open(task, codes, k in full), costs.now_s)
 
-    def _names(self, prices: Prices, column_of: npt.NDArray[np.int64]) -> list[str]:
+    def _names(self, costs: CostMatrix, column_of: npt.NDArray[np.int64]) -> list[str]:
         """The name of the task each car has, empty for none."""
         names = [""] * len(column_of)
         for task in self._board.in_state(*UNDER_WAY):
@@ -336,7 +338,7 @@ class Allotment:
                 names[task.car] = task.order.name
         for car, column in enumerate(column_of.tolist()):
             if column >= 0:
-                names[car] = prices.tasks[column].order.name
+                names[car] = costs.tasks[column].order.name
         return names
 
     def _why_open(self, task: Task, codes: npt.NDArray[np.int8], full: bool) -> tuple[TaskReason, str]:

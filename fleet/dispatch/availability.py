@@ -21,7 +21,7 @@ _SOON_FREE = frozenset(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outlook:
+class Availability:
     """The end of what a car is about."""
 
     state: int
@@ -30,7 +30,7 @@ class Outlook:
     """Time until then [s]."""
 
 
-class Outlooks:
+class Availabilities:
     """Looks ahead by the ways that are left and the service times that were learnt; queues are not foreseen.
 
     Args:
@@ -55,7 +55,7 @@ class Outlooks:
         self._traffic = traffic
         self._executor = executor
 
-    def of(self, car: int, now_s: float) -> Outlook | None:
+    def of(self, car: int, now_s: float) -> Availability | None:
         """When a car with a delivery has made it; None if it has none, is out of service, or has no way."""
         task = self._roster.task_of[car]
         if task is None or task.visit is not None or self._roster.phase[car] not in _SOON_FREE:
@@ -64,7 +64,7 @@ class Outlooks:
         moves, served_s = self._left(car, task, drop, now_s)
         if moves >= UNREACHABLE:
             return None
-        return Outlook(state=drop.dock_state, free_s=moves * STEP_S + served_s)
+        return Availability(state=drop.dock_state, free_s=moves * STEP_S + served_s)
 
     def _left(self, car: int, task: Task, drop: Station, now_s: float) -> tuple[int, float]:
         """Moves and time at docks that are left until a task is delivered."""

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig
-from fleet.dispatch.availability import STEP_S, Outlook
+from fleet.dispatch.availability import STEP_S, Availability
 from fleet.missions.charging import Charging
-from fleet.missions.visit_routes import VisitWays
+from fleet.missions.visit_routes import VisitRoutes
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
@@ -28,7 +28,7 @@ _FREE = _CODE[PairReason.LEFT_OVER]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Prices:
+class CostMatrix:
     """What each task costs each car, tasks in the columns."""
 
     now_s: float
@@ -49,7 +49,7 @@ class Prices:
         return bool(np.isfinite(self.cost_s[:, column]).any())
 
 
-class Pricing:
+class CostModel:
     """Makes prices.
 
     What a task costs a car is its travel to the pick station, plus a weight times the time it would be late with that
@@ -78,7 +78,7 @@ class Pricing:
         service_times: ServiceTimes,
         abilities: Sequence[Ability],
         charging: Charging | None,
-        ways: VisitWays,
+        ways: VisitRoutes,
         traffic: Traffic,
         executor: Executor,
     ) -> None:
@@ -97,9 +97,9 @@ class Pricing:
         tasks: list[Task],
         standing: Sequence[PairReason | None],
         kept: Mapping[int, Task],
-        soon: Mapping[int, Outlook],
+        soon: Mapping[int, Availability],
         now_s: float,
-    ) -> Prices:
+    ) -> CostMatrix:
         """Price tasks.
 
         Args:
@@ -112,8 +112,8 @@ class Pricing:
         config = self._config
         states, free_s = self._executor.tail_states().astype(np.int32), np.zeros(len(standing))
         out = np.array([_CODE[reason] if reason is not None else _FREE for reason in standing])
-        for car, outlook in soon.items():
-            states[car], free_s[car], out[car] = outlook.state, outlook.free_s, _FREE
+        for car, availability in soon.items():
+            states[car], free_s[car], out[car] = availability.state, availability.free_s, _FREE
         cost = np.empty((len(states), len(tasks)))
         codes = np.empty(cost.shape, dtype=np.int8)
         pressure = []
@@ -148,7 +148,7 @@ class Pricing:
             if task.visit is not None and task.visit.until_full and self._charging is not None:
                 cost[:, k] += FULL_S * self._charging.batteries.charge
         cost[codes != _FREE] = np.inf
-        return Prices(
+        return CostMatrix(
             now_s=now_s, tasks=tasks, cost_s=cost, codes=codes, pressure_s=pressure, states=states, free_s=free_s
         )
 

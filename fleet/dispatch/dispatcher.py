@@ -9,24 +9,24 @@ import numpy as np
 
 from fleet.config import Perception as PerceptionKind
 from fleet.config import RunConfig
-from fleet.dispatch.allocation import Allotment, Situation
-from fleet.dispatch.availability import Outlook, Outlooks
-from fleet.dispatch.costs import Pricing
-from fleet.dispatch.horizon import Lookahead
+from fleet.dispatch.allocation import Situation, TaskAllocation
+from fleet.dispatch.availability import Availabilities, Availability
+from fleet.dispatch.costs import CostModel
+from fleet.dispatch.horizon import RollingHorizon
 from fleet.errors import FleetError
-from fleet.missions.admission import Approach
+from fleet.missions.admission import Admission
 from fleet.missions.charging import Charging
 from fleet.missions.docks import Docks
-from fleet.missions.inventory import Log, Stock
+from fleet.missions.inventory import Inventory, Log
 from fleet.missions.parking import Parking
 from fleet.missions.perception import Perception, SeenPoses, TruePoses
 from fleet.missions.places import Places
-from fleet.missions.prefetch import Fetching
+from fleet.missions.prefetch import Prefetch
 from fleet.missions.roster import AT_CHARGER, CarPhase, Roster
-from fleet.missions.visit_routes import VisitWays
+from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.visits import Visits
 from fleet.robots.battery import Batteries
-from fleet.stations.arms.arm_desk import ArmDesk
+from fleet.stations.arms.arm_manager import ArmManager
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import ServiceTimes
 from fleet.stations.station import Station
@@ -77,7 +77,7 @@ class Dispatcher:
         config: Allocation, collection time.
         board: The tasks.
         stations: In the order of the arms.
-        desk: Arm planning and playback.
+        arm_manager: Arm planning and playback.
         traffic: Takes goals.
         executor: Tells where cars are.
         world: Where parcels appear and vanish.
@@ -85,7 +85,7 @@ class Dispatcher:
         batteries: State of charge of the cars; None for cars that never need to charge.
         askew: Draws how parcels are put on their slots; None = exactly.
         log: Called as ``log(kind, **facts)`` for every event.
-        allotment: Says who gets which task.
+        allocation: Says who gets which task.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Dispatcher:
         config: RunConfig,
         board: TaskBoard,
         stations: list[Station],
-        desk: ArmDesk,
+        arm_manager: ArmManager,
         traffic: Traffic,
         executor: Executor,
         world: World,
@@ -104,7 +104,7 @@ class Dispatcher:
         batteries: Batteries | None,
         askew: np.random.Generator | None,
         log: Log,
-        allotment: type[Allotment] = Allotment,
+        allocation: type[TaskAllocation] = TaskAllocation,
     ) -> None:
         self.board = board
         self.allocations_n = 0
@@ -122,7 +122,7 @@ class Dispatcher:
         backlog = Backlog(board, self.reasons)
         place_cells = places.cells[: len(stations) + len(places.chargers)]
         self.roster = Roster(board, self.bookings, place_cells, len(stations), executor, traffic)
-        self._approach = Approach(
+        self._admission = Admission(
             self._stations, self.roster, self.bookings, self.service_times, traffic, executor, log
         )
         self.charging: Charging | None = None
@@ -132,15 +132,15 @@ class Dispatcher:
                 states=places.chargers[: config.battery.chargers_n],
                 first_place=len(stations),
                 roster=self.roster,
-                approach=self._approach,
+                admission=self._admission,
                 bookings=self.bookings,
                 traffic=traffic,
                 executor=executor,
                 service_times=self.service_times,
                 log=log,
             )
-        ways = VisitWays(places, self.bookings)
-        self._pricing = Pricing(
+        ways = VisitRoutes(places, self.bookings)
+        self._cost_model = CostModel(
             config=config.allocation,
             stations=self._stations,
             service_times=self.service_times,
@@ -150,8 +150,8 @@ class Dispatcher:
             traffic=traffic,
             executor=executor,
         )
-        lookahead, filling = (
-            Lookahead(
+        horizon, filling = (
+            RollingHorizon(
                 config=config.allocation,
                 stations=stations,
                 bookings=self.bookings,
@@ -161,45 +161,45 @@ class Dispatcher:
             )
             for _ in range(2)
         )
-        self.allotment = allotment(
+        self.allocation = allocation(
             config=config.allocation,
             board=board,
             stations=self._stations,
             bookings=self.bookings,
             service_times=self.service_times,
-            pricing=self._pricing,
-            lookahead=lookahead,
+            cost_model=self._cost_model,
+            horizon=horizon,
             filling=filling,
             ways=ways,
             reason_book=self.reasons,
             log=log,
         )
-        self.stock = Stock(
+        self.inventory = Inventory(
             board,
             stations,
-            desk.car,
+            arm_manager.car,
             world,
             log,
             backlog,
             self.reasons,
-            self._pricing.source_cost,
+            self._cost_model.source_cost,
             filling.turn_s,
             askew,
         )
-        self.perception: Perception = TruePoses(self.stock)
+        self.perception: Perception = TruePoses(self.inventory)
         if config.perception is PerceptionKind.CAMERA:
-            self.perception = SeenPoses(stations, desk.car, world, self.stock, log)
-        self._fetching = Fetching(stations, desk, self.perception, traffic, executor, world.tick_s, log)
-        self._outlooks = Outlooks(self._stations, self.roster, self.service_times, traffic, executor)
+            self.perception = SeenPoses(stations, arm_manager.car, world, self.inventory, log)
+        self._prefetch = Prefetch(stations, arm_manager, self.perception, traffic, executor, world.tick_s, log)
+        self._availabilities = Availabilities(self._stations, self.roster, self.service_times, traffic, executor)
         self._docks = Docks(
             graph=graph,
             stations=self._stations,
             board=board,
             roster=self.roster,
-            approach=self._approach,
-            stock=self.stock,
+            admission=self._admission,
+            inventory=self.inventory,
             perception=self.perception,
-            desk=desk,
+            arm_manager=arm_manager,
             service_times=self.service_times,
             traffic=traffic,
             executor=executor,
@@ -225,19 +225,19 @@ class Dispatcher:
         self._call_period = max(1, round(CALL_S / world.tick_s))
         self._period = max(1, round(REVIEW_S / world.tick_s))
         self._price_period = self._period * round(PRICE_S / REVIEW_S)
-        self._fastest_move_s = site.grid.cell_m / desk.car.max_speed_mps
+        self._fastest_move_s = site.grid.cell_m / arm_manager.car.max_speed_mps
 
     def tick(self, tick: int, now_s: float) -> None:
         """Release, collect, allocate, and start or end services."""
         for task in self.board.release_due(now_s):
             self._warn_of_due(task)
-        self.roster.changed |= self.stock.tick(now_s)
+        self.roster.changed |= self.inventory.tick(now_s)
         self.visits.release(now_s)
         self.roster.clear_left()
         if tick % self._call_period == 0:
             if self.charging is not None:
                 self.charging.plug_in()
-            self._approach.call(tick, now_s)
+            self._admission.call(tick, now_s)
             self.visits.call(tick)
             if self.roster.changed:
                 # Who has been served makes room before there is a task for it.
@@ -245,7 +245,7 @@ class Dispatcher:
         if tick % self._period == 0:
             self._review(tick, now_s)
         self._docks.tick(tick, now_s)
-        self._fetching.tick(tick, self.roster)
+        self._prefetch.tick(tick, self.roster)
         self.visits.tick(tick, now_s)
 
     def _review(self, tick: int, now_s: float) -> None:
@@ -276,7 +276,7 @@ class Dispatcher:
             valid = ", ".join(state for state in TaskState if state in own)
             raise CannotCancel(f"task {task.order.name} is {task.state}; valid to cancel: {valid}")
         car = task.car if task.state in _CAN_CHANGE_HANDS else None
-        self.stock.withdraw(task, now_s, reason)
+        self.inventory.withdraw(task, now_s, reason)
         if car is not None:
             self.roster.stand_down(car)
 
@@ -316,14 +316,14 @@ class Dispatcher:
         """Bring a recovered car back into service with what it was doing."""
         task = self.roster.task_of[car]
         if task is not None and task.state is TaskState.CARRIED:
-            self._approach.set_off(car, task, tick, now_s)
+            self._admission.set_off(car, task, tick, now_s)
         else:
-            self.roster.enter(car, CarPhase.RETIRED if self.stock.tray_is_loaded(car) else CarPhase.IDLE)
+            self.roster.enter(car, CarPhase.RETIRED if self.inventory.tray_is_loaded(car) else CarPhase.IDLE)
         self.roster.changed = True
 
     def _warn_of_due(self, task: Task) -> None:
         """Say at once when not even a car that stands at the pick dock could bring a task in time."""
-        least_s = self._pricing.least_s(task, self._fastest_move_s)
+        least_s = self._cost_model.least_s(task, self._fastest_move_s)
         if task.order.release_s + least_s > task.order.due_s:
             left_s = task.order.due_s - task.order.release_s
             takes = f"takes {least_s:.1f} s from" if math.isfinite(least_s) else "there is no way on from"
@@ -335,7 +335,7 @@ class Dispatcher:
         self.allocations_n += 1
         tails = self._executor.tail_states()
         held: dict[int, Task] = {}
-        busy: dict[int, Outlook] = {}
+        busy: dict[int, Availability] = {}
         standing: list[PairReason | None] = []
         for car, phase in enumerate(self.roster.phase):
             task = self.roster.task_of[car]
@@ -345,13 +345,13 @@ class Dispatcher:
                 if tails[car] != goal:
                     held[car] = task
             standing.append(None if car in held or self._is_free(car) else _STANDING[phase])
-            outlook = self._outlooks.of(car, now_s) if standing[car] is not None else None
-            if outlook is not None:
-                busy[car] = outlook
+            availability = self._availabilities.of(car, now_s) if standing[car] is not None else None
+            if availability is not None:
+                busy[car] = availability
         situation = Situation(standing=standing, held=held, kept=self.roster.kept(), busy=busy)
         if tick % self._price_period == 0:
-            self.allotment.plan_filling(situation, now_s)
-        choice = self.allotment.choose(situation, now_s)
+            self.allocation.plan_filling(situation, now_s)
+        choice = self.allocation.choose(situation, now_s)
         for car, reason in choice.taken:
             self.roster.unassign(held[car], now_s, reason)
             self.roster.stand_down(car)
@@ -401,7 +401,7 @@ class Dispatcher:
         if task.visit is not None:
             self.visits.send(car, task, tick)
         else:
-            self._approach.set_off(car, task, tick, now_s)
+            self._admission.set_off(car, task, tick, now_s)
 
     def _take_back(self, now_s: float) -> None:
         """Free cars of tasks that they have no way to go on with."""

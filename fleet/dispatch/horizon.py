@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from fleet.config import AllocationConfig
 from fleet.dispatch.availability import STEP_S
-from fleet.dispatch.costs import Prices
-from fleet.missions.visit_routes import VisitWays
+from fleet.dispatch.costs import CostMatrix
+from fleet.missions.visit_routes import VisitRoutes
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import ServiceTimes
 from fleet.stations.station import Station
@@ -26,7 +26,7 @@ SLOT_S = 20.0
 """Time from one parcel that leaves a station to the next, as far as no car is under way for it yet [s]."""
 
 
-class Lookahead:
+class RollingHorizon:
     """Makes shops, and proposes the last plan to the next.
 
     Args:
@@ -45,7 +45,7 @@ class Lookahead:
         stations: list[Station],
         bookings: Bookings,
         service_times: ServiceTimes,
-        ways: VisitWays,
+        ways: VisitRoutes,
         traffic: Traffic,
     ) -> None:
         self._config = config
@@ -64,7 +64,7 @@ class Lookahead:
 
     def keep(
         self,
-        prices: Prices,
+        costs: CostMatrix,
         problem: AllocationProblem,
         assignment: Assignment,
         columns: list[int],
@@ -77,20 +77,20 @@ class Lookahead:
         start_s = assignment.timetable.start_s[problem.shop.first_stop[:-1]].tolist()
         car_of = {k: int(cars[row]) for row, sequence in enumerate(assignment.sequence) for k in sequence}
         for k in sorted(car_of, key=lambda k: (start_s[k], k)):
-            task = prices.tasks[columns[k]]
+            task = costs.tasks[columns[k]]
             self._plan.append((task.index, car_of[k]))
-            self._turn_s[task.index] = prices.now_s + start_s[k]
+            self._turn_s[task.index] = costs.now_s + start_s[k]
 
-    def shop(self, prices: Prices, tasks: list[Task], cars: npt.NDArray[np.intp], held: Mapping[int, Task]) -> Shop:
+    def shop(self, costs: CostMatrix, tasks: list[Task], cars: npt.NDArray[np.intp], held: Mapping[int, Task]) -> Shop:
         """Tasks, cars and the arms they book; the clock starts now.
 
         Args:
-            prices: Where and when each car can begin.
+            costs: Where and when each car can begin.
             tasks: The tasks to plan.
             cars: The cars to plan for.
             held: Tasks that cars have already and may still give away, by car.
         """
-        now_s, n_stations = prices.now_s, len(self._stations)
+        now_s, n_stations = costs.now_s, len(self._stations)
         visited = list(
             dict.fromkeys(stop for task in tasks if task.visit is not None for stop in self._ways.stops(task))
         )
@@ -98,7 +98,7 @@ class Lookahead:
         # Stations in their order, then where each car is, then what is visited; nobody drives to where a car was.
         docks = [station.dock_state for station in self._stations]
         stops = [stop[0].states[0] for stop in visited]
-        states = np.concatenate((docks, prices.states[cars], stops)).astype(np.int32)
+        states = np.concatenate((docks, costs.states[cars], stops)).astype(np.int32)
         travel_s = np.full((len(states), len(states)), np.inf)
         for k, dock_state in enumerate(docks):
             moves = self._traffic.tables.to(dock_state)[states].astype(np.float64)
@@ -126,7 +126,7 @@ class Lookahead:
         return Shop(
             travel_s=travel_s,
             start=np.arange(n_stations, n_known, dtype=np.int32),
-            ready_s=prices.free_s[cars],
+            ready_s=costs.free_s[cars],
             first_stop=np.concatenate(([0], np.cumsum(stops_n))).astype(np.int32),
             place=place,
             station=np.where(served, place, NO_STATION).astype(np.int32),

@@ -65,7 +65,7 @@ class Disturbances:
                 target, parameters.get("dx_m", 0.0), parameters.get("dy_m", 0.0), parameters.get("dyaw_rad", 0.0)
             )
         elif event.kind == "arm_slow":
-            simulation.desk.slow(target, parameters.get("factor", SLOW_FACTOR))
+            simulation.arm_manager.slow(target, parameters.get("factor", SLOW_FACTOR))
             self._last(event, target, now_s)
         elif not (self._drop(event, target, now_s) if event.kind == "grip_lost" else self._cover(event, target, now_s)):
             # The arm carries nothing yet, or somebody is in the cell: it happens as soon as it can.
@@ -84,7 +84,7 @@ class Disturbances:
 
     def _drop(self, event: ScenarioEvent, arm: int, now_s: float) -> bool:
         """Let an arm's tool fail if it has carried a parcel long enough."""
-        if not self._simulation.desk.services[arm].carries:
+        if not self._simulation.arm_manager.services[arm].carries:
             self._carries_since_s.pop(arm, None)
             return False
         since_s = self._carries_since_s.setdefault(arm, now_s)
@@ -112,7 +112,7 @@ class Disturbances:
     def _end(self, kind: str, target: int) -> None:
         simulation = self._simulation
         if kind == "arm_slow":
-            simulation.desk.slow(target, 1.0)
+            simulation.arm_manager.slow(target, 1.0)
             simulation.log("disturbance_over", disturbance=kind, target=f"arm_{target}")
         else:
             simulation.world.remove_obstacle(target)

@@ -10,7 +10,7 @@ import numpy as np
 from fleet.errors import FleetError
 from fleet.insight.cause_log import CauseLog, Changes
 from fleet.insight.causes import DETAILS, NONE, Cause, Column
-from fleet.insight.legend import Legend
+from fleet.insight.codebook import Codebook
 
 LEGEND, CAUSES = "causes_legend", "causes"
 """Kinds of the lines."""
@@ -27,25 +27,25 @@ class CauseWriter:
 
     Args:
         log: Of a run that goes on.
-        legend: What its numbers stand for.
+        codebook: What its numbers stand for.
     """
 
-    def __init__(self, log: CauseLog, legend: Legend) -> None:
+    def __init__(self, log: CauseLog, codebook: Codebook) -> None:
         self._log = log
-        self._legend = legend
+        self._codebook = codebook
         self._written = 0
         self._named: set[int] = set()
 
     def head(self) -> dict[str, object]:
         """The facts of the line that comes before all others."""
-        legend = self._legend
+        codebook = self._codebook
         return {
             "version": VERSION,
-            "tick_s": legend.tick_s,
-            "cols": legend.cols,
-            "cars": legend.n_cars,
-            "arms": legend.n_arms,
-            "places": legend.places,
+            "tick_s": codebook.tick_s,
+            "cols": codebook.cols,
+            "cars": codebook.n_cars,
+            "arms": codebook.n_arms,
+            "places": codebook.places,
             "columns": ["robot", *(column.name.lower() for column in Column)],
             "causes": [cause.name.lower() for cause in Cause],
             "details": DETAILS,
@@ -61,11 +61,11 @@ class CauseWriter:
         for tick, rows in rows_of.items():
             fresh = {row[_TASK] for row in rows} - self._named - {NONE}
             self._named |= fresh
-            names = {str(task): self._legend.task_name(task) for task in sorted(fresh)}
+            names = {str(task): self._codebook.task_name(task) for task in sorted(fresh)}
             yield tick, {"rows": rows} | ({"tasks": names} if names else {})
 
 
-def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseLog, Legend]:
+def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseLog, Codebook]:
     """Read causes back.
 
     Args:
@@ -97,7 +97,7 @@ def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseL
         if head is None:
             raise CauseFileError(f"{where}: tells no causes; valid: a run of this version of fleet that began")
         _check(head, where)
-        legend = Legend(
+        codebook = Codebook(
             tick_s=float(head["tick_s"]),
             cols=int(head["cols"]),
             n_cars=int(head["cars"]),
@@ -105,15 +105,15 @@ def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseL
             places=tuple(head["places"]),
             task_name=lambda task: names.get(task, f"task {task}"),
         )
-        log = CauseLog(legend.n_cars + legend.n_arms)
+        log = CauseLog(codebook.n_cars + codebook.n_arms)
         table = np.array(changes, dtype=np.int32).reshape(-1, 2 + len(Column))
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise CauseFileError(
             f"{where}: causes cannot be read ({error}); valid: a run file as it was written"
         ) from error
-    _check_rows(table, legend, where)
+    _check_rows(table, codebook, where)
     log.extend(table, end_tick)
-    return log, legend
+    return log, codebook
 
 
 def _check(head: Mapping[str, Any], where: str) -> None:
@@ -124,9 +124,9 @@ def _check(head: Mapping[str, Any], where: str) -> None:
         raise CauseFileError(f"{where}: other causes than this version of fleet knows; valid: a run of this version")
 
 
-def _check_rows(table: Changes, legend: Legend, where: str) -> None:
+def _check_rows(table: Changes, codebook: Codebook, where: str) -> None:
     """Refuse numbers that stand for nothing."""
-    n_robots = legend.n_cars + legend.n_arms
+    n_robots = codebook.n_cars + codebook.n_arms
     highest = {1: n_robots, 2: len(Cause), 2 + Column.BY: n_robots, 2 + Column.DETAIL: len(DETAILS)}
     for column, end in highest.items():
         least = NONE if column == 2 + Column.BY else 0

@@ -9,10 +9,10 @@ from numba import njit
 
 from fleet.insight.cause_log import CauseLog
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
-from fleet.insight.ledger import STANDING_MPS
+from fleet.insight.time_accounts import STANDING_MPS
 from fleet.insight.why_idle import WhyIdle
 from fleet.missions.roster import PHASES, CarPhase
-from fleet.stations.arms.service import ServiceState
+from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.world.protocol import FloatArray
 from planners.execution.queues import NOBODY, move_at
 
@@ -33,7 +33,7 @@ _CLOSED, _BLOCKED, _HALTED = int(Cause.CLOSED), int(Cause.BLOCKED), int(Cause.HA
 _AWAITS, _NO_TASK = int(Cause.AWAITS), int(Cause.NO_TASK)
 _CAUSE, _BY, _AT, _PLACE, _UNTIL, _TASK, _DETAIL = map(int, Column)
 _AT_DOCK = (CarPhase.LOADING, CarPhase.UNLOADING)
-_FREE = (ServiceState.IDLE, ServiceState.HOLDING)
+_FREE = (ArmPhase.IDLE, ArmPhase.HOLDING)
 _REMEMBERED_N = 4096
 _LOOK_UP = -2  # on its way without a move
 
@@ -67,7 +67,7 @@ class CauseWatch:
         self._seen: list[CarPhase | None] = [None] * self._n_cars
         self._next: dict[tuple[int, int], int] = {}
         self._next_ways: object = None
-        self._gated = any(service.gate is not None for service in simulation.desk.services)
+        self._gated = any(service.gate is not None for service in simulation.arm_manager.services)
         self._arm_changes: list[object] = [None] * simulation.world.n_arms
         self._arm_bookings_n = -1
         self._arms_due: float = 0.0
@@ -171,7 +171,7 @@ class CauseWatch:
         cause, by, until = Cause.SETS_OFF, NONE, NONE
         if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP) and task is not None and simulation.executor.idle(car):
             station = simulation.stations[place]
-            if not simulation.desk.is_ready(station.arm, task.parcel):
+            if not simulation.arm_manager.is_ready(station.arm, task.parcel):
                 cause, by = Cause.ARM, self._n_cars + station.arm
             elif phase is CarPhase.TO_DROP and task.drop_slot is None and station.free_n == 0:
                 cause, leaves_s = Cause.SLOT, station.next_collect_s
@@ -260,7 +260,7 @@ class CauseWatch:
 
     def _look_at_arms(self, tick: int) -> None:
         """Arms, when what one does or who is bound for it changes, or it takes longer than was said."""
-        services = self._simulation.desk.services
+        services = self._simulation.arm_manager.services
         changes: list[object] = [service.changes_n for service in services]
         if self._gated:
             changes = [(service.changes_n, service.waits_for) for service in services]
@@ -276,7 +276,7 @@ class CauseWatch:
 
     def _set_arm(self, arm: int, tick: int) -> None:
         simulation = self._simulation
-        dispatcher, service = simulation.dispatcher, simulation.desk.services[arm]
+        dispatcher, service = simulation.dispatcher, simulation.arm_manager.services[arm]
         served = int(dispatcher.roster.served[arm])
         slow = DETAIL_OF["slow"] if service.speed < 1.0 else 0
         robot = self._n_cars + arm
@@ -293,8 +293,8 @@ class CauseWatch:
                 self._set(robot, Cause.AWAITS, by=(booked or bound)[0], place=arm)
             else:
                 self._set(robot, Cause.NO_TASK, place=arm)
-        elif service.state is ServiceState.PLANNING:
-            due = simulation.desk.due_tick(arm)
+        elif service.state is ArmPhase.PLANNING:
+            due = simulation.arm_manager.due_tick(arm)
             until = NONE if due is None else due
             self._set(robot, Cause.PLAN_LATE, place=arm, until=until, detail=slow)
         elif service.waits_for >= 0:

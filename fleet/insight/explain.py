@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from fleet.insight.cause_log import TICK, CauseLog
 from fleet.insight.causes import DETAILS, NO_WAIT, NONE, OWN, WITHOUT_TASK, Cause, Column
-from fleet.insight.legend import Legend, OutsideRun
+from fleet.insight.codebook import Codebook, OutsideRun
 from fleet.insight.words import in_the_way, predicate, reason, release
 
 
@@ -86,7 +86,7 @@ class Explanation:
         return text
 
 
-def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explanation:
+def explain(log: CauseLog, codebook: Codebook, robot: str, time_s: float) -> Explanation:
     """Say why a robot waits.
 
     Every robot waits for at most one other at a time, the one that holds what it needs next; so who waits for whom is a
@@ -94,7 +94,7 @@ def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explana
 
     Args:
         log: Causes of the run.
-        legend: What their numbers stand for.
+        codebook: What their numbers stand for.
         robot: Such as ``car_2`` or ``arm_0``.
         time_s: When [s].
 
@@ -105,7 +105,7 @@ def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explana
         UnknownRobot: There is no such robot.
         OutsideRun: The run was not under way then.
     """
-    robot_number, tick = legend.robot(robot), legend.tick(time_s, log.end_tick)
+    robot_number, tick = codebook.robot(robot), codebook.tick(time_s, log.end_tick)
     numbers: list[int] = []
     chain: list[Link] = []
     while robot_number != NONE and robot_number not in numbers:
@@ -113,7 +113,7 @@ def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explana
         change = log.number(robot_number, tick)
         if change == NONE:
             break  # a file that does not begin at the beginning
-        chain.append(_link(log.change(change), _since_tick(log, change), tick, legend))
+        chain.append(_link(log.change(change), _since_tick(log, change), tick, codebook))
         robot_number = log.change(change)[2 + Column.BY]
         if len(chain) > 1 and chain[-1].cause in WITHOUT_TASK:
             robot_number = NONE
@@ -126,7 +126,7 @@ def explain(log: CauseLog, legend: Legend, robot: str, time_s: float) -> Explana
         robot=robot,
         time_s=time_s,
         chain=tuple(chain),
-        cycle=tuple(legend.robots[k] for k in cycle),
+        cycle=tuple(codebook.robots[k] for k in cycle),
     )
 
 
@@ -144,17 +144,17 @@ def _kind(change: list[int]) -> int:
     return int(cause) if cause in OWN else NONE
 
 
-def _link(change: list[int], since_tick: int, tick: int, legend: Legend) -> Link:
+def _link(change: list[int], since_tick: int, tick: int, codebook: Codebook) -> Link:
     _, robot, cause, by, cell, place, until, task, detail = change
-    names = legend.robots
+    names = codebook.robots
     return Link(
         robot=names[robot],
         cause=Cause(cause),
         by="" if by == NONE else names[by],
-        cell=legend.cell(cell),
-        place=legend.place(place),
-        since_s=since_tick * legend.tick_s,
-        left_s=None if until == NONE else max(0.0, (until - tick) * legend.tick_s),
-        task="" if task == NONE else legend.task_name(task),
+        cell=codebook.cell(cell),
+        place=codebook.place(place),
+        since_s=since_tick * codebook.tick_s,
+        left_s=None if until == NONE else max(0.0, (until - tick) * codebook.tick_s),
+        task="" if task == NONE else codebook.task_name(task),
         detail=DETAILS[detail],
     )

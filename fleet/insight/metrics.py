@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.insight.ledger import STANDING_MPS, ArmTime, CarTime, Ledger, percentages
+from fleet.insight.time_accounts import STANDING_MPS, ArmTime, CarTime, TimeAccounts, percentages
 from fleet.insight.time_table import Blame, blame_of
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 from fleet.world.protocol import FloatArray
@@ -124,11 +124,11 @@ class Metrics:
     Args:
         n_cars: Number of cars.
         tick_s: Length of a tick [s].
-        ledger: Where the time goes.
+        time_accounts: Where the time goes.
     """
 
-    def __init__(self, n_cars: int, tick_s: float, ledger: Ledger) -> None:
-        self.ledger = ledger
+    def __init__(self, n_cars: int, tick_s: float, time_accounts: TimeAccounts) -> None:
+        self.time_accounts = time_accounts
         self._tick_s = tick_s
         self._distance_m = np.zeros((2, n_cars))
         self._waiting_s = np.zeros(n_cars)
@@ -176,13 +176,13 @@ class Metrics:
             distance_loaded_m=round(float(self._distance_m[1].sum()), 2),
             distance_empty_m=round(float(self._distance_m[0].sum()), 2),
             waiting_s=round(float(self._waiting_s.sum()), 2),
-            arm_utilisation=round(float(np.mean(simulation.desk.busy_s())) / sim_s, 4) if sim_s > 0 else 0.0,
+            arm_utilisation=round(float(np.mean(simulation.arm_manager.busy_s())) / sim_s, 4) if sim_s > 0 else 0.0,
             robot_contacts=contacts.robot,
             static_contacts=contacts.static,
             min_clearance_m=round(clearance, 4) if np.isfinite(clearance) else None,
             parcel_balance=simulation.parcel_balance(),
-            parcels_misplaced=len(simulation.dispatcher.stock.misplaced()),
-            parcels_dropped=simulation.desk.dropped_n,
+            parcels_misplaced=len(simulation.dispatcher.inventory.misplaced()),
+            parcels_dropped=simulation.arm_manager.dropped_n,
             slip_median_m=round(float(np.median(slips_m)), 6) if slips_m else None,
             slip_max_m=round(max(slips_m), 6) if slips_m else None,
             slip_turn_max_rad=round(max(slip.turn_rad for slip in meter.slips), 5) if meter and slips_m else None,
@@ -192,10 +192,10 @@ class Metrics:
             cars_stranded=int((batteries.charge <= 0.0).sum()) if batteries is not None else 0,
             stations=self._stations(simulation),
             bottleneck=self._bottleneck(simulation),
-            car_ticks={f"car_{car}": self.ledger.car_time(car) for car in range(world.n_cars)},
-            arm_ticks={f"arm_{arm}": self.ledger.arm_time(arm) for arm in range(world.n_arms)},
-            time_share_percent=_shares(self.ledger.fleet_time()),
-            blame=blame_of(self.ledger, simulation.legend),
+            car_ticks={f"car_{car}": self.time_accounts.car_time(car) for car in range(world.n_cars)},
+            arm_ticks={f"arm_{arm}": self.time_accounts.arm_time(arm) for arm in range(world.n_arms)},
+            time_share_percent=_shares(self.time_accounts.fleet_time()),
+            blame=blame_of(self.time_accounts, simulation.codebook),
             state_hash=simulation.state_hash(),
         )
 
@@ -204,7 +204,7 @@ class Metrics:
         reports = {}
         for station in simulation.stations:
             service = simulation.dispatcher.service_times.of(station.arm, station.direction)
-            time = self.ledger.station_time(station.arm)
+            time = self.time_accounts.station_time(station.arm)
             reports[station.name] = StationReport(
                 transfers_n=service.n,
                 service_mean_s=round(service.mean_s, 2),
@@ -218,10 +218,10 @@ class Metrics:
         return reports
 
     def _bottleneck(self, simulation: Simulation) -> str:
-        worst = self.ledger.bottleneck()
+        worst = self.time_accounts.bottleneck()
         if worst is None:
             return "none: no car waited for a busy station"
-        time, ticks = self.ledger.station_time(worst), max(simulation.now, 1)
+        time, ticks = self.time_accounts.station_time(worst), max(simulation.now, 1)
         return (
             f"{simulation.stations[worst].name} (arm_{worst}): busy {time.busy / ticks:.0%} of the time, "
             f"cars waiting for it {time.contended / ticks:.0%}"

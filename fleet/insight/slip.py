@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fleet.robots.spec import ArmSpec
-from fleet.stations.arms.service import ArmService
+from fleet.stations.arms.arm_controller import ArmController
 from fleet.world.protocol import FloatArray, World
 from planners.motion.arm.kinematics import link_frames
 
@@ -55,7 +55,7 @@ class SlipMeter:
         self._base = [(pose[:3], Rotation.from_euler("z", pose[3])) for pose in np.asarray(base).reshape(-1, 4)]
         self._carries: dict[int, _Carry] = {}
 
-    def tick(self, services: Sequence[ArmService], world: World) -> None:
+    def tick(self, services: Sequence[ArmController], world: World) -> None:
         """Measure what is carried now; called after each step of the world."""
         carrying = [service for service in services if service.carries]
         for arm in [arm for arm in self._carries if not services[arm].carries]:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from fleet.errors import FleetError
-from fleet.insight.ledger import Account, Ledger, Ticks
-from fleet.insight.legend import Legend
+from fleet.insight.codebook import Codebook
+from fleet.insight.time_accounts import Account, Ticks, TimeAccounts
 
 Columns = dict[str, list[Any]]
 """A table by columns of equal length."""
@@ -27,7 +27,7 @@ class NoPandas(FleetError):
 
 @dataclass(frozen=True, kw_only=True)
 class Blame:
-    """Ticks of all robots by account and what they are put down to (`Ledger`); rows without a tick are left out.
+    """Ticks of all robots by account and what they are put down to (`TimeAccounts`); rows without a tick are left out.
 
     In each of the three tables all ticks of an account add up to what all robots have spent on it.
     """
@@ -40,18 +40,22 @@ class Blame:
     """Columns account, place, ticks."""
 
 
-def blame_of(ledger: Ledger, legend: Legend) -> Blame:
+def blame_of(time_accounts: TimeAccounts, codebook: Codebook) -> Blame:
     """What the time of a run is put down to."""
-    robots, cells, places = _entries(ledger.by_robot), _entries(ledger.by_cell), _entries(ledger.by_place)
-    n_cells = ledger.by_cell.shape[1] - 1
-    at = [(-1, -1) if cell == n_cells else divmod(cell, legend.cols) for _, cell, _ in cells]
+    robots, cells, places = (
+        _entries(time_accounts.by_robot),
+        _entries(time_accounts.by_cell),
+        _entries(time_accounts.by_place),
+    )
+    n_cells = time_accounts.by_cell.shape[1] - 1
+    at = [(-1, -1) if cell == n_cells else divmod(cell, codebook.cols) for _, cell, _ in cells]
     return Blame(
-        robots=_columns(("account", "robot", "ticks"), _named(robots, (*legend.robots, NOBODY))),
+        robots=_columns(("account", "robot", "ticks"), _named(robots, (*codebook.robots, NOBODY))),
         cells=_columns(
             ("account", "row", "col", "ticks"),
             [(account, row, col, ticks) for (account, _, ticks), (row, col) in zip(cells, at, strict=True)],
         ),
-        places=_columns(("account", "place", "ticks"), _named(places, (*legend.places, NOBODY))),
+        places=_columns(("account", "place", "ticks"), _named(places, (*codebook.places, NOBODY))),
     )
 
 

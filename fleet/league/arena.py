@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fleet.league.books import Books
+from fleet.league.result_log import Books
 from fleet.league.rules import (
     MOVE_TEXTS,
     NO_TASK,

@@ -12,7 +12,7 @@ from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.multi_step_kernel import Costs
 from planners.mapf.problem import IntArray
 
-Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 
 _HASTE = 5
 """What a step to a task's first errand counts against a step of the task itself: the first is lost, the second not."""
@@ -120,7 +120,7 @@ class Schedule:
 
 @njit(cache=True, nogil=True)
 def _add_up(
-    backwards: Longs, last: npt.NDArray[np.bool_], leg: IntArray, rest: IntArray
+    backwards: Int64Array, last: npt.NDArray[np.bool_], leg: IntArray, rest: IntArray
 ) -> None:  # pragma: no cover - compiled
     """Sum up legs from the end of each task to its begin."""
     total = 0
@@ -139,7 +139,7 @@ def _shortlist(
     there: IntArray,
     unit: int,
     best: IntArray,
-    key: Longs,
+    key: Int64Array,
 ) -> None:  # pragma: no cover - compiled
     """The cheapest tasks of each robot in order, shape (robots, width), and their costs; -1 where there are no more.
 
@@ -175,7 +175,7 @@ def _shortlist(
 
 @njit(cache=True, nogil=True)
 def _greedy(
-    order: Longs, best: IntArray, chosen: Longs, used: npt.NDArray[np.bool_]
+    order: Int64Array, best: IntArray, chosen: Int64Array, used: npt.NDArray[np.bool_]
 ) -> None:  # pragma: no cover - compiled
     """Give out pairs from the cheapest on; robots that went away empty-handed take what is left."""
     width = best.shape[1]

@@ -31,7 +31,7 @@ EMERGENCY_RANK_S = 60.0
 _DRIVING = (CarPhase.TO_PICK, CarPhase.TO_DROP)
 
 
-class Approach:
+class Admission:
     """The way of cars to their stations.
 
     Args:

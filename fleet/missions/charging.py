@@ -7,7 +7,7 @@ from collections.abc import Callable, Set
 import numpy as np
 import numpy.typing as npt
 
-from fleet.missions.admission import LOADED_RANK_S, Approach
+from fleet.missions.admission import LOADED_RANK_S, Admission
 from fleet.missions.roster import AT_CHARGER, ON_VISIT, CarPhase, Roster
 from fleet.robots.battery import Batteries
 from fleet.stations.booking import Bookings
@@ -38,7 +38,7 @@ class Charging:
         states: Lane-graph state of each charger.
         first_place: Number of the first charger among the places that are booked.
         roster: What cars are about.
-        approach: Sends cars with parcels on.
+        admission: Sends cars with parcels on.
         bookings: Who has which place.
         traffic: Takes goals and gives distances.
         executor: Tells where cars are.
@@ -53,7 +53,7 @@ class Charging:
         states: tuple[int, ...],
         first_place: int,
         roster: Roster,
-        approach: Approach,
+        admission: Admission,
         bookings: Bookings,
         traffic: Traffic,
         executor: Executor,
@@ -66,7 +66,7 @@ class Charging:
         """How often a car began to charge."""
         self._first = first_place
         self._roster = roster
-        self._approach = approach
+        self._admission = admission
         self._bookings = bookings
         self._traffic = traffic
         self._executor = executor
@@ -98,7 +98,7 @@ class Charging:
                 task = self._roster.task_of[car]
                 self._roster.enter(car, CarPhase.IDLE)
                 if task is not None:
-                    self._approach.wait(car, task, "no way to its charger")
+                    self._admission.wait(car, task, "no way to its charger")
 
     def begin(self, car: int) -> None:
         """Begin to charge a car that stands at a charger."""
@@ -135,7 +135,7 @@ class Charging:
                 continue  # was ordered to charge until it is full
             self._log("charged", car=f"car_{car}", charge=round(float(self.batteries.charge[car]), 3))
             if task is not None:
-                self._approach.set_off(car, task, tick, now_s)
+                self._admission.set_off(car, task, tick, now_s)
             else:
                 roster.enter(car, CarPhase.IDLE)
 

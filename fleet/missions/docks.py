@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from fleet.missions.admission import Approach
-from fleet.missions.inventory import Stock
+from fleet.missions.admission import Admission
+from fleet.missions.inventory import Inventory
 from fleet.missions.perception import Perception
 from fleet.missions.roster import CarPhase, Roster
-from fleet.stations.arms.arm_desk import ArmDesk
-from fleet.stations.arms.service import ServiceState
+from fleet.stations.arms.arm_controller import ArmPhase
+from fleet.stations.arms.arm_manager import ArmManager
 from fleet.stations.arms.transfer import LOOSE, TRAY, TransferRequest
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
@@ -34,10 +34,10 @@ class Docks:
         stations: By name, in the order of the arms.
         board: The tasks.
         roster: What cars are about.
-        approach: Sends loaded cars on.
-        stock: Tells where parcels really are.
+        admission: Sends loaded cars on.
+        inventory: Tells where parcels really are.
         perception: Tells the arms where parcels lie.
-        desk: Arm planning and playback.
+        arm_manager: Arm planning and playback.
         service_times: Learns how long the arms take.
         traffic: Told who stands fixed, and which docks to go round.
         executor: Tells where cars are, and closes docks.
@@ -53,10 +53,10 @@ class Docks:
         stations: Mapping[str, Station],
         board: TaskBoard,
         roster: Roster,
-        approach: Approach,
-        stock: Stock,
+        admission: Admission,
+        inventory: Inventory,
         perception: Perception,
-        desk: ArmDesk,
+        arm_manager: ArmManager,
         service_times: ServiceTimes,
         traffic: Traffic,
         executor: Executor,
@@ -69,10 +69,10 @@ class Docks:
         self._cell_of = [int(graph.state_cell[station.dock_state]) for station in self._by_arm]
         self._board = board
         self._roster = roster
-        self._approach = approach
-        self._stock = stock
+        self._admission = admission
+        self._inventory = inventory
         self._perception = perception
-        self._desk = desk
+        self._arm_manager = arm_manager
         self._service_times = service_times
         self._traffic = traffic
         self._executor = executor
@@ -114,7 +114,7 @@ class Docks:
             station = self._stations[task.pick if loading else task.delivery.drop]
             if tails[car] != station.dock_state or not self._executor.idle(car):
                 continue
-            if not self._desk.is_ready(station.arm, task.parcel):
+            if not self._arm_manager.is_ready(station.arm, task.parcel):
                 continue
             if not loading and task.drop_slot is None:
                 task.drop_slot = station.take_slot(task.index)
@@ -138,16 +138,16 @@ class Docks:
             raise AssertionError("a task in service has a slot")
         attempt = self._attempts[task.index] = self._attempts.get(task.index, 0) + 1
         pick_via = slot if loading else TRAY
-        at_source = self._stock.on_slot(task, slot, station) if loading else self._stock.in_tray(task, car)
+        at_source = self._inventory.on_slot(task, slot, station) if loading else self._inventory.in_tray(task, car)
         fetched = bool(self._world.held()[station.arm] == task.parcel)
         # What the usual way did not get twice is gripped as it lies, on whatever face.
         if not fetched and (not at_source or attempt == MAX_ATTEMPTS):
             pick_via = LOOSE
         sighting = self._perception.find(task, station)
         if sighting.reason:
-            self._desk.refuse(station.arm, task.parcel, sighting.reason, tick)
+            self._arm_manager.refuse(station.arm, task.parcel, sighting.reason, tick)
             return
-        self._desk.submit(
+        self._arm_manager.submit(
             TransferRequest(
                 arm=station.arm,
                 parcel=task.parcel,
@@ -163,14 +163,14 @@ class Docks:
     def _end(self, tick: int, now_s: float) -> None:
         for arm, car in list(self._serving.items()):
             station = self._by_arm[arm]
-            service = self._desk.services[arm]
+            service = self._arm_manager.services[arm]
             task = self._roster.task_of[car]
-            if task is not None and task.state is TaskState.FAILED and self._desk.is_idle(arm):
+            if task is not None and task.state is TaskState.FAILED and self._arm_manager.is_idle(arm):
                 self._break_off(station, task, car)
             if task is not None and service.dock_is_clear and task.state in (TaskState.LOADING, TaskState.UNLOADING):
                 self._judge(station, task, car, service.state, tick, now_s)
             at_dock = self._roster.phase[car] in (CarPhase.LOADING, CarPhase.UNLOADING)
-            if self._desk.is_idle(arm) and not at_dock:
+            if self._arm_manager.is_idle(arm) and not at_dock:
                 del self._serving[arm]
                 self._roster.served[arm] = -1
                 self._world.set_serving(arm, -1)
@@ -182,9 +182,9 @@ class Docks:
         """A task failed while an arm was at work on it, and the arm is clear now."""
         loading = station.direction is Direction.TO_CAR
         slot = task.pick_slot if loading else task.drop_slot
-        if slot is not None and not self._stock.on_slot(task, slot, station):
+        if slot is not None and not self._inventory.on_slot(task, slot, station):
             station.free_slot(slot)
-        self._roster.release(car, CarPhase.RETIRED if self._stock.in_tray(task, car) else CarPhase.IDLE)
+        self._roster.release(car, CarPhase.RETIRED if self._inventory.in_tray(task, car) else CarPhase.IDLE)
 
     def _keep_clear(self, station: Station) -> None:
         """Lead those who only pass round the dock of an arm that has become slow; round others it is not worth it."""
@@ -194,19 +194,19 @@ class Docks:
         elif recent_s < USUAL_SERVICE_S:
             self._traffic.set_avoided(self._cell_of[station.arm], False)
 
-    def _judge(self, station: Station, task: Task, car: int, state: ServiceState, tick: int, now_s: float) -> None:
+    def _judge(self, station: Station, task: Task, car: int, state: ArmPhase, tick: int, now_s: float) -> None:
         """Look where the parcel really is, now that the arm is clear of the car, and draw the consequence."""
         loading = task.state is TaskState.LOADING
         slot = task.pick_slot if loading else task.drop_slot
-        on_slot, in_tray = self._stock.on_slot(task, slot, station), self._stock.in_tray(task, car)
-        if state in (ServiceState.DONE, ServiceState.MOVING, ServiceState.IDLE) and (in_tray if loading else on_slot):
+        on_slot, in_tray = self._inventory.on_slot(task, slot, station), self._inventory.in_tray(task, car)
+        if state in (ArmPhase.DONE, ArmPhase.MOVING, ArmPhase.IDLE) and (in_tray if loading else on_slot):
             self._service_times.complete(station.arm)
             if loading:
                 self._loaded(station, task, car, tick, now_s)
             else:
                 self._delivered(station, task, car, now_s)
             return
-        if not self._desk.is_idle(station.arm):
+        if not self._arm_manager.is_idle(station.arm):
             return
         at_source = on_slot if loading else in_tray
         if (at_source or loading) and self._roster.phase[car] is CarPhase.RECOVERING:
@@ -216,8 +216,8 @@ class Docks:
             else:
                 self._board.move(task, TaskState.CARRIED, now_s, f"car_{car} left its lane")
             return
-        cause = self._desk.reason(station.arm) or "the parcel is not where it was set down"
-        x, y, z = (round(float(v), 3) for v in self._stock.pose(task)[:3])
+        cause = self._arm_manager.reason(station.arm) or "the parcel is not where it was set down"
+        x, y, z = (round(float(v), 3) for v in self._inventory.pose(task)[:3])
         if self._attempts[task.index] < MAX_ATTEMPTS:
             where = {} if at_source else {"x_m": x, "y_m": y, "z_m": z}
             self._log("transfer_repeated", task=task.order.name, station=station.name, cause=cause, **where)
@@ -225,12 +225,12 @@ class Docks:
             return
         reason = f"{cause} at {station.name}; parcel lies at ({x}, {y}, {z})"
         self._board.move(task, TaskState.FAILED, now_s, reason)
-        if slot is not None and not self._stock.obstructs(task, slot, station):
+        if slot is not None and not self._inventory.obstructs(task, slot, station):
             station.free_slot(slot)
         self._roster.release(car, CarPhase.RETIRED if in_tray else CarPhase.IDLE)
 
     def _loaded(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
-        self._stock.vacate(task)
+        self._inventory.vacate(task)
         self._attempts[task.index] = 0
         self._board.move(task, TaskState.CARRIED, now_s, f"measured in the tray of car_{car}")
         self._roster.changed = True
@@ -239,7 +239,7 @@ class Docks:
             self.strand(task, car, now_s, f"car_{car} is dead")
         elif phase is not CarPhase.RECOVERING:
             self._traffic.set_fixed(car, False)
-            self._approach.set_off(car, task, tick, now_s)
+            self._admission.set_off(car, task, tick, now_s)
 
     def _delivered(self, station: Station, task: Task, car: int, now_s: float) -> None:
         self._board.move(task, TaskState.DELIVERED, now_s, f"measured on slot {task.drop_slot} of {station.name}")

@@ -28,7 +28,7 @@ Log = Callable[..., None]
 _NOT_IN_WORLD = (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED, TaskState.CANCELLED)
 
 
-class Stock:
+class Inventory:
     """All parcels of a run.
 
     Args:

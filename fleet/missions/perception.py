@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fleet.missions.inventory import Stock
+from fleet.missions.inventory import Inventory
 from fleet.robots.spec import CarSpec
 from fleet.sensors.boxes import LocateStatus, SeenBox, locate_boxes
 from fleet.sensors.camera import CameraImage
@@ -64,18 +64,18 @@ class TruePoses:
     """Knows every pose from the world itself.
 
     Args:
-        stock: Tells where parcels really are.
+        inventory: Tells where parcels really are.
     """
 
-    def __init__(self, stock: Stock) -> None:
-        self._stock = stock
+    def __init__(self, inventory: Inventory) -> None:
+        self._inventory = inventory
         self.errors: list[PoseError] = []
         self.blind_n = 0
         self.looks: dict[str, CameraImage] = {}
 
     def find(self, task: Task, station: Station) -> Sighting:
         """See `Perception`; never fails."""
-        return Sighting(pose=self._stock.pose(task), size_m=task.delivery.size_m)
+        return Sighting(pose=self._inventory.pose(task), size_m=task.delivery.size_m)
 
 
 class SeenPoses:
@@ -88,7 +88,7 @@ class SeenPoses:
         stations: In the order of the arms.
         car: Car model, for its tray.
         world: Takes the images.
-        stock: Tells where parcels really are, for the errors that are reported and nothing else.
+        inventory: Tells where parcels really are, for the errors that are reported and nothing else.
         log: Called as ``log(kind, **facts)`` with every look.
     """
 
@@ -97,14 +97,14 @@ class SeenPoses:
         stations: Sequence[Station],
         car: CarSpec,
         world: World,
-        stock: Stock,
+        inventory: Inventory,
         log: Callable[..., None],
     ) -> None:
         self._cameras = [
             station_camera(station.place, station.place.dock.tray_xy, car.tray_floor_z_m) for station in stations
         ]
         self._world = world
-        self._stock = stock
+        self._inventory = inventory
         self._log = log
         self.errors: list[PoseError] = []
         self.blind_n = 0
@@ -112,7 +112,7 @@ class SeenPoses:
 
     def find(self, task: Task, station: Station) -> Sighting:
         """See `Perception`; a parcel that the arm holds already is where the tool is, no look is needed."""
-        true_pose = self._stock.pose(task)
+        true_pose = self._inventory.pose(task)
         if self._world.held()[station.arm] == task.parcel:
             return Sighting(pose=true_pose, size_m=task.delivery.size_m)
         camera = self._cameras[station.arm]

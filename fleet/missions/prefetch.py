@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 from fleet.missions.perception import Perception
 from fleet.missions.roster import CarPhase, Roster
-from fleet.stations.arms.arm_desk import ArmDesk
-from fleet.stations.arms.service import ServiceState
+from fleet.stations.arms.arm_controller import ArmPhase
+from fleet.stations.arms.arm_manager import ArmManager
 from fleet.stations.arms.transfer import FetchRequest
 from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
@@ -24,7 +24,7 @@ MAX_FETCHES = 2
 """A parcel that was missed or lost so often is left to the transfer itself."""
 
 
-class Fetching:
+class Prefetch:
     """Says which parcels are fetched ahead, and which of them are put back.
 
     A parcel in the grip still counts as that of its slot, which stays taken: its task may go to another car, be
@@ -32,7 +32,7 @@ class Fetching:
 
     Args:
         stations: In the order of the arms.
-        desk: Arm planning and playback.
+        arm_manager: Arm planning and playback.
         perception: Tells where parcels lie.
         traffic: Gives distances.
         executor: Tells where cars are.
@@ -43,7 +43,7 @@ class Fetching:
     def __init__(
         self,
         stations: Sequence[Station],
-        desk: ArmDesk,
+        arm_manager: ArmManager,
         perception: Perception,
         traffic: Traffic,
         executor: Executor,
@@ -56,9 +56,9 @@ class Fetching:
             for station in stations
             if station.direction is Direction.TO_CAR
             and docks.count(station.dock_state) > 1
-            and desk.services[station.arm].fetches
+            and arm_manager.services[station.arm].fetches
         ]
-        self._desk = desk
+        self._arm_manager = arm_manager
         self._perception = perception
         self._traffic = traffic
         self._executor = executor
@@ -77,9 +77,9 @@ class Fetching:
         ]
         tails = self._executor.tail_states()
         for station in self._stations:
-            arm, desk = station.arm, self._desk
-            holds = desk.services[arm].state is ServiceState.HOLDING
-            if roster.served[arm] >= 0 or not (holds or desk.is_idle(arm)):
+            arm, arm_manager = station.arm, self._arm_manager
+            holds = arm_manager.services[arm].state is ArmPhase.HOLDING
+            if roster.served[arm] >= 0 or not (holds or arm_manager.is_idle(arm)):
                 continue
             moves = self._traffic.tables.to(station.dock_state)
             queue = sorted(
@@ -103,7 +103,7 @@ class Fetching:
             return
         self._task[station.arm] = task
         self._log("fetched_ahead", task=task.order.name, station=station.name, car=f"car_{task.car}")
-        self._desk.fetch(
+        self._arm_manager.fetch(
             FetchRequest(
                 arm=station.arm,
                 parcel=task.parcel,
@@ -121,4 +121,4 @@ class Fetching:
         first = [coming[car] for car in at_dock]
         if ended or (first and task not in first):
             self._log("put_back", task=task.order.name, station=station.name)
-            self._desk.put_back(station.arm)
+            self._arm_manager.put_back(station.arm)

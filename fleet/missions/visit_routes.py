@@ -16,7 +16,7 @@ Stop = tuple[Place, ...]
 """Places of which the nearest will do."""
 
 
-class VisitWays:
+class VisitRoutes:
     """Ways of visits. The way on from a stop for which several places will do is counted from the first of them.
 
     Args:

@@ -10,7 +10,7 @@ from fleet.missions.admission import EMERGENCY_RANK_S
 from fleet.missions.charging import Charging
 from fleet.missions.places import NOT_BOOKED, Place, Places
 from fleet.missions.roster import CarPhase, Roster
-from fleet.missions.visit_routes import VisitWays
+from fleet.missions.visit_routes import VisitRoutes
 from fleet.stations.booking import Bookings
 from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import Task, TaskBoard, TaskState
@@ -48,7 +48,7 @@ class Visits:
         self,
         *,
         places: Places,
-        ways: VisitWays,
+        ways: VisitRoutes,
         board: TaskBoard,
         backlog: Backlog,
         reasons: ReasonBook,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fleet.insight.ledger import percentages
+from fleet.insight.time_accounts import percentages
 from fleet.insight.time_table import NOBODY
 from fleet.report.plots import columns, dots, heat_map, stacked_bars, steps
 from fleet.report.run import Run
@@ -109,14 +109,14 @@ def _tiles(run: Run, tables: Mapping[str, Table]) -> str:
     return f'<div class="tiles">{made}</div>{bottleneck}'
 
 
-def _ledger(run: Run, tables: Mapping[str, Table]) -> str:
+def _time_accounts(run: Run, tables: Mapping[str, Table]) -> str:
     robots = tables["robots"]
     if not len(robots):
         return ""
     accounts = [name for name in robots.columns if name != "robot"]
     accounts.sort(key=lambda name: list(ACCOUNTS).index(name[:-2]))
     parts = []
-    for title, rows in (("Cars", slice(run.legend.n_cars)), ("Arms", slice(run.legend.n_cars, None))):
+    for title, rows in (("Cars", slice(run.codebook.n_cars)), ("Arms", slice(run.codebook.n_cars, None))):
         names = robots["robot"][rows].tolist()
         used = [name for name in accounts if robots[name][rows].any()]
         if not names or not used:
@@ -280,7 +280,7 @@ def _stations(run: Run, tables: Mapping[str, Table]) -> str:
 
 
 def _waits(run: Run, tables: Mapping[str, Table]) -> str:
-    waits = [row for row in tables["waits"].rows() if row["robot"] in run.legend.robots[: run.legend.n_cars]]
+    waits = [row for row in tables["waits"].rows() if row["robot"] in run.codebook.robots[: run.codebook.n_cars]]
     if not waits:
         return ""
     longest = sorted(waits, key=lambda row: (-row["seconds"], row["from_s"], row["robot"]))[:_WAITS_N]
@@ -326,7 +326,7 @@ def _figures(run: Run, tables: Mapping[str, Table]) -> str:
 _SECTIONS: tuple[Callable[[Run, Mapping[str, Table]], str], ...] = (
     _head,
     _tiles,
-    _ledger,
+    _time_accounts,
     _blame,
     _waits,
     _heat,

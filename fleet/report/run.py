@@ -12,9 +12,9 @@ from typing import Any
 
 from fleet.insight.cause_file import read_causes
 from fleet.insight.cause_log import CauseLog
-from fleet.insight.ledger import Account
-from fleet.insight.legend import Legend
+from fleet.insight.codebook import Codebook
 from fleet.insight.metrics import StationReport
+from fleet.insight.time_accounts import Account
 from fleet.recording.errors import OutputError
 from fleet.recording.run_file import EVENTS, RESULT, RunRecord, read_run
 from fleet.recording.trace_file import TRACE, Trace, read_trace
@@ -30,7 +30,7 @@ class Run:
     trace: Trace
     causes: CauseLog
     """What each robot was about, and whom it waited for."""
-    legend: Legend
+    codebook: Codebook
     """What the numbers in the causes stand for."""
 
     @property
@@ -69,8 +69,8 @@ def load_run(directory: Path) -> Run:
     trace = read_trace(directory)
     if not trace.n_ticks:
         raise OutputError(f"{directory / TRACE} holds no tick: the run ended at once; valid: a run of a second or more")
-    causes, legend = read_causes(record.events, str(directory / EVENTS))
-    floor = (legend.n_cars, legend.n_arms, legend.cols)
+    causes, codebook = read_causes(record.events, str(directory / EVENTS))
+    floor = (codebook.n_cars, codebook.n_arms, codebook.cols)
     if record.name != trace.run or floor != (trace.n_cars, trace.n_arms, len(trace.plan[0])):
         raise OutputError(
             f"{directory}: {EVENTS} and {TRACE} are of two runs; valid: the files of one run, as it left them"
@@ -83,7 +83,7 @@ def load_run(directory: Path) -> Run:
                 f"{directory / RESULT}: does not fit {EVENTS} and {TRACE} ({type(error).__name__}: {error}); "
                 "valid: the files of one run, as it left them"
             ) from error
-    return Run(directory=directory, record=record, trace=trace, causes=causes, legend=legend)
+    return Run(directory=directory, record=record, trace=trace, causes=causes, codebook=codebook)
 
 
 def _check_events(events: Iterable[Mapping[str, Any]], path: Path) -> None:
@@ -106,10 +106,10 @@ def _check_result(record: RunRecord, trace: Trace) -> None:
         raise ValueError("it is of a run with other settings")
     if result["seed"] != record.seed:
         raise ValueError(f"seed {result['seed']!r} instead of {record.seed!r}")
-    ledger = result["car_ticks"] | result["arm_ticks"]
-    if tuple(ledger) != trace.robots:
-        raise ValueError(f"{len(ledger)} robots instead of {len(trace.robots)}")
-    for robot, ticks in ledger.items():
+    time_accounts = result["car_ticks"] | result["arm_ticks"]
+    if tuple(time_accounts) != trace.robots:
+        raise ValueError(f"{len(time_accounts)} robots instead of {len(trace.robots)}")
+    for robot, ticks in time_accounts.items():
         _check_numbers(ticks, {account.name.lower() for account in Account})
         if sum(ticks.values()) != trace.n_ticks:
             raise ValueError(f"{sum(ticks.values())} ticks of {robot} instead of {trace.n_ticks}")

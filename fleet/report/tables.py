@@ -74,16 +74,16 @@ def figures_of(run: Run) -> Table:
 def robots_of(run: Run) -> Table:
     """Time of each robot in each account of the ledger [s], cars first; a row adds up to the time of the run."""
     result = run.record.result or {}
-    ledger: dict[str, Mapping[str, int]] = result.get("car_ticks", {}) | result.get("arm_ticks", {})
-    accounts = list(dict.fromkeys(account for ticks in ledger.values() for account in ticks))
+    time_accounts: dict[str, Mapping[str, int]] = result.get("car_ticks", {}) | result.get("arm_ticks", {})
+    accounts = list(dict.fromkeys(account for ticks in time_accounts.values() for account in ticks))
     rows = []
-    for robot, ticks in ledger.items():
+    for robot, ticks in time_accounts.items():
         rows.append((robot, *(round(ticks.get(account, 0) * run.trace.tick_s, 6) for account in accounts)))
     return table("robots", ("robot", *(f"{account}_s" for account in accounts)), rows)
 
 
 def blame_of(run: Run) -> Table:
-    """Time of all robots by account, and the robot, cell and place that it is put down to, see `Ledger`.
+    """Time of all robots by account, and the robot, cell and place that it is put down to, see `TimeAccounts`.
 
     What is put down to a robot is the same time as what is put down to a cell, and to a place.
     """

@@ -32,35 +32,35 @@ _FIRST = 2
 
 def waits_of(run: Run) -> Table:
     """Waits of a second or more, each with its explanation, in the order in which they began."""
-    log, legend = run.causes, run.legend
+    log, codebook = run.causes, run.codebook
     found = []
-    for number, robot in enumerate(legend.robots):
+    for number, robot in enumerate(codebook.robots):
         changes = log.of(number)
         ends = np.append(changes[1:, TICK], log.end_tick)
         waiting = _WAITS[changes[:, _FIRST + Column.CAUSE]]
         for first, last in _stretches(waiting):
             from_tick, to_tick = int(changes[first, TICK]), int(ends[last - 1])
-            if (to_tick - from_tick) * legend.tick_s < LEAST_S:
+            if (to_tick - from_tick) * codebook.tick_s < LEAST_S:
                 continue
             # Told as it was for the longest part of the wait, in the middle of that part.
             longest = first + int(np.argmax(ends[first:last] - changes[first:last, TICK]))
             at = (int(changes[longest, TICK]) + int(ends[longest]) - 1) // 2
-            told = explain(log, legend, robot, (at + 0.5) * legend.tick_s)
+            told = explain(log, codebook, robot, (at + 0.5) * codebook.tick_s)
             link = told.chain[0]
             row, col = link.cell if link.cell is not None else (None, None)
             found.append(
                 (
                     robot,
-                    round(from_tick * legend.tick_s, 6),
-                    round(to_tick * legend.tick_s, 6),
-                    round((to_tick - from_tick) * legend.tick_s, 6),
+                    round(from_tick * codebook.tick_s, 6),
+                    round(to_tick * codebook.tick_s, 6),
+                    round((to_tick - from_tick) * codebook.tick_s, 6),
                     link.cause.name.lower(),
                     link.by,
                     told.root.robot if not told.cycle else "a circle",
                     link.place,
                     row,
                     col,
-                    round((at + 0.5) * legend.tick_s, 3),
+                    round((at + 0.5) * codebook.tick_s, 3),
                     str(told),
                     told.release,
                 )
@@ -72,15 +72,15 @@ def waits_of(run: Run) -> Table:
 
 def standing_of(run: Run) -> dict[str, npt.NDArray[np.float64]]:
     """Time that cars stood and waited in each cell, for each of `GROUPS` [s], shape (n_cells,)."""
-    legend = run.legend
-    n_cells = len(run.trace.plan) * legend.cols
+    codebook = run.codebook
+    n_cells = len(run.trace.plan) * codebook.cols
     stood = {group: np.zeros(n_cells) for group in GROUPS}
     group_of = np.full(len(Cause), NONE)
     for number, causes in enumerate(GROUPS.values()):
         group_of[list(causes)] = number
     names = list(GROUPS)
     for rows, lasts, cells in _sweep(run):
-        groups = group_of[rows[: legend.n_cars, Column.CAUSE]]
+        groups = group_of[rows[: codebook.n_cars, Column.CAUSE]]
         for car in np.flatnonzero((groups != NONE) & (cells >= 0)).tolist():
             stood[names[groups[car]]][cells[car]] += lasts
     return stood
@@ -88,7 +88,7 @@ def standing_of(run: Run) -> dict[str, npt.NDArray[np.float64]]:
 
 def _sweep(run: Run) -> Iterator[tuple[CauseRows, float, npt.NDArray[np.int64]]]:
     """Go through the run: causes of all robots, how long nothing changed [s], and the cell each car was in."""
-    log, legend, trace = run.causes, run.legend, run.trace
+    log, codebook, trace = run.causes, run.codebook, run.trace
     causes = log.since(0)
     moves = trace.changes[(trace.changes["quantity"] == Quantity.CELL) & (trace.changes["robot"] < trace.n_cars)]
     ticks = np.union1d(causes[:, TICK], moves["tick"])
@@ -104,7 +104,7 @@ def _sweep(run: Run) -> Iterator[tuple[CauseRows, float, npt.NDArray[np.int64]]]
         cells[moves["robot"][b:next_b]] = moves["value"][b:next_b]
         a, b = next_a, next_b
         if end > tick:
-            yield rows, (end - tick) * legend.tick_s, cells
+            yield rows, (end - tick) * codebook.tick_s, cells
 
 
 def _stretches(flags: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:

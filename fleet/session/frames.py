@@ -151,7 +151,7 @@ class Watch:
         self._lidar = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
         self._internals = internals
         if internals:
-            simulation.desk.keep_trees()
+            simulation.arm_manager.keep_trees()
         self._sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
         self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in simulation.board.tasks}
         self._epoch = -1
@@ -201,7 +201,7 @@ class Watch:
             views=views,
         )
         if self._internals:
-            frame.trees, simulation.desk.trees = simulation.desk.trees, {}
+            frame.trees, simulation.arm_manager.trees = simulation.arm_manager.trees, {}
         if frame.sim_s >= self._sampled_s - 1e-9:
             self._sample(frame)
         self._recorder.record(frame)
@@ -234,7 +234,7 @@ class Watch:
         if (codes != self._codes).any():
             self._codes = codes
             self._car_words = tuple(_WORDS[code] for code in codes.tolist())
-        arms = tuple(service.state for service in self._simulation.desk.services)
+        arms = tuple(service.state for service in self._simulation.arm_manager.services)
         if arms != self._arm_words:
             self._arm_words = arms
         frame.car_state, frame.arm_state = self._car_words, self._arm_words
@@ -278,8 +278,8 @@ class Watch:
     def _look_at_waits(self, frame: Frame) -> None:
         """Who waits for whom now, and why."""
         simulation = self._simulation
-        rows, legend = simulation.causes.rows, simulation.legend
-        names = legend.robots
+        rows, codebook = simulation.causes.rows, simulation.codebook
+        names = codebook.robots
         waiting = np.flatnonzero(_HOLDS_UP[rows[:, Column.CAUSE]]).tolist()
         # An arm that awaits a car is told of, but holds nobody up.
         waits = tuple(
@@ -293,22 +293,22 @@ class Watch:
             # Of the last tick that was looked at: the present one has not been.
             last_s = frame.sim_s - simulation.tick_s
             frame.explanations = {
-                names[robot]: str(explain(simulation.causes.log, legend, names[robot], last_s)) for robot in waiting
+                names[robot]: str(explain(simulation.causes.log, codebook, names[robot], last_s)) for robot in waiting
             }
         self._explained = bool(waiting)
 
     def _wait(self, name: str, row: list[int]) -> Wait:
         """What a robot waits for: a robot, else a place or a cell."""
-        legend = self._simulation.legend
+        codebook = self._simulation.codebook
         cause, by, cell, place = row[Column.CAUSE], row[Column.BY], row[Column.CELL], row[Column.PLACE]
         word = Cause(cause).name.lower().replace("_", " ")
         if by != NONE:
-            return Wait(who=name, whom=legend.robots[by], cause=word)
+            return Wait(who=name, whom=codebook.robots[by], cause=word)
         if cell != NONE:
-            return Wait(who=name, whom=f"cell {legend.cell(cell)}", cause=word, cell=cell)
+            return Wait(who=name, whom=f"cell {codebook.cell(cell)}", cause=word, cell=cell)
         if place != NONE:
             at = self._simulation.dispatcher.places.cells[place]
-            return Wait(who=name, whom=legend.place(place), cause=word, cell=at)
+            return Wait(who=name, whom=codebook.place(place), cause=word, cell=at)
         return Wait(who=name, whom=word, cause=word)
 
     def _look_at_congestion(self, frame: Frame) -> None:

@@ -114,7 +114,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         for event in events:
             emit(event)
         simulation.on_event = emit
-        causes = CauseWriter(simulation.causes.log, simulation.legend)
+        causes = CauseWriter(simulation.causes.log, simulation.codebook)
         run_file.event(tick=0, sim_s=0.0, kind=LEGEND, **causes.head())
 
         def look() -> None:

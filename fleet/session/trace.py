@@ -12,11 +12,11 @@ from numba import njit
 from fleet.missions.roster import PHASES
 from fleet.recording.trace_file import UNKNOWN, TraceFile
 from fleet.simulation import Simulation
-from fleet.stations.arms.service import ServiceState
+from fleet.stations.arms.arm_controller import ArmPhase
 
 BLOCK_N = 60
 """Ticks that are written at once; a killed run loses as many at most."""
-_ARM_STATES = tuple(ServiceState)
+_ARM_STATES = tuple(ArmPhase)
 _STATE_CODES = {state: code for code, state in enumerate(_ARM_STATES)}
 
 
@@ -75,7 +75,7 @@ class Tracer:
         self._poses[row] = world.car_poses()
         self._speeds[row] = world.car_speeds()
         if world.n_arms:
-            self._arms[row, 0] = [_STATE_CODES[service.state] for service in simulation.desk.services]
+            self._arms[row, 0] = [_STATE_CODES[service.state] for service in simulation.arm_manager.services]
             self._arms[row, 1] = dispatcher.roster.served
             self._joints[row] = world.arm_positions()
         self._rows += 1

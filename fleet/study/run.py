@@ -26,9 +26,9 @@ def _row(config: RunConfig, simulation: Simulation) -> Row:
     delivered = [task for task in released if task.state in DONE_STATES]
     times = [task.done_s - task.order.release_s for task in delivered if task.done_s is not None]
     tardiness, on_time = _lateness(released, config.duration_s)
-    ledger, ticks = simulation.metrics.ledger, max(simulation.now, 1)
-    cars = {name: round(spent / (ticks * config.robots), 4) for name, spent in vars(ledger.fleet_time()).items()}
-    times_of = {station.name: ledger.station_time(station.arm) for station in simulation.stations}
+    time_accounts, ticks = simulation.metrics.time_accounts, max(simulation.now, 1)
+    cars = {name: round(spent / (ticks * config.robots), 4) for name, spent in vars(time_accounts.fleet_time()).items()}
+    times_of = {station.name: time_accounts.station_time(station.arm) for station in simulation.stations}
     return Row(
         allocator=config.allocation.allocator,
         robots=config.robots,

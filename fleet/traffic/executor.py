@@ -16,7 +16,7 @@ from fleet.world.protocol import FloatArray, World
 from maps.lane_graph import LaneGraph
 from planners.execution.dependency_graph import DependencyGraph
 from planners.execution.errors import UnexecutablePlanError
-from planners.execution.queues import Longs, Queues, move_at
+from planners.execution.queues import Int64Array, Queues, move_at
 from planners.mapf.problem import Plan
 
 RETRY_S = 0.5
@@ -162,7 +162,7 @@ class Executor:
 
 
 @njit(cache=True)
-def _planned(q: Queues, path_ptr: npt.NDArray[np.integer], path_points: FloatArray) -> tuple[FloatArray, Longs]:
+def _planned(q: Queues, path_ptr: npt.NDArray[np.integer], path_points: FloatArray) -> tuple[FloatArray, Int64Array]:
     """Points of all queued moves, (k, 2), car by car, and where each car's begin among them, (n_cars + 1,)."""
     n_cars = len(q.granted)
     bounds = np.zeros(n_cars + 1, np.int64)

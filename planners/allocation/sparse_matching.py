@@ -12,7 +12,7 @@ from planners.allocation.prune import Candidates
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]
-Whole = int | np.integer
+Int = int | np.integer
 
 
 def match(candidates: Candidates, forbidden: float) -> tuple[Integers, Floats]:
@@ -62,10 +62,10 @@ def _match(
         heap = [(0.0, np.int32(0))]
         heap.pop()
         n_touched, length = 0, 0.0
-        v: Whole = newcomer
+        v: Int = newcomer
         least_idle = np.inf
-        idle: Whole = -1
-        sink: Whole = -1
+        idle: Int = -1
+        sink: Int = -1
         while True:
             if length + forbidden - pays[v] < least_idle:
                 least_idle, idle = length + forbidden - pays[v], v

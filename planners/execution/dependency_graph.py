@@ -14,8 +14,8 @@ from planners.execution.queues import (
     NOBODY,
     NONE,
     BoolArray,
+    Int64Array,
     IntArray,
-    Longs,
     Queues,
     append,
     cut_off,
@@ -121,7 +121,7 @@ class DependencyGraph:
             self._tails = np.where(q.queued > q.finished, q.move_to[last], q.state)
         return self._tails.copy()
 
-    def granted_n(self) -> Longs:
+    def granted_n(self) -> Int64Array:
         """Number of moves each agent was granted so far, shape (n,)."""
         return self._q.granted.copy()
 
@@ -394,7 +394,7 @@ class DependencyGraph:
             self._anyone_held_up = bool(self._held_up.any())
         return self._held_up
 
-    def _keep(self, limits: Longs, closed: Iterable[int]) -> None:
+    def _keep(self, limits: Int64Array, closed: Iterable[int]) -> None:
         """Keep the queued moves that need nothing beyond `limits` and no `closed` cell; drop the others."""
         shut = self._nowhere.copy()
         shut[list(closed)] = True

@@ -11,7 +11,7 @@ from numba import njit
 from maps.lane_graph import LaneGraph
 
 IntArray = npt.NDArray[np.int32]
-Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 NOBODY = -1
@@ -37,9 +37,9 @@ class Queues(NamedTuple):
     """Last state reached, shape (n,)."""
     moves: IntArray
     """Shape (n, capacity), a power of two."""
-    finished: Longs
-    granted: Longs
-    queued: Longs
+    finished: Int64Array
+    granted: Int64Array
+    queued: Int64Array
     """Numbers, shape (n,)."""
     holder: IntArray
     """Agent that has the cell, or `NOBODY`, shape (C,)."""
@@ -49,7 +49,7 @@ class Queues(NamedTuple):
     line_last: IntArray
     """Visits at the ends of a cell's line, or `NONE`, shape (C,)."""
     visit_agent: IntArray
-    visit_number: Longs
+    visit_number: Int64Array
     visit_next: IntArray
     """Shape (V,); the next visit in the line, or in the pool."""
     pool: IntArray
@@ -113,7 +113,7 @@ def move_at(q: Queues, agent: int, number: int) -> int:  # pragma: no cover - co
 
 
 @njit(cache=True, nogil=True)
-def append(q: Queues, timestep: Longs, agent: Longs, move: Longs) -> None:  # pragma: no cover - compiled
+def append(q: Queues, timestep: Int64Array, agent: Int64Array, move: Int64Array) -> None:  # pragma: no cover - compiled
     """Queue moves, ordered by timestep; there is room. In one timestep whoever leaves a cell is before who enters."""
     begin = 0
     while begin < len(move):
@@ -270,7 +270,7 @@ def first_in_line(q: Queues) -> IntArray:  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def run_through(q: Queues, limits: Longs, closed: BoolArray) -> Longs:  # pragma: no cover - compiled
+def run_through(q: Queues, limits: Int64Array, closed: BoolArray) -> Int64Array:  # pragma: no cover - compiled
     """Run the queues without their timing: which moves come through when each agent does at most `limits`.
 
     The order in which they are tried does not matter: a move that can be executed stays so.
@@ -319,7 +319,7 @@ def run_through(q: Queues, limits: Longs, closed: BoolArray) -> Longs:  # pragma
 
 
 @njit(cache=True, nogil=True)
-def cut_off(q: Queues, kept: Longs) -> None:  # pragma: no cover - compiled
+def cut_off(q: Queues, kept: Int64Array) -> None:  # pragma: no cover - compiled
     """Drop all queued moves but the first `kept` of each agent, which come through without the others."""
     for cell in range(len(q.line_first)):
         before, visit = NONE, q.line_first[cell]

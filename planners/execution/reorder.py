@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from planners.execution.queues import NOBODY, NONE, BoolArray, Longs, Queues, move_at, run_through
+from planners.execution.queues import NOBODY, NONE, BoolArray, Int64Array, Queues, move_at, run_through
 
 
 def go_first(q: Queues, agent: int, late: BoolArray) -> bool:
@@ -104,7 +104,7 @@ def _move_ahead(q: Queues, agent: int, late: BoolArray, far: bool) -> bool:  # p
 
 @njit(cache=True, nogil=True)
 def _exchange(
-    q: Queues, cell: int, agent: int, number: int, out: int, overtaken: BoolArray, meets: Longs
+    q: Queues, cell: int, agent: int, number: int, out: int, overtaken: BoolArray, meets: Int64Array
 ) -> int:  # pragma: no cover - compiled
     """Take the agent's visits `number` to `out` at a cell before the first one of an overtaken agent.
 

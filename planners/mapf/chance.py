@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from planners.mapf.kernel import Whole, kernel
+from planners.mapf.kernel import Int, kernel
 
 Chance = npt.NDArray[np.uint64]
 """State of a stream of random numbers, shape (1,); every draw moves it on."""
@@ -35,6 +35,6 @@ def draw(chance: Chance) -> float:  # pragma: no cover - compiled
 
 
 @kernel
-def draw_below(chance: Chance, n: Whole) -> Whole:  # pragma: no cover - compiled
+def draw_below(chance: Chance, n: Int) -> Int:  # pragma: no cover - compiled
     """Next whole number in 0..n - 1."""
     return np.int64(draw(chance) * n)

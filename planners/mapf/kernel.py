@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numba import njit
 
-Whole: TypeAlias = int | np.int64
+Int: TypeAlias = int | np.int64
 """A whole number in a kernel, where both are the same."""
 
 _FILES = [path.stat() for path in sorted(Path(__file__).parent.rglob("*.py"))]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from maps.lane_graph import LaneGraph
 from planners.mapf.problem import BoolArray, IntArray
 
-_Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 
 
 def open_moves(graph: LaneGraph, blocked: BoolArray) -> BoolArray:
@@ -97,11 +97,11 @@ def options_of(graph: LaneGraph, blocked: BoolArray) -> Options:
     )
 
 
-def _rows(state: IntArray, first: IntArray, now: IntArray, turns: int) -> _Longs:
+def _rows(state: IntArray, first: IntArray, now: IntArray, turns: int) -> Int64Array:
     return np.column_stack((state, first, now, np.full(len(state), turns))).astype(np.int64)
 
 
-def _extended(rows: _Longs, moves: npt.NDArray[np.intp], graph: LaneGraph, *, turning: bool) -> _Longs:
+def _extended(rows: Int64Array, moves: npt.NDArray[np.intp], graph: LaneGraph, *, turning: bool) -> Int64Array:
     """Every row followed by each of the moves that begin where it ends; `moves` ascend, and so do their from states."""
     begin, end = np.searchsorted(graph.move_from[moves], [rows[:, 2], rows[:, 2] + 1])
     which = np.repeat(np.arange(len(rows)), end - begin)

@@ -16,7 +16,7 @@ from planners.mapf.options import Options, options_of
 from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
 from planners.status import Status
 
-Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 
 # A key orders the options of an agent: distance left after it, then its class, then chance; it ends in its number.
 _DISTANCE_BIT = 24
@@ -214,7 +214,7 @@ def _step(
     after: IntArray,
     floor: IntArray,
     crossed: IntArray,
-    keys: Longs,
+    keys: Int64Array,
     chain: IntArray,
 ) -> None:  # pragma: no cover - compiled
     """Fill `after`, shape (n,), from `now`, shape (n,).
@@ -328,7 +328,7 @@ def _rank(
     now: IntArray,
     home: IntArray,
     floor: IntArray,
-    keys: Longs,
+    keys: Int64Array,
 ) -> None:  # pragma: no cover - compiled
     """Give every option of every agent its key; option 0 is to wait.
 

@@ -23,7 +23,7 @@ from fleet.errors import ConfigError
 from fleet.missions.roster import CarPhase
 from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_desk import ArmDesk
+from fleet.stations.arms.arm_manager import ArmManager
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.tasks.board import TaskState
 
@@ -460,25 +460,25 @@ class PlannedArms:
         )
         scene = simulation.scene
         self._simulation = simulation
-        self._desk = ArmDesk(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)
+        self._arm_manager = ArmManager(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)
         self._ticks_n = round(0.1 / simulation.tick_s)
         self._tick = 0
         self._asked: dict[int, object] = {}
 
     def actions(self) -> Actions:
         """Return what takes the arms to where their plans will be a step later."""
-        simulation, desk = self._simulation, self._desk
-        before, held = desk.q.copy(), simulation.world.held()
+        simulation, arm_manager = self._simulation, self._arm_manager
+        before, held = arm_manager.q.copy(), simulation.world.held()
         for arm in range(simulation.world.n_arms):
-            transfer = simulation.desk.transfer(arm)
-            if transfer is not None and transfer is not self._asked.get(arm) and desk.is_idle(arm):
+            transfer = simulation.arm_manager.transfer(arm)
+            if transfer is not None and transfer is not self._asked.get(arm) and arm_manager.is_idle(arm):
                 self._asked[arm] = transfer
-                desk.submit(transfer, self._tick)
+                arm_manager.submit(transfer, self._tick)
         for _ in range(self._ticks_n):
-            desk.tick(self._tick, held)
+            arm_manager.tick(self._tick, held)
             self._tick += 1
-        speeds = (desk.q - before) / 0.1 / simulation.scene.arm.max_velocity_radps
-        grip = np.where(desk.grip, 1.0, -1.0)
+        speeds = (arm_manager.q - before) / 0.1 / simulation.scene.arm.max_velocity_radps
+        grip = np.where(arm_manager.grip, 1.0, -1.0)
         return {f"arm_{arm}": np.append(speeds[arm], grip[arm]) for arm in range(len(grip))}
 
 
@@ -500,7 +500,7 @@ def delivered(env: WarehouseEnv, n_steps: int, *, cars: bool, arms: bool, seed: 
             break
     tasks = env.simulation.board.tasks
     assert {task.state for task in tasks} <= {TaskState.DELIVERED, TaskState.COLLECTED}, [task.reason for task in tasks]
-    assert env.simulation.dispatcher.stock.misplaced() == []
+    assert env.simulation.dispatcher.inventory.misplaced() == []
     return sums
 
 

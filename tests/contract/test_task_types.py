@@ -58,7 +58,7 @@ def test_it_ends_and_what_waits_for_it_begins_then(make: Make) -> None:
         waited_s = last.since_s[TaskState.READY] - max(task.done_s or 0.0 for task in its)
         assert 0.0 <= waited_s <= 1.5 * simulation.tick_s
         assert set(simulation.dispatcher.roster.phase) <= {CarPhase.IDLE, CarPhase.TO_CHARGER, CarPhase.CHARGING}
-        assert (simulation.parcel_balance(), simulation.dispatcher.stock.misplaced()) == (0, [])
+        assert (simulation.parcel_balance(), simulation.dispatcher.inventory.misplaced()) == (0, [])
 
 
 def test_it_recurs_by_its_numbers(make: Make, kind: str) -> None:

@@ -5,8 +5,8 @@ import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.dispatch.dispatcher import CALL_S
-from fleet.insight.ledger import STANDING_MPS
 from fleet.insight.metrics import Summary
+from fleet.insight.time_accounts import STANDING_MPS
 from fleet.missions.admission import NEAR_N
 from fleet.missions.roster import CarPhase
 from fleet.simulation import Event, Simulation

@@ -121,13 +121,13 @@ def test_something_else_than_the_parcel_is_told(rig: Rig) -> None:
 def test_parcels_are_delivered_by_what_cameras_see() -> None:
     with Simulation(SEEING) as simulation:
         asked: list[tuple[np.ndarray, np.ndarray]] = []
-        submit, stock = simulation.desk.submit, simulation.dispatcher.stock
+        submit, inventory = simulation.arm_manager.submit, simulation.dispatcher.inventory
 
         def noted(request: TransferRequest, tick: int) -> None:
-            asked.append((request.pick_pose, stock.pose(simulation.board.tasks[request.parcel])))
+            asked.append((request.pick_pose, inventory.pose(simulation.board.tasks[request.parcel])))
             submit(request, tick)
 
-        simulation.desk.submit = noted  # type: ignore[method-assign]
+        simulation.arm_manager.submit = noted  # type: ignore[method-assign]
         simulation.run()
         summary = simulation.summary()
     assert (summary.tasks_done, summary.tasks_failed, summary.parcels_misplaced) == (1, 0, 0)

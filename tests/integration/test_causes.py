@@ -6,7 +6,7 @@ import pytest
 from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, OWN, WITHOUT_TASK, Cause, Column
 from fleet.insight.explain import Explanation
-from fleet.insight.ledger import STANDING_MPS
+from fleet.insight.time_accounts import STANDING_MPS
 from fleet.missions.roster import CarPhase
 from fleet.simulation import Simulation
 
@@ -49,8 +49,8 @@ def check(simulation: Simulation) -> None:
         if robot >= n_cars:
             served = int(roster.served[robot - n_cars])
             assert cause != Cause.AWAITS or by in simulation.dispatcher.bookings.bound(robot - n_cars)
-            assert cause != Cause.WORKS or served >= 0 or not simulation.desk.is_idle(robot - n_cars)
-            assert cause != Cause.NO_TASK or served < 0 or simulation.desk.is_idle(robot - n_cars)
+            assert cause != Cause.WORKS or served >= 0 or not simulation.arm_manager.is_idle(robot - n_cars)
+            assert cause != Cause.NO_TASK or served < 0 or simulation.arm_manager.is_idle(robot - n_cars)
             continue
         phase = roster.phase[robot]
         if phase in (*BOUND, CarPhase.HELD):
@@ -72,7 +72,7 @@ def check(simulation: Simulation) -> None:
             assert (by, roster.served[place]) == (n_cars + place, robot)
             assert rows[by, Column.CAUSE] not in (Cause.AWAITS, Cause.NO_TASK)
         elif cause in (Cause.ARM, Cause.CLOSED):
-            assert not simulation.desk.is_idle(by - n_cars)
+            assert not simulation.arm_manager.is_idle(by - n_cars)
 
 
 @pytest.mark.parametrize("settings", [BUSY, TROUBLED, SHARED, CHARGING, ALONE, UNCAPPED])
@@ -84,7 +84,7 @@ def test_causes_agree_with_the_run(settings: dict[str, object]) -> None:
             simulation.tick()
             check(simulation)
             if simulation.now % 5 == 0:
-                circles += [told for told in map(simulation.explain, simulation.legend.robots) if told.cycle]
+                circles += [told for told in map(simulation.explain, simulation.codebook.robots) if told.cycle]
             seen |= set(simulation.causes.rows[:, Column.CAUSE].tolist())
         log, rows = simulation.causes.log, simulation.causes.rows
         last = log.at(simulation.now - 1)
@@ -102,7 +102,7 @@ def test_a_chain_goes_on_through_a_car_without_a_task_that_is_held_up_on_its_way
                 f"car_{car}" for car, phase in enumerate(simulation.dispatcher.roster.phase) if phase is CarPhase.IDLE
             }
             if simulation.now % 5 == 0:
-                for robot in simulation.legend.robots:
+                for robot in simulation.codebook.robots:
                     told = simulation.explain(robot, simulation.sim_s)
                     through |= {link.robot for link in told.chain[1:-1] if link.robot in idle and link.waits}
     assert through, "some car without a task was held up while another waited for it"
@@ -115,7 +115,7 @@ def test_a_run_that_is_asked_is_the_same_run() -> None:
             while not simulation.finished:
                 simulation.tick()
                 if asked and simulation.now % 10 == 0:
-                    for robot in simulation.legend.robots:
+                    for robot in simulation.codebook.robots:
                         str(simulation.explain(robot, simulation.sim_s / 2))
             runs.append((simulation.state_hash(), simulation.causes.log.since(0).tobytes()))
     assert runs[0] == runs[1]

@@ -8,7 +8,7 @@ import pytest
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig, ScenarioEvent
 from fleet.insight.metrics import Summary
 from fleet.simulation import Event, Simulation
-from fleet.stations.arms.service import ServiceState
+from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.tasks.board import TaskState
 
 SETTINGS = {"site": "cell", "robots": 1, "tasks": 1, "duration_s": 150.0, "arms": ArmConfig(workers_n=0)}
@@ -51,18 +51,18 @@ def test_a_parcel_that_falls_where_no_arm_gets_fails_its_task_with_a_reason() ->
     log: list[Event] = []
     config = RunConfig(**SETTINGS | {"fidelity": Fidelity.KINEMATIC})  # type: ignore[arg-type]
     with Simulation(config, on_event=log.append) as simulation:
-        while not simulation.desk.services[0].carries:
+        while not simulation.arm_manager.services[0].carries:
             simulation.tick()
         # Thrown, not dropped: into the next lane.
         simulation.world.fail_grip(0)
         simulation.tick()
         poses = simulation.world._parcels.poses  # type: ignore[attr-defined]
         poses[0, :2] += (0.0, 1.5)
-        assert simulation.desk.services[0].state in (ServiceState.PLANNING, ServiceState.MOVING)
+        assert simulation.arm_manager.services[0].state in (ArmPhase.PLANNING, ArmPhase.MOVING)
         simulation.run()
         summary = simulation.summary()
         task = simulation.board.tasks[0]
-        x, y, _ = simulation.dispatcher.stock.pose(task)[:3]
+        x, y, _ = simulation.dispatcher.inventory.pose(task)[:3]
     assert (summary.tasks_done, summary.tasks_failed, summary.parcel_balance) == (0, 1, 0)
     assert task.state is TaskState.FAILED
     assert "no way to the parcel" in task.reason
@@ -87,7 +87,7 @@ def test_an_overloaded_cup_says_so() -> None:
     log: list[Event] = []
     config = RunConfig(**SETTINGS | {"fidelity": Fidelity.PHYSICS})  # type: ignore[arg-type]
     with Simulation(config, on_event=log.append) as simulation:
-        while not simulation.desk.services[0].carries:
+        while not simulation.arm_manager.services[0].carries:
             simulation.tick()
         simulation.world._grip._limit[0] = 0.5  # type: ignore[attr-defined]
         while not of_kind(log, "parcel_dropped"):
@@ -95,21 +95,21 @@ def test_an_overloaded_cup_says_so() -> None:
         cause = str(of_kind(log, "parcel_dropped")[0].facts["cause"])
         assert cause.startswith("it pulled with ")
         assert cause.endswith(" N, the cup holds 0.5 N")
-        assert simulation.desk.dropped_n == 1
+        assert simulation.arm_manager.dropped_n == 1
         assert np.all(simulation.world.held() == -1)
 
 
 def test_a_parcel_in_the_air_over_a_tray_is_not_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
     config = RunConfig(site="cell", robots=1, tasks=1, fidelity=Fidelity.KINEMATIC, arms=ArmConfig(workers_n=0))
     with Simulation(config) as simulation:
-        task, stock = simulation.board.tasks[0], simulation.dispatcher.stock
+        task, inventory = simulation.board.tasks[0], simulation.dispatcher.inventory
         while task.state is not TaskState.CARRIED:
             simulation.tick()
-        pose = stock.pose(task)
+        pose = inventory.pose(task)
         for lift_m, inside in ((0.0, True), (0.06, True), (0.2, False)):
             raised = pose + np.array([0.0, 0.0, lift_m, 0.0, 0.0, 0.0, 0.0])
-            monkeypatch.setattr(stock, "pose", lambda _, raised=raised: raised)
-            assert stock.in_tray(task, 0) is inside
+            monkeypatch.setattr(inventory, "pose", lambda _, raised=raised: raised)
+            assert inventory.in_tray(task, 0) is inside
 
 
 @pytest.mark.slow
@@ -127,4 +127,4 @@ def test_fingers_let_go_of_a_parcel_that_they_have_held_for_long() -> None:
             simulation.tick()
         car = simulation.scene.car
         on_floor_m = car.tray_floor_z_m + max(task.delivery.size_m) / 2
-        assert simulation.dispatcher.stock.pose(task)[2] < on_floor_m + 0.01
+        assert simulation.dispatcher.inventory.pose(task)[2] < on_floor_m + 0.01

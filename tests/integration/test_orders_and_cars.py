@@ -52,7 +52,7 @@ def picked_in_order(simulation: Simulation) -> list[str]:
 
 def check_nothing_lost(simulation: Simulation) -> None:
     assert simulation.parcel_balance() == 0
-    assert simulation.dispatcher.stock.misplaced() == []
+    assert simulation.dispatcher.inventory.misplaced() == []
     for task in simulation.board.tasks:
         steps = task.history
         assert all(step.cause for step in steps)

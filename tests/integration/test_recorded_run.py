@@ -50,7 +50,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 
 def _note(run: Seen, simulation: Simulation) -> None:
     world, tick = simulation.world, simulation.now
-    names, causes = simulation.legend.robots, simulation.causes.rows
+    names, causes = simulation.codebook.robots, simulation.causes.rows
     run.cars[tick] = world.car_poses()
     run.arms[tick] = world.arm_positions()
     run.parcels[tick] = world.parcel_poses()
@@ -118,7 +118,7 @@ def test_the_graph_is_who_waited_for_whom(seen: Seen) -> None:
     assert sum(map(len, recorded.values())) > 5
     for tick, edges in recorded.items():
         between = {tuple(edge.values()) for edge in edges}
-        robots = set(seen.simulation.legend.robots)
+        robots = set(seen.simulation.codebook.robots)
         assert {edge for edge in between if edge[1] in robots} == seen.waits[tick]
 
 
@@ -185,7 +185,7 @@ def test_search_trees_are_recorded_on_request_and_change_nothing(
             watch = Watch(simulation, recorder, internals=internals)
             while not simulation.finished:
                 simulation.tick()
-                shown |= {(arm, simulation.now): edges for arm, edges in simulation.desk.trees.items()}
+                shown |= {(arm, simulation.now): edges for arm, edges in simulation.arm_manager.trees.items()}
                 watch.look()
             hashes.append(simulation.world.state_bytes())
             scene = simulation.scene

@@ -13,7 +13,7 @@ import pytest
 from fleet.cli.main import main
 from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.causes import OWN, Cause
-from fleet.insight.ledger import Account
+from fleet.insight.time_accounts import Account
 from fleet.insight.time_table import NoPandas
 from fleet.recording.trace_file import CHANGE, Quantity
 from fleet.report.page import ACCOUNTS
@@ -100,7 +100,7 @@ def test_waiting_in_cells_is_waiting_in_causes(run: Run, tables: dict[str, Table
         own = rows[rows[:, 1] == car]
         for change, end in zip(own, [*own[1:, 0], run.causes.end_tick], strict=True):
             for group, causes in GROUPS.items():
-                expected[group] += (end - change[0]) * run.legend.tick_s * (Cause(change[2]) in causes)
+                expected[group] += (end - change[0]) * run.codebook.tick_s * (Cause(change[2]) in causes)
     assert sum(expected.values()) > 5.0
     for group, seconds in expected.items():
         assert tables["cells"][f"wait_{group}_s"].sum() == pytest.approx(seconds, abs=1e-3)

@@ -8,7 +8,7 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig
 from fleet.simulation import Event, Simulation
-from fleet.stations.arms.service import ServiceState
+from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.tasks.board import TaskState
 from maps.site import load_site, save_site, site_from_plan
 
@@ -20,7 +20,7 @@ def run(simulation: Simulation) -> int:
     both = 0
     while not simulation.finished:
         simulation.tick()
-        both += all(service.state is ServiceState.MOVING for service in simulation.desk.services[:2])
+        both += all(service.state is ArmPhase.MOVING for service in simulation.arm_manager.services[:2])
     return both
 
 
@@ -98,27 +98,27 @@ def _until_fetched(simulation: Simulation) -> int:
     """Run until an arm holds a parcel that was fetched ahead; that arm."""
     while True:
         simulation.tick()
-        for service in simulation.desk.services[:2]:
-            if service.state is ServiceState.HOLDING:
+        for service in simulation.arm_manager.services[:2]:
+            if service.state is ArmPhase.HOLDING:
                 return service.arm
 
 
 def test_a_task_is_cancelled_while_its_parcel_is_in_the_grip() -> None:
     with simulated(fidelity=Fidelity.KINEMATIC, robots=4, tasks=6) as simulation:
         arm = _until_fetched(simulation)
-        parcel = simulation.desk.services[arm].parcel
+        parcel = simulation.arm_manager.services[arm].parcel
         task = simulation.board.tasks[parcel]
         simulation.cancel(task.order.name)
         run(simulation)
         check(simulation)
         assert task.state is TaskState.CANCELLED
-        assert simulation.desk.is_idle(arm)
+        assert simulation.arm_manager.is_idle(arm)
 
 
 def test_a_task_goes_to_another_car_while_its_parcel_is_in_the_grip() -> None:
     with simulated(fidelity=Fidelity.KINEMATIC, robots=4, tasks=6) as simulation:
         arm = _until_fetched(simulation)
-        task = simulation.board.tasks[simulation.desk.services[arm].parcel]
+        task = simulation.board.tasks[simulation.arm_manager.services[arm].parcel]
         before = task.car
         assert simulation.summary().parcels_misplaced == 0
         simulation.requeue(task.order.name)
@@ -132,7 +132,7 @@ def test_a_car_is_lost_on_its_way_to_what_was_fetched_for_it() -> None:
     events: list[Event] = []
     with simulated(events, fidelity=Fidelity.KINEMATIC, robots=4, tasks=8, duration_s=900.0) as simulation:
         arm = _until_fetched(simulation)
-        task = simulation.board.tasks[simulation.desk.services[arm].parcel]
+        task = simulation.board.tasks[simulation.arm_manager.services[arm].parcel]
         assert task.car is not None
         simulation.lose_car(task.car, "broken in a test")
         run(simulation)
@@ -149,7 +149,7 @@ def test_what_was_fetched_for_a_car_that_comes_later_is_put_back() -> None:
             arm = _next_fetched(simulation)
             if arm is None:
                 break
-            task = simulation.board.tasks[simulation.desk.services[arm].parcel]
+            task = simulation.board.tasks[simulation.arm_manager.services[arm].parcel]
             if task.state is TaskState.ASSIGNED and simulation.now % 2:
                 simulation.requeue(task.order.name)
         run(simulation)
@@ -159,10 +159,10 @@ def test_what_was_fetched_for_a_car_that_comes_later_is_put_back() -> None:
 
 def _next_fetched(simulation: Simulation) -> int | None:
     """Run until an arm begins to hold a parcel; None if none does any more."""
-    held = [service.state is ServiceState.HOLDING for service in simulation.desk.services[:2]]
+    held = [service.state is ArmPhase.HOLDING for service in simulation.arm_manager.services[:2]]
     while not simulation.finished:
         simulation.tick()
-        now = [service.state is ServiceState.HOLDING for service in simulation.desk.services[:2]]
+        now = [service.state is ArmPhase.HOLDING for service in simulation.arm_manager.services[:2]]
         fresh = [arm for arm in (0, 1) if now[arm] and not held[arm]]
         if fresh:
             return fresh[0]

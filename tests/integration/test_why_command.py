@@ -44,7 +44,7 @@ def test_files_tell_what_the_run_told(folder: Path, capsys: pytest.CaptureFixtur
         simulation.run()
         live = {
             (robot, time_s): simulation.explain(robot, time_s)
-            for robot in simulation.legend.robots
+            for robot in simulation.codebook.robots
             for time_s in TIMES_S
         }
     assert any(found.waits for found in live.values())

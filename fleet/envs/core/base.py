@@ -25,7 +25,7 @@ from fleet.errors import FleetError
 
 Picture = npt.NDArray[np.uint8]
 Infos = dict[str, dict[str, Any]]
-Told = tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], Infos]
+StepReturn = tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], Infos]
 """Observations, rewards, terminations, truncations and infos of all agents."""
 
 
@@ -194,7 +194,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         self._show()
         return told
 
-    def step(self, actions: Mapping[str, Any]) -> Told:
+    def step(self, actions: Mapping[str, Any]) -> StepReturn:
         """Let every agent act.
 
         Args:
@@ -334,7 +334,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         self.agents = self.possible_agents[:]
         return self._observations(), infos
 
-    def _do(self, resolved: Any) -> Told:
+    def _do(self, resolved: Any) -> StepReturn:
         rewards, done, infos = self._advance(resolved)
         self._log.append(resolved)
         self.steps_n += 1

@@ -11,12 +11,12 @@ import numpy.typing as npt
 
 from fleet.envs.core.base import ActionError
 
-Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 ILLEGAL = -1
 """What an action becomes that is no whole number."""
 
 
-def whole_numbers(actions: Mapping[str, Any], agents: list[str]) -> Longs:
+def whole_numbers(actions: Mapping[str, Any], agents: list[str]) -> Int64Array:
     """Actions as whole numbers in the order of the agents, shape (n,); 0 for agents that are missing.
 
     Numbers that are not whole, nan among them, become `ILLEGAL`.

@@ -54,7 +54,7 @@ from fleet.envs.dispatch.fleets import DispatchFleet, GridDispatch
 from fleet.envs.dispatch.view import DispatchObserver, DispatchView
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import NONE
-from fleet.envs.layers.layer import Bools, LayerEnv, Longs
+from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
 from fleet.envs.layers.sites import check_site, place_of
 from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
@@ -161,7 +161,7 @@ class DispatchEnv(LayerEnv[DispatchView]):
         rows, masks, self.candidates = self.observer.look(self.view)
         return rows, masks
 
-    def _play(self, choice: Longs) -> tuple[FloatArray, Bools]:
+    def _play(self, choice: Int64Array) -> tuple[FloatArray, Bools]:
         fleet, weights = self.fleet, self._weights
         assert fleet is not None
         wanted = np.where(choice > 0, self.candidates[self._cars, choice - 1], NONE)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fleet.config import ArmConfig, Fidelity, RunConfig
-from fleet.dispatch.allocation import Allotment, Choice, Situation
+from fleet.dispatch.allocation import Choice, Situation, TaskAllocation
 from fleet.envs.dispatch.view import DispatchView
 from fleet.envs.grid.fleet import FleetSite
 from fleet.envs.layers.simulated_fleet import OrderedSimulation, SimulatedFleet
@@ -16,27 +16,27 @@ from fleet.tasks.board import UNDER_WAY, Task, TaskState
 from fleet.tasks.order import Delivery
 
 
-class AgentAllotment(Allotment):
+class AgentAllocation(TaskAllocation):
     """Gives the tasks out as agents have chosen, each choice once; nobody changes hands afterwards."""
 
     chosen: Sequence[tuple[int, Task]] = ()
     """Cars and the tasks they are to have."""
 
     def choose(self, situation: Situation, now_s: float) -> Choice:
-        """See `Allotment`."""
+        """See `TaskAllocation`."""
         del now_s
         chosen, self.chosen = self.chosen, ()
         legal = [(car, task) for car, task in chosen if situation.standing[car] is None]
         return Choice(taken=[], given=[(car, task) for car, task in legal if task.state is TaskState.READY])
 
     def plan_filling(self, situation: Situation, now_s: float) -> None:
-        """See `Allotment`; slots are filled in the order of the classes and of the releases."""
+        """See `TaskAllocation`; slots are filled in the order of the classes and of the releases."""
 
 
 class DispatchSimulation(OrderedSimulation):
     """A `Simulation` whose tasks agents give out."""
 
-    allotment_type = AgentAllotment
+    allocation_type = AgentAllocation
 
 
 class SimulatedDispatch(SimulatedFleet):
@@ -107,7 +107,7 @@ class SimulatedDispatch(SimulatedFleet):
     def give(self, pairs: Sequence[tuple[int, int]]) -> None:
         """See `DispatchFleet`; the tasks are given out in the first tick of the next `run`."""
         simulation = self.simulation
-        allotment = simulation.dispatcher.allotment
-        if pairs and isinstance(allotment, AgentAllotment):
-            allotment.chosen = [(car, simulation.board.tasks[task]) for car, task in pairs]
+        allocation = simulation.dispatcher.allocation
+        if pairs and isinstance(allocation, AgentAllocation):
+            allocation.chosen = [(car, simulation.board.tasks[task]) for car, task in pairs]
             simulation.dispatcher.roster.changed = True

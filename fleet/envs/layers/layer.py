@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # heavy, and most who train record nothing
     from fleet.recording import PictureRecorder
 
 Bools = npt.NDArray[np.bool_]
-Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 LOADED = (Phase.TO_DROP, Phase.UNLOADING)
 """Phases of a car with a parcel."""
 
@@ -152,7 +152,7 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         """Observations, shape (n_cars, row_n), and masks, shape (n_cars, n_actions), of the last view."""
 
     @abstractmethod
-    def _play(self, choice: Longs) -> tuple[FloatArray, Bools]:
+    def _play(self, choice: Int64Array) -> tuple[FloatArray, Bools]:
         """Make a step; returns terms, shape (n_cars, n_terms), and who did not get what it chose, shape (n_cars,).
 
         Args:
@@ -190,10 +190,10 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         nobody = np.zeros(self._n_cars, dtype=np.bool_)
         return self._infos(np.zeros((self._n_cars, self._terms_n)), nobody, nobody)
 
-    def _resolved(self, actions: Mapping[str, Any]) -> Longs:
+    def _resolved(self, actions: Mapping[str, Any]) -> Int64Array:
         return whole_numbers(actions, self.possible_agents)
 
-    def _advance(self, resolved: Longs) -> tuple[dict[str, float], bool, Infos]:
+    def _advance(self, resolved: Int64Array) -> tuple[dict[str, float], bool, Infos]:
         inside = (resolved >= 0) & (resolved < self._n_actions)
         legal = inside & (self._mask[self._cars, np.where(inside, resolved, 0)] == 1)
         self.fleet.forget()

@@ -14,7 +14,7 @@ from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.envs.warehouse.rows import NEAR_M, WAY_POINTS_M
 from fleet.simulation import Simulation
 from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_desk import ArmDesk
+from fleet.stations.arms.arm_manager import ArmManager
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.stations.arms.transfer import TransferRequest
 
@@ -74,19 +74,19 @@ class PlannedArms:
             return {}
         if simulation is not self._simulation:
             self._begin(simulation)
-        desk, step_s = self._desk, 1.0 / env.metadata["render_fps"]
-        before, held = desk.q.copy(), simulation.world.held()
+        arm_manager, step_s = self._arm_manager, 1.0 / env.metadata["render_fps"]
+        before, held = arm_manager.q.copy(), simulation.world.held()
         for agent in agents:
             arm = int(agent.rpartition("_")[2])
-            transfer = simulation.desk.transfer(arm)
-            if transfer is not None and transfer is not self._asked.get(arm) and desk.is_idle(arm):
+            transfer = simulation.arm_manager.transfer(arm)
+            if transfer is not None and transfer is not self._asked.get(arm) and arm_manager.is_idle(arm):
                 self._asked[arm] = transfer
-                desk.submit(transfer, self._tick)
+                arm_manager.submit(transfer, self._tick)
         for _ in range(round(step_s / simulation.tick_s)):
-            desk.tick(self._tick, held)
+            arm_manager.tick(self._tick, held)
             self._tick += 1
-        speeds = (desk.q - before) / step_s / simulation.scene.arm.max_velocity_radps
-        grip = np.where(desk.grip, 1.0, -1.0)
+        speeds = (arm_manager.q - before) / step_s / simulation.scene.arm.max_velocity_radps
+        grip = np.where(arm_manager.grip, 1.0, -1.0)
         return {
             agent: np.append(speeds[arm], grip[arm]).astype(np.float32)
             for agent, arm in ((agent, int(agent.rpartition("_")[2])) for agent in agents)
@@ -95,7 +95,7 @@ class PlannedArms:
     def _begin(self, simulation: Simulation) -> None:
         scene, names = simulation.scene, tuple(station.name for station in simulation.stations)
         planner = make_arm_planner(arm_cells(simulation.site, scene), names, scene.arm, simulation.config)
-        self._desk = ArmDesk(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)
+        self._arm_manager = ArmManager(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)
         self._simulation, self._asked, self._tick = simulation, {}, 0
 
 

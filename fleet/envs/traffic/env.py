@@ -52,7 +52,7 @@ from fleet.envs.core.base import Infos, in_order, turn_based
 from fleet.envs.core.weights import check_weights, require_weights
 from fleet.envs.grid.fleet import N_KINDS, TIMESTEP_S
 from fleet.envs.grid.kernel import NONE, Ints
-from fleet.envs.layers.layer import Bools, LayerEnv, Longs
+from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
 from fleet.envs.layers.sites import check_site, place_of
 from fleet.envs.traffic.fleets import GridTraffic, TrafficFleet
 from fleet.envs.traffic.view import ROW_N, TrafficObserver, TrafficView
@@ -147,7 +147,7 @@ class TrafficEnv(LayerEnv[TrafficView]):
     def _rows_now(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
         return self._observer.look(self.view)
 
-    def _play(self, choice: Longs) -> tuple[FloatArray, Bools]:
+    def _play(self, choice: Int64Array) -> tuple[FloatArray, Bools]:
         fleet, view, weights = self.fleet, self.view, self._weights
         assert fleet is not None
         # Copies: on the grid the view shows the fleet itself, which is about to change.

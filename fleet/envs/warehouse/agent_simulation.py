@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import Fidelity, RunConfig, require
-from fleet.envs.warehouse.agent_desk import AgentDesk
+from fleet.envs.warehouse.agent_arm_manager import AgentArmManager
 from fleet.envs.warehouse.agent_driver import AgentDriver
-from fleet.simulation import Ground, Simulation
-from fleet.stations.arms.arm_desk import ArmPlanner
+from fleet.simulation import RunSetup, Simulation
+from fleet.stations.arms.arm_manager import ArmPlanner
 
 
 class AgentSimulation(Simulation):
@@ -31,9 +31,9 @@ class AgentSimulation(Simulation):
 
     books = False
     driver: AgentDriver
-    desk: AgentDesk
+    arm_manager: AgentArmManager
 
-    def __init__(self, config: RunConfig, *, ground: Ground, planner: ArmPlanner, cars_n: int, arms_n: int) -> None:
+    def __init__(self, config: RunConfig, *, ground: RunSetup, planner: ArmPlanner, cars_n: int, arms_n: int) -> None:
         require(config.fidelity is not Fidelity.GRID, "fidelity", str(config.fidelity), "kinematic, physics")
         self.cars_n = cars_n
         self.arms_n = arms_n
@@ -46,9 +46,9 @@ class AgentSimulation(Simulation):
     def _arm_planner(self) -> ArmPlanner:
         return self._planner
 
-    def _desk(self) -> AgentDesk:
+    def _arm_manager(self) -> AgentArmManager:
         scene = self.scene
-        return AgentDesk(
+        return AgentArmManager(
             self.arm_planner,
             self.config.arms,
             scene.car,

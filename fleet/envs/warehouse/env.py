@@ -87,7 +87,7 @@ from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.core.choices import row_of
 from fleet.envs.core.weights import require_weights
-from fleet.envs.warehouse.agent_desk import NoPlanner
+from fleet.envs.warehouse.agent_arm_manager import NoPlanner
 from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.drawing import Drawing
 from fleet.envs.warehouse.hands import TIP_N, joint_velocities, move_targets, shares_of
@@ -98,9 +98,9 @@ from fleet.envs.warehouse.rows import ARM_N, CAR_N, make_legal
 from fleet.robots.iiwa import N_JOINTS
 from fleet.sensors.camera import Camera
 from fleet.sensors.lidar import Lidar, LidarRing
-from fleet.simulation import Actions, Ground
+from fleet.simulation import Actions, RunSetup
 from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_desk import ArmPlanner
+from fleet.stations.arms.arm_manager import ArmPlanner
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.tasks.board import DONE_STATES, TaskState
 from fleet.world.kinematic import KinematicConfig, KinematicWorld
@@ -272,7 +272,7 @@ class WarehouseEnv(FleetEnv):
             fidelity=Fidelity(fidelity),
             arms=ArmConfig(workers_n=0),
         )
-        self._ground: Ground | None = None
+        self._ground: RunSetup | None = None
         self._start_of_world: object = None
         self._start_hits: FloatArray | None = None  # what all rays meet there
         self._planner: ArmPlanner = NoPlanner()
@@ -381,7 +381,7 @@ class WarehouseEnv(FleetEnv):
 
     def _quick(self) -> _Quick | None:
         episode, world = self._now(), _world(self._opened())
-        if self._config.fidelity is Fidelity.PHYSICS or episode.simulation.desk.awaits_plans:
+        if self._config.fidelity is Fidelity.PHYSICS or episode.simulation.arm_manager.awaits_plans:
             return None  # what the engine remembers of touches is in no snapshot
         return _Quick(episode=self._copied(episode), world=world, moment=world.save())
 
@@ -406,10 +406,10 @@ class WarehouseEnv(FleetEnv):
             raise EpisodeError("there was no episode yet; valid: reset() first")
         return self._episode
 
-    def _opened(self) -> Ground:
+    def _opened(self) -> RunSetup:
         """Site, world and arm planner, made once."""
         if self._ground is None:
-            ground = Ground.of(self._config)
+            ground = RunSetup.of(self._config)
             world = self._made_world(ground)
             self._ground = replace(ground, world=world)
             # Also the first episode begins as a return to the start, so that it is like all others.
@@ -420,7 +420,7 @@ class WarehouseEnv(FleetEnv):
                 self._planner = make_arm_planner(cells, names, ground.scene.arm, self._config)
         return self._ground
 
-    def _made_world(self, ground: Ground) -> World:
+    def _made_world(self, ground: RunSetup) -> World:
         tick_s = self._step_s / self._ticks_n
         if self._config.fidelity is Fidelity.KINEMATIC:
             return KinematicWorld(ground.scene, KinematicConfig(tick_s=tick_s))
@@ -503,7 +503,7 @@ def _legal(
     return rows, missing
 
 
-def _world(ground: Ground) -> World:
+def _world(ground: RunSetup) -> World:
     """The world of an opened ground."""
     if ground.world is None:
         raise EpisodeError("there is no world; valid: reset() first")

@@ -18,7 +18,7 @@ from fleet.envs.warehouse.rows import (
 )
 from fleet.missions.roster import PHASES, CarPhase
 from fleet.sensors.lidar import LidarRing
-from fleet.stations.arms.service import ServiceState
+from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.arms.transfer import TRAY, TransferRequest
 from fleet.world.protocol import FloatArray
 
@@ -109,7 +109,7 @@ class Observer:
         cars_n = len(self.car_rows)
         self.poses = driver.poses_now(world)
         self._draw_routes()
-        roster, services = simulation.dispatcher.roster, simulation.desk.services
+        roster, services = simulation.dispatcher.roster, simulation.arm_manager.services
         car_rows(
             self.car_rows,
             self.poses,
@@ -127,7 +127,7 @@ class Observer:
             self._granted_m,
             simulation.dispatcher.bookings.place_of,
             self._docks,
-            np.array([service.state is ServiceState.IDLE for service in services]),
+            np.array([service.state is ArmPhase.IDLE for service in services]),
             roster.served,
         )
         if self._ring is not None:
@@ -182,7 +182,7 @@ class Observer:
         world, scene = simulation.world, simulation.scene
         arms_n = len(self.arm_rows)
         for arm, asked in enumerate(self._asked):
-            transfer = simulation.desk.transfer(arm)
+            transfer = simulation.arm_manager.transfer(arm)
             if transfer is not asked:
                 self._asked[arm] = transfer
                 self._transfers[arm] = -1.0, 0.0, 0.0, 0.0, 0.0

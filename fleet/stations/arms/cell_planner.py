@@ -258,7 +258,7 @@ class CellPlanner:
         alike = np.einsum("kij,ij->k", grips.tips[:, :3, :3], self._via_tip(via)[:3, :3])
         for k in np.argsort(-alike, kind="stable"):
             try:
-                lower, lift = self._lines(self._approach(via, grips.tips[k]), None, held)
+                lower, lift = self._lines(self._admission(via, grips.tips[k]), None, held)
                 over = () if via == place else (self._way(via, place, loaded=True),)
                 return (self._way(HOME, via, loaded=False), lower, Signal.GRIP, lift, *over)
             except UnreachableError:
@@ -276,7 +276,7 @@ class CellPlanner:
         self, request: TransferRequest | DeliverRequest, place: int, grip_height: float, held: Held
     ) -> tuple[Step, ...]:
         """From above a place down to it, and home."""
-        down = self._approach(place, self._place_tip(request, grip_height))
+        down = self._admission(place, self._place_tip(request, grip_height))
         lower, lift = self._lines(down, held, None)
         return (
             lower,
@@ -299,7 +299,7 @@ class CellPlanner:
         refusal: UnreachableError | None = None
         for tip, height in self._grips(request):
             try:
-                return self._approach(request.pick_via, tip), height
+                return self._admission(request.pick_via, tip), height
             except UnreachableError as error:
                 refusal = refusal or error
         raise refusal or UnreachableError("the parcel cannot be gripped from above")
@@ -351,7 +351,7 @@ class CellPlanner:
         tip[:3, 3] = support[0], support[1], support[2] + RELEASE_M + grip_height
         return tip
 
-    def _approach(self, via: int, tip: FloatArray) -> FloatArray:
+    def _admission(self, via: int, tip: FloatArray) -> FloatArray:
         """Straight lines from a via point to above a tip pose and down to it, shape (k, n)."""
         start = self._via(via)
         above = tip.copy()

@@ -9,8 +9,8 @@ import numpy as np
 
 from fleet.robots.tools import Tool
 from fleet.stations.arms.arm_cell import FENCE_M
+from fleet.stations.arms.arm_controller import ArmController
 from fleet.stations.arms.arm_spheres import arm_spheres
-from fleet.stations.arms.service import ArmService
 from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.protocol import FloatArray
 from fleet.world.scene import Scene
@@ -51,7 +51,7 @@ class SharedDock:
         self,
         arms: Sequence[ArmInWorld],
         loaded: Sequence[ArmInWorld],
-        services: Sequence[ArmService],
+        services: Sequence[ArmController],
         reach_m: float,
     ) -> None:
         self._arms = (arms, loaded)
@@ -128,7 +128,7 @@ class SharedDock:
         return bool(ahead[rows].max() <= self._own_m - MARGIN_M)
 
 
-def share_docks(site: Site, scene: Scene, tool: Tool, services: Sequence[ArmService]) -> tuple[SharedDock, ...]:
+def share_docks(site: Site, scene: Scene, tool: Tool, services: Sequence[ArmController]) -> tuple[SharedDock, ...]:
     """Coordinate the arms of every dock that has two.
 
     Args:

@@ -20,7 +20,7 @@ from numba import njit
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Integers: TypeAlias = npt.NDArray[np.int64]
-Whole: TypeAlias = int | np.int64
+Int: TypeAlias = int | np.int64
 Number: TypeAlias = float | np.float64
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
@@ -100,7 +100,7 @@ def _clear(shop: Arrays, books: Books) -> None:
 
 
 @njit(**_OPTIONS)
-def _job_end(shop: Arrays, books: Books, job: Whole, vehicle: Whole, book: bool) -> Number:
+def _job_end(shop: Arrays, books: Books, job: Int, vehicle: Int, book: bool) -> Number:
     """When a job would end at the end of a vehicle's list, inf = no way; `book` puts it into the books."""
     now_s: Number = books.ready_s[vehicle] + shop.travel_s[books.at[vehicle], shop.first_place[job]]
     now_s = max(now_s, shop.release_s[job])
@@ -246,7 +246,7 @@ def append(shop: Arrays, books: Books, planned_n: int, order: Integers, vehicle:
 
 
 @njit(**_OPTIONS)
-def _move(order: Integers, source: Whole, target: Whole) -> None:
+def _move(order: Integers, source: Int, target: Int) -> None:
     """Take the job at one position out of the order and put it in at another."""
     job = order[source]
     for k in range(source, target):
@@ -257,7 +257,7 @@ def _move(order: Integers, source: Whole, target: Whole) -> None:
 
 
 @njit(**_OPTIONS)
-def _swap_tails(order: Integers, vehicle: Integers, position: Whole, a: Whole, b: Whole) -> None:
+def _swap_tails(order: Integers, vehicle: Integers, position: Int, a: Int, b: Int) -> None:
     """Two vehicles swap all their jobs from a position on."""
     for k in range(position, len(order)):
         if vehicle[order[k]] == a:
@@ -273,7 +273,7 @@ def _copy(source: Integers, target: Integers) -> None:
 
 
 @njit(**_OPTIONS)
-def _swap(values: Integers, a: Whole, b: Whole) -> None:
+def _swap(values: Integers, a: Int, b: Int) -> None:
     values[a], values[b] = values[b], values[a]
 
 
@@ -289,7 +289,7 @@ def _random(state: npt.NDArray[np.uint64]) -> float:
 
 
 @njit(**_OPTIONS)
-def _below(state: npt.NDArray[np.uint64], n: Whole) -> int:
+def _below(state: npt.NDArray[np.uint64], n: Int) -> int:
     return int(_random(state) * n)
 
 

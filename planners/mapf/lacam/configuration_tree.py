@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.mapf.chance import Chance, chance_of, draw, mixed
-from planners.mapf.kernel import Whole, kernel
+from planners.mapf.kernel import Int, kernel
 from planners.mapf.lacam.successors import Board, Guide, board_of, clear, complete, constrain, set_out
 from planners.mapf.problem import BoolArray, IntArray
 from planners.mapf.roads import Roads
@@ -20,7 +20,7 @@ _RESTART_SHARE = 0.001
 _EXHAUSTED, _SPENT, _FULL, _IMPROVED = range(4)
 _N_NODES, _N_PARTS, _N_EDGES, _N_OPEN, _GOAL = range(5)
 
-Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 
 
 class _Memory(NamedTuple):
@@ -29,7 +29,7 @@ class _Memory(NamedTuple):
     Parts of a node form a queue (breadth first); a part constrains one more agent than its parent part.
     """
 
-    counts: Longs
+    counts: Int64Array
     """Used length of the pools below, and the goal node or -1."""
     states: IntArray
     """Shape (nodes, n)."""
@@ -37,9 +37,9 @@ class _Memory(NamedTuple):
     """Timesteps of each agent since it was at its goal, and a fraction that tells equals apart, shape (nodes, n)."""
     order: IntArray
     """Agents by urgency, the most urgent first, shape (nodes, n)."""
-    cost: Longs
+    cost: Int64Array
     """Least loss known from the start, shape (nodes,)."""
-    left: Longs
+    left: Int64Array
     """Sum of the distances to the goals: a lower bound of what is still to come."""
     parent: IntArray
     first_part: IntArray
@@ -221,7 +221,7 @@ def _grown(memory: _Memory) -> _Memory:
 
 
 @kernel
-def _slot_of(states: IntArray, slots: IntArray, wanted: IntArray) -> Whole:  # pragma: no cover - compiled
+def _slot_of(states: IntArray, slots: IntArray, wanted: IntArray) -> Int:  # pragma: no cover - compiled
     """Where a configuration is in the hash table, or the free slot where it belongs."""
     word = np.uint64(0)
     for agent in range(len(wanted)):
@@ -242,13 +242,13 @@ def _slot_of(states: IntArray, slots: IntArray, wanted: IntArray) -> Whole:  # p
 
 
 @kernel
-def _fill_slots(states: IntArray, n_nodes: Whole, slots: IntArray) -> None:  # pragma: no cover - compiled
+def _fill_slots(states: IntArray, n_nodes: Int, slots: IntArray) -> None:  # pragma: no cover - compiled
     for node in range(n_nodes):
         slots[_slot_of(states, slots, states[node])] = node
 
 
 @kernel
-def _left_of(guide: Guide, states: IntArray) -> Whole:  # pragma: no cover - compiled
+def _left_of(guide: Guide, states: IntArray) -> Int:  # pragma: no cover - compiled
     total = np.int64(0)
     for agent in range(len(states)):
         if guide.row[agent] >= 0:
@@ -257,7 +257,7 @@ def _left_of(guide: Guide, states: IntArray) -> Whole:  # pragma: no cover - com
 
 
 @kernel
-def _loss_of(guide: Guide, now: IntArray, after: IntArray) -> Whole:  # pragma: no cover - compiled
+def _loss_of(guide: Guide, now: IntArray, after: IntArray) -> Int:  # pragma: no cover - compiled
     total = np.int64(0)
     for agent in range(len(now)):
         goal = guide.goals[agent]
@@ -267,9 +267,7 @@ def _loss_of(guide: Guide, now: IntArray, after: IntArray) -> Whole:  # pragma: 
 
 
 @kernel
-def _add(
-    guide: Guide, memory: _Memory, states: IntArray, parent: Whole, cost: Whole
-) -> Whole:  # pragma: no cover - compiled
+def _add(guide: Guide, memory: _Memory, states: IntArray, parent: Int, cost: Int) -> Int:  # pragma: no cover - compiled
     """Put a new configuration into the tree and on the stack; the agents away from their goals become more urgent."""
     counts = memory.counts
     node = np.int64(counts[_N_NODES])
@@ -301,7 +299,7 @@ def _add(
 
 
 @kernel
-def _sort(memory: _Memory, node: Whole, parent: Whole) -> None:  # pragma: no cover - compiled
+def _sort(memory: _Memory, node: Int, parent: Int) -> None:  # pragma: no cover - compiled
     """Order the agents of a node by urgency: an insertion sort, because the order of its parent is nearly right.
 
     Those who have just arrived go to the end first, which would be long ways for an insertion.
@@ -321,7 +319,7 @@ def _sort(memory: _Memory, node: Whole, parent: Whole) -> None:  # pragma: no co
 
 
 @kernel
-def _note_goal(memory: _Memory, node: Whole) -> None:  # pragma: no cover - compiled
+def _note_goal(memory: _Memory, node: Int) -> None:  # pragma: no cover - compiled
     """Agents without a goal can end anywhere, so more than one configuration may do: keep the cheapest."""
     goal = memory.counts[_GOAL]
     if memory.left[node] == 0 and (goal < 0 or memory.cost[node] < memory.cost[goal]):
@@ -329,7 +327,7 @@ def _note_goal(memory: _Memory, node: Whole) -> None:  # pragma: no cover - comp
 
 
 @kernel
-def _link(memory: _Memory, node: Whole, to: Whole) -> None:  # pragma: no cover - compiled
+def _link(memory: _Memory, node: Int, to: Int) -> None:  # pragma: no cover - compiled
     edge = memory.first_edge[node]
     while edge >= 0:
         if memory.edge_to[edge] == to:
@@ -343,7 +341,7 @@ def _link(memory: _Memory, node: Whole, to: Whole) -> None:  # pragma: no cover 
 
 
 @kernel
-def _rewire(guide: Guide, memory: _Memory, node: Whole, bound: Whole) -> None:  # pragma: no cover - compiled
+def _rewire(guide: Guide, memory: _Memory, node: Int, bound: Int) -> None:  # pragma: no cover - compiled
     """Pass on a way that got shorter to all configurations beyond; they are worth another look."""
     n_nodes = memory.counts[_N_NODES]
     queue, reopened = memory.queue, memory.reopened
@@ -383,10 +381,10 @@ def _search(
     board: Board,
     memory: _Memory,
     chance: Chance,
-    samples: Whole,
-    iterations: Whole,
-    bound: Whole,
-) -> tuple[Whole, Whole]:  # pragma: no cover - compiled
+    samples: Int,
+    iterations: Int,
+    bound: Int,
+) -> tuple[Int, Int]:  # pragma: no cover - compiled
     """Expand nodes; returns how many, and why it stopped."""
     counts = memory.counts
     n = memory.states.shape[1]
@@ -466,7 +464,7 @@ def _search(
 
 @kernel
 def _split(
-    roads: Roads, memory: _Memory, node: Whole, part: Whole, agent: Whole, now: IntArray
+    roads: Roads, memory: _Memory, node: Int, part: Int, agent: Int, now: IntArray
 ) -> None:  # pragma: no cover - compiled
     """Queue the parts that constrain one more agent, one for each of its next states."""
     first, last = roads.ptr[now[agent]], roads.ptr[now[agent] + 1]

@@ -12,14 +12,14 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.chance import Chance, chance_of, draw, draw_below
 from planners.mapf.distance_table import DistanceTable, tables_of
-from planners.mapf.kernel import Whole, kernel
+from planners.mapf.kernel import Int, kernel
 from planners.mapf.lacam.successors import Guide, guide_of
 from planners.mapf.lacam.timetable import Frontier, Timetable, enter, frontier_of, reroute, timetable_of, withdraw
 from planners.mapf.problem import BoolArray, Instance, IntArray, Plan
 from planners.mapf.roads import Roads, closed_cells, roads_of
 from planners.status import Status
 
-Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
 _SIZES = np.array([1, 2, 3, 4, 6, 8], dtype=np.int64)
@@ -43,7 +43,7 @@ class _Choice(NamedTuple):
     movable: IntArray
     """Agents that have a goal and may move."""
     starts: IntArray
-    least: Longs
+    least: Int64Array
     """Distance of each agent from its start to its goal."""
     saved: Floats
     """Loss saved by each way and size, fading, shape (3 * n_sizes,)."""
@@ -53,7 +53,7 @@ class _Choice(NamedTuple):
     is_picked: BoolArray
     kept: IntArray
     """The paths of the picked agents before the step, shape (largest size, T + 1)."""
-    kept_loss: Longs
+    kept_loss: Int64Array
     queue: IntArray
     seen: BoolArray
 
@@ -205,7 +205,7 @@ def _lead(
     starts: IntArray,
     agents: IntArray,
     chance: Chance,
-) -> Whole:  # pragma: no cover - compiled
+) -> Int:  # pragma: no cover - compiled
     """Enter the cheapest paths of agents, one after the other; returns how many until one has none."""
     for k in range(len(agents)):
         agent = np.int64(agents[k])
@@ -222,9 +222,9 @@ def _improve(
     table: Timetable,
     frontier: Frontier,
     choice: _Choice,
-    sizes: Longs,
+    sizes: Int64Array,
     chance: Chance,
-    steps: Whole,
+    steps: Int,
 ) -> None:  # pragma: no cover - compiled
     for _ in range(steps):
         arm = _choose(choice, chance)
@@ -244,7 +244,7 @@ def _improve(
 
 
 @kernel
-def _choose(choice: _Choice, chance: Chance) -> Whole:  # pragma: no cover - compiled
+def _choose(choice: _Choice, chance: Chance) -> Int:  # pragma: no cover - compiled
     """Draw a kind of neighbourhood by what it has yielded for its work."""
     n = len(choice.saved)
     total = 0.0
@@ -266,11 +266,11 @@ def _replan(
     table: Timetable,
     frontier: Frontier,
     choice: _Choice,
-    count: Whole,
-    before: Whole,
-    least: Whole,
+    count: Int,
+    before: Int,
+    least: Int,
     chance: Chance,
-) -> Whole:  # pragma: no cover - compiled
+) -> Int:  # pragma: no cover - compiled
     """Lead the picked agents anew; returns the loss that it saves, 0 also when everything stays as it was."""
     picked, path = choice.picked, table.path
     for k in range(count):
@@ -307,8 +307,8 @@ def _replan(
 
 @kernel
 def _pick(
-    roads: Roads, guide: Guide, table: Timetable, choice: _Choice, way: Whole, size: Whole, chance: Chance
-) -> Whole:  # pragma: no cover - compiled
+    roads: Roads, guide: Guide, table: Timetable, choice: _Choice, way: Int, size: Int, chance: Chance
+) -> Int:  # pragma: no cover - compiled
     """Pick agents; returns how many."""
     delay = np.int64(0)
     for agent in choice.movable:
@@ -335,7 +335,7 @@ def _pick(
 
 
 @kernel
-def _note(guide: Guide, choice: _Choice, count: Whole, agent: Whole, size: Whole) -> Whole:  # pragma: no cover
+def _note(guide: Guide, choice: _Choice, count: Int, agent: Int, size: Int) -> Int:  # pragma: no cover
     """Pick one more agent, unless it is picked already or cannot move. Compiled."""
     if count == size or agent < 0 or choice.is_picked[agent] or guide.row[agent] < 0 or guide.fixed[agent]:
         return count
@@ -350,11 +350,11 @@ def _pick_along(
     guide: Guide,
     table: Timetable,
     choice: _Choice,
-    seed: Whole,
-    count: Whole,
-    size: Whole,
+    seed: Int,
+    count: Int,
+    size: Int,
     chance: Chance,
-) -> Whole:  # pragma: no cover - compiled
+) -> Int:  # pragma: no cover - compiled
     """Whoever is in the way when the seed tries at random to arrive earlier than it does."""
     path, row = table.path[seed], guide.row[seed]
     arrival = len(path) - 1
@@ -392,11 +392,11 @@ def _pick_around(
     guide: Guide,
     table: Timetable,
     choice: _Choice,
-    seed: Whole,
-    count: Whole,
-    size: Whole,
+    seed: Int,
+    count: Int,
+    size: Int,
     chance: Chance,
-) -> Whole:  # pragma: no cover - compiled
+) -> Int:  # pragma: no cover - compiled
     """Whoever is near a place of the seed's path around the time when it is there."""
     path = table.path[seed]
     last = len(path) - 1

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from planners.mapf.chance import Chance, draw
 from planners.mapf.distance_table import Distances, DistanceTable
-from planners.mapf.kernel import Whole, kernel
+from planners.mapf.kernel import Int, kernel
 from planners.mapf.problem import BoolArray, Instance, IntArray
 from planners.mapf.roads import Roads
 
@@ -111,7 +111,7 @@ def clear(roads: Roads, board: Board, now: IntArray, after: IntArray) -> None:  
 
 @kernel
 def constrain(
-    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, agent: Whole, to: Whole
+    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, agent: Int, to: Int
 ) -> bool:  # pragma: no cover - compiled
     """Decide an agent's next state; False, with nothing changed, when that contradicts what is decided."""
     if after[agent] >= 0:
@@ -162,7 +162,7 @@ def complete(
 
 @kernel
 def _decide(
-    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, first: Whole, chance: Chance
+    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, first: Int, chance: Chance
 ) -> bool:  # pragma: no cover - compiled
     """Move an agent and everybody it pushes. The chain of pushed agents is an explicit stack."""
     depth = 0
@@ -220,7 +220,7 @@ def _decide(
 
 @kernel
 def _pull(
-    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, agent: Whole
+    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, agent: Int
 ) -> None:  # pragma: no cover - compiled
     """Let the partner follow into the cell that an agent leaves, if nobody else does."""
     partner = np.int64(board.partner[agent])
@@ -238,7 +238,7 @@ def _pull(
 
 @kernel
 def _go(
-    roads: Roads, board: Board, agent: Whole, home: Whole, move: Whole, after: IntArray
+    roads: Roads, board: Board, agent: Int, home: Int, move: Int, after: IntArray
 ) -> None:  # pragma: no cover - compiled
     after[agent] = roads.to[move]
     board.taken[roads.cell[roads.to[move]]] = agent
@@ -248,7 +248,7 @@ def _go(
 
 @kernel
 def _allowed(
-    roads: Roads, guide: Guide, board: Board, agent: Whole, home: Whole, move: Whole, after: IntArray
+    roads: Roads, guide: Guide, board: Board, agent: Int, home: Int, move: Int, after: IntArray
 ) -> bool:  # pragma: no cover - compiled
     """Whether a move agrees with all that is decided so far."""
     to = roads.cell[roads.to[move]]
@@ -277,7 +277,7 @@ def _allowed(
 
 @kernel
 def _rank(
-    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, agent: Whole, home: Whole, chance: Chance
+    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, agent: Int, home: Int, chance: Chance
 ) -> None:  # pragma: no cover - compiled
     """Sort an agent's next states, waiting among them, by the distance left after them; backwards to trade places."""
     _sort_options(roads, guide, board, now, agent, home, 1.0, chance)
@@ -292,7 +292,7 @@ def _rank(
 
 @kernel
 def _sort_options(
-    roads: Roads, guide: Guide, board: Board, now: IntArray, agent: Whole, home: Whole, sign: float, chance: Chance
+    roads: Roads, guide: Guide, board: Board, now: IntArray, agent: Int, home: Int, sign: float, chance: Chance
 ) -> None:  # pragma: no cover - compiled
     """Distances are whole numbers; the fractions order equal ones: chance, with a liking for free cells."""
     state = np.int64(now[agent])
@@ -324,12 +324,12 @@ def _sort_options(
 
 @kernel
 def _partner(
-    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, agent: Whole, wish: Whole
-) -> Whole:  # pragma: no cover - compiled
+    roads: Roads, guide: Guide, board: Board, now: IntArray, after: IntArray, agent: Int, wish: Int
+) -> Int:  # pragma: no cover - compiled
     """Who must trade places with an agent that wants to go to `wish`, and can; -1 = nobody."""
-    here: Whole = np.int64(now[agent])
-    pusher: Whole
-    puller: Whole
+    here: Int = np.int64(now[agent])
+    pusher: Int
+    puller: Int
     for move in range(roads.ptr[here] - 1, roads.ptr[here + 1]):
         if move < roads.ptr[here]:  # the agent itself pushes the one ahead
             other = np.int64(board.occupant[roads.cell[wish]])
@@ -352,15 +352,15 @@ def _partner(
 
 
 @kernel
-def _left(guide: Guide, agent: Whole, state: Whole) -> Whole:  # pragma: no cover - compiled
+def _left(guide: Guide, agent: Int, state: Int) -> Int:  # pragma: no cover - compiled
     row = guide.row[agent]
     return np.int64(0) if row < 0 else np.int64(guide.distances[row, state])
 
 
 @kernel
 def _exits(
-    roads: Roads, guide: Guide, board: Board, state: Whole, without: Whole
-) -> tuple[Whole, Whole]:  # pragma: no cover - compiled
+    roads: Roads, guide: Guide, board: Board, state: Int, without: Int
+) -> tuple[Int, Int]:  # pragma: no cover - compiled
     """Ways out of a state but the one to `without` and dead ends that hold whoever belongs there; and one of them."""
     n, last = np.int64(0), np.int64(-1)
     for move in range(roads.ptr[state], roads.ptr[state + 1]):
@@ -380,7 +380,7 @@ def _exits(
 
 @kernel
 def _must_trade(
-    roads: Roads, guide: Guide, board: Board, pusher: Whole, puller: Whole, pusher_at: Whole, puller_at: Whole
+    roads: Roads, guide: Guide, board: Board, pusher: Int, puller: Int, pusher_at: Int, puller_at: Int
 ) -> bool:  # pragma: no cover - compiled
     """Whether two agents face each other in a corridor that has no room to pass on the pusher's way."""
     closer = _left(guide, pusher, puller_at) < _left(guide, pusher, pusher_at)
@@ -398,7 +398,7 @@ def _must_trade(
 
 @kernel
 def _can_trade(
-    roads: Roads, guide: Guide, board: Board, pusher_at: Whole, puller_at: Whole
+    roads: Roads, guide: Guide, board: Board, pusher_at: Int, puller_at: Int
 ) -> bool:  # pragma: no cover - compiled
     """Whether the corridor behind the puller opens somewhere, so that the two can pass each other there."""
     start = pusher_at

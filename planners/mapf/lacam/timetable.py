@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.mapf.chance import Chance, draw_below
-from planners.mapf.kernel import Whole, kernel
+from planners.mapf.kernel import Int, kernel
 from planners.mapf.lacam.successors import Guide
 from planners.mapf.problem import IntArray
 from planners.mapf.roads import Roads
 
-Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 
 _POOL = 2**17
 """Nodes of one search; one that needs more is given up."""
@@ -28,7 +28,7 @@ class Timetable(NamedTuple):
     """Who stands in a cell at a timestep, -1 = nobody, shape (n_cells, T + 1)."""
     crossed: IntArray
     """Who sweeps over a cell from a timestep to the next, neither from nor to; no rows where no move is that wide."""
-    loss: Longs
+    loss: Int64Array
     """Timesteps of each agent that it does not spend at its goal, shape (n,)."""
 
 
@@ -44,9 +44,9 @@ class Frontier(NamedTuple):
     slot: IntArray
     buckets: IntArray
     """Node on top of the stack of each estimate above the least, shape (T + 2,)."""
-    slot_key: Longs
+    slot_key: Int64Array
     slot_loss: IntArray
-    expanded: Longs
+    expanded: Int64Array
     """Nodes expanded so far in all searches, shape (1,)."""
 
 
@@ -86,7 +86,7 @@ def frontier_of(table: Timetable) -> Frontier:
 
 
 @kernel
-def enter(roads: Roads, guide: Guide, table: Timetable, agent: Whole) -> None:  # pragma: no cover - compiled
+def enter(roads: Roads, guide: Guide, table: Timetable, agent: Int) -> None:  # pragma: no cover - compiled
     """Write the path of an agent into the cells, and add up its loss."""
     path, goal = table.path[agent], guide.goals[agent]
     last = len(path) - 1
@@ -101,7 +101,7 @@ def enter(roads: Roads, guide: Guide, table: Timetable, agent: Whole) -> None:  
 
 
 @kernel
-def withdraw(roads: Roads, table: Timetable, agent: Whole) -> None:  # pragma: no cover - compiled
+def withdraw(roads: Roads, table: Timetable, agent: Int) -> None:  # pragma: no cover - compiled
     """Take an agent out of the cells; its path stays."""
     path = table.path[agent]
     last = len(path) - 1
@@ -113,7 +113,7 @@ def withdraw(roads: Roads, table: Timetable, agent: Whole) -> None:  # pragma: n
 
 @kernel
 def _sweep(
-    roads: Roads, table: Timetable, t: Whole, state: Whole, to: Whole, who: Whole
+    roads: Roads, table: Timetable, t: Int, state: Int, to: Int, who: Int
 ) -> None:  # pragma: no cover - compiled
     for move in range(roads.ptr[state], roads.ptr[state + 1]):
         if roads.to[move] == to:
@@ -123,7 +123,7 @@ def _sweep(
 
 @kernel
 def _is_free(
-    roads: Roads, guide: Guide, table: Timetable, t: Whole, state: Whole, move: Whole, to: Whole
+    roads: Roads, guide: Guide, table: Timetable, t: Int, state: Int, move: Int, to: Int
 ) -> bool:  # pragma: no cover - compiled
     """Whether an agent that is not in the timetable can make a move (-1 = wait) from a timestep to the next."""
     home, cell = roads.cell[state], roads.cell[to]
@@ -153,7 +153,7 @@ def _is_free(
 
 
 @kernel
-def _free_from(roads: Roads, table: Timetable, state: Whole) -> Whole:  # pragma: no cover - compiled
+def _free_from(roads: Roads, table: Timetable, state: Int) -> Int:  # pragma: no cover - compiled
     """First timestep from which on nobody else uses the cell of a state."""
     cell = roads.cell[state]
     for t in range(table.path.shape[1] - 1, -1, -1):
@@ -170,9 +170,9 @@ def reroute(
     guide: Guide,
     table: Timetable,
     frontier: Frontier,
-    agent: Whole,
-    start: Whole,
-    most: Whole,
+    agent: Int,
+    start: Int,
+    most: Int,
     chance: Chance,
 ) -> bool:  # pragma: no cover - compiled
     """Give an agent that has withdrawn its cheapest path among the others.
@@ -207,7 +207,7 @@ def reroute(
     for bucket in range(highest + 1):
         frontier.buckets[bucket] = -1
     count = _push(roads, frontier, np.int64(0), np.int64(start), np.int64(0), np.int64(0), np.int64(-1), np.int64(0))
-    level: Whole = np.int64(0)
+    level: Int = np.int64(0)
     end = np.int64(-1)
     while level <= highest:
         node = np.int64(frontier.buckets[level])
@@ -257,8 +257,8 @@ def reroute(
 
 @kernel
 def _push(
-    roads: Roads, frontier: Frontier, count: Whole, state: Whole, t: Whole, loss: Whole, parent: Whole, level: Whole
-) -> Whole:  # pragma: no cover - compiled
+    roads: Roads, frontier: Frontier, count: Int, state: Int, t: Int, loss: Int, parent: Int, level: Int
+) -> Int:  # pragma: no cover - compiled
     """Queue a node unless its (state, timestep) has been reached as cheaply; returns the new number of nodes."""
     key = t * len(roads.cell) + state
     mask = len(frontier.slot_key) - 1

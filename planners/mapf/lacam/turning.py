@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph, MoveKind
-from planners.mapf.kernel import Whole, kernel
+from planners.mapf.kernel import Int, kernel
 from planners.mapf.problem import NO_GOAL, Instance, IntArray
 
 _UNKNOWN, _ASKED, _GOES, _WAITS = range(4)
@@ -169,8 +169,8 @@ def _drive(
 
 @kernel
 def _ahead(
-    out_ptr: IntArray, out_move: IntArray, move_to: IntArray, state_cell: IntArray, state: Whole, cell: Whole
-) -> Whole:  # pragma: no cover - compiled
+    out_ptr: IntArray, out_move: IntArray, move_to: IntArray, state_cell: IntArray, state: Int, cell: Int
+) -> Int:  # pragma: no cover - compiled
     """State in a cell that is one move ahead of a state, -1 = none."""
     for k in range(out_ptr[state], out_ptr[state + 1]):
         to = move_to[out_move[k]]
@@ -193,7 +193,7 @@ def _judge(
     occupant: IntArray,
     verdict: npt.NDArray[np.int8],
     now: IntArray,
-    first: Whole,
+    first: Int,
 ) -> None:  # pragma: no cover - compiled
     """Say for an agent, and for all it follows, whether they go to their next cell now."""
     agent = np.int64(first)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.mapf.chance import Chance, draw_below
-from planners.mapf.kernel import Whole, kernel
+from planners.mapf.kernel import Int, kernel
 from planners.mapf.multi_step.operations import Operations, SmallInts
 from planners.mapf.problem import BoolArray, IntArray
 
@@ -141,7 +141,7 @@ def go_on(ops: Operations, choices: Choices, state_cell: IntArray, after: IntArr
 
 
 @kernel
-def left(costs: Costs, state: Whole, row: Whole) -> Whole:  # pragma: no cover - compiled
+def left(costs: Costs, state: Int, row: Int) -> Int:  # pragma: no cover - compiled
     """What is left to do from a state."""
     best = FAR
     for k in range(costs.look.ptr[state], costs.look.ptr[state + 1]):
@@ -150,7 +150,7 @@ def left(costs: Costs, state: Whole, row: Whole) -> Whole:  # pragma: no cover -
 
 
 @kernel
-def reconsider(ops: Operations, choices: Choices, patience: Whole) -> None:  # pragma: no cover - compiled
+def reconsider(ops: Operations, choices: Choices, patience: Int) -> None:  # pragma: no cover - compiled
     """Forget what operations were worth; agents that rest for `patience` timesteps behind theirs look for another."""
     for agent in range(len(choices.state)):
         choices.n_sorted[agent] = UNRANKED
@@ -158,7 +158,7 @@ def reconsider(ops: Operations, choices: Choices, patience: Whole) -> None:  # p
 
 
 @kernel
-def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Whole) -> None:  # pragma: no cover - compiled
+def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Int) -> None:  # pragma: no cover - compiled
     """Compute the keys of an agent's operations: what is left to do behind each; all take the same time."""
     length = ops.cell.shape[1]
     n_states = len(ops.ptr) - 1
@@ -199,7 +199,7 @@ def sweep(
     choices: Choices,
     aims: Aims,
     sequence: IntArray,
-    most_tries: Whole,
+    most_tries: Int,
     state_cell: IntArray,
     allow_rotation: bool,
 ) -> None:  # pragma: no cover - compiled
@@ -214,8 +214,8 @@ def polish(
     ops: Operations,
     choices: Choices,
     aims: Aims,
-    n_agents: Whole,
-    most_tries: Whole,
+    n_agents: Int,
+    most_tries: Int,
     state_cell: IntArray,
     allow_rotation: bool,
 ) -> None:  # pragma: no cover - compiled
@@ -246,7 +246,7 @@ def first_states(
 
 
 @kernel
-def _nth(choices: Choices, agent: Whole, n: Whole, n_ops: Whole) -> Whole:  # pragma: no cover - compiled
+def _nth(choices: Choices, agent: Int, n: Int, n_ops: Int) -> Int:  # pragma: no cover - compiled
     """An agent's n-th best operation; sorted only as far as somebody asked."""
     while choices.n_sorted[agent] <= n:
         first = choices.n_sorted[agent]
@@ -262,7 +262,7 @@ def _nth(choices: Choices, agent: Whole, n: Whole, n_ops: Whole) -> Whole:  # pr
 
 
 @kernel
-def _in_the_way(ops: Operations, at: IntArray, agent: Whole, op: Whole, home: Whole) -> Whole:  # pragma: no cover
+def _in_the_way(ops: Operations, at: IntArray, agent: Int, op: Int, home: Int) -> Int:  # pragma: no cover
     """The one agent whose operation is in conflict with this one, `NOBODY`, or `SEVERAL`."""
     found = NOBODY
     before = home
@@ -292,7 +292,7 @@ def _in_the_way(ops: Operations, at: IntArray, agent: Whole, op: Whole, home: Wh
 
 @kernel
 def _closes_ring(
-    ops: Operations, choices: Choices, agent: Whole, op: Whole, state_cell: IntArray
+    ops: Operations, choices: Choices, agent: Int, op: Int, state_cell: IntArray
 ) -> bool:  # pragma: no cover - compiled
     """Whether in some timestep the agent would follow somebody who follows ... who follows the agent."""
     before = state_cell[choices.state[agent]]
@@ -314,7 +314,7 @@ def _closes_ring(
 
 
 @kernel
-def _place(ops: Operations, choices: Choices, agent: Whole, op: Whole) -> None:  # pragma: no cover - compiled
+def _place(ops: Operations, choices: Choices, agent: Int, op: Int) -> None:  # pragma: no cover - compiled
     for t in range(ops.cell.shape[1]):
         choices.at[t + 1, ops.cell[op, t]] = agent
     for k in range(ops.beside_ptr[op], ops.beside_ptr[op + 1]):
@@ -323,7 +323,7 @@ def _place(ops: Operations, choices: Choices, agent: Whole, op: Whole) -> None: 
 
 
 @kernel
-def _lift(ops: Operations, choices: Choices, agent: Whole) -> None:  # pragma: no cover - compiled
+def _lift(ops: Operations, choices: Choices, agent: Int) -> None:  # pragma: no cover - compiled
     op = choices.chosen[agent]
     for t in range(ops.cell.shape[1]):
         choices.at[t + 1, ops.cell[op, t]] = NOBODY
@@ -333,7 +333,7 @@ def _lift(ops: Operations, choices: Choices, agent: Whole) -> None:  # pragma: n
 
 
 @kernel
-def _join(ops: Operations, choices: Choices, depth: Whole, agent: Whole, price: float) -> None:  # pragma: no cover
+def _join(ops: Operations, choices: Choices, depth: Int, agent: Int, price: float) -> None:  # pragma: no cover
     """Make an agent the end of the chain: it gives its operation up and must find another."""
     choices.stack[depth] = agent
     choices.tried[depth] = 0
@@ -348,9 +348,9 @@ def _push(
     ops: Operations,
     choices: Choices,
     aims: Aims,
-    root: Whole,
-    bound: Whole,
-    most_tries: Whole,
+    root: Int,
+    bound: Int,
+    most_tries: Int,
     state_cell: IntArray,
     allow_rotation: bool,
     frugal: bool,

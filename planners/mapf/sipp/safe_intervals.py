@@ -12,7 +12,7 @@ from planners.mapf.distance_table import UNREACHABLE
 from planners.mapf.kernel import kernel
 from planners.mapf.problem import BoolArray, IntArray
 
-Longs = npt.NDArray[np.int64]
+Int64Array = npt.NDArray[np.int64]
 
 FOREVER = 2**30
 """End of a reservation that is never given back: later than any timestep of a path."""
@@ -66,7 +66,7 @@ class Nodes(NamedTuple):
     """-1 at the start."""
     heap: IntArray
     """Nodes that are open."""
-    keys: Longs
+    keys: Int64Array
     """Their keys."""
 
 
@@ -293,7 +293,7 @@ def _may_cross(
 
 
 @kernel
-def _push(keys: Longs, heap: IntArray, size: int, key: np.int64, node: int) -> None:  # pragma: no cover - compiled
+def _push(keys: Int64Array, heap: IntArray, size: int, key: np.int64, node: int) -> None:  # pragma: no cover - compiled
     """Put a node on the heap of `size` nodes."""
     k = size
     while k > 0 and keys[(k - 1) // 2] > key:
@@ -303,7 +303,7 @@ def _push(keys: Longs, heap: IntArray, size: int, key: np.int64, node: int) -> N
 
 
 @kernel
-def _pop(keys: Longs, heap: IntArray, size: int) -> int:  # pragma: no cover - compiled
+def _pop(keys: Int64Array, heap: IntArray, size: int) -> int:  # pragma: no cover - compiled
     """Take the node with the least key off the heap of `size` nodes."""
     top = int(heap[0])
     key, node = keys[size - 1], heap[size - 1]

@@ -15,7 +15,7 @@ import pytest
 from fleet.cli.main import main
 from fleet.league import arena as arena_module
 from fleet.league.arena import Arena, Tasks
-from fleet.league.crew import Crew
+from fleet.league.multi_step_controller import MultiStepController
 from maps.lorr import Ints
 from tests.unit.fleet.league.problems import random_problem, write_files
 from tests.unit.fleet.league.replay import Replay
@@ -143,13 +143,13 @@ def test_a_run_with_conflicts_is_no_success(
         judge(*arrays)
         return 0, -1, -1
 
-    def first_move(controller: Crew, arena: Arena) -> tuple[Ints, Tasks]:
+    def first_move(controller: MultiStepController, arena: Arena) -> tuple[Ints, Tasks]:
         graph = arena.graph
         return graph.move_to[graph.out_move[graph.out_ptr[arena.states]]], arena.task_of
 
     judge = arena_module.judge_moves
     monkeypatch.setattr(arena_module, "judge_moves", lax)
-    monkeypatch.setattr(Crew, "step", first_move)
+    monkeypatch.setattr(MultiStepController, "step", first_move)
     assert end(problem, "--steps", 60, "--json", tmp_path / "summary.json") == 1
     assert "illegal: " in capsys.readouterr().out
     assert json.loads((tmp_path / "summary.json").read_text())["conflicts"] > 0

@@ -8,11 +8,11 @@ import pytest
 from fleet.insight.cause_file import CAUSES, LEGEND, CauseFileError, CauseWriter, read_causes
 from fleet.insight.cause_log import CauseLog
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
+from fleet.insight.codebook import Codebook, OutsideRun, UnknownRobot
 from fleet.insight.explain import explain
-from fleet.insight.legend import Legend, OutsideRun, UnknownRobot
 
 TICK_S = 0.1
-LEGEND_OF_THREE = Legend(
+LEGEND_OF_THREE = Codebook(
     tick_s=TICK_S,
     cols=20,
     n_cars=3,
@@ -196,12 +196,12 @@ def written(log: CauseLog) -> list[dict[str, object]]:
 
 def test_the_run_file_gives_everything_back() -> None:
     log = log_of((0, rows()), (16, queue(until=161)), (120, rows()))
-    again, legend = read_causes(written(log), "run.jsonl")
+    again, codebook = read_causes(written(log), "run.jsonl")
     assert again.end_tick == log.end_tick
     assert np.array_equal(again.since(0), log.since(0))
     for time_s in (1.0, 10.0, 19.9):
-        assert str(explain(again, legend, "car_2", time_s)) == str(explain(log, LEGEND_OF_THREE, "car_2", time_s))
-    assert legend.task_name(5) == "order_5"
+        assert str(explain(again, codebook, "car_2", time_s)) == str(explain(log, LEGEND_OF_THREE, "car_2", time_s))
+    assert codebook.task_name(5) == "order_5"
 
 
 def broken(**changes: object) -> list[dict[str, object]]:

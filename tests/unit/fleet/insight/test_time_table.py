@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from fleet.insight.causes import NONE, Cause, Column
-from fleet.insight.ledger import Account, Ledger
-from fleet.insight.legend import Legend
+from fleet.insight.codebook import Codebook
+from fleet.insight.time_accounts import Account, TimeAccounts
 from fleet.insight.time_table import NoPandas, blame_of, data_frame, time_columns, write_csv
 from fleet.missions.roster import PHASES, CarPhase
 
-LEGEND = Legend(tick_s=0.5, cols=3, n_cars=2, n_arms=1, places=("pick_1",), task_name=str)
+LEGEND = Codebook(tick_s=0.5, cols=3, n_cars=2, n_arms=1, places=("pick_1",), task_name=str)
 RESULT = {
     "sim_s": 2.0,
     "car_ticks": {"car_0": {"traffic": 1, "idle": 3}, "car_1": {"traffic": 4, "idle": 0}},
@@ -21,9 +21,9 @@ RESULT = {
 }
 
 
-def ledger() -> Ledger:
+def time_accounts() -> TimeAccounts:
     """Ten ticks in which car_1 waits for cell 4 of car_0, which is served by the arm."""
-    made = Ledger(2, np.zeros((1, 2)), n_cells=6, n_places=1)
+    made = TimeAccounts(2, np.zeros((1, 2)), n_cells=6, n_places=1)
     causes = np.full((3, len(Column)), NONE, dtype=np.int32)
     causes[:, Column.CAUSE] = Cause.SERVED, Cause.CELL, Cause.WORKS
     causes[:2, Column.BY] = 2, 0
@@ -37,7 +37,7 @@ def ledger() -> Ledger:
 
 
 def test_blame_names_robots_cells_and_places() -> None:
-    blame = blame_of(ledger(), LEGEND)
+    blame = blame_of(time_accounts(), LEGEND)
     assert blame.robots == {"account": ["traffic", "served"], "robot": ["arm_0", "arm_0"], "ticks": [10, 20]}
     assert blame.cells == {
         "account": ["traffic", "served"],
@@ -49,7 +49,7 @@ def test_blame_names_robots_cells_and_places() -> None:
 
 
 def test_arms_have_accounts_of_their_own() -> None:
-    time = ledger().arm_time(0)
+    time = time_accounts().arm_time(0)
     assert (time.served, sum(vars(time).values())) == (10, 10)
 
 
@@ -75,6 +75,6 @@ def test_a_data_frame_needs_pandas() -> None:
 
 
 def test_every_account_is_told_of_cars_or_of_arms() -> None:
-    made = ledger()
+    made = time_accounts()
     told = {*vars(made.car_time(0)), *vars(made.arm_time(0))}
     assert told == {account.name.lower() for account in Account}

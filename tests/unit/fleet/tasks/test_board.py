@@ -15,7 +15,7 @@ LIFE = [
     TaskState.DELIVERED,
     TaskState.COLLECTED,
 ]
-Told = list[tuple[str, TaskState, TaskState, float, str]]
+StepReturn = list[tuple[str, TaskState, TaskState, float, str]]
 
 
 def order(name: str, release_s: float = 0.0) -> Delivery:
@@ -25,12 +25,12 @@ def order(name: str, release_s: float = 0.0) -> Delivery:
 
 
 @pytest.fixture
-def told() -> Told:
+def told() -> StepReturn:
     return []
 
 
 @pytest.fixture
-def board(told: Told) -> TaskBoard:
+def board(told: StepReturn) -> TaskBoard:
     """Two orders for now and one for later."""
 
     def note(task: Task, before: TaskState, now_s: float) -> None:
@@ -39,7 +39,7 @@ def board(told: Told) -> TaskBoard:
     return TaskBoard([order("a"), order("b"), order("c", 10.0)], note)
 
 
-def test_orders_are_released_when_their_time_has_come(board: TaskBoard, told: Told) -> None:
+def test_orders_are_released_when_their_time_has_come(board: TaskBoard, told: StepReturn) -> None:
     board.release_due(0.0)
     assert [task.order.name for task in board.in_state(TaskState.BACKLOG)] == ["a", "b"]
     board.release_due(9.99)
@@ -49,7 +49,7 @@ def test_orders_are_released_when_their_time_has_come(board: TaskBoard, told: To
     assert told[-1] == ("c", TaskState.ORDERED, TaskState.BACKLOG, 10.0, "release time reached")
 
 
-def test_a_whole_life(board: TaskBoard, told: Told) -> None:
+def test_a_whole_life(board: TaskBoard, told: StepReturn) -> None:
     board.release_due(0.0)
     task = board.tasks[0]
     for k, state in enumerate(LIFE[1:]):
@@ -74,7 +74,7 @@ NEXT = (TaskState.READY, TaskState.FAILED, TaskState.CANCELLED)
 
 
 @pytest.mark.parametrize("state", [state for state in TaskState if state not in (*NEXT, TaskState.BACKLOG)])
-def test_a_step_that_life_does_not_have(board: TaskBoard, told: Told, state: TaskState) -> None:
+def test_a_step_that_life_does_not_have(board: TaskBoard, told: StepReturn, state: TaskState) -> None:
     board.release_due(0.0)
     before = len(told)
     with pytest.raises(

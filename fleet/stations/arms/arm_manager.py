@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from fleet.config import ArmConfig
 from fleet.robots.spec import CarSpec
-from fleet.stations.arms.service import ArmService, ServiceState
+from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.arms.transfer import (
     ArmRequest,
     DeliverRequest,
@@ -44,7 +44,7 @@ class ArmPlanner(Protocol):
         """The answer to a ticket; waits for it."""
 
 
-class ArmDesk:
+class ArmManager:
     """Requests and services of all arms.
 
     Args:
@@ -89,12 +89,12 @@ class ArmDesk:
 
     def is_idle(self, arm: int) -> bool:
         """True when an arm is home and has nothing to do."""
-        return self.services[arm].state is ServiceState.IDLE
+        return self.services[arm].state is ArmPhase.IDLE
 
     def is_ready(self, arm: int, parcel: int) -> bool:
         """True when an arm could begin to serve a car with a parcel: it is home, or holds just that parcel."""
         service = self.services[arm]
-        return self.is_idle(arm) or (service.state is ServiceState.HOLDING and service.parcel == parcel)
+        return self.is_idle(arm) or (service.state is ArmPhase.HOLDING and service.parcel == parcel)
 
     def fetch(self, request: FetchRequest, tick: int) -> None:
         """Ask for a parcel to be fetched ahead, by an arm that is idle."""
@@ -118,7 +118,7 @@ class ArmDesk:
         self._reasons[request.arm] = ""
         service = self.services[request.arm]
         question: ArmRequest = request
-        if service.state is ServiceState.HOLDING:
+        if service.state is ArmPhase.HOLDING:
             question = DeliverRequest(
                 arm=request.arm,
                 parcel=request.parcel,
@@ -151,16 +151,16 @@ class ArmDesk:
                 del self._due[arm]
                 self._land(arm, answer if isinstance(answer, Transfer) else self._planner.result(answer))
         for service in self.services:
-            if service.state is ServiceState.IDLE:
+            if service.state is ArmPhase.IDLE:
                 continue
             service.tick(self._tick_s, int(held[service.arm]))
             self.q[service.arm], self.qd[service.arm] = service.q, service.qd
             self.grip[service.arm] = service.grip
-            if service.state is ServiceState.DONE:
+            if service.state is ArmPhase.DONE:
                 service.reset()
-            elif service.state in (ServiceState.MISSED, ServiceState.DROPPED):
+            elif service.state in (ArmPhase.MISSED, ArmPhase.DROPPED):
                 self._reasons[service.arm] = f"arm_{service.arm} {service.state} the parcel"
-                cause = self._lost(service.arm, service.parcel) if service.state is ServiceState.DROPPED else ""
+                cause = self._lost(service.arm, service.parcel) if service.state is ArmPhase.DROPPED else ""
                 if cause:
                     self.dropped_n += 1
                     self._reasons[service.arm] += f" ({cause})"
@@ -171,8 +171,8 @@ class ArmDesk:
         """Time each arm has worked so far [s], shape (n_arms,)."""
         return np.array([service.busy_s for service in self.services])
 
-    def _service(self, arm: int, start_rad: FloatArray) -> ArmService:
-        return ArmService(arm, start_rad)
+    def _service(self, arm: int, start_rad: FloatArray) -> ArmController:
+        return ArmController(arm, start_rad)
 
     def _ask(self, arm: int, ticket: int, tick: int) -> None:
         self.services[arm].request()

@@ -17,7 +17,7 @@ SETTLE_S = 0.15
 """Rest after a grip or release, for the parcel to come to rest."""
 
 
-class ServiceState(StrEnum):
+class ArmPhase(StrEnum):
     """What an arm is doing."""
 
     IDLE = "idle"
@@ -50,7 +50,7 @@ class Gate(Protocol):
         """The arm is at another pace than it was said to be."""
 
 
-class ArmService:
+class ArmController:
     """One arm's transfer in progress.
 
     Args:
@@ -63,7 +63,7 @@ class ArmService:
 
     def __init__(self, arm: int, start_rad: FloatArray) -> None:
         self.arm = arm
-        self.state = ServiceState.IDLE
+        self.state = ArmPhase.IDLE
         self.q = start_rad.copy()
         self.qd = np.zeros_like(self.q)
         self.grip = False
@@ -97,7 +97,7 @@ class ArmService:
     @property
     def under_way(self) -> Trajectory | None:
         """The motion that has begun and is not over."""
-        if self.state is not ServiceState.MOVING or self._elapsed_s == 0.0:
+        if self.state is not ArmPhase.MOVING or self._elapsed_s == 0.0:
             return None
         step = self._steps[self._at]
         return step if isinstance(step, Trajectory) else None
@@ -110,7 +110,7 @@ class ArmService:
     @property
     def waits_for(self) -> int:
         """The arm whose motions keep this one from moving, -1 = none."""
-        if self.gate is None or self.state is not ServiceState.MOVING:
+        if self.gate is None or self.state is not ArmPhase.MOVING:
             return -1
         return self.gate.other if self.paused or self._denied else -1
 
@@ -121,7 +121,7 @@ class ArmService:
 
     def left_s(self) -> tuple[float, float]:
         """Time until the dock is clear, and until the transfer is over, at the present speed if nothing stops it."""
-        if self.state is not ServiceState.MOVING:
+        if self.state is not ArmPhase.MOVING:
             return 0.0, 0.0
         clear_s = left_s = -self._elapsed_s
         cleared = self.dock_is_clear
@@ -135,14 +135,14 @@ class ArmService:
     @property
     def dock_is_clear(self) -> bool:
         """True when the arm no longer needs the car to stand still."""
-        if self.state in (ServiceState.PLANNING, ServiceState.MOVING):
-            return self.state is ServiceState.MOVING and Signal.CLEAR in self._steps[: self._at + 1]
+        if self.state in (ArmPhase.PLANNING, ArmPhase.MOVING):
+            return self.state is ArmPhase.MOVING and Signal.CLEAR in self._steps[: self._at + 1]
         return True
 
     def request(self) -> None:
         """Note that a plan was asked for."""
         self.changes_n += 1
-        self.state = ServiceState.PLANNING
+        self.state = ArmPhase.PLANNING
 
     def play(self, transfer: Transfer) -> None:
         """Start a planned transfer."""
@@ -158,7 +158,7 @@ class ArmService:
     def reset(self) -> None:
         """Leave a final state and be ready for the next transfer."""
         self.changes_n += 1
-        self.state = ServiceState.IDLE
+        self.state = ArmPhase.IDLE
         self._steps, self._at = (), 0
 
     def refused(self) -> None:
@@ -180,18 +180,18 @@ class ArmService:
             held: Parcel in the arm's grip now, -1 for none.
         """
         self.qd[:] = 0.0
-        if self.state in (ServiceState.PLANNING, ServiceState.MOVING):
+        if self.state in (ArmPhase.PLANNING, ArmPhase.MOVING):
             self.busy_s += tick_s
-        if self._carrying and held != self.parcel and self.state in (ServiceState.MOVING, ServiceState.HOLDING):
+        if self._carrying and held != self.parcel and self.state in (ArmPhase.MOVING, ArmPhase.HOLDING):
             if self.gate is None or self.under_way is None:
-                self._end(ServiceState.DROPPED)
+                self._end(ArmPhase.DROPPED)
                 return
             # Another arm counts on this motion: it is ended first.
             self._lost = True
-        if self.state is not ServiceState.MOVING or not self._may_move():
+        if self.state is not ArmPhase.MOVING or not self._may_move():
             return
         left_s = tick_s * self.speed
-        while left_s > 0.0 and self.state is ServiceState.MOVING:
+        while left_s > 0.0 and self.state is ArmPhase.MOVING:
             left_s = self._advance(self._steps[self._at], left_s, held)
 
     def _advance(self, step: Step, left_s: float, held: int) -> float:
@@ -211,7 +211,7 @@ class ArmService:
             if over_s < 0.0:
                 return 0.0
             if self._lost:
-                self._end(ServiceState.DROPPED)
+                self._end(ArmPhase.DROPPED)
                 return 0.0
             self._next()
             return over_s
@@ -223,7 +223,7 @@ class ArmService:
             self._next()
         elif self.grip and self._elapsed_s >= GRIP_TIMEOUT_S:
             self.grip = False
-            self._end(ServiceState.MISSED)
+            self._end(ArmPhase.MISSED)
         elif step is Signal.RELEASE:
             self._carrying = False
             if self._elapsed_s >= SETTLE_S and held != self.parcel:
@@ -237,13 +237,13 @@ class ArmService:
         if self._at < len(self._steps):
             return
         if self._back:
-            self.state = ServiceState.HOLDING
+            self.state = ArmPhase.HOLDING
         else:
-            self._end(ServiceState.DONE)
+            self._end(ArmPhase.DONE)
 
     def _begin(self, steps: tuple[Step, ...]) -> None:
         self.changes_n += 1
-        self.state = ServiceState.MOVING
+        self.state = ArmPhase.MOVING
         self._steps, self._at, self._elapsed_s = steps, 0, 0.0
 
     def _may_move(self) -> bool:
@@ -251,7 +251,7 @@ class ArmService:
             self.paused = not self.gate.may_go_on()
         return not self.paused
 
-    def _end(self, state: ServiceState) -> None:
+    def _end(self, state: ArmPhase) -> None:
         self.changes_n += 1
         self.state = state
         self._carrying = self._lost = self._denied = self.paused = False

@@ -11,7 +11,7 @@ import pytest
 from fleet.errors import FleetError
 from fleet.league.arena import Arena
 from fleet.league.controller import PibtController
-from fleet.league.crew import Crew, CrewConfig
+from fleet.league.multi_step_controller import MultiStepController, MultiStepControllerConfig
 from fleet.league.play import Played, play
 from maps.lorr import LeagueProblem, write_result
 from planners.mapf.multi_step import goal_costs
@@ -24,11 +24,13 @@ PATIENT_S = 60.0
 """A budget that is never short, so that the number of rounds decides and not the machine."""
 
 
-def crew(*, seed: int = 0, **settings: Any) -> Crew:
-    return Crew(CrewConfig(**({"guidance": SHORT} | settings)), seed=seed)
+def crew(*, seed: int = 0, **settings: Any) -> MultiStepController:
+    return MultiStepController(MultiStepControllerConfig(**({"guidance": SHORT} | settings)), seed=seed)
 
 
-def played_well(folder: Path, problem: LeagueProblem, controller: Crew, steps: int, *, edition: int = 2024) -> Played:
+def played_well(
+    folder: Path, problem: LeagueProblem, controller: MultiStepController, steps: int, *, edition: int = 2024
+) -> Played:
     """Play, and let the independent replay judge the file."""
     played = play(problem, controller, steps, PATIENT_S)
     write_result(folder / "out.json", played.result)
@@ -134,4 +136,4 @@ def test_it_changes_nothing_in_the_arena() -> None:
 @pytest.mark.parametrize("value", [0.0, 1.5, float("nan")])
 def test_settings_that_make_no_sense_are_refused(value: float) -> None:
     with pytest.raises(FleetError, match=f"crew: budget_share = {value}; valid: 0 < budget_share <= 1"):
-        CrewConfig(budget_share=value)
+        MultiStepControllerConfig(budget_share=value)

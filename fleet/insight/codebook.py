@@ -23,7 +23,7 @@ class OutsideRun(FleetError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Legend:
+class Codebook:
     """Names of robots, places and tasks, and units of time and place."""
 
     tick_s: float
@@ -77,12 +77,12 @@ def _range(kind: str, n: int) -> str:
     return f"{kind}_0 to {kind}_{n - 1}" if n > 1 else f"{kind}_0"
 
 
-def legend_of(simulation: Simulation) -> Legend:
+def codebook_of(simulation: Simulation) -> Codebook:
     """What the numbers stand for in a run."""
     site, board = simulation.site, simulation.board
     name_of = {cell: name for name, cell in site.bays().items()}
     stations = [station.name for station in simulation.stations]
-    return Legend(
+    return Codebook(
         tick_s=simulation.tick_s,
         cols=site.grid.cols,
         n_cars=simulation.world.n_cars,

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from fleet.config import ArmConfig
 from fleet.errors import FleetError
 from fleet.robots.spec import CarSpec
-from fleet.stations.arms.arm_desk import ArmDesk, ArmPlanner
-from fleet.stations.arms.service import ArmService, ServiceState
+from fleet.stations.arms.arm_controller import ArmController, ArmPhase
+from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
 from fleet.stations.arms.transfer import ArmRequest, Transfer, TransferRequest
 from fleet.world.protocol import FloatArray
 
@@ -45,7 +45,7 @@ class NoPlanner:
         raise FleetError(f"ticket {ticket} was never given out")
 
 
-class AgentService(ArmService):
+class AgentService(ArmController):
     """A transfer in the hands of an agent: it lasts until the parcel was taken and has been let go."""
 
     fetches = False
@@ -59,29 +59,29 @@ class AgentService(ArmService):
 
     @property
     def dock_is_clear(self) -> bool:
-        """See `ArmService`."""
-        return self.state is ServiceState.IDLE
+        """See `ArmController`."""
+        return self.state is ArmPhase.IDLE
 
     def ask(self, transfer: TransferRequest) -> None:
         """Begin a transfer."""
-        self.state, self.transfer, self.parcel = ServiceState.MOVING, transfer, transfer.parcel
+        self.state, self.transfer, self.parcel = ArmPhase.MOVING, transfer, transfer.parcel
         self._was_held, self._free_s = False, 0.0
 
     def reset(self) -> None:
-        """See `ArmService`."""
-        self.state, self.transfer = ServiceState.IDLE, None
+        """See `ArmController`."""
+        self.state, self.transfer = ArmPhase.IDLE, None
 
     def tick(self, tick_s: float, held: int) -> None:
-        """See `ArmService`."""
+        """See `ArmController`."""
         self.busy_s += tick_s
         self._was_held = self._was_held or held == self.parcel
         self._free_s = self._free_s + tick_s if self._was_held and held != self.parcel else 0.0
         if self._free_s >= REST_S:
-            self.state = ServiceState.DONE
+            self.state = ArmPhase.DONE
 
 
-class AgentDesk(ArmDesk):
-    """An `ArmDesk` in which some arms are the agents'.
+class AgentArmManager(ArmManager):
+    """An `ArmManager` in which some arms are the agents'.
 
     An agent's transfer is over when the parcel was let go; where it lies then decides, as for any arm, whether the
     car is loaded, the task is delivered, the transfer is asked for again, or the task has failed.
@@ -92,7 +92,7 @@ class AgentDesk(ArmDesk):
         car: Model of the cars that are served.
         start_rad: Joint positions at the start, shape (n_arms, n_joints).
         tick_s: Length of a tick [s].
-        lost: See `ArmDesk`.
+        lost: See `ArmManager`.
         by_agent: Arms that agents move.
     """
 
@@ -111,7 +111,7 @@ class AgentDesk(ArmDesk):
         super().__init__(planner, config, car, start_rad, tick_s, lost=lost)
 
     def submit(self, request: TransferRequest, tick: int) -> None:
-        """See `ArmDesk`."""
+        """See `ArmManager`."""
         service = self.services[request.arm]
         if isinstance(service, AgentService):
             self._reasons[request.arm] = f"arm_{request.arm} let go of the parcel"
@@ -129,5 +129,5 @@ class AgentDesk(ArmDesk):
         service = self.services[arm]
         return service.transfer if isinstance(service, AgentService) else None
 
-    def _service(self, arm: int, start_rad: FloatArray) -> ArmService:
+    def _service(self, arm: int, start_rad: FloatArray) -> ArmController:
         return AgentService(arm, start_rad) if arm in self._by_agent else super()._service(arm, start_rad)

@@ -35,8 +35,8 @@ _LARGE = 2**20
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrewConfig:
-    """Settings of `Crew`."""
+class MultiStepControllerConfig:
+    """Settings of `MultiStepController`."""
 
     length: int = 4
     """Timesteps of an operation; one more where there is room for long ones, and on floors too large for exact costs
@@ -56,7 +56,7 @@ class CrewConfig:
             raise FleetError(f"crew: budget_share = {self.budget_share}; valid: 0 < budget_share <= 1")
 
 
-class Crew:
+class MultiStepController:
     """A controller for the League.
 
     Args:
@@ -64,8 +64,8 @@ class Crew:
         seed: Seed of everything random.
     """
 
-    def __init__(self, config: CrewConfig | None = None, *, seed: int = 0) -> None:
-        self.config = CrewConfig() if config is None else config
+    def __init__(self, config: MultiStepControllerConfig | None = None, *, seed: int = 0) -> None:
+        self.config = MultiStepControllerConfig() if config is None else config
         self._rng = np.random.default_rng(seed)
 
     def prepare(self, arena: Arena, budget_s: float) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fleet.insight.causes import NONE, Cause, Column
-from fleet.insight.ledger import Account, Ledger, percentages
+from fleet.insight.time_accounts import Account, TimeAccounts, percentages
 from fleet.missions.roster import PHASES, CarPhase
 
 DOCKS = np.array([[0.0, 0.0], [20.0, 0.0]])
@@ -21,10 +21,10 @@ def rows(*causes: Cause, by: dict[int, int] | None = None) -> np.ndarray:
     return made
 
 
-def account(ledger: Ledger) -> Account:
+def account(time_accounts: TimeAccounts) -> Account:
     """Where the only car's only tick went."""
-    booked = np.flatnonzero(ledger.cars[:, 0])
-    assert ledger.cars.sum() == 1
+    booked = np.flatnonzero(time_accounts.cars[:, 0])
+    assert time_accounts.cars.sum() == 1
     return Account(int(booked[0]))
 
 
@@ -37,9 +37,9 @@ def book(
     place: int = -1,
     served: int = -1,
     x: float = 9.0,
-) -> Ledger:
-    ledger = Ledger(1, DOCKS, n_cells=4, n_places=2)
-    ledger.tick(
+) -> TimeAccounts:
+    time_accounts = TimeAccounts(1, DOCKS, n_cells=4, n_places=2)
+    time_accounts.tick(
         rows(cause, Cause.NO_TASK, Cause.NO_TASK),
         np.array([PHASES.index(phase)]),
         np.array([loaded]),
@@ -48,7 +48,7 @@ def book(
         np.array([speed]),
         np.array([[x, 0.0, 0.0]]),
     )
-    return ledger
+    return time_accounts
 
 
 @pytest.mark.parametrize(
@@ -77,57 +77,57 @@ def test_a_tick_goes_where_it_belongs(case: SimpleNamespace, expected: Account) 
 
 
 def test_a_station_is_contended_while_it_is_busy_and_a_car_waits() -> None:
-    ledger = Ledger(3, DOCKS, n_cells=4, n_places=2)
+    time_accounts = TimeAccounts(3, DOCKS, n_cells=4, n_places=2)
     causes = rows(Cause.SERVED, Cause.CELL, Cause.STATION_FULL, Cause.WORKS, Cause.NO_TASK, by={0: 3, 1: 0, 2: 0})
     phase = np.array([PHASES.index(p) for p in (CarPhase.LOADING, CarPhase.TO_PICK, CarPhase.HELD)])
     loaded, place = np.array([0, 0, 1]), np.array([0, 0, 0])
     for served in (0, 0, -1):
-        ledger.tick(causes, phase, loaded, place, np.array([served, -1]), np.zeros(3), np.zeros((3, 3)) + 2.0)
-    assert vars(ledger.station_time(0)) == {"busy": 2, "contended": 2, "waiting": 4}
-    assert vars(ledger.station_time(1)) == {"busy": 0, "contended": 0, "waiting": 0}
-    assert ledger.bottleneck() == 0
+        time_accounts.tick(causes, phase, loaded, place, np.array([served, -1]), np.zeros(3), np.zeros((3, 3)) + 2.0)
+    assert vars(time_accounts.station_time(0)) == {"busy": 2, "contended": 2, "waiting": 4}
+    assert vars(time_accounts.station_time(1)) == {"busy": 0, "contended": 0, "waiting": 0}
+    assert time_accounts.bottleneck() == 0
 
 
 def test_without_waiting_there_is_no_bottleneck() -> None:
-    assert Ledger(2, DOCKS, n_cells=4, n_places=2).bottleneck() is None
+    assert TimeAccounts(2, DOCKS, n_cells=4, n_places=2).bottleneck() is None
 
 
 def test_time_is_put_down_to_the_root_and_to_the_cell_that_is_waited_for() -> None:
     """car_1 waits for a cell of car_0, which is served by arm_0: the arm is to blame, and its station."""
-    ledger = Ledger(2, DOCKS, n_cells=4, n_places=2)
+    time_accounts = TimeAccounts(2, DOCKS, n_cells=4, n_places=2)
     causes = rows(Cause.SERVED, Cause.CELL, Cause.WORKS, Cause.AWAITS, by={0: 2, 1: 0, 3: 1})
     causes[1, Column.CELL] = 2
     causes[[0, 2, 3], Column.PLACE] = 0, 0, 1
     phase = np.array([PHASES.index(p) for p in (CarPhase.LOADING, CarPhase.TO_PICK)])
     zeros = np.zeros(2, dtype=np.int64)
-    ledger.tick(causes, phase, zeros, zeros - 1, np.array([0, -1]), np.zeros(2), np.zeros((2, 3)) + 9.0)
-    assert ledger.robots[:, 0].nonzero()[0].tolist() == [Account.SERVED]
-    assert ledger.robots[:, 3].nonzero()[0].tolist() == [Account.AWAITING]
+    time_accounts.tick(causes, phase, zeros, zeros - 1, np.array([0, -1]), np.zeros(2), np.zeros((2, 3)) + 9.0)
+    assert time_accounts.robots[:, 0].nonzero()[0].tolist() == [Account.SERVED]
+    assert time_accounts.robots[:, 3].nonzero()[0].tolist() == [Account.AWAITING]
     arm, none = 2, -1
-    assert ledger.by_robot[[Account.TRAFFIC, Account.SERVED, Account.AWAITING], arm].tolist() == [1, 2, 1]
-    assert ledger.by_cell[Account.TRAFFIC, 2] == ledger.by_cell[Account.AWAITING, none] == 1
-    assert ledger.by_place[[Account.TRAFFIC, Account.SERVED, Account.AWAITING], 0].tolist() == [1, 2, 1]
+    assert time_accounts.by_robot[[Account.TRAFFIC, Account.SERVED, Account.AWAITING], arm].tolist() == [1, 2, 1]
+    assert time_accounts.by_cell[Account.TRAFFIC, 2] == time_accounts.by_cell[Account.AWAITING, none] == 1
+    assert time_accounts.by_place[[Account.TRAFFIC, Account.SERVED, Account.AWAITING], 0].tolist() == [1, 2, 1]
 
 
 def test_a_wait_ends_at_a_car_without_a_task() -> None:
     """The second car stands in the way of the first; that its next task waits for the arm is another matter."""
-    ledger = Ledger(2, DOCKS, n_cells=4, n_places=2)
+    time_accounts = TimeAccounts(2, DOCKS, n_cells=4, n_places=2)
     causes = rows(Cause.CELL, Cause.NO_TASK, Cause.AWAITS, Cause.NO_TASK, by={0: 1, 1: 2, 2: 0})
     phase = np.array([PHASES.index(p) for p in (CarPhase.TO_PICK, CarPhase.IDLE)])
     zeros = np.zeros(2, dtype=np.int64)
-    ledger.tick(causes, phase, zeros, zeros - 1, np.array([-1, -1]), np.zeros(2), np.zeros((2, 3)) + 9.0)
-    assert ledger.by_robot[Account.TRAFFIC].tolist() == [0, 1, 0, 0, 0]
-    assert ledger.by_robot[Account.AWAITING].tolist() == [0, 1, 0, 0, 0]
-    assert ledger.by_robot[Account.IDLE].tolist() == [0, 1, 0, 1, 0]
+    time_accounts.tick(causes, phase, zeros, zeros - 1, np.array([-1, -1]), np.zeros(2), np.zeros((2, 3)) + 9.0)
+    assert time_accounts.by_robot[Account.TRAFFIC].tolist() == [0, 1, 0, 0, 0]
+    assert time_accounts.by_robot[Account.AWAITING].tolist() == [0, 1, 0, 0, 0]
+    assert time_accounts.by_robot[Account.IDLE].tolist() == [0, 1, 0, 1, 0]
 
 
 def test_in_a_circle_the_next_one_is_to_blame() -> None:
-    ledger = Ledger(2, DOCKS, n_cells=4, n_places=2)
+    time_accounts = TimeAccounts(2, DOCKS, n_cells=4, n_places=2)
     causes = rows(Cause.CELL, Cause.CELL, Cause.NO_TASK, Cause.NO_TASK, by={0: 1, 1: 0})
     phase = np.full(2, PHASES.index(CarPhase.TO_PICK))
     zeros = np.zeros(2, dtype=np.int64)
-    ledger.tick(causes, phase, zeros, zeros - 1, np.array([-1, -1]), np.zeros(2), np.zeros((2, 3)) + 9.0)
-    assert ledger.by_robot[Account.TRAFFIC].tolist() == [1, 1, 0, 0, 0]
+    time_accounts.tick(causes, phase, zeros, zeros - 1, np.array([-1, -1]), np.zeros(2), np.zeros((2, 3)) + 9.0)
+    assert time_accounts.by_robot[Account.TRAFFIC].tolist() == [1, 1, 0, 0, 0]
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -120,7 +120,7 @@ class StationTime:
     """Ticks that cars waited for it while it was busy, all cars together."""
 
 
-class Ledger:
+class TimeAccounts:
     """Accounts of all robots and stations, in ticks, and whom and what each tick is put down to.
 
     Each tick is put down to one robot, one cell and one place, or to none. The **robot** is the root: the end of the
