@@ -78,7 +78,7 @@ def test_a_family_s_tables_and_its_folder_agree(family: Family) -> None:
 
 def test_the_table_of_benchmarks_and_its_folder_agree() -> None:
     # `behaviour` measures nothing: it compares runs with recorded ones.
-    assert set(benchmarks.BENCHMARKS) | {"__main__", "behaviour", "harness"} == modules_of("benchmarks")
+    assert set(benchmarks.BENCHMARKS) | {"__main__", "behaviour", "calibration", "harness"} == modules_of("benchmarks")
     for name in benchmarks.BENCHMARKS:
         assert importlib.import_module(f"benchmarks.{name}").BENCHMARK.name == name
 
