@@ -33,7 +33,7 @@ FAMILIES = [
     Family(
         package="planners.allocation",
         tables=("ALLOCATORS",),
-        support=frozenset({"job_shop", "problem", "prune", "reasons", "shop", "sparse_matching", "validate"}),
+        support=frozenset({"costs", "job_shop", "problem", "prune", "reasons", "shop", "sparse_matching", "validate"}),
     ),
     Family(
         package="planners.motion.search",
