@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.config import AllocationConfig
 from fleet.envs.grid.fleet import ROOM_N, TIMESTEP_S, FleetSite
 from fleet.envs.grid.kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
 from fleet.world.protocol import FloatArray
+from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
 
 OWN_N, CANDIDATE_N, SUMMARY_N = 12, 11, 6
@@ -99,17 +101,29 @@ class DispatchObserver:
         np.clip(rows, -1.0, 1.0, out=rows)
         return rows, mask, candidates
 
-    def cost_s(self, view: DispatchView, *, lateness: float = 1.0, ageing: float = 0.5) -> FloatArray:
+    def cost_s(self, view: DispatchView, config: AllocationConfig | None = None) -> FloatArray:
         """What each ready task costs each car as seconds of travel, shape (n, m); inf = not to be had.
 
-        The price of `fleet.dispatch.costs`, from the same facts: travel to the pick station and the time the task would
-        be late, less what it presses for.
+        The price of `fleet.dispatch.costs`, from the same facts, but for one term: what a task would be late if it were
+        left to the next turn is not told to agents, so it counts nothing here.
+
+        Args:
+            view: The fleet.
+            config: What lateness and ageing are worth; None = the defaults of a run.
         """
+        config = config if config is not None else AllocationConfig()
         floor = self._place.floor
         moves = floor.distance[floor.dock_row[view.pick]][:, view.state].T.astype(np.float64)
         rest = floor.distance[floor.dock_row[view.drop], floor.dock_state[view.pick]].astype(np.float64)
-        takes_s = (moves + rest + 2 * floor.service_n) * TIMESTEP_S
-        cost = moves * TIMESTEP_S + lateness * np.maximum(0.0, takes_s - view.due_s) - ageing * view.age_s
+        cost = task_costs(
+            travel_s=moves * TIMESTEP_S,
+            rest_s=rest * TIMESTEP_S,
+            service_s=np.full(len(rest), 2 * floor.service_n * TIMESTEP_S),
+            since_s=-view.age_s,
+            due_s=view.due_s,
+            now_s=0.0,  # the view tells times from now
+            weights=CostWeights(lateness=config.lateness, ageing=config.ageing, next_turn=0.0),
+        ).cost_s
         cost[moves >= UNREACHABLE] = np.inf
         cost[~view.free] = np.inf
         cost[:, ~self.offered(view)] = np.inf
