@@ -6,12 +6,10 @@ import math
 from numbers import Integral
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arrays import FloatArray
 
 _RIGID = 1e-4
 _MOST_WORDS = 60

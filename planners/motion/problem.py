@@ -7,14 +7,12 @@ from enum import Enum
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from planners.errors import PlanningError
 from planners.motion import checks
+from planners.motion.arrays import FloatArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.scene_kernel import straight_goal
-
-FloatArray = npt.NDArray[np.float64]
 
 _MAX_SEED = 2**32 - 2
 _MOST_ITERATIONS = 2**62

@@ -15,9 +15,7 @@ from planners.motion.arm.array_cache import Arrays, cached_arrays
 from planners.motion.arm.hulls import Hulls, convex_hulls
 from planners.motion.arm.kinematics import joint_rows
 from planners.motion.arm.spheres import fit_spheres_cached, link_self_pairs
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from planners.motion.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,10 +82,10 @@ class ArmModel:
         """Number of joints."""
         return len(self.lower)
 
-    def within_limits(self, q: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    def within_limits(self, q: npt.ArrayLike) -> BoolArray:
         """Whether configurations (..., n) respect the joint limits; shape (...)."""
         angles = np.asarray(q, dtype=np.float64)
-        inside: npt.NDArray[np.bool_] = np.all((angles >= self.lower) & (angles <= self.upper), axis=-1)
+        inside: BoolArray = np.all((angles >= self.lower) & (angles <= self.upper), axis=-1)
         return inside
 
 

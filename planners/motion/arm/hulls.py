@@ -18,9 +18,7 @@ from numba import njit
 from scipy.spatial import ConvexHull, QhullError
 
 from planners.errors import PlanningError
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from planners.motion.arrays import FloatArray, IntArray
 
 _TURNS_N = 16  # new directions for one pair of bodies: what is not settled by then counts as too near
 _FLAT = 1e-12  # corners whose volume is that small against their size are no simplex

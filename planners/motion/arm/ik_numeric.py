@@ -11,9 +11,8 @@ from numba import njit
 from planners.errors import PlanningError
 from planners.motion import checks
 from planners.motion.arm.kinematics import jacobian_into, joint_rows, last_link_pose, link_frames_into
+from planners.motion.arrays import FloatArray
 from planners.motion.chance import uniform
-
-FloatArray = npt.NDArray[np.float64]
 
 POSITION_M = 1e-6
 """A solution is this near to the wanted point [m] ..."""

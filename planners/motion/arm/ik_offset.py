@@ -11,8 +11,7 @@ from numba import njit
 from planners.errors import PlanningError
 from planners.motion import checks
 from planners.motion.arm.kinematics import joint_rows, last_link_pose, link_frames
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arrays import FloatArray
 
 _N_JOINTS = 7
 _MOST_LASTS = 100_000

@@ -8,8 +8,7 @@ from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arrays import FloatArray
 
 
 @njit(cache=True)

@@ -14,9 +14,7 @@ from planners.errors import PlanningError
 from planners.motion import checks
 from planners.motion.arm.array_cache import Arrays, cached_arrays
 from planners.motion.arm.kinematics import link_frames
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from planners.motion.arrays import FloatArray, IntArray
 
 _FIT_VERSION = 1  # part of the cache key; raise it when the fit changes
 _SURFACE_SAMPLES = 3000

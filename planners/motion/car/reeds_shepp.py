@@ -14,9 +14,9 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from planners.errors import PlanningError
+from planners.motion.arrays import BoolArray, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
-Validity = Callable[[FloatArray], npt.NDArray[np.bool_]]
+Validity = Callable[[FloatArray], BoolArray]
 
 _STEP_M = 0.05  # spacing of poses, in the result and in validity checks
 _FINE_M = 0.002  # segments shorter than this may be missed when the direction of travel is recovered

@@ -9,9 +9,7 @@ import numpy.typing as npt
 
 from planners.errors import PlanningError
 from planners.motion import checks
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from planners.motion.arrays import FloatArray, IntArray
 
 ROW = 17
 """Columns of an obstacle in `rounded_boxes`."""

@@ -13,10 +13,8 @@ from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
+from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.path.trajectory import MOST_SAMPLES, Trajectory
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 SMOOTHING_S = 0.08
 """Window over which motions are averaged unless said otherwise [s]."""

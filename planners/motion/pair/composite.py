@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
+from planners.motion.arrays import FloatArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.pair.coordination import MARGIN_M, ArmInWorld, clearance, place_spheres
 from planners.motion.path.trajectory import Trajectory, retime
 from planners.motion.problem import MotionResult, MotionStatus
-
-FloatArray = npt.NDArray[np.float64]
 
 _RANGE_RAD = 1.0  # longest tree edge
 _FINEST = 1.0 / 4096  # a part of an edge below this that is still in doubt is refused

@@ -27,11 +27,8 @@ from planners.motion import checks
 from planners.motion.arm.arm_model import ArmModel
 from planners.motion.arm.hulls import bodies_of
 from planners.motion.arm.kinematics import joint_rows, link_frames_into
+from planners.motion.arrays import BoolArray, FloatArray, IntArray
 from planners.motion.path.timed_path import TimedPath
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 MARGIN_M = 0.01
 """Distance kept between arms unless said otherwise [m]: a physical arm follows its set-points to some millimetres."""

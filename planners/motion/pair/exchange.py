@@ -16,19 +16,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from planners.motion.arm.hulls import Bodies, step_apart
 from planners.motion.arm.kinematics import link_frames_into
+from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.collision.collision import CollisionChecker
-from planners.motion.collision.scene_kernel import path_free
+from planners.motion.collision.scene_kernel import Scene, path_free
 from planners.motion.pair.asynchronous import SMOOTHING_S, asynchronous, smoothed, soonest, steps_into
 from planners.motion.pair.coordination import ArmInWorld
 from planners.motion.path.trajectory import Trajectory
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 PUSH_S = 0.25
 """How long joints are pushed apart [s]: 0.2 and 0.3 changed makespans by 0.1 %."""
@@ -92,7 +89,7 @@ class _Side(NamedTuple):
     parts: IntArray
     """As of `SweptArm`."""
     bodies: Bodies
-    scene: FloatArray
+    scene: Scene
     limits: FloatArray
     """Speed, acceleration, lowest and highest angle of each joint, shape (4, n)."""
     start: FloatArray

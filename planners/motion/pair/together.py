@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-import numpy.typing as npt
 
 from planners.errors import PlanningError
+from planners.motion.arrays import FloatArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.pair.asynchronous import asynchronous, least_times_s
 from planners.motion.pair.composite import CompositePlanner, CompositeProblem
@@ -29,8 +29,6 @@ from planners.motion.pair.turns import in_turn
 from planners.motion.path.timed_path import Dwell, TimedPath, timed_path
 from planners.motion.path.trajectory import Trajectory, retime
 from planners.motion.problem import MotionPlanner, MotionProblem
-
-FloatArray = npt.NDArray[np.float64]
 
 SAMPLE_S = 0.01
 STEP_S = 0.02

@@ -10,16 +10,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion.arm.hulls import Bodies, step_apart
 from planners.motion.arm.kinematics import link_frames_into
+from planners.motion.arrays import FloatArray
 from planners.motion.pair.coordination import MARGIN_M, ArmInWorld, Schedule, ScheduleStatus
 from planners.motion.path.timed_path import TimedPath
-
-FloatArray = npt.NDArray[np.float64]
 
 _TOUCH_M = 1e-6  # without any distance no direction could be told from none
 

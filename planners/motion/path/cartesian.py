@@ -8,8 +8,7 @@ from numba import njit
 
 from planners.motion import checks
 from planners.motion.arm.ik import SrsGeometry, branch_into, wrist_target_into
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arrays import FloatArray
 
 _N_ARM_ANGLES = 72  # grid of 5 deg around the start's arm angle
 _MOST_STEPS = 100_000

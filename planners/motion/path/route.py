@@ -13,13 +13,11 @@ from planners.motion import checks
 from planners.motion.arm.ik_numeric import NumericInverse
 from planners.motion.arm.inverse import InverseKinematics
 from planners.motion.arm.kinematics import flange_from_tip
+from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.path.lines import straight_line, tip_pose
 from planners.motion.path.trajectory import Trajectory, retime
 from planners.motion.problem import MotionPlanner, MotionProblem, MotionResult, MotionStatus
-
-FloatArray = npt.NDArray[np.float64]
-
 
 _SPEED_SHARE, _ACCELERATION_SHARE = 0.995, 0.98
 """Parts of the limits that are planned with: `retime` keeps its limits up to 0.3 % and 1 %."""
@@ -242,7 +240,7 @@ class RoutePlanner:
         return self._failed(RouteStatus.NO_PATH)
 
     def _to_goals(
-        self, problem: RouteProblem, out: FloatArray, goals: FloatArray, poses: npt.NDArray[np.int64], budget: int
+        self, problem: RouteProblem, out: FloatArray, goals: FloatArray, poses: IntArray, budget: int
     ) -> Route:
         """Search, and search again without goals that no straight line leads in from."""
         offered = goals
@@ -288,9 +286,7 @@ class RoutePlanner:
         line = straight_line(self._inverse, self._descent, q, tip, self._tool_m)
         return line if line is not None and self._line.path_free(line) else None
 
-    def _goals(
-        self, problem: RouteProblem, start: FloatArray, wanted: int
-    ) -> tuple[FloatArray, npt.NDArray[np.int64], RouteStatus]:
+    def _goals(self, problem: RouteProblem, start: FloatArray, wanted: int) -> tuple[FloatArray, IntArray, RouteStatus]:
         """The nearest free configurations where arrivals begin (k, n), and the pose each belongs to (k,)."""
         found, pose = [], []
         for i, tip in enumerate(problem.tips):

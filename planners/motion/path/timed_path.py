@@ -7,15 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
+from planners.motion.arrays import BoolArray, FloatArray
 from planners.motion.path.trajectory import MOST_SAMPLES, Trajectory
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _SAME_RAD = 1e-6  # legs that join end and start at the same configuration
 

@@ -11,8 +11,7 @@ from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arrays import FloatArray
 
 _SAME_RAD = 1e-9
 _MOST_S = 1e5

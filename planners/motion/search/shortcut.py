@@ -7,11 +7,10 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.motion import checks
+from planners.motion.arrays import FloatArray
 from planners.motion.chance import uniform
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.scene_kernel import edge_free
-
-FloatArray = npt.NDArray[np.float64]
 
 _IDLE_ROUNDS = 4
 """So many rounds without a gain end the shortening."""
