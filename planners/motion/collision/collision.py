@@ -121,7 +121,7 @@ class CollisionChecker:
         """
         if not isinstance(model, ArmModel) or not isinstance(boxes, Boxes):
             raise PlanningError(
-                f"CollisionChecker: {type(model).__name__} and {type(boxes).__name__}, expected ArmModel and Boxes"
+                f"CollisionChecker: {type(model).__name__} and {type(boxes).__name__}; valid: ArmModel and Boxes"
             )
         margin = checks.positive("CollisionChecker: margin", margin, zero=True)
         held_centre, held_radius = checks.spheres("CollisionChecker: held spheres", held_spheres)
@@ -138,7 +138,7 @@ class CollisionChecker:
 
         names = np.unique(part)
         if len(names) > MAX_PARTS:
-            raise PlanningError(f"CollisionChecker: {len(names)} rigid parts, expected at most {MAX_PARTS}")
+            raise PlanningError(f"CollisionChecker: {len(names)} rigid parts; valid: at most {MAX_PARTS}")
         joints = joint_rows(model.base_from_joint)
         spheres = np.column_stack([centre, radius])
         hulls, ranges = _hulls(spheres, part)
@@ -194,14 +194,14 @@ class CollisionChecker:
         if points.ndim and len(points) == 0:
             return False
         if points.ndim != 2 or points.shape[1:] != self._shape:
-            raise PlanningError(f"path: shape {points.shape}, expected (m, {self._shape[0]})")
+            raise PlanningError(f"path: shape {points.shape}; valid: (m, {self._shape[0]})")
         return bool(path_free(points, self.scene))
 
     def batch(self, q: npt.ArrayLike) -> BoolArray:
         """`free` for many configurations (m, n), shape (m,)."""
         angles = checks.floats("q", q)
         if angles.ndim != 2 or angles.shape[1:] != self._shape:
-            raise PlanningError(f"q: shape {angles.shape}, expected (m, {self._shape[0]})")
+            raise PlanningError(f"q: shape {angles.shape}; valid: (m, {self._shape[0]})")
         out = np.empty(len(angles), dtype=np.bool_)
         states_free(angles, out, self.scene)
         return out
@@ -220,7 +220,7 @@ class CollisionChecker:
         try:
             angles = np.ascontiguousarray(q, _FLOAT)
         except (TypeError, ValueError):
-            raise PlanningError(f"q: {q!r}, expected {self._shape[0]} numbers") from None
+            raise PlanningError(f"q: {q!r}; valid: {self._shape[0]} numbers") from None
         if angles.shape != self._shape:
-            raise PlanningError(f"q: shape {angles.shape}, expected {self._shape}")
+            raise PlanningError(f"q: shape {angles.shape}; valid: {self._shape}")
         return angles

@@ -68,14 +68,14 @@ class RouteProblem:
         checks.whole("RouteProblem: seed", self.seed, 0, _MOST_SEED)
         if self.start.ndim != 1 or self.tips.ndim != 3 or self.tips.shape[1:] != (4, 4) or len(self.tips) == 0:
             raise PlanningError(
-                f"RouteProblem: start {self.start.shape}, tips {self.tips.shape}; expected (n,) and (k, 4, 4), k >= 1"
+                f"RouteProblem: start {self.start.shape}, tips {self.tips.shape}; valid: (n,) and (k, 4, 4), k >= 1"
             )
         for name in ("leave", "arrive"):
             if getattr(self, name).shape != (3,):
-                raise PlanningError(f"RouteProblem.{name}: shape {getattr(self, name).shape}, expected (3,)")
+                raise PlanningError(f"RouteProblem.{name}: shape {getattr(self, name).shape}; valid: (3,)")
         for name in ("start", "tips", "leave", "arrive"):
             if not np.all(np.isfinite(getattr(self, name))):
-                raise PlanningError(f"RouteProblem.{name}: must be finite, got {getattr(self, name)}")
+                raise PlanningError(f"RouteProblem.{name}: {getattr(self, name).tolist()}; valid: finite numbers")
         for tip in self.tips:
             checks.rigid("RouteProblem.tips", tip)
 
@@ -140,7 +140,7 @@ class RouteConfig:
         for name in ("good_ratio", "line_speed", "sample_s"):
             checks.positive(f"RouteConfig.{name}", getattr(self, name))
         if not self.corner_rad:
-            raise PlanningError("RouteConfig.corner_rad: nothing, expected at least one number > 0")
+            raise PlanningError("RouteConfig.corner_rad: nothing; valid: at least one number > 0")
         for corner in self.corner_rad:
             checks.positive("RouteConfig.corner_rad", corner)
 
@@ -177,7 +177,7 @@ class RoutePlanner:
         self._acceleration = checks.floats("RoutePlanner: max_acceleration_radps2", max_acceleration_radps2).copy()
         for name, limit in (("velocity", self._velocity), ("acceleration", self._acceleration)):
             if limit.shape != (model.n_joints,) or not np.all(limit > 0):
-                raise PlanningError(f"RoutePlanner: max_{name} {limit}, expected {model.n_joints} values > 0")
+                raise PlanningError(f"RoutePlanner: max_{name} {limit}; valid: {model.n_joints} values > 0")
         self._tool_m = model.tool_length
 
     def plan(self, problem: RouteProblem) -> Route:
@@ -194,7 +194,7 @@ class RoutePlanner:
         """
         n = self._travel.model.n_joints
         if problem.start.shape != (n,):
-            raise PlanningError(f"RouteProblem.start: shape {problem.start.shape}, expected ({n},)")
+            raise PlanningError(f"RouteProblem.start: shape {problem.start.shape}; valid: ({n},)")
         out = self._way_out(problem)
         if out is None:
             return self._failed(RouteStatus.NO_LINE_FROM_START)
