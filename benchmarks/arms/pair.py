@@ -26,7 +26,8 @@ from planners.motion.arm.ik import SrsGeometry
 from planners.motion.arm.kinematics import flange_from_tip
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
-from planners.motion.pair.coordination import ArmInWorld, Schedule
+from planners.motion.pair.schedule import Schedule
+from planners.motion.pair.swept import ArmInWorld
 from planners.motion.pair.together import Trip, Way, alone_s, plan_together
 from planners.motion.path.timed_path import Dwell, TimedPath
 from planners.motion.search.rrt_connect_native import RrtConnectNative
