@@ -72,9 +72,9 @@ class Copy:
         assert done.returncode == status, f"{words}: exit status {done.returncode}\n{done.stdout}\n{done.stderr}"
         return done.stdout
 
-    def demo(self, *options: str) -> dict[str, object]:
+    def demo(self, *options: str, out: Path | None = None) -> dict[str, object]:
         """Run the demo on the grid; returns its result, of which all tasks have been done."""
-        out = self.root / "out"
+        out = out or self.root / "out"
         words = ("demo", "--fidelity", "grid", "--no-record", "--robots", "2", "--out", str(out), *options)
         self.run("-m", "fleet", *words)
         result: dict[str, object] = json.loads((out / "result.json").read_text(encoding="utf-8"))
@@ -82,12 +82,19 @@ class Copy:
         return result
 
 
+@pytest.fixture(scope="module")
+def compiled(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the source with its kernels compiled beside it, from where the copies have them."""
+    Copy(root=repository).demo(out=tmp_path_factory.mktemp("compiled"))
+    return repository
+
+
 @pytest.fixture
-def tree(repository: Path, tmp_path: Path) -> Copy:
+def tree(compiled: Path, tmp_path: Path) -> Copy:
     """Return a copy of the source, with the kernels that are compiled already."""
     for part in PARTS:
-        shutil.copytree(repository / part, tmp_path / part)
-    shutil.copy(repository / "pyproject.toml", tmp_path)
+        shutil.copytree(compiled / part, tmp_path / part)
+    shutil.copy(compiled / "pyproject.toml", tmp_path)
     return Copy(root=tmp_path)
 
 
@@ -300,7 +307,8 @@ def test_a_path_planner_from_start_to_goal(tree: Copy, row: Row) -> None:
     head, ways = "version 1\n", ((0, 0, 2, 1), (2, 0, 0, 0))
     lines = [f"0\thall.map\t3\t2\t{x}\t{y}\t{to_x}\t{to_y}\t1\n" for x, y, to_x, to_y in ways]
     tree.root.joinpath("hall.scen").write_text(head + "".join(lines), encoding="utf-8")
-    tree.run("-m", "fleet", "plan", "hall.map", "hall.scen", "--agents", "2", "--planner", "toy", "--out", "paths.txt")
+    files = ("--map", "hall.map", "--scen", "hall.scen", "--output", "paths.txt")
+    tree.run("-m", "fleet", "plan", *files, "--planner", "toy", "--budget-s", "1")
     assert (tree.root / "paths.txt").exists()
 
 
