@@ -72,22 +72,42 @@ class Copy:
         assert done.returncode == status, f"{words}: exit status {done.returncode}\n{done.stdout}\n{done.stderr}"
         return done.stdout
 
-    def demo(self, *options: str) -> dict[str, object]:
+    def demo(self, *options: str, out: Path | None = None) -> dict[str, object]:
         """Run the demo on the grid; returns its result, of which all tasks have been done."""
-        out = self.root / "out"
+        out = out or self.root / "out"
         words = ("demo", "--fidelity", "grid", "--no-record", "--robots", "2", "--out", str(out), *options)
         self.run("-m", "fleet", *words)
         result: dict[str, object] = json.loads((out / "result.json").read_text(encoding="utf-8"))
         assert result["tasks_done"] == result["tasks_total"] != 0
         return result
 
+    def plan(self, folder: Path, *options: str) -> None:
+        """Plan the paths of two robots that change places."""
+        (folder / "hall.map").write_text("type octile\nheight 2\nwidth 3\nmap\n...\n...\n", encoding="utf-8")
+        ways = ((0, 0, 2, 1), (2, 0, 0, 0))
+        lines = [f"0\thall.map\t3\t2\t{x}\t{y}\t{to_x}\t{to_y}\t1\n" for x, y, to_x, to_y in ways]
+        (folder / "hall.scen").write_text("version 1\n" + "".join(lines), encoding="utf-8")
+        output = folder / "paths.txt"
+        files = ("--map", str(folder / "hall.map"), "--scen", str(folder / "hall.scen"), "--output", str(output))
+        self.run("-m", "fleet", "plan", *files, "--budget-s", "1", *options)
+        assert output.exists()
+
+
+@pytest.fixture(scope="module")
+def compiled(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the source with its kernels compiled beside it, from where the copies have them."""
+    source, out = Copy(root=repository), tmp_path_factory.mktemp("compiled")
+    source.demo(out=out)
+    source.plan(out)
+    return repository
+
 
 @pytest.fixture
-def tree(repository: Path, tmp_path: Path) -> Copy:
+def tree(compiled: Path, tmp_path: Path) -> Copy:
     """Return a copy of the source, with the kernels that are compiled already."""
     for part in PARTS:
-        shutil.copytree(repository / part, tmp_path / part)
-    shutil.copy(repository / "pyproject.toml", tmp_path)
+        shutil.copytree(compiled / part, tmp_path / part)
+    shutil.copy(compiled / "pyproject.toml", tmp_path)
     return Copy(root=tmp_path)
 
 
@@ -296,12 +316,7 @@ def test_a_path_planner_of_a_fleet(tree: Copy, row: Row) -> None:
 @of_part("path planner from start to goal")
 def test_a_path_planner_from_start_to_goal(tree: Copy, row: Row) -> None:
     tree.add(row, ONE_SHOT_PLANNER, line='"toy": "planners.mapf.toy.Toy",')
-    tree.root.joinpath("hall.map").write_text("type octile\nheight 2\nwidth 3\nmap\n...\n...\n", encoding="utf-8")
-    head, ways = "version 1\n", ((0, 0, 2, 1), (2, 0, 0, 0))
-    lines = [f"0\thall.map\t3\t2\t{x}\t{y}\t{to_x}\t{to_y}\t1\n" for x, y, to_x, to_y in ways]
-    tree.root.joinpath("hall.scen").write_text(head + "".join(lines), encoding="utf-8")
-    tree.run("-m", "fleet", "plan", "hall.map", "hall.scen", "--agents", "2", "--planner", "toy", "--out", "paths.txt")
-    assert (tree.root / "paths.txt").exists()
+    tree.plan(tree.root, "--planner", "toy")
 
 
 @two_lines
