@@ -87,7 +87,9 @@ def blocks_of(text: str, page: str) -> Iterator[Block]:
         elif fence := _FENCE.fullmatch(line):
             language, begin, body = fence["language"], number, []
             if language not in RUN | DATA | PLAIN:
-                raise PageError(f"{page}:{number}: language {language!r}; valid: {', '.join(sorted(RUN | DATA | PLAIN))}")
+                raise PageError(
+                    f"{page}:{number}: language {language!r}; valid: {', '.join(sorted(RUN | DATA | PLAIN))}"
+                )
         elif mark := _MARK.fullmatch(line):
             verb, value = mark["verb"], mark["value"] or ""
             if verb not in _VERBS or bool(value) is not _VERBS[verb]:
@@ -132,16 +134,19 @@ def run_block(block: Block, folder: Path) -> None:
         _check(block, [sys.executable, "-W", "error", "-c", block.text], folder, status=0)
         return
     steps = list(_commands(block))
-    for command, shown in steps:
-        last = command is steps[-1][0]
-        status = int(block.marks.get("exit", 0)) if last else 0
+    for number, (command, shown) in enumerate(steps, start=1):
+        status = int(block.marks.get("exit", 0)) if number == len(steps) else 0
         # A target of make is looked up, not made: it would build the project inside a test of the project.
         cwd = REPOSITORY if command.startswith("make ") else folder
-        command = re.sub(r"^make ", "make --dry-run ", command)
-        command = command.replace(".venv/bin/python", sys.executable)
-        command = command.replace(".venv/bin/", f"{Path(sys.executable).parent}/")
-        printed = _check(block, ["bash", "-c", command], cwd, status)
+        printed = _check(block, ["bash", "-c", _here(command)], cwd, status)
         assert _words(shown) in _words(printed), f"{block.page}:{block.line}: {command} prints\n{printed}"
+
+
+def _here(command: str) -> str:
+    """The command with the Python that runs the tests."""
+    command = re.sub(r"^make ", "make --dry-run ", command)
+    command = command.replace(".venv/bin/python", sys.executable)
+    return command.replace(".venv/bin/", f"{Path(sys.executable).parent}/")
 
 
 def _check(block: Block, command: list[str], folder: Path, status: int) -> str:

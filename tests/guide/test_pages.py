@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from benchmarks import BENCHMARKS
+from fleet.cli.demo import Demo
+from fleet.cli.main import COMMANDS
+from fleet.insight.metrics import Summary
 from tests.guide.pages import DATA, REPOSITORY, RUN, Block, PageError, blocks_of, pages, read_blocks, run_block
 
 MOST_SKIPPED_N = 6
 """Blocks that no test can run: windows, viewers, installations."""
+DOCS = REPOSITORY / "docs"
 LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
-TEXTS = ["CHANGELOG.md", *pages(), *(path.relative_to(REPOSITORY).as_posix() for path in REPOSITORY.glob("docs/**/*.md"))]
+TEXTS = [
+    "CHANGELOG.md",
+    *pages(),
+    *(path.relative_to(REPOSITORY).as_posix() for path in REPOSITORY.glob("docs/**/*.md")),
+]
 EACH_TEXT = sorted(set(TEXTS))
-
-each_page = pytest.mark.parametrize("page", pages())
 
 
 def all_blocks() -> list[Block]:
@@ -59,9 +68,47 @@ def test_every_page_is_in_the_index() -> None:
 
 
 def test_every_decision_is_in_the_index() -> None:
-    folder = REPOSITORY / "docs" / "decisions"
+    folder = DOCS / "decisions"
     linked = {match["target"] for match in LINK.finditer((folder / "README.md").read_text(encoding="utf-8"))}
     assert {path.name for path in folder.glob("0*.md")} == {target for target in linked if target[0] == "0"}
+
+
+def words_in_code(page: str) -> set[str]:
+    """The words that a page prints as code."""
+    text = (REPOSITORY / page).read_text(encoding="utf-8")
+    return {word for code in re.findall(r"`([^`\n]+)`", text) for word in re.findall(r"[\w-]+", code)}
+
+
+def test_every_option_of_the_demo_is_told() -> None:
+    options = {"--" + field.name.replace("_", "-") for field in dataclasses.fields(Demo)}
+    assert options - words_in_code("docs/guide/demo.md") == set()
+
+
+def test_every_figure_of_the_result_is_told() -> None:
+    figures = {field.name for field in dataclasses.fields(Summary)}
+    assert figures - words_in_code("docs/guide/results.md") == set()
+
+
+def test_every_benchmark_is_told() -> None:
+    assert set(BENCHMARKS) - words_in_code("docs/guide/benchmarks.md") == set()
+
+
+def test_every_command_runs_on_some_page() -> None:
+    run = {word for block in all_blocks() if block.language in RUN for word in re.findall(r"[\w.]+", block.text)}
+    assert [name for name in COMMANDS if name not in run and f"fleet.{name}" not in run] == []
+
+
+def test_the_tree_of_the_source_names_every_room() -> None:
+    settings = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = {contract["name"]: contract for contract in settings["tool"]["importlinter"]["contracts"]}
+    (tree,) = [block.text for block in read_blocks("README.md") if block.text.startswith("fleet/")]
+    levels = [[room.strip() for room in level.split(":")] for level in contracts["Levels of fleet"]["layers"]]
+    names = [re.split(r" {2,}", line.strip())[0] for line in tree.splitlines()]
+    rows = [re.findall(r"\w+", name.replace(".py", "")) for name in names]
+    # Each level has its line, in this order.
+    where = [next((row for row, words in enumerate(rows) if set(level) <= set(words)), None) for level in levels]
+    assert None not in where, levels[where.index(None)]
+    assert where == sorted(where)  # type: ignore[type-var]
 
 
 @pytest.mark.parametrize("page", EACH_TEXT)
