@@ -145,8 +145,10 @@ def run_block(block: Block, folder: Path) -> None:
 def _here(command: str) -> str:
     """The command with the Python that runs the tests."""
     command = re.sub(r"^make ", "make --dry-run ", command)
-    command = command.replace(".venv/bin/python", sys.executable)
-    return command.replace(".venv/bin/", f"{Path(sys.executable).parent}/")
+    python = Path(sys.executable)
+    return re.sub(
+        r"\.venv/bin/(\w+)", lambda tool: str(python if tool[1] == "python" else python.with_name(tool[1])), command
+    )
 
 
 def _check(block: Block, command: list[str], folder: Path, status: int) -> str:
