@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from planners.allocation.job_shop.shop_kernel import dispatch, empty_books
 from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
@@ -73,15 +73,18 @@ def measure_coupled(trial: Trial) -> Iterable[Row]:
             name=f"{size} jobs/cars/arms, worst of {len(found)}",
             value=max(found),
             unit="s",
+            kind=Kind.PLAIN,
             target=f"<= {known * WITHIN:.10g}",
         )
-        yield Row(name="  mean", value=float(np.mean(found)), unit="s")
-        yield Row(name="  best", value=min(found), unit="s")
-        yield Row(name="  greedy", value=greedy, unit="s")
+        yield Row(name="  mean", value=float(np.mean(found)), unit="s", kind=Kind.PLAIN)
+        yield Row(name="  best", value=min(found), unit="s", kind=Kind.PLAIN)
+        yield Row(name="  greedy", value=greedy, unit="s", kind=Kind.PLAIN)
         yield Row(name="  mean below the best known before", value=100.0 * (1.0 - np.mean(found) / known), unit="%")
         yield Row(name="  plans tried", value=iterations, unit="")
-        yield Row(name="  time of one plan", value=1e6 * float(np.mean(spent)) / iterations, unit="us CPU")
-        yield Row(name="  time of a search", value=float(np.mean(spent)), unit="s CPU")
+        yield Row(
+            name="  time of one plan", value=1e6 * float(np.mean(spent)) / iterations, unit="us CPU", kind=Kind.TIME
+        )
+        yield Row(name="  time of a search", value=float(np.mean(spent)), unit="s CPU", kind=Kind.TIME)
 
 
 def _search(trial: Trial, problem: AllocationProblem, iterations: int, seed: int, size: str) -> tuple[float, float]:

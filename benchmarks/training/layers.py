@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
-from benchmarks.training.machine import machine_row
+from benchmarks.harness import Kind, Row, Trial
 from fleet.charts.chart import Series, draw
 from fleet.charts.statistics import Estimate, estimate
 from fleet.envs.dispatch.env import DispatchEnv
@@ -45,17 +44,21 @@ def measure_grid(trial: Trial) -> Iterator[Row]:
         _check_traffic(trial, env)
         rate = max(_rate(env, seed) for seed in range(rounds_n))
         target = TARGET if n_cars >= 256 else ""
-        yield Row(name=f"traffic_v0, {n_cars} cars, {site.name}", value=rate, unit="agent steps/s", target=target)
+        yield Row(
+            name=f"traffic_v0, {n_cars} cars, {site.name}",
+            value=rate,
+            unit="agent steps/s",
+            kind=Kind.RATE,
+            target=target,
+        )
         dispatch = DispatchEnv(site=site, n_cars=n_cars, load=LOAD, max_cycles=CYCLES_N // 5)
         rate = max(_rate(dispatch, seed) for seed in range(rounds_n))
-        yield Row(name="  dispatch_v0", value=rate, unit="agent steps/s")
+        yield Row(name="  dispatch_v0", value=rate, unit="agent steps/s", kind=Kind.RATE)
         rate = max(_engine_rate(env.place, n_cars, seed) for seed in range(rounds_n))
-        yield Row(name="  the fleet alone, with PIBT", value=rate, unit="agent steps/s")
-    yield machine_row()
+        yield Row(name="  the fleet alone, with PIBT", value=rate, unit="agent steps/s", kind=Kind.RATE)
     trial.notes.append(
         f"Per second of CPU time of one process: {CYCLES_N} steps (dispatch: a fifth, of five timesteps each) of "
-        "random actions and a reset, dictionaries of PettingZoo included; the actions are drawn before. Figures of "
-        "other machines compare by the empty loop."
+        "random actions and a reset, dictionaries of PettingZoo included; the actions are drawn before."
     )
 
 
@@ -80,7 +83,9 @@ def measure_table(trial: Trial) -> Iterator[Row]:
                 table.append((site.name, n_cars, name, *(f"{value:.4g}" for value in ends)))
                 where = f"{site.name}, {n_cars} cars, {name}"
                 yield Row(name=f"{where}: deliveries (± {rate.half_width:.2g})", value=rate.mean, unit="1/h")
-                yield Row(name=f"  mean tardiness (± {late.half_width:.2g})", value=late.mean, unit="s")
+                yield Row(
+                    name=f"  mean tardiness (± {late.half_width:.2g})", value=late.mean, unit="s", kind=Kind.PLAIN
+                )
             env.close()
         sheet = draw(
             f"Dispatch on {site.name}",

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from benchmarks.training.transfer import TRANSFERS, play_transfer, write_shares
 from fleet.charts.statistics import estimate
 from fleet.training.curve import Curve, draw_curves
@@ -116,7 +116,7 @@ def _rows(recipe: str, found: Sequence[Mapping[str, Any]], *, promised: bool) ->
             yield Row(name=f"  learned - {policy}, {name}", value=value, unit=unit, target=target)
     minutes = max(one["train_cpu_s"] for one in found) / 60.0
     target = f"<= {MINUTES[recipe]}" if promised else ""
-    yield Row(name="  longest seed", value=minutes, unit="min of CPU", target=target)
+    yield Row(name="  longest seed", value=minutes, unit="min of CPU", kind=Kind.TIME, target=target)
 
 
 def _transfer_rows(recipe: str, played: Sequence[Path], *, promised: bool) -> Iterable[Row]:
