@@ -13,6 +13,7 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/training.md",
     "docs/guide/benchmarks.md",
     "docs/guide/development.md",
+    "docs/guide/extend.md",
     "docs/guide/limits.md",
 )
 def test_block(block: Block, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import pkgutil
 import re
 import tomllib
 from pathlib import Path
@@ -19,6 +20,9 @@ from tests.guide.pages import DATA, REPOSITORY, RUN, Block, PageError, blocks_of
 MOST_SKIPPED_N = 6
 """Blocks that no test can run: windows, viewers, installations."""
 DOCS = REPOSITORY / "docs"
+PACKAGES = ("benchmarks", "fleet", "maps", "planners")
+IMAGINED = ("planners/allocation/longest_wait.py",)
+"""Files that a reader may add."""
 LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
 TEXTS = [
     "CHANGELOG.md",
@@ -109,6 +113,27 @@ def test_the_tree_of_the_source_names_every_room() -> None:
     where = [next((row for row, words in enumerate(rows) if set(level) <= set(words)), None) for level in levels]
     assert None not in where, levels[where.index(None)]
     assert where == sorted(where)  # type: ignore[type-var]
+
+
+@pytest.mark.parametrize("page", [*pages(), "docs/conventions.md", "docs/glossary.md"])
+def test_names_of_modules_and_files_are_those_of_the_source(page: str) -> None:
+    text = (REPOSITORY / page).read_text(encoding="utf-8")
+    lost = [name for name in re.findall(r"`((?:fleet|planners|maps|benchmarks)\.[\w.]+)`", text) if not is_known(name)]
+    paths = re.findall(r"`((?:benchmarks|docs|fleet|maps|planners|tests)/[\w./]+)`", text)
+    lost += [path for path in paths if "NAME" not in path and path not in IMAGINED and not (REPOSITORY / path).exists()]
+    assert lost == []
+
+
+def is_known(name: str) -> bool:
+    """Whether this is a module of the project, or something in one."""
+    try:
+        pkgutil.resolve_name(name)
+    except ModuleNotFoundError as error:
+        # A package that is optional may be missing, a module of the project may not.
+        return (error.name or "").partition(".")[0] not in PACKAGES
+    except AttributeError:
+        return False
+    return True
 
 
 @pytest.mark.parametrize("page", EACH_TEXT)
