@@ -6,7 +6,6 @@ above the fence, which a reader of the page does not see:
     <!-- test: file NAME -->        the block is the content of this file, for all other blocks of its page
     <!-- test: skip, REASON -->     it cannot run in a test
     <!-- test: slow -->             it takes longer than about 20 s
-    <!-- test: needs MODULE -->     it runs where this optional package is installed
     <!-- test: exit STATUS -->      its last command ends with this status
 """
 
@@ -36,7 +35,7 @@ TIMEOUT_S = 600
 """The first run on a machine compiles kernels; afterwards a block takes seconds."""
 
 _MARK = re.compile(r"<!-- test: (?P<verb>\w+)(?:,? (?P<value>.+?))? -->")
-_VERBS = {"exit": True, "file": True, "needs": True, "skip": True, "slow": False}
+_VERBS = {"exit": True, "file": True, "skip": True, "slow": False}
 """What a comment may say, and whether a value comes with it."""
 _FENCE = re.compile(r"```(?P<language>\w*)\s*")
 
@@ -90,6 +89,8 @@ def blocks_of(text: str, page: str) -> Iterator[Block]:
                 raise PageError(
                     f"{page}:{number}: language {language!r}; valid: {', '.join(sorted(RUN | DATA | PLAIN))}"
                 )
+        elif "```" in line:
+            raise PageError(f"{page}:{number}: a fence stands at the beginning of its line, with its language only")
         elif mark := _MARK.fullmatch(line):
             verb, value = mark["verb"], mark["value"] or ""
             if verb not in _VERBS or bool(value) is not _VERBS[verb]:
@@ -124,8 +125,6 @@ def run_block(block: Block, folder: Path) -> None:
     Raises:
         AssertionError: A command ends with another status than it should, or prints something else than the page says.
     """
-    if module := block.marks.get("needs"):
-        pytest.importorskip(module)
     shutil.copytree(REPOSITORY / "docs" / "examples", folder / "docs" / "examples")
     for other in read_blocks(block.page):
         if name := other.marks.get("file"):

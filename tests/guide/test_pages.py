@@ -154,6 +154,7 @@ def test_links_lead_somewhere(page: str) -> None:
         ("```\nls\n```\n", "p.md:1: language ''"),
         ("```bash\nls\n```\n", "p.md:1: language 'bash'"),
         ("```shell\nls\n", "p.md:1: the fence is not closed"),
+        ("- a list\n\n  ```shell\n  ls\n  ```\n", "p.md:3: a fence stands at the beginning"),
         ("<!-- test: skip -->\n```shell\nls\n```\n", "p.md:1: <!-- test: skip -->; valid"),
         ("<!-- test: later -->\n```shell\nls\n```\n", "p.md:1: <!-- test: later -->; valid"),
         ("<!-- test: slow -->\nSome words.\n", "p.md:2: a comment for tests"),
