@@ -47,7 +47,7 @@ class Demo:
     """Orders per hour of a stream; default 120."""
     orders: Path | None = None
     """CSV or JSON file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m and, if wanted, type
-    and other columns, which the README lists."""
+    and other columns, which docs/guide/orders.md lists."""
     events: Path | None = None
     """TOML file of disturbances: [[event]] tables of time_s, kind (car_dead, car_pushed, arm_slow, grip_lost,
     lane_blocked), target and parameters."""
