@@ -12,6 +12,7 @@ from benchmarks.harness import Row, Trial
 from benchmarks.training.bare import PHYSICS_HZ, BareLoop
 from benchmarks.training.machine import machine_row
 from fleet.config import RunConfig
+from fleet.envs import warehouse_v0
 from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.simulation import RunSetup
 from fleet.world.scene import Scene
@@ -101,7 +102,7 @@ def _scene(team: Team) -> Scene:
 
 
 def _env(team: Team, fidelity: str) -> WarehouseEnv:
-    return WarehouseEnv(
+    return warehouse_v0.parallel_env(
         site=team.site,
         n_cars=team.cars_n,
         n_arms=team.arms_n,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from fleet.envs.core.env_config import UnknownSetting
 from fleet.envs.policies.policy import Policy
 from fleet.training.batch import Choice
 from fleet.training.errors import TrainingError
@@ -45,14 +46,16 @@ class Recipe:
         """
         try:
             self.make(**arguments).close()
-        except TypeError as error:
+        except UnknownSetting as error:
+            raise TrainingError(f"[env]: {error}") from error
+        except TypeError as error:  # of a single robot's environment
             raise TrainingError(f"[env]: {error}; valid: the arguments of the environment") from error
 
 
 def _navigate(**arguments: Any) -> Any:
-    from fleet.envs.navigate.navigation import NavigationEnv
+    from fleet.envs.navigate_v0 import parallel_env
 
-    return NavigationEnv(**arguments)
+    return parallel_env(**arguments)
 
 
 def _pursuit() -> Policy:
@@ -62,9 +65,9 @@ def _pursuit() -> Policy:
 
 
 def _dispatch(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
-    from fleet.envs.dispatch.env import DispatchEnv, DispatchWeights
+    from fleet.envs.dispatch.env import DispatchWeights, parallel_env
 
-    return DispatchEnv(weights=DispatchWeights(**weights or {}), **arguments)
+    return parallel_env(weights=DispatchWeights(**weights or {}), **arguments)
 
 
 def _nearest() -> Policy:

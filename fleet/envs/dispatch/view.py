@@ -68,7 +68,7 @@ class DispatchObserver:
     def __init__(self, place: FleetSite, candidates_n: int) -> None:
         self._place = place
         self._k = candidates_n
-        self.row_n = OWN_N + candidates_n * CANDIDATE_N + SUMMARY_N
+        self.n_numbers = OWN_N + candidates_n * CANDIDATE_N + SUMMARY_N
         """Length of a row."""
         self._size = np.array([place.site.grid.cols, place.site.grid.rows]) * place.site.grid.cell_m
 
@@ -76,11 +76,11 @@ class DispatchObserver:
         """Observe all cars.
 
         Returns:
-            Observations, shape (n, row_n); which of the k + 1 actions are legal, shape (n, k + 1); the task that each
-            candidate of each car is, `NONE` for none, shape (n, k).
+            Observations, shape (n, n_numbers); which of the k + 1 actions are legal, shape (n, k + 1); the task that
+            each candidate of each car is, `NONE` for none, shape (n, k).
         """
         n, k = len(view.state), self._k
-        rows = np.zeros((n, self.row_n), dtype=np.float32)
+        rows = np.zeros((n, self.n_numbers), dtype=np.float32)
         mask = np.zeros((n, k + 1), dtype=np.int8)
         candidates = np.full((n, k), NONE, dtype=np.int32)
         mask[:, 0] = 1
@@ -168,7 +168,7 @@ def fill_candidates(
         view: The fleet.
         pressing: Its ready tasks, the most pressing first, shape (m,).
         far_n: Unit of distances, in timesteps.
-        rows: Receives the descriptions, shape (n, row_n).
+        rows: Receives the descriptions, shape (n, n_numbers).
         mask: Receives the legal actions, shape (n, k + 1).
         candidates: Receives the tasks, shape (n, k).
     """

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.navigate.navigation import NEAR_M, OTHER_N, OTHERS_N, WAY_POINTS_M
+from fleet.envs.navigate.rows import NEAR_M, OTHER_N, OTHERS_N, WAY_POINTS_M
 from fleet.robots.racecar import racecar_spec
 
 AIM = 1
