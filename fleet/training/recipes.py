@@ -8,7 +8,7 @@ from typing import Any
 
 from fleet.envs.core.env_config import UnknownSetting
 from fleet.envs.policies.policy import Policy
-from fleet.training.batch import Choice
+from fleet.training.batch import ChoiceLayout
 from fleet.training.errors import TrainingError
 from fleet.training.row_policy import RowPolicy
 from fleet.training.settings import PpoConfig
@@ -32,7 +32,7 @@ class Recipe:
     steps_n: int
     """Steps of agents."""
     ppo: PpoConfig
-    choice: Choice | None = None
+    choice: ChoiceLayout | None = None
     """How observations with a mask are made up, if actions choose among alike things."""
     arguments: dict[str, Any] = field(default_factory=dict)
     """Arguments of the environment that differ from its own defaults."""
@@ -99,7 +99,7 @@ RECIPES: dict[str, Recipe] = {
         summary="cars drive to places, among each other",
         make=_navigate,
         scripted=_pursuit,
-        script="pure pursuit that brakes for whoever is ahead",
+        script="pure pursuit that brakes for what is ahead",
         figures=("places", "touch", "towed"),
         steps_n=1_500_000,
         ppo=PpoConfig(learning_rate=1e-3),
@@ -108,7 +108,7 @@ RECIPES: dict[str, Recipe] = {
         summary="one car drives to places, among cars that a script drives",
         make=_car,
         scripted=_pursuit,
-        script="pure pursuit that brakes for whoever is ahead",
+        script="pure pursuit that brakes for what is ahead",
         figures=("places", "touch", "towed"),
         steps_n=1_000_000,
         ppo=PpoConfig(envs_n=16, horizon_n=256),
@@ -140,8 +140,8 @@ RECIPES: dict[str, Recipe] = {
         figures=("delivered", "late", "waiting"),
         steps_n=2_000_000,
         ppo=PpoConfig(horizon_n=240, minibatch_n=4096, entropy=0.003, discount=0.98, learning_rate=1e-3),
-        choice=Choice(own_n=12, each_n=11),  # fleet.envs.dispatch.view: OWN_N, CANDIDATE_N
-        # A car that pays for the lateness of what it delivers leaves late tasks to the others, who do the same.
+        choice=ChoiceLayout(n_own=12, n_each=11),  # fleet.envs.dispatch.view: OWN_N, CANDIDATE_N
+        # A car that pays for the lateness of what it delivers leaves late tasks to the others, which do the same.
         arguments={"site": "small", "n_cars": 6, "weights": {"late": -0.02, "empty": -0.03}},
     ),
 }

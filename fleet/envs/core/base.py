@@ -19,7 +19,7 @@ from pettingzoo.utils import ParallelEnv, parallel_to_aec
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from fleet.envs.core.env_config import EnvConfig, require_seed
-from fleet.envs.core.window import Window
+from fleet.envs.core.window import PictureWindow
 from fleet.errors import FleetError
 
 Picture = npt.NDArray[np.uint8]
@@ -37,7 +37,7 @@ class EpisodeError(FleetError):
 
 
 class ActionError(FleetError):
-    """Actions of nobody in the team, or of the wrong shape or kind."""
+    """Actions of an agent that is not in the team, or of the wrong shape or kind."""
 
 
 class StateError(FleetError):
@@ -139,7 +139,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         self._series = np.random.default_rng(config.seed)
         self._seed = -1
         self._log: list[Any] = []
-        self._window: Window | None = None
+        self._window: PictureWindow | None = None
 
     def observation_space(self, agent: str) -> Space[Any]:
         """Space of an agent's observations; the same object every time."""
@@ -254,7 +254,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         if self.render_mode == "rgb_array":
             return self._picture()
         if self.render_mode == "human":
-            self._window = self._window or Window("fleet")
+            self._window = self._window or PictureWindow("fleet")
             self._window.show(self._picture())
         elif self.render_mode == "rerun":
             self._record()
@@ -274,7 +274,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
 
     @abstractmethod
     def _resolved(self, actions: Mapping[str, Any]) -> Any:
-        """Legal decisions of all agents, as `_advance` takes them; nobody changes them later.
+        """Legal decisions of all agents, as `_advance` takes them; nothing changes them later.
 
         Raises:
             ActionError: An action has the wrong shape or kind.

@@ -24,7 +24,10 @@ _TIES = 1 << 20
 
 
 class DispatchView(NamedTuple):
-    """A fleet as dispatch sees it; n cars, m ready tasks, k stations."""
+    """A fleet as dispatch sees it; n cars, m ready tasks, k stations.
+
+    Flat on purpose: these are the arrays that policies read (`env.view.task`) and that one kernel is handed.
+    """
 
     now_s: float
     left: float
@@ -89,7 +92,7 @@ class DispatchObserver:
             self._place.floor,
             view,
             np.lexsort((view.task, view.due_s, view.rank)),
-            self._place.far_n,
+            self._place.far_steps,
             rows,
             mask,
             candidates,
@@ -108,7 +111,7 @@ class DispatchObserver:
         floor = self._place.floor
         moves = floor.distance[floor.dock_row[view.pick]][:, view.state].T.astype(np.float64)
         rest = floor.distance[floor.dock_row[view.drop], floor.dock_state[view.pick]].astype(np.float64)
-        takes_s = (moves + rest + 2 * floor.service_n) * TIMESTEP_S
+        takes_s = (moves + rest + 2 * floor.service_steps) * TIMESTEP_S
         cost = moves * TIMESTEP_S + lateness * np.maximum(0.0, takes_s - view.due_s) - ageing * view.age_s
         cost[moves >= UNREACHABLE] = np.inf
         cost[~view.free] = np.inf
@@ -129,7 +132,7 @@ class DispatchObserver:
         rows[:, 9] = view.held
         goal_row = self._place.goal_row
         known = np.flatnonzero((view.goal >= 0) & (goal_row[view.goal] >= 0))
-        rows[known, 10] = floor.distance[goal_row[view.goal[known]], view.state[known]] / self._place.far_n
+        rows[known, 10] = floor.distance[goal_row[view.goal[known]], view.state[known]] / self._place.far_steps
 
     def _summary(self, view: DispatchView) -> FloatArray:
         n = len(view.state)
@@ -152,7 +155,7 @@ def fill_candidates(
     floor: Floor,
     view: DispatchView,
     pressing: npt.NDArray[np.int64],
-    far_n: float,
+    far_steps: float,
     rows: npt.NDArray[np.float32],
     mask: npt.NDArray[np.int8],
     candidates: Ints,
@@ -167,7 +170,7 @@ def fill_candidates(
         floor: The site.
         view: The fleet.
         pressing: Its ready tasks, the most pressing first, shape (m,).
-        far_n: Unit of distances, in timesteps.
+        far_steps: Unit of distances, in timesteps.
         rows: Receives the descriptions, shape (n, n_numbers).
         mask: Receives the legal actions, shape (n, k + 1).
         candidates: Receives the tasks, shape (n, k).
@@ -212,11 +215,11 @@ def fill_candidates(
                     break
             at = OWN_N + c * CANDIDATE_N
             rows[car, at] = 1.0
-            rows[car, at + 1] = moves / far_n
-            rows[car, at + 2] = rest / far_n
+            rows[car, at + 1] = moves / far_steps
+            rows[car, at + 2] = rest / far_steps
             rows[car, at + 3] = view.age_s[j] / TIME_S
             if math.isfinite(view.due_s[j]):
-                takes_s = (moves + rest + 2 * floor.service_n) * TIMESTEP_S
+                takes_s = (moves + rest + 2 * floor.service_steps) * TIMESTEP_S
                 rows[car, at + 4] = 1.0
                 rows[car, at + 5] = (view.due_s[j] - takes_s) / TIME_S
             rows[car, at + 6] = view.rank[j] == 0

@@ -22,7 +22,7 @@ from fleet.envs.layers.order_streams import episode_orders
 from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
 
-if TYPE_CHECKING:  # heavy, and most who train record nothing
+if TYPE_CHECKING:  # heavy, and most trainings record nothing
     from fleet.recording import PictureRecorder
 
 Bools = npt.NDArray[np.bool_]
@@ -31,7 +31,7 @@ LOADED = (Phase.TO_DROP, Phase.UNLOADING)
 """Phases of a car with a parcel."""
 
 
-class View(Protocol):
+class FleetView(Protocol):
     """What all views of a fleet tell."""
 
     @property
@@ -47,7 +47,7 @@ class View(Protocol):
         """`Phase` of each car, shape (n_cars,)."""
 
 
-ViewT = TypeVar("ViewT", bound=View)
+ViewT = TypeVar("ViewT", bound=FleetView)
 
 
 class LayerEnv(FleetEnv, Generic[ViewT]):
@@ -127,7 +127,7 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
 
     @abstractmethod
     def _play(self, choice: Int64Array) -> tuple[FloatArray, Bools]:
-        """Make a step; returns terms, shape (n_cars, n_terms), and who did not get what it chose, shape (n_cars,).
+        """Make a step; returns terms, shape (n_cars, n_terms), and which cars lost their choice, shape (n_cars,).
 
         Args:
             choice: A legal action of each car, shape (n_cars,).
@@ -161,8 +161,8 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         self._n_episodes += 1
         if self.render_mode == "rerun":
             self._open_recorder()
-        nobody = np.zeros(self._n_cars, dtype=np.bool_)
-        return self._infos(np.zeros((self._n_cars, self._n_terms)), nobody, nobody)
+        none = np.zeros(self._n_cars, dtype=np.bool_)
+        return self._infos(np.zeros((self._n_cars, self._n_terms)), none, none)
 
     def _resolved(self, actions: Mapping[str, Any]) -> Int64Array:
         return whole_numbers(actions, self.possible_agents)

@@ -1,7 +1,7 @@
 """Navigation: a PettingZoo environment in which cars drive to one place after the other, among each other.
 
 Every car has a stream of places to visit, drawn from the episode's seed and the same whatever the agents do. Its way
-there is the shortest along the lanes of the site; nobody gives right of way: to keep clear of the others is the agents'
+there is the shortest along the lanes of the site; no car is given right of way: to keep clear of the others is the agents'
 own affair. A car that gets more than 0.8 m away from its way is out of its agent's hands for a second and a half: it
 brakes, is towed back to its way, and stands there. An episode begins with all cars parked and is truncated for all after
 `max_cycles` steps.
@@ -221,7 +221,7 @@ class NavigationEnv(FleetEnv):
         return {agent: {**dict.fromkeys((*TERMS, "places"), 0.0), "illegal": False} for agent in self.possible_agents}
 
     def _resolved(self, actions: Mapping[str, Any]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Shares of steering and speed, shape (n_cars, 2), and whose action was illegal or missing."""
+        """Shares of steering and speed, shape (n_cars, 2), and which cars' actions were illegal or missing."""
         rows = np.full((len(self.possible_agents), 2), np.nan)
         for car, agent in enumerate(self.possible_agents):
             action = actions.get(agent)
@@ -312,12 +312,12 @@ class NavigationEnv(FleetEnv):
         )
 
     def _tow(self) -> npt.NDArray[np.bool_]:
-        """Stop lost cars and bring them back to where their way is nearest; returns who got lost now, (n_cars,)."""
-        tow_n, brake_n = (round(time_s / self._world.tick_s) for time_s in (TOW_S, BRAKE_S))
-        left_n = np.maximum(self._ticks_towed - self._n_ticks, 0)
-        stands = (self._ticks_towed > tow_n) & (left_n <= tow_n)
+        """Stop lost cars and bring them back to where their way is nearest; returns which got lost now, (n_cars,)."""
+        tow, brake = (round(time_s / self._world.tick_s) for time_s in (TOW_S, BRAKE_S))
+        left = np.maximum(self._ticks_towed - self._n_ticks, 0)
+        stands = (self._ticks_towed > tow) & (left <= tow)
         lost: npt.NDArray[np.bool_] = (np.abs(self._aside_m) > LOST_M) & (self._ticks_towed == 0)
-        self._ticks_towed = np.where(lost, brake_n + tow_n, left_n)
+        self._ticks_towed = np.where(lost, brake + tow, left)
         poses = self._world.car_poses()
         for car in np.flatnonzero(stands).tolist():
             x, y, yaw = self._paths.points[car, self._paths.cursor[car]] - poses[car]

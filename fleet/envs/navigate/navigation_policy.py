@@ -23,7 +23,7 @@ GAP_M = 0.75
 
 
 class PursuitPolicy:
-    """Drives at the next way-point, as fast as the curve allows, and brakes for whoever stands in the strip ahead.
+    """Drives at the next way-point, as fast as the curve allows, and brakes for a car that stands in the strip ahead.
 
     Greedy: it looks at what is near and ahead, and neither gives way nor plans.
 

@@ -1,6 +1,6 @@
 """Traffic: a PettingZoo environment in which each car chooses its lane moves, and the classical fleet does the rest.
 
-Who gets which task, bookings of stations, parking and arms are those of any run. An episode begins with all cars
+Which car gets which task, bookings of stations, parking and arms are those of any run. An episode begins with all cars
 parked, one order for each car at once, and more that follow as a Poisson stream; it never terminates, and is truncated
 for all agents after `max_cycles` steps.
 

@@ -47,7 +47,7 @@ class TrafficView(NamedTuple):
     """Larger goes first; timesteps since the goal was given and a head start; less than 0 = is where it should be."""
 
 
-class Surroundings(NamedTuple):
+class FloorTold(NamedTuple):
     """What never changes about a floor; S states."""
 
     distance: Distances
@@ -64,7 +64,7 @@ class Surroundings(NamedTuple):
     """Place of each state in units of the floor's diagonal, shape (S, 2)."""
     seen: Ints
     """Cells seen from each state, `NONE` where no lane leads, shape (S, SEEN_N)."""
-    far_n: float
+    far_steps: float
     """The longest way to any place, in timesteps."""
 
 
@@ -92,7 +92,7 @@ class TrafficObserver:
         pose = graph.state_pose
         size = np.array([grid.cols, grid.rows]) * grid.cell_m
         where = np.column_stack((2.0 * pose[:, :2] / size - 1.0, np.cos(pose[:, 2]), np.sin(pose[:, 2])))
-        self._surroundings = Surroundings(
+        self._surroundings = FloorTold(
             distance=place.floor.distance,
             goal_row=place.goal_row,
             move_to=place.move_to,
@@ -100,7 +100,7 @@ class TrafficObserver:
             where=where.astype(np.float32),
             xy=np.ascontiguousarray(pose[:, :2] / np.hypot(*size)).astype(np.float32),
             seen=_seen_cells(place),
-            far_n=float(place.far_n),
+            far_steps=float(place.far_steps),
         )
         self._memory = CellMemory(
             occupant=np.full(graph.n_cells, NONE, dtype=np.int32),
@@ -124,13 +124,13 @@ class TrafficObserver:
 @njit(cache=True, nogil=True)
 def observe(
     view: TrafficView,
-    floor: Surroundings,
+    floor: FloorTold,
     memory: CellMemory,
     rows: npt.NDArray[np.float32],
     mask: npt.NDArray[np.int8],
 ) -> None:  # pragma: no cover - compiled
     """Fill in `rows` and `mask`; the memory is empty again after the call."""
-    distance, goal_row, move_to, state_cell, where, xy, seen, far_n = floor
+    distance, goal_row, move_to, state_cell, where, xy, seen, far_steps = floor
     occupant, rivals, best = memory
     n = len(view.state)
     for car in range(n):
@@ -154,7 +154,7 @@ def observe(
         left = np.int64(0)
         if row != NONE:
             left = np.int64(distance[row, state])
-            told[10] = min(1.0, left / far_n)
+            told[10] = min(1.0, left / far_steps)
             dx, dy = xy[goal, 0] - xy[state, 0], xy[goal, 1] - xy[state, 1]
             told[11] = where[state, 2] * dx + where[state, 3] * dy
             told[12] = where[state, 2] * dy - where[state, 3] * dx

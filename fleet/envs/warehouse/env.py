@@ -86,7 +86,7 @@ from fleet.envs.warehouse.actions import LegalActions, legal_actions
 from fleet.envs.warehouse.agent_arm_manager import NoPlanner
 from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.config import WarehouseConfig
-from fleet.envs.warehouse.drawing import Drawing
+from fleet.envs.warehouse.drawing import RunDrawing
 from fleet.envs.warehouse.hands import TIP_N, joint_velocities, move_targets, shares_of
 from fleet.envs.warehouse.observations import Observer
 from fleet.envs.warehouse.recorded import Recording
@@ -111,7 +111,7 @@ _ENDED = frozenset((*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED))
 
 
 @dataclass(kw_only=True)
-class Episode:
+class WarehouseEpisode:
     """All that changes in an episode, but for the world."""
 
     simulation: AgentSimulation
@@ -127,7 +127,7 @@ class Episode:
 class _Quick:
     """What brings a moment back at once."""
 
-    episode: Episode
+    episode: WarehouseEpisode
     world: World
     """Where it was."""
     moment: object
@@ -156,8 +156,8 @@ class WarehouseEnv(FleetEnv):
         self._start_of_world: object = None
         self._start_hits: FloatArray | None = None  # what all rays meet there
         self._planner: ArmPlanner = NoPlanner()
-        self._episode: Episode | None = None
-        self._drawing: Drawing | None = None
+        self._episode: WarehouseEpisode | None = None
+        self._drawing: RunDrawing | None = None
         self._recording: Recording | None = None
         self._n_episodes = 0
 
@@ -209,7 +209,7 @@ class WarehouseEnv(FleetEnv):
         observer = Observer(simulation, ring, np.random.default_rng(lidar))
         observer.look(self._start_hits)
         self._start_hits = observer.hits
-        self._episode = Episode(
+        self._episode = WarehouseEpisode(
             simulation=simulation,
             observer=observer,
             rewards=Rewards(simulation, observer, self._weights, self.config.step_s),
@@ -245,7 +245,7 @@ class WarehouseEnv(FleetEnv):
 
     def _observations(self) -> dict[str, Any]:
         observer = self._now().observer
-        # One copy for all: nobody else has a view of it.
+        # One copy for all: nothing else has a view of it.
         cars, arms = observer.car_rows.copy(), observer.arm_rows.copy()
         seen: dict[str, Any] = dict(zip(self._cars, cars, strict=True))
         if self.config.camera is not None:
@@ -254,7 +254,7 @@ class WarehouseEnv(FleetEnv):
         return seen
 
     def _picture(self) -> Picture:
-        self._drawing = self._drawing or Drawing(self.simulation)
+        self._drawing = self._drawing or RunDrawing(self.simulation)
         return self._drawing.picture()
 
     def _quick(self) -> _Quick | None:
@@ -273,14 +273,14 @@ class WarehouseEnv(FleetEnv):
         self._drawing = None
         return True
 
-    def _copied(self, episode: Episode) -> Episode:
+    def _copied(self, episode: WarehouseEpisode) -> WarehouseEpisode:
         """A copy that shares what lasts from episode to episode."""
         ground = self._opened()
         parts = ground.site, ground.graph, ground.graph.state_pose, ground.scene, ground.tables, ground.world
         lasting = (*parts, self._planner, self._run_config)
         return copy.deepcopy(episode, {id(thing): thing for thing in lasting})
 
-    def _now(self) -> Episode:
+    def _now(self) -> WarehouseEpisode:
         if self._episode is None:
             raise EpisodeError("there was no episode yet; valid: reset() first")
         return self._episode
@@ -311,7 +311,7 @@ class WarehouseEnv(FleetEnv):
         exact_s = exact_tick_s(n_steps, n_steps / tick_s)
         return BulletWorld(ground.scene, BulletConfig(tick_s=exact_s, at_once_n=n_steps))
 
-    def _commands(self, episode: Episode, resolved: LegalActions) -> Actions:
+    def _commands(self, episode: WarehouseEpisode, resolved: LegalActions) -> Actions:
         """The actions of one tick; joint velocities become targets that move on."""
         simulation = episode.simulation
         world, arm = simulation.world, simulation.scene.arm

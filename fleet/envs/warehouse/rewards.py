@@ -160,7 +160,7 @@ def _fill(
     actions: LegalActions,
     step_s: float,
 ) -> None:  # pragma: no cover - compiled
-    """Fill the terms, whose action was illegal and, in the last column, the sums of the terms."""
+    """Fill the terms, 1 for an illegal action and, in the last column, the sums of the terms."""
     cars, arms = actions.cars, actions.arms
     n_terms = len(weights)
     for agent in range(len(table)):
