@@ -1,4 +1,8 @@
-"""Kernels of `GridFleet`: what a timestep changes besides the cars' states - services, tasks, bookings, goals."""
+"""Kernels of `GridFleet`: what a timestep changes besides the cars' states - services, tasks, bookings, goals.
+
+They write the rules of a run again, for speed; `tests/contract/test_grid_rules.py` holds every step that they let a
+task or a car make against the life cycle of runs.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows: kernels that follow cars along their ways and fill their observations (layout: see `fleet.envs.navigate.navigation`)."""
+"""Rows: kernels that follow cars along their ways and fill the observations of `NavigationEnv`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Rows: kernels that fill the observations of all agents of a type (layout: see `fleet.envs.warehouse.env`)."""
+"""Rows: kernels that fill the observations of all agents of a type (layout: see `fleet.envs.warehouse.env`).
+
+What they are handed comes in named parts. Array by array a call would be 3 to 4 us shorter, of the 600 us that a
+kinematic step of five agents takes.
+"""
 
 from __future__ import annotations
 
