@@ -19,7 +19,7 @@ import numpy.typing as npt
 from fleet.config import AllocationConfig
 from fleet.dispatch.allocation import QUEUE_S
 from fleet.envs.grid import kernel
-from fleet.envs.grid.kernel import NEVER, NONE, Counts, Floor, GridCars, GridStations, GridTasks, Stage
+from fleet.envs.grid.kernel import NEVER, NONE, CarTable, Counts, Floor, Stage, StationTable, TaskTable
 from fleet.missions.admission import EMERGENCY_RANK_S, LOADED_RANK_S, NEAR_N
 from fleet.stations.service_time import PRIOR_MEAN_S
 from fleet.tasks.order import Delivery
@@ -107,7 +107,7 @@ class GridFleet:
         floor, graph = place.floor, place.graph
         k = len(floor.dock_state)
         start = floor.spot_state[:n_cars].copy()
-        self.cars = GridCars(
+        self.cars = CarTable(
             state=start,
             phase=np.zeros(n_cars, dtype=np.int8),
             held=np.zeros(n_cars, dtype=np.bool_),
@@ -122,7 +122,7 @@ class GridFleet:
             row=floor.spot_row[:n_cars].copy(),
         )
         self.tasks = _tasks_of(orders, [station.name for station in place.site.stations])
-        self.stations = GridStations(booked=_zero(k), free=floor.n_slots.copy(), under_way=_zero(k))
+        self.stations = StationTable(booked=_zero(k), free=floor.n_slots.copy(), under_way=_zero(k))
         self.counts = Counts.of(n_cars, np.int32)
         self.priority = np.zeros(n_cars)
         self.locked = np.zeros(n_cars, dtype=np.bool_)
@@ -192,11 +192,11 @@ class GridFleet:
         self.direct()
 
 
-def _tasks_of(orders: Sequence[Delivery], names: list[str]) -> GridTasks:
+def _tasks_of(orders: Sequence[Delivery], names: list[str]) -> TaskTable:
     number = {name: k for k, name in enumerate(names)}
     n = len(orders)
     due = [order.due_s / TIMESTEP_S if math.isfinite(order.due_s) else NEVER for order in orders]
-    return GridTasks(
+    return TaskTable(
         release=np.array([math.ceil(order.release_s / TIMESTEP_S) for order in orders], dtype=np.int32),
         due=np.array(due, dtype=np.int64).astype(np.int32),
         pick=np.array([number[order.pick] for order in orders], dtype=np.int32),

@@ -75,7 +75,7 @@ class Floor(NamedTuple):
     """Head start in the right of way of a car with a parcel, and of one with an urgent task, in timesteps."""
 
 
-class GridCars(NamedTuple):
+class CarTable(NamedTuple):
     """One entry per car."""
 
     state: Ints
@@ -100,7 +100,7 @@ class GridCars(NamedTuple):
     """Its goal, and the row of distances to it."""
 
 
-class GridTasks(NamedTuple):
+class TaskTable(NamedTuple):
     """One entry per task, ascending in release; times in timesteps."""
 
     release: Ints
@@ -118,7 +118,7 @@ class GridTasks(NamedTuple):
     """First task that may be open, and number of those released, shape (2,)."""
 
 
-class GridStations(NamedTuple):
+class StationTable(NamedTuple):
     """One entry per station."""
 
     booked: Ints
@@ -155,7 +155,7 @@ class Counts(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def assign(
-    cars: GridCars, tasks: GridTasks, stations: GridStations, car: int, task: int, now: int
+    cars: CarTable, tasks: TaskTable, stations: StationTable, car: int, task: int, now: int
 ) -> None:  # pragma: no cover
     """Give a ready task to a free car."""
     tasks.stage[task], tasks.car[task] = ASSIGNED, car
@@ -167,7 +167,7 @@ def assign(
 
 @njit(cache=True, nogil=True)
 def assign_nearest(
-    floor: Floor, cars: GridCars, tasks: GridTasks, stations: GridStations, room: int, now: int
+    floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, room: int, now: int
 ) -> None:  # pragma: no cover - compiled
     """Give each ready task, the most urgent class first, then the oldest, to the nearest free car."""
     n_free = 0
@@ -191,7 +191,7 @@ def assign_nearest(
 
 
 @njit(cache=True, nogil=True)
-def count_moves(cars: GridCars, after: Ints, counts: Counts) -> None:  # pragma: no cover - compiled
+def count_moves(cars: CarTable, after: Ints, counts: Counts) -> None:  # pragma: no cover - compiled
     """Count the moves to pick stations, and put the cars where they are after the timestep."""
     for car in range(len(after)):
         if after[car] != cars.state[car] and cars.phase[car] == TO_PICK:
@@ -201,7 +201,7 @@ def count_moves(cars: GridCars, after: Ints, counts: Counts) -> None:  # pragma:
 
 @njit(cache=True, nogil=True)
 def serve(
-    floor: Floor, cars: GridCars, tasks: GridTasks, stations: GridStations, counts: Counts, now: int
+    floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, counts: Counts, now: int
 ) -> None:  # pragma: no cover - compiled
     """End and begin services, after a timestep's moves."""
     for car in range(len(cars.state)):
@@ -230,7 +230,7 @@ def serve(
 
 
 @njit(cache=True, nogil=True)
-def release(tasks: GridTasks, stations: GridStations, counts: Counts, now: int) -> None:  # pragma: no cover - compiled
+def release(tasks: TaskTable, stations: StationTable, counts: Counts, now: int) -> None:  # pragma: no cover - compiled
     """Let orders come in, and fill free slots, the most urgent class first, then the oldest."""
     window = tasks.window
     while window[1] < len(tasks.release) and tasks.release[window[1]] <= now:
@@ -255,7 +255,7 @@ def release(tasks: GridTasks, stations: GridStations, counts: Counts, now: int) 
 
 @njit(cache=True, nogil=True)
 def direct(
-    floor: Floor, cars: GridCars, tasks: GridTasks, stations: GridStations, spot_user: Ints, first: Ints, now: int
+    floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, spot_user: Ints, first: Ints, now: int
 ) -> None:  # pragma: no cover - compiled
     """Book places near stations, hold back cars without one, and give every car its goal.
 
@@ -307,7 +307,7 @@ def direct(
 
 @njit(cache=True, nogil=True)
 def rank_cars(
-    floor: Floor, cars: GridCars, tasks: GridTasks, now: int, priority: npt.NDArray[np.float64], locked: Bools
+    floor: Floor, cars: CarTable, tasks: TaskTable, now: int, priority: npt.NDArray[np.float64], locked: Bools
 ) -> None:  # pragma: no cover - compiled
     """Fill in which cars go first, larger = earlier, and which do not move.
 
@@ -327,7 +327,7 @@ def rank_cars(
 
 
 @njit(cache=True, nogil=True)
-def _bind(cars: GridCars, car: int, phase: int, station: int, now: int) -> None:  # pragma: no cover - compiled
+def _bind(cars: CarTable, car: int, phase: int, station: int, now: int) -> None:  # pragma: no cover - compiled
     cars.phase[car], cars.station[car], cars.bound[car] = phase, station, now
     cars.held[car] = cars.booked[car] = False
 
