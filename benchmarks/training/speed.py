@@ -11,6 +11,7 @@ import numpy as np
 from benchmarks.harness import Kind, Row, Trial
 from benchmarks.training.bare import PHYSICS_HZ, BareLoop
 from fleet.config import RunConfig
+from fleet.envs import warehouse_v0
 from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.run.setup import RunSetup
 from fleet.world.scene import Scene
@@ -104,7 +105,7 @@ def _scene(team: Team) -> Scene:
 
 
 def _env(team: Team, fidelity: str) -> WarehouseEnv:
-    return WarehouseEnv(
+    return warehouse_v0.parallel_env(
         site=team.site,
         n_cars=team.cars_n,
         n_arms=team.arms_n,
