@@ -11,7 +11,7 @@ from fleet.config import Perception
 from fleet.insight.causes import NONE, OWN, Cause, Column
 from fleet.insight.explain import explain
 from fleet.missions.roster import PHASES, CarPhase
-from fleet.recording import FloorPlan, Frame, LogLine, Recorder, RerunRecorder, Wait, versions
+from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunRecorder, Wait, versions
 from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.simulation import Event, Simulation
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
@@ -105,7 +105,7 @@ def open_recorder(
     """
     site, graph = simulation.site, simulation.graph
     centres = site.grid.cell_xy
-    floor = FloorPlan(
+    floor = DrawnFloor(
         name=site.name,
         lanes=centres(site.lanes.ravel()).reshape(-1, 2, 2),
         station_names=tuple(station.name for station in site.stations),
@@ -114,19 +114,16 @@ def open_recorder(
         parking_xy=centres(list(site.parking)),
         cell_xy=centres(np.arange(graph.n_cells)),
     )
-    return RerunRecorder(
-        path=path,
+    header = Header(
         scene=simulation.scene,
         floor=floor,
         about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
-        tick_s=simulation.tick_s,
         plots={"motion": ("mean_speed_mps", "min_clearance_m")}
         | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
         cameras=floor.station_names if simulation.config.perception is Perception.CAMERA else (),
         internals=internals,
-        serve=serve,
-        port=port,
     )
+    return RerunRecorder(path, header, tick_s=simulation.tick_s, port=port if serve else None)
 
 
 class Watch:
