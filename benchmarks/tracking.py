@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.harness import Benchmark, Row, Trial, main
 from fleet.config import ArmConfig, RunConfig
-from fleet.missions.roster import CarPhase
+from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
 from fleet.traffic.drivers import PathDriver
 from fleet.world.protocol import FloatArray
@@ -18,17 +18,17 @@ def measure(trial: Trial) -> list[Row]:
     for seed in trial.seeds:
         config = RunConfig(robots=3, seed=seed, arms=ArmConfig(workers_n=0))
         with Simulation(config) as simulation:
-            before = list(simulation.dispatcher.roster.phase)
+            before = list(simulation.missions.phase)
             while not simulation.finished:
                 simulation.tick()
                 lateral += _lateral(simulation)
                 speeds.append(float(np.abs(simulation.world.car_speeds()).max()))
-                for car, phase in enumerate(simulation.dispatcher.roster.phase):
+                for car, phase in enumerate(simulation.missions.phase):
                     if phase in (CarPhase.LOADING, CarPhase.UNLOADING) and before[car] is not phase:
                         offset = _dock_offset(simulation, car)
                         docking.append(offset[0])
                         turn.append(offset[1])
-                before = list(simulation.dispatcher.roster.phase)
+                before = list(simulation.missions.phase)
             summary = simulation.summary()
             trial.check(summary.tasks_done == summary.tasks_total, f"seed {seed}: not everything was delivered")
     return [
@@ -50,7 +50,7 @@ def _lateral(simulation: Simulation) -> list[float]:
     out = []
     poses, speeds = simulation.world.car_poses(), simulation.world.car_speeds()
     for car in np.flatnonzero(np.abs(speeds) > 0.05).tolist():
-        points = driver.paths.points[car, : driver.paths.count[car], :2]
+        points = driver.buffer.points[car, : driver.buffer.count[car], :2]
         out.append(_distance(points, poses[car, :2]))
     return out
 

@@ -2,74 +2,43 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import CarConfig, Fidelity, RunConfig, require
-from fleet.dispatch.allocation import TaskAllocation, require_allocator
-from fleet.dispatch.dispatcher import Dispatcher
+from fleet.assembly import Parts, assemble
+from fleet.config import RunConfig
 from fleet.errors import FleetError
 from fleet.incidents.disturbance import Disturbances
 from fleet.incidents.recovery import Recovery
 from fleet.insight.cause_watch import CauseWatch
-from fleet.insight.codebook import Codebook, codebook_of
+from fleet.insight.codebook import Codebook
 from fleet.insight.explain import Explanation, explain
+from fleet.insight.figures import Figures
 from fleet.insight.metrics import Metrics, Summary
-from fleet.insight.slip import SlipMeter
-from fleet.insight.time_accounts import TimeAccounts
-from fleet.missions.roster import CarPhase
-from fleet.robots.battery import Batteries
-from fleet.robots.tools import TOOLS
-from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
-from fleet.stations.arms.arm_planner import make_arm_planner
-from fleet.stations.arms.shared_dock import share_docks
-from fleet.stations.station import Station
+from fleet.missions.phases import CarPhase
+from fleet.run.clock import Clock
+from fleet.run.events import Event, Events
+from fleet.run.setup import RunSetup
 from fleet.tasks.batches import Batches
-from fleet.tasks.board import Task, TaskBoard, TaskState
-from fleet.tasks.order import MAX_GENERATED_KG, Ability, ability_of, generate_orders
-from fleet.tasks.order_file import OrderBook, read_orders
+from fleet.tasks.board import Task, TaskState
 from fleet.tasks.reasons import AssignmentReport
-from fleet.tasks.stream import stream_orders
-from fleet.traffic.drivers import Driver, PathDriver, StateDriver
-from fleet.traffic.executor import Executor
-from fleet.traffic.replanning import Traffic
-from fleet.world import make_world
-from fleet.world.grid import GridWorld
-from fleet.world.protocol import FloatArray, World
-from fleet.world.scene import Scene
-from fleet.world.site_scene import scene_of
-from maps.lane_graph import LaneGraph, build_lane_graph
-from maps.site import Site, load_site
-from planners.mapf import PLANNERS
-from planners.mapf.distance_table import DistanceTable
+from fleet.world.protocol import FloatArray
 
 STALL_S = 300.0
 """A run whose tasks have not changed for this long has come to a stand [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Event:
-    """Something that happened, as it goes into the run file."""
-
-    tick: int
-    sim_s: float
-    kind: str
-    facts: dict[str, object]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Actions:
-    """What agents decide instead of the executor and the arm desk, for the first robots; None leaves all to them.
+    """What agents decide instead of the executor and the arm manager, for the first robots; None leaves all to them.
 
-    Made for a run whose driver and desk know which robots agents decide (`fleet.envs.warehouse.agent_simulation`): in
-    any other run the executor takes for granted that a car follows its path, and recovery takes back one that does not.
+    Made for a run whose driver and arm manager know which robots agents decide
+    (`fleet.envs.warehouse.agent_simulation`): in any other run the executor takes for granted that a car follows its
+    path, and recovery takes back one that does not.
     """
 
     cars: FloatArray | None = None
@@ -79,47 +48,7 @@ class Actions:
     arms_qd: FloatArray | None = None
     """Joint velocities there [rad/s], same shape; None = zero."""
     grip: npt.NDArray[np.bool_] | None = None
-    """Whether they hold, shape (m,); None leaves it to the desk."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunSetup:
-    """What runs with as many cars on the same site have in common, and may hand on from one to the next."""
-
-    site: Site
-    graph: LaneGraph
-    start_states: npt.NDArray[np.int32]
-    """Lane-graph state of each car at the start, shape (n_cars,)."""
-    scene: Scene
-    tables: DistanceTable
-    """Distances with nothing blocked."""
-    world: World | None = None
-    """The world to run in, as it was when it was made; None = a new one."""
-
-    @staticmethod
-    def of(config: RunConfig) -> RunSetup:
-        """The ground of a run.
-
-        Raises:
-            ConfigError: The site has no room for that many robots.
-            SiteError: The site cannot be read.
-        """
-        site = load_site(config.site)
-        require(
-            config.robots <= len(site.parking),
-            "--robots",
-            config.robots,
-            f"1 to {len(site.parking)} (parking cells of site {site.name})",
-        )
-        graph = build_lane_graph(site)
-        start_states = graph.first_states(site.parking[: config.robots])
-        return RunSetup(
-            site=site,
-            graph=graph,
-            start_states=start_states,
-            scene=scene_of(site, graph.state_pose[start_states], config.grip, config.arms),
-            tables=DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)),
-        )
+    """Whether they hold, shape (m,); None leaves it to the arm manager."""
 
 
 class Simulation:
@@ -127,9 +56,10 @@ class Simulation:
 
     Args:
         config: Everything that decides the outcome.
-        on_event: Called with every event as it happens.
-        ground: What `RunSetup.of` gives for this configuration, if it is known already; its world is not closed by the
+        on_event: Called with every event as it happens, from the first one on; `events.subscribe` adds others.
+        setup: What `RunSetup.of` gives for this configuration, if it is known already; its world is not closed by the
             run.
+        parts: What takes the place of usual parts, such as agents.
 
     Raises:
         ConfigError: The site has no room for that many robots, or no planner or allocator has that name.
@@ -137,123 +67,63 @@ class Simulation:
         OrdersError: The orders file cannot be read, or none of its orders can be accepted.
     """
 
-    allocation_type: type[TaskAllocation] = TaskAllocation
-    traffic_type: type[Traffic] = Traffic
-    """Who gives tasks out, and who plans the moves; environments put agents in their place."""
-    books: bool = True
-    """Whether ticks are taken into the figures; where nobody reads them, they need not be found out."""
-
     def __init__(
-        self, config: RunConfig, *, on_event: Callable[[Event], None] | None = None, ground: RunSetup | None = None
+        self,
+        config: RunConfig,
+        *,
+        on_event: Callable[[Event], None] | None = None,
+        setup: RunSetup | None = None,
+        parts: Parts | None = None,
     ) -> None:
         self._closed = False
+        self._progress_s = 0.0
         self.config = config
-        ground = ground or RunSetup.of(config)
-        self.site: Site = ground.site
-        traffic, allocation = config.traffic, config.allocation
-        chargers_n = config.battery.chargers_n or 1
-        known = len(self.site.chargers)
-        require(
-            not config.battery.enabled or chargers_n <= known,
-            "battery.chargers_n",
-            config.battery.chargers_n,
-            f"1 to {known} (chargers of site {self.site.name})" if known else "no batteries: the site has no charger",
-        )
-        require(traffic.planner in PLANNERS, "--planner", traffic.planner, ", ".join(PLANNERS))
-        require_allocator(allocation.allocator, "--allocator")
-        self.on_event = on_event
-        orders_seed, estimate_seed, traffic_seed, askew_seed = np.random.SeedSequence(config.seed).spawn(4)
-        self.graph: LaneGraph = ground.graph
-        start_states = ground.start_states
-        self.scene: Scene = ground.scene
-        self.abilities = self._abilities()
-        book = self._orders(np.random.default_rng(orders_seed))
-        self.orders, self.refused = book.orders, book.refused
-        self.arm_planner: ArmPlanner = self._arm_planner()
+        parts = parts or Parts()
+        setup = setup or RunSetup.of(config)
+
+        def events_of(clock: Clock) -> Events:
+            events = Events(clock)
+            if on_event is not None:
+                events.subscribe(on_event)
+            return events
+
         with ExitStack() as undo:
-            # A run that is refused leaves no planning process behind.
-            undo.callback(self.arm_planner.close)
-            self._owns_world = ground.world is None
-            self.world: World = ground.world or make_world(self.scene, self.graph, config)
-            if self._owns_world:
-                undo.callback(self.world.close)
-            self.tick_s = self.world.tick_s
-            self.now = 0
-            self._progress_s = 0.0
-            self.driver: Driver = self._driver(start_states, np.random.default_rng(estimate_seed))
-            self.executor = Executor(self.graph, start_states, self.driver, config.traffic, self.log)
-            self.traffic = self.traffic_type(
-                self.graph,
-                self.executor,
-                config.traffic,
-                self.tick_s,
-                int(traffic_seed.generate_state(1)[0]),
-                ground.tables,
-            )
-            self.board = TaskBoard(self.orders, self._task_moved)
-            self.batches = Batches(self.board.tasks, self.log)
-            self.stations = [
-                Station(arm, place, self.graph.state_at(place.dock.cell, place.dock.heading))
-                for arm, place in enumerate(self.site.stations)
-            ]
-            self.arm_manager: ArmManager = self._arm_manager()
-            self.shared_docks = share_docks(self.site, self.scene, TOOLS[config.grip], self.arm_manager.services)
-            battery = config.battery
-            self.batteries = Batteries(battery, self.world.n_cars, self.tick_s) if battery.enabled else None
-            self.dispatcher = Dispatcher(
-                site=self.site,
-                graph=self.graph,
-                config=config,
-                board=self.board,
-                stations=self.stations,
-                arm_manager=self.arm_manager,
-                traffic=self.traffic,
-                executor=self.executor,
-                world=self.world,
-                abilities=self.abilities,
-                batteries=self.batteries,
-                askew=np.random.default_rng(askew_seed) if config.askew else None,
-                log=self.log,
-                allocation=self.allocation_type,
-            )
-            self.recovery = Recovery(self)
-            self.disturbances = Disturbances(self, config.events)
-            docks = [station.place.dock.cell for station in self.stations]
-            time_accounts = TimeAccounts(
-                self.world.n_cars, self.site.grid.cell_xy(docks), self.graph.n_cells, len(self.dispatcher.places.cells)
-            )
-            self.metrics = Metrics(self.world.n_cars, self.tick_s, time_accounts)
-            self.arm_planner.wait_ready()
-            undo.pop_all()
+            made = assemble(config, setup, parts, events_of, undo)
+            self.view = view = made.view
+            """The parts of the run, for whoever observes it."""
+            self.site, self.graph, self.scene = setup.site, setup.graph, setup.scene
+            self.world, self.events, self.log = view.world, view.events, view.events.log
+            self.traffic, self.executor, self.driver = view.traffic, view.executor, view.driver
+            self.missions, self.board, self.stations = view.missions, view.board, view.stations
+            self.arm_manager, self.dispatcher, self.batteries = view.arm_manager, view.dispatcher, view.batteries
+            self.abilities, self.orders, self.refused = made.abilities, made.book.orders, made.book.refused
+            self.board.subscribe(self._task_moved)
+            batches = Batches(self.board, self.log)
+            self.recovery = Recovery(view)
+            self.disturbances = Disturbances(view, self.recovery, config.events)
+            self.figures = Figures(view, batches, self.recovery.halted_by)
+            self.counts_figures = parts.figures
+            """Whether ticks are taken into the figures."""
+            made.arm_planner.wait_ready()
+            self._undo = undo.pop_all()
         self.log("run_started", site=self.site.name, robots=self.world.n_cars, tasks=len(self.orders))
         for refusal in self.refused:
             self.log("order_refused", task=refusal.name, where=refusal.where, cause=refusal.cause)
 
-    # Made when they are first asked for: where nobody reads the figures, nobody does.
-
-    @cached_property
-    def causes(self) -> CauseWatch:
-        """The causes of all robots, tick by tick."""
-        return CauseWatch(self)
-
-    @cached_property
-    def codebook(self) -> Codebook:
-        """What the numbers stand for."""
-        return codebook_of(self)
-
-    @cached_property
-    def slip_meter(self) -> SlipMeter | None:
-        """Measures every carry; None without physics, where parcels stick rigidly to their tools."""
-        return SlipMeter(self.scene.arm, self.scene.arm_base) if self._in_physics else None
+    @property
+    def now(self) -> int:
+        """The present tick."""
+        return self.view.clock.now
 
     @property
     def sim_s(self) -> float:
         """Simulated time [s]."""
-        return self.now * self.tick_s
+        return self.view.clock.sim_s
 
     @property
-    def _in_physics(self) -> bool:
-        return self.config.fidelity is Fidelity.PHYSICS
+    def tick_s(self) -> float:
+        """Length of a tick [s]."""
+        return self.view.clock.tick_s
 
     @property
     def finished(self) -> bool:
@@ -264,10 +134,9 @@ class Simulation:
     def stalled(self) -> bool:
         """True when work is open and for `STALL_S` no task has changed and no order was still to come
         and nobody charged or stood on a visit."""
-        if self.sim_s - max(self._progress_s, self.dispatcher.visits.progress_s) <= STALL_S:
+        if self.sim_s - max(self._progress_s, self.view.visits.progress_s) <= STALL_S:
             return False
-        roster = self.dispatcher.roster
-        stands = CarPhase.STANDING in roster.phase or bool(roster.charges.any())
+        stands = CarPhase.STANDING in self.missions.phase or bool(self.missions.charges.any())
         return not stands and self.board.count(TaskState.ORDERED) == 0
 
     def tick(self, actions: Actions | None = None) -> None:
@@ -276,49 +145,31 @@ class Simulation:
         Raises:
             FleetError: The run is closed.
         """
+        now = self.now
         if self._closed:
-            raise FleetError(f"tick {self.now} of a run that is closed; make a new Simulation to run again")
-        self.disturbances.tick(self.now)
-        self.dispatcher.tick(self.now, self.sim_s)
-        self.traffic.tick(self.now)
+            raise FleetError(f"tick {now} of a run that is closed; make a new Simulation to run again")
+        self.disturbances.tick()
+        self.dispatcher.tick(now, self.sim_s)
+        self.traffic.tick(now)
         commands = self.executor.tick(self.world)
-        self.recovery.tick(self.now)
-        self.arm_manager.tick(self.now, self.world.held())
+        self.recovery.tick(now)
+        self.arm_manager.tick(now, self.world.held())
         self.world.step(*self._merged(commands, actions))
-        if self.books:
-            self._book(self.world.car_speeds())
+        if self.counts_figures:
+            self.figures.tick(self.world.car_speeds())
         if self.batteries is not None:
-            roster = self.dispatcher.roster
-            self.batteries.tick(self.world.car_speeds(), roster.load_kg, roster.awake, roster.charges)
-            for car in np.flatnonzero(self.batteries.charge <= 0.0).tolist():
-                if roster.phase[car] is not CarPhase.DEAD:
-                    self.lose_car(car, f"the battery of car_{car} is empty")
-        self.now += 1
+            self._drain()
+        self.view.clock.now += 1
 
-    def _book(self, speeds: FloatArray) -> None:
-        """Take the tick into the figures: slip, causes, metrics, ledger."""
-        if self.slip_meter is not None:
-            self.slip_meter.tick(self.arm_manager.services, self.world)
-        roster = self.dispatcher.roster
-        self.causes.tick(self.now, speeds)
-        self.metrics.tick(speeds, roster.loaded, roster.bound)
-        self.metrics.time_accounts.tick(
-            self.causes.rows,
-            roster.phase_index,
-            roster.loaded,
-            self.dispatcher.bookings.place_of,
-            roster.served,
-            speeds,
-            self.world.car_poses(),
-        )
-
-    def lose_car(self, car: int, reason: str) -> None:
-        """Take a car out of the run for good: it rolls out and stays where it is."""
-        self.driver.stop(car)
-        self.executor.halt(car)
-        self.dispatcher.retire(car, CarPhase.DEAD, self.sim_s, reason)
-        self.recovery.abandon(car)
-        self.log("car_lost", car=f"car_{car}", cause=reason)
+    def _drain(self) -> None:
+        """Take the tick's energy from the batteries; a car whose battery is empty is lost."""
+        missions, batteries = self.missions, self.batteries
+        if batteries is None:
+            return
+        batteries.tick(self.world.car_speeds(), missions.load_kg, missions.awake, missions.charges)
+        for car in np.flatnonzero(batteries.charge <= 0.0).tolist():
+            if missions.phase[car] is not CarPhase.DEAD:
+                self.recovery.lose_car(car, f"the battery of car_{car} is empty")
 
     def run(self, on_tick: Callable[[Simulation], None] | None = None) -> None:
         """Tick until the run is finished; `on_tick` is called after every tick."""
@@ -327,47 +178,34 @@ class Simulation:
             if on_tick is not None:
                 on_tick(self)
 
-    def log(self, kind: str, **facts: object) -> None:
-        """Report an event at the present tick."""
-        if self.on_event is not None:
-            self.on_event(Event(tick=self.now, sim_s=round(self.sim_s, 6), kind=kind, facts=facts))
+    # --- what is known of it
+
+    @property
+    def causes(self) -> CauseWatch:
+        """The causes of all robots, tick by tick."""
+        return self.figures.causes
+
+    @property
+    def codebook(self) -> Codebook:
+        """What the numbers in causes stand for."""
+        return self.figures.codebook
+
+    @property
+    def metrics(self) -> Metrics:
+        """What was counted so far."""
+        return self.figures.metrics
+
+    def summary(self) -> Summary:
+        """Figures of the run so far."""
+        return self.figures.summary()
 
     def state_hash(self) -> str:
         """Hash of the physical state, of the task states and of the batteries: equal runs, equal hashes."""
-        digest = hashlib.sha256(self.world.state_bytes())
-        digest.update(",".join(task.state for task in self.board.tasks).encode())
-        digest.update(str(self.now).encode())
-        if self.batteries is not None:
-            digest.update(self.batteries.charge.tobytes())
-        return digest.hexdigest()[:16]
+        return self.view.state_hash()
 
     def parcel_balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world; zero unless one was lost."""
-        return self.dispatcher.inventory.balance()
-
-    def cancel(self, name: str) -> None:
-        """Take an order back, as long as its parcel was not picked; a visit can be taken back until its end.
-
-        Args:
-            name: Its id.
-
-        Raises:
-            UnknownTask: There is no such order.
-            CannotCancel: Its parcel was picked, or it has ended.
-        """
-        self.dispatcher.cancel(self.board.named(name), self.sim_s, "cancelled on request")
-
-    def requeue(self, name: str) -> None:
-        """Give an order to another car than the one that is under way to pick it, or that visits.
-
-        Args:
-            name: Its id.
-
-        Raises:
-            UnknownTask: There is no such order.
-            CannotRequeue: No car is under way to pick it, and none visits.
-        """
-        self.dispatcher.requeue(self.board.named(name), self.sim_s, "requeued on request")
+        return self.view.inventory.balance()
 
     def explain_assignment(self, name: str) -> AssignmentReport:
         """Say who got an order, who did not and why, or why nobody has it; `str` of it is a sentence.
@@ -378,7 +216,7 @@ class Simulation:
         Raises:
             UnknownTask: There is no such order.
         """
-        return self.dispatcher.reasons.report(self.board.named(name))
+        return self.view.reasons.report(self.board.named(name))
 
     def explain(self, robot: str, time_s: float | None = None) -> Explanation:
         """Say why a robot waits: who or what keeps it, the root of that, and what would release it.
@@ -396,16 +234,40 @@ class Simulation:
         """
         return explain(self.causes.log, self.codebook, robot, self.sim_s if time_s is None else time_s)
 
-    def summary(self) -> Summary:
-        """Figures of the run so far."""
-        return self.metrics.summary(self)
+    # --- what can be done to it
+
+    def cancel(self, name: str) -> None:
+        """Take an order back, as long as its parcel was not picked; a visit can be taken back until its end.
+
+        Args:
+            name: Its id.
+
+        Raises:
+            UnknownTask: There is no such order.
+            CannotCancel: Its parcel was picked, or it has ended.
+        """
+        self.dispatcher.rules.interventions.cancel(self.board.named(name), self.sim_s, "cancelled on request")
+
+    def requeue(self, name: str) -> None:
+        """Give an order to another car than the one that is under way to pick it, or that visits.
+
+        Args:
+            name: Its id.
+
+        Raises:
+            UnknownTask: There is no such order.
+            CannotRequeue: No car is under way to pick it, and none visits.
+        """
+        self.dispatcher.rules.interventions.requeue(self.board.named(name), self.sim_s, "requeued on request")
+
+    def lose_car(self, car: int, reason: str) -> None:
+        """Take a car out of the run for good: it rolls out and stays where it is."""
+        self.recovery.lose_car(car, reason)
 
     def close(self) -> None:
         """Free the world and the planning process; calling twice is harmless."""
         self._closed = True
-        if self._owns_world:
-            self.world.close()
-        self.arm_planner.close()
+        self._undo.close()
 
     def __enter__(self) -> Simulation:
         return self
@@ -413,79 +275,18 @@ class Simulation:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _abilities(self) -> tuple[Ability, ...]:
-        found, usual = [], CarConfig()
-        for car in range(self.config.robots):
-            own = self.config.cars.get(f"car_{car}", usual)
-            payload_kg = self.scene.car.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
-            found.append(ability_of(car, payload_kg, tuple(own.capabilities)))
-        return tuple(found)
-
-    def _orders(self, rng: np.random.Generator) -> OrderBook:
-        grip_kg = TOOLS[self.config.grip].payload_kg(self.config.grip_force_n)
-        if self.config.orders is not None:
-            battery = self.config.battery
-            chargers_n = len(self.site.chargers[: battery.chargers_n]) if battery.enabled else 0
-            return read_orders(self.config.orders, self.site, self.abilities, chargers_n=chargers_n, grip_kg=grip_kg)
-        require(
-            grip_kg >= MAX_GENERATED_KG,
-            "--grip-force",
-            self.config.grip_force_n,
-            f"a force that holds {MAX_GENERATED_KG} kg, the heaviest generated parcel; this one holds {grip_kg:.3g} kg",
-        )
-        if self.config.stream is not None:
-            orders = stream_orders(self.site, self.config.stream, self.config.duration_s, self.config.tasks, rng)
-            return OrderBook(orders=orders)
-        return OrderBook(orders=generate_orders(self.site, self.config.n_tasks, self.config.robots, rng))
-
-    def _arm_planner(self) -> ArmPlanner:
-        names = tuple(station.name for station in self.site.stations)
-        return make_arm_planner(arm_cells(self.site, self.scene), names, self.scene.arm, self.config)
-
-    def _arm_manager(self) -> ArmManager:
-        scene = self.scene
-        return ArmManager(
-            self.arm_planner, self.config.arms, scene.car, scene.arm_start, self.tick_s, lost=self._parcel_lost
-        )
-
-    def _driver(self, start_states: npt.NDArray[np.int32], rng: np.random.Generator) -> Driver:
-        if isinstance(self.world, GridWorld):
-            return StateDriver(self.graph, start_states, self.world.car_states)
-        return PathDriver(
-            self.graph,
-            self.scene.car,
-            self.graph.state_pose[start_states],
-            self.tick_s,
-            self.config.estimate,
-            rng,
-        )
-
     def _task_moved(self, task: Task, before: TaskState, now_s: float) -> None:
         self._progress_s = now_s
         car = f"car_{task.car}" if task.car is not None else None
         self.log("task", task=task.order.name, before=before, state=task.state, car=car, cause=task.reason)
-        self.batches.moved(task, before, now_s)
-
-    def _parcel_lost(self, arm: int, parcel: int) -> str:
-        """Tell the log of a parcel that an arm has lost from its grip; returns why, in words.
-
-        One that was fetched ahead may have left the world, because its task was cancelled: that is no loss.
-        """
-        if parcel not in self.world.parcel_ids():
-            return ""
-        cause = self.world.grip_loss(arm) or "why is not known"
-        x, y, z = (round(float(v), 3) for v in self.dispatcher.inventory.pose(self.board.tasks[parcel])[:3])
-        name = self.board.tasks[parcel].order.name
-        self.log("parcel_dropped", task=name, arm=f"arm_{arm}", x_m=x, y_m=y, z_m=z, cause=cause)
-        return cause
 
     def _merged(
         self, commands: FloatArray, actions: Actions | None
     ) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-        arm_manager = self.arm_manager
+        arms = self.arm_manager
         if actions is None:
-            return commands, arm_manager.q, arm_manager.qd, arm_manager.grip
-        q, qd, grip = arm_manager.q, arm_manager.qd, arm_manager.grip
+            return commands, arms.q, arms.qd, arms.grip
+        q, qd, grip = arms.q, arms.qd, arms.grip
         if actions.cars is not None:
             commands[: len(actions.cars)] = actions.cars
         if actions.arms is not None:

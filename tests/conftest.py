@@ -37,7 +37,7 @@ def ledger_of_every_run(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     monkeypatch.setattr(module.Simulation, "__init__", keep)
     yield
-    for simulation in filter(lambda simulation: simulation.books, made):
+    for simulation in filter(lambda simulation: simulation.counts_figures, made):
         time_accounts, ticks = simulation.metrics.time_accounts, simulation.now
         assert (time_accounts.robots.sum(axis=0) == ticks).all(), "a robot has more or less time than the run"
         log = simulation.causes.log

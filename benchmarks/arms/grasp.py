@@ -95,7 +95,7 @@ def deliver(trial: Trial, grip: Grip, seed: int, arms: ArmConfig, found: Deliver
             for service in simulation.arm_manager.services:
                 _watch(simulation, service, begun, found)
         summary = simulation.summary()
-        meter = simulation.slip_meter
+        meter = simulation.figures.slip_meter
         slips = list(meter.slips) if meter is not None else []
     found.total += parcels_n
     found.done += summary.tasks_done

@@ -93,9 +93,9 @@ def _run(config: RunConfig, path: Path | None) -> _Run:
 
     with Simulation(config) as simulation:
         begin_s = _cpu_s()
-        recorder: Recorder = NullRecorder() if path is None else open_recorder(simulation, path)
+        recorder: Recorder = NullRecorder() if path is None else open_recorder(simulation.view, path)
         open_s = _cpu_s() - begin_s
-        watch = Watch(simulation, recorder)
+        watch = Watch(simulation.view, simulation.figures, recorder)
         begin_s = _cpu_s()
         ticks_s = 0.0
         while not simulation.finished:
@@ -122,7 +122,7 @@ def _idle_share() -> float:
     """Time of the looks of a run that is not recorded, over the time of its ticks [%]."""
     config = RunConfig(site="medium", robots=20, fidelity=Fidelity.KINEMATIC, duration_s=_QUICK_S)
     with Simulation(config) as simulation:
-        watch = Watch(simulation, NullRecorder())
+        watch = Watch(simulation.view, simulation.figures, NullRecorder())
         begin_s = time.process_time()
         while not simulation.finished:
             simulation.tick()
@@ -141,7 +141,7 @@ from fleet.simulation import Simulation
 from fleet.session.frames import Watch, open_recorder
 config = RunConfig(site="medium", robots=20, fidelity=Fidelity(sys.argv[2]), duration_s=600.0)
 with Simulation(config) as simulation:
-    watch = Watch(simulation, open_recorder(simulation, Path(sys.argv[1])))
+    watch = Watch(simulation.view, simulation.figures, open_recorder(simulation.view, Path(sys.argv[1])))
     for _ in range(20):  # kernels are compiled
         simulation.tick()
     begin_s = time.perf_counter() - simulation.sim_s

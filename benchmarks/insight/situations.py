@@ -23,8 +23,9 @@ from fleet.config import (
     TrafficConfig,
 )
 from fleet.insight.causes import NO_WAIT, Cause
-from fleet.insight.explain import Explanation, Link
-from fleet.missions.roster import CarPhase
+from fleet.insight.explain import Explanation
+from fleet.insight.link import Link
+from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
 
 STILL_S = 0.5
@@ -152,13 +153,13 @@ def _event(time_s: float, kind: str, target: str, **parameters: float) -> Scenar
 
 
 def _phase(simulation: Simulation, car: int) -> CarPhase:
-    return simulation.dispatcher.roster.phase[car]
+    return simulation.missions.phase[car]
 
 
 def _bound_for(simulation: Simulation, car: int, arm: int) -> bool:
     """Whether a car is to be served by an arm, and is not yet."""
     waits = _phase(simulation, car) in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD)
-    return waits and int(simulation.dispatcher.bookings.place_of[car]) == arm
+    return waits and int(simulation.missions.bookings.place_of[car]) == arm
 
 
 _FIELDS = "id,release_s,pick,drop,mass_kg,size_m,needs\n"
@@ -207,7 +208,7 @@ def _is_behind_queue(simulation: Simulation, car: int) -> bool:
     """A car bound for the other pick station stands in a row of cars that ends at the slow arm, which is at work."""
     if not _may_be_behind_queue(simulation, car) or _phase(simulation, car) is not CarPhase.TO_PICK:
         return False
-    served, poses = int(simulation.dispatcher.roster.served[0]), simulation.world.car_poses()
+    served, poses = int(simulation.missions.served[0]), simulation.world.car_poses()
     if served < 0 or _phase(simulation, served) is not CarPhase.LOADING:
         return False
     row = [car]

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.harness import Row, Trial
 from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, RunConfig, StreamConfig, StreamKind
-from fleet.missions.roster import CarPhase
+from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
 from fleet.tasks.board import OPEN_STATES, TaskState
 
@@ -60,7 +60,7 @@ def measure_day(trial: Trial) -> Iterable[Row]:
         trial.check(not simulation.stalled, f"{where}: came to a stand at {simulation.sim_s:.0f} s")
         sums = {sum(vars(spent).values()) for spent in summary.car_ticks.values()}
         trial.check(sums == {simulation.now}, f"{where}: accounts of the cars add up to {sums}, not {simulation.now}")
-        stranded = sum(phase is CarPhase.DEAD for phase in simulation.dispatcher.roster.phase)
+        stranded = sum(phase is CarPhase.DEAD for phase in simulation.missions.phase)
         yield Row(name=f"{where}, {CARS} cars, {CHARGERS} chargers: delivered", value=summary.tasks_done, unit="tasks")
         yield Row(name="  lost or failed", value=summary.tasks_failed, unit="tasks", target="<= 0")
         yield Row(name="  longest open", value=day.longest_open_s, unit="s", target=f"<= {STARVED_S:g}")
@@ -81,7 +81,7 @@ def measure_day(trial: Trial) -> Iterable[Row]:
 
 def _run(simulation: Simulation) -> Day:
     period = max(1, round(LOOK_S / simulation.tick_s))
-    bookings, over, begin = simulation.dispatcher.bookings, 0, time.process_time()
+    bookings, over, begin = simulation.missions.bookings, 0, time.process_time()
     while not simulation.finished:
         simulation.tick()
         if simulation.now % period == 0:

@@ -13,7 +13,7 @@ from benchmarks.training.bare import PHYSICS_HZ, BareLoop
 from benchmarks.training.machine import machine_row
 from fleet.config import RunConfig
 from fleet.envs.warehouse.env import WarehouseEnv
-from fleet.simulation import RunSetup
+from fleet.run.setup import RunSetup
 from fleet.world.scene import Scene
 
 CONTROL_HZ = 30.0

@@ -1,28 +1,22 @@
-"""Allotment: which car should take which ready task, by the allocator that the run names, and why no other."""
+"""Allocation: which car should take which ready task, by the allocator that the run names, and why no other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import AllocationConfig
-from fleet.dispatch.availability import Availability
 from fleet.dispatch.costs import CostMatrix, CostModel
 from fleet.dispatch.horizon import RollingHorizon
-from fleet.errors import ConfigError, FleetError
-from fleet.missions.visit_routes import VisitRoutes
-from fleet.stations.booking import Bookings
-from fleet.stations.service_time import Direction, ServiceTimes
-from fleet.stations.station import Station
-from fleet.tasks.board import UNDER_WAY, Task, TaskBoard, TaskState
+from fleet.dispatch.offers import Offers
+from fleet.dispatch.situation import CAN_TAKE, Situation
+from fleet.dispatch.solver import Solver
+from fleet.missions.state import Missions
+from fleet.tasks.board import Task, TaskState
 from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
-from planners.allocation import ALLOCATORS, AllocatorError, allocator_named
-from planners.allocation.problem import NO_TASK, AllocationProblem, Assignment
 from planners.allocation.reasons import Reason, reasons
-from planners.allocation.validate import faults
 
 _PAIR_REASON = {
     Reason.CHOSEN: PairReason.CHOSEN,
@@ -35,47 +29,11 @@ _PAIR_REASON = {
     Reason.BETTER_FOR_ALL: PairReason.BETTER_FOR_ALL,
     Reason.LEFT_FOR_LATER: PairReason.LEFT_OVER,
 }
-QUEUE_S = 60.0
-"""No task is given out at a station while those under way to it keep its arm busy for longer than this [s]."""
 PLAN_N = 100
 """Tasks at most that are planned before their parcels lie on slots."""
 _CODE = CODE_OF_REASON
 _CODE_OF = np.array([_CODE[_PAIR_REASON[reason]] for reason in Reason], dtype=np.int8)
 """What the planners' reasons are called here, by their value."""
-
-
-class AllocationFault(FleetError):
-    """An allocator of one's own gave an answer that is not legal."""
-
-
-def require_allocator(name: str, what: str) -> None:
-    """Refuse an allocator that does not exist.
-
-    Args:
-        name: Its name in the table of allocators, or `package.module.Class`.
-        what: Name of the setting as a user types it.
-
-    Raises:
-        ConfigError: There is none of that name, or it cannot be made.
-    """
-    try:
-        allocator_named(name)
-    except AllocatorError as error:
-        raise ConfigError(f"{what} is {name!r}: {str(error).partition(': ')[2]}") from error
-
-
-@dataclass(frozen=True, kw_only=True)
-class Situation:
-    """What cars are about, as far as it matters for who gets what."""
-
-    standing: Sequence[PairReason | None]
-    """Why each car cannot take a task now, shape (n_cars,); None = it can."""
-    held: Mapping[int, Task]
-    """Tasks that cars have but may still give away, by car; these cars can take another."""
-    kept: Mapping[int, Task]
-    """Tasks that no other car may have, by car; these cars can take no other."""
-    busy: Mapping[int, Availability]
-    """When cars will be free that cannot take a task now, as far as that is known, by car."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,49 +50,33 @@ class TaskAllocation:
     """Poses the allocation problem, hands on its answer, and keeps the reasons.
 
     Args:
-        config: Allocator and hysteresis.
-        board: The tasks.
-        stations: By name.
-        bookings: Room at the stations.
-        service_times: How long the arms take.
+        missions: What cars and tasks are about.
         cost_model: What each task costs each car.
+        solver: The allocator.
+        offers: Which tasks there is room for.
         horizon: What can be given out, for allocators that plan ahead.
         filling: The same with what waits for a slot, which says in which order slots are filled.
-        ways: Of visits.
         reason_book: Told about every decision.
-        log: Called as ``log("allocator_note", **facts)`` when the allocator has something new to say.
     """
 
     def __init__(
         self,
-        *,
-        config: AllocationConfig,
-        board: TaskBoard,
-        stations: Mapping[str, Station],
-        bookings: Bookings,
-        service_times: ServiceTimes,
+        missions: Missions,
         cost_model: CostModel,
+        solver: Solver,
+        offers: Offers,
         horizon: RollingHorizon,
         filling: RollingHorizon,
-        ways: VisitRoutes,
         reason_book: ReasonBook,
-        log: Callable[..., None],
     ) -> None:
-        self._config = config
-        self._board = board
-        self._stations = stations
-        self._bookings = bookings
-        self._service_times = service_times
+        self._missions = missions
+        self._board = missions.board
         self._cost_model = cost_model
+        self._solver = solver
+        self._offers = offers
         self._horizon = horizon
         self._filling = filling
-        self._ways = ways
         self._reasons = reason_book
-        self._log = log
-        self._notes: set[str] = set()
-        self._allocator = allocator_named(config.allocator)
-        self._plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
-        self._soon_s = np.inf if self._plans_ahead else float(getattr(self._allocator, "soon_s", 0.0))
 
     def choose(self, situation: Situation, now_s: float) -> Choice:
         """Pairs of a car and a task, at most one for each.
@@ -145,11 +87,10 @@ class TaskAllocation:
         ready, held = self._board.in_state(TaskState.READY), situation.held
         if not ready and len(held) < 2:
             return Choice(taken=[], given=[])
-        soon = {
-            car: availability for car, availability in situation.busy.items() if availability.free_s <= self._soon_s
-        }
-        costs = self._cost_model.of([*ready, *held.values()], situation.standing, situation.kept, soon, now_s)
-        offered, full = self._offered(costs, len(ready))
+        soon_s = self._solver.soon_s
+        costs = self._cost_model.of([*ready, *held.values()], situation, soon_s, now_s)
+        offered, full = self._offers.of(costs, len(ready), sequences=self._solver.plans_ahead)
+        soon = frozenset(situation.soon(soon_s).nonzero()[0].tolist())
         column_of, later = self._allocate(costs, [*offered, *range(len(ready), len(costs.tasks))], held, soon)
         self._keep_reasons(costs, full, column_of, later)
         taken, given = [], []
@@ -166,16 +107,16 @@ class TaskAllocation:
 
         Cars are not sent by this plan: what they are to do first is often not there yet.
         """
-        waiting = self._to_come() if self._plans_ahead else []
+        waiting = self._to_come() if self._solver.plans_ahead else []
         if not waiting:
             return
         tasks = [*self._board.in_state(TaskState.READY), *situation.held.values(), *waiting]
-        costs = self._cost_model.of(tasks, situation.standing, situation.kept, situation.busy, now_s)
+        costs = self._cost_model.of(tasks, situation, np.inf, now_s)
         columns = [column for column in range(len(tasks)) if costs.offers(column)]
         cars = np.flatnonzero(np.isfinite(costs.cost_s).any(axis=1))
         if columns and len(cars):
-            problem = self._problem(costs, columns, cars, situation.held, self._filling)
-            self._filling.keep(costs, problem, self._answer(problem), columns, cars)
+            problem = self._solver.problem(costs, columns, cars, situation.held, self._filling)
+            self._filling.keep(costs, problem, self._solver.solve(problem), columns, cars)
 
     def _to_come(self) -> list[Task]:
         """Deliveries whose parcels do not lie on slots yet, the most urgent class first, then the oldest."""
@@ -183,50 +124,8 @@ class TaskAllocation:
         free = [task for task in waiting if self._board.waits_for(task) is None]
         return sorted(free, key=lambda task: (task.order.priority.rank, task.index))[:PLAN_N]
 
-    def _offered(self, costs: CostMatrix, n_ready: int) -> tuple[list[int], set[int]]:
-        """Ready tasks that a car can take and that there is room for, the most urgent first; those without room."""
-        room = self._room()
-        place_room: dict[int, int] = {}
-        offered: list[int] = []
-        full: set[int] = set()
-        order = sorted(
-            range(n_ready),
-            key=lambda k: (costs.tasks[k].order.priority.rank, -costs.pressure_s[k], costs.tasks[k].index),
-        )
-        for k in order:
-            task = costs.tasks[k]
-            if task.visit is not None:
-                if costs.offers(k) and self._ways.take_room(task, place_room):
-                    offered.append(k)
-                elif costs.offers(k):
-                    full.add(k)
-                continue
-            ends = (task.pick, task.delivery.drop)
-            if any(room[name] <= 0 for name in ends):
-                full.add(k)
-            elif costs.offers(k):
-                offered.append(k)
-                # Who plans ahead knows that an arm serves one car at a time.
-                for name in ends if not self._plans_ahead else ():
-                    room[name] -= 1
-        return offered, full
-
-    def _room(self) -> dict[str, int]:
-        """Tasks that can be given out at each station, by name."""
-        room = {}
-        for name, station in self._stations.items():
-            service_s = self._service_times.of(station.arm, station.direction).mean_s
-            # At least one car more than may be near: it is held back if it comes too early.
-            room[name] = max(self._bookings.caps[station.arm] + 1, round(QUEUE_S / service_s))
-            if station.direction is Direction.TO_CAR:
-                room[name] -= len(self._bookings.bound(station.arm))
-        for task in self._board.in_state(*UNDER_WAY):
-            if task.visit is None:
-                room[task.delivery.drop] -= 1
-        return room
-
     def _allocate(
-        self, costs: CostMatrix, columns: list[int], held: Mapping[int, Task], soon: Mapping[int, Availability]
+        self, costs: CostMatrix, columns: list[int], held: Mapping[int, Task], soon: frozenset[int]
     ) -> tuple[npt.NDArray[np.int64], dict[int, int]]:
         """Pose the problem; fills the codes of `costs`.
 
@@ -239,9 +138,9 @@ class TaskAllocation:
         cars = np.flatnonzero(np.isfinite(costs.cost_s[:, columns]).any(axis=1))
         if not columns or not len(cars):
             return column_of, later
-        horizon = self._horizon if self._plans_ahead else None
-        problem = self._problem(costs, columns, cars, held, horizon)
-        assignment = self._answer(problem)
+        horizon = self._horizon if self._solver.plans_ahead else None
+        problem = self._solver.problem(costs, columns, cars, held, horizon)
+        assignment = self._solver.solve(problem)
         if horizon is not None:
             horizon.keep(costs, problem, assignment, columns, cars)
         pairs = np.ix_(cars, np.array(columns))
@@ -260,40 +159,6 @@ class TaskAllocation:
                     costs.codes[car, column] = _CODE[PairReason.CHOSEN]
         return column_of, later
 
-    def _answer(self, problem: AllocationProblem) -> Assignment:
-        """What the allocator says; that of one's own is checked, because nobody else has."""
-        found = self._allocator.allocate(problem)
-        name = self._config.allocator
-        if name not in ALLOCATORS and (wrong := faults(problem, found)):
-            what = f"{wrong[0].kind} for vehicle and task {wrong[0].pair}" if wrong[0].pair else wrong[0].kind
-            raise AllocationFault(f"allocator {name!r}: its answer has {what}; valid: an Assignment without faults")
-        if found.note and found.note not in self._notes:
-            self._notes.add(found.note)
-            self._log("allocator_note", allocator=name, note=found.note)
-        return found
-
-    def _problem(
-        self,
-        costs: CostMatrix,
-        columns: list[int],
-        cars: npt.NDArray[np.intp],
-        held: Mapping[int, Task],
-        horizon: RollingHorizon | None,
-    ) -> AllocationProblem:
-        """Some tasks and cars as the allocators read them."""
-        tasks = [costs.tasks[column] for column in columns]
-        at = {task.index: k for k, task in enumerate(tasks)}
-        has = [at.get(held[car].index, NO_TASK) if car in held else NO_TASK for car in cars.tolist()]
-        return AllocationProblem(
-            cost=costs.cost_s[np.ix_(cars, np.array(columns))],
-            class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
-            since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
-            held=np.array(has, dtype=np.int32),
-            keep_gain=self._config.keep_gain_s,
-            keep_share=self._config.keep_share,
-            shop=horizon.shop(costs, tasks, cars, held) if horizon is not None else None,
-        )
-
     def _why_taken(self, costs: CostMatrix, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
         """Why a car loses a task, in words."""
         column = next(k for k, other in enumerate(costs.tasks) if other is task)
@@ -306,44 +171,38 @@ class TaskAllocation:
         return "re-assigned: " + ", ".join(words)
 
     def _keep_reasons(
-        self,
-        costs: CostMatrix,
-        full: set[int],
-        column_of: npt.NDArray[np.int64],
-        later: Mapping[int, int],
+        self, costs: CostMatrix, full: set[int], column_of: npt.NDArray[np.int64], later: Mapping[int, int]
     ) -> None:
-        took = self._names(costs, column_of)
-        free = _CODE[PairReason.LEFT_OVER]
+        """Keep how the cars were judged for each task, and say why those tasks wait that nobody got."""
+        takers = np.flatnonzero(column_of >= 0)
         taker_of = np.full(len(costs.tasks), -1)
-        cars = np.flatnonzero(column_of >= 0)
-        taker_of[column_of[cars]] = cars
+        taker_of[column_of[takers]] = takers
+        took = self._missions.under_way()
+        took[takers] = [costs.tasks[column].index for column in column_of[takers].tolist()]
         for k, (task, taker) in enumerate(zip(costs.tasks, taker_of.tolist(), strict=True)):
             codes = costs.codes[:, k].copy()
             if k in full:
-                codes[codes == free] = _CODE[PairReason.NOT_OFFERED]
-            cost_s = costs.cost_s[:, k].copy()
-            decision = Decision(time_s=costs.now_s, codes=codes, cost_s=cost_s, took=took, taker=taker)
-            self._reasons.decide(task, decision)
+                codes[codes == CAN_TAKE] = _CODE[PairReason.NOT_OFFERED]
+            self._reasons.decide(
+                task,
+                Decision(
+                    time_s=costs.now_s,
+                    codes=codes,
+                    cost_s=costs.cost_s[:, k].copy(),
+                    took=took,
+                    name_of=self._board.name_of,
+                    taker=taker,
+                ),
+            )
             if k in later:
                 text = f"car_{later[k]} is to take it, and will be free in {costs.free_s[later[k]]:.0f} s"
                 self._reasons.note(task, TaskReason.PLANNED, text, costs.now_s)
             elif taker < 0:
                 self._reasons.note(task, *self._why_open(task, codes, k in full), costs.now_s)
 
-    def _names(self, costs: CostMatrix, column_of: npt.NDArray[np.int64]) -> list[str]:
-        """The name of the task each car has, empty for none."""
-        names = [""] * len(column_of)
-        for task in self._board.in_state(*UNDER_WAY):
-            if task.car is not None:
-                names[task.car] = task.order.name
-        for car, column in enumerate(column_of.tolist()):
-            if column >= 0:
-                names[car] = costs.tasks[column].order.name
-        return names
-
     def _why_open(self, task: Task, codes: npt.NDArray[np.int8], full: bool) -> tuple[TaskReason, str]:
         """Why nobody got a ready task; what lasts longest counts first."""
-        reasons = {PAIR_REASONS[code] for code in codes.tolist()}
+        reasons = {PAIR_REASONS[code] for code in np.bincount(codes).nonzero()[0].tolist()}
         ends = (task.pick, task.delivery.drop) if task.visit is None else (task.next_words,)
         unfit = {PairReason.TOO_HEAVY, PairReason.LACKS_CAPABILITY, PairReason.CAR_OUT}
         if reasons <= unfit:

@@ -1,4 +1,4 @@
-"""Prices: what each task costs each car, and which pairs are out of the question."""
+"""Costs: what each task costs each car, and which pairs are infeasible."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig
-from fleet.dispatch.availability import STEP_S, Availability
+from fleet.dispatch.situation import CAN_TAKE, Situation
 from fleet.missions.charging import Charging
+from fleet.missions.state import Missions
 from fleet.missions.visit_routes import VisitRoutes
-from fleet.stations.service_time import Direction, ServiceTimes
-from fleet.stations.station import Station
+from fleet.missions.ways import STEP_S, Ways
 from fleet.tasks.board import Task, TaskState
 from fleet.tasks.order import Ability
 from fleet.tasks.reasons import CODE_OF_REASON, PairReason
-from fleet.traffic.executor import Executor
-from fleet.traffic.replanning import Traffic
+from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
 
 FULL_S = 300.0
 """To charge a car that is full costs so much more than to charge an empty one, as seconds of travel [s]."""
 _CODE = CODE_OF_REASON
-_FREE = _CODE[PairReason.LEFT_OVER]
+_NO_WAY, _OUT = _CODE[PairReason.NO_WAY], _CODE[PairReason.CAR_OUT]
+
+Codes = npt.NDArray[np.int8]
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,9 +38,9 @@ class CostMatrix:
     cost_s: npt.NDArray[np.float64]
     """Shape (n_cars, n_tasks); inf = not allowed."""
     codes: npt.NDArray[np.int8]
-    """Why a pair is not allowed, as an index into `PAIR_REASONS`; `LEFT_OVER` where it is, same shape."""
-    pressure_s: list[float]
-    """How much a task presses for being served, the same for all cars [s]."""
+    """Why a pair is not allowed, as an index into `PAIR_REASONS`; `CAN_TAKE` where it is, same shape."""
+    pressure_s: FloatArray
+    """How much each task presses for being served, the same for all cars, shape (n_tasks,) [s]."""
     states: npt.NDArray[np.int32]
     """Lane-graph state in which each car can begin, shape (n_cars,)."""
     free_s: npt.NDArray[np.float64]
@@ -50,112 +52,94 @@ class CostMatrix:
 
 
 class CostModel:
-    """Makes prices.
-
-    What a task costs a car is its travel to the pick station, plus a weight times the time it would be late with that
-    car, less what the task presses for: a weight times its age, and a weight times the time it would be late if it were
-    left to the next turn, as long as itself, even with the best car. So of the tasks a late one goes first, and of the
-    cars the one that brings it in time. (That a late task must get cheaper, not dearer, by waiting is the idea of the
-    apparent tardiness cost rule: Vepsalainen, Morton, "Priority rules for job shops with weighted tardiness costs",
-    Management Science 33(8), 1987.)
+    """Tells what tasks cost, see `planners.allocation.costs.task_costs`.
 
     Args:
         config: Ageing and lateness.
-        stations: By name.
-        service_times: How long the arms take.
+        missions: Stations, and how long their arms take.
+        ways: How far cars are from where tasks begin.
+        routes: Of visits.
         abilities: What each car can carry.
         charging: Tells which cars have the charge for a task; None = all.
-        ways: Of visits.
-        traffic: Gives distances on the lane graph.
-        executor: Gives the states cars can be sent from.
     """
 
     def __init__(
         self,
-        *,
         config: AllocationConfig,
-        stations: Mapping[str, Station],
-        service_times: ServiceTimes,
+        missions: Missions,
+        ways: Ways,
+        routes: VisitRoutes,
         abilities: Sequence[Ability],
         charging: Charging | None,
-        ways: VisitRoutes,
-        traffic: Traffic,
-        executor: Executor,
     ) -> None:
         self._config = config
-        self._stations = stations
-        self._service_times = service_times
+        self._stations = missions.stations
+        self._ways = ways
+        self._routes = routes
         self._abilities = abilities
         self._charging = charging
-        self._ways = ways
-        self._traffic = traffic
-        self._executor = executor
-        self._unfit: dict[int, npt.NDArray[np.int8]] = {}
+        self._unfit: dict[int, Codes | None] = {}
 
-    def of(
-        self,
-        tasks: list[Task],
-        standing: Sequence[PairReason | None],
-        kept: Mapping[int, Task],
-        soon: Mapping[int, Availability],
-        now_s: float,
-    ) -> CostMatrix:
+    def of(self, tasks: list[Task], situation: Situation, soon_s: float, now_s: float) -> CostMatrix:
         """Price tasks.
 
         Args:
             tasks: The tasks.
-            standing: Why each car cannot take a task now, shape (n_cars,); None = it can.
-            kept: Tasks that no other car may have, by car; these cars can take no other.
-            soon: Cars that cannot take a task now, but from a time on that is known.
+            situation: What cars are about.
+            soon_s: Cars that cannot take a task now are counted in if they can in so many seconds [s].
             now_s: Simulated time [s].
         """
-        config = self._config
-        states, free_s = self._executor.tail_states().astype(np.int32), np.zeros(len(standing))
-        out = np.array([_CODE[reason] if reason is not None else _FREE for reason in standing])
-        for car, availability in soon.items():
-            states[car], free_s[car], out[car] = availability.state, availability.free_s, _FREE
-        cost = np.empty((len(states), len(tasks)))
-        codes = np.empty(cost.shape, dtype=np.int8)
-        pressure = []
+        soon = situation.soon(soon_s)
+        states = np.where(soon, situation.state, self._ways.tails).astype(np.int32)
+        free_s = np.where(soon, situation.free_s, 0.0)
+        out = np.where(soon, CAN_TAKE, situation.standing)
+        moves, rest_n, service_s = self._work(tasks, states)
+        codes = self._codes(tasks, out, (moves >= UNREACHABLE) | (rest_n >= UNREACHABLE), situation.kept)
+        if self._charging is not None:
+            for k, task in enumerate(tasks):
+                self._refuse_low(self._charging, codes[:, k], task, moves[:, k])
+        cost_s, pressure_s = task_costs(
+            travel_s=free_s[:, None] + moves * STEP_S,
+            rest_s=rest_n * STEP_S,
+            service_s=service_s,
+            since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
+            due_s=np.array([task.order.due_s for task in tasks]),
+            now_s=now_s,
+            weights=CostWeights(self._config.lateness, self._config.ageing, self._config.lateness),
+        )
+        for k, task in enumerate(tasks):
+            if task.visit is not None and task.visit.until_full and self._charging is not None:
+                cost_s[:, k] += FULL_S * self._charging.batteries.charge
+        cost_s[codes != CAN_TAKE] = np.inf
+        return CostMatrix(
+            now_s=now_s, tasks=tasks, cost_s=cost_s, codes=codes, pressure_s=pressure_s, states=states, free_s=free_s
+        )
+
+    def _work(self, tasks: Sequence[Task], states: npt.NDArray[np.int32]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Moves of each car to each task, shape (n_cars, n_tasks), moves of each task from there on and time it takes
+        at docks or places, shape (n_tasks,) each."""
+        moves = np.empty((len(states), len(tasks)), order="F")
+        rest_n, service_s = np.empty(len(tasks)), np.empty(len(tasks))
         # Many tasks share few ways.
-        to_pick = {
-            pick: self._traffic.tables.to(self._stations[pick].dock_state)[states].astype(np.float64)
-            for pick in dict.fromkeys(task.pick for task in tasks if task.visit is None)
-        }
-        ways = {
-            way: (self._moves(*way), self._service_s(*way))
-            for way in dict.fromkeys((task.pick, task.delivery.drop) for task in tasks if task.visit is None)
-        }
+        to_pick: dict[str, FloatArray] = {}
+        onwards: dict[tuple[str, str], tuple[int, float]] = {}
         for k, task in enumerate(tasks):
             if task.visit is not None:
-                moves = self._ways.to_stop(task, states)
-                rest_n, service_s = self._ways.rest(task)
-            else:
-                moves = to_pick[task.pick]
-                rest_n, service_s = ways[task.pick, task.delivery.drop]
-            codes[:, k] = self._refusals(task, out, (moves >= UNREACHABLE) | (rest_n >= UNREACHABLE))
-            _refuse_kept(codes[:, k], task, kept)
-            if self._charging is not None:
-                self._refuse_low(self._charging, codes[:, k], task, moves)
-            to_pick_s = free_s + moves * STEP_S
-            eta_s = now_s + to_pick_s + rest_n * STEP_S + service_s
-            late_s = np.maximum(0.0, eta_s - task.order.due_s)
-            best_s = float(eta_s.min())
-            late_next_turn_s = max(0.0, best_s + (best_s - now_s) - task.order.due_s)
-            age_s = now_s - task.since_s[TaskState.BACKLOG]
-            pressure.append(config.ageing * age_s + config.lateness * late_next_turn_s)
-            cost[:, k] = to_pick_s + config.lateness * late_s - pressure[-1]
-            if task.visit is not None and task.visit.until_full and self._charging is not None:
-                cost[:, k] += FULL_S * self._charging.batteries.charge
-        cost[codes != _FREE] = np.inf
-        return CostMatrix(
-            now_s=now_s, tasks=tasks, cost_s=cost, codes=codes, pressure_s=pressure, states=states, free_s=free_s
-        )
+                moves[:, k] = self._routes.to_stop(task, states)
+                rest_n[k], service_s[k] = self._routes.rest(task)
+                continue
+            pick, drop = task.pick, task.delivery.drop
+            if pick not in to_pick:
+                to_pick[pick] = self._ways.moves(states, self._stations.named(pick).dock_state).astype(np.float64)
+            if (pick, drop) not in onwards:
+                onwards[pick, drop] = self._moves(pick, drop), self._service_s(pick, drop)
+            moves[:, k] = to_pick[pick]
+            rest_n[k], service_s[k] = onwards[pick, drop]
+        return moves, rest_n, service_s
 
     def source_cost(self, pick: str, task: Task) -> float:
         """Moves from the nearest car to a pick station and on to the task's drop station."""
-        state = self._stations[pick].dock_state
-        nearest = int(self._traffic.tables.to(state)[self._executor.tail_states()].min())
+        nearest = int(self._ways.moves(self._ways.tails, self._stations.named(pick).dock_state).min())
         return nearest + self._moves(pick, task.delivery.drop)
 
     def least_s(self, task: Task, move_s: float) -> float:
@@ -168,71 +152,82 @@ class CostModel:
             move_s: Time of one move at full speed [s].
         """
         if task.visit is not None:
-            rest_n, stand_s = self._ways.rest(task)
+            rest_n, stand_s = self._routes.rest(task)
             return rest_n * move_s + stand_s if rest_n < UNREACHABLE else np.inf
         order = task.delivery
         moves = min(self._moves(pick, order.drop) for pick in order.picks)
         return moves * move_s + self._service_s(task.pick, order.drop) if moves < UNREACHABLE else np.inf
 
     def _moves(self, pick: str, drop: str) -> int:
-        return int(self._traffic.tables.to(self._stations[drop].dock_state)[self._stations[pick].dock_state])
+        return self._ways.between(self._stations.named(pick).dock_state, self._stations.named(drop).dock_state)
 
     def _service_s(self, pick: str, drop: str) -> float:
         """Time at both docks [s]."""
-        load = self._service_times.of(self._stations[pick].arm, Direction.TO_CAR)
-        unload = self._service_times.of(self._stations[drop].arm, Direction.FROM_CAR)
-        return load.mean_s + unload.mean_s
+        named, time = self._stations.named, self._stations.time
+        return time(named(pick)).mean_s + time(named(drop)).mean_s
 
-    def _refusals(
-        self, task: Task, out: npt.NDArray[np.int64], unreachable: npt.NDArray[np.bool_]
-    ) -> npt.NDArray[np.int8]:
-        """Why each car cannot take a task, `LEFT_OVER` for those that can; what lasts longest counts first."""
-        codes = np.where(unreachable, _CODE[PairReason.NO_WAY], out).astype(np.int8)
-        codes[out == _CODE[PairReason.CAR_OUT]] = _CODE[PairReason.CAR_OUT]
-        unfit = self._unfit.get(task.index)
-        if unfit is None:
-            heavy, lacks = _CODE[PairReason.TOO_HEAVY], _CODE[PairReason.LACKS_CAPABILITY]
-            order = task.order
-            unfit = np.array(
-                [
-                    _FREE if a.fits(order) else heavy if order.payload_kg > a.max_payload_kg else lacks
-                    for a in self._abilities
-                ],
-                dtype=np.int8,
-            )
-            self._unfit[task.index] = unfit
-        codes = np.where(unfit != _FREE, unfit, codes)
-        if task.shunned:
-            shunned = np.isin(np.arange(len(codes)), list(task.shunned)) & (codes == _FREE)
-            # Better one that failed before than nobody.
-            if ((codes == _FREE) & ~shunned).any():
-                codes[shunned] = _CODE[PairReason.SHUNNED]
+    def _codes(
+        self,
+        tasks: Sequence[Task],
+        out: Codes,
+        unreachable: npt.NDArray[np.bool_],
+        kept: Mapping[int, Task],
+    ) -> Codes:
+        """Why each car cannot take each task, `CAN_TAKE` for those that can; what lasts longest counts first."""
+        codes = np.where(unreachable, np.int8(_NO_WAY), out[:, None].astype(np.int8))
+        codes[out == _OUT] = _OUT
+        for k, task in enumerate(tasks):
+            unfit = self._unfit_for(task)
+            if unfit is not None:
+                codes[:, k] = np.where(unfit != CAN_TAKE, unfit, codes[:, k])
+            if task.shunned:
+                _refuse_shunned(codes[:, k], task)
+            if kept:
+                _refuse_kept(codes[:, k], task, kept)
         return codes
 
-    def _refuse_low(
-        self, charging: Charging, codes: npt.NDArray[np.int8], task: Task, moves: npt.NDArray[np.float64]
-    ) -> None:
+    def _unfit_for(self, task: Task) -> Codes | None:
+        """Why cars can never do a task; None if all can."""
+        if task.index not in self._unfit:
+            heavy, lacks = _CODE[PairReason.TOO_HEAVY], _CODE[PairReason.LACKS_CAPABILITY]
+            order = task.order
+            codes = [
+                CAN_TAKE if a.fits(order) else heavy if order.payload_kg > a.max_payload_kg else lacks
+                for a in self._abilities
+            ]
+            fits_all = all(code == CAN_TAKE for code in codes)
+            self._unfit[task.index] = None if fits_all else np.array(codes, dtype=np.int8)
+        return self._unfit[task.index]
+
+    def _refuse_low(self, charging: Charging, codes: Codes, task: Task, moves: FloatArray) -> None:
         """Refuse the cars, of those that could take a task, that have too little charge for it."""
-        cars = np.flatnonzero(codes == _FREE)
+        cars = np.flatnonzero(codes == CAN_TAKE)
         if task.visit is None:
             order = task.delivery
-            stations = self._stations[task.pick], self._stations[order.drop]
+            stations = self._stations.named(task.pick), self._stations.named(order.drop)
             allowed = charging.allows(cars.tolist(), moves[cars], *stations, order.mass_kg)
         elif task.visit.until_full:
             return
         else:
-            stops = self._ways.stops(task)
-            rest_n, stand_s = self._ways.rest(task)
+            stops = self._routes.stops(task)
+            rest_n, stand_s = self._routes.rest(task)
             home_n = float(charging.moves_home(np.array(stops[-1][0].states[:1]))[0])
             allowed = charging.allows_way(cars.tolist(), moves[cars] + rest_n + home_n, stand_s)
         codes[cars[~allowed]] = _CODE[PairReason.LOW_CHARGE]
 
 
-def _refuse_kept(codes: npt.NDArray[np.int8], task: Task, kept: Mapping[int, Task]) -> None:
+def _refuse_kept(codes: Codes, task: Task, kept: Mapping[int, Task]) -> None:
     """Refuse the cars, of those that could take a task, that are kept for another, or that it is not kept for."""
     mine = next((car for car, leg in kept.items() if leg is task), None)
-    for car in np.flatnonzero(codes == _FREE).tolist() if kept else ():
+    for car in np.flatnonzero(codes == CAN_TAKE).tolist() if kept else ():
         if mine is not None and car != mine:
             codes[car] = _CODE[PairReason.OTHER_CAR]
         elif car in kept and kept[car] is not task:
             codes[car] = _CODE[PairReason.KEPT_FOR_LEG]
+
+
+def _refuse_shunned(codes: Codes, task: Task) -> None:
+    """Refuse the cars that a task was taken from, if another one can take it: better one that failed than nobody."""
+    shunned = np.isin(np.arange(len(codes)), list(task.shunned)) & (codes == CAN_TAKE)
+    if ((codes == CAN_TAKE) & ~shunned).any():
+        codes[shunned] = _CODE[PairReason.SHUNNED]

@@ -1,4 +1,4 @@
-"""Lookahead: tasks, cars and arms as one problem for allocators that plan ahead, and what they have planned."""
+"""RollingHorizon: tasks, cars and arms as one problem for allocators that plan ahead, and what they have planned."""
 
 from __future__ import annotations
 
@@ -8,14 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig
-from fleet.dispatch.availability import STEP_S
 from fleet.dispatch.costs import CostMatrix
+from fleet.missions.state import Missions
 from fleet.missions.visit_routes import VisitRoutes
-from fleet.stations.booking import Bookings
-from fleet.stations.service_time import ServiceTimes
-from fleet.stations.station import Station
+from fleet.missions.ways import STEP_S, Ways
 from fleet.tasks.board import Task, TaskState
-from fleet.traffic.replanning import Traffic
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.shop import NO_STATION, Shop
 from planners.mapf.distance_table import UNREACHABLE
@@ -27,34 +24,21 @@ SLOT_S = 20.0
 
 
 class RollingHorizon:
-    """Makes shops, and proposes the last plan to the next.
+    """Makes job shops of tasks, cars and arms, and proposes the last plan to the next.
 
     Args:
-        config: Ageing and lateness.
-        stations: In the order of the arms.
-        bookings: Room at the stations.
-        service_times: How long the arms take.
-        ways: Of visits.
-        traffic: Gives distances on the lane graph.
+        config: Weights of ageing and lateness.
+        missions: Stations, their rooms and how long their arms take.
+        ways: How far places are.
+        routes: Of visits.
     """
 
-    def __init__(
-        self,
-        *,
-        config: AllocationConfig,
-        stations: list[Station],
-        bookings: Bookings,
-        service_times: ServiceTimes,
-        ways: VisitRoutes,
-        traffic: Traffic,
-    ) -> None:
+    def __init__(self, config: AllocationConfig, missions: Missions, ways: Ways, routes: VisitRoutes) -> None:
         self._config = config
-        self._stations = stations
-        self._arm_of = {station.name: station.arm for station in stations}
-        self._bookings = bookings
-        self._service_times = service_times
+        self._stations = missions.stations
+        self._bookings = missions.bookings
         self._ways = ways
-        self._traffic = traffic
+        self._routes = routes
         self._plan: list[tuple[int, int]] = []  # task and car, in order
         self._turn_s: dict[int, float] = {}
 
@@ -92,7 +76,7 @@ class RollingHorizon:
         """
         now_s, n_stations = costs.now_s, len(self._stations)
         visited = list(
-            dict.fromkeys(stop for task in tasks if task.visit is not None for stop in self._ways.stops(task))
+            dict.fromkeys(stop for task in tasks if task.visit is not None for stop in self._routes.stops(task))
         )
         n_known = n_stations + len(cars)
         # Stations in their order, then where each car is, then what is visited; nobody drives to where a car was.
@@ -101,26 +85,24 @@ class RollingHorizon:
         states = np.concatenate((docks, costs.states[cars], stops)).astype(np.int32)
         travel_s = np.full((len(states), len(states)), np.inf)
         for k, dock_state in enumerate(docks):
-            moves = self._traffic.tables.to(dock_state)[states].astype(np.float64)
+            moves = self._ways.moves(states, dock_state).astype(np.float64)
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
         for k, stop in enumerate(visited, start=n_known):
-            moves = self._ways.moves_from(stop, states)
+            moves = self._routes.moves_from(stop, states)
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
         np.fill_diagonal(travel_s, 0.0)
-        service_s = np.array(
-            [self._service_times.of(station.arm, station.direction).mean_s for station in self._stations]
-        )
+        service_s = np.array([self._stations.time(station).mean_s for station in self._stations])
         number_of = {stop: k for k, stop in enumerate(visited, start=n_known)}
         jobs = [
-            [self._arm_of[task.pick], self._arm_of[task.delivery.drop]]
+            [self._stations.named(task.pick).arm, self._stations.named(task.delivery.drop).arm]
             if task.visit is None
-            else [number_of[stop] for stop in self._ways.stops(task)]
+            else [number_of[stop] for stop in self._routes.stops(task)]
             for task in tasks
         ]
         stops_n = np.array([len(job) for job in jobs])
         place = np.concatenate(jobs).astype(np.int32)
         served = np.repeat([task.visit is None for task in tasks], stops_n)
-        stand_s = np.repeat([self._ways.stand_s(task) for task in tasks], stops_n)
+        stand_s = np.repeat([self._routes.stand_s(task) for task in tasks], stops_n)
         age_s = np.array([now_s - task.since_s[TaskState.BACKLOG] for task in tasks])
         order, vehicle = self._proposal(tasks, cars)
         return Shop(
@@ -131,7 +113,7 @@ class RollingHorizon:
             place=place,
             station=np.where(served, place, NO_STATION).astype(np.int32),
             service_s=np.where(served, service_s[np.where(served, place, 0)], stand_s),
-            free_s=np.array([self._service_times.left_s(k, now_s) for k in range(n_stations)]),
+            free_s=np.array([self._stations.times.left_s(k, now_s) for k in range(n_stations)]),
             buffer_n=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
             release_s=self._release_s(tasks, cars, held, travel_s),
             due_s=np.array([task.order.due_s - now_s for task in tasks]),
@@ -157,7 +139,7 @@ class RollingHorizon:
         for row, car in enumerate(cars.tolist()):
             if car in held and held[car].visit is None:
                 pick = held[car].pick
-                emptied_s[pick].append(float(travel_s[len(self._stations) + row, self._arm_of[pick]]))
+                emptied_s[pick].append(float(travel_s[len(self._stations) + row, self._stations.named(pick).arm]))
         for times in emptied_s.values():
             times.sort(reverse=True)
         release_s = np.zeros(len(tasks))

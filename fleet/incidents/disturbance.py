@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fleet.config import ScenarioEvent, require
-
-if TYPE_CHECKING:
-    from fleet.simulation import Simulation
+from fleet.incidents.recovery import Recovery
+from fleet.run.view import RunView
 
 OBSTACLE_HALF_M = (0.25, 0.25, 0.2)
 """Half size of the box that blocks a lane [m]."""
@@ -27,27 +25,28 @@ class Disturbances:
     """Applies events at their times.
 
     Args:
-        simulation: The run they happen to.
+        run: What they happen to.
+        recovery: Takes cars out of the run.
         events: In any order.
 
     Raises:
         ConfigError: An event's target does not exist.
     """
 
-    def __init__(self, simulation: Simulation, events: Sequence[ScenarioEvent]) -> None:
-        self._simulation = simulation
+    def __init__(self, run: RunView, recovery: Recovery, events: Sequence[ScenarioEvent]) -> None:
+        self._run = run
+        self._recovery = recovery
         for event in events:
             self._target(event)
         self._timeline = deque(sorted(events, key=lambda event: event.time_s))
         self._ends: dict[tuple[str, int], float] = {}
         self._carries_since_s: dict[int, float] = {}
 
-    def tick(self, tick: int) -> None:
+    def tick(self) -> None:
         """Apply what is due and end what has lasted long enough."""
-        del tick
         if not self._timeline and not self._ends:
             return
-        now_s = self._simulation.sim_s
+        now_s = self._run.sim_s
         while self._timeline and self._timeline[0].time_s <= now_s:
             self._apply(self._timeline.popleft(), now_s)
         for what in [what for what, end_s in self._ends.items() if end_s <= now_s]:
@@ -55,27 +54,27 @@ class Disturbances:
             self._end(*what)
 
     def _apply(self, event: ScenarioEvent, now_s: float) -> None:
-        simulation = self._simulation
+        run = self._run
         target = self._target(event)
         parameters = event.parameters
         if event.kind == "car_dead":
-            simulation.lose_car(target, f"car_{target} is dead")
+            self._recovery.lose_car(target, f"car_{target} is dead")
         elif event.kind == "car_pushed":
-            simulation.world.push_car(
+            run.world.push_car(
                 target, parameters.get("dx_m", 0.0), parameters.get("dy_m", 0.0), parameters.get("dyaw_rad", 0.0)
             )
         elif event.kind == "arm_slow":
-            simulation.arm_manager.slow(target, parameters.get("factor", SLOW_FACTOR))
+            run.arm_manager.slow(target, parameters.get("factor", SLOW_FACTOR))
             self._last(event, target, now_s)
         elif not (self._drop(event, target, now_s) if event.kind == "grip_lost" else self._cover(event, target, now_s)):
             # The arm carries nothing yet, or somebody is in the cell: it happens as soon as it can.
             later = ScenarioEvent(
-                time_s=now_s + simulation.tick_s, kind=event.kind, target=event.target, parameters=parameters
+                time_s=now_s + run.tick_s, kind=event.kind, target=event.target, parameters=parameters
             )
             self._timeline.append(later)
             self._timeline = deque(sorted(self._timeline, key=lambda e: e.time_s))
             return
-        simulation.log("disturbance", disturbance=event.kind, target=event.target, **parameters)
+        run.events.log("disturbance", disturbance=event.kind, target=event.target, **parameters)
 
     def _last(self, event: ScenarioEvent, target: int, now_s: float) -> None:
         """Note when an event is over; of two that overlap, the later end counts."""
@@ -84,13 +83,13 @@ class Disturbances:
 
     def _drop(self, event: ScenarioEvent, arm: int, now_s: float) -> bool:
         """Let an arm's tool fail if it has carried a parcel long enough."""
-        if not self._simulation.arm_manager.services[arm].carries:
+        if not self._run.arm_manager.services[arm].carries:
             self._carries_since_s.pop(arm, None)
             return False
         since_s = self._carries_since_s.setdefault(arm, now_s)
         if now_s - since_s < event.parameters.get("carried_s", CARRIED_S):
             return False
-        self._simulation.world.fail_grip(arm)
+        self._run.world.fail_grip(arm)
         return True
 
     def _cover(self, event: ScenarioEvent, cell: int, now_s: float) -> bool:
@@ -101,30 +100,30 @@ class Disturbances:
         return True
 
     def _block(self, cell: int) -> bool:
-        simulation = self._simulation
-        if not simulation.executor.close_if_free(cell):
+        run = self._run
+        if not run.executor.close_if_free(cell):
             return False
-        x, y = simulation.site.grid.xy(*simulation.site.grid.row_col(cell))
-        simulation.world.add_obstacle(cell, np.array([x, y, OBSTACLE_HALF_M[2]]), np.array(OBSTACLE_HALF_M))
-        simulation.traffic.set_blocked(cell, True)
+        x, y = run.site.grid.xy(*run.site.grid.row_col(cell))
+        run.world.add_obstacle(cell, np.array([x, y, OBSTACLE_HALF_M[2]]), np.array(OBSTACLE_HALF_M))
+        run.traffic.set_blocked(cell, True)
         return True
 
     def _end(self, kind: str, target: int) -> None:
-        simulation = self._simulation
+        run = self._run
         if kind == "arm_slow":
-            simulation.arm_manager.slow(target, 1.0)
-            simulation.log("disturbance_over", disturbance=kind, target=f"arm_{target}")
+            run.arm_manager.slow(target, 1.0)
+            run.events.log("disturbance_over", disturbance=kind, target=f"arm_{target}")
         else:
-            simulation.world.remove_obstacle(target)
-            simulation.traffic.set_blocked(target, False)
-            simulation.executor.open(target)
-            row, col = simulation.site.grid.row_col(target)
-            simulation.log("disturbance_over", disturbance=kind, target=f"{row},{col}")
+            run.world.remove_obstacle(target)
+            run.traffic.set_blocked(target, False)
+            run.executor.open(target)
+            row, col = run.site.grid.row_col(target)
+            run.events.log("disturbance_over", disturbance=kind, target=f"{row},{col}")
 
     def _target(self, event: ScenarioEvent) -> int:
-        simulation = self._simulation
+        run = self._run
         if event.kind == "lane_blocked":
-            grid = simulation.site.grid
+            grid = run.site.grid
             parts = event.target.split(",")
             numbers = [int(part) for part in parts if part.strip().isdecimal()]
             ok = len(parts) == len(numbers) == 2 and numbers[0] < grid.rows and numbers[1] < grid.cols
@@ -132,9 +131,7 @@ class Disturbances:
             require(ok, f"target of {event.kind}", event.target, "row,col of a free cell")
             return int(grid.index(numbers[0], numbers[1]))
         prefix, n = (
-            ("arm_", simulation.world.n_arms)
-            if event.kind.startswith(("arm_", "grip_"))
-            else ("car_", simulation.world.n_cars)
+            ("arm_", run.world.n_arms) if event.kind.startswith(("arm_", "grip_")) else ("car_", run.world.n_cars)
         )
         number = event.target.removeprefix(prefix)
         ok = event.target.startswith(prefix) and number.isdecimal() and int(number) < n

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numba import njit
@@ -11,13 +11,11 @@ from fleet.insight.cause_log import CauseLog
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
 from fleet.insight.time_accounts import STANDING_MPS
 from fleet.insight.why_idle import WhyIdle
-from fleet.missions.roster import PHASES, CarPhase
+from fleet.missions.phases import PHASES, CarPhase
+from fleet.run.view import RunView
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.world.protocol import FloatArray
 from planners.execution.queues import NOBODY, move_at
-
-if TYPE_CHECKING:
-    from fleet.simulation import Simulation
 
 _BOUND, _IDLE, _REST = 0, 1, 2
 _UNDER_WAY = (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE, CarPhase.HELD)
@@ -45,34 +43,36 @@ class CauseWatch:
     looked up when phases, bookings, or the tasks given out have changed.
 
     Args:
-        simulation: The run that is watched.
+        run: The run that is watched.
+        halted_by: Tells which cars stand because their granted way leads through another one, and that one.
     """
 
-    def __init__(self, simulation: Simulation) -> None:
-        self._simulation = simulation
-        self._n_cars = simulation.world.n_cars
-        n_robots = self._n_cars + simulation.world.n_arms
+    def __init__(self, run: RunView, halted_by: Callable[[], Mapping[int, int]]) -> None:
+        self._run = run
+        self._halted = halted_by
+        self._n_cars = run.world.n_cars
+        n_robots = self._n_cars + run.world.n_arms
         self.rows: CauseRows = np.full((n_robots, len(Column)), NONE, dtype=np.int32)
         """The present tick."""
         self.rows[:, Column.CAUSE] = Cause.NO_TASK
         self.rows[:, Column.DETAIL] = 0
         self.log = CauseLog(n_robots)
-        graph = simulation.graph
+        graph = run.graph
         self._dock_at = np.full(graph.n_cells, NONE, dtype=np.int32)
-        for station in simulation.stations:
+        for station in run.stations:
             self._dock_at[graph.state_cell[station.dock_state]] = station.arm
-        self._why_idle = WhyIdle(simulation)
+        self._why_idle = WhyIdle(run)
         self._given, self._booked, self._phases = (-1, -1), -1, -1
         self._tables: object = None
         self._seen: list[CarPhase | None] = [None] * self._n_cars
         self._next: dict[tuple[int, int], int] = {}
         self._next_ways: object = None
-        self._gated = any(service.gate is not None for service in simulation.arm_manager.services)
-        self._arm_changes: list[object] = [None] * simulation.world.n_arms
+        self._gated = any(service.gate is not None for service in run.arm_manager.services)
+        self._arm_changes: list[object] = [None] * run.world.n_arms
         self._arm_bookings_n = -1
         self._arms_due: float = 0.0
-        self._arm_until = [NONE] * simulation.world.n_arms
-        self._clear_tick = [NONE] * simulation.world.n_arms
+        self._arm_until = [NONE] * run.world.n_arms
+        self._clear_tick = [NONE] * run.world.n_arms
         self._halted_by = np.full(self._n_cars, NONE, dtype=np.int32)
         self._parked = np.zeros(self._n_cars, dtype=np.bool_)
         """Cars that are held back, or have no task, and have come to the parking place where they wait."""
@@ -86,15 +86,14 @@ class CauseWatch:
             tick: Its number.
             speeds: Signed speeds of the cars [m/s], shape (n_cars,).
         """
-        simulation = self._simulation
+        run = self._run
         self._look_at_arms(tick)
         self._look_at_rest(tick)
         self._halted_by[:] = NONE
-        if simulation.recovery.active:
-            for car, by in simulation.recovery.halted_by().items():
-                self._halted_by[car] = by
-        executor, traffic = simulation.executor, simulation.traffic
-        roster = simulation.dispatcher.roster
+        for car, by in self._halted().items():
+            self._halted_by[car] = by
+        executor, traffic = run.executor, run.traffic
+        roster = run.missions
         without_move = _look_at_bound(
             self.rows,
             _RULES,
@@ -105,7 +104,7 @@ class CauseWatch:
             traffic.blocked,
             traffic.wreck_of,
             self._dock_at,
-            simulation.dispatcher.bookings.place_of,
+            run.bookings.place_of,
             self._without_task,
             self._halted_by,
             self._parked,
@@ -118,9 +117,9 @@ class CauseWatch:
 
     def _look_at_without_move(self, tick: int) -> None:
         """Cars on their way that stand and have no move left: they are there, or nothing is planned for them."""
-        simulation = self._simulation
-        traffic, phases = simulation.traffic, simulation.dispatcher.roster.phase
-        tails = simulation.executor.tail_states()
+        run = self._run
+        traffic, phases = run.traffic, run.missions.phase
+        tails = run.executor.tail_states()
         for car in (self.rows[:, _CAUSE] == _LOOK_UP).nonzero()[0].tolist():
             tail, goal, place = int(tails[car]), int(traffic.goals[car]), int(self.rows[car, _PLACE])
             if tail == goal or goal < 0:
@@ -139,7 +138,7 @@ class CauseWatch:
 
     def _next_cell(self, state: int, goal: int) -> int:
         """See `Traffic.next_cell`; remembered, because a car that waits asks again in every tick."""
-        traffic = self._simulation.traffic
+        traffic = self._run.traffic
         if self._next_ways is not traffic.ways or len(self._next) > _REMEMBERED_N:
             self._next_ways = traffic.ways
             self._next.clear()
@@ -150,11 +149,11 @@ class CauseWatch:
 
     def _wreck(self, cell: int) -> int:
         """The dead car that blocks a cell."""
-        return int(self._simulation.traffic.wreck_of[cell]) if cell >= 0 else NONE
+        return int(self._run.traffic.wreck_of[cell]) if cell >= 0 else NONE
 
     def _set_next_cell(self, car: int, cell: int, place: int, tick: int) -> None:
         """A car that a plan has left standing before a cell: somebody has it, or comes first, or the plan is late."""
-        traffic, q = self._simulation.traffic, self._simulation.executor.dependencies.queues
+        traffic, q = self._run.traffic, self._run.executor.dependencies.queues
         holder = int(q.holder[cell])
         first = int(q.visit_agent[q.line_first[cell]]) if q.line_first[cell] >= 0 else NOBODY
         if holder not in (NOBODY, car):
@@ -166,25 +165,25 @@ class CauseWatch:
 
     def _look_at_goal(self, car: int, place: int) -> None:
         """A car that has come to where it was sent."""
-        simulation = self._simulation
-        phase, task = simulation.dispatcher.roster.phase[car], simulation.dispatcher.roster.task_of[car]
+        run = self._run
+        phase, task = run.missions.phase[car], run.missions.task_of[car]
         cause, by, until = Cause.SETS_OFF, NONE, NONE
-        if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP) and task is not None and simulation.executor.idle(car):
-            station = simulation.stations[place]
-            if not simulation.arm_manager.is_ready(station.arm, task.parcel):
+        if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP) and task is not None and run.executor.idle(car):
+            station = run.stations[place]
+            if not run.arm_manager.is_ready(station.arm, task.parcel):
                 cause, by = Cause.ARM, self._n_cars + station.arm
             elif phase is CarPhase.TO_DROP and task.drop_slot is None and station.free_n == 0:
                 cause, leaves_s = Cause.SLOT, station.next_collect_s
-                until = NONE if leaves_s is None else round(leaves_s / simulation.tick_s)
+                until = NONE if leaves_s is None else round(leaves_s / run.tick_s)
         self._set(car, cause, by=by, place=place, until=until)
 
     def _look_at_rest(self, tick: int) -> None:
         """Cars that are not on their way; each only if something was decided that may concern it."""
-        simulation = self._simulation
-        dispatcher, roster = simulation.dispatcher, simulation.dispatcher.roster
-        given = (dispatcher.allocations_n, simulation.board.moves_n)
-        booked, phases = dispatcher.bookings.changes_n, roster.changes_n
-        tables = simulation.traffic.tables
+        run = self._run
+        roster = run.missions
+        given = (run.assignments.allocations_n, run.board.moves_n)
+        booked, phases = run.bookings.changes_n, roster.changes_n
+        tables = run.traffic.tables
         if (given, booked, phases) == (self._given, self._booked, self._phases) and tables is self._tables:
             return
         given_out = given[0] != self._given[0]
@@ -201,8 +200,8 @@ class CauseWatch:
 
     def _set_at_rest(self, car: int, phase: CarPhase, tick: int) -> None:
         """A car that is not on its way, and not idle."""
-        simulation = self._simulation
-        dispatcher, roster = simulation.dispatcher, simulation.dispatcher.roster
+        run = self._run
+        roster = run.missions
         task = roster.task_of[car]
         if phase is not CarPhase.IDLE:
             self.rows[car, _TASK] = NONE if task is None else task.index
@@ -213,11 +212,11 @@ class CauseWatch:
             arm = roster.served.tolist().index(car)
             self._set(car, Cause.SERVED, by=self._n_cars + arm, place=arm, until=self._clear_tick[arm])
         elif phase is CarPhase.CHARGING:
-            place = int(dispatcher.bookings.place_of[car])
+            place = int(run.bookings.place_of[car])
             self._set(car, Cause.CHARGES, place=place, until=self._charged_tick(car, tick))
         elif phase is CarPhase.STANDING:
-            leaves_s, place = dispatcher.visits.leave_s(car), int(dispatcher.bookings.place_of[car])
-            until = NONE if leaves_s is None else round(leaves_s / simulation.tick_s)
+            leaves_s, place = run.visits.leave_s(car), int(run.bookings.place_of[car])
+            until = NONE if leaves_s is None else round(leaves_s / run.tick_s)
             self._set(car, Cause.VISITS, place=place, until=until)
         elif phase in (CarPhase.RECOVERING, CarPhase.RETIRED, CarPhase.DEAD):
             self._set(car, Cause.FAULT, detail=self._fault(car, phase))
@@ -225,14 +224,14 @@ class CauseWatch:
     def _fault(self, car: int, phase: CarPhase) -> int:
         if phase is not CarPhase.DEAD:
             return DETAIL_OF["off_lane" if phase is CarPhase.RECOVERING else "tray_loaded"]
-        batteries = self._simulation.batteries
+        batteries = self._run.batteries
         empty = batteries is not None and batteries.charge[car] <= 0.0
         return DETAIL_OF["battery_empty" if empty else "dead"]
 
     def _set_held(self, car: int) -> None:
         """A car that waits in a parking place for room, or for its time."""
-        dispatcher = self._simulation.dispatcher
-        bookings, served = dispatcher.bookings, dispatcher.roster.served
+        run = self._run
+        bookings, served = run.bookings, run.missions.served
         place = int(bookings.place_of[car])
         if place < 0:
             self._set(car, Cause.SETS_OFF)
@@ -249,22 +248,22 @@ class CauseWatch:
 
     def _charged_tick(self, car: int, tick: int) -> int:
         """When a charging car will have enough, or be full; kept until then, because charging is linear."""
-        row, batteries = self.rows[car], self._simulation.batteries
+        row, batteries = self.rows[car], self._run.batteries
         if row[Column.CAUSE] == Cause.CHARGES and row[Column.UNTIL] > tick:
             return int(row[Column.UNTIL])
         if batteries is None:
             return NONE
         charge, config = float(batteries.charge[car]), batteries.config
         target = config.enough if charge < config.enough else config.full
-        return tick + max(0, round(batteries.charge_s(target - charge) / self._simulation.tick_s))
+        return tick + max(0, round(batteries.charge_s(target - charge) / self._run.tick_s))
 
     def _look_at_arms(self, tick: int) -> None:
         """Arms, when what one does or who is bound for it changes, or it takes longer than was said."""
-        services = self._simulation.arm_manager.services
+        services = self._run.arm_manager.services
         changes: list[object] = [service.changes_n for service in services]
         if self._gated:
             changes = [(service.changes_n, service.waits_for) for service in services]
-        bookings_n = self._simulation.dispatcher.bookings.changes_n
+        bookings_n = self._run.bookings.changes_n
         if changes == self._arm_changes and bookings_n == self._arm_bookings_n and tick < self._arms_due:
             return
         for arm, change in enumerate(changes):
@@ -275,33 +274,33 @@ class CauseWatch:
         self._arms_due = min((until for until in self._arm_until if until != NONE), default=np.inf)
 
     def _set_arm(self, arm: int, tick: int) -> None:
-        simulation = self._simulation
-        dispatcher, service = simulation.dispatcher, simulation.arm_manager.services[arm]
-        served = int(dispatcher.roster.served[arm])
+        run = self._run
+        service = run.arm_manager.services[arm]
+        served = int(run.missions.served[arm])
         slow = DETAIL_OF["slow"] if service.speed < 1.0 else 0
         robot = self._n_cars + arm
-        task = dispatcher.roster.task_of[served] if served >= 0 else None
+        task = run.missions.task_of[served] if served >= 0 else None
         self.rows[robot, _TASK] = NONE if task is None else task.index
         clear = until = NONE
-        if service.state in _FREE and served >= 0 and dispatcher.roster.phase[served] in _AT_DOCK:
+        if service.state in _FREE and served >= 0 and run.missions.phase[served] in _AT_DOCK:
             # Between two attempts: it is about to say that the parcel is there, or to plan again.
             self._set(robot, Cause.WORKS, place=arm, detail=slow)
         elif service.state in _FREE:
-            bound = [car for car in dispatcher.bookings.bound(arm) if car != served]
-            booked = [car for car in bound if dispatcher.bookings.has(car)]
+            bound = [car for car in run.bookings.bound(arm) if car != served]
+            booked = [car for car in bound if run.bookings.has(car)]
             if bound:
                 self._set(robot, Cause.AWAITS, by=(booked or bound)[0], place=arm)
             else:
                 self._set(robot, Cause.NO_TASK, place=arm)
         elif service.state is ArmPhase.PLANNING:
-            due = simulation.arm_manager.due_tick(arm)
+            due = run.arm_manager.due_tick(arm)
             until = NONE if due is None else due
             self._set(robot, Cause.PLAN_LATE, place=arm, until=until, detail=slow)
         elif service.waits_for >= 0:
             self._set(robot, Cause.OTHER_ARM, by=self._n_cars + service.waits_for, place=arm)
         else:
             clear_s, left_s = service.left_s()
-            clear, until = tick + round(clear_s / simulation.tick_s), tick + round(left_s / simulation.tick_s)
+            clear, until = tick + round(clear_s / run.tick_s), tick + round(left_s / run.tick_s)
             self._set(robot, Cause.WORKS, place=arm, until=until, detail=slow)
         self._clear_tick[arm], self._arm_until[arm] = clear, until
         if served >= 0 and self.rows[served, _CAUSE] == Cause.SERVED:

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from fleet.errors import FleetError
 from fleet.insight.causes import NONE, robot_names
-
-if TYPE_CHECKING:
-    from fleet.simulation import Simulation
+from fleet.run.view import RunView
 
 
 class UnknownRobot(FleetError):
@@ -77,16 +74,16 @@ def _range(kind: str, n: int) -> str:
     return f"{kind}_0 to {kind}_{n - 1}" if n > 1 else f"{kind}_0"
 
 
-def codebook_of(simulation: Simulation) -> Codebook:
+def codebook_of(run: RunView) -> Codebook:
     """What the numbers stand for in a run."""
-    site, board = simulation.site, simulation.board
+    site, board = run.site, run.board
     name_of = {cell: name for name, cell in site.bays().items()}
-    stations = [station.name for station in simulation.stations]
+    stations = [station.name for station in run.stations]
     return Codebook(
-        tick_s=simulation.tick_s,
+        tick_s=run.tick_s,
         cols=site.grid.cols,
-        n_cars=simulation.world.n_cars,
-        n_arms=simulation.world.n_arms,
-        places=(*stations, *(name_of[cell] for cell in simulation.dispatcher.places.cells[len(stations) :])),
+        n_cars=run.world.n_cars,
+        n_arms=run.world.n_arms,
+        places=(*stations, *(name_of[cell] for cell in run.places.cells[len(stations) :])),
         task_name=lambda task: board.tasks[task].order.name,
     )

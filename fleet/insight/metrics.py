@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.insight.codebook import Codebook
+from fleet.insight.slip import Slip
 from fleet.insight.time_accounts import STANDING_MPS, ArmTime, CarTime, TimeAccounts, percentages
 from fleet.insight.time_table import Blame, blame_of
+from fleet.missions.perception import Perception
+from fleet.run.view import RunView
+from fleet.tasks.batches import Batches
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 from fleet.world.protocol import FloatArray
-
-if TYPE_CHECKING:
-    from fleet.missions.perception import Perception
-    from fleet.simulation import Simulation
 
 _WAITING = (TaskState.BACKLOG, TaskState.READY, *UNDER_WAY)
 
@@ -143,27 +145,33 @@ class Metrics:
         """
         _add(speeds, loaded, bound, self._tick_s, self._distance_m, self._waiting_s)
 
-    def summary(self, simulation: Simulation) -> Summary:
-        """Figures of the run so far."""
-        board, world = simulation.board, simulation.world
+    def summary(self, run: RunView, batches: Batches, slips: Sequence[Slip], codebook: Codebook) -> Summary:
+        """Figures of the run so far.
+
+        Args:
+            run: The run.
+            batches: Its batches.
+            slips: How far parcels slipped in the grip, one for each carry; empty if that is not measured.
+            codebook: Names robots, places and tasks.
+        """
+        board, world = run.board, run.world
         done = board.in_state(*DONE_STATES)
         times = [task.done_s - task.since_s[TaskState.BACKLOG] for task in done if task.done_s is not None]
-        spans_s = simulation.batches.spans_s
-        late = _lateness(simulation)
+        spans_s = batches.spans_s
+        late = _lateness(run)
         waiting = [task for task in board.in_state(*_WAITING) if TaskState.BACKLOG in task.since_s]
         contacts = world.contacts()
         clearance = world.min_clearance_m()
-        sim_s = simulation.sim_s
-        meter = simulation.slip_meter
-        slips_m = [slip.slip_m for slip in meter.slips] if meter is not None else []
-        batteries, charging = simulation.batteries, simulation.dispatcher.charging
+        sim_s = run.sim_s
+        slips_m = [slip.slip_m for slip in slips]
+        batteries, charging = run.batteries, run.charging
         return Summary(
             tasks_total=len(board.tasks),
             tasks_done=len(done),
             tasks_failed=board.count(TaskState.FAILED),
             tasks_cancelled=board.count(TaskState.CANCELLED),
             visits_done=board.count(TaskState.DONE),
-            batches=simulation.batches.n,
+            batches=batches.n,
             batches_done=len(spans_s),
             batch_span_mean_s=round(float(np.mean(spans_s)), 2) if spans_s else None,
             sim_s=round(sim_s, 3),
@@ -176,34 +184,34 @@ class Metrics:
             distance_loaded_m=round(float(self._distance_m[1].sum()), 2),
             distance_empty_m=round(float(self._distance_m[0].sum()), 2),
             waiting_s=round(float(self._waiting_s.sum()), 2),
-            arm_utilisation=round(float(np.mean(simulation.arm_manager.busy_s())) / sim_s, 4) if sim_s > 0 else 0.0,
+            arm_utilisation=round(float(np.mean(run.arm_manager.busy_s())) / sim_s, 4) if sim_s > 0 else 0.0,
             robot_contacts=contacts.robot,
             static_contacts=contacts.static,
             min_clearance_m=round(clearance, 4) if np.isfinite(clearance) else None,
-            parcel_balance=simulation.parcel_balance(),
-            parcels_misplaced=len(simulation.dispatcher.inventory.misplaced()),
-            parcels_dropped=simulation.arm_manager.dropped_n,
+            parcel_balance=run.inventory.balance(),
+            parcels_misplaced=len(run.inventory.misplaced()),
+            parcels_dropped=run.arm_manager.dropped_n,
             slip_median_m=round(float(np.median(slips_m)), 6) if slips_m else None,
             slip_max_m=round(max(slips_m), 6) if slips_m else None,
-            slip_turn_max_rad=round(max(slip.turn_rad for slip in meter.slips), 5) if meter and slips_m else None,
-            **_seen(simulation.dispatcher.perception),
+            slip_turn_max_rad=round(max(slip.turn_rad for slip in slips), 5) if slips else None,
+            **_seen(run.perception),
             lowest_charge=round(batteries.lowest, 4) if batteries is not None else None,
             charging_sessions=charging.sessions_n if charging is not None else 0,
             cars_stranded=int((batteries.charge <= 0.0).sum()) if batteries is not None else 0,
-            stations=self._stations(simulation),
-            bottleneck=self._bottleneck(simulation),
+            stations=self._stations(run),
+            bottleneck=self._bottleneck(run),
             car_ticks={f"car_{car}": self.time_accounts.car_time(car) for car in range(world.n_cars)},
             arm_ticks={f"arm_{arm}": self.time_accounts.arm_time(arm) for arm in range(world.n_arms)},
             time_share_percent=_shares(self.time_accounts.fleet_time()),
-            blame=blame_of(self.time_accounts, simulation.codebook),
-            state_hash=simulation.state_hash(),
+            blame=blame_of(self.time_accounts, codebook),
+            state_hash=run.state_hash(),
         )
 
-    def _stations(self, simulation: Simulation) -> dict[str, StationReport]:
-        ticks = max(simulation.now, 1)
+    def _stations(self, run: RunView) -> dict[str, StationReport]:
+        ticks = max(run.now, 1)
         reports = {}
-        for station in simulation.stations:
-            service = simulation.dispatcher.service_times.of(station.arm, station.direction)
+        for station in run.stations:
+            service = run.stations.times.of(station.arm, station.direction)
             time = self.time_accounts.station_time(station.arm)
             reports[station.name] = StationReport(
                 transfers_n=service.n,
@@ -211,19 +219,19 @@ class Metrics:
                 service_p90_s=round(service.p90_s, 2),
                 busy_share=round(time.busy / ticks, 4),
                 contended_share=round(time.contended / ticks, 4),
-                cap_n=simulation.dispatcher.bookings.caps[station.arm],
-                most_cars_n=simulation.dispatcher.bookings.most[station.arm],
+                cap_n=run.bookings.caps[station.arm],
+                most_cars_n=run.bookings.most[station.arm],
                 waiting_s=round(time.waiting * self._tick_s, 2),
             )
         return reports
 
-    def _bottleneck(self, simulation: Simulation) -> str:
+    def _bottleneck(self, run: RunView) -> str:
         worst = self.time_accounts.bottleneck()
         if worst is None:
             return "none: no car waited for a busy station"
-        time, ticks = self.time_accounts.station_time(worst), max(simulation.now, 1)
+        time, ticks = self.time_accounts.station_time(worst), max(run.now, 1)
         return (
-            f"{simulation.stations[worst].name} (arm_{worst}): busy {time.busy / ticks:.0%} of the time, "
+            f"{run.stations[worst].name} (arm_{worst}): busy {time.busy / ticks:.0%} of the time, "
             f"cars waiting for it {time.contended / ticks:.0%}"
         )
 
@@ -256,15 +264,15 @@ def _add(speeds, loaded, bound, tick_s, distance_m, waiting_s):
             waiting_s[car] += tick_s
 
 
-def _lateness(simulation: Simulation) -> list[float]:
+def _lateness(run: RunView) -> list[float]:
     """End less due date of the tasks that have both, and for overdue ones the time since their due date [s]."""
     late = []
-    for task in simulation.board.tasks:
+    for task in run.board.tasks:
         end_s = task.done_s
         if math.isinf(task.order.due_s) or task.state is TaskState.CANCELLED:
             continue
         if end_s is not None:
             late.append(end_s - task.order.due_s)
-        elif simulation.sim_s > task.order.due_s:
-            late.append(simulation.sim_s - task.order.due_s)
+        elif run.sim_s > task.order.due_s:
+            late.append(run.sim_s - task.order.due_s)
     return late

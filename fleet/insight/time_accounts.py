@@ -12,7 +12,7 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, WITHOUT_TASK, Cause, CauseRows, Column
-from fleet.missions.roster import PHASES, CarPhase
+from fleet.missions.phases import PHASES, CarPhase
 from fleet.world.protocol import FloatArray
 
 STANDING_MPS = 0.05

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
+from fleet.run.view import RunView
 from fleet.tasks.board import DONE_STATES, Task, TaskState
 from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, PairReason, TaskReason
-
-if TYPE_CHECKING:
-    from fleet.simulation import Simulation
 
 _PASSED = frozenset({PairReason.CAR_BUSY, PairReason.CAR_OUT, PairReason.CAR_CHARGES, PairReason.CHOSEN})
 """What was true when tasks were last given out, and is not of a car that is idle."""
@@ -28,15 +24,15 @@ class WhyIdle:
     are released, and else of those that are ordered, the first one.
 
     Args:
-        simulation: The run that is watched.
+        run: The run that is watched.
     """
 
-    def __init__(self, simulation: Simulation) -> None:
-        self._simulation = simulation
+    def __init__(self, run: RunView) -> None:
+        self._run = run
 
     def fill(self, rows: CauseRows, cars: list[int]) -> None:
         """Fill the rows of idle cars."""
-        board = self._simulation.board
+        board = self._run.board
         first = next(filter(None, map(board.first_in, (TaskState.READY, TaskState.BACKLOG, TaskState.ORDERED))), None)
         row = np.full(len(Column), NONE, dtype=np.int32)
         row[Column.CAUSE], row[Column.DETAIL] = Cause.NO_TASK, 0
@@ -45,32 +41,32 @@ class WhyIdle:
             self._backlog(row, first)
         elif first is not None and first.state is TaskState.ORDERED:
             row[Column.DETAIL] = DETAIL_OF[TaskReason.NOT_RELEASED]
-            row[Column.UNTIL] = round(first.order.release_s / self._simulation.tick_s)
+            row[Column.UNTIL] = round(first.order.release_s / self._run.tick_s)
         rows[cars] = row
         if first is not None and first.state is TaskState.READY:
             self._ready(rows, cars, first)
-        if self._simulation.dispatcher.charging is not None:
+        if self._run.charging is not None:
             for car in filter(self._must_charge, cars):
                 self._charger(rows[car], car)
 
     def _must_charge(self, car: int) -> bool:
-        charging = self._simulation.dispatcher.charging
+        charging = self._run.charging
         return charging is not None and not charging.spares(car)
 
     def _charger(self, row: CauseRows, car: int) -> None:
         """All chargers are taken: the one is named whose car has the most charge."""
-        dispatcher, batteries = self._simulation.dispatcher, self._simulation.batteries
+        run, batteries = self._run, self._run.batteries
         row[Column.CAUSE], row[Column.TASK] = Cause.CHARGER, NONE
         row[Column.DETAIL] = DETAIL_OF[PairReason.LOW_CHARGE]
-        if dispatcher.charging is None or batteries is None:
+        if run.charging is None or batteries is None:
             return
-        taken = [(other, place) for place in dispatcher.charging.places for other in dispatcher.bookings.cars(place)]
+        taken = [(other, place) for place in run.charging.places for other in run.bookings.cars(place)]
         if taken:
             row[Column.BY], row[Column.PLACE] = max(taken, key=lambda pair: float(batteries.charge[pair[0]]))
 
     def _ready(self, rows: CauseRows, cars: list[int], task: Task) -> None:
         """A car that is free could begin with the task."""
-        reasons = self._simulation.dispatcher.reasons
+        reasons = self._run.reasons
         decision, present = reasons.decision(task), reasons.present(task)
         if decision is None:
             rows[cars, Column.DETAIL] = DETAIL_OF["next_round"]
@@ -87,23 +83,23 @@ class WhyIdle:
 
     def _backlog(self, row: CauseRows, task: Task) -> None:
         """The task waits itself."""
-        simulation = self._simulation
-        reason = simulation.dispatcher.reasons.present(task)
+        run = self._run
+        reason = run.reasons.present(task)
         row[Column.DETAIL] = 0 if reason is None else DETAIL_OF[reason]
-        before = simulation.board.waits_for(task)
+        before = run.board.waits_for(task)
         if before is not None:
             row[Column.DETAIL] = DETAIL_OF[TaskReason.WAITS_FOR_PREDECESSOR]
             row[Column.BY] = NONE if before.car is None or before.state in DONE_STATES else before.car
         elif reason is TaskReason.WAITS_FOR_SLOT:
             arm = self._arm_of(task.pick)
-            row[Column.PLACE], row[Column.BY] = arm, NONE if arm == NONE else simulation.world.n_cars + arm
+            row[Column.PLACE], row[Column.BY] = arm, NONE if arm == NONE else run.world.n_cars + arm
 
     def _no_way(self, row: CauseRows, car: int, task: Task) -> None:
         """The first blocked cell on the way to a task, or on from its first stop, and the dead car in it."""
-        simulation = self._simulation
-        traffic, places = simulation.traffic, simulation.dispatcher.places
+        run = self._run
+        traffic, places = run.traffic, run.places
         names = task.next_stop if task.visit is not None else (task.pick, task.delivery.drop)
-        start = int(simulation.executor.tail_states()[car])
+        start = int(run.executor.tail_states()[car])
         for name in names:
             goal = places.named(name).states[0]
             if start != goal and not traffic.reachable(start, goal):
@@ -116,14 +112,14 @@ class WhyIdle:
 
     def _full(self, task: Task) -> tuple[int, int]:
         """The end of a task at which the most cars are, and its arm; of a visit the place and the car there."""
-        simulation = self._simulation
-        bookings = simulation.dispatcher.bookings
+        run = self._run
+        bookings = run.bookings
         if task.visit is not None:
-            numbers = [simulation.dispatcher.places.named(name).number for name in task.next_stop]
+            numbers = [run.places.named(name).number for name in task.next_stop]
             taken = [number for number in numbers if number >= 0 and bookings.cars(number)]
             return (taken[0], bookings.cars(taken[0])[0]) if taken else (NONE, NONE)
         arm = max((self._arm_of(task.pick), self._arm_of(task.delivery.drop)), key=lambda k: len(bookings.bound(k)))
-        return arm, simulation.world.n_cars + arm
+        return arm, run.world.n_cars + arm
 
     def _arm_of(self, name: str) -> int:
-        return next((station.arm for station in self._simulation.stations if station.name == name), NONE)
+        return next((station.arm for station in self._run.stations if station.name == name), NONE)

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from fleet.insight.causes import WITHOUT_TASK, Cause
-
-if TYPE_CHECKING:
-    from fleet.insight.explain import Link
+from fleet.insight.link import Link
 
 Phrase = Callable[["Link"], str]
 

@@ -7,23 +7,16 @@ from collections.abc import Callable, Set
 import numpy as np
 import numpy.typing as npt
 
-from fleet.missions.admission import LOADED_RANK_S, Admission
-from fleet.missions.roster import AT_CHARGER, ON_VISIT, CarPhase, Roster
+from fleet.missions.admission import Admission
+from fleet.missions.phases import AT_CHARGER, ON_VISIT, CarPhase
+from fleet.missions.state import Missions
+from fleet.missions.ways import LOADED_RANK_S, MOVE_M, SLOW_MOVE_S, Ways
 from fleet.robots.battery import Batteries
-from fleet.stations.booking import Bookings
-from fleet.stations.service_time import Direction, ServiceTimes
+from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
-from fleet.traffic.executor import Executor
-from fleet.traffic.replanning import Traffic
 from fleet.world.protocol import FloatArray
 from planners.mapf.distance_table import UNREACHABLE
-
-MOVE_M = 1.0
-"""Length of a move: one cell [m]."""
-SLOW_MOVE_S = 3.3
-"""Time of a move in dense traffic, three times that without [s]; what is not used stays in the battery."""
-
 
 _MAY_BREAK_OFF = ON_VISIT | {CarPhase.TO_PICK, CarPhase.HELD}
 
@@ -35,29 +28,22 @@ class Charging:
 
     Args:
         batteries: State of charge of the cars.
-        states: Lane-graph state of each charger.
+        states: Lane-graph state of each charger in use.
         first_place: Number of the first charger among the places that are booked.
-        roster: What cars are about.
+        missions: What cars and stations are about.
+        ways: How far cars are from chargers.
         admission: Sends cars with parcels on.
-        bookings: Who has which place.
-        traffic: Takes goals and gives distances.
-        executor: Tells where cars are.
-        service_times: How long stations take.
         log: Called as ``log(kind, **facts)`` when a car goes to charge, and when it has.
     """
 
     def __init__(
         self,
-        *,
         batteries: Batteries,
         states: tuple[int, ...],
         first_place: int,
-        roster: Roster,
+        missions: Missions,
+        ways: Ways,
         admission: Admission,
-        bookings: Bookings,
-        traffic: Traffic,
-        executor: Executor,
-        service_times: ServiceTimes,
         log: Callable[..., None],
     ) -> None:
         self.batteries = batteries
@@ -65,12 +51,9 @@ class Charging:
         self.sessions_n = 0
         """How often a car began to charge."""
         self._first = first_place
-        self._roster = roster
+        self._missions = missions
+        self._ways = ways
         self._admission = admission
-        self._bookings = bookings
-        self._traffic = traffic
-        self._executor = executor
-        self._service_times = service_times
         self._log = log
 
     @property
@@ -80,29 +63,27 @@ class Charging:
 
     def spares(self, car: int) -> bool:
         """Whether a car without a task, as far as its battery goes, may be given one."""
-        if self._roster.phase[car] in AT_CHARGER:
+        if self._missions.phase[car] in AT_CHARGER:
             return self._has_enough(car)
         return not self._is_critical(car)
 
     def plug_in(self) -> None:
         """Begin to charge cars that have come to their charger, and free those that have no way to theirs."""
-        tails = self._executor.tail_states()
-        for car, phase in enumerate(self._roster.phase):
-            if phase is not CarPhase.TO_CHARGER:
-                continue
-            goal = self._state_of(int(self._bookings.place_of[car]))
-            if tails[car] == goal and self._executor.idle(car):
+        missions = self._missions
+        for car in missions.cars_in(CarPhase.TO_CHARGER):
+            goal = self._state_of(int(missions.bookings.place_of[car]))
+            if self._ways.stands_at(car, goal):
                 self.begin(car)
-            elif not self._traffic.reachable(int(tails[car]), goal):
-                self._roster.changed = True
-                task = self._roster.task_of[car]
-                self._roster.enter(car, CarPhase.IDLE)
+            elif not self._ways.reaches(car, goal):
+                missions.changed = True
+                task = missions.task_of[car]
+                missions.enter(car, CarPhase.IDLE)
                 if task is not None:
                     self._admission.wait(car, task, "no way to its charger")
 
     def begin(self, car: int) -> None:
         """Begin to charge a car that stands at a charger."""
-        self._roster.enter(car, CarPhase.CHARGING)
+        self._missions.enter(car, CarPhase.CHARGING)
         self.sessions_n += 1
 
     def is_full(self, car: int) -> bool:
@@ -117,35 +98,35 @@ class Charging:
             now_s: Simulated time [s].
             wanted: Chargers to be left to visits.
         """
-        roster = self._roster
-        for car, phase in enumerate(roster.phase):
-            task = roster.task_of[car]
-            if task is not None and phase in _MAY_BREAK_OFF and _can_wait(task) and self._is_critical(car):
-                roster.unassign(task, now_s, f"the battery of car_{car} is at {self.batteries.charge[car]:.0%}")
-                roster.release(car)
-        low = [car for car in range(len(roster.phase)) if self._is_low(car) and self._may_charge(car)]
+        missions, charge, config = self._missions, self.batteries.charge, self.batteries.config
+        for car in (charge < config.critical).nonzero()[0].tolist():
+            task = missions.task_of[car]
+            if task is not None and missions.phase[car] in _MAY_BREAK_OFF and _can_wait(task):
+                missions.unassign(task, now_s, f"the battery of car_{car} is at {charge[car]:.0%}")
+                missions.release(car)
+        low = [car for car in (charge < config.low).nonzero()[0].tolist() if self._may_charge(car)]
         low = [car for car in low if self._has_way(car)]
         sent = [self._send(car, tick, wanted) for car in self._by_need(low)]
         short = not all(sent) or bool(wanted)
-        for car, phase in enumerate(roster.phase):
-            if phase is not CarPhase.CHARGING or not (self.is_full(car) or (short and self._has_enough(car))):
+        for car in missions.cars_in(CarPhase.CHARGING):
+            if not (self.is_full(car) or (short and self._has_enough(car))):
                 continue
-            task = roster.task_of[car]
+            task = missions.task_of[car]
             if task is not None and task.visit is not None:
                 continue  # was ordered to charge until it is full
             self._log("charged", car=f"car_{car}", charge=round(float(self.batteries.charge[car]), 3))
             if task is not None:
                 self._admission.set_off(car, task, tick, now_s)
             else:
-                roster.enter(car, CarPhase.IDLE)
+                missions.enter(car, CarPhase.IDLE)
 
     def send_idle(self, tick: int, wanted: Set[int]) -> None:
         """Let parked cars that nobody needs at present charge where there is room."""
         below = self.batteries.config.idle_below
         idle = [
             car
-            for car, phase in enumerate(self._roster.phase)
-            if phase is CarPhase.IDLE and self.batteries.charge[car] < below and self._executor.idle(car)
+            for car in self._missions.cars_in(CarPhase.IDLE)
+            if self.batteries.charge[car] < below and self._ways.idle(car)
         ]
         for car in self._by_need(idle):
             self._send(car, tick, wanted)
@@ -166,9 +147,12 @@ class Charging:
             The verdict on each car, shape (k,).
         """
         loaded_n = self._moves(pick, drop)
-        served_s = self._service_times.of(pick.arm, Direction.TO_CAR).p90_s
+        served_s = self._missions.stations.times.of(pick.arm, Direction.TO_CAR).p90_s
         # At the drop station those before it are served first.
-        served_s += self._bookings.caps[drop.arm] * self._service_times.of(drop.arm, Direction.FROM_CAR).p90_s
+        served_s += (
+            self._missions.bookings.caps[drop.arm]
+            * self._missions.stations.times.of(drop.arm, Direction.FROM_CAR).p90_s
+        )
         loaded = self.batteries.share(MOVE_M * loaded_n, SLOW_MOVE_S * loaded_n + served_s, load_kg)
         home_n = float(self.moves_home(np.array([drop.dock_state]))[0])
         return self.allows_way(cars, to_pick + home_n, 0.0, loaded)
@@ -191,17 +175,13 @@ class Charging:
         spare = self.batteries.charge[cars] - empty - more
         return np.asarray(spare >= self.batteries.config.margin)
 
-    def moves_home(self, states: npt.NDArray[np.int_]) -> FloatArray:
+    def moves_home(self, states: npt.NDArray[np.int32] | npt.NDArray[np.int64]) -> FloatArray:
         """Moves to the nearest charger, occupied or not, inf where there is no way, shape of `states`."""
         moves = np.full(len(states), np.inf)
         for goal in self.states:
-            row = self._traffic.tables.to(goal)[states].astype(np.float64)
+            row = self._ways.moves(states, goal).astype(np.float64)
             moves = np.minimum(moves, np.where(row >= UNREACHABLE, np.inf, row))
         return moves
-
-    def _is_low(self, car: int) -> bool:
-        """Below the first threshold."""
-        return bool(self.batteries.charge[car] < self.batteries.config.low)
 
     def _is_critical(self, car: int) -> bool:
         """Below the second threshold."""
@@ -213,38 +193,38 @@ class Charging:
 
     def _has_way(self, car: int) -> bool:
         """Whether a car can come to a charger at all; nobody has to make room for one that cannot."""
-        return bool(np.isfinite(self.moves_home(self._executor.tail_states()[[car]].astype(np.int64))[0]))
+        return bool(np.isfinite(self.moves_home(self._ways.tails[[car]])[0]))
 
     def _may_charge(self, car: int) -> bool:
         """Whether a car is free to go to a charger: without a task, or held back with its parcel."""
-        task, phase = self._roster.task_of[car], self._roster.phase[car]
+        task, phase = self._missions.task_of[car], self._missions.phase[car]
         held = phase is CarPhase.HELD and task is not None and task.state is TaskState.CARRIED
         return held or phase is CarPhase.IDLE
 
     def _send(self, car: int, tick: int, wanted: Set[int]) -> bool:
         """Send a car to a charger that no visit wants; False if none that it can come to is free."""
-        place = self._free_charger(int(self._executor.tail_states()[car]), wanted)
+        place = self._free_charger(car, wanted)
         if place is None:
             return False
-        self._roster.leave(car)
-        self._bookings.bind(car, place)
-        self._bookings.book(car)
-        self._roster.enter(car, CarPhase.TO_CHARGER)
-        task = self._roster.task_of[car]
+        missions = self._missions
+        missions.bind(car, place)
+        missions.bookings.book(car)
+        missions.enter(car, CarPhase.TO_CHARGER)
+        task = missions.task_of[car]
         if task is not None:
             task.reason = f"car_{car} charges meanwhile: {task.reason}"
-        self._traffic.rank[car] = LOADED_RANK_S
-        self._traffic.send(car, self._state_of(place), stay=True, tick=tick)
+        self._ways.send(car, self._state_of(place), rank_s=LOADED_RANK_S, stay=True, tick=tick)
         self._log("to_charger", car=f"car_{car}", charge=round(float(self.batteries.charge[car]), 3))
         return True
 
-    def _free_charger(self, state: int, wanted: Set[int]) -> int | None:
-        """The nearest charger that is free and can be reached from a state, as a place; None if there is none."""
+    def _free_charger(self, car: int, wanted: Set[int]) -> int | None:
+        """The nearest charger that is free and that a car can come to, as a place; None if there is none."""
         best, best_n = None, UNREACHABLE
-        for k, goal in enumerate(self.states):
-            moves_n = int(self._traffic.tables.to(goal)[state])
-            number = self._first + k
-            if moves_n < best_n and number not in wanted and self._bookings.room(number) > 0:
+        for number in self.places:
+            if number in wanted or self._missions.bookings.room(number) <= 0:
+                continue
+            moves_n = self._ways.of_car(car, self._state_of(number))
+            if moves_n < best_n:
                 best, best_n = number, moves_n
         return best
 
@@ -257,7 +237,7 @@ class Charging:
         return sorted(cars, key=lambda car: (float(self.batteries.charge[car]), car))
 
     def _moves(self, start: Station, goal: Station) -> float:
-        moves_n = int(self._traffic.tables.to(goal.dock_state)[start.dock_state])
+        moves_n = self._ways.between(start.dock_state, goal.dock_state)
         return float("inf") if moves_n >= UNREACHABLE else float(moves_n)
 
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
 
 from fleet.robots.spec import CarSpec
 from fleet.stations.station import Station
-from fleet.tasks.backlog import Backlog
+from fleet.stations.stations import Stations
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import MAX_EDGE_M
-from fleet.tasks.reasons import ReasonBook, TaskReason
 from fleet.world.protocol import FloatArray, ParcelBody, World
 
 ON_SLOT_M = 0.05
@@ -33,62 +31,64 @@ class Inventory:
 
     Args:
         board: The tasks; a task's index is its parcel's identity.
-        stations: In the order of the arms.
+        stations: The stations.
         car: The car model, for its tray.
         world: Where parcels lie.
         log: Called as ``log(kind, **facts)`` when a parcel enters or leaves.
-        backlog: Tells which tasks wait for others.
-        reasons: Told why a task waits.
-        source_cost: Called as ``source_cost(pick, task)``: what it costs to bring a task's parcel from a pick station.
-        turn_s: Called as ``turn_s(task)``: when a task is planned to be picked [s], inf = that is not planned.
+        collect_after_s: Time a delivered parcel stays on its slot [s].
         askew: Draws how parcels are put on their slots; None = exactly in the middle and straight.
     """
 
     def __init__(
         self,
         board: TaskBoard,
-        stations: list[Station],
+        stations: Stations,
         car: CarSpec,
         world: World,
         log: Log,
-        backlog: Backlog,
-        reasons: ReasonBook,
-        source_cost: Callable[[str, Task], float],
-        turn_s: Callable[[Task], float],
+        collect_after_s: float,
         askew: np.random.Generator | None,
     ) -> None:
         self.entered_n = 0
         self.left_n = 0
         self._board = board
         self._stations = stations
-        self._by_name = {station.name: station for station in stations}
-        self._left_waiting = (0, 0, 0)
         self._car = car
         self._world = world
         self._log = log
-        self._backlog = backlog
-        self._reasons = reasons
-        self._source_cost = source_cost
-        self._turn_s = turn_s
+        self._collect_after_s = collect_after_s
         self._askew = askew
+        self._next_collect_s = np.inf
 
-    def tick(self, now_s: float) -> bool:
-        """Take out what is to be collected, and put the parcels of released orders on free pick slots.
+    def collect_later(self, station: Station, slot: int, now_s: float) -> None:
+        """Note that the parcel on a slot has been delivered, and leaves after a while."""
+        leaves_s = now_s + self._collect_after_s
+        station.collect_at(leaves_s, slot)
+        self._next_collect_s = min(self._next_collect_s, leaves_s)
 
-        Returns:
-            True when a task has become ready.
-        """
+    def collect(self, now_s: float) -> None:
+        """Take out what is to be collected."""
+        if now_s < self._next_collect_s:
+            return
         for station in self._stations:
             for slot in station.collect_due(now_s):
                 self._collect(station, slot, now_s)
-        if not self._board.count(TaskState.BACKLOG):
-            return False
-        waiting = self._waiting()
-        if waiting == self._left_waiting:
-            return False
-        # As it was before: what fails now may let others fail in the next round.
-        self._left_waiting = waiting
-        return self._fill(now_s)
+        due_s = (station.next_collect_s for station in self._stations)
+        self._next_collect_s = min((time_s for time_s in due_s if time_s is not None), default=np.inf)
+
+    def enter(self, task: Task, now_s: float) -> None:
+        """Put the parcel of a task on the slot that it has."""
+        station, slot = self._stations.named(task.pick), task.pick_slot
+        if slot is None:
+            raise AssertionError("a task that enters has a slot")
+        x, y, z = station.place.slots[slot]
+        size = task.delivery.size_m
+        dx, dy, half_yaw = self._placing()
+        pose = np.array([x + dx, y + dy, z + size[2] / 2 + DROP_M, 0.0, 0.0, np.sin(half_yaw), np.cos(half_yaw)])
+        self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.delivery.mass_kg, pose=pose))
+        self.entered_n += 1
+        self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
+        self._board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
 
     def withdraw(self, task: Task, now_s: float, reason: str) -> None:
         """Cancel a task that has no parcel in a car; a parcel on its slot leaves the warehouse."""
@@ -97,14 +97,14 @@ class Inventory:
                 self._world.remove_parcel(task.parcel)
                 self.left_n += 1
                 self._log("parcel_left", task=task.order.name, station=task.pick, slot=task.pick_slot)
-            self._by_name[task.pick].free_slot(task.pick_slot)
+            self._stations.named(task.pick).free_slot(task.pick_slot)
         self._board.move(task, TaskState.CANCELLED, now_s, reason)
 
     def vacate(self, task: Task) -> None:
         """Give back the slot that a task's parcel has left, to the next leg of its order that begins there, if any."""
         if task.pick_slot is None:
             return
-        station = self._by_name[task.pick]
+        station = self._stations.named(task.pick)
         station.free_slot(task.pick_slot)
         for leg in self._board.legs_after(task):
             if leg.pick == task.pick and leg.pick_slot is None and leg.state is TaskState.BACKLOG:
@@ -158,65 +158,6 @@ class Inventory:
                 wrong.append(f"{task.order.name}: booked as {task.state}, lies at ({x:.2f}, {y:.2f}, {z:.2f})")
         return wrong
 
-    def _waiting(self) -> tuple[int, int, int]:
-        """Released tasks, free pick slots, and tasks that nobody has to wait for any more: while these stay the same,
-        there is nothing to fill."""
-        free = sum(station.free_n for station in self._stations if station.place.kind == "pick")
-        return self._board.released_n, free, self._board.closed_n
-
-    def _fill(self, now_s: float) -> bool:
-        """Put parcels on free pick slots: the most urgent class first, then as planned, then first come first.
-
-        An order of several legs begins when it can have a slot of each of its stations at once, and the slots that are
-        free are kept for it until then: if its car had to wait for a slot between two legs, it might wait for parcels
-        that wait for this very car.
-        """
-        filled = False
-        kept: Counter[str] = Counter()
-        backlog = self._board.in_state(TaskState.BACKLOG)
-        for task in sorted(backlog, key=lambda task: (task.order.priority.rank, self._turn_s(task))):
-            if task.visit is not None:
-                continue
-            if not self._backlog.may_begin(task, now_s):
-                if task.state is TaskState.FAILED and task.pick_slot is not None:
-                    self._by_name[task.pick].free_slot(task.pick_slot)
-            elif task.pick_slot is not None or self._take_slots(task, kept, now_s):
-                self._enter(task, now_s)
-                filled = True
-        return filled
-
-    def _take_slots(self, task: Task, kept: Counter[str], now_s: float) -> bool:
-        """Take a slot for a task, and one of each other station that its order needs; False if they are not free."""
-        legs = self._board.legs_after(task)
-        free = [name for name in task.delivery.picks if self._by_name[name].free_n > kept[name]]
-        others = {leg.pick: leg for leg in reversed(legs) if leg.pick != task.pick}
-        if not free or any(self._by_name[name].free_n <= kept[name] for name in others):
-            if legs:
-                kept.update((task.pick, *others))
-                cause = f"not every one of {', '.join((task.pick, *sorted(others)))} has a free slot for its order"
-            else:
-                cause = f"no slot of {' and '.join(task.delivery.picks)} is free"
-            self._reasons.note(task, TaskReason.WAITS_FOR_SLOT, cause, now_s)
-            return False
-        # The cheapest source; of equal ones, the first that was named.
-        task.pick = free[0] if len(free) == 1 else min(free, key=lambda name: self._source_cost(name, task))
-        for leg in (task, *others.values()):
-            leg.pick_slot = self._by_name[leg.pick].take_slot(leg.index)
-        return True
-
-    def _enter(self, task: Task, now_s: float) -> None:
-        station, slot = self._by_name[task.pick], task.pick_slot
-        if slot is None:
-            raise AssertionError("a task that enters has a slot")
-        x, y, z = station.place.slots[slot]
-        size = task.delivery.size_m
-        dx, dy, half_yaw = self._placing()
-        pose = np.array([x + dx, y + dy, z + size[2] / 2 + DROP_M, 0.0, 0.0, np.sin(half_yaw), np.cos(half_yaw)])
-        self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.delivery.mass_kg, pose=pose))
-        self.entered_n += 1
-        self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
-        self._board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
-
     def _placing(self) -> tuple[float, float, float]:
         """How a parcel is put on its slot: beside the middle along x and y [m], and half its turn [rad]."""
         if self._askew is None:
@@ -238,9 +179,9 @@ class Inventory:
     def _is_where_booked(self, task: Task) -> bool:
         if task.state in (TaskState.READY, TaskState.ASSIGNED):
             fetched = bool(np.any(self._world.held() == task.parcel))
-            return fetched or self.on_slot(task, task.pick_slot, self._by_name[task.pick])
+            return fetched or self.on_slot(task, task.pick_slot, self._stations.named(task.pick))
         if task.state is TaskState.DELIVERED:
-            return self.on_slot(task, task.drop_slot, self._by_name[task.delivery.drop])
+            return self.on_slot(task, task.drop_slot, self._stations.named(task.delivery.drop))
         if task.state is TaskState.CARRIED:
             return task.car is not None and self.in_tray(task, task.car)
         return True  # an arm is at work on it

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from fleet.missions.roster import ON_VISIT, PARKED, Roster
-from fleet.traffic.executor import Executor
-from fleet.traffic.replanning import Traffic
+import numpy as np
+
+from fleet.missions.phases import ON_VISIT
+from fleet.missions.state import Missions
+from fleet.missions.ways import Ways
+from planners.mapf.distance_table import UNREACHABLE
 
 
 class Parking:
@@ -12,33 +15,37 @@ class Parking:
 
     Args:
         states: Lane-graph state of each parking place.
-        roster: Tells which cars wait.
-        traffic: Takes goals and gives distances.
-        executor: Tells where cars are.
+        missions: Tells which cars wait.
+        ways: How far cars are from parking places.
     """
 
-    def __init__(self, states: tuple[int, ...], roster: Roster, traffic: Traffic, executor: Executor) -> None:
+    def __init__(self, states: tuple[int, ...], missions: Missions, ways: Ways) -> None:
         self.states = states
-        self._roster = roster
-        self._traffic = traffic
-        self._executor = executor
+        self._missions = missions
+        self._ways = ways
+        self._sorted = np.sort(np.array(states, dtype=np.int32))
 
     def send(self, tick: int) -> None:
         """Send every car that waits to the nearest parking place that no other such car has, or visits."""
-        phases = self._roster.phase
-        waiting = [car for car, phase in enumerate(phases) if phase in PARKED]
-        visited = {int(self._traffic.goals[car]) for car, phase in enumerate(phases) if phase in ON_VISIT}
-        taken = visited | {int(self._traffic.goals[car]) for car in waiting}
-        tails = self._executor.tail_states()
-        for car in waiting:
-            goal, tail = int(self._traffic.goals[car]), int(tails[car])
-            if goal in self.states and goal not in visited and self._traffic.reachable(tail, goal):
-                self._traffic.stay[car] = False  # after a visit to this place it stays no longer than it likes
+        waiting = self._missions.parked()
+        if not waiting.size:
+            return
+        goals, tails = self._ways.goals[waiting], self._ways.tails[waiting]
+        visited = self._ways.goals[self._missions.cars_in(*ON_VISIT)]
+        has_place = np.isin(goals, self._sorted) & ~np.isin(goals, visited)
+        has_place[has_place] = self._ways.moves_each(tails[has_place], goals[has_place]) < UNREACHABLE
+        for car in waiting[has_place].tolist():
+            # After a visit to this place it stays no longer than it likes.
+            self._ways.let_push(car)
+        without = np.flatnonzero(~has_place)
+        if not without.size:
+            return
+        free = self._sorted[~np.isin(self._sorted, np.concatenate((goals, visited)))]
+        for k in without.tolist():
+            moves = self._ways.moves_each(np.full(len(free), tails[k], dtype=np.int32), free)
+            if not free.size or moves.min() >= UNREACHABLE:
                 continue
-            free = [state for state in self.states if state not in taken and self._traffic.reachable(tail, state)]
-            if not free:
-                continue
-            goal = min(free, key=lambda state: (int(self._traffic.tables.to(state)[tail]), state))
-            taken.add(goal)
-            self._traffic.rank[car] = 0.0
-            self._traffic.send(car, goal, stay=False, tick=tick)
+            # Of equally near ones, the one with the smallest number.
+            nearest = int(moves.argmin())
+            self._ways.send(int(waiting[k]), int(free[nearest]), rank_s=0.0, stay=False, tick=tick)
+            free = np.delete(free, nearest)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,6 +15,7 @@ from fleet.sensors.boxes import LocateStatus, SeenBox, locate_boxes
 from fleet.sensors.camera import CameraImage
 from fleet.sensors.station_camera import station_camera
 from fleet.stations.station import Station
+from fleet.stations.stations import Stations
 from fleet.tasks.board import Task
 from fleet.world.protocol import FloatArray, World
 
@@ -85,7 +86,7 @@ class SeenPoses:
     parcel lies and how it is turned comes from depths and outlines alone; the order's edges decide its height.
 
     Args:
-        stations: In the order of the arms.
+        stations: The stations.
         car: Car model, for its tray.
         world: Takes the images.
         inventory: Tells where parcels really are, for the errors that are reported and nothing else.
@@ -94,7 +95,7 @@ class SeenPoses:
 
     def __init__(
         self,
-        stations: Sequence[Station],
+        stations: Stations,
         car: CarSpec,
         world: World,
         inventory: Inventory,

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-import numpy.typing as npt
-
-from fleet.stations.station import Station
+from fleet.stations.stations import Stations
 from fleet.tasks.place_names import PlaceNames
-from fleet.traffic.replanning import Traffic
 from maps.lane_graph import LaneGraph
 from maps.site import Site
-from planners.mapf.distance_table import UNREACHABLE
 
 NOT_BOOKED = -1
 """Number of a place in a lane, which nobody books: who stands there goes on soon."""
@@ -37,11 +31,10 @@ class Places:
     Args:
         site: The site.
         graph: Its lane graph.
-        stations: In the order of the arms.
-        traffic: Gives distances on the lane graph.
+        stations: The stations.
     """
 
-    def __init__(self, site: Site, graph: LaneGraph, stations: Sequence[Station], traffic: Traffic) -> None:
+    def __init__(self, site: Site, graph: LaneGraph, stations: Stations) -> None:
         self.chargers: tuple[int, ...] = tuple(graph.first_states(site.chargers).tolist())
         """Lane-graph state of each charger."""
         self.parking: tuple[int, ...] = tuple(graph.first_states(site.parking).tolist())
@@ -53,7 +46,6 @@ class Places:
         """Numbers of the chargers among the places that are booked."""
         self._site = site
         self._graph = graph
-        self._traffic = traffic
         self._number_of = {cell: number for number, cell in enumerate(self.cells)}
         self._places: dict[str, Place] = {}
 
@@ -69,16 +61,3 @@ class Places:
     @cached_property
     def _names(self) -> PlaceNames:
         return PlaceNames(self._site)
-
-    def moves(self, place: Place, states: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-        """Moves from each of some states to a place, `UNREACHABLE` where there is no way, shape of `states`."""
-        rows = [self._traffic.tables.to(goal)[states] for goal in place.states]
-        return np.minimum.reduce(rows).astype(np.float64)
-
-    def nearest_state(self, place: Place, state: int) -> int:
-        """The state in which a car comes to a place soonest."""
-        return min(place.states, key=lambda goal: (int(self._traffic.tables.to(goal)[state]), goal))
-
-    def reachable(self, place: Place, state: int) -> bool:
-        """Whether there is a way to a place past all that is blocked."""
-        return any(int(self._traffic.tables.to(goal)[state]) < UNREACHABLE for goal in place.states)

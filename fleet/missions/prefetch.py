@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from fleet.missions.perception import Perception
-from fleet.missions.roster import CarPhase, Roster
+from fleet.missions.phases import CarPhase
+from fleet.missions.state import Missions
+from fleet.missions.ways import Ways
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.arms.arm_manager import ArmManager
 from fleet.stations.arms.transfer import FetchRequest
-from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
-from fleet.traffic.executor import Executor
-from fleet.traffic.replanning import Traffic
+from planners.mapf.distance_table import UNREACHABLE
 
 AHEAD_MOVES_N = 8
 """A parcel is fetched when its car has at most so many moves left to the dock: that is about twice the time it takes,
@@ -22,6 +22,7 @@ LOOK_S = 0.25
 """Time between two looks at who comes [s]."""
 MAX_FETCHES = 2
 """A parcel that was missed or lost so often is left to the transfer itself."""
+_NOBODY: tuple[int, int, Task | None] = (UNREACHABLE, -1, None)
 
 
 class Prefetch:
@@ -31,68 +32,61 @@ class Prefetch:
     cancelled or fail as if the parcel lay there.
 
     Args:
-        stations: In the order of the arms.
+        missions: Tells which cars come.
+        ways: How far they are.
         arm_manager: Arm planning and playback.
         perception: Tells where parcels lie.
-        traffic: Gives distances.
-        executor: Tells where cars are.
         tick_s: Length of a tick [s].
         log: Called as ``log(kind, **facts)`` when a parcel is fetched or put back.
     """
 
     def __init__(
         self,
-        stations: Sequence[Station],
+        missions: Missions,
+        ways: Ways,
         arm_manager: ArmManager,
         perception: Perception,
-        traffic: Traffic,
-        executor: Executor,
         tick_s: float,
         log: Callable[..., None],
     ) -> None:
-        docks = [station.dock_state for station in stations]
+        docks = [station.dock_state for station in missions.stations]
         self._stations = [
             station
-            for station in stations
-            if station.direction is Direction.TO_CAR
-            and docks.count(station.dock_state) > 1
-            and arm_manager.services[station.arm].fetches
+            for station in missions.stations.loading()
+            if docks.count(station.dock_state) > 1 and arm_manager.services[station.arm].fetches
         ]
+        self._missions = missions
+        self._ways = ways
         self._arm_manager = arm_manager
         self._perception = perception
-        self._traffic = traffic
-        self._executor = executor
         self._log = log
         self._period = max(1, round(LOOK_S / tick_s))
         self._task: dict[int, Task] = {}
         self._fetches: dict[int, int] = {}
 
-    def tick(self, tick: int, roster: Roster) -> None:
+    def tick(self, tick: int) -> None:
         """Begin what can be begun for the cars that are on their way to pick."""
         if not self._stations or tick % self._period:
             return
-        coming = [
-            task if phase is CarPhase.TO_PICK else None
-            for phase, task in zip(roster.phase, roster.task_of, strict=True)
-        ]
-        tails = self._executor.tail_states()
+        coming = self._missions.cars_in(CarPhase.TO_PICK)
+        task_of, tails = self._missions.task_of, self._ways.tails
         for station in self._stations:
-            arm, arm_manager = station.arm, self._arm_manager
-            holds = arm_manager.services[arm].state is ArmPhase.HOLDING
-            if roster.served[arm] >= 0 or not (holds or arm_manager.is_idle(arm)):
+            arm, manager = station.arm, self._arm_manager
+            holds = manager.services[arm].state is ArmPhase.HOLDING
+            if self._missions.served[arm] >= 0 or not (holds or manager.is_idle(arm)):
                 continue
-            moves = self._traffic.tables.to(station.dock_state)
-            queue = sorted(
-                (int(moves[tails[car]]), car)
-                for car, task in enumerate(coming)
-                if task is not None and task.pick == station.name and task.state is TaskState.ASSIGNED
-            )
+            queue = [
+                (car, task)
+                for car in coming
+                if (task := task_of[car]) is not None and task.pick == station.name and task.state is TaskState.ASSIGNED
+            ]
+            moves = self._ways.moves(tails[[car for car, _ in queue]], station.dock_state).tolist()
             if holds:
-                self._look_after(station, [car for left, car in queue if left == 0], coming)
-            elif queue and queue[0][0] <= AHEAD_MOVES_N:
-                task = coming[queue[0][1]]
-                if task is not None and self._fetches.get(task.index, 0) < MAX_FETCHES:
-                    self._fetch(station, task, tick)
+                self._look_after(station, [task for left, (_, task) in zip(moves, queue, strict=True) if left == 0])
+                continue
+            left, _, task = min(((n, car, task) for n, (car, task) in zip(moves, queue, strict=True)), default=_NOBODY)
+            if left <= AHEAD_MOVES_N and task is not None and self._fetches.get(task.index, 0) < MAX_FETCHES:
+                self._fetch(station, task, tick)
 
     def _fetch(self, station: Station, task: Task, tick: int) -> None:
         if task.pick_slot is None:
@@ -114,11 +108,10 @@ class Prefetch:
             tick,
         )
 
-    def _look_after(self, station: Station, at_dock: Sequence[int], coming: Sequence[Task | None]) -> None:
+    def _look_after(self, station: Station, at_dock: Sequence[Task]) -> None:
         """Put a parcel back that is not wanted: its task has ended, or another car of this arm is there first."""
         task = self._task[station.arm]
         ended = task.state not in (TaskState.READY, TaskState.ASSIGNED, TaskState.LOADING)
-        first = [coming[car] for car in at_dock]
-        if ended or (first and task not in first):
+        if ended or (at_dock and task not in at_dock):
             self._log("put_back", task=task.order.name, station=station.name)
             self._arm_manager.put_back(station.arm)

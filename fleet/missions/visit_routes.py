@@ -1,4 +1,4 @@
-"""VisitWays: what is left of a visit, as moves and time, for those who decide which car makes it."""
+"""VisitRoutes: what is left of a visit, as moves and time, for those who decide which car makes it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.missions.places import NOT_BOOKED, Place, Places
+from fleet.missions.ways import Ways
 from fleet.stations.booking import Bookings
 from fleet.tasks.board import Task
 from planners.mapf.distance_table import UNREACHABLE
@@ -21,11 +22,13 @@ class VisitRoutes:
 
     Args:
         places: Where cars can be sent.
+        ways: How far they are.
         bookings: Room at the places.
     """
 
-    def __init__(self, places: Places, bookings: Bookings) -> None:
+    def __init__(self, places: Places, ways: Ways, bookings: Bookings) -> None:
         self._places = places
+        self._ways = ways
         self._bookings = bookings
 
     def to_stop(self, task: Task, tails: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
@@ -56,7 +59,7 @@ class VisitRoutes:
 
     def moves_from(self, stop: Stop, states: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
         """Moves from each of some states to a stop, `UNREACHABLE` where there is no way, shape of `states`."""
-        return np.asarray(np.minimum.reduce([self._places.moves(place, states) for place in stop]))
+        return np.asarray(np.minimum.reduce([self._ways.to_place(place, states) for place in stop]))
 
     def room(self, place: Place) -> int:
         """Cars a place still takes, at least 1 in a lane, where nobody books."""

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.recording.stream.palette import identity_colour
-from fleet.simulation import Simulation
+from fleet.run.view import RunView
 from fleet.terminal.pacing import NAP_S, Pace
 
 LOOK_S = 0.25
@@ -56,18 +56,18 @@ class Display:
     are granted, thin where they are only planned.
 
     Args:
-        simulation: The run.
+        run: The run.
         window: Of its world.
         pace: Told what the sliders say.
     """
 
-    def __init__(self, simulation: Simulation, window: Window, pace: Pace) -> None:
-        self._simulation = simulation
+    def __init__(self, run: RunView, window: Window, pace: Pace) -> None:
+        self._run = run
         self._window = window
         self._pace = pace
         self._next = 0.0
         self._paused = False
-        n_cars = simulation.world.n_cars
+        n_cars = run.world.n_cars
         self._colors = np.array([_rgb(identity_colour(car, value=0.85)) for car in range(n_cars)]).reshape(-1, 3)
         self._draw_floor()
         self._speed_slider = window.slider(
@@ -88,7 +88,7 @@ class Display:
             while self._paused and not interrupted:
                 time.sleep(NAP_S)
                 self._read()
-            self._pace.change(self._pace.speed, self._simulation.sim_s)
+            self._pace.change(self._pace.speed, self._run.sim_s)
         self._next = time.perf_counter() + max(LOOK_S, REST * took_s)
 
     def _read(self) -> None:
@@ -96,31 +96,29 @@ class Display:
         speed = round(self._window.value(self._speed_slider), 2)
         if speed != round(self._slid, 2):
             self._slid = speed
-            self._pace.change(speed, self._simulation.sim_s)
+            self._pace.change(speed, self._run.sim_s)
 
     def _draw_floor(self) -> None:
-        simulation = self._simulation
-        site = simulation.site
+        run = self._run
+        site = run.site
         lanes = site.grid.cell_xy(site.lanes.ravel()).reshape(-1, 2, 2)
         along = np.arange(_LANE_STEP_M / 2, 1.0, _LANE_STEP_M)
         points = (lanes[:, None, 0] + along[:, None] * (lanes[:, None, 1] - lanes[:, None, 0])).reshape(-1, 2)
         rgb = np.tile(_LANE_RGB, (len(points), 1))
         rgb[len(along) - 1 :: len(along)] = _HEAD_RGB
-        stations = np.array([station.place.arm.pose[:2] for station in simulation.stations]).reshape(-1, 2)
-        self._window.frame(simulation.scene.size_m)
+        stations = np.array([station.place.arm.pose[:2] for station in run.stations]).reshape(-1, 2)
+        self._window.frame(run.scene.size_m)
         with self._window.held():
             self._window.dots("lanes", _at_height(points, _LANE_Z_M), rgb, 2.0)
-            self._window.name_cars([f"car_{car}" for car in range(simulation.world.n_cars)], _NAME_Z_M)
-            self._window.name_places(
-                [station.name for station in simulation.stations], _at_height(stations, _STATION_Z_M)
-            )
+            self._window.name_cars([f"car_{car}" for car in range(run.world.n_cars)], _NAME_Z_M)
+            self._window.name_places([station.name for station in run.stations], _at_height(stations, _STATION_Z_M))
 
     def _draw_paths(self) -> None:
-        simulation = self._simulation
-        cars = range(simulation.world.n_cars)
+        run = self._run
+        cars = range(run.world.n_cars)
         for key, lines, height, size in (
-            ("granted", [simulation.driver.remaining(car) for car in cars], _GRANTED_Z_M, 5.0),
-            ("planned", simulation.executor.planned_lines(), _PLANNED_Z_M, 2.5),
+            ("granted", [run.driver.remaining(car) for car in cars], _GRANTED_Z_M, 5.0),
+            ("planned", run.executor.planned_lines(), _PLANNED_Z_M, 2.5),
         ):
             dotted = [_dotted(line) for line in lines]
             points = np.concatenate([*dotted, np.empty((0, 2))])

@@ -10,10 +10,12 @@ import numpy.typing as npt
 from fleet.config import Perception
 from fleet.insight.causes import NONE, OWN, Cause, Column
 from fleet.insight.explain import explain
-from fleet.missions.roster import PHASES, CarPhase
+from fleet.insight.figures import Figures
+from fleet.missions.phases import PHASES, CarPhase
 from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunRecorder, Wait, versions
+from fleet.run.events import Event
+from fleet.run.view import RunView
 from fleet.sensors.lidar import Lidar, LidarRing
-from fleet.simulation import Event, Simulation
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 
 COUNTED = {
@@ -84,7 +86,7 @@ _CONGESTION_S = 5.0
 
 
 def open_recorder(
-    simulation: Simulation,
+    run: RunView,
     path: Path,
     *,
     serve: bool = False,
@@ -94,7 +96,7 @@ def open_recorder(
     """Open a recording of a run.
 
     Args:
-        simulation: The run.
+        run: The run.
         path: File to write; replaced if it exists.
         serve: Also host a live server on the loopback interface.
         port: Its port.
@@ -103,27 +105,27 @@ def open_recorder(
     Raises:
         RecordingError: The file cannot be opened, or the port is taken.
     """
-    site, graph = simulation.site, simulation.graph
+    site, graph = run.site, run.graph
     centres = site.grid.cell_xy
     floor = DrawnFloor(
         name=site.name,
         lanes=centres(site.lanes.ravel()).reshape(-1, 2, 2),
         station_names=tuple(station.name for station in site.stations),
         station_xy=np.array([station.arm.pose[:2] for station in site.stations]),
-        dock_xy=centres([int(graph.state_cell[station.dock_state]) for station in simulation.stations]),
+        dock_xy=centres([int(graph.state_cell[station.dock_state]) for station in run.stations]),
         parking_xy=centres(list(site.parking)),
         cell_xy=centres(np.arange(graph.n_cells)),
     )
     header = Header(
-        scene=simulation.scene,
+        scene=run.scene,
         floor=floor,
-        about={"seed": simulation.config.seed, "robots": simulation.config.robots, **versions()},
+        about={"seed": run.config.seed, "robots": run.config.robots, **versions()},
         plots={"motion": ("mean_speed_mps", "min_clearance_m")}
-        | ({} if simulation.batteries is None else {"charge": ("lowest_charge",)}),
-        cameras=floor.station_names if simulation.config.perception is Perception.CAMERA else (),
+        | ({} if run.batteries is None else {"charge": ("lowest_charge",)}),
+        cameras=floor.station_names if run.config.perception is Perception.CAMERA else (),
         internals=internals,
     )
-    return RerunRecorder(path, header, tick_s=simulation.tick_s, port=port if serve else None)
+    return RerunRecorder(path, header, tick_s=run.tick_s, port=port if serve else None)
 
 
 class Watch:
@@ -133,28 +135,29 @@ class Watch:
     made in the time of the run.
 
     Args:
-        simulation: The run.
+        run: The run.
         recorder: Takes the frames.
         lidar: Whether cars scan around themselves with a lidar, for the recording only.
         internals: Whether what the planners think is recorded: priorities of cars, search trees of arms.
     """
 
     def __init__(
-        self, simulation: Simulation, recorder: Recorder, *, lidar: bool = False, internals: bool = False
+        self, run: RunView, figures: Figures, recorder: Recorder, *, lidar: bool = False, internals: bool = False
     ) -> None:
-        self._simulation = simulation
+        self._run = run
+        self._figures = figures
         self._recorder = recorder
-        car = simulation.scene.car
+        car = run.scene.car
         self._lidar = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
         self._internals = internals
         if internals:
-            simulation.arm_manager.keep_trees()
-        self._sizes = {task.parcel: task.delivery.size_m for task in simulation.board.tasks if task.visit is None}
-        self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in simulation.board.tasks}
+            run.arm_manager.keep_trees()
+        self._sizes = {task.parcel: task.delivery.size_m for task in run.board.tasks if task.visit is None}
+        self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in run.board.tasks}
         self._epoch = -1
         self._due_s: dict[float, float] = {}
         self._sampled_s = 0.0
-        self._codes = np.full(simulation.world.n_cars, -1)
+        self._codes = np.full(run.world.n_cars, -1)
         self._car_words: tuple[str, ...] = ()
         self._arm_words: tuple[str, ...] = ()
         self._parcels = np.empty(0, dtype=np.int64)
@@ -162,7 +165,7 @@ class Watch:
         self._waits: tuple[Wait, ...] = ()
         self._explained = False
         self._counts: dict[str, int] = {}
-        self._stood_s = np.zeros((len(CONGESTION), simulation.graph.n_cells))
+        self._stood_s = np.zeros((len(CONGESTION), run.graph.n_cells))
 
     def note(self, event: Event) -> None:
         """Take an event into the log and, if it is a task's, into its lane."""
@@ -173,17 +176,17 @@ class Watch:
 
     def look(self) -> None:
         """Record the present tick if a frame is due."""
-        if not self._recorder.due(self._simulation.now):
+        if not self._recorder.due(self._run.now):
             return
-        simulation = self._simulation
-        world = simulation.world
+        run = self._run
+        world = run.world
         self._look_at_parcels(world.parcel_ids())
         changed, self._changed_tasks = self._changed_tasks, {}
-        perception = simulation.dispatcher.perception
+        perception = run.perception
         views, perception.looks = perception.looks, {}
         frame = Frame(
-            tick=simulation.now,
-            sim_s=simulation.sim_s,
+            tick=run.now,
+            sim_s=run.sim_s,
             car_poses=world.car_poses(),
             car_steering=world.car_steering(),
             car_speeds=world.car_speeds(),
@@ -198,7 +201,7 @@ class Watch:
             views=views,
         )
         if self._internals:
-            frame.trees, simulation.arm_manager.trees = simulation.arm_manager.trees, {}
+            frame.trees, run.arm_manager.trees = run.arm_manager.trees, {}
         if frame.sim_s >= self._sampled_s - 1e-9:
             self._sample(frame)
         self._recorder.record(frame)
@@ -218,7 +221,7 @@ class Watch:
 
     def _beat(self, period_s: float) -> bool:
         """Whether what is looked at once in a period is due."""
-        now_s = self._simulation.sim_s
+        now_s = self._run.sim_s
         due = now_s >= self._due_s.get(period_s, 0.0) - 1e-9
         if due:
             self._due_s[period_s] = now_s + period_s
@@ -226,12 +229,12 @@ class Watch:
 
     def _look_at_words(self, frame: Frame) -> None:
         """States of cars and arms; the tuples stay the same objects until a word changes."""
-        codes = _WORD_OF_PHASE[self._simulation.dispatcher.roster.phase_index]
+        codes = _WORD_OF_PHASE[self._run.missions.phase_index]
         codes[(codes == _DRIVES) & (np.abs(frame.car_speeds) <= _SLOW_MPS)] = _WAITS
         if (codes != self._codes).any():
             self._codes = codes
             self._car_words = tuple(_WORDS[code] for code in codes.tolist())
-        arms = tuple(service.state for service in self._simulation.arm_manager.services)
+        arms = tuple(service.state for service in self._run.arm_manager.services)
         if arms != self._arm_words:
             self._arm_words = arms
         frame.car_state, frame.arm_state = self._car_words, self._arm_words
@@ -243,39 +246,39 @@ class Watch:
 
     def _look_at_cells(self, frame: Frame) -> None:
         """Cells and scans."""
-        simulation = self._simulation
-        frame.held_by = simulation.executor.dependencies.holders()
-        frame.next_of = simulation.executor.dependencies.next_visitors()
+        run = self._run
+        frame.held_by = run.executor.dependencies.holders()
+        frame.next_of = run.executor.dependencies.next_visitors()
         if self._lidar is not None:
-            frame.scan_origins, frame.scans = self._lidar.hits(frame.car_poses, simulation.world.rays)
+            frame.scan_origins, frame.scans = self._lidar.hits(frame.car_poses, run.world.rays)
 
     def _look_at_figures(self, frame: Frame) -> None:
         """Plotted figures; counts of tasks where they change, and now and then, so that their lines go on."""
-        simulation = self._simulation
+        run = self._run
         frame.metrics = {
             "mean_speed_mps": float(np.abs(frame.car_speeds).mean()),
-            "min_clearance_m": min(simulation.world.min_clearance_m(), _CLEARANCE_M),
+            "min_clearance_m": min(run.world.min_clearance_m(), _CLEARANCE_M),
         }
-        if simulation.batteries is not None:
-            frame.metrics["lowest_charge"] = float(simulation.batteries.charge.min())
-        counts = {name: sum(map(simulation.board.count, states)) for name, states in COUNTED.items()}
+        if run.batteries is not None:
+            frame.metrics["lowest_charge"] = float(run.batteries.charge.min())
+        counts = {name: sum(map(run.board.count, states)) for name, states in COUNTED.items()}
         if counts != self._counts or self._beat(_COUNTS_S):
             self._counts = frame.task_counts = counts
 
     def _look_at_lines(self, frame: Frame) -> None:
         """Ways that are granted, and ways that are planned beyond."""
-        simulation = self._simulation
-        cars = range(simulation.world.n_cars)
-        self._epoch = frame.plan_epoch = simulation.traffic.plans_n
-        frame.paths = tuple(simulation.driver.remaining(car) for car in cars)
-        frame.plans = simulation.executor.planned_lines()
+        run = self._run
+        cars = range(run.world.n_cars)
+        self._epoch = frame.plan_epoch = run.traffic.plans_n
+        frame.paths = tuple(run.driver.remaining(car) for car in cars)
+        frame.plans = run.executor.planned_lines()
         if self._internals:
-            frame.priorities = simulation.traffic.priorities
+            frame.priorities = run.traffic.priorities
 
     def _look_at_waits(self, frame: Frame) -> None:
         """Who waits for whom now, and why."""
-        simulation = self._simulation
-        rows, codebook = simulation.causes.rows, simulation.codebook
+        run = self._run
+        rows, codebook = self._figures.causes.rows, self._figures.codebook
         names = codebook.robots
         waiting = np.flatnonzero(_HOLDS_UP[rows[:, Column.CAUSE]]).tolist()
         # An arm that awaits a car is told of, but holds nobody up.
@@ -288,15 +291,16 @@ class Watch:
             self._waits = frame.waits = waits
         if waiting or self._explained:
             # Of the last tick that was looked at: the present one has not been.
-            last_s = frame.sim_s - simulation.tick_s
+            last_s = frame.sim_s - run.tick_s
             frame.explanations = {
-                names[robot]: str(explain(simulation.causes.log, codebook, names[robot], last_s)) for robot in waiting
+                names[robot]: str(explain(self._figures.causes.log, codebook, names[robot], last_s))
+                for robot in waiting
             }
         self._explained = bool(waiting)
 
     def _wait(self, name: str, row: list[int]) -> Wait:
         """What a robot waits for: a robot, else a place or a cell."""
-        codebook = self._simulation.codebook
+        codebook = self._figures.codebook
         cause, by, cell, place = row[Column.CAUSE], row[Column.BY], row[Column.CELL], row[Column.PLACE]
         word = Cause(cause).name.lower().replace("_", " ")
         if by != NONE:
@@ -304,16 +308,16 @@ class Watch:
         if cell != NONE:
             return Wait(who=name, whom=f"cell {codebook.cell(cell)}", cause=word, cell=cell)
         if place != NONE:
-            at = self._simulation.dispatcher.places.cells[place]
+            at = self._run.places.cells[place]
             return Wait(who=name, whom=codebook.place(place), cause=word, cell=at)
         return Wait(who=name, whom=word, cause=word)
 
     def _look_at_congestion(self, frame: Frame) -> None:
         """Add up where cars stand and why."""
-        simulation = self._simulation
-        grid = simulation.site.grid
-        n_cars = simulation.world.n_cars
-        group = _GROUP_OF[simulation.causes.rows[:n_cars, Column.CAUSE]]
+        run = self._run
+        grid = run.site.grid
+        n_cars = run.world.n_cars
+        group = _GROUP_OF[self._figures.causes.rows[:n_cars, Column.CAUSE]]
         stands = (group >= 0) & ((self._codes == _WAITS) | (self._codes == _HELD))
         xy = frame.car_poses[stands, :2] / grid.cell_m
         col = np.clip(xy[:, 0].astype(np.int64), 0, grid.cols - 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
-from fleet.simulation import Simulation
+from fleet.run.view import RunView
 from fleet.tasks.board import DONE_STATES
 from fleet.terminal.progress_bar import Bar
 
@@ -14,13 +14,13 @@ class Progress:
     """Shows how far a run is.
 
     Args:
-        simulation: The run.
+        run: The run.
         shown: False shows nothing.
     """
 
-    def __init__(self, simulation: Simulation, *, shown: bool) -> None:
-        self._simulation = simulation
-        self._bar = Bar(len(simulation.board.tasks), "tasks", shown=shown)
+    def __init__(self, run: RunView, *, shown: bool) -> None:
+        self._run = run
+        self._bar = Bar(len(run.board.tasks), "tasks", shown=shown)
 
     def say(self, text: str) -> None:
         """Show a line that stays."""
@@ -30,7 +30,7 @@ class Progress:
         """Update what is shown if it is time."""
         if not self._bar.due():
             return
-        board, sim_s = self._simulation.board, self._simulation.sim_s
+        board, sim_s = self._run.board, self._run.sim_s
         done = sum(map(board.count, DONE_STATES))
         self._bar.show(done, f"{sim_s:7.1f} s", f"{sim_s:8.1f} s simulated, {done} of {len(board.tasks)} tasks done")
 

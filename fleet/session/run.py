@@ -22,11 +22,13 @@ from fleet.recording import (
     require_free_port,
     versions,
 )
+from fleet.run.events import Event
+from fleet.run.view import RunView
 from fleet.session.engine_window import Display
 from fleet.session.frames import Watch, open_recorder
 from fleet.session.progress import Progress
 from fleet.session.trace import Tracer
-from fleet.simulation import Event, Simulation
+from fleet.simulation import Simulation
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.pacing import Pace
 
@@ -94,16 +96,16 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
         interrupted = stack.enter_context(interrupts())
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
-        recorder = stack.enter_context(_recorder(simulation, session))
-        tracer = stack.enter_context(Tracer(simulation, session.out, run_file.name))
-        progress = stack.enter_context(Progress(simulation, shown=session.progress))
+        recorder = stack.enter_context(_recorder(simulation.view, session))
+        tracer = stack.enter_context(Tracer(simulation.view, session.out, run_file.name))
+        progress = stack.enter_context(Progress(simulation.view, shown=session.progress))
         if session.serve:
             uri = f"rerun+http://127.0.0.1:{session.port}/proxy"
             progress.say(f"live: rerun --connect {uri}")
             progress.say(f"live, in a browser: rerun --web-viewer --bind 127.0.0.1 {uri}")
         for refusal in simulation.refused:
             progress.say(f"order refused: {refusal}")
-        watch = Watch(simulation, recorder, lidar=session.lidar, internals=session.internals)
+        watch = Watch(simulation.view, simulation.figures, recorder, lidar=session.lidar, internals=session.internals)
 
         def emit(event: Event) -> None:
             if event.kind == "allocator_note":
@@ -113,7 +115,8 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
 
         for event in events:
             emit(event)
-        simulation.on_event = emit
+        simulation.events.unsubscribe(events.append)
+        simulation.events.subscribe(emit)
         causes = CauseWriter(simulation.causes.log, simulation.codebook)
         run_file.event(tick=0, sim_s=0.0, kind=LEGEND, **causes.head())
 
@@ -157,7 +160,7 @@ def _loop(
     first_move_s: float | None = None
     window = getattr(simulation.world, "window", None)
     pace = Pace(session.speed)
-    display = None if window is None else Display(simulation, window, pace)
+    display = None if window is None else Display(simulation.view, window, pace)
     begin = time.perf_counter()
     pace.change(session.speed, simulation.sim_s)
     while not simulation.finished and not interrupted:
@@ -172,11 +175,11 @@ def _loop(
     return time.perf_counter() - begin, first_move_s
 
 
-def _recorder(simulation: Simulation, session: SessionConfig) -> Recorder:
+def _recorder(run: RunView, session: SessionConfig) -> Recorder:
     if not session.record:
         return NullRecorder()
     return open_recorder(
-        simulation,
+        run,
         session.out / RECORDING,
         serve=session.serve,
         port=session.port,

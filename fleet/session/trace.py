@@ -9,9 +9,9 @@ from typing import Self
 import numpy as np
 from numba import njit
 
-from fleet.missions.roster import PHASES
+from fleet.missions.phases import PHASES
 from fleet.recording.trace_file import UNKNOWN, TraceFile
-from fleet.simulation import Simulation
+from fleet.run.view import RunView
 from fleet.stations.arms.arm_controller import ArmPhase
 
 BLOCK_N = 60
@@ -24,23 +24,23 @@ class Tracer:
     """Traces a run; use as a context manager.
 
     Args:
-        simulation: The run.
+        run: The run.
         directory: As returned by `prepare_output`.
-        run: Name of the run, see `fleet.recording.run_file.RunFile`.
+        name: Name of the run, see `fleet.recording.run_file.RunFile`.
 
     Raises:
         OutputError: The file cannot be opened.
     """
 
-    def __init__(self, simulation: Simulation, directory: Path, run: str) -> None:
-        self._simulation = simulation
-        world, graph, site = simulation.world, simulation.graph, simulation.site
-        stations = tuple(station.name for station in simulation.stations)
+    def __init__(self, run: RunView, directory: Path, name: str) -> None:
+        self._run = run
+        world, graph, site = run.world, run.graph, run.site
+        stations = tuple(station.name for station in run.stations)
         chargers = tuple(f"charger_{k}" for k in range(1, len(site.chargers) + 1))
         parking = tuple(f"parking_{k}" for k in range(1, len(site.parking) + 1))
         about = {
-            "run": run,
-            "tick_s": simulation.tick_s,
+            "run": name,
+            "tick_s": run.tick_s,
             "plan": site.plan,
             "cell_m": site.grid.cell_m,
             "stations": stations,
@@ -52,7 +52,7 @@ class Tracer:
         # The last entry stands for -1: no state.
         self._codes = np.append(4 * graph.state_cell.astype(np.int64) + graph.state_heading, -1)
         self._floor = (site.grid.cell_m, site.grid.rows, site.grid.cols)
-        n_cars, n_arms, n_joints = world.n_cars, world.n_arms, simulation.scene.arm.n_joints
+        n_cars, n_arms, n_joints = world.n_cars, world.n_arms, run.scene.arm.n_joints
         # One row for each tick: they are looked through together, which costs a fraction of doing it tick by tick.
         self._cars = np.zeros((BLOCK_N, 5, n_cars), dtype=np.int64)
         self._poses, self._speeds = np.zeros((BLOCK_N, n_cars, 3)), np.zeros((BLOCK_N, n_cars))
@@ -62,21 +62,21 @@ class Tracer:
 
     def tick(self) -> None:
         """Note the tick that has just ended."""
-        simulation, row = self._simulation, self._rows
-        world, dispatcher, dependencies = simulation.world, simulation.dispatcher, simulation.executor.dependencies
+        run, row = self._run, self._rows
+        world, dependencies = run.world, run.executor.dependencies
         if row == 0:
-            self._first = simulation.now - 1
+            self._first = run.now - 1
         cars = self._cars[row]
-        cars[0] = dispatcher.roster.phase_index
-        cars[1] = dispatcher.bookings.place_of
-        cars[2] = simulation.traffic.goals
+        cars[0] = run.missions.phase_index
+        cars[1] = run.bookings.place_of
+        cars[2] = run.traffic.goals
         cars[3] = dependencies.tail_states()
         cars[4] = dependencies.granted_n()
         self._poses[row] = world.car_poses()
         self._speeds[row] = world.car_speeds()
         if world.n_arms:
-            self._arms[row, 0] = [_STATE_CODES[service.state] for service in simulation.arm_manager.services]
-            self._arms[row, 1] = dispatcher.roster.served
+            self._arms[row, 0] = [_STATE_CODES[service.state] for service in run.arm_manager.services]
+            self._arms[row, 1] = run.missions.served
             self._joints[row] = world.arm_positions()
         self._rows += 1
         if self._rows == BLOCK_N:

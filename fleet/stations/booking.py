@@ -26,6 +26,8 @@ class Bookings:
         self.caps = tuple(caps)
         self.place_of: npt.NDArray[np.int64] = np.full(n_cars, -1, dtype=np.int64)
         """Place each car is bound for or at, -1 for none, shape (n_cars,)."""
+        self.booked: npt.NDArray[np.bool_] = np.zeros(n_cars, dtype=np.bool_)
+        """Whether each car has booked the place it is bound for, shape (n_cars,)."""
         self.changes_n = 0
         """Grows whenever a car is bound for a place, books it, leaves it or has gone."""
         self.most = [0] * len(caps)
@@ -33,6 +35,7 @@ class Bookings:
         self._bound: list[list[int]] = [[] for _ in caps]
         self._booked: list[list[int]] = [[] for _ in caps]
         self._leaving: list[tuple[int, int]] = []
+        self._leaving_n = [0] * len(caps)
 
     def bound(self, place: int) -> tuple[int, ...]:
         """Cars bound for a place or booked there, in the order in which they set out to go."""
@@ -44,7 +47,7 @@ class Bookings:
 
     def room(self, place: int) -> int:
         """Cars a place still takes."""
-        return self.caps[place] - len(self.cars(place))
+        return self.caps[place] - len(self._booked[place]) - self._leaving_n[place]
 
     def full_words(self, place: int, name: str) -> str:
         """What to say to a car that finds no room at a place of a name."""
@@ -56,8 +59,7 @@ class Bookings:
 
     def has(self, car: int) -> bool:
         """Whether a car has booked the place it is bound for."""
-        place = int(self.place_of[car])
-        return place >= 0 and car in self._booked[place]
+        return bool(self.booked[car])
 
     def bind(self, car: int, place: int) -> None:
         """Let a car be bound for a place, after all others; what it was bound for before must have been left."""
@@ -68,13 +70,14 @@ class Bookings:
     def book(self, car: int) -> bool:
         """Book for a car the place it is bound for, unless there is no room."""
         place = int(self.place_of[car])
-        if car in self._booked[place]:
+        if self.booked[car]:
             return True
         if self.room(place) <= 0:
             return False
         self.changes_n += 1
         self._booked[place].append(car)
-        self.most[place] = max(self.most[place], len(self.cars(place)))
+        self.booked[car] = True
+        self.most[place] = max(self.most[place], self.caps[place] - self.room(place))
         return True
 
     def leave(self, car: int, *, stands_there: bool) -> None:
@@ -85,10 +88,12 @@ class Bookings:
         self.changes_n += 1
         self.place_of[car] = -1
         self._bound[place].remove(car)
-        if car in self._booked[place]:
+        if self.booked[car]:
             self._booked[place].remove(car)
+            self.booked[car] = False
             if stands_there:
                 self._leaving.append((car, place))
+                self._leaving_n[place] += 1
 
     def clear(self, stands_at: Callable[[int, int], bool]) -> bool:
         """Free the places of cars that have gone.
@@ -102,7 +107,12 @@ class Bookings:
         if not self._leaving:
             return False
         staying = [(car, place) for car, place in self._leaving if stands_at(car, place)]
-        cleared = len(staying) < len(self._leaving)
-        self.changes_n += cleared
+        if len(staying) == len(self._leaving):
+            return False
+        for _, place in self._leaving:
+            self._leaving_n[place] = 0
+        for _, place in staying:
+            self._leaving_n[place] += 1
+        self.changes_n += 1
         self._leaving = staying
-        return cleared
+        return True

@@ -33,24 +33,14 @@ class ServiceTime:
 
     n: int = 0
     """Samples ever taken."""
+    mean_s: float = PRIOR_MEAN_S
+    """Mean [s]; the prior before the first sample."""
+    p90_s: float = PRIOR_P90_S
+    """90th percentile [s]; the prior before the first sample."""
+    recent_s: float = PRIOR_MEAN_S
+    """Mean of the last `RECENT_N` samples [s]: what an arm does that has just become slow, or quick again."""
     _window: deque[float] = field(default_factory=deque)
     _sorted: list[float] = field(default_factory=list)
-
-    @property
-    def mean_s(self) -> float:
-        """Mean [s]; the prior before the first sample."""
-        return math.fsum(self._sorted) / len(self._sorted) if self._sorted else PRIOR_MEAN_S
-
-    @property
-    def p90_s(self) -> float:
-        """90th percentile [s]; the prior before the first sample."""
-        return self._sorted[math.ceil(0.9 * len(self._sorted)) - 1] if self._sorted else PRIOR_P90_S
-
-    @property
-    def recent_s(self) -> float:
-        """Mean of the last `RECENT_N` samples [s]: what an arm does that has just become slow, or quick again."""
-        recent = list(self._window)[-RECENT_N:]
-        return math.fsum(recent) / len(recent) if recent else PRIOR_MEAN_S
 
     def add(self, took_s: float) -> None:
         """Learn from one transfer."""
@@ -59,6 +49,10 @@ class ServiceTime:
         insort(self._sorted, took_s)
         if len(self._window) > WINDOW_N:
             del self._sorted[bisect_left(self._sorted, self._window.popleft())]
+        recent = list(self._window)[-RECENT_N:]
+        self.mean_s = math.fsum(self._sorted) / len(self._sorted)
+        self.p90_s = self._sorted[math.ceil(0.9 * len(self._sorted)) - 1]
+        self.recent_s = math.fsum(recent) / len(recent)
 
 
 @dataclass

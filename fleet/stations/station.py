@@ -23,6 +23,8 @@ class Station:
         self.dock_state = dock_state
         self.contents: list[int | None] = [None] * len(place.slots)
         """Task whose parcel lies on, or is promised to, each slot."""
+        self.free_n = len(self.contents)
+        """Slots that are neither taken nor promised."""
         self._leaving: deque[tuple[float, int]] = deque()
 
     @property
@@ -35,21 +37,18 @@ class Station:
         """Which way its parcels go: onto cars at a pick station, off them at a drop station."""
         return Direction.TO_CAR if self.place.kind == "pick" else Direction.FROM_CAR
 
-    @property
-    def free_n(self) -> int:
-        """Slots that are neither taken nor promised."""
-        return self.contents.count(None)
-
     def take_slot(self, task: int) -> int | None:
         """Promise the first free slot to a task; None when all are taken."""
         for slot, content in enumerate(self.contents):
             if content is None:
                 self.contents[slot] = task
+                self.free_n -= 1
                 return slot
         return None
 
     def free_slot(self, slot: int) -> None:
-        """Give a slot back."""
+        """Give a slot back; giving it back twice is harmless."""
+        self.free_n += self.contents[slot] is not None
         self.contents[slot] = None
 
     def collect_at(self, time_s: float, slot: int) -> None:

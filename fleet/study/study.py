@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fleet.config import require
-from fleet.dispatch.allocation import require_allocator
+from fleet.dispatch.solver import require_allocator
 from fleet.recording.run_file import plain
 from fleet.robots import racecar_spec
 from fleet.study.design import Design, StudyError

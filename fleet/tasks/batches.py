@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from fleet.tasks.board import DONE_STATES, Task, TaskState
+from fleet.tasks.board import DONE_STATES, Task, TaskBoard, TaskState
 
 _ENDED = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
 
@@ -20,27 +20,28 @@ class Batches:
     """All batches of a run.
 
     Args:
-        tasks: All tasks; those of a batch are released at the same time.
+        board: All tasks; those of a batch are released at the same time.
         log: Called as ``log("batch_ended", **facts)`` when nothing of a batch is left to do.
     """
 
-    def __init__(self, tasks: Sequence[Task], log: Callable[..., None]) -> None:
+    def __init__(self, board: TaskBoard, log: Callable[..., None]) -> None:
         self.spans_s: list[float] = []
         """Times from the release of a batch until the last of it was done, of all that are done [s]."""
         self._log = log
         self._batches: dict[str, _Batch] = {}
-        for task in tasks:
+        for task in board.tasks:
             if task.order.batch:
                 batch = self._batches.setdefault(task.order.batch, _Batch(tasks=[], open_n=0))
                 batch.tasks.append(task)
                 batch.open_n += 1
+        board.subscribe(self._moved)
 
     @property
     def n(self) -> int:
         """Number of batches."""
         return len(self._batches)
 
-    def moved(self, task: Task, before: TaskState, now_s: float) -> None:
+    def _moved(self, task: Task, before: TaskState, now_s: float) -> None:
         """Take note of a step of a task."""
         if not task.order.batch or before in DONE_STATES or task.state not in _ENDED:
             return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -42,6 +43,9 @@ class TaskState(StrEnum):
     """Taken back before its parcel was picked, or before the visit had ended."""
 
 
+TASK_STATES = tuple(TaskState)
+NUMBER_OF_STATE = {state: number for number, state in enumerate(TASK_STATES)}
+"""Index of each state in `TASK_STATES`."""
 UNDER_WAY = (TaskState.ASSIGNED, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING, TaskState.VISITING)
 """States in which a car works on a task."""
 OPEN_STATES = frozenset(TaskState) - {TaskState.COLLECTED, TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED}
@@ -163,23 +167,26 @@ class TaskBoard:
 
     Args:
         orders: Ascending in release time.
-        listener: Called after every transition with the task, the former state and the time.
     """
 
-    def __init__(self, orders: Iterable[Order], listener: Listener) -> None:
+    def __init__(self, orders: Iterable[Order]) -> None:
         self.tasks = [Task(index=k, order=order) for k, order in enumerate(orders)]
         self._by_name = {task.order.name: task for task in self.tasks}
         self._unreleased = deque(self.tasks)
         self._open = len(self.tasks)
         self.moves_n = 0
         """Transitions of all tasks so far."""
-        self._listener = listener
+        self._listeners: list[Listener] = []
         self.legs = [task for task in self.tasks if task.order.same_car_as]
         """Tasks that are kept for the car of the task before."""
         self._next_leg = {task.order.same_car_as: task for task in self.legs}
         self._by_state: dict[TaskState, dict[int, Task]] = {state: {} for state in TaskState}
         for task in self.tasks:
             self._by_state[TaskState.ORDERED][task.index] = task
+
+    def subscribe(self, listener: Listener) -> None:
+        """Call a listener after every transition, with the task, its former state and the time [s]."""
+        self._listeners.append(listener)
 
     @property
     def finished(self) -> bool:
@@ -207,6 +214,10 @@ class TaskBoard:
             raise UnknownTask(f"task is {name!r}; valid: the id of an order, such as {', '.join(near) or 'none'}")
         return self._by_name[name]
 
+    def name_of(self, index: int) -> str:
+        """Name of a task's order."""
+        return self.tasks[index].order.name
+
     def legs_after(self, task: Task) -> list[Task]:
         """What the car of a task has to do for the same order afterwards."""
         legs: list[Task] = []
@@ -224,6 +235,22 @@ class TaskBoard:
         """Tasks in any of the given states, in the order they entered them."""
         return [task for state in states for task in self._by_state[state].values()]
 
+    def longer_than(
+        self, limit_s: float, now_s: float, state: TaskState, *, since: TaskState | None = None
+    ) -> list[Task]:
+        """Tasks that have been in a state, or by default since they entered another, for longer than a limit.
+
+        Args:
+            limit_s: The limit [s]; inf = none is.
+            now_s: Simulated time [s].
+            state: The state they are in.
+            since: The state whose last entry counts; None = the same.
+        """
+        if limit_s == math.inf:
+            return []
+        begin = since or state
+        return [task for task in self._by_state[state].values() if now_s - task.since_s[begin] > limit_s]
+
     def first_in(self, state: TaskState) -> Task | None:
         """The task that has been in a state longest."""
         return next(iter(self._by_state[state].values()), None)
@@ -231,14 +258,6 @@ class TaskBoard:
     def count(self, state: TaskState) -> int:
         """Number of tasks in a state."""
         return len(self._by_state[state])
-
-    def of_car(self, car: int) -> Task | None:
-        """The task a car works on."""
-        for state in UNDER_WAY:
-            for task in self._by_state[state].values():
-                if task.car == car:
-                    return task
-        return None
 
     def release_due(self, now_s: float) -> list[Task]:
         """Move every order whose release time has come to the backlog; returns them."""
@@ -257,7 +276,7 @@ class TaskBoard:
             task: The task.
             state: The state to enter.
             now_s: Simulated time [s].
-            reason: Why, in a few words; kept with the task and sent to the listener.
+            reason: Why, in a few words; kept with the task.
 
         Raises:
             IllegalTransition: The life cycle has no such step.
@@ -274,4 +293,5 @@ class TaskBoard:
         task.since_s[state] = now_s
         if state not in OPEN_STATES:
             self._open -= 1
-        self._listener(task, before, now_s)
+        for listener in self._listeners:
+            listener(task, before, now_s)

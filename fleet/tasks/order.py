@@ -32,7 +32,10 @@ class Priority(StrEnum):
     @property
     def rank(self) -> int:
         """0 for the most urgent class."""
-        return list(Priority).index(self)
+        return _RANK[self]
+
+
+_RANK = {priority: rank for rank, priority in enumerate(Priority)}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -131,8 +131,10 @@ class Decision:
     """Index into `PAIR_REASONS` for each car, shape (n_cars,)."""
     cost_s: npt.NDArray[np.float64]
     """Cost of each car, inf = not allowed, shape (n_cars,)."""
-    took: Sequence[str]
-    """Name of the task each car has after the allocation; empty = none."""
+    took: npt.NDArray[np.int64]
+    """Task that each car has after the allocation, -1 = none, shape (n_cars,)."""
+    name_of: Callable[[int], str]
+    """Names a task."""
     taker: int
     """The car that got the task, -1 = none."""
 
@@ -141,7 +143,8 @@ class Decision:
         found = []
         for car, code in enumerate(self.codes.tolist()):
             reason, cost_s = PAIR_REASONS[code], float(self.cost_s[car])
-            detail = _DETAILS[reason].format(took=self.took[car], taker=self.taker)
+            took = self.name_of(int(self.took[car])) if self.took[car] >= 0 else ""
+            detail = _DETAILS[reason].format(took=took, taker=self.taker)
             cost = cost_s if math.isfinite(cost_s) else None
             found.append(PairVerdict(car=car, reason=reason, cost_s=cost, detail=detail))
         return tuple(found)

@@ -32,6 +32,10 @@ class Driver(Protocol):
     estimate: FloatArray
     """Where the cars are believed to be, x, y, yaw, shape (n_cars, 3)."""
 
+    @property
+    def paths(self) -> PathDriver | None:
+        """The driver, if its cars follow paths and can leave their lanes; else None."""
+
     def append(self, car: int, move: int) -> None:
         """Extend a car's path by a granted move of the lane graph."""
 
@@ -80,8 +84,8 @@ class PathDriver:
     ) -> None:
         n_cars = len(start_poses)
         self._graph = graph
-        self.paths = PathBuffer(n_cars)
-        self.paths.points[:, 0] = start_poses
+        self.buffer = PathBuffer(n_cars)
+        self.buffer.points[:, 0] = start_poses
         self.follower = Follower(spec, n_cars, tick_s)
         self.estimator = PoseEstimator(
             spec,
@@ -99,6 +103,11 @@ class PathDriver:
         self._speeds = np.zeros(n_cars)
         self.estimate = start_poses.copy()
 
+    @property
+    def paths(self) -> PathDriver | None:
+        """See `Driver`."""
+        return self
+
     def append(self, car: int, move: int) -> None:
         """See `Driver`."""
         graph = self._graph
@@ -110,23 +119,23 @@ class PathDriver:
 
     def append_points(self, car: int, points: FloatArray, s_m: FloatArray, direction: int) -> None:
         """Extend a car's path by free points (a manoeuvre), without a move of the lane graph."""
-        self.paths.trim(car)
-        self.paths.append(car, points, s_m, direction)
-        self._stop_s[car] = self.paths.end_s(car)
+        self.buffer.trim(car)
+        self.buffer.append(car, points, s_m, direction)
+        self._stop_s[car] = self.buffer.end_s(car)
 
     def restart(self, car: int, pose: FloatArray | None = None) -> None:
         """Forget a car's path and begin anew at a pose x, y, yaw; by default where it is believed to stand."""
-        self.paths.reset(car, self.estimate[car] if pose is None else pose)
+        self.buffer.reset(car, self.estimate[car] if pose is None else pose)
         self.follower.reset(car)
         self._ends[car].clear()
         self._next_release[car] = np.inf
-        self._stop_s[car] = self.paths.end_s(car)
+        self._stop_s[car] = self.buffer.end_s(car)
         self._speed_cap[car] = PASS_SPEED_MPS
 
     def commands(self, world: World) -> FloatArray:
         """See `Driver`."""
         self.sense(world)
-        return self.follower.commands(self.paths, self.estimate, self._speeds, self._stop_s, self._speed_cap)
+        return self.follower.commands(self.buffer, self.estimate, self._speeds, self._stop_s, self._speed_cap)
 
     def sense(self, world: World) -> None:
         """Take in where the cars are and how fast."""
@@ -151,9 +160,9 @@ class PathDriver:
 
     def remaining(self, car: int) -> FloatArray:
         """See `Driver`."""
-        count = int(self.paths.count[car])
-        passed = int(self.paths.s[car, :count].searchsorted(self.follower.progress[car]))
-        return self.paths.points[car, passed:count, :2].copy()
+        count = int(self.buffer.count[car])
+        passed = int(self.buffer.s[car, :count].searchsorted(self.follower.progress[car]))
+        return self.buffer.points[car, passed:count, :2].copy()
 
     def off_lane(self) -> list[int]:
         """See `Driver`."""
@@ -198,6 +207,11 @@ class StateDriver:
         self._targets: list[deque[int]] = [deque() for _ in start_states]
         self._done: list[int] = []
         self._stopped = np.zeros(len(start_states), dtype=np.bool_)
+
+    @property
+    def paths(self) -> PathDriver | None:
+        """See `Driver`."""
+        return None
 
     def append(self, car: int, move: int) -> None:
         """See `Driver`."""

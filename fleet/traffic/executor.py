@@ -73,8 +73,12 @@ class Executor:
         return self.dependencies.commit_cut(self._config.commit_moves_n)
 
     def tail_states(self) -> npt.NDArray[np.int32]:
-        """State each car stands in when all it has is done, shape (n_cars,)."""
+        """State each car stands in when all it has is done, shape (n_cars,), read-only."""
         return self.dependencies.tail_states()
+
+    def holds(self, car: int, cell: int) -> bool:
+        """Whether a car holds a cell: it stands there, may enter it, or has reserved it."""
+        return self.dependencies.holds(car, cell)
 
     @property
     def closed(self) -> npt.NDArray[np.bool_]:

@@ -113,13 +113,14 @@ class DependencyGraph:
         return len(self._q.visit_next) - int(self._q.pool[1])
 
     def tail_states(self) -> IntArray:
-        """State each agent stands in when all its moves are done, shape (n,)."""
+        """State each agent stands in when all its moves are done, shape (n,), read-only."""
         if self._tails is None:
             q = self._q
             agents = np.arange(self.n_agents)
             last = q.moves[agents, (q.queued - 1) % q.moves.shape[1]]
             self._tails = np.where(q.queued > q.finished, q.move_to[last], q.state)
-        return self._tails.copy()
+            self._tails.flags.writeable = False
+        return self._tails
 
     def granted_n(self) -> Int64Array:
         """Number of moves each agent was granted so far, shape (n,)."""
@@ -265,6 +266,10 @@ class DependencyGraph:
     def next_visitors(self) -> IntArray:
         """The agent whose queued move comes first in each cell, -1 = nobody, shape (n_cells,)."""
         return first_in_line(self._q)
+
+    def holds(self, agent: int, cell: int) -> bool:
+        """Whether a cell is an agent's now; see `held_cells`."""
+        return bool(self._q.holder[cell] == agent)
 
     def line(self, cell: int) -> list[tuple[int, int]]:
         """Queued moves that sweep a cell, in the order in which they may: pairs (agent, move)."""

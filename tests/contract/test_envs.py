@@ -20,7 +20,7 @@ from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.envs.warehouse.rewards import TERMS, RewardWeights
 from fleet.envs.warehouse.rows import CAR_N, NEAR_M
 from fleet.errors import ConfigError
-from fleet.missions.roster import CarPhase
+from fleet.missions.phases import CarPhase
 from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.stations.arms.arm_cell import arm_cells
 from fleet.stations.arms.arm_manager import ArmManager
@@ -500,7 +500,7 @@ def delivered(env: WarehouseEnv, n_steps: int, *, cars: bool, arms: bool, seed: 
             break
     tasks = env.simulation.board.tasks
     assert {task.state for task in tasks} <= {TaskState.DELIVERED, TaskState.COLLECTED}, [task.reason for task in tasks]
-    assert env.simulation.dispatcher.inventory.misplaced() == []
+    assert env.simulation.view.inventory.misplaced() == []
     return sums
 
 
@@ -532,7 +532,7 @@ def test_a_car_beside_its_path_is_neither_released_nor_recovered(make: Callable[
     grid, dependencies, phase = (
         simulation.site.grid,
         simulation.executor.dependencies,
-        simulation.dispatcher.roster.phase,
+        simulation.missions.phase,
     )
     for _ in range(15):
         observations, *_ = env.step({"car_0": drive(observations["car_0"])})

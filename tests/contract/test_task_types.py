@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig
-from fleet.missions.roster import CarPhase
+from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
 from fleet.tasks import TASK_TYPES
 from fleet.tasks.board import DONE_STATES, TaskState
@@ -57,8 +57,8 @@ def test_it_ends_and_what_waits_for_it_begins_then(make: Make) -> None:
         assert all(task.state in DONE_STATES and task.done_s is not None for task in its)
         waited_s = last.since_s[TaskState.READY] - max(task.done_s or 0.0 for task in its)
         assert 0.0 <= waited_s <= 1.5 * simulation.tick_s
-        assert set(simulation.dispatcher.roster.phase) <= {CarPhase.IDLE, CarPhase.TO_CHARGER, CarPhase.CHARGING}
-        assert (simulation.parcel_balance(), simulation.dispatcher.inventory.misplaced()) == (0, [])
+        assert set(simulation.missions.phase) <= {CarPhase.IDLE, CarPhase.TO_CHARGER, CarPhase.CHARGING}
+        assert (simulation.parcel_balance(), simulation.view.inventory.misplaced()) == (0, [])
 
 
 def test_it_recurs_by_its_numbers(make: Make, kind: str) -> None:
@@ -80,7 +80,7 @@ def test_it_can_be_taken_back_from_its_car(make: Make) -> None:
         simulation.run()
         assert first.state is TaskState.CANCELLED
         assert {task.state for task in simulation.board.tasks if task is not first} == {TaskState.FAILED}
-        assert simulation.dispatcher.roster.task_of == [None]
+        assert simulation.missions.task_of == [None]
         assert simulation.parcel_balance() == 0
 
 

@@ -10,7 +10,7 @@ import pybullet
 import pytest
 
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig
-from fleet.dispatch.dispatcher import CarPhase
+from fleet.missions.phases import CarPhase
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.tools import TOOLS
 from fleet.simulation import Simulation
@@ -68,10 +68,10 @@ class Referee:
             parts = [body] + ([self._parcels[held[arm]]] if held[arm] >= 0 else [])
             base = simulation.scene.arm_base[arm, :2]
             for car in np.flatnonzero(np.hypot(*(poses[:, :2] - base).T) < 2.0).tolist():
-                stands = simulation.dispatcher.roster.phase[car] in (CarPhase.LOADING, CarPhase.UNLOADING)
+                stands = simulation.missions.phase[car] in (CarPhase.LOADING, CarPhase.UNLOADING)
                 others = [self._cars[car], *self._load(car)]
                 distance_m = min(self._distance_m(part, other) for part in parts for other in others)
-                if stands and simulation.dispatcher.roster.served[arm] == car:
+                if stands and simulation.missions.served[arm] == car:
                     self.least_served_m = min(self.least_served_m, distance_m)
                 elif distance_m < self.least_m:
                     self.least_m, self.where = distance_m, f"arm_{arm} and car_{car} at {simulation.sim_s:.2f} s"
@@ -81,8 +81,8 @@ class Referee:
 
     def _load(self, car: int) -> Iterator[int]:
         """The parcel that rides in a car."""
-        task = self._simulation.dispatcher.roster.task_of[car]
-        if task is not None and self._simulation.dispatcher.roster.loaded[car] and task.parcel in self._parcels:
+        task = self._simulation.missions.task_of[car]
+        if task is not None and self._simulation.missions.loaded[car] and task.parcel in self._parcels:
             yield self._parcels[task.parcel]
 
     def _distance_m(self, a: int, b: int) -> float:

@@ -8,8 +8,9 @@ from fleet.dispatch.dispatcher import CALL_S
 from fleet.insight.metrics import Summary
 from fleet.insight.time_accounts import STANDING_MPS
 from fleet.missions.admission import NEAR_N
-from fleet.missions.roster import CarPhase
-from fleet.simulation import Event, Simulation
+from fleet.missions.phases import CarPhase
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 
 SLOW_SERVICE_S = 22.5
 """What a transfer of 7 s takes at a third of the speed, with a margin."""
@@ -30,7 +31,7 @@ class Watch:
         self._unbooked_s: dict[int, dict[int, float]] = {}
 
     def look(self, simulation: Simulation) -> None:
-        site, bookings = simulation.site, simulation.dispatcher.bookings
+        site, bookings = simulation.site, simulation.missions.bookings
         bays = {*site.parking, *site.chargers, *(station.dock.cell for station in site.stations)}
         speeds = np.abs(simulation.world.car_speeds())
         for car, (x, y, _) in enumerate(simulation.world.car_poses()):
@@ -44,7 +45,7 @@ class Watch:
                 known = self.longest_passing_s.get(station.arm, 0.0)
                 self.longest_passing_s[station.arm] = max(known, float(passing.max(initial=0.0)))
         self.most = max(self.most, *(len(bookings.cars(station.arm)) for station in simulation.stations))
-        roster = simulation.dispatcher.roster
+        roster = simulation.missions
         for phase, task in zip(roster.phase, roster.task_of, strict=True):
             if task is not None and phase in (CarPhase.TO_PICK, CarPhase.TO_DROP):
                 assert " is held: " not in task.reason, "who goes on is not held any more"

@@ -121,7 +121,7 @@ def test_something_else_than_the_parcel_is_told(rig: Rig) -> None:
 def test_parcels_are_delivered_by_what_cameras_see() -> None:
     with Simulation(SEEING) as simulation:
         asked: list[tuple[np.ndarray, np.ndarray]] = []
-        submit, inventory = simulation.arm_manager.submit, simulation.dispatcher.inventory
+        submit, inventory = simulation.arm_manager.submit, simulation.view.inventory
 
         def noted(request: TransferRequest, tick: int) -> None:
             asked.append((request.pick_pose, inventory.pose(simulation.board.tasks[request.parcel])))
@@ -146,7 +146,7 @@ def test_the_same_seed_sees_and_does_the_same() -> None:
         with Simulation(replace(SEEING, duration_s=10.0)) as simulation:
             simulation.run()
             hashes.append(simulation.state_hash())
-            errors.append(simulation.dispatcher.perception.errors)
+            errors.append(simulation.view.perception.errors)
     assert hashes[0] == hashes[1]
     assert errors[0] == errors[1]
     assert len(errors[0]) == 1

@@ -7,7 +7,7 @@ from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, R
 from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, OWN, WITHOUT_TASK, Cause, Column
 from fleet.insight.explain import Explanation
 from fleet.insight.time_accounts import STANDING_MPS
-from fleet.missions.roster import CarPhase
+from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
 
 AT_DOCK = (CarPhase.LOADING, CarPhase.UNLOADING)
@@ -40,7 +40,7 @@ UNCAPPED = {"robots": 10, "tasks": 30, "duration_s": 60.0, "allocation": Allocat
 
 def check(simulation: Simulation) -> None:
     """Compare the rows of the present tick with what the parts of the fleet say themselves."""
-    rows, roster, n_cars = simulation.causes.rows, simulation.dispatcher.roster, simulation.world.n_cars
+    rows, roster, n_cars = simulation.causes.rows, simulation.missions, simulation.world.n_cars
     dependencies, speeds = simulation.executor.dependencies, simulation.world.car_speeds()
     assert rows[:, Column.CAUSE].min() >= 0
     assert (rows[:, Column.BY] != np.arange(len(rows))).all(), "nobody waits for itself"
@@ -48,7 +48,7 @@ def check(simulation: Simulation) -> None:
         assert by == NONE or cause not in (Cause.DRIVES, Cause.SETS_OFF, Cause.WORKS, Cause.FAULT)
         if robot >= n_cars:
             served = int(roster.served[robot - n_cars])
-            assert cause != Cause.AWAITS or by in simulation.dispatcher.bookings.bound(robot - n_cars)
+            assert cause != Cause.AWAITS or by in simulation.missions.bookings.bound(robot - n_cars)
             assert cause != Cause.WORKS or served >= 0 or not simulation.arm_manager.is_idle(robot - n_cars)
             assert cause != Cause.NO_TASK or served < 0 or simulation.arm_manager.is_idle(robot - n_cars)
             continue
@@ -98,9 +98,7 @@ def test_a_chain_goes_on_through_a_car_without_a_task_that_is_held_up_on_its_way
     with made(site="small", robots=14, tasks=20, seed=1, duration_s=120.0) as simulation:
         while not simulation.finished:
             simulation.tick()
-            idle = {
-                f"car_{car}" for car, phase in enumerate(simulation.dispatcher.roster.phase) if phase is CarPhase.IDLE
-            }
+            idle = {f"car_{car}" for car, phase in enumerate(simulation.missions.phase) if phase is CarPhase.IDLE}
             if simulation.now % 5 == 0:
                 for robot in simulation.codebook.robots:
                     told = simulation.explain(robot, simulation.sim_s)

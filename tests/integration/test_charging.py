@@ -8,8 +8,9 @@ import pytest
 from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig
 from fleet.errors import ConfigError
 from fleet.insight.metrics import Summary
-from fleet.missions.roster import CarPhase
-from fleet.simulation import Event, Simulation
+from fleet.missions.phases import CarPhase
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 from fleet.tasks.board import TaskState
 from fleet.tasks.reasons import TaskReason
 
@@ -23,7 +24,7 @@ def run(battery: BatteryConfig, **settings: object) -> tuple[Summary, list[Event
     log: list[Event] = []
 
     def look(simulation: Simulation) -> None:
-        charging = [car for car, phase in enumerate(simulation.dispatcher.roster.phase) if phase is CarPhase.CHARGING]
+        charging = [car for car, phase in enumerate(simulation.missions.phase) if phase is CarPhase.CHARGING]
         cells = simulation.graph.state_cell[simulation.executor.tail_states()[charging]]
         assert set(cells.tolist()) <= set(simulation.site.chargers)
         assert len(set(cells.tolist())) == len(charging)
@@ -89,12 +90,12 @@ def test_without_the_rules_a_car_would_be_stranded() -> None:
     )
     config = RunConfig(battery=battery, fidelity=Fidelity.GRID, robots=2, duration_s=300.0, arms=ArmConfig(workers_n=0))
     with Simulation(config) as simulation:
-        charging = simulation.dispatcher.charging
+        charging = simulation.view.charging
         assert charging is not None
         charging.allows = lambda cars, *_: np.ones(len(cars), dtype=np.bool_)  # type: ignore[method-assign]
         simulation.run()
         assert simulation.summary().cars_stranded > 0
-        assert CarPhase.DEAD in simulation.dispatcher.roster.phase
+        assert CarPhase.DEAD in simulation.missions.phase
 
 
 def test_a_car_gives_a_task_back_when_its_battery_becomes_critical() -> None:
@@ -137,7 +138,7 @@ def test_a_car_that_is_cut_off_keeps_nobody_from_charging(charge: float) -> None
         simulation.cancel("order_1")
         for _ in range(2):
             simulation.tick()
-        roster = simulation.dispatcher.roster
+        roster = simulation.missions
         assert roster.phase == [CarPhase.IDLE, CarPhase.TO_CHARGER]
         while roster.phase[1] is not CarPhase.CHARGING:
             simulation.tick()

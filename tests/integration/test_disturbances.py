@@ -11,8 +11,9 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.metrics import Summary
-from fleet.missions.roster import CarPhase
-from fleet.simulation import Event, Simulation
+from fleet.missions.phases import CarPhase
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 from fleet.tasks.board import TaskState
 from planners.mapf.distance_table import DistanceTable
 
@@ -84,7 +85,7 @@ def test_the_task_of_a_dead_car_goes_to_another() -> None:
     def find(simulation: Simulation) -> ScenarioEvent | None:
         for car in range(3):
             held = simulation.executor.dependencies.held_cells(car)
-            bound = simulation.dispatcher.roster.phase[car] is CarPhase.TO_PICK
+            bound = simulation.missions.phase[car] is CarPhase.TO_PICK
             if bound and simulation.sim_s > 0.5 and connected_without(simulation, held):
                 return event(simulation.sim_s, "car_dead", f"car_{car}")
         return None
@@ -109,7 +110,7 @@ def test_a_dead_car_stays_where_it_is_and_its_parcel_with_it() -> None:
     def find(simulation: Simulation) -> ScenarioEvent | None:
         for car in range(3):
             held = simulation.executor.dependencies.held_cells(car)
-            loaded = simulation.dispatcher.roster.phase[car] is CarPhase.TO_DROP
+            loaded = simulation.missions.phase[car] is CarPhase.TO_DROP
             if loaded and simulation.world.car_speeds()[car] > 0.5 and connected_without(simulation, held):
                 return event(simulation.sim_s, "car_dead", f"car_{car}")
         return None
@@ -139,7 +140,7 @@ def test_a_car_that_dies_at_a_dock_is_not_brought_back_by_the_arm(state: TaskSta
 
     def look(simulation: Simulation) -> None:
         if simulation.sim_s > begun.sim_s + 1.5:
-            dead.append(simulation.dispatcher.roster.phase[int(car[-1])] is CarPhase.DEAD)
+            dead.append(simulation.missions.phase[int(car[-1])] is CarPhase.DEAD)
 
     summary, log = run(event(begun.sim_s + 1.0, "car_dead", car), look=look, duration_s=begun.sim_s + 20.0)
     assert all(dead)
@@ -371,7 +372,7 @@ def on_the_way(phase: CarPhase) -> Callable[[Simulation], ScenarioEvent | None]:
     def find(simulation: Simulation) -> ScenarioEvent | None:
         speeds = simulation.world.car_speeds()
         for car in range(simulation.world.n_cars):
-            if simulation.dispatcher.roster.phase[car] is phase and speeds[car] > 0.5:
+            if simulation.missions.phase[car] is phase and speeds[car] > 0.5:
                 return shoved(simulation, car)
         return None
 
@@ -442,7 +443,7 @@ def test_a_car_pushed_away_from_the_arm_that_serves_it() -> None:
     def find(simulation: Simulation) -> ScenarioEvent | None:
         if simulation.sim_s < begun.sim_s + 0.3:
             return None
-        station = next(s for s in simulation.stations if simulation.board.of_car(int(car[-1])).order.pick == s.name)
+        station = next(s for s in simulation.stations if simulation.missions.task_of[int(car[-1])].order.pick == s.name)
         away = station.place.dock.pose[:2] - np.array(station.place.arm.pose[:2])
         away *= 0.35 / np.hypot(*away)
         return event(simulation.sim_s, "car_pushed", car, dx_m=float(away[0]), dy_m=float(away[1]), dyaw_rad=0.3)

@@ -7,7 +7,8 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig, ScenarioEvent
 from fleet.insight.metrics import Summary
-from fleet.simulation import Event, Simulation
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.tasks.board import TaskState
 
@@ -62,7 +63,7 @@ def test_a_parcel_that_falls_where_no_arm_gets_fails_its_task_with_a_reason() ->
         simulation.run()
         summary = simulation.summary()
         task = simulation.board.tasks[0]
-        x, y, _ = simulation.dispatcher.inventory.pose(task)[:3]
+        x, y, _ = simulation.view.inventory.pose(task)[:3]
     assert (summary.tasks_done, summary.tasks_failed, summary.parcel_balance) == (0, 1, 0)
     assert task.state is TaskState.FAILED
     assert "no way to the parcel" in task.reason
@@ -102,7 +103,7 @@ def test_an_overloaded_cup_says_so() -> None:
 def test_a_parcel_in_the_air_over_a_tray_is_not_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
     config = RunConfig(site="cell", robots=1, tasks=1, fidelity=Fidelity.KINEMATIC, arms=ArmConfig(workers_n=0))
     with Simulation(config) as simulation:
-        task, inventory = simulation.board.tasks[0], simulation.dispatcher.inventory
+        task, inventory = simulation.board.tasks[0], simulation.view.inventory
         while task.state is not TaskState.CARRIED:
             simulation.tick()
         pose = inventory.pose(task)
@@ -127,4 +128,4 @@ def test_fingers_let_go_of_a_parcel_that_they_have_held_for_long() -> None:
             simulation.tick()
         car = simulation.scene.car
         on_floor_m = car.tray_floor_z_m + max(task.delivery.size_m) / 2
-        assert simulation.dispatcher.inventory.pose(task)[2] < on_floor_m + 0.01
+        assert simulation.view.inventory.pose(task)[2] < on_floor_m + 0.01

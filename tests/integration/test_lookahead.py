@@ -11,7 +11,8 @@ import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig
 from fleet.dispatch.horizon import AGED_S, SLOT_S
-from fleet.simulation import Event, Simulation
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 from fleet.tasks.board import TaskState
 from fleet.tasks.reasons import PairReason, TaskReason
 from planners.allocation.problem import AllocationProblem, Assignment

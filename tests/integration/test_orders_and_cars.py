@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, CarConfig, Fidelity, RunConfig, StreamConfig, TimeoutConfig
-from fleet.dispatch.dispatcher import CannotCancel, CannotRequeue
-from fleet.missions.roster import CarPhase
-from fleet.simulation import Event, Simulation
+from fleet.dispatch.interventions import CannotCancel, CannotRequeue
+from fleet.missions.phases import CarPhase
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 from fleet.tasks.board import TaskState, UnknownTask
 from fleet.tasks.reasons import PairReason, TaskReason
 
@@ -52,7 +53,7 @@ def picked_in_order(simulation: Simulation) -> list[str]:
 
 def check_nothing_lost(simulation: Simulation) -> None:
     assert simulation.parcel_balance() == 0
-    assert simulation.dispatcher.inventory.misplaced() == []
+    assert simulation.view.inventory.misplaced() == []
     for task in simulation.board.tasks:
         steps = task.history
         assert all(step.cause for step in steps)
@@ -145,7 +146,7 @@ def test_an_order_that_nobody_is_left_for_says_so(make: Make) -> None:
             simulation.tick()
         simulation.driver.stop(1)
         simulation.executor.halt(1)
-        simulation.dispatcher.retire(1, CarPhase.DEAD, simulation.sim_s, "car_1 is dead")
+        simulation.dispatcher.rules.interventions.retire(1, CarPhase.DEAD, simulation.sim_s, "car_1 is dead")
         simulation.recovery.abandon(1)
         while simulation.sim_s < 22.0:
             simulation.tick()

@@ -37,8 +37,8 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """Forty seconds of eight cars on the site small, where they get in each other's way."""
     run = Seen(path=tmp_path_factory.mktemp("run") / "a.rrd")
     config = RunConfig(site="small", robots=8, fidelity=Fidelity.KINEMATIC, duration_s=40.0)
-    with Simulation(config) as simulation, open_recorder(simulation, run.path) as recorder:
-        watch = Watch(simulation, recorder, lidar=True)
+    with Simulation(config) as simulation, open_recorder(simulation.view, run.path) as recorder:
+        watch = Watch(simulation.view, simulation.figures, recorder, lidar=True)
         run.simulation = simulation
         run.stood_ticks = np.zeros((len(Cause), simulation.graph.n_cells))
         while not simulation.finished:
@@ -181,8 +181,8 @@ def test_search_trees_are_recorded_on_request_and_change_nothing(
     shown: dict[tuple[int, int], np.ndarray] = {}
     for internals in (False, True):
         path = tmp_path / f"{internals}.rrd"
-        with Simulation(config) as simulation, open_recorder(simulation, path, internals=internals) as recorder:
-            watch = Watch(simulation, recorder, internals=internals)
+        with Simulation(config) as simulation, open_recorder(simulation.view, path, internals=internals) as recorder:
+            watch = Watch(simulation.view, simulation.figures, recorder, internals=internals)
             while not simulation.finished:
                 simulation.tick()
                 shown |= {(arm, simulation.now): edges for arm, edges in simulation.arm_manager.trees.items()}

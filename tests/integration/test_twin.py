@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig
-from fleet.simulation import Event, Simulation
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.tasks.board import TaskState
 from maps.site import load_site, save_site, site_from_plan

@@ -16,9 +16,10 @@ from fleet.config import (
     ScenarioEvent,
     TimeoutConfig,
 )
-from fleet.dispatch.dispatcher import CannotCancel, CannotRequeue
-from fleet.missions.roster import ON_VISIT, CarPhase
-from fleet.simulation import Event, Simulation
+from fleet.dispatch.interventions import CannotCancel, CannotRequeue
+from fleet.missions.phases import ON_VISIT, CarPhase
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 from fleet.tasks.board import CANCELLABLE, OPEN_STATES, UNDER_WAY, TaskState
 from fleet.tasks.place_names import LANE_STAND_S
 from fleet.tasks.reasons import PairReason, TaskReason
@@ -56,7 +57,7 @@ def until(simulation: Simulation, name: str, *states: TaskState, limit_s: float 
 
 def check(simulation: Simulation) -> None:
     """Cars, tasks and bookings agree."""
-    roster, bookings = simulation.dispatcher.roster, simulation.dispatcher.bookings
+    roster, bookings = simulation.missions, simulation.missions.bookings
     for car, (phase, task) in enumerate(zip(roster.phase, roster.task_of, strict=True)):
         assert (task is not None and task.visit is not None) or phase not in ON_VISIT
         assert task is None or (task.car == car and phase is not CarPhase.IDLE)
@@ -202,7 +203,7 @@ def test_who_finds_its_place_taken_by_a_visit_given_out_with_its_own_says_so(mak
         until(simulation, "any", TaskState.ASSIGNED)
         report = simulation.explain_assignment("that")
         assert (simulation.board.named("any").place, report.reason) == ("parking_8", TaskReason.STATION_FULL)
-        roster, bookings = simulation.dispatcher.roster, simulation.dispatcher.bookings
+        roster, bookings = simulation.missions, simulation.missions.bookings
         going = roster.phase.index(CarPhase.TO_CHARGER)
         assert bookings.has(going), "it goes on to the charger it had"
         simulation.run(check)
@@ -390,7 +391,7 @@ def test_a_visit_is_requeued_in_every_phase(make: Make, phase: CarPhase) -> None
         items = [{"id": "walk", "type": "charge"}]
     with make(*items, robots=3, battery=PACK) as simulation:
         task = simulation.board.named("walk")
-        while task.car is None or simulation.dispatcher.roster.phase[task.car] is not phase:
+        while task.car is None or simulation.missions.phase[task.car] is not phase:
             simulation.tick()
             assert simulation.sim_s < 200.0
         before = task.car

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fleet.assembly import Parts
 from fleet.config import ArmConfig, Fidelity, RunConfig
-from fleet.dispatch.allocation import Choice, Situation, TaskAllocation
+from fleet.dispatch.allocation import Choice, TaskAllocation
+from fleet.dispatch.situation import CAN_TAKE, Situation
 from fleet.envs.dispatch.view import DispatchView
 from fleet.envs.grid.fleet import FleetSite
-from fleet.envs.layers.simulated_fleet import OrderedSimulation, SimulatedFleet
-from fleet.missions.roster import CarPhase
+from fleet.envs.layers.simulated_fleet import SimulatedFleet
+from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
+from fleet.simulation import Simulation
 from fleet.tasks.board import UNDER_WAY, Task, TaskState
 from fleet.tasks.order import Delivery
 
@@ -26,17 +29,11 @@ class AgentAllocation(TaskAllocation):
         """See `TaskAllocation`."""
         del now_s
         chosen, self.chosen = self.chosen, ()
-        legal = [(car, task) for car, task in chosen if situation.standing[car] is None]
+        legal = [(car, task) for car, task in chosen if situation.standing[car] == CAN_TAKE]
         return Choice(taken=[], given=[(car, task) for car, task in legal if task.state is TaskState.READY])
 
     def plan_filling(self, situation: Situation, now_s: float) -> None:
         """See `TaskAllocation`; slots are filled in the order of the classes and of the releases."""
-
-
-class DispatchSimulation(OrderedSimulation):
-    """A `Simulation` whose tasks agents give out."""
-
-    allocation_type = AgentAllocation
 
 
 class SimulatedDispatch(SimulatedFleet):
@@ -70,7 +67,8 @@ class SimulatedDispatch(SimulatedFleet):
             duration_s=duration_s,
             arms=ArmConfig(workers_n=0),
         )
-        self.simulation = DispatchSimulation(config, orders)
+        parts = Parts(orders=orders, allocation=AgentAllocation, figures=False)
+        self.simulation = Simulation(config, parts=parts)
         super().__init__(self.simulation)
         self._number = {station.name: k for k, station in enumerate(place.site.stations)}
         # The first tasks become ready in the first tick.
@@ -79,7 +77,7 @@ class SimulatedDispatch(SimulatedFleet):
     def view(self, left: float) -> DispatchView:
         """See `DispatchFleet`."""
         simulation, number = self.simulation, self._number
-        roster, board, now_s = simulation.dispatcher.roster, simulation.board, simulation.sim_s
+        missions, board, now_s = simulation.missions, simulation.board, simulation.sim_s
         ready = board.in_state(TaskState.READY)
         under_way = np.zeros(len(number), dtype=np.int32)
         for task in board.in_state(*UNDER_WAY):
@@ -93,7 +91,7 @@ class SimulatedDispatch(SimulatedFleet):
             goal=simulation.traffic.goals.copy(),
             phase=self._phases(),
             held=self._held(),
-            free=np.array([phase is CarPhase.IDLE for phase in roster.phase]),
+            free=missions.phase_index == NUMBER_OF_PHASE[CarPhase.IDLE],
             task=np.array([task.index for task in ready], dtype=np.int32),
             pick=np.array([number[task.pick] for task in ready], dtype=np.int32),
             drop=np.array([number[task.delivery.drop] for task in ready], dtype=np.int32),
@@ -107,7 +105,7 @@ class SimulatedDispatch(SimulatedFleet):
     def give(self, pairs: Sequence[tuple[int, int]]) -> None:
         """See `DispatchFleet`; the tasks are given out in the first tick of the next `run`."""
         simulation = self.simulation
-        allocation = simulation.dispatcher.allocation
+        allocation = simulation.view.assignments.allocation
         if pairs and isinstance(allocation, AgentAllocation):
             allocation.chosen = [(car, simulation.board.tasks[task]) for car, task in pairs]
-            simulation.dispatcher.roster.changed = True
+            simulation.missions.changed = True

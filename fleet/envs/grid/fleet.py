@@ -16,10 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.dispatch.allocation import QUEUE_S
+from fleet.dispatch.offers import QUEUE_S
 from fleet.envs.grid import kernel
 from fleet.envs.grid.kernel import NEVER, NONE, Cars, Counts, Floor, Stage, Stations, Tasks
-from fleet.missions.admission import EMERGENCY_RANK_S, LOADED_RANK_S, NEAR_N
+from fleet.missions.admission import NEAR_N
+from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S
 from fleet.stations.service_time import PRIOR_MEAN_S
 from fleet.tasks.order import Delivery
 from maps.lane_graph import LaneGraph, build_lane_graph

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import RunConfig
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import Counts, Phase
-from fleet.missions.roster import CarPhase
-from fleet.simulation import Event, Simulation
+from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 from fleet.tasks.board import Task, TaskState
-from fleet.tasks.order import Delivery
-from fleet.tasks.order_file import OrderBook
 from fleet.world.protocol import FloatArray
 
 PHASE = dict.fromkeys(CarPhase, Phase.OUT) | {
@@ -28,25 +24,6 @@ PHASE = dict.fromkeys(CarPhase, Phase.OUT) | {
 _NOT_PICKED = (TaskState.BACKLOG, TaskState.READY, TaskState.ASSIGNED, TaskState.LOADING)
 
 
-class OrderedSimulation(Simulation):
-    """A `Simulation` of given deliveries.
-
-    Args:
-        config: Everything else that decides the outcome.
-        orders: Deliveries, ascending in release.
-    """
-
-    books = False
-
-    def __init__(self, config: RunConfig, orders: Sequence[Delivery]) -> None:
-        self._given_orders = tuple(orders)
-        super().__init__(config)
-
-    def _orders(self, rng: np.random.Generator) -> OrderBook:
-        del rng
-        return OrderBook(orders=self._given_orders)
-
-
 class FleetCounter:
     """Counts what a simulation's fleet has done, as `GridFleet` does.
 
@@ -58,12 +35,12 @@ class FleetCounter:
         self.counts = Counts.of(simulation.world.n_cars, np.float64)
         self._simulation = simulation
         self._ticks_n = round(TIMESTEP_S / simulation.tick_s)
-        simulation.on_event = self._note
+        simulation.events.subscribe(self._note)
 
     def tick(self) -> None:
         """Count after a tick."""
-        simulation, phase = self._simulation, self._simulation.dispatcher.roster.phase
-        to_pick = [car for car, now in enumerate(phase) if now is CarPhase.TO_PICK]
+        simulation = self._simulation
+        to_pick = simulation.missions.cars_in(CarPhase.TO_PICK)
         way_m = np.abs(simulation.world.car_speeds()[to_pick]) * simulation.tick_s
         self.counts.empty[to_pick] += way_m / simulation.site.grid.cell_m
         if simulation.now % self._ticks_n == 0:
@@ -112,13 +89,14 @@ class SimulatedFleet:
 
     def _phases(self) -> npt.NDArray[np.int8]:
         """What agents are told that each car is about, shape (n_cars,)."""
-        roster = self._run.dispatcher.roster
-        phases = [phase_of(phase, roster.task_of[car]) for car, phase in enumerate(roster.phase)]
+        missions = self._run.missions
+        phases = [phase_of(phase, missions.task_of[car]) for car, phase in enumerate(missions.phase)]
         return np.array(phases, dtype=np.int8)
 
     def _held(self) -> npt.NDArray[np.bool_]:
         """Cars that are held back, shape (n_cars,)."""
-        return np.array([phase is CarPhase.HELD for phase in self._run.dispatcher.roster.phase])
+        held: npt.NDArray[np.bool_] = self._run.missions.phase_index == NUMBER_OF_PHASE[CarPhase.HELD]
+        return held
 
 
 def phase_of(phase: CarPhase, task: Task | None) -> Phase:

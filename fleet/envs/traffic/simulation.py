@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from fleet.assembly import Parts
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, TrafficConfig
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import Ints
-from fleet.envs.layers.simulated_fleet import OrderedSimulation, SimulatedFleet
+from fleet.envs.layers.simulated_fleet import SimulatedFleet
 from fleet.envs.traffic.right_of_way import RightOfWay
 from fleet.envs.traffic.view import TrafficView
+from fleet.simulation import Simulation
 from fleet.tasks.order import Delivery
 from fleet.traffic.executor import Executor
 from fleet.traffic.replanning import NO_GOAL, Traffic
@@ -80,11 +82,10 @@ class AgentTraffic(Traffic):
         return priority
 
 
-class TrafficSimulation(OrderedSimulation):
+class TrafficSimulation(Simulation):
     """A `Simulation` whose cars agents send from state to state."""
 
     traffic: AgentTraffic
-    traffic_type = AgentTraffic
 
 
 class SimulatedTraffic(SimulatedFleet):
@@ -117,7 +118,7 @@ class SimulatedTraffic(SimulatedFleet):
             allocation=AllocationConfig(allocator="greedy"),
             arms=ArmConfig(workers_n=0),
         )
-        self.simulation = TrafficSimulation(config, orders)
+        self.simulation = TrafficSimulation(config, parts=Parts(orders=orders, traffic=AgentTraffic, figures=False))
         super().__init__(self.simulation)
         # The first tasks are given out, and goals with them.
         self.run(self.simulation.tick_s)

@@ -96,9 +96,10 @@ from fleet.envs.warehouse.recorded import Recording
 from fleet.envs.warehouse.rewards import TERMS, Rewards, RewardWeights
 from fleet.envs.warehouse.rows import ARM_N, CAR_N, make_legal
 from fleet.robots.iiwa import N_JOINTS
+from fleet.run.setup import RunSetup
 from fleet.sensors.camera import Camera
 from fleet.sensors.lidar import Lidar, LidarRing
-from fleet.simulation import Actions, RunSetup
+from fleet.simulation import Actions
 from fleet.stations.arms.arm_cell import arm_cells
 from fleet.stations.arms.arm_manager import ArmPlanner
 from fleet.stations.arms.arm_planner import make_arm_planner
@@ -317,7 +318,7 @@ class WarehouseEnv(FleetEnv):
         orders, lidar = np.random.SeedSequence(seed).generate_state(2).tolist()
         simulation = AgentSimulation(
             self._config.seeded(orders),
-            ground=ground,
+            setup=ground,
             planner=self._planner,
             cars_n=len(self._cars),
             arms_n=len(self._arms),
@@ -339,7 +340,7 @@ class WarehouseEnv(FleetEnv):
         self._drawing = None
         self._episodes_n += 1
         if self.render_mode == "rerun":
-            simulation.books = True
+            simulation.counts_figures = True
             self._recording = Recording(simulation, self._record_to / f"episode_{self._episodes_n - 1:04}.rrd")
         nothing = dict.fromkeys((*TERMS, "illegal"), 0.0)
         return {agent: nothing.copy() for agent in self.possible_agents}

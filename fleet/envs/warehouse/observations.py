@@ -16,7 +16,7 @@ from fleet.envs.warehouse.rows import (
     arm_rows,
     car_rows,
 )
-from fleet.missions.roster import PHASES, CarPhase
+from fleet.missions.phases import PHASES, CarPhase
 from fleet.sensors.lidar import LidarRing
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.arms.transfer import TRAY, TransferRequest
@@ -109,7 +109,7 @@ class Observer:
         cars_n = len(self.car_rows)
         self.poses = driver.poses_now(world)
         self._draw_routes()
-        roster, services = simulation.dispatcher.roster, simulation.arm_manager.services
+        roster, services = simulation.missions, simulation.arm_manager.services
         car_rows(
             self.car_rows,
             self.poses,
@@ -125,7 +125,7 @@ class Observer:
             self._routes,
             self._routes_n,
             self._granted_m,
-            simulation.dispatcher.bookings.place_of,
+            simulation.missions.bookings.place_of,
             self._docks,
             np.array([service.state is ArmPhase.IDLE for service in services]),
             roster.served,

@@ -7,14 +7,13 @@ from pathlib import Path
 from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.recording import OutputError
 from fleet.session.frames import Watch, open_recorder
-from fleet.simulation import Event
 
 
 class Recording:
     """Records one run, tick by tick.
 
     Args:
-        simulation: The run, which others may hear events of already.
+        simulation: The run.
         path: File to write; its folder is made.
 
     Raises:
@@ -27,10 +26,9 @@ class Recording:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as reason:
             raise OutputError(f"folder {path.parent} cannot be made: {reason}") from reason
-        self._recorder = open_recorder(simulation, path)
-        self._watch = Watch(simulation, self._recorder)
-        self._hear = simulation.on_event
-        simulation.on_event = self._on_event
+        self._recorder = open_recorder(simulation.view, path)
+        self._watch = Watch(simulation.view, simulation.figures, self._recorder)
+        simulation.events.subscribe(self._watch.note)
 
     def look(self) -> None:
         """Record the present tick."""
@@ -39,8 +37,3 @@ class Recording:
     def close(self) -> None:
         """Finish the file; calling twice is harmless."""
         self._recorder.close()
-
-    def _on_event(self, event: Event) -> None:
-        if self._hear is not None:
-            self._hear(event)
-        self._watch.note(event)

@@ -12,7 +12,7 @@ from numba import njit
 from fleet.envs.core.weights import check_weights
 from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.observations import Observer
-from fleet.simulation import Event
+from fleet.run.events import Event
 from fleet.tasks.board import TaskState
 from fleet.world.protocol import FloatArray
 
@@ -90,7 +90,7 @@ class Rewards:
         self._ways = np.zeros(n)
         self._lanes = [_NOWHERE] * simulation.cars_n
         self._measure()
-        simulation.on_event = self._count
+        simulation.events.subscribe(self._count)
 
     def step(
         self,

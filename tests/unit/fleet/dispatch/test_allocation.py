@@ -8,7 +8,8 @@ import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig
 from fleet.dispatch.allocation import AllocationFault
-from fleet.simulation import Event, Simulation
+from fleet.run.events import Event
+from fleet.simulation import Simulation
 from planners.allocation.greedy import Greedy
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.status import Status

@@ -7,7 +7,7 @@ import pytest
 
 from fleet.insight.causes import NONE, Cause, Column
 from fleet.insight.time_accounts import Account, TimeAccounts, percentages
-from fleet.missions.roster import PHASES, CarPhase
+from fleet.missions.phases import PHASES, CarPhase
 
 DOCKS = np.array([[0.0, 0.0], [20.0, 0.0]])
 

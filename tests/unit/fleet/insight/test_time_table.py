@@ -11,7 +11,7 @@ from fleet.insight.causes import NONE, Cause, Column
 from fleet.insight.codebook import Codebook
 from fleet.insight.time_accounts import Account, TimeAccounts
 from fleet.insight.time_table import NoPandas, blame_of, data_frame, time_columns, write_csv
-from fleet.missions.roster import PHASES, CarPhase
+from fleet.missions.phases import PHASES, CarPhase
 
 LEGEND = Codebook(tick_s=0.5, cols=3, n_cars=2, n_arms=1, places=("pick_1",), task_name=str)
 RESULT = {

@@ -15,7 +15,7 @@ LIFE = [
     TaskState.DELIVERED,
     TaskState.COLLECTED,
 ]
-StepReturn = list[tuple[str, TaskState, TaskState, float, str]]
+Steps = list[tuple[str, TaskState, TaskState, float, str]]
 
 
 def order(name: str, release_s: float = 0.0) -> Delivery:
@@ -25,21 +25,23 @@ def order(name: str, release_s: float = 0.0) -> Delivery:
 
 
 @pytest.fixture
-def told() -> StepReturn:
+def told() -> Steps:
     return []
 
 
 @pytest.fixture
-def board(told: StepReturn) -> TaskBoard:
+def board(told: Steps) -> TaskBoard:
     """Two orders for now and one for later."""
 
     def note(task: Task, before: TaskState, now_s: float) -> None:
         told.append((task.order.name, before, task.state, now_s, task.reason))
 
-    return TaskBoard([order("a"), order("b"), order("c", 10.0)], note)
+    board = TaskBoard([order("a"), order("b"), order("c", 10.0)])
+    board.subscribe(note)
+    return board
 
 
-def test_orders_are_released_when_their_time_has_come(board: TaskBoard, told: StepReturn) -> None:
+def test_orders_are_released_when_their_time_has_come(board: TaskBoard, told: Steps) -> None:
     board.release_due(0.0)
     assert [task.order.name for task in board.in_state(TaskState.BACKLOG)] == ["a", "b"]
     board.release_due(9.99)
@@ -49,7 +51,7 @@ def test_orders_are_released_when_their_time_has_come(board: TaskBoard, told: St
     assert told[-1] == ("c", TaskState.ORDERED, TaskState.BACKLOG, 10.0, "release time reached")
 
 
-def test_a_whole_life(board: TaskBoard, told: StepReturn) -> None:
+def test_a_whole_life(board: TaskBoard, told: Steps) -> None:
     board.release_due(0.0)
     task = board.tasks[0]
     for k, state in enumerate(LIFE[1:]):
@@ -74,7 +76,7 @@ NEXT = (TaskState.READY, TaskState.FAILED, TaskState.CANCELLED)
 
 
 @pytest.mark.parametrize("state", [state for state in TaskState if state not in (*NEXT, TaskState.BACKLOG)])
-def test_a_step_that_life_does_not_have(board: TaskBoard, told: StepReturn, state: TaskState) -> None:
+def test_a_step_that_life_does_not_have(board: TaskBoard, told: Steps, state: TaskState) -> None:
     board.release_due(0.0)
     before = len(told)
     with pytest.raises(
@@ -92,14 +94,3 @@ def test_tasks_of_a_state_come_in_the_order_they_entered_it(board: TaskBoard) ->
     assert [task.index for task in board.in_state(TaskState.READY)] == [2, 0, 1]
     board.move(board.tasks[0], TaskState.ASSIGNED, 12.0, "")
     assert [task.index for task in board.in_state(TaskState.READY, TaskState.ASSIGNED)] == [2, 1, 0]
-
-
-def test_a_car_works_on_the_task_it_was_given(board: TaskBoard) -> None:
-    board.release_due(0.0)
-    task = board.tasks[1]
-    task.car = 4
-    assert board.of_car(4) is None
-    board.move(task, TaskState.READY, 0.0, "")
-    board.move(task, TaskState.ASSIGNED, 0.0, "")
-    assert board.of_car(4) is task
-    assert board.of_car(3) is None

@@ -16,7 +16,7 @@ def order(name: str, release_s: float) -> Delivery:
 @pytest.mark.parametrize("seed", range(20))
 def test_nothing_is_lost_in_random_lives(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    board = TaskBoard([order(f"o{k}", float(k)) for k in range(12)], lambda *_: None)
+    board = TaskBoard([order(f"o{k}", float(k)) for k in range(12)])
     for step in range(300):
         now_s = step / 10
         if rng.random() < 0.2:
@@ -39,7 +39,7 @@ def test_nothing_is_lost_in_random_lives(seed: int) -> None:
 
 
 def test_a_cancelled_order_is_not_released() -> None:
-    board = TaskBoard([order("a", 5.0)], lambda *_: None)
+    board = TaskBoard([order("a", 5.0)])
     board.move(board.named("a"), TaskState.CANCELLED, 1.0, "cancelled")
     assert board.release_due(6.0) == []
     assert board.finished

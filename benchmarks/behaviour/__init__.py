@@ -1,0 +1,1 @@
+"""Behaviour: what sixty runs do, tick by tick, is recorded, so that changes of the code can be compared bit for bit."""

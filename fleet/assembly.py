@@ -1,0 +1,293 @@
+"""Assembly: what a simulation is made of, from the site to the rules, in the order in which one part needs another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.config import CarConfig, Perception, RunConfig, require
+from fleet.dispatch.allocation import TaskAllocation
+from fleet.dispatch.assignments import Assignments
+from fleet.dispatch.costs import CostModel
+from fleet.dispatch.dispatcher import Dispatcher, Rules
+from fleet.dispatch.due_dates import DueDates
+from fleet.dispatch.horizon import RollingHorizon
+from fleet.dispatch.interventions import Interventions
+from fleet.dispatch.offers import Offers
+from fleet.dispatch.solver import Solver, require_allocator
+from fleet.missions.admission import Admission
+from fleet.missions.charging import Charging
+from fleet.missions.docks import Docks
+from fleet.missions.inventory import Inventory
+from fleet.missions.parking import Parking
+from fleet.missions.perception import SeenPoses, TruePoses
+from fleet.missions.places import Places
+from fleet.missions.prefetch import Prefetch
+from fleet.missions.services import Services
+from fleet.missions.slots import Slots
+from fleet.missions.state import Missions
+from fleet.missions.transfers import Transfers
+from fleet.missions.visit_queue import VisitQueue
+from fleet.missions.visit_routes import VisitRoutes
+from fleet.missions.visits import Visits
+from fleet.missions.ways import Ways
+from fleet.robots.battery import Batteries
+from fleet.robots.tools import TOOLS
+from fleet.run.clock import Clock
+from fleet.run.events import Events
+from fleet.run.setup import RunSetup
+from fleet.run.view import Knowledge, RunView
+from fleet.stations.arms.arm_cell import arm_cells
+from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
+from fleet.stations.arms.arm_planner import make_arm_planner
+from fleet.stations.arms.shared_dock import share_docks
+from fleet.stations.booking import Bookings
+from fleet.stations.station import Station
+from fleet.stations.stations import Stations
+from fleet.tasks.backlog import Backlog
+from fleet.tasks.board import TaskBoard
+from fleet.tasks.order import MAX_GENERATED_KG, Ability, Order, ability_of, generate_orders
+from fleet.tasks.order_file import OrderBook, read_orders
+from fleet.tasks.reasons import ReasonBook
+from fleet.tasks.stream import stream_orders
+from fleet.traffic.drivers import Driver, PathDriver, StateDriver
+from fleet.traffic.executor import Executor
+from fleet.traffic.replanning import Traffic
+from fleet.world import make_world
+from fleet.world.grid import GridWorld
+from fleet.world.protocol import World
+from planners.mapf import PLANNERS
+
+Lost = Callable[[int, int], str]
+"""Told that an arm has lost a parcel from its grip; returns why, in words."""
+
+
+def usual_driver(setup: RunSetup, world: World, config: RunConfig, rng: np.random.Generator) -> Driver:
+    """Drives cars along what they were granted, as the world has them drive."""
+    if isinstance(world, GridWorld):
+        return StateDriver(setup.graph, setup.start_states, world.car_states)
+    poses = setup.graph.state_pose[setup.start_states]
+    return PathDriver(setup.graph, setup.scene.car, poses, world.tick_s, config.estimate, rng)
+
+
+def usual_arm_manager(planner: ArmPlanner, setup: RunSetup, config: RunConfig, tick_s: float, lost: Lost) -> ArmManager:
+    """Asks for the plans of all arms and plays them."""
+    return ArmManager(planner, config.arms, setup.scene.car, setup.scene.arm_start, tick_s, lost=lost)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parts:
+    """Who takes the place of parts of a usual run: agents, tests, experiments."""
+
+    orders: Sequence[Order] | None = None
+    """What is to be done, ascending in release time; None = as the configuration says."""
+    arm_planner: ArmPlanner | None = None
+    """Plans for the arms, and is not closed with the run; None = a new one."""
+    driver: Callable[[RunSetup, World, RunConfig, np.random.Generator], Driver] = usual_driver
+    """Makes what drives the cars."""
+    arm_manager: Callable[[ArmPlanner, RunSetup, RunConfig, float, Lost], ArmManager] = usual_arm_manager
+    """Makes what manages the arms."""
+    traffic: type[Traffic] = Traffic
+    """Plans the moves of the cars."""
+    allocation: type[TaskAllocation] = TaskAllocation
+    """Gives tasks to cars."""
+    figures: bool = True
+    """Whether ticks are taken into the figures; where nobody reads them, they need not be found out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assembled:
+    """The parts of a run, and what was found on the way to them."""
+
+    view: RunView
+    arm_planner: ArmPlanner
+    abilities: tuple[Ability, ...]
+    book: OrderBook
+
+
+def assemble(
+    config: RunConfig, setup: RunSetup, parts: Parts, events_of: Callable[[Clock], Events], undo: ExitStack
+) -> Assembled:
+    """Make all parts of a run.
+
+    Args:
+        config: Everything that decides the outcome.
+        setup: Where it takes place.
+        parts: Who takes the place of usual parts.
+        events_of: Makes the events of a clock.
+        undo: Closes the world and the planning process of a run that is refused, and afterwards of one that ends.
+
+    Raises:
+        ConfigError: No planner or allocator has that name, or the site has too few chargers.
+        OrdersError: The orders file cannot be read, or none of its orders can be accepted.
+        SiteError: An arm cannot serve its station.
+    """
+    _check(config, setup)
+    site, graph, scene = setup.site, setup.graph, setup.scene
+    orders_seed, estimate_seed, traffic_seed, askew_seed = np.random.SeedSequence(config.seed).spawn(4)
+    abilities = _abilities(config, setup)
+    book = _orders(config, setup, parts, abilities, np.random.default_rng(orders_seed))
+
+    # The robots, and the floor they share.
+    arm_planner = parts.arm_planner or _arm_planner(config, setup)
+    if parts.arm_planner is None:
+        undo.callback(arm_planner.close)
+    world = setup.world or make_world(scene, graph, config)
+    if setup.world is None:
+        undo.callback(world.close)
+    clock = Clock(world.tick_s)
+    events = events_of(clock)
+    log = events.log
+    driver = parts.driver(setup, world, config, np.random.default_rng(estimate_seed))
+    executor = Executor(graph, setup.start_states, driver, config.traffic, log)
+    seed = int(traffic_seed.generate_state(1)[0])
+    traffic = parts.traffic(graph, executor, config.traffic, clock.tick_s, seed, setup.tables)
+
+    # What is to be done, and the state of those who do it.
+    board = TaskBoard(book.orders)
+    stations = Stations(
+        [
+            Station(arm, place, graph.state_at(place.dock.cell, place.dock.heading))
+            for arm, place in enumerate(site.stations)
+        ]
+    )
+    places = Places(site, graph, stations)
+    caps = [config.allocation.station_cap_n] * len(stations) + [1] * (len(places.cells) - len(stations))
+    bookings = Bookings(caps, world.n_cars)
+    left_late = places.cells[: len(stations) + len(places.chargers)]
+    missions = Missions(board, stations, bookings, left_late, traffic)
+    services = Services(missions, graph, traffic, world)
+    ways = Ways(traffic)
+    routes = VisitRoutes(places, ways, bookings)
+    reasons = ReasonBook(log)
+    backlog = Backlog(board, reasons)
+
+    # Parcels and arms.
+    askew = np.random.default_rng(askew_seed) if config.askew else None
+    inventory = Inventory(board, stations, scene.car, world, log, config.collect_after_s, askew)
+    lost = _Losses(world, board, inventory, log)
+    arm_manager = parts.arm_manager(arm_planner, setup, config, clock.tick_s, lost)
+    share_docks(site, scene, TOOLS[config.grip], arm_manager.services)
+    seen = config.perception is Perception.CAMERA
+    perception = SeenPoses(stations, scene.car, world, inventory, log) if seen else TruePoses(inventory)
+
+    # The rules that missions go by.
+    admission = Admission(missions, ways, log)
+    batteries = Batteries(config.battery, world.n_cars, clock.tick_s) if config.battery.enabled else None
+    charging = None
+    if batteries is not None:
+        in_use = places.chargers[: config.battery.chargers_n]
+        charging = Charging(batteries, in_use, len(stations), missions, ways, admission, log)
+    cost_model = CostModel(config.allocation, missions, ways, routes, abilities, charging)
+    horizon, filling = (RollingHorizon(config.allocation, missions, ways, routes) for _ in range(2))
+    solver = Solver(config.allocation, log)
+    offers = Offers(missions, routes)
+    allocation = parts.allocation(missions, cost_model, solver, offers, horizon, filling, reasons)
+    transfers = Transfers(inventory, perception, arm_manager, driver, world)
+    docks = Docks(missions, ways, services, transfers, admission, inventory, log)
+    visits = Visits(missions, places, routes, ways, charging, world, log)
+    fastest_move_s = site.grid.cell_m / scene.car.max_speed_mps
+    rules = Rules(
+        missions=missions,
+        due_dates=DueDates(cost_model, reasons, fastest_move_s),
+        slots=Slots(board, stations, inventory, backlog, reasons, cost_model.source_cost, filling.turn_s),
+        visit_queue=VisitQueue(missions, places, ways, backlog, reasons),
+        assignments=Assignments(missions, ways, allocation, admission, visits, charging, reasons),
+        interventions=Interventions(missions, ways, inventory, docks, admission, visits, config.timeouts),
+        admission=admission,
+        docks=docks,
+        prefetch=Prefetch(missions, ways, arm_manager, perception, clock.tick_s, log),
+        visits=visits,
+        parking=Parking(places.parking, missions, ways),
+        charging=charging,
+    )
+    view = RunView(
+        config=config,
+        setup=setup,
+        clock=clock,
+        events=events,
+        world=world,
+        traffic=traffic,
+        arm_manager=arm_manager,
+        missions=missions,
+        services=services,
+        knowledge=Knowledge(places=places, inventory=inventory, perception=perception, reasons=reasons),
+        dispatcher=Dispatcher(rules, clock.tick_s),
+        batteries=batteries,
+    )
+    return Assembled(view=view, arm_planner=arm_planner, abilities=abilities, book=book)
+
+
+class _Losses:
+    """Tells the log of parcels that arms have lost from their grips."""
+
+    def __init__(self, world: World, board: TaskBoard, inventory: Inventory, log: Callable[..., None]) -> None:
+        self._world = world
+        self._board = board
+        self._inventory = inventory
+        self._log = log
+
+    def __call__(self, arm: int, parcel: int) -> str:
+        """Tell of a loss; returns why, in words.
+
+        A parcel that was fetched ahead may have left the world, because its task was cancelled: that is no loss.
+        """
+        if parcel not in self._world.parcel_ids():
+            return ""
+        cause = self._world.grip_loss(arm) or "why is not known"
+        task = self._board.tasks[parcel]
+        x, y, z = (round(float(v), 3) for v in self._inventory.pose(task)[:3])
+        self._log("parcel_dropped", task=task.order.name, arm=f"arm_{arm}", x_m=x, y_m=y, z_m=z, cause=cause)
+        return cause
+
+
+def _check(config: RunConfig, setup: RunSetup) -> None:
+    chargers_n, known, site = config.battery.chargers_n or 1, len(setup.site.chargers), setup.site.name
+    require(
+        not config.battery.enabled or chargers_n <= known,
+        "battery.chargers_n",
+        config.battery.chargers_n,
+        f"1 to {known} (chargers of site {site})" if known else "no batteries: the site has no charger",
+    )
+    require(config.traffic.planner in PLANNERS, "--planner", config.traffic.planner, ", ".join(PLANNERS))
+    require_allocator(config.allocation.allocator, "--allocator")
+
+
+def _abilities(config: RunConfig, setup: RunSetup) -> tuple[Ability, ...]:
+    """What each car can carry."""
+    found, usual = [], CarConfig()
+    for car in range(config.robots):
+        own = config.cars.get(f"car_{car}", usual)
+        payload_kg = setup.scene.car.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
+        found.append(ability_of(car, payload_kg, tuple(own.capabilities)))
+    return tuple(found)
+
+
+def _orders(
+    config: RunConfig, setup: RunSetup, parts: Parts, abilities: tuple[Ability, ...], rng: np.random.Generator
+) -> OrderBook:
+    """What is to be done."""
+    if parts.orders is not None:
+        return OrderBook(orders=tuple(parts.orders))
+    site, battery = setup.site, config.battery
+    grip_kg = TOOLS[config.grip].payload_kg(config.grip_force_n)
+    if config.orders is not None:
+        chargers_n = len(site.chargers[: battery.chargers_n]) if battery.enabled else 0
+        return read_orders(config.orders, site, abilities, chargers_n=chargers_n, grip_kg=grip_kg)
+    require(
+        grip_kg >= MAX_GENERATED_KG,
+        "--grip-force",
+        config.grip_force_n,
+        f"a force that holds {MAX_GENERATED_KG} kg, the heaviest generated parcel; this one holds {grip_kg:.3g} kg",
+    )
+    if config.stream is not None:
+        return OrderBook(orders=stream_orders(site, config.stream, config.duration_s, config.tasks, rng))
+    return OrderBook(orders=generate_orders(site, config.n_tasks, config.robots, rng))
+
+
+def _arm_planner(config: RunConfig, setup: RunSetup) -> ArmPlanner:
+    names = tuple(station.name for station in setup.site.stations)
+    return make_arm_planner(arm_cells(setup.site, setup.scene), names, setup.scene.arm, config)

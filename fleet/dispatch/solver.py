@@ -1,0 +1,102 @@
+"""Solver: the allocator that a run names, posed with a problem and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import AllocationConfig
+from fleet.dispatch.costs import CostMatrix
+from fleet.dispatch.horizon import RollingHorizon
+from fleet.errors import ConfigError, FleetError
+from fleet.tasks.board import Task, TaskState
+from planners.allocation import ALLOCATORS, AllocatorError, allocator_named
+from planners.allocation.problem import NO_TASK, AllocationProblem, Assignment
+from planners.allocation.validate import faults
+
+
+class AllocationFault(FleetError):
+    """An allocator of one's own gave an answer that is not legal."""
+
+
+def require_allocator(name: str, what: str) -> None:
+    """Refuse an allocator that does not exist.
+
+    Args:
+        name: Its name in the table of allocators, or `package.module.Class`.
+        what: Name of the setting as a user types it.
+
+    Raises:
+        ConfigError: There is none of that name, or it cannot be made.
+    """
+    try:
+        allocator_named(name)
+    except AllocatorError as error:
+        raise ConfigError(f"{what} is {name!r}: {str(error).partition(': ')[2]}") from error
+
+
+class Solver:
+    """An allocator.
+
+    Args:
+        config: Its name, and how much must be gained for a task to change hands.
+        log: Called as ``log("allocator_note", **facts)`` when it has something new to say.
+    """
+
+    def __init__(self, config: AllocationConfig, log: Callable[..., None]) -> None:
+        self._config = config
+        self._log = log
+        self._notes: set[str] = set()
+        self._allocator = allocator_named(config.allocator)
+        self.plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
+        """Whether it gives cars several tasks, one after the other."""
+        self.soon_s = np.inf if self.plans_ahead else float(getattr(self._allocator, "soon_s", 0.0))
+        """It is also given the cars that will be free in so many seconds [s]."""
+
+    def problem(
+        self,
+        costs: CostMatrix,
+        columns: list[int],
+        cars: npt.NDArray[np.intp],
+        held: Mapping[int, Task],
+        horizon: RollingHorizon | None,
+    ) -> AllocationProblem:
+        """Some tasks and cars as allocators read them.
+
+        Args:
+            costs: What tasks cost.
+            columns: Columns of the tasks among them.
+            cars: The cars.
+            held: Tasks that cars have already and may still give away, by car.
+            horizon: Makes the job shop for allocators that plan ahead.
+        """
+        tasks = [costs.tasks[column] for column in columns]
+        at = {task.index: k for k, task in enumerate(tasks)}
+        has = [at.get(held[car].index, NO_TASK) if car in held else NO_TASK for car in cars.tolist()]
+        return AllocationProblem(
+            cost=costs.cost_s[np.ix_(cars, np.array(columns))],
+            class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
+            since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
+            held=np.array(has, dtype=np.int32),
+            keep_gain=self._config.keep_gain_s,
+            keep_share=self._config.keep_share,
+            shop=horizon.shop(costs, tasks, cars, held) if horizon is not None else None,
+        )
+
+    def solve(self, problem: AllocationProblem) -> Assignment:
+        """What the allocator says; that of one's own is checked, because nobody else has.
+
+        Raises:
+            AllocationFault: The answer is not legal.
+        """
+        found = self._allocator.allocate(problem)
+        name = self._config.allocator
+        if name not in ALLOCATORS and (wrong := faults(problem, found)):
+            what = f"{wrong[0].kind} for vehicle and task {wrong[0].pair}" if wrong[0].pair else wrong[0].kind
+            raise AllocationFault(f"allocator {name!r}: its answer has {what}; valid: an Assignment without faults")
+        if found.note and found.note not in self._notes:
+            self._notes.add(found.note)
+            self._log("allocator_note", allocator=name, note=found.note)
+        return found

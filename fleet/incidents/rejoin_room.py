@@ -1,0 +1,115 @@
+"""RejoinRoom: where a car may be while it manoeuvres back onto its lane."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.robots.spec import CarSpec
+from fleet.run.view import RunView
+from fleet.world.protocol import FloatArray
+
+SEARCH_M = 2.2
+"""How far from the car a state to rejoin may be."""
+MARGIN_M = 0.05
+"""Kept free around the body in a manoeuvre: the error of the follower and of the estimate."""
+WAY_OUT_M = 0.6
+"""A car that stands too near something must have left it this far from where it stands, or after twice the depth."""
+
+
+class RejoinRoom:
+    """Where a car may be while it manoeuvres.
+
+    The body stays in usable cells and in those it stands in, and `MARGIN_M` from walls, obstacles and other cars. Where
+    it stands nearer than that, or inside, it must get out: what it may be too near falls to nothing over `WAY_OUT_M`.
+
+    Args:
+        run: Site, cars, obstacles.
+        car: The car.
+        start: Where it stands, x, y, yaw.
+        usable: Cells nobody else holds, shape (rows, cols).
+    """
+
+    def __init__(self, run: RunView, car: int, start: FloatArray, usable: npt.NDArray[np.bool_]) -> None:
+        grid = run.site.grid
+        self._spec, self._cell_m, self._rows = run.scene.car, grid.cell_m, grid.rows
+        open_cells = grid.free & ~run.traffic.blocked.reshape(grid.rows, grid.cols)
+        # One more cell all around, so that neighbours need no special case.
+        self._open = np.pad(open_cells, 1)
+        self._start = start
+        row, col = cell_of(outline(start[None], self._spec, 0.0)[0], grid.rows, grid.cell_m)
+        self.usable = usable
+        allowed = np.pad(usable, 1)
+        allowed[np.clip(row + 1, 0, grid.rows + 1), np.clip(col + 1, 0, grid.cols + 1)] = True
+        self._allowed = allowed
+        self.ground = frozenset((row * grid.cols + col).tolist())
+        bodies = np.delete(run.driver.estimate, car, axis=0)
+        self._bodies = bodies[np.hypot(*(bodies - start)[:, :2].T) < 2 * SEARCH_M]
+        self._depth = float(self._too_near(start[None])[0])
+
+    def valid(self, poses: FloatArray) -> npt.NDArray[np.bool_]:
+        """Which of the poses (k, 3) the car may take, shape (k,)."""
+        row, col = self._cells(outline(poses, self._spec, 0.0))
+        held_by_nobody = (self._allowed | ~self._open)[row, col].all(axis=1)
+        away = np.hypot(poses[:, 0] - self._start[0], poses[:, 1] - self._start[1])
+        way_out_m = max(WAY_OUT_M, 2.0 * self._depth)
+        bearable = self._depth * np.maximum(0.0, 1.0 - away / way_out_m) + 0.002
+        return held_by_nobody & (self._too_near(poses) <= bearable)
+
+    def _cells(self, points: FloatArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        row, col = cell_of(points, self._rows, self._cell_m)
+        height, width = self._open.shape
+        return np.clip(row + 1, 0, height - 1), np.clip(col + 1, 0, width - 1)
+
+    def _too_near(self, poses: FloatArray) -> FloatArray:
+        """How far the body and its margin reach into what they must not touch [m], shape (k,)."""
+        points = outline(poses, self._spec, MARGIN_M)
+        depth = self._into_walls(points)
+        for body in self._bodies:
+            inside = _depth_in_body(points, body[None, None], self._spec)
+            corners = outline(body[None], self._spec, MARGIN_M)
+            inside = np.maximum(inside.max(axis=1), _depth_in_body(corners, poses[:, None], self._spec).max(axis=1))
+            depth = np.maximum(depth, inside)
+        return depth
+
+    def _into_walls(self, points: FloatArray) -> FloatArray:
+        """Greatest distance of a point from the nearest open cell [m]; at most a cell, shape (k,)."""
+        row, col = self._cells(points)
+        centre_x = (col - 0.5) * self._cell_m
+        centre_y = (self._rows - row + 0.5) * self._cell_m
+        height, width = self._open.shape
+        nearest = np.full(row.shape, self._cell_m)
+        for down in (-1, 0, 1):
+            for right in (-1, 0, 1):
+                is_open = self._open[np.clip(row + down, 0, height - 1), np.clip(col + right, 0, width - 1)]
+                dx = np.abs(points[..., 0] - centre_x - right * self._cell_m) - self._cell_m / 2
+                dy = np.abs(points[..., 1] - centre_y + down * self._cell_m) - self._cell_m / 2
+                gap = np.hypot(np.maximum(dx, 0.0), np.maximum(dy, 0.0))
+                nearest = np.where(is_open, np.minimum(nearest, gap), nearest)
+        return nearest.max(axis=1)
+
+
+def outline(poses: FloatArray, car: CarSpec, margin_m: float) -> FloatArray:
+    """Points around the body and a margin at each pose, at most 0.15 m apart along its sides, shape (k, 12, 2)."""
+    along = np.linspace(-car.rear_m - margin_m, car.front_m + margin_m, 5)
+    side = car.half_width_m + margin_m
+    ahead = np.concatenate([along, along, along[[0, -1]]])
+    left = np.concatenate([np.full(5, side), np.full(5, -side), np.zeros(2)])
+    cos, sin = np.cos(poses[:, 2:3]), np.sin(poses[:, 2:3])
+    return np.stack([poses[:, 0:1] + cos * ahead - sin * left, poses[:, 1:2] + sin * ahead + cos * left], axis=-1)
+
+
+def _depth_in_body(points: FloatArray, poses: FloatArray, car: CarSpec) -> FloatArray:
+    """How far points (k, m, 2) are inside the bodies at poses (k or 1, 1, 3) [m], shape (k, m)."""
+    middle = (car.front_m - car.rear_m) / 2
+    dx, dy = points[..., 0] - poses[..., 0], points[..., 1] - poses[..., 1]
+    cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+    ahead = (car.front_m + car.rear_m) / 2 - np.abs(cos * dx + sin * dy - middle)
+    left = car.half_width_m - np.abs(cos * dy - sin * dx)
+    return np.maximum(np.minimum(ahead, left), 0.0)
+
+
+def cell_of(points: FloatArray, rows: int, cell_m: float) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Row and column of points (..., 2); outside the map they are out of range."""
+    col = np.floor(points[..., 0] / cell_m).astype(np.int64)
+    return rows - 1 - np.floor(points[..., 1] / cell_m).astype(np.int64), col

@@ -1,0 +1,79 @@
+"""Figures: what a run achieved and why its robots waited, taken in tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+
+from fleet.config import Fidelity
+from fleet.insight.cause_watch import CauseWatch
+from fleet.insight.codebook import Codebook, codebook_of
+from fleet.insight.metrics import Metrics, Summary
+from fleet.insight.slip import SlipMeter
+from fleet.insight.time_accounts import TimeAccounts
+from fleet.run.view import RunView
+from fleet.tasks.batches import Batches
+from fleet.world.protocol import FloatArray
+
+
+class Figures:
+    """All that is counted and measured of a run. Nothing in the run depends on it.
+
+    Args:
+        run: The run.
+        batches: Its batches.
+        halted_by: Tells which cars stand because their granted way leads through another one, and that one.
+    """
+
+    def __init__(self, run: RunView, batches: Batches, halted_by: Callable[[], Mapping[int, int]]) -> None:
+        self._run = run
+        self._batches = batches
+        self._halted_by = halted_by
+        docks = [station.place.dock.cell for station in run.stations]
+        places_n = len(run.places.cells)
+        time_accounts = TimeAccounts(run.world.n_cars, run.site.grid.cell_xy(docks), run.graph.n_cells, places_n)
+        self.metrics = Metrics(run.world.n_cars, run.tick_s, time_accounts)
+
+    # Built when first asked for: environments seldom ask.
+
+    @cached_property
+    def causes(self) -> CauseWatch:
+        """The causes of all robots, tick by tick."""
+        return CauseWatch(self._run, self._halted_by)
+
+    @cached_property
+    def codebook(self) -> Codebook:
+        """What the numbers stand for."""
+        return codebook_of(self._run)
+
+    @cached_property
+    def slip_meter(self) -> SlipMeter | None:
+        """Measures every carry; None without physics, where parcels stick rigidly to their tools."""
+        run = self._run
+        return SlipMeter(run.scene.arm, run.scene.arm_base) if run.config.fidelity is Fidelity.PHYSICS else None
+
+    def tick(self, speeds: FloatArray) -> None:
+        """Take in the tick that was just done.
+
+        Args:
+            speeds: Signed speeds of the cars [m/s], shape (n_cars,).
+        """
+        run, missions = self._run, self._run.missions
+        if self.slip_meter is not None:
+            self.slip_meter.tick(run.arm_manager.services, run.world)
+        self.causes.tick(run.now, speeds)
+        self.metrics.tick(speeds, missions.loaded, missions.bound)
+        self.metrics.time_accounts.tick(
+            self.causes.rows,
+            missions.phase_index,
+            missions.loaded,
+            missions.bookings.place_of,
+            missions.served,
+            speeds,
+            run.world.car_poses(),
+        )
+
+    def summary(self) -> Summary:
+        """Figures of the run so far."""
+        slips = self.slip_meter.slips if self.slip_meter is not None else ()
+        return self.metrics.summary(self._run, self._batches, slips, self.codebook)

@@ -1,0 +1,128 @@
+"""Ways: how far cars are from places, how long that takes, and what can be reached; and where cars are sent."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.missions.places import Place
+from fleet.traffic.replanning import Traffic
+from planners.mapf.distance_table import UNREACHABLE
+
+MOVE_M = 1.0
+"""Length of a move: one cell [m]."""
+STEP_S = 1.0
+"""Time of one move in traffic [s]: cells are 1 m, and cars in traffic average 1 m/s."""
+MOVE_S = 1.1
+"""Time of a move without traffic that has to be kept: a cell of 1 m at 1 m/s, and some turns [s]."""
+SLOW_MOVE_S = 3.3
+"""Time of a move in dense traffic, three times that without [s]; what a battery has to last for."""
+LOADED_RANK_S = 30.0
+"""Head start of a loaded car over an empty one in the right of way, as seconds of waiting."""
+EMERGENCY_RANK_S = 60.0
+"""Head start of a car with a task of the class `emergency` [s]."""
+
+States = npt.NDArray[np.int32] | npt.NDArray[np.int64]
+
+
+class Ways:
+    """Distances in moves on the lane graph past all that is blocked, for cars as they will stand when they have made
+    the moves that are planned for them.
+
+    Args:
+        traffic: Knows goals, blocked cells and distances.
+    """
+
+    def __init__(self, traffic: Traffic) -> None:
+        self._traffic = traffic
+        self._executor = traffic.executor
+
+    # --- how far
+
+    @property
+    def tails(self) -> npt.NDArray[np.int32]:
+        """State each car stands in when all its moves are done, shape (n_cars,), read-only."""
+        return self._executor.tail_states()
+
+    def moves(self, states: States, goal: int) -> npt.NDArray[np.uint16]:
+        """Moves from each of some states to a goal, `UNREACHABLE` where there is no way, shape of `states`."""
+        return self._traffic.tables.to(goal)[states]
+
+    def moves_each(self, states: States, goals: npt.NDArray[np.int32]) -> npt.NDArray[np.uint16]:
+        """Moves from each state to the goal beside it, `UNREACHABLE` where there is no way, shape (n,)."""
+        rows, row = self._traffic.tables.rows(goals)
+        found: npt.NDArray[np.uint16] = rows[row, states]
+        return found
+
+    def between(self, state: int, goal: int) -> int:
+        """Moves from one state to another, `UNREACHABLE` if there is no way."""
+        return int(self._traffic.tables.to(goal)[state])
+
+    def of_car(self, car: int, goal: int) -> int:
+        """Moves from where a car's way ends as far as it is planned to a goal, `UNREACHABLE` if there is no way."""
+        return int(self._traffic.tables.to(goal)[self._executor.tail_states()[car]])
+
+    def reaches(self, car: int, goal: int) -> bool:
+        """Whether a car has a way to a goal."""
+        return self.of_car(car, goal) < UNREACHABLE
+
+    # --- how far from places
+
+    def to_place(self, place: Place, states: States) -> npt.NDArray[np.float64]:
+        """Moves from each of some states to a place, `UNREACHABLE` where there is no way, shape of `states`."""
+        rows = [self._traffic.tables.to(goal)[states] for goal in place.states]
+        return np.minimum.reduce(rows).astype(np.float64)
+
+    def nearest_state(self, place: Place, state: int) -> int:
+        """The state in which a car comes to a place soonest."""
+        return min(place.states, key=lambda goal: (int(self._traffic.tables.to(goal)[state]), goal))
+
+    def reaches_place(self, car: int, place: Place) -> bool:
+        """Whether a car has a way to a place."""
+        return any(self.reaches(car, goal) for goal in place.states)
+
+    # --- where cars are sent
+
+    @property
+    def goals(self) -> npt.NDArray[np.int32]:
+        """State each car was sent to, -1 = none, shape (n_cars,)."""
+        return self._traffic.goals
+
+    @property
+    def blocked(self) -> npt.NDArray[np.bool_]:
+        """Cells nobody may be sent into, shape (n_cells,)."""
+        return self._traffic.blocked
+
+    @property
+    def blocked_for_good(self) -> bool:
+        """Whether nothing but dead cars blocks cells."""
+        return self._traffic.blocked_for_good
+
+    def send(self, car: int, goal: int, *, rank_s: float, stay: bool, tick: int) -> None:
+        """Send a car to a goal.
+
+        Args:
+            car: The car.
+            goal: A state.
+            rank_s: Its head start in the right of way, as seconds of waiting.
+            stay: Whether nobody may push it when it is there.
+            tick: Present tick.
+        """
+        self._traffic.rank[car] = rank_s
+        self._traffic.send(car, goal, stay=stay, tick=tick)
+
+    def let_push(self, car: int) -> None:
+        """Let others push a car from its goal."""
+        self._traffic.stay[car] = False
+
+    def has_come(self, car: int) -> bool:
+        """Whether a car stands where it was sent."""
+        return bool(self._executor.tail_states()[car] == self._traffic.goals[car]) and self._executor.idle(car)
+
+    def stands_at(self, car: int, state: int) -> bool:
+        """Whether a car stands in a state, with no move left."""
+        return bool(self._executor.tail_states()[car] == state) and self._executor.idle(car)
+
+    def idle(self, car: int) -> bool:
+        """Whether a car has no move left and stands still."""
+        return self._executor.idle(car)

@@ -1,0 +1,1 @@
+"""A run: what it starts from, its clock and its events, and the one view that observers have of it."""

@@ -1,0 +1,56 @@
+"""RunSetup: where a run takes place and what it starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.config import RunConfig, require
+from fleet.world.protocol import World
+from fleet.world.scene import Scene
+from fleet.world.site_scene import scene_of
+from maps.lane_graph import LaneGraph, build_lane_graph
+from maps.site import Site, load_site
+from planners.mapf.distance_table import DistanceTable
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSetup:
+    """What runs with as many cars on the same site have in common, and may hand on from one to the next."""
+
+    site: Site
+    graph: LaneGraph
+    start_states: npt.NDArray[np.int32]
+    """Lane-graph state of each car at the start, shape (n_cars,)."""
+    scene: Scene
+    tables: DistanceTable
+    """Distances with nothing blocked."""
+    world: World | None = None
+    """The world to run in, as it was when it was made; None = a new one."""
+
+    @staticmethod
+    def of(config: RunConfig) -> RunSetup:
+        """The setup of a run.
+
+        Raises:
+            ConfigError: The site has no room for that many robots.
+            SiteError: The site cannot be read.
+        """
+        site = load_site(config.site)
+        require(
+            config.robots <= len(site.parking),
+            "--robots",
+            config.robots,
+            f"1 to {len(site.parking)} (parking cells of site {site.name})",
+        )
+        graph = build_lane_graph(site)
+        start_states = graph.first_states(site.parking[: config.robots])
+        return RunSetup(
+            site=site,
+            graph=graph,
+            start_states=start_states,
+            scene=scene_of(site, graph.state_pose[start_states], config.grip, config.arms),
+            tables=DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)),
+        )

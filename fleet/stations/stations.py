@@ -1,0 +1,49 @@
+"""Stations: all stations of a site, in the order of their arms and by name, and how long their arms take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.stations.service_time import Direction, ServiceTime, ServiceTimes
+from fleet.stations.station import Station
+
+
+class Stations:
+    """The stations of a run.
+
+    Args:
+        stations: In the order of their arms.
+    """
+
+    def __init__(self, stations: Sequence[Station]) -> None:
+        self._stations = tuple(stations)
+        self._by_name = {station.name: station for station in stations}
+        self.times = ServiceTimes(len(stations))
+        """How long each arm takes for a transfer."""
+        self.dock_states: npt.NDArray[np.int32] = np.array([s.dock_state for s in stations], dtype=np.int32)
+        """Lane-graph state of a car at each dock, shape (n_stations,)."""
+
+    def __iter__(self) -> Iterator[Station]:
+        return iter(self._stations)
+
+    def __len__(self) -> int:
+        return len(self._stations)
+
+    def __getitem__(self, arm: int) -> Station:
+        """The station of an arm."""
+        return self._stations[arm]
+
+    def named(self, name: str) -> Station:
+        """The station of a name that exists."""
+        return self._by_name[name]
+
+    def time(self, station: Station) -> ServiceTime:
+        """How long a station's arm takes for what the station does."""
+        return self.times.of(station.arm, station.direction)
+
+    def loading(self) -> list[Station]:
+        """Pick stations, in the order of their arms."""
+        return [station for station in self._stations if station.direction is Direction.TO_CAR]
