@@ -2,12 +2,13 @@
 
 from fleet.recording.errors import OutputError as OutputError
 from fleet.recording.errors import RecordingError as RecordingError
-from fleet.recording.frame import FloorPlan as FloorPlan
 from fleet.recording.frame import Frame as Frame
 from fleet.recording.frame import LogLine as LogLine
 from fleet.recording.frame import NullRecorder as NullRecorder
 from fleet.recording.frame import Recorder as Recorder
 from fleet.recording.frame import Wait as Wait
+from fleet.recording.header import DrawnFloor as DrawnFloor
+from fleet.recording.header import Header as Header
 from fleet.recording.rerun_recorder import RerunRecorder as RerunRecorder
 from fleet.recording.rerun_recorder import require_free_port as require_free_port
 from fleet.recording.run_file import RECORDING as RECORDING

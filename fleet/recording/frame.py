@@ -101,24 +101,6 @@ class LogLine:
     """'INFO', 'WARN' or 'ERROR'."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FloorPlan:
-    """The parts of a site that are drawn but do not take part in the physics."""
-
-    name: str
-    lanes: FloatArray
-    """From and to of every directed lane [m], shape (k, 2, 2)."""
-    station_names: tuple[str, ...]
-    station_xy: FloatArray
-    """Where to write the names: the arms' bases [m], shape (s, 2)."""
-    dock_xy: FloatArray
-    """Centres of the dock cells in the order of `station_names` [m], shape (s, 2)."""
-    parking_xy: FloatArray
-    """Centres of the parking cells [m], shape (p, 2)."""
-    cell_xy: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
-    """Centres of all cells in the order of their ids [m], shape (n_cells, 2)."""
-
-
 class Recorder(Protocol):
     """Takes frames and log lines; use as a context manager, or call `close`."""
 

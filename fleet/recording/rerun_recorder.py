@@ -6,15 +6,14 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from fleet.recording.errors import RecordingError
-from fleet.recording.frame import FloorPlan, Frame, LogLine
+from fleet.recording.frame import Frame, LogLine
+from fleet.recording.header import Header
 from fleet.recording.rerun_cli import compact
-from fleet.world.scene import Scene
 
 if TYPE_CHECKING:
     from fleet.recording.stream.stream import Stream
@@ -32,7 +31,7 @@ _JOIN_S = 60.0
 
 
 class RerunRecorder:
-    """A `Recorder` that writes `path` and, with `serve`, also feeds viewers on the loopback interface.
+    """A `Recorder` that writes `path` and, with a `port`, also feeds viewers on the loopback interface.
 
     Batches are made in the thread of the run, because two threads that run Python take turns every 5 ms: what takes
     5 ms here would take a second beside it. Threads of rerun's own compress and write, and nobody waits for them. If
@@ -43,42 +42,24 @@ class RerunRecorder:
 
     Args:
         path: File to write; replaced if it exists.
-        scene: Robots and boxes.
-        floor: Lanes, stations, parking.
-        about: Facts on the run for the reader: seed, settings, versions.
+        header: What is known before the first frame.
         tick_s: Length of a tick [s].
         rate_hz: Frames per simulated second at most; a slower tick records every tick.
-        plots: Title -> names of the metrics drawn together; empty = all metrics in one plot.
-        cameras: Names of the cameras whose views come with frames.
-        internals: Whether frames come with what the planners think.
-        serve: Host a live server on 127.0.0.1.
-        port: Its port.
+        port: Port of a live server on 127.0.0.1; None = no server.
 
     Raises:
         RecordingError: The file cannot be opened, or the port is taken.
     """
 
     def __init__(
-        self,
-        *,
-        path: Path,
-        scene: Scene,
-        floor: FloorPlan,
-        about: Mapping[str, object],
-        tick_s: float,
-        rate_hz: float = 30.0,
-        plots: Mapping[str, Sequence[str]] | None = None,
-        cameras: Sequence[str] = (),
-        internals: bool = False,
-        serve: bool = False,
-        port: int = 9876,
+        self, path: Path, header: Header, *, tick_s: float, rate_hz: float = 30.0, port: int | None = None
     ) -> None:
         # rerun takes a second to load and is needed by recorded runs only
         from fleet.recording.stream.stream import Stream
 
         self._path = path
         self._every = max(1, round(1.0 / (rate_hz * tick_s)))
-        self._live = serve
+        self._live = port is not None
         self._frames: list[Frame] = []
         self._lines: list[LogLine] = []
         self._lock, self._writing = threading.Lock(), threading.Lock()
@@ -93,20 +74,11 @@ class RerunRecorder:
         self.written_n = 0
         """Frames written so far."""
         try:
-            if serve:
+            if port is not None:
                 require_free_port(port)
             with path.open("wb"):
                 pass
-            self._stream: Stream = Stream(
-                path=path,
-                scene=scene,
-                floor=floor,
-                about=about,
-                plots=plots or {},
-                cameras=cameras,
-                internals=internals,
-                port=port if serve else None,
-            )
+            self._stream: Stream = Stream(path, header, port)
         except (OSError, RuntimeError, ValueError) as error:
             raise RecordingError(f"recording {path} cannot be opened: {error}") from error
         self._watchdog = threading.Thread(target=self._write_late, name="recorder", daemon=True)

@@ -2,8 +2,8 @@
 
 from fleet.robots.iiwa import iiwa_spec as iiwa_spec
 from fleet.robots.iiwa import iiwa_urdf as iiwa_urdf
-from fleet.robots.model import ArmModel as ArmModel
-from fleet.robots.model import CarModel as CarModel
+from fleet.robots.model import ArmEntry as ArmEntry
+from fleet.robots.model import CarEntry as CarEntry
 from fleet.robots.racecar import racecar_spec as racecar_spec
 from fleet.robots.racecar import racecar_urdf as racecar_urdf
 from fleet.robots.spec import ArmSpec as ArmSpec
@@ -12,7 +12,7 @@ from fleet.robots.spec import Visual as Visual
 from fleet.robots.tools import TOOLS as TOOLS
 from fleet.robots.tools import Tool as Tool
 
-ROBOTS: dict[str, CarModel | ArmModel] = {
-    "racecar": CarModel(spec=racecar_spec, urdf=racecar_urdf),
-    "iiwa14": ArmModel(spec=iiwa_spec, urdf=iiwa_urdf),
+ROBOTS: dict[str, CarEntry | ArmEntry] = {
+    "racecar": CarEntry(spec=racecar_spec, urdf=racecar_urdf),
+    "iiwa14": ArmEntry(spec=iiwa_spec),
 }

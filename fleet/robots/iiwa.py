@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pybullet_data
 
-from fleet.robots.spec import ArmSpec, Visual
+from fleet.robots.spec import ArmOutline, ArmSpec, Visual
 from fleet.robots.tools import TOOLS, Tool, tool_urdf
 
 N_JOINTS = 7
@@ -26,6 +26,14 @@ _MAX_ACCELERATION_RADPS2 = (5.0, 5.0, 6.0, 6.0, 8.0, 8.0, 8.0)
 # Rest: the tool tip behind the base, pointing down, so that nothing reaches over the dock lane.
 _HOME_TIP_X_M = -0.40
 _HOME_TIP_Z_M = 0.62
+_OUTLINE = ArmOutline(
+    # Largest half widths of the link meshes, from their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
+    link_radii_m=(0.12, 0.12, 0.12, 0.12, 0.10, 0.09, 0.06),
+    # The collision mesh of the base at a height of 7 cm, but for its plug.
+    foot_m=0.107,
+    # The links up to the elbow cannot come nearer to the floor than 8 cm.
+    standing_links_n=3,
+)
 
 
 def iiwa_spec(tool: Tool | None = None) -> ArmSpec:
@@ -49,6 +57,7 @@ def iiwa_spec(tool: Tool | None = None) -> ArmSpec:
         name="iiwa14",
         n_joints=N_JOINTS,
         urdf=path,
+        description=iiwa_urdf(tool),
         base_from_joint=base_from_joint,
         lower_rad=np.array([float(limit.attrib["lower"]) for limit in limits if limit is not None]),
         upper_rad=np.array([float(limit.attrib["upper"]) for limit in limits if limit is not None]),
@@ -58,6 +67,7 @@ def iiwa_spec(tool: Tool | None = None) -> ArmSpec:
         tool_length_m=tool.length_m,
         home_rad=_home(base_from_joint, tool.length_m),
         visuals=_link_visuals(path) + tool.visuals,
+        outline=_OUTLINE,
         # Joint 6's limits keep the forearm off the flange; only the convex hull of the hollow forearm says otherwise.
         touching=((5, 7),),
     )

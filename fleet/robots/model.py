@@ -1,4 +1,4 @@
-"""Robot models as entries of the `ROBOTS` table: where a specification and a description text come from."""
+"""Entries of the `ROBOTS` table: where the specification of a robot comes from, and a car's description."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ WheelShape = Literal["sphere", "cylinder"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarModel:
+class CarEntry:
     """A car that worlds can load."""
 
     spec: Callable[[], CarSpec]
@@ -22,9 +22,7 @@ class CarModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmModel:
+class ArmEntry:
     """An arm that worlds can load with any tool."""
 
     spec: Callable[[Tool], ArmSpec]
-    urdf: Callable[[Tool], str]
-    """URDF text of the arm with the tool merged into it."""

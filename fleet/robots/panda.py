@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pybullet_data
 
+from fleet.robots.spec import ArmOutline
 from fleet.robots.tools import CARDBOARD_FRICTION, Tool
 
 FINGER_TRAVEL_M = 0.04
@@ -28,6 +29,14 @@ PANDA_HAND = Tool(
 )
 """Two fingers with a stroke of 80 mm."""
 
+PANDA_OUTLINE = ArmOutline(
+    # Farthest corners of the collision meshes' bounding boxes from the joints' axes, rounded up.
+    link_radii_m=(0.14, 0.14, 0.15, 0.15, 0.14, 0.14, 0.10),
+    # Half the width of the base's mesh.
+    foot_m=0.1,
+    # With the shoulder at its limit the elbow is 0.27 m high.
+    standing_links_n=3,
+)
 
 PANDA_HAND_BOXES_M = (
     ((-0.032, -0.104, 0.081), (0.032, 0.101, 0.173), (2, 5, 2)),

@@ -60,13 +60,27 @@ class CarSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ArmOutline:
+    """How thick an arm is, for worlds that judge distances and rays without its meshes."""
+
+    link_radii_m: tuple[float, ...]
+    """Radius of the balls at each joint and half-way to it, which hold the links to about 2 cm [m], base to tip."""
+    foot_m: float
+    """Radius of the foot at the height of a car's lidar [m]."""
+    standing_links_n: int
+    """Links above the base that cannot come down to the floor it stands on."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ArmSpec:
     """A fixed-base arm with a tool; joint order is base to tip."""
 
     name: str
     n_joints: int
     urdf: Path
-    """Description of the bare arm, read at run time."""
+    """Description of the bare arm, read at run time; its folder has the meshes."""
+    description: str
+    """URDF text of the arm with its tool, as engines load it; its first joints are the arm's."""
     base_from_joint: npt.NDArray[np.float64]
     """Fixed transform before each joint's rotation about its own z, shape (n_joints, 4, 4)."""
     lower_rad: npt.NDArray[np.float64]
@@ -79,6 +93,7 @@ class ArmSpec:
     home_rad: npt.NDArray[np.float64]
     visuals: tuple[Visual, ...]
     """Links: 'link_0'..'link_7' (link i moves with joint i) and 'tool' (rigid in the last link)."""
+    outline: ArmOutline
     touching: tuple[tuple[int, int], ...] = ()
     """Pairs of links whose hulls meet although the links do not, lower first: 0 is the base, i moves with joint i."""
 

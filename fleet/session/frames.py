@@ -12,7 +12,7 @@ from fleet.insight.causes import NONE, OWN, Cause, Column
 from fleet.insight.explain import explain
 from fleet.insight.figures import Figures
 from fleet.missions.phases import PHASES, CarPhase
-from fleet.recording import FloorPlan, Frame, LogLine, Recorder, RerunRecorder, Wait, versions
+from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunRecorder, Wait, versions
 from fleet.run.events import Event
 from fleet.run.view import RunView
 from fleet.sensors.lidar import Lidar, LidarRing
@@ -107,7 +107,7 @@ def open_recorder(
     """
     site, graph = run.site, run.graph
     centres = site.grid.cell_xy
-    floor = FloorPlan(
+    floor = DrawnFloor(
         name=site.name,
         lanes=centres(site.lanes.ravel()).reshape(-1, 2, 2),
         station_names=tuple(station.name for station in site.stations),
@@ -116,19 +116,16 @@ def open_recorder(
         parking_xy=centres(list(site.parking)),
         cell_xy=centres(np.arange(graph.n_cells)),
     )
-    return RerunRecorder(
-        path=path,
+    header = Header(
         scene=run.scene,
         floor=floor,
         about={"seed": run.config.seed, "robots": run.config.robots, **versions()},
-        tick_s=run.tick_s,
         plots={"motion": ("mean_speed_mps", "min_clearance_m")}
         | ({} if run.batteries is None else {"charge": ("lowest_charge",)}),
         cameras=floor.station_names if run.config.perception is Perception.CAMERA else (),
         internals=internals,
-        serve=serve,
-        port=port,
     )
+    return RerunRecorder(path, header, tick_s=run.tick_s, port=port if serve else None)
 
 
 class Watch:

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.robots.arm_kinds import arm_kind
-from fleet.robots.iiwa import iiwa_spec, iiwa_urdf
-from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, PANDA_HAND_BOXES_M, TIP_M, panda_urdf
+from fleet.robots.iiwa import iiwa_spec
+from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, PANDA_HAND_BOXES_M, PANDA_OUTLINE, TIP_M, panda_urdf
 from fleet.robots.spec import ArmSpec
-from fleet.robots.tools import TOOLS, Tool
+from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_motions import backwards, shown
-from fleet.stations.arms.arm_spheres import arm_spheres, cache_dir
+from fleet.stations.arms.arm_spheres import PlannedArm, cache_dir, planned_arm
 from fleet.tabletop.errors import TabletopError
 from fleet.tabletop.hand import Grasp, cup_grasps, down, finger_grasps
 from fleet.world.bullet.confirm import PathConfirmer
@@ -58,18 +58,7 @@ NOBODY = Capsules()
 """No other arm."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Model:
-    """An arm as planners and engine need it."""
-
-    spec: ArmSpec
-    tool: Tool
-    spheres: ArmModel
-    description: str
-    """URDF text of the arm with its tool."""
-
-
-def load_model(arm: str, tool: str) -> Model:
+def load_model(arm: str, tool: str) -> PlannedArm:
     """The model of an arm by the names a `TableScene` has for it and its tool.
 
     Raises:
@@ -79,8 +68,7 @@ def load_model(arm: str, tool: str) -> Model:
         raise TabletopError(f"arm {arm!r} with tool {tool!r}; valid: {', '.join(f'{a} with {b}' for a, b in _MODELS)}")
     if arm == "iiwa":
         held = TOOLS[tool]
-        spec = iiwa_spec(held)
-        return Model(spec=spec, tool=held, spheres=arm_spheres(spec, held), description=iiwa_urdf(held))
+        return planned_arm(iiwa_spec(held), held)
     # Only here: the engine reads the file, and tables of an iiwa do without.
     from fleet.world.bullet.bench.arm_file import read_arm
 
@@ -91,6 +79,7 @@ def load_model(arm: str, tool: str) -> Model:
         name="panda",
         n_joints=len(file.joint_names),
         urdf=kind.path,
+        description=panda_urdf(),
         base_from_joint=file.model.base_from_joint,
         lower_rad=file.model.lower,
         upper_rad=file.model.upper,
@@ -100,9 +89,10 @@ def load_model(arm: str, tool: str) -> Model:
         tool_length_m=TIP_M,
         home_rad=_PANDA_HOME,
         visuals=(),
+        outline=PANDA_OUTLINE,
         touching=file.touching,
     )
-    return Model(spec=spec, tool=PANDA_HAND, spheres=spheres, description=panda_urdf())
+    return PlannedArm(spec=spec, tool=PANDA_HAND, spheres=spheres)
 
 
 def _with_fine_hand(file: ArmFile) -> ArmModel:
@@ -160,7 +150,7 @@ class TableArm:
         fixed: What stands on the table.
     """
 
-    def __init__(self, model: Model, base: FloatArray, fixed: tuple[StaticBox, ...]) -> None:
+    def __init__(self, model: PlannedArm, base: FloatArray, fixed: tuple[StaticBox, ...]) -> None:
         self._model, self._base = model, np.asarray(base, dtype=np.float64)
         spec = model.spec
         self._inverse = inverse_kinematics(spec.base_from_joint, spec.lower_rad, spec.upper_rad)
@@ -174,14 +164,14 @@ class TableArm:
                 for box in fixed
             )
         )
-        self._confirmer = PathConfirmer.of_spec(spec, model.tool, model.description)
+        self._confirmer = PathConfirmer.of_spec(spec, model.tool)
         self._confirmer.set_boxes(self._fixed.centre, self._fixed.half, self._fixed.yaw, self._fixed.min_frame)
         self.refused_n = 0
 
     def meet(self, other: TableArm) -> None:
         """Let the engine know an arm that stands beside this one."""
         model = self._model
-        self._confirmer.set_neighbour(model.tool, other._base[:3] - self._base[:3], model.description)
+        self._confirmer.set_neighbour(model.spec, model.tool, other._base[:3] - self._base[:3])
 
     def touches(self, own: FloatArray, theirs: FloatArray) -> str:
         """Where this arm touches the one it has met in motions (k, n) of the same moments; empty if nowhere."""

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from fleet.tabletop.arm import NOBODY, Chore, Leg, Model, TableArm
+from fleet.stations.arms.arm_spheres import PlannedArm
+from fleet.tabletop.arm import NOBODY, Chore, Leg, TableArm
 from fleet.tabletop.layout import Layout
 from fleet.world.bullet.bench.table import TICK_S, TableWorld
 from planners.motion.collision.obstacles import Capsules
@@ -80,7 +81,7 @@ class Job:
     def __init__(
         self,
         layout: Layout,
-        model: Model,
+        model: PlannedArm,
         world: TableWorld,
         *,
         seed: int = 0,

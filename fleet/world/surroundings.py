@@ -15,9 +15,6 @@ from fleet.world.scene import Scene
 
 BIN_M = 1.0
 """Edge of the square bins in which boxes are looked up [m]."""
-
-FOOT_M = 0.107
-"""Radius of an arm's foot where rays pass: the iiwa's collision mesh at a height of 7 cm, but for its plug [m]."""
 _KIND_SHIFT = 40
 _CAR_CAR, _CAR_ARM, _ARM_ARM, _STATIC = 0, 1, 2, 3
 _ADDED_KEY = 1 << 18
@@ -60,6 +57,7 @@ class Surroundings:
         self._n_bins = (max(1, math.ceil(scene.size_m[0] / BIN_M)), max(1, math.ceil(scene.size_m[1] / BIN_M)))
         self._body = np.array([(car.front_m - car.rear_m) / 2, (car.front_m + car.rear_m) / 2, car.half_width_m])
         self._height_m = car.height_m
+        self._foot_m = scene.arm.outline.foot_m
         self._arms = arms
         self._arm_xy = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)[:, :2].copy()
         self._spheres = np.empty((len(self._arm_xy), len(arms.radii) + 1, 4))
@@ -142,7 +140,7 @@ class Surroundings:
             self._bin_box,
             self._n_bins,
             self._arm_xy,
-            FOOT_M,
+            self._foot_m,
             out,
         )
         return out

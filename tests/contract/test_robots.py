@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fleet.robots import ROBOTS, TOOLS, ArmModel, CarModel
+from fleet.robots import ROBOTS, TOOLS, ArmEntry, CarEntry
 from fleet.robots.spec import ArmSpec
 from fleet.world.bullet.engine.client import Client
 
-CARS = {name: model for name, model in ROBOTS.items() if isinstance(model, CarModel)}
-ARMS = {name: model for name, model in ROBOTS.items() if isinstance(model, ArmModel)}
+CARS = {name: model for name, model in ROBOTS.items() if isinstance(model, CarEntry)}
+ARMS = {name: model for name, model in ROBOTS.items() if isinstance(model, ArmEntry)}
 
 pytestmark = pytest.mark.bullet
 
@@ -60,7 +60,7 @@ def test_limits_of_a_car_are_finite_and_meshes_exist(name: str) -> None:
 def test_forward_kinematics_of_an_arm_is_that_of_the_engine(name: str, tool: str) -> None:
     spec = ARMS[name].spec(TOOLS[tool])
     client = Client()
-    body = client.load_urdf(ARMS[name].urdf(TOOLS[tool]), useFixedBase=True)
+    body = client.load_urdf(spec.description, useFixedBase=True)
     rng = np.random.default_rng(0)
     for q in rng.uniform(spec.lower_rad, spec.upper_rad, (20, spec.n_joints)):
         for joint, angle in enumerate(q):

@@ -11,7 +11,8 @@ import rerun as rr
 from numba import njit
 
 from fleet.recording.errors import RecordingError
-from fleet.recording.frame import FloorPlan, Frame, Wait
+from fleet.recording.frame import Frame, Wait
+from fleet.recording.header import DrawnFloor
 from fleet.recording.index import index_of, set_time
 from fleet.recording.stream import palette
 from fleet.recording.stream.columns import Chunks, offsets_of, pairs, values, vectors
@@ -53,7 +54,7 @@ class Coordination:
         floor: Cells and stations.
     """
 
-    def __init__(self, rec: rr.RecordingStream, chunks: Chunks, scene: Scene, floor: FloorPlan) -> None:
+    def __init__(self, rec: rr.RecordingStream, chunks: Chunks, scene: Scene, floor: DrawnFloor) -> None:
         self._rec = rec
         self._chunks = chunks
         self._cell_xy = floor.cell_xy

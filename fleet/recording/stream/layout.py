@@ -11,7 +11,7 @@ import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
-from fleet.recording.frame import FloorPlan
+from fleet.recording.header import DrawnFloor
 from fleet.recording.stream.bodies import CAR_BODIES
 from fleet.recording.stream.coordination import CONGESTION, PRIORITIES, WAITS
 from fleet.recording.stream.lanes import FEW_N, STATES, car_paths
@@ -35,7 +35,7 @@ _MARGIN_M = 0.6
 
 
 def layout(
-    scene: Scene, floor: FloorPlan, plots: Sequence[str], cameras: Sequence[str], *, live: bool, internals: bool
+    scene: Scene, floor: DrawnFloor, plots: Sequence[str], cameras: Sequence[str], *, live: bool, internals: bool
 ) -> rrb.Blueprint:
     """Views for a run: scene, plan from above, one station close up, cameras, state lanes, plots, log.
 

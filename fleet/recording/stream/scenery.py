@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from fleet.recording.frame import FloorPlan
+from fleet.recording.header import DrawnFloor
 from fleet.recording.stream import palette
 from fleet.recording.stream.poses import Part
 from fleet.robots.spec import CarSpec
@@ -27,7 +27,7 @@ _CHEVRON_M = 0.09
 """Half length and half width of a lane's direction mark [m]."""
 
 
-def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: FloorPlan) -> None:
+def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: DrawnFloor) -> None:
     """Log floor, boxes, lanes, parking, docks, station names and the top-down camera."""
     width, depth = scene.size_m
     rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

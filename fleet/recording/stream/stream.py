@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from fleet.recording.frame import FloorPlan, Frame, LogLine
+from fleet.recording.frame import Frame, LogLine
+from fleet.recording.header import Header
 from fleet.recording.index import epochs_of, index_of, set_time
 from fleet.recording.stream import palette
 from fleet.recording.stream.bodies import Bodies
@@ -21,7 +22,6 @@ from fleet.recording.stream.layout import layout
 from fleet.recording.stream.scenery import log_scenery
 from fleet.recording.stream.trees import write_trees
 from fleet.recording.stream.views import VIEWS, log_camera, log_image
-from fleet.world.scene import Scene
 
 _FLUSH_TICK_S = 60.0
 """Period at which rerun would write to its sinks by itself [s]: every batch is flushed when it is complete."""
@@ -36,28 +36,13 @@ class Stream:
 
     Args:
         path: File to write.
-        scene: Robots and boxes.
-        floor: Lanes, stations, parking.
-        about: Facts on the run for the reader: seed, settings, versions.
-        plots: Title -> names of the metrics drawn together; empty = all metrics in one plot.
-        cameras: Names of the cameras whose views may come.
-        internals: Whether what the planners think may come.
+        header: What is known before the first frame.
         port: Port of the live server; None = no server.
     """
 
-    def __init__(
-        self,
-        *,
-        path: Path,
-        scene: Scene,
-        floor: FloorPlan,
-        about: Mapping[str, object],
-        plots: Mapping[str, Sequence[str]],
-        cameras: Sequence[str],
-        internals: bool,
-        port: int | None,
-    ) -> None:
-        self._plots = {title: tuple(names) for title, names in plots.items()}
+    def __init__(self, path: Path, header: Header, port: int | None) -> None:
+        scene, floor = header.scene, header.floor
+        self._plots = {title: tuple(names) for title, names in header.plots.items()}
         self._opened: set[str] = set()
         self._counts: tuple[str, ...] = ()
         self._cameras: set[str] = set()
@@ -69,11 +54,15 @@ class Stream:
             server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_SERVER_MEMORY)
             self.uri = server.uri
             sinks.append(server)
-        blueprint = layout(scene, floor, tuple(self._plots), cameras, live=port is not None, internals=internals)
+        blueprint = layout(
+            scene, floor, tuple(self._plots), header.cameras, live=port is not None, internals=header.internals
+        )
         self._rec.set_sinks(*sinks, default_blueprint=blueprint)
         self._rec.send_recording_name(f"{floor.name}, {len(scene.car_start)} cars")
         log_scenery(self._rec, scene, floor)
-        self._rec.log("about", rr.TextDocument(_markdown(floor.name, about), media_type="text/markdown"), static=True)
+        self._rec.log(
+            "about", rr.TextDocument(_markdown(floor.name, header.about), media_type="text/markdown"), static=True
+        )
         self._chunks = Chunks(self._rec)
         self._bodies = Bodies(self._rec, self._chunks, scene)
         self._coordination = Coordination(self._rec, self._chunks, scene, floor)

@@ -21,8 +21,9 @@ from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import Held, UnreachableError
-from fleet.stations.arms.arm_spheres import arm_spheres
+from fleet.stations.arms.arm_spheres import planned_arm
 from fleet.stations.arms.cell_planner import CellPlanner, KnownWays
+from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer
 from fleet.world.protocol import FloatArray
 from planners.motion.collision.obstacles import Boxes
@@ -102,8 +103,7 @@ class LocalArmPlanner:
 
     def __init__(self, setup: ArmSetup) -> None:
         tool = TOOLS[setup.tool]
-        spec, car = setup.spec, racecar_spec()
-        model = arm_spheres(spec, tool)
+        arm, car = planned_arm(setup.spec, tool), racecar_spec()
         known: dict[bytes, KnownWays] = {}
         self._answers: dict[int, Transfer] = {}
         self._tickets = 0
@@ -114,16 +114,13 @@ class LocalArmPlanner:
             # Only here, so that worlds without physics never load the engine.
             from fleet.world.bullet.confirm import PathConfirmer
 
-            self._engine = EngineConfirm(PathConfirmer.of_spec(spec, tool), tool.length_m)
+            self._engine = EngineConfirm(PathConfirmer.of_spec(setup.spec, tool), tool.length_m)
         for name, cell in zip(setup.names, setup.cells, strict=True):
             planner = CellPlanner(
                 cell,
-                model=model,
-                spec=spec,
-                tool=tool,
-                car=car,
-                planner=setup.planner,
-                iterations_n=setup.iterations_n,
+                arm,
+                car,
+                Search(setup.planner, setup.iterations_n),
                 known=known.setdefault(cell.geometry_key(), KnownWays()),
                 confirm=self._engine,
             )

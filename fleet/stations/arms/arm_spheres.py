@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
@@ -18,6 +19,20 @@ SPHERES_PER_LINK = (3, 4, 4, 4, 4, 4, 3, 2)
 
 TOOL_SPHERE_M = 0.03
 """A tool's boxes are cut into cells of this edge, one sphere around each [m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedArm:
+    """An arm as planners need it: its limits, its tool, and the spheres that cover both."""
+
+    spec: ArmSpec
+    tool: Tool
+    spheres: ArmModel
+
+
+def planned_arm(spec: ArmSpec, tool: Tool) -> PlannedArm:
+    """Cover an arm that holds a tool; see `arm_spheres`."""
+    return PlannedArm(spec=spec, tool=tool, spheres=arm_spheres(spec, tool))
 
 
 def cache_dir() -> Path:

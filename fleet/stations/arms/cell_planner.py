@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fleet.robots.spec import ArmSpec, CarSpec
-from fleet.robots.tools import Tool
+from fleet.robots.spec import CarSpec
 from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import LINE_SPEED, ArmMotions, Confirm, Held, UnreachableError, backwards
+from fleet.stations.arms.arm_spheres import PlannedArm
 from fleet.stations.arms.loose import LooseGrips, UngrippableError, loose_grips
 from fleet.stations.arms.retrieval import Margins, Retrieval
+from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import (
     LOOSE,
     TRAY,
@@ -25,15 +26,12 @@ from fleet.stations.arms.transfer import (
 )
 from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.protocol import FloatArray
-from planners.motion import motion_planner
-from planners.motion.arm.arm_model import ArmModel
 from planners.motion.arm.kinematics import flange_from_tip
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
 from planners.motion.path.trajectory import Trajectory
-from planners.motion.problem import MotionProblem, MotionResult
-from planners.motion.search.search_tree import GrowsTrees, SearchTree
+from planners.motion.search.search_tree import SearchTree
 
 HOME = -2
 """Via index of the rest position."""
@@ -81,12 +79,9 @@ class CellPlanner:
 
     Args:
         cell: The surroundings.
-        model: The arm as spheres, with its tool.
-        spec: The arm's limits and rest position.
-        tool: Decides how a parcel is approached.
+        arm: The arm; its tool decides how a parcel is approached.
         car: Gives the tray's orientation-free size.
-        planner: Of `motion_planner`.
-        iterations_n: Budget of one search.
+        search: Finds the ways between via points.
         known: Ways of other cells with the same surroundings, shared.
         confirm: The physics engine's last word, if there is an engine.
     """
@@ -94,21 +89,18 @@ class CellPlanner:
     def __init__(
         self,
         cell: ArmCell,
-        *,
-        model: ArmModel,
-        spec: ArmSpec,
-        tool: Tool,
+        arm: PlannedArm,
         car: CarSpec,
-        planner: str,
-        iterations_n: int,
+        search: Search,
+        *,
         known: KnownWays | None = None,
         confirm: Confirm | None = None,
     ) -> None:
         self.cell = cell
+        spec, tool, model = arm.spec, arm.tool, arm.spheres
         self._model, self._spec, self._tool, self._car = model, spec, tool, car
         self._motions = ArmMotions(spec, tool, confirm)
-        self._planner = motion_planner(planner)
-        self._iterations_n = iterations_n
+        self._search = search
         boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)
         held = box_spheres((MAX_EDGE_M / 2,) * 3)
         below = np.array([0.0, 0.0, tool.length_m + MAX_EDGE_M / 2])
@@ -120,23 +112,14 @@ class CellPlanner:
         self._boxes = boxes
         self._line_boxes = self._without_slots(boxes)
         self._line = CollisionChecker(model, self._line_boxes, margin=LINE_MARGIN_M)
-        self._retrieval = Retrieval(
-            self._motions,
-            model=model,
-            spec=spec,
-            tool=tool,
-            planner=self._planner,
-            iterations_n=iterations_n,
-            margins=Margins(travel_m=MARGIN_M, line_m=LINE_MARGIN_M),
-        )
+        self._retrieval = Retrieval(arm, self._motions, search, Margins(travel_m=MARGIN_M, line_m=LINE_MARGIN_M))
         self._known = known if known is not None else KnownWays()
         self._known.vias[HOME] = spec.home_rad
         self._way_trees: dict[tuple[int, int, bool], list[SearchTree]] = {}
 
     def keep_trees(self) -> None:
         """Keep the trees of searches from now on, if the planner grows any; `take_trees` hands them over."""
-        if isinstance(self._planner, GrowsTrees):
-            self._planner.trees = []
+        self._search.keep_trees()
 
     def take_trees(self) -> FloatArray:
         """Edges of the trees behind the answers since the last call, as the tool's tip in the world.
@@ -144,14 +127,10 @@ class CellPlanner:
         Returns:
             Ends of the edges [m], shape (e, 2, 3).
         """
-        planner = self._planner
-        if not isinstance(planner, GrowsTrees) or planner.trees is None:
-            return np.empty((0, 2, 3))
-        trees, planner.trees = planner.trees, []
         x, y, z, yaw = self.cell.base_pose
         turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
         edges = [np.empty((0, 2, 3))]
-        for tree in trees:
+        for tree in self._search.take_trees():
             tips = np.array([self._motions.tip(q)[:3, 3] for q in tree.vertices]).reshape(-1, 3)
             edges.append((tips @ turn.T + (x, y, z))[tree.edges])
         return np.concatenate(edges)
@@ -209,7 +188,7 @@ class CellPlanner:
         """Plan the way home from anywhere."""
         # A failed line ends low, beside things: first straight up, then home.
         up = self._climb(request.q)
-        result = self._search(self._empty, up[-1], self._spec.home_rad)
+        result = self._search.way(self._empty, up[-1], self._spec.home_rad[None])
         if not result.solved:
             return Transfer(arm=request.arm, parcel=-1, steps=(), reason=f"no way home ({result.status.value})")
         moves = [] if len(up) == 1 else [self._motions.timed(up, LINE_SPEED, self._line)]
@@ -431,7 +410,7 @@ class CellPlanner:
         # Without a parcel an arm only comes to a car or leaves it: cars may drive below it.
         checker = self._loaded if loaded else self._over_cars
         if (a, b, loaded) not in ways:
-            result = self._search(checker, self._via(low), self._via(high))
+            result = self._search.way(checker, self._via(low), self._via(high)[None])
             if not result.solved:
                 raise UnreachableError(f"no way between via points {low} and {high} ({result.status.value})")
             path = result.path if a == low else result.path[::-1]
@@ -442,19 +421,15 @@ class CellPlanner:
 
     def _recall(self, checker: CollisionChecker, low: int, high: int, *, loaded: bool) -> None:
         """Search a known way again, once and only if trees are wanted: the same search grows the same tree."""
-        planner = self._planner
-        if not isinstance(planner, GrowsTrees) or planner.trees is None:
+        if not self._search.keeps_trees:
             return
         key = (low, high, loaded)
         if key not in self._way_trees:
-            others, planner.trees = planner.trees, []
-            self._search(checker, self._via(low), self._via(high))
-            self._way_trees[key], planner.trees = planner.trees, others
-        planner.trees += self._way_trees[key]
-
-    def _search(self, checker: CollisionChecker, start: FloatArray, goal: FloatArray) -> MotionResult:
-        problem = MotionProblem(checker=checker, start=start, goals=goal[None], max_iterations=self._iterations_n)
-        return self._planner.plan(problem)
+            others = self._search.take_trees()
+            self._search.way(checker, self._via(low), self._via(high)[None])
+            self._way_trees[key] = self._search.take_trees()
+            self._search.add_trees(others)
+        self._search.add_trees(self._way_trees[key])
 
     def _without_slots(self, boxes: Boxes, near: FloatArray | None = None) -> Boxes:
         """The obstacles of straight lines: without the parcels assumed on the slots, whose places are the targets.

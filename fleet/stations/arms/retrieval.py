@@ -11,18 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fleet.robots.spec import ArmSpec
-from fleet.robots.tools import Tool
 from fleet.stations.arms.arm_motions import LINE_SPEED, ArmMotions, Held, UnreachableError, backwards
+from fleet.stations.arms.arm_spheres import PlannedArm
 from fleet.stations.arms.loose import LooseGrips
+from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import Signal, Step
 from fleet.world.protocol import FloatArray
-from planners.motion.arm.arm_model import ArmModel
 from planners.motion.arm.kinematics import flange_from_tip
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
-from planners.motion.problem import MotionPlanner, MotionProblem
 
 LIFTS_M = (0.30, 0.12, 0.06)
 """Straight ways up, in the order they are tried: the first leads out between pedestals, the others are within reach on
@@ -47,28 +45,15 @@ class Retrieval:
     """Plans retrievals of one arm.
 
     Args:
+        arm: The arm with its tool.
         motions: Of the arm.
-        model: The arm as spheres, with its tool.
-        spec: Its rest position.
-        tool: What it holds parcels with.
-        planner: Searches between the lines.
-        iterations_n: Budget of one search.
+        search: Finds the ways between the lines.
         margins: Distances kept on ways and on straight lines.
     """
 
-    def __init__(
-        self,
-        motions: ArmMotions,
-        *,
-        model: ArmModel,
-        spec: ArmSpec,
-        tool: Tool,
-        planner: MotionPlanner,
-        iterations_n: int,
-        margins: Margins,
-    ) -> None:
-        self._motions, self._model, self._spec, self._tool = motions, model, spec, tool
-        self._planner, self._iterations_n, self._margins = planner, iterations_n, margins
+    def __init__(self, arm: PlannedArm, motions: ArmMotions, search: Search, margins: Margins) -> None:
+        self._model, self._spec, self._tool = arm.spheres, arm.spec, arm.tool
+        self._motions, self._search, self._margins = motions, search, margins
 
     def steps(self, grips: LooseGrips, held: Held, boxes: Boxes, onward: FloatArray) -> tuple[Step, ...]:
         """From rest down to the parcel, up again with it, and on.
@@ -142,13 +127,13 @@ class Retrieval:
         """Ways to one of the lifts and on from it; a lift that leads nowhere is taken out of the list."""
         travel, line, loaded = checkers
         motions = self._motions
-        there = self._search(travel, self._spec.home_rad, np.array([up[-1] for up in lifts]))
+        there = self._way(travel, self._spec.home_rad, np.array([up[-1] for up in lifts]))
         if there is None:
             lifts.clear()
             raise UnreachableError("no way to the parcel (no path)")
         chosen = int(np.argmin([np.abs(up[-1] - there[-1]).max() for up in lifts]))
         up = lifts.pop(chosen)
-        on = self._search(loaded, up[-1], onward[None])
+        on = self._way(loaded, up[-1], onward[None])
         if on is None:
             raise UnreachableError("no way on with the parcel (no path)")
         lift = motions.timed(up, LINE_SPEED, line)
@@ -160,8 +145,6 @@ class Retrieval:
             motions.confirmed(motions.timed(on, 1.0, loaded), boxes, held),
         )
 
-    def _search(self, checker: CollisionChecker, start: FloatArray, goals: FloatArray) -> FloatArray | None:
-        result = self._planner.plan(
-            MotionProblem(checker=checker, start=start, goals=goals, max_iterations=self._iterations_n)
-        )
+    def _way(self, checker: CollisionChecker, start: FloatArray, goals: FloatArray) -> FloatArray | None:
+        result = self._search.way(checker, start, goals)
         return result.path if result.solved else None

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
 from fleet.world.bullet.engine.client import Client
@@ -22,20 +23,30 @@ _HELD_RAD = 1e-3
 _POSITION_GAIN = 0.3
 
 
+@dataclass(frozen=True, kw_only=True)
+class MotorSteps:
+    """How the motors of arms are told what to do within a tick."""
+
+    n: int
+    """Physics steps per tick."""
+    length_s: float
+    """Length of a physics step [s]."""
+    at_once: bool = False
+    """A "physics step" is a whole tick, of which the engine makes many steps by itself."""
+    limit_share: float = 1.0
+    """Part of their limits that motors are given; see `BulletConfig`."""
+
+
 class Arms:
     """The arms of one world.
 
     Args:
         client: Connection.
-        spec: Arm model.
+        spec: Arm model; the engine loads its description.
         base: Base poses x, y, z, yaw, shape (m, 4).
         start: Joint positions [rad], shape (m, n_joints).
         tool: What the arms hold.
-        substeps_n: Physics steps per tick.
-        substep_s: Length of a physics step [s].
-        at_once: A "physics step" is a whole tick, of which the engine makes many steps by itself.
-        limit_share: Part of their limits that motors are given; see `BulletConfig`.
-        description: URDF text of the arm with its tool; None for the iiwa's. Its first joints are the arm's.
+        steps: When the motors are told what.
     """
 
     def __init__(
@@ -45,21 +56,14 @@ class Arms:
         base: FloatArray,
         start: FloatArray,
         tool: Tool,
-        substeps_n: int,
-        substep_s: float,
-        *,
-        at_once: bool = False,
-        limit_share: float = 1.0,
-        description: str | None = None,
+        steps: MotorSteps,
     ) -> None:
         self._client = client
         self._spec = spec
-        self._substeps_n = substeps_n
-        self._substep_s = substep_s
+        self._steps = steps
         self._joints = list(range(spec.n_joints))
-        self._forces = (limit_share * spec.max_torque_nm).tolist()
+        self._forces = (steps.limit_share * spec.max_torque_nm).tolist()
         self._gains = [_POSITION_GAIN] * spec.n_joints
-        self._at_once = at_once
         self._loose = [0.0] * spec.n_joints
         self._unit = [1.0] * spec.n_joints
         self.tool = tool
@@ -67,10 +71,9 @@ class Arms:
         self.names: dict[str, int] = {}
         """Index of every link by its name; a joint has the index of its child link."""
         self.joint_names: dict[str, int] = {}
-        urdf = description or iiwa_urdf(tool)
         for (x, y, z, yaw), q in zip(base, start, strict=True):
             body = client.load_urdf(
-                urdf,
+                spec.description,
                 basePosition=(float(x), float(y), float(z)),
                 baseOrientation=quaternion(yaw),
                 useFixedBase=True,
@@ -92,7 +95,7 @@ class Arms:
         self._acceleration = np.zeros_like(self.q)
         self._turns = np.zeros_like(self.q)
         self._active = np.zeros(0, dtype=np.int64)
-        self._held = np.full(n, not at_once)
+        self._held = np.full(n, not steps.at_once)
         self.moving = np.ones(n, dtype=np.bool_)
         """Whether each arm moves or is told to, shape (m,)."""
 
@@ -103,7 +106,7 @@ class Arms:
             q: Joint positions [rad], shape (m, n_joints).
             qd: Joint velocities there [rad/s], same shape.
         """
-        tick_s = self._substeps_n * self._substep_s
+        tick_s = self._steps.n * self._steps.length_s
         active = np.empty(len(self.moving), dtype=np.int64)
         n = _aim(
             q, qd, self._goal_q, self._goal_qd, self._acceleration, tick_s, self.qd, self._held, self.moving, active
@@ -119,13 +122,14 @@ class Arms:
         Args:
             substep: Index of the step in its tick.
         """
-        if self._at_once:
+        if self._steps.at_once:
             self._turn()
             return
-        left = (self._substeps_n - substep) * self._substep_s
+        step_s = self._steps.length_s
+        left = (self._steps.n - substep) * step_s
         client = self._client
         for arm in self._active.tolist():
-            qd = self._goal_qd[arm] - self._acceleration[arm] * (left - self._substep_s / 2)
+            qd = self._goal_qd[arm] - self._acceleration[arm] * (left - step_s / 2)
             q = self._goal_q[arm] - self._goal_qd[arm] * left + self._acceleration[arm] * (left * left / 2)
             client.setJointMotorControlArray(
                 self.bodies[arm],
@@ -141,7 +145,7 @@ class Arms:
     def _turn(self) -> None:
         """Let the moving arms turn so fast that they come to their set-points within the tick, or hold them there."""
         client = self._client
-        _speeds(self._active, self._goal_q, self._goal_qd, self.q, self._substep_s, self._held, self._turns)
+        _speeds(self._active, self._goal_q, self._goal_qd, self.q, self._steps.length_s, self._held, self._turns)
         for arm in self._active.tolist():
             client.setJointMotorControlArray(
                 self.bodies[arm],
@@ -180,7 +184,7 @@ class Arms:
     def recall(self, memory: FloatArray) -> None:
         """Return to `memory`; every motor is set anew at the next command."""
         self._goal_qd, self.q, self.qd = memory.copy()
-        self._held[:] = not self._at_once
+        self._held[:] = not self._steps.at_once
         self._goal_q = np.full_like(self.q, np.inf)  # no target equals it, so every arm counts as moving
 
     def _all_joints(self) -> list[int]:

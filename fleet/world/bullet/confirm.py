@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
 from fleet.world.bullet.bench.arm_file import ArmFile, load, rigid_parts
@@ -97,22 +96,19 @@ class PathConfirmer:
         self._held_corners: FloatArray = np.empty((0, 3))
 
     @classmethod
-    def of_spec(cls, spec: ArmSpec, tool: Tool, description: str | None = None) -> PathConfirmer:
+    def of_spec(cls, spec: ArmSpec, tool: Tool) -> PathConfirmer:
         """For an arm with a tool; fingers stand open.
 
         Args:
-            spec: Arm model.
+            spec: Arm model; the engine loads its description.
             tool: What the arm holds.
-            description: URDF text of the arm with its tool; None for the iiwa's.
 
         Raises:
             PhysicsError: The engine refuses the description, or it has fewer joints than the model.
         """
         client = Client()
         try:
-            body = client.load_urdf(
-                description or iiwa_urdf(tool), useFixedBase=True, flags=client.URDF_USE_SELF_COLLISION
-            )
+            body = client.load_urdf(spec.description, useFixedBase=True, flags=client.URDF_USE_SELF_COLLISION)
             infos = [client.getJointInfo(body, joint) for joint in range(client.getNumJoints(body))]
             fingers = [info[0] for info in infos if info[1].decode() in tool.finger_joints]
             movable = [info[0] for info in infos if info[2] in (_REVOLUTE, _PRISMATIC) and info[0] not in fingers]
@@ -149,19 +145,17 @@ class PathConfirmer:
             client.close()
             raise
 
-    def set_neighbour(self, tool: Tool, place_m: FloatArray, description: str | None = None) -> None:
+    def set_neighbour(self, spec: ArmSpec, tool: Tool, place_m: FloatArray) -> None:
         """Put an arm of the same model beside this one.
 
         Args:
+            spec: The model with its tool.
             tool: What it holds.
             place_m: Its base in this arm's base frame, shape (3,).
-            description: URDF text of the arm with its tool; None for the iiwa's.
         """
         client = self._client
         place = checks.vector("set_neighbour: place", place_m, 3)
-        self._neighbour = client.load_urdf(
-            description or iiwa_urdf(tool), basePosition=place.tolist(), useFixedBase=True
-        )
+        self._neighbour = client.load_urdf(spec.description, basePosition=place.tolist(), useFixedBase=True)
         for link in range(client.getNumJoints(self._neighbour)):
             if client.getJointInfo(self._neighbour, link)[1].decode() in tool.finger_joints:
                 client.resetJointState(self._neighbour, link, tool.finger_travel_m)

@@ -14,7 +14,7 @@ from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots.tools import TOOLS
 from fleet.sensors.camera import Camera, CameraImage
-from fleet.world.bullet.arms import Arms
+from fleet.world.bullet.arms import Arms, MotorSteps
 from fleet.world.bullet.camera import render
 from fleet.world.bullet.cars import CarReading, Cars
 from fleet.world.bullet.clearance import near_and_gap
@@ -40,10 +40,6 @@ FLOOR_FRICTION = 1.0
 _RIGID = 1
 # What a car may gain on top of its present speed within one tick, braking and shoves included.
 _NEAR_MARGIN_M = 0.05
-# Largest half widths of the iiwa's link meshes, from their bounding boxes: shoulder 0.116, elbow 0.115, wrist 0.09 m.
-_LINK_RADII_M = (0.12, 0.12, 0.12, 0.12, 0.10, 0.09, 0.06)
-# The iiwa's base stands on the floor, and its links up to the elbow cannot come nearer to it than 8 cm.
-_OFF_FLOOR_LINKS = 3
 _COLOURS = {
     "wall": (0.22, 0.24, 0.27, 1.0),
     "shelf": (0.32, 0.25, 0.18, 1.0),
@@ -145,16 +141,13 @@ class BulletWorld:
                     scene.arm_base,
                     scene.arm_start,
                     tool,
-                    config.calls_n,
-                    call_s,
-                    at_once=at_once,
-                    limit_share=config.limit_share,
+                    MotorSteps(n=config.calls_n, length_s=call_s, at_once=at_once, limit_share=config.limit_share),
                 )
                 self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)
                 self._monitor = ContactMonitor(client, scene.car, self._cars.bodies, self._arms.bodies, call_s)
                 self._monitor.floor = floor
                 for body in self._arms.bodies:
-                    for link in range(-1, _OFF_FLOOR_LINKS):
+                    for link in range(-1, scene.arm.outline.standing_links_n):
                         client.setCollisionFilterPair(body, floor, link, -1, 0)
                 for box in scene.boxes:
                     body = self._add_box(box.kind, np.array(box.centre_m), np.array(box.half_m))
@@ -178,7 +171,7 @@ class BulletWorld:
         self._links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
         self._links += [(car, -1) for car in self._cars.bodies]
         self._min_clearance_m = np.inf
-        self._radii = np.array([*_LINK_RADII_M, tool.half_width_m])
+        self._radii = np.array([*scene.arm.outline.link_radii_m, tool.half_width_m])
         self._car_pairs = np.zeros((64, 2), dtype=np.int64)
         self._box_pairs = np.zeros((256, 2), dtype=np.int64)
         self._near_arms = np.zeros(self.n_arms, dtype=np.bool_)

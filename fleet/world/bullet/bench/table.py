@@ -10,11 +10,9 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from fleet.config import Connect, Grip
-from fleet.robots.iiwa import iiwa_urdf
-from fleet.robots.panda import panda_urdf
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
-from fleet.world.bullet.arms import Arms
+from fleet.world.bullet.arms import Arms, MotorSteps
 from fleet.world.bullet.engine.client import Client, quiet
 from fleet.world.bullet.engine.frames import rotation
 from fleet.world.bullet.grip import make_grip
@@ -145,8 +143,8 @@ class TableWorld:
             )
             with quiet():
                 self._fixed = [self._add_box(box.kind, box.centre_m, box.half_m) for box in scene.boxes]
-                text = iiwa_urdf(tool) if scene.arm == "iiwa" else panda_urdf()
-                self._arms = Arms(client, spec, scene.arm_base, start, tool, SUBSTEPS_N, SUBSTEP_S, description=text)
+                steps = MotorSteps(n=SUBSTEPS_N, length_s=SUBSTEP_S)
+                self._arms = Arms(client, spec, scene.arm_base, start, tool, steps)
                 self.objects = TableObjects(client)
                 for thing in scene.objects:
                     self.objects.put(thing)

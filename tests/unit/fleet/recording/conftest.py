@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from fleet.recording.frame import FloorPlan, Frame, LogLine
+from fleet.recording.frame import Frame, LogLine
+from fleet.recording.header import DrawnFloor
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
 from fleet.world.scene import Scene, StaticBox
 
 
-def made_up_scene(n_cars: int, n_arms: int, size_m: tuple[float, float]) -> tuple[Scene, FloorPlan]:
+def made_up_scene(n_cars: int, n_arms: int, size_m: tuple[float, float]) -> tuple[Scene, DrawnFloor]:
     """Walls around the floor, rows of shelves, arms along the lower and upper wall."""
     width, depth = size_m
     boxes = [
@@ -40,7 +41,7 @@ def made_up_scene(n_cars: int, n_arms: int, size_m: tuple[float, float]) -> tupl
     lanes = np.array([[(x, y), (x + 1, y)] for k, y in enumerate(rows) for x in np.arange(0.5, width - 1.5)])
     names = tuple(f"{'pick' if k % 2 == 0 else 'drop'}_{k // 2 + 1}" for k in range(n_arms))
     docks = arm_base[:, :2] + np.column_stack([np.zeros(n_arms), 0.6 * np.sin(arm_base[:, 3])])
-    floor = FloorPlan(
+    floor = DrawnFloor(
         name="made_up", lanes=lanes, station_names=names, station_xy=arm_base[:, :2], dock_xy=docks,
         parking_xy=np.array([(0.7, y) for y in np.arange(3.5, depth - 3.0)]),
     )  # fmt: skip
@@ -118,12 +119,12 @@ def lines_of(frame: Frame) -> list[LogLine]:
 
 
 @pytest.fixture
-def site() -> tuple[Scene, FloorPlan]:
+def site() -> tuple[Scene, DrawnFloor]:
     """Three cars and four arms on 16 x 12 m."""
     return made_up_scene(3, 4, (16.0, 12.0))
 
 
 @pytest.fixture
-def frames(site: tuple[Scene, FloorPlan]) -> Callable[[int], Iterator[Frame]]:
+def frames(site: tuple[Scene, DrawnFloor]) -> Callable[[int], Iterator[Frame]]:
     """Frames at 30 Hz for that site."""
     return lambda n_frames: made_up_frames(site[0], n_frames)

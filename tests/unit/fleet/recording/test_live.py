@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.recording import RerunRecorder
+from fleet.recording import Header, RerunRecorder
 from fleet.recording.check import verify_recording
 from fleet.recording.rerun_cli import quiet_environment, rerun_program
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
@@ -31,9 +31,7 @@ def test_a_viewer_that_dies_or_freezes_takes_nothing_with_it_and_a_late_one_sees
             viewers.append(subprocess.Popen(command, env=environment, stdout=silent, stderr=silent))
             wait_for(lambda: saved.exists() and saved.stat().st_size > 100_000)
 
-        recorder = RerunRecorder(
-            path=path, scene=scene, floor=floor, about={}, tick_s=1 / 60, serve=True, port=free_port()
-        )
+        recorder = RerunRecorder(path, Header(scene=scene, floor=floor, about={}), tick_s=1 / 60, port=free_port())
         try:
             with recorder:
                 for k, frame in enumerate(made_up_frames(scene, FRAMES_N)):

@@ -15,20 +15,22 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from fleet.recording import FloorPlan, Frame, LogLine, RecordingError, RerunRecorder
+from fleet.recording import DrawnFloor, Frame, Header, LogLine, RecordingError, RerunRecorder
 from fleet.recording.check import verify_recording
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.scene import Scene
 
 Frames = Callable[[int], Iterator[Frame]]
-Site = tuple[Scene, FloorPlan]
+Site = tuple[Scene, DrawnFloor]
 STEP_M = 1.3e-4
 """Half a step of the grid on which poses are recorded."""
 
 
 def open_recorder(path: Path, site: Site, **changes: object) -> RerunRecorder:
-    settings: dict = {"about": {"seed": 0}, "tick_s": 1 / 60} | changes
-    return RerunRecorder(path=path, scene=site[0], floor=site[1], **settings)
+    settings: dict = {"tick_s": 1 / 60} | changes
+    cameras = settings.pop("cameras", ())
+    header = Header(scene=site[0], floor=site[1], about={"seed": 0}, cameras=cameras)
+    return RerunRecorder(path, header, **settings)
 
 
 def rows(path: Path, entity: str, component: str) -> dict[int, list]:
@@ -131,9 +133,9 @@ KILLED = """
 import sys, time
 from pathlib import Path
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
-from fleet.recording import RerunRecorder
+from fleet.recording import Header, RerunRecorder
 scene, floor = made_up_scene(3, 4, (16.0, 12.0))
-recorder = RerunRecorder(path=Path(sys.argv[1]), scene=scene, floor=floor, about={}, tick_s=1 / 60)
+recorder = RerunRecorder(Path(sys.argv[1]), Header(scene=scene, floor=floor, about={}), tick_s=1 / 60)
 for k, frame in enumerate(made_up_frames(scene, 10_000)):
     recorder.record(frame)
     if k == 300:
@@ -265,7 +267,7 @@ def test_a_live_run_drops_and_counts_instead_of_waiting_for_what_blocks(
     monkeypatch.setattr("fleet.recording.rerun_recorder._QUEUE_N", 4)
     monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_S", 0.0)
     read = threading.Event()
-    with open_recorder(tmp_path / "a.rrd", site, serve=True, port=free_port()) as recorder:
+    with open_recorder(tmp_path / "a.rrd", site, port=free_port()) as recorder:
         write = recorder._stream.write
         monkeypatch.setattr(recorder._stream, "write", lambda *batch: (read.wait(), write(*batch)))
         for frame in frames(12):
@@ -295,7 +297,7 @@ def test_an_interrupt_amid_writing_loses_nothing(
 
 def test_the_live_server_listens_on_loopback_only(tmp_path: Path, site: Site) -> None:
     port = free_port()
-    with open_recorder(tmp_path / "a.rrd", site, serve=True, port=port) as recorder:
+    with open_recorder(tmp_path / "a.rrd", site, port=port) as recorder:
         assert recorder.uri.startswith(f"rerun+http://127.0.0.1:{port}")
         listening = {line.split()[1] for line in Path("/proc/net/tcp").read_text().splitlines()[1:]}
         assert f"0100007F:{port:04X}" in listening
@@ -308,7 +310,7 @@ def test_a_port_in_use_is_named(tmp_path: Path, site: Site) -> None:
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(RecordingError, match=str(port)):
-            open_recorder(tmp_path / "a.rrd", site, serve=True, port=port)
+            open_recorder(tmp_path / "a.rrd", site, port=port)
 
 
 def test_a_path_that_cannot_be_written_is_named(tmp_path: Path, site: Site) -> None:

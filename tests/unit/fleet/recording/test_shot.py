@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.recording import RecordingError, RerunRecorder
+from fleet.recording import Header, RecordingError, RerunRecorder
 from fleet.recording.shot import TooSlow, main, screenshot
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
 
@@ -41,7 +41,7 @@ def test_the_viewer_paints_every_layout_without_complaints(
 ) -> None:
     scene, floor = made_up_scene(n_cars, n_arms, size_m)
     path = tmp_path / "a.rrd"
-    with RerunRecorder(path=path, scene=scene, floor=floor, about={}, tick_s=1 / 60) as recorder:
+    with RerunRecorder(path, Header(scene=scene, floor=floor, about={}), tick_s=1 / 60) as recorder:
         for frame in made_up_frames(scene, 60):
             recorder.record(frame)
     try:

@@ -15,7 +15,6 @@ from fleet.world.arms import ServoArms
 from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, KinematicWorld, SnapshotError
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
-from fleet.world.surroundings import FOOT_M
 from planners.motion.arm.kinematics import link_frames
 
 FloatArray = npt.NDArray[np.float64]
@@ -224,7 +223,7 @@ def test_rays_agree_with_brute_force(hall: Scene) -> None:
             if inside.any() and not inside[0]:
                 first = min(first, float(fractions[np.argmax(inside)]))
         for x, y, *_ in hall.arm_base:
-            inside = np.hypot(points[:, 0] - x, points[:, 1] - y) < FOOT_M
+            inside = np.hypot(points[:, 0] - x, points[:, 1] - y) < hall.arm.outline.foot_m
             if inside.any() and not inside[0]:
                 first = min(first, float(fractions[np.argmax(inside)]))
         assert hit == pytest.approx(first, abs=2e-4)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fleet.recording import FloorPlan, Frame, Wait
+from fleet.recording import DrawnFloor, Frame, Wait
 from fleet.recording.stream.coordination import chains, cyclic
 from fleet.recording.stream.stream import palette
 from fleet.world.scene import Scene
@@ -46,7 +46,7 @@ def test_many_short_chains_do_not_make_one_long_column() -> None:
 
 
 @pytest.fixture
-def shown(tmp_path: Path, site: tuple[Scene, FloorPlan], frames: Frames) -> tuple[Path, list[Frame]]:
+def shown(tmp_path: Path, site: tuple[Scene, DrawnFloor], frames: Frames) -> tuple[Path, list[Frame]]:
     made = list(frames(4))
     held = np.full(12, -1, np.int32)
     held[[2, 7]] = 1, 0

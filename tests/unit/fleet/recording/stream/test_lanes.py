@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.recording import Frame, RerunRecorder
+from fleet.recording import Frame, Header, RerunRecorder
 from fleet.recording.check import verify_recording
 from fleet.recording.stream.lanes import car_paths, title
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
@@ -19,7 +19,7 @@ def many(path: Path, cars: Words, tasks: Callable[[int], Mapping[str, str]]) -> 
     """A recording of twelve cars and two arms, over frames 0 to 5."""
     scene, floor = made_up_scene(12, 2, (30.0, 12.0))
     made: Iterator[Frame] = made_up_frames(scene, 6)
-    with RerunRecorder(path=path, scene=scene, floor=floor, about={}, tick_s=1 / 60) as recorder:
+    with RerunRecorder(path, Header(scene=scene, floor=floor, about={}), tick_s=1 / 60) as recorder:
         for k, frame in enumerate(made):
             recorder.record(replace(frame, car_state=cars(k), arm_state=("idle",) * 2, task_state=tasks(k)))
     return path

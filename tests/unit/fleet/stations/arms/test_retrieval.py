@@ -9,8 +9,9 @@ from fleet.config import Grip
 from fleet.robots import iiwa_spec, racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_spheres import arm_spheres
+from fleet.stations.arms.arm_spheres import planned_arm
 from fleet.stations.arms.cell_planner import CellPlanner
+from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import LOOSE, TRAY, Signal, TransferRequest
 from fleet.world.site_scene import scene_of
 from maps.site import load_site
@@ -23,15 +24,11 @@ EDGE_M = 0.06
 @pytest.fixture(scope="module")
 def planner() -> CellPlanner:
     plan, tool = load_site("cell"), TOOLS["suction"]
-    spec = iiwa_spec(tool)
     return CellPlanner(
         arm_cells(plan, scene_of(plan, np.zeros((1, 3)), Grip.SUCTION))[0],
-        model=arm_spheres(spec, tool),
-        spec=spec,
-        tool=tool,
-        car=racecar_spec(),
-        planner="rrt_connect_native",
-        iterations_n=20_000,
+        planned_arm(iiwa_spec(tool), tool),
+        racecar_spec(),
+        Search("rrt_connect_native", 20_000),
     )
 
 

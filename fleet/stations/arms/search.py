@@ -1,0 +1,55 @@
+"""Search: ways of an arm between configurations, by a planner with a budget, and the trees that it grew for them."""
+
+from __future__ import annotations
+
+from fleet.world.protocol import FloatArray
+from planners.motion import motion_planner
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.problem import MotionProblem, MotionResult
+from planners.motion.search.search_tree import GrowsTrees, SearchTree
+
+
+class Search:
+    """Searches ways, one after the other.
+
+    Args:
+        planner: Of `motion_planner`.
+        iterations_n: Budget of one search.
+    """
+
+    def __init__(self, planner: str, iterations_n: int) -> None:
+        self._planner = motion_planner(planner)
+        self._iterations_n = iterations_n
+
+    def way(self, checker: CollisionChecker, start: FloatArray, goals: FloatArray) -> MotionResult:
+        """Search a way.
+
+        Args:
+            checker: What must not be touched.
+            start: Where the arm is [rad], shape (n,).
+            goals: Where it may end [rad], shape (k, n).
+        """
+        problem = MotionProblem(checker=checker, start=start, goals=goals, max_iterations=self._iterations_n)
+        return self._planner.plan(problem)
+
+    @property
+    def keeps_trees(self) -> bool:
+        """Whether the trees of searches are kept until they are taken."""
+        return isinstance(self._planner, GrowsTrees) and self._planner.trees is not None
+
+    def keep_trees(self) -> None:
+        """Keep the trees of searches from now on, if the planner grows any."""
+        if isinstance(self._planner, GrowsTrees):
+            self._planner.trees = []
+
+    def take_trees(self) -> list[SearchTree]:
+        """The trees since the last call; empty while none are kept."""
+        if not isinstance(self._planner, GrowsTrees) or self._planner.trees is None:
+            return []
+        trees, self._planner.trees = self._planner.trees, []
+        return trees
+
+    def add_trees(self, trees: list[SearchTree]) -> None:
+        """Put trees of earlier searches behind those that are kept."""
+        if isinstance(self._planner, GrowsTrees) and self._planner.trees is not None:
+            self._planner.trees += trees
