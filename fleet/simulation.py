@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import CarConfig, Fidelity, RunConfig, require
-from fleet.dispatch.allocation import TaskAllocation, require_allocator
+from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.dispatcher import Dispatcher
 from fleet.errors import FleetError
 from fleet.incidents.disturbance import Disturbances
@@ -47,7 +47,6 @@ from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, load_site
-from planners.mapf import PLANNERS
 from planners.mapf.distance_table import DistanceTable
 
 STALL_S = 300.0
@@ -132,7 +131,8 @@ class Simulation:
             run.
 
     Raises:
-        ConfigError: The site has no room for that many robots, or no planner or allocator has that name.
+        ConfigError: The site has no room for that many robots, or an option does not fit it.
+        PlanningError: No planner or allocator has that name, or these settings.
         SiteError: The site cannot be read or served.
         OrdersError: The orders file cannot be read, or none of its orders can be accepted.
     """
@@ -159,8 +159,9 @@ class Simulation:
             config.battery.chargers_n,
             f"1 to {known} (chargers of site {self.site.name})" if known else "no batteries: the site has no charger",
         )
-        require(traffic.planner in PLANNERS, "--planner", traffic.planner, ", ".join(PLANNERS))
-        require_allocator(allocation.allocator, "--allocator")
+        # Names and settings are refused before anything is started that would have to be stopped.
+        traffic.make_planner(seed=0)
+        allocation.make_allocator()
         self.on_event = on_event
         orders_seed, estimate_seed, traffic_seed, askew_seed = np.random.SeedSequence(config.seed).spawn(4)
         self.graph: LaneGraph = ground.graph

@@ -12,17 +12,14 @@ from fleet.config import AllocationConfig
 from fleet.dispatch.availability import Availability
 from fleet.dispatch.costs import CostMatrix, CostModel
 from fleet.dispatch.horizon import RollingHorizon
-from fleet.errors import ConfigError, FleetError
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.stations.booking import Bookings
 from fleet.stations.service_time import Direction, ServiceTimes
 from fleet.stations.station import Station
 from fleet.tasks.board import UNDER_WAY, Task, TaskBoard, TaskState
 from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
-from planners.allocation import ALLOCATORS, AllocatorError, allocator_named
 from planners.allocation.problem import NO_TASK, AllocationProblem, Assignment
 from planners.allocation.reasons import Reason, reasons
-from planners.allocation.validate import faults
 
 _PAIR_REASON = {
     Reason.CHOSEN: PairReason.CHOSEN,
@@ -42,26 +39,6 @@ PLAN_N = 100
 _CODE = CODE_OF_REASON
 _CODE_OF = np.array([_CODE[_PAIR_REASON[reason]] for reason in Reason], dtype=np.int8)
 """What the planners' reasons are called here, by their value."""
-
-
-class AllocationFault(FleetError):
-    """An allocator of one's own gave an answer that is not legal."""
-
-
-def require_allocator(name: str, what: str) -> None:
-    """Refuse an allocator that does not exist.
-
-    Args:
-        name: Its name in the table of allocators, or `package.module.Class`.
-        what: Name of the setting as a user types it.
-
-    Raises:
-        ConfigError: There is none of that name, or it cannot be made.
-    """
-    try:
-        allocator_named(name)
-    except AllocatorError as error:
-        raise ConfigError(f"{what} is {name!r}: {str(error).partition(': ')[2]}") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +109,7 @@ class TaskAllocation:
         self._reasons = reason_book
         self._log = log
         self._notes: set[str] = set()
-        self._allocator = allocator_named(config.allocator)
+        self._allocator = config.make_allocator()
         self._plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
         self._soon_s = np.inf if self._plans_ahead else float(getattr(self._allocator, "soon_s", 0.0))
 
@@ -140,7 +117,7 @@ class TaskAllocation:
         """Pairs of a car and a task, at most one for each.
 
         Raises:
-            AllocationFault: An allocator of one's own gave an answer that is not legal.
+            PlanningError: An allocator of one's own gave an answer that is not legal.
         """
         ready, held = self._board.in_state(TaskState.READY), situation.held
         if not ready and len(held) < 2:
@@ -261,15 +238,11 @@ class TaskAllocation:
         return column_of, later
 
     def _answer(self, problem: AllocationProblem) -> Assignment:
-        """What the allocator says; that of one's own is checked, because nobody else has."""
+        """What the allocator says; a note is logged once."""
         found = self._allocator.allocate(problem)
-        name = self._config.allocator
-        if name not in ALLOCATORS and (wrong := faults(problem, found)):
-            what = f"{wrong[0].kind} for vehicle and task {wrong[0].pair}" if wrong[0].pair else wrong[0].kind
-            raise AllocationFault(f"allocator {name!r}: its answer has {what}; valid: an Assignment without faults")
         if found.note and found.note not in self._notes:
             self._notes.add(found.note)
-            self._log("allocator_note", allocator=name, note=found.note)
+            self._log("allocator_note", allocator=self._config.allocator, note=found.note)
         return found
 
     def _problem(

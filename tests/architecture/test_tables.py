@@ -28,12 +28,14 @@ FAMILIES = [
         package="planners.mapf",
         tables=("PLANNERS", "ONE_SHOT_PLANNERS"),
         support=frozenset({"chance", "distance_table", "kernel", "metrics", "one_shot", "options", "problem", "roads"})
-        | {"validate"},
+        | {"planner", "validate"},
     ),
     Family(
         package="planners.allocation",
         tables=("ALLOCATORS",),
-        support=frozenset({"job_shop", "problem", "prune", "reasons", "shop", "sparse_matching", "validate"}),
+        support=frozenset(
+            {"checked", "job_shop", "problem", "prune", "reasons", "shop", "sparse_matching", "validate"}
+        ),
     ),
     Family(
         package="planners.motion.search",

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig
-from fleet.dispatch.allocation import AllocationFault
 from fleet.simulation import Event, Simulation
+from planners.allocation.checked import AllocationFault
 from planners.allocation.greedy import Greedy
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.status import Status
