@@ -110,7 +110,7 @@ def test_a_named_directory_that_cannot_be_written_is_not_the_end(
 
 @pytest.fixture
 def read_only_tree(tmp_path: Path, repository: Path) -> Iterator[Path]:
-    """Return a copy of the source tree without a cache, which its owner cannot write to; and an empty home beside it."""
+    """Return a copy of the source tree without a cache, which not even its owner can write to."""
     tree = tmp_path / "tree"
     for package in ("fleet", "maps", "planners"):
         shutil.copytree(repository / package, tree / package, ignore=shutil.ignore_patterns("__pycache__"))

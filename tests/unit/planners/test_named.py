@@ -145,7 +145,7 @@ def test_a_name_that_does_not_do_is_refused_with_the_choices(name: str, what: st
 def test_a_name_that_is_no_text_is_refused() -> None:
     with pytest.raises(MemberError, match="planner is 3; valid: pibt"):
         planner_named(3)  # type: ignore[arg-type]
-    with pytest.raises(MemberError, match="allocator is 'nope'; valid: greedy, hungarian, .*, cpsat or package"):
+    with pytest.raises(MemberError, match=r"allocator is 'nope'; valid: greedy, hungarian, .*, cpsat or package"):
         allocator_named("nope")
 
 
