@@ -38,7 +38,7 @@ class _Field:
     """What the user calls it: `--grip-force`, or SITE."""
     is_option: bool
     kind: Any
-    """bool for an option without a value; int, float, str, Path, an enum, or a `Literal`."""
+    """bool for an option without a value; int, float, str, Path, an enum of texts, or a `Literal` of them."""
     repeats: bool
     """Each use adds a value, instead of replacing the one before."""
     required: bool
@@ -60,9 +60,9 @@ class _Field:
                 raise ConfigError(f"{self.label} is {text!r}; valid: {NUMBERS[self.kind]}") from None
         if self.kind in (str, Path):
             return self.kind(text)
-        choices = self.kind if isinstance(self.kind, type) else get_args(self.kind)
-        require(text in list(choices), self.label, text, ", ".join(choices))
-        return self.kind(text) if isinstance(self.kind, type) else text
+        choices: list[str] = list(get_args(self.kind) or self.kind)
+        require(text in choices, self.label, text, ", ".join(choices))
+        return text if get_args(self.kind) else self.kind(text)
 
 
 def read_words(words: Sequence[str], command: type[Any]) -> Any:

@@ -62,9 +62,10 @@ def _wrong(instance: Instance, plan: object) -> str:
     """What keeps an answer from being a plan of this instance, empty if nothing does."""
     if not isinstance(plan, Plan):
         return f"is of type {type(plan).__name__}"
-    if not isinstance(plan.status, Status):
-        return f"has the status {plan.status!r}"
+    status: Any = plan.status
     states: Any = plan.states
+    if not isinstance(status, Status):
+        return f"has the status {status!r}"
     if not isinstance(states, np.ndarray) or states.dtype != np.int32:
         return f"has states of type {getattr(states, 'dtype', type(states).__name__)}, not int32"
     if states.ndim != 2 or states.shape[1] != instance.n_agents or not 1 <= len(states) <= instance.horizon + 1:
