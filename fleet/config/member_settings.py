@@ -84,7 +84,7 @@ def _tables(path: Path, family: str) -> Mapping[str, Mapping[str, SettingValue]]
             raise ConfigError(f"{where}: top level has {key} = {str(tables)[:60]}; valid: {FORM}")
         for name, table in tables.items():
             valid = f'{", ".join(NAMES[key])} or "package.module.Class", in quotes'
-            require(name in NAMES[key] or "." in name, f"{where}: table of a {key}", name, valid)
+            require(name in NAMES[key] or "." in name, f"{where}: {key}", name, valid)
             for setting, value in table.items():
                 ok = isinstance(value, bool | int | float | str)
                 require(ok, f"{where}: {key}.{name}.{setting}", value, "a number, true, false or a text")
