@@ -26,6 +26,7 @@ OPTIONS = (
     tyro.conf.PositionalMetavarFromFieldName,
     tyro.conf.UseAppendAction,
 )
+VALUES = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
 NUMBERS = {int: "an integer", float: "a number"}
 
 
@@ -45,7 +46,14 @@ class _Field:
 
     @property
     def usage(self) -> str:
-        return f"{self.label} {self.name.upper()}" if self.is_option else self.label
+        """How it is typed, with the kind of value as the help calls it."""
+        value = VALUES.get(self.kind) or "|".join(self.choices)
+        return f"{self.label} {value}" if self.is_option else self.label
+
+    @property
+    def choices(self) -> list[str]:
+        """The words of an enum or a `Literal`."""
+        return list(get_args(self.kind) or self.kind)
 
     def read(self, text: str) -> Any:
         """The value of a word.
@@ -60,8 +68,7 @@ class _Field:
                 raise ConfigError(f"{self.label} is {text!r}; valid: {NUMBERS[self.kind]}") from None
         if self.kind in (str, Path):
             return self.kind(text)
-        choices: list[str] = list(get_args(self.kind) or self.kind)
-        require(text in choices, self.label, text, ", ".join(choices))
+        require(text in self.choices, self.label, text, ", ".join(self.choices))
         return text if get_args(self.kind) else self.kind(text)
 
 
@@ -103,8 +110,9 @@ def read_words(words: Sequence[str], command: type[Any]) -> Any:
         value = field.read(text)
         given[field.name] = (*given.get(field.name, ()), value) if field.repeats else value
     if missing := next((field for field in fields if field.required and field.name not in given), None):
-        needed = " ".join(field.usage for field in fields if field.required)
-        raise ConfigError(f"{missing.label} is missing; valid: {needed}, see --help")
+        arguments = " ".join(field.usage for field in fields if field.required and not field.is_option)
+        needed = missing.usage if missing.is_option else f"{arguments}, which --help explains"
+        raise ConfigError(f"{missing.label} is missing; valid: {needed}")
     return command(**given)
 
 
