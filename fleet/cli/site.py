@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.console import Console
-from rich.table import Table
 
 from fleet.config import require
 
@@ -31,6 +29,9 @@ class SiteCheck:
 
     def run(self) -> int:
         """Print the report; a bad site raises."""
+        from rich.console import Console
+        from rich.table import Table
+
         from maps.report import check_site, draw_site
         from maps.site import load_site
 
