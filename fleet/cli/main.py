@@ -24,7 +24,7 @@ from fleet.cli.plan import Plan
 from fleet.cli.report import Report
 from fleet.cli.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
 from fleet.cli.study import Study
-from fleet.cli.tabletop import TabletopPair, TabletopSort, TabletopTray
+from fleet.cli.tabletop import TabletopExchange, TabletopPair, TabletopSort, TabletopTray
 from fleet.cli.train import Train
 from fleet.cli.why import Why
 from fleet.errors import FleetError
@@ -52,10 +52,18 @@ SITE_COMMANDS: dict[str, type[Any]] = {
     "generate": SiteGenerate,
     "convert": SiteConvert,
 }
-TABLETOP_COMMANDS: dict[str, type[Any]] = {"sort": TabletopSort, "tray": TabletopTray, "pair": TabletopPair}
+TABLETOP_COMMANDS: dict[str, type[Any]] = {
+    "sort": TabletopSort,
+    "tray": TabletopTray,
+    "pair": TabletopPair,
+    "exchange": TabletopExchange,
+}
 GROUPS: dict[str, tuple[str, dict[str, type[Any]]]] = {
     "site": ("Check, list, generate or convert sites.", SITE_COMMANDS),
-    "tabletop": ("Sort a table: one Kuka, a Panda with a tray, or two Kukas.", TABLETOP_COMMANDS),
+    "tabletop": (
+        "Sort a table: a Kuka, a Panda with a tray, two Kukas; or let two share a tray.",
+        TABLETOP_COMMANDS,
+    ),
 }
 """Words that have commands of their own."""
 OPTIONS = (

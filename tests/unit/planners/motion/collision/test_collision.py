@@ -150,11 +150,11 @@ def test_malformed_input_is_named(iiwa):  # type: ignore[no-untyped-def]
         CollisionChecker(iiwa, Boxes(), margin=-0.1)
     with pytest.raises(PlanningError, match="held spheres"):
         CollisionChecker(iiwa, Boxes(), (np.zeros((2, 3)), np.zeros(1)))
-    with pytest.raises(PlanningError, match="positive"):
+    with pytest.raises(PlanningError, match="half > 0"):
         Boxes.one((0, 0, 0), (0.1, 0.0, 0.1))
     with pytest.raises(PlanningError, match=r"valid: \(7,\)"):
         CollisionChecker(iiwa, Boxes()).free(np.zeros(6))
-    with pytest.raises(PlanningError, match="radii"):
+    with pytest.raises(PlanningError, match="radius > 0"):
         Capsules.one((0, 0, 0), (0, 0, 1), 0.0)
     with pytest.raises(PlanningError, match="finite"):
         Boxes.one((0, 0, np.nan), (1, 1, 1))
