@@ -13,7 +13,7 @@ import numpy.typing as npt
 from fleet.missions.roster import CarPhase
 from fleet.traffic.drivers import PathDriver
 from fleet.world.protocol import FloatArray
-from planners.motion.car.reeds_shepp import RejoinResult, RejoinStatus, plan_rejoin
+from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
 if TYPE_CHECKING:
     from fleet.robots.spec import CarSpec
@@ -229,7 +229,7 @@ class Recovery:
                     seed=seed,
                     max_iterations=iterations,
                 )
-                if way.status is not RejoinStatus.SOLVED:
+                if not way.solved:
                     continue
                 cells = [cell for cell in self._cells_of(way.poses) if cell not in room.ground]
                 if simulation.executor.dependencies.reserve(car, cells):
