@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planners.allocation.job_shop.shop_kernel import Arrays, Integers, empty_books, evaluate
+from planners.allocation.job_shop.shop_kernel import Arrays, Integers, empty_schedule, evaluate
 from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.regret_lns import ITERATIONS, RegretLns
@@ -70,8 +70,8 @@ class CpSat:
             return replace(ahead, note=_note("the solver found no plan within its budget"))
         window, solved = model.plan(solver, vehicle)
         whole = np.concatenate((window, order[self._window_n :]))
-        books = empty_books(arrays)
-        if evaluate(arrays, books, whole, solved, np.inf) >= evaluate(arrays, books, order, vehicle, np.inf):
+        schedule = empty_schedule(arrays)
+        if evaluate(arrays, schedule, whole, solved, np.inf) >= evaluate(arrays, schedule, order, vehicle, np.inf):
             return replace(ahead, note=_note("the solver found nothing better within its budget"))
         return planned(problem, problem.shop, whole, solved)
 

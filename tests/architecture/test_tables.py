@@ -27,8 +27,8 @@ FAMILIES = [
     Family(
         package="planners.mapf",
         tables=("PLANNERS", "ONE_SHOT_PLANNERS"),
-        support=frozenset({"chance", "distance_table", "inheritance", "kernel", "metrics", "one_shot", "options"})
-        | {"problem", "roads", "validate", "window"},
+        support=frozenset({"chance", "distance_table", "inheritance", "kernel", "lanes", "metrics", "one_shot"})
+        | {"options", "problem", "roads", "validate", "window"},
     ),
     Family(
         package="planners.allocation",
