@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from planners.allocation.arrays import Int64Array
 from planners.allocation.hungarian import Hungarian
 from planners.allocation.job_shop.shop_kernel import (
     Arrays,
     Cooling,
-    Integers,
     JobPlan,
     anneal,
     append,
@@ -80,7 +80,7 @@ class RegretLns:
         kept = planned(problem, problem.shop, *self.plan(pinned, problem.shop))
         return free if _gain(kept, free) > worth[moved].sum() else kept
 
-    def plan(self, problem: AllocationProblem, shop: Shop) -> tuple[Integers, Integers]:
+    def plan(self, problem: AllocationProblem, shop: Shop) -> tuple[Int64Array, Int64Array]:
         """The order of the jobs that are planned, shape (n,), and the vehicle of each job, shape (n_jobs,)."""
         arrays = arrays_of(problem, shop)
         order, vehicle = _first_plan(arrays, _window(problem, self._window_n), shop)
@@ -92,7 +92,9 @@ class RegretLns:
                 order, vehicle = self._improve(arrays, order, vehicle, level)
         return order, vehicle
 
-    def _improve(self, arrays: Arrays, order: Integers, vehicle: Integers, level: float) -> tuple[Integers, Integers]:
+    def _improve(
+        self, arrays: Arrays, order: Int64Array, vehicle: Int64Array, level: float
+    ) -> tuple[Int64Array, Int64Array]:
         best = JobPlan(np.empty_like(order), np.empty_like(vehicle))
         state = np.random.SeedSequence(self._seed).generate_state(1, np.uint64) | np.uint64(1)
         cooling = Cooling(iterations=self._iterations, hot=HOT * level, cold=COLD * level)
@@ -119,12 +121,12 @@ def _gain(kept: Assignment, free: Assignment) -> float:
     return np.inf if more else kept.timetable.objective - free.timetable.objective
 
 
-def _first_plan(arrays: Arrays, jobs: Integers, shop: Shop) -> tuple[Integers, Integers]:
+def _first_plan(arrays: Arrays, jobs: Int64Array, shop: Shop) -> tuple[Int64Array, Int64Array]:
     """The best of the greedy plan, the one by due dates, and those by regret or the proposed one."""
     schedule = empty_schedule(arrays)
-    plans: list[tuple[int, float, int, Integers, Integers]] = []
+    plans: list[tuple[int, float, int, Int64Array, Int64Array]] = []
 
-    def keep(planned_n: int, order: Integers, vehicle: Integers) -> None:
+    def keep(planned_n: int, order: Int64Array, vehicle: Int64Array) -> None:
         order = order[:planned_n]
         plans.append((-planned_n, evaluate(arrays, schedule, order, vehicle, np.inf), len(plans), order, vehicle))
 
@@ -145,7 +147,7 @@ def _first_plan(arrays: Arrays, jobs: Integers, shop: Shop) -> tuple[Integers, I
     return order, vehicle
 
 
-def _window(problem: AllocationProblem, window_n: int) -> Integers:
+def _window(problem: AllocationProblem, window_n: int) -> Int64Array:
     """The tasks to plan, by index: those held, then by class and age."""
     n = problem.cost.shape[1]
     held = np.zeros(n, dtype=np.bool_)

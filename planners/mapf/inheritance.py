@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planners.mapf.arrays import IntArray
 from planners.mapf.kernel import Int, inlined, kernel
 from planners.mapf.options import Options
-from planners.mapf.problem import IntArray
+from planners.mapf.problem import NOBODY
 
-NOBODY = -1
-"""Who stands in an empty cell."""
 UNDECIDED = -1
 """Where an agent goes that has not decided yet."""
 

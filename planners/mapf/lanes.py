@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from maps.lane_graph import LaneGraph
-from planners.mapf.problem import BoolArray, IntArray
+from planners.mapf.arrays import BoolArray, IntArray
 
 
 class Lanes(NamedTuple):

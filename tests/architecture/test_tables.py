@@ -27,13 +27,17 @@ FAMILIES = [
     Family(
         package="planners.mapf",
         tables=("PLANNERS", "ONE_SHOT_PLANNERS"),
-        support=frozenset({"chance", "distance_table", "inheritance", "kernel", "lanes", "metrics", "one_shot"})
+        support=frozenset(
+            {"arrays", "chance", "distance_table", "inheritance", "kernel", "lanes", "metrics", "one_shot"}
+        )
         | {"options", "problem", "roads", "validate", "window"},
     ),
     Family(
         package="planners.allocation",
         tables=("ALLOCATORS",),
-        support=frozenset({"costs", "job_shop", "problem", "prune", "reasons", "shop", "sparse_matching", "validate"}),
+        support=frozenset(
+            {"arrays", "costs", "job_shop", "problem", "prune", "reasons", "shop", "sparse_matching", "validate"}
+        ),
     ),
     Family(
         package="planners.motion.search",

@@ -12,16 +12,13 @@ the time of a timetable.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int64]
-Int: TypeAlias = int | np.int64
-Number: TypeAlias = float | np.float64
+from planners.allocation.arrays import FloatArray, Int, Int64Array, Number
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 
@@ -34,54 +31,54 @@ MOVE_SHARES = (0.5, 0.75, 0.9)
 class Arrays(NamedTuple):
     """A shop as the kernels read it, its stops without station put together; no time is negative."""
 
-    travel_s: Floats
-    start: Integers
-    ready_s: Floats
-    free_s: Floats
-    first_place: Integers
+    travel_s: FloatArray
+    start: Int64Array
+    ready_s: FloatArray
+    free_s: FloatArray
+    first_place: Int64Array
     """Place of the first stop of each job."""
-    last_place: Integers
+    last_place: Int64Array
     """Place of the last."""
-    release_s: Floats
-    first_booking: Integers
+    release_s: FloatArray
+    first_booking: Int64Array
     """Bookings of job j are first_booking[j] .. first_booking[j + 1] - 1."""
-    lead_s: Floats
+    lead_s: FloatArray
     """From the booking before, or the arrival at the first stop, to the arrival at the station."""
-    station: Integers
-    service_s: Floats
-    tail_s: Floats
+    station: Int64Array
+    service_s: FloatArray
+    tail_s: FloatArray
     """From the end of the last service of a job to its end."""
-    due_s: Floats
-    weight: Floats
-    late_weight: Floats
-    late_cost: Floats
+    due_s: FloatArray
+    weight: FloatArray
+    late_weight: FloatArray
+    late_cost: FloatArray
     makespan_weight: float
-    class_of: Integers
-    extra: Floats
+    class_of: Int64Array
+    extra: FloatArray
     """What each pair adds to the objective, inf = not allowed, shape (n_vehicles, n_jobs)."""
 
 
 class PartialSchedule(NamedTuple):
     """The timetable of the jobs that are put in so far: memory of one evaluation."""
 
-    at: Integers
+    at: Int64Array
     """Place of each vehicle."""
-    ready_s: Floats
+    ready_s: FloatArray
     """When it is there."""
-    begin_s: Floats
+    begin_s: FloatArray
     """Start of each service, by station, rising, shape (n_stations, n_bookings + 1); the first is what was before."""
-    end_s: Floats
+    end_s: FloatArray
     """End of it."""
-    booked_n: Integers
+    booked_n: Int64Array
     """Services booked, by station."""
 
 
 class JobPlan(NamedTuple):
     """Which jobs are done in which order, and by whom."""
 
-    order: Integers
+    order: Int64Array
     """Jobs that are planned, in order, shape (n,)."""
-    vehicle: Integers
+    vehicle: Int64Array
     """Vehicle of each job, shape (n_jobs,)."""
 
 
@@ -155,7 +152,7 @@ def _job_end(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int, bo
 
 
 @njit(**_OPTIONS)
-def evaluate(shop: Arrays, schedule: PartialSchedule, order: Integers, vehicle: Integers, bound: Number) -> Number:
+def evaluate(shop: Arrays, schedule: PartialSchedule, order: Int64Array, vehicle: Int64Array, bound: Number) -> Number:
     """The objective of a plan; inf as soon as it is certain to be above `bound`.
 
     Args:
@@ -181,7 +178,7 @@ def evaluate(shop: Arrays, schedule: PartialSchedule, order: Integers, vehicle: 
 
 
 @njit(**_OPTIONS)
-def dispatch(shop: Arrays, schedule: PartialSchedule, regret: Number, order: Integers, vehicle: Integers) -> int:
+def dispatch(shop: Arrays, schedule: PartialSchedule, regret: Number, order: Int64Array, vehicle: Int64Array) -> int:
     """Make a plan job by job, each at the end of a vehicle's list, class by class.
 
     Next is the job with the least of: its end by the vehicle that ends it first, less `regret` x how much later the
@@ -230,7 +227,7 @@ def dispatch(shop: Arrays, schedule: PartialSchedule, regret: Number, order: Int
 
 
 @njit(**_OPTIONS)
-def append(shop: Arrays, schedule: PartialSchedule, planned_n: int, order: Integers, vehicle: Integers) -> int:
+def append(shop: Arrays, schedule: PartialSchedule, planned_n: int, order: Int64Array, vehicle: Int64Array) -> int:
     """Complete a plan: the jobs it does not have yet are put to its end in their order, each where it ends first.
 
     Args:
@@ -266,7 +263,7 @@ def append(shop: Arrays, schedule: PartialSchedule, planned_n: int, order: Integ
 
 
 @njit(**_OPTIONS)
-def _move(order: Integers, source: Int, target: Int) -> None:
+def _move(order: Int64Array, source: Int, target: Int) -> None:
     """Take the job at one position out of the order and put it in at another."""
     job = order[source]
     for k in range(source, target):
@@ -277,7 +274,7 @@ def _move(order: Integers, source: Int, target: Int) -> None:
 
 
 @njit(**_OPTIONS)
-def _swap_tails(order: Integers, vehicle: Integers, position: Int, a: Int, b: Int) -> None:
+def _swap_tails(order: Int64Array, vehicle: Int64Array, position: Int, a: Int, b: Int) -> None:
     """Two vehicles swap all their jobs from a position on."""
     for k in range(position, len(order)):
         if vehicle[order[k]] == a:
@@ -287,13 +284,13 @@ def _swap_tails(order: Integers, vehicle: Integers, position: Int, a: Int, b: In
 
 
 @njit(**_OPTIONS)
-def _copy(source: Integers, target: Integers) -> None:
+def _copy(source: Int64Array, target: Int64Array) -> None:
     for k in range(len(source)):
         target[k] = source[k]
 
 
 @njit(**_OPTIONS)
-def _swap(values: Integers, a: Int, b: Int) -> None:
+def _swap(values: Int64Array, a: Int, b: Int) -> None:
     values[a], values[b] = values[b], values[a]
 
 

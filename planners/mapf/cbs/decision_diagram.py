@@ -12,10 +12,10 @@ import numpy.typing as npt
 from numba import njit
 
 from maps.lane_graph import LaneGraph
+from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.distance_table import UNREACHABLE
 from planners.mapf.kernel import kernel
 from planners.mapf.lanes import Lanes, lanes_of
-from planners.mapf.problem import BoolArray, IntArray
 
 
 class Does(IntEnum):

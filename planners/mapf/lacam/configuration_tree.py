@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planners.mapf.arrays import BoolArray, Int64Array, IntArray
 from planners.mapf.chance import Chance, chance_of, draw, mixed
 from planners.mapf.inheritance import clear
 from planners.mapf.kernel import Int, kernel
 from planners.mapf.lacam.successors import Board, Guide, board_of, complete, constrain, set_out
-from planners.mapf.problem import BoolArray, IntArray
 from planners.mapf.roads import Roads
 
 _FAR = 2**60
@@ -20,8 +20,6 @@ _RESTART_SHARE = 0.001
 
 _EXHAUSTED, _SPENT, _FULL, _IMPROVED = range(4)
 _N_NODES, _N_PARTS, _N_EDGES, _N_OPEN, _GOAL = range(5)
-
-Int64Array = npt.NDArray[np.int64]
 
 
 class _Memory(NamedTuple):

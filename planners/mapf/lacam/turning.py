@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph, MoveKind
+from planners.mapf.arrays import IntArray
 from planners.mapf.kernel import Int, kernel
 from planners.mapf.lanes import Lanes, lanes_of
-from planners.mapf.problem import NO_GOAL, Instance, IntArray
+from planners.mapf.problem import NO_GOAL, Instance
 
 _UNKNOWN, _ASKED, _GOES, _WAITS = range(4)
 _ROWS = 64

@@ -5,18 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
+from planners.mapf.arrays import BoolArray, IntArray, SmallIntArray
 from planners.mapf.lanes import Lanes, lanes_of
-from planners.mapf.problem import BoolArray, IntArray
 
 LONGEST = 6
 """Most timesteps of an operation; beyond it their number grows out of hand."""
-
-SmallInts = npt.NDArray[np.int8]
 
 
 class Operations(NamedTuple):
@@ -40,7 +37,7 @@ class Operations(NamedTuple):
     turn_ptr: IntArray
     """States that state s can turn into without leaving its cell: turn_ptr[s] .. turn_ptr[s + 1] - 1, itself first."""
     turn_state: IntArray
-    turn_steps: SmallInts
+    turn_steps: SmallIntArray
     """Timesteps that the turn takes."""
     turn_first: IntArray
     """State after the turn's first timestep."""
@@ -56,7 +53,7 @@ class Turns(NamedTuple):
 
     ptr: IntArray
     state: IntArray
-    steps: SmallInts
+    steps: SmallIntArray
     first: IntArray
 
 
@@ -97,7 +94,9 @@ def operations_of(graph: LaneGraph, length: int, is_open: BoolArray) -> Operatio
 
 
 @njit(cache=True)
-def _turns(lanes: Lanes, length: int) -> tuple[IntArray, IntArray, SmallInts, IntArray]:  # pragma: no cover - compiled
+def _turns(
+    lanes: Lanes, length: int
+) -> tuple[IntArray, IntArray, SmallIntArray, IntArray]:  # pragma: no cover - compiled
     """Breadth-first search from every state over the moves that stay in its cell."""
     n_states = len(lanes.out_ptr) - 1
     ptr = np.zeros(n_states + 1, dtype=np.int32)
@@ -168,7 +167,7 @@ def _count(lanes: Lanes, turns: Turns, length: int) -> IntArray:  # pragma: no c
 @njit(cache=True)
 def _list(
     lanes: Lanes, turns: Turns, ptr: IntArray, length: int
-) -> tuple[IntArray, IntArray, SmallInts, IntArray, IntArray, IntArray, IntArray]:  # pragma: no cover - compiled
+) -> tuple[IntArray, IntArray, SmallIntArray, IntArray, IntArray, IntArray, IntArray]:  # pragma: no cover - compiled
     """Fill the arrays of `Operations`; a state's list is its own queue, each entry followed by its continuations.
 
     The last two arrays tell which operation each one continues, and by which move; -1 for staying.
@@ -227,7 +226,7 @@ def _list(
 
 
 def _beside(
-    graph: LaneGraph, trunk: IntArray, last: IntArray, arrive: SmallInts
+    graph: LaneGraph, trunk: IntArray, last: IntArray, arrive: SmallIntArray
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Cells swept on the way that are neither left nor entered; the motion models of `maps` have none."""
     beside = {}

@@ -8,12 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
+from planners.mapf.arrays import BoolArray, Int64Array, IntArray
 from planners.mapf.distance_table import UNREACHABLE
 from planners.mapf.kernel import kernel
 from planners.mapf.lanes import Lanes, lanes_of
-from planners.mapf.problem import BoolArray, IntArray
-
-Int64Array = npt.NDArray[np.int64]
 
 FOREVER = 2**30
 """End of a reservation that is never given back: later than any timestep of a path."""
