@@ -186,6 +186,7 @@ def _step(
         if wishes.locked[agent]:
             stay(claims, now, after, agent)
     _rank(options, wishes, claims, keys, salt, now)
+    # The main loop of algorithm 1: by priority, whoever is undecided; all candidates are sorted beforehand.
     for leader in wishes.order:
         if claims.goes[leader] == UNDECIDED:
             claims.stack[0] = leader
