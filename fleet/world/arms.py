@@ -81,7 +81,7 @@ class ServoArms:
 
 
 @njit(cache=True)
-def _servo(  # one kernel for all arms, on flat arrays
+def _servo(  # flat: bundled, it would take 2.4 us instead of 1 for arms that rest, as often as the world is stepped
     q, qd, target, lower, upper, max_velocity, dt, everything, joints, tool_length, base, tips, points
 ):  # fmt: skip
     """Move joints, then place tips and spheres of the arms that moved (of all arms if `everything`)."""

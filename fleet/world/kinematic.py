@@ -298,7 +298,7 @@ class KinematicWorld(PlanarWorld):
 
 
 @njit(cache=True)
-def _drive(  # one kernel for all cars, on flat arrays
+def _drive(  # flat: bundled, it would take 2 us instead of 0.7, as often as the world is stepped
     poses, speeds, steering, commands, n_substeps, dt, wheelbase, max_speed, accel, brake, max_steering, steering_rate
 ):  # fmt: skip
     """Bicycle model by the midpoint rule; speed and steering reach what they can of the command at the tick's end."""
