@@ -89,7 +89,14 @@ class Batteries:
 
 
 @njit(cache=True)
-def _spend(charge, speeds, load_kg, awake, charging, rates):
+def _spend(
+    charge: FloatArray,
+    speeds: FloatArray,
+    load_kg: FloatArray,
+    awake: BoolArray,
+    charging: BoolArray,
+    rates: _Rates,
+) -> float:
     """Spend and charge one tick; returns the least charge there is, at most 1."""
     awake_w, asleep_w, charge_w, empty_n, kg_n, per_w = rates
     lowest = 1.0

@@ -117,7 +117,7 @@ class PoseEstimator:
 
 
 @njit(cache=True)
-def _advance(pose, distance, turn):
+def _advance(pose: FloatArray, distance: float, turn: float) -> None:
     middle = pose[2] + 0.5 * turn
     pose[0] += distance * math.cos(middle)
     pose[1] += distance * math.sin(middle)
@@ -125,7 +125,15 @@ def _advance(pose, distance, turn):
 
 
 @njit(cache=True)
-def _estimate(known, tick, true_poses, speeds, steering, noise, estimate):
+def _estimate(
+    known: _Filter,
+    tick: int,
+    true_poses: FloatArray,
+    speeds: FloatArray,
+    steering: FloatArray,
+    noise: FloatArray,
+    estimate: FloatArray,
+) -> None:
     """Take one tick's measurements of all cars, and fill in the estimated poses now."""
     tick_s, wheelbase, sigma, truth, odometry, motion, past, variance = known
     n_slots = len(truth)

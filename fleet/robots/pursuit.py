@@ -33,7 +33,7 @@ class PathArrays(NamedTuple):
     points: FloatArray
     s: FloatArray
     direction: SignArray
-    count: IntArray
+    n_points: IntArray
     cursor: IntArray
     progress: FloatArray
 
@@ -276,7 +276,7 @@ class Follower:
 
 
 @njit(cache=True)
-def any_beyond(first, first_limit, second, second_limit):
+def any_beyond(first: FloatArray, first_limit: float, second: FloatArray, second_limit: float) -> bool:
     """Whether an entry of one of two arrays of one length is beyond its limit, on either side."""
     for k in range(len(first)):  # noqa: SIM110 - numba has no generators in any()
         if abs(first[k]) > first_limit or abs(second[k]) > second_limit:
@@ -285,7 +285,7 @@ def any_beyond(first, first_limit, second, second_limit):
 
 
 @njit(cache=True)
-def _append(path, car, new_points, new_s, new_direction):
+def _append(path: PathArrays, car: int, new_points: FloatArray, new_s: FloatArray, new_direction: int) -> int:
     """Write a piece behind a car's path, which has room for it; a piece that does not fit changes nothing."""
     points, s, direction, count, _, _ = path
     last = count[car] - 1
@@ -307,7 +307,7 @@ def _append(path, car, new_points, new_s, new_direction):
 
 
 @njit(cache=True)
-def _trim(path, car):
+def _trim(path: PathArrays, car: int) -> None:
     """Move a car's points to the front of its buffer, without those it has left well behind."""
     points, s, direction, count, cursor, progress = path
     first = 0
@@ -330,7 +330,7 @@ def _wrap(angle: float) -> float:
 
 
 @njit(cache=True)
-def _aim(points, s, direction, last, k, s_aim):
+def _aim(points: FloatArray, s: FloatArray, direction: float, last: int, k: int, s_aim: float) -> tuple[float, float]:
     """Point of the path at arc length `s_aim` from segment `k` on; beyond `last` straight on along its yaw."""
     while k + 1 < last and s[k + 1] < s_aim:
         k += 1
@@ -342,7 +342,7 @@ def _aim(points, s, direction, last, k, s_aim):
 
 
 @njit(cache=True)
-def _yaw_at(points, s, first, last, k, s_at):
+def _yaw_at(points: FloatArray, s: FloatArray, first: int, last: int, k: int, s_at: float) -> float:
     """Yaw of the path at arc length `s_at`, searched from segment `k`, constant outside points `first` to `last`."""
     if s_at <= s[first]:
         return points[first, 2]
@@ -356,14 +356,23 @@ def _yaw_at(points, s, first, last, k, s_at):
 
 
 @njit(cache=True)
-def _pursuit(x, y, yaw, aim_x, aim_y):
+def _pursuit(x: float, y: float, yaw: float, aim_x: float, aim_y: float) -> float:
     """Curvature of the circle through (x, y), tangent to `yaw`, that hits the aim; the same in reverse."""
     left = -(aim_x - x) * math.sin(yaw) + (aim_y - y) * math.cos(yaw)
     return 2.0 * left / max((aim_x - x) ** 2 + (aim_y - y) ** 2, 1e-6)
 
 
 @njit(cache=True)
-def _curve_speed(points, s, last, k, s_here, speed, brake, g):
+def _curve_speed(
+    points: FloatArray,
+    s: FloatArray,
+    last: int,
+    k: int,
+    s_here: float,
+    speed: float,
+    brake: float,
+    g: _Gains,
+) -> float:
     """Greatest speed now from which all curvature limits ahead, up to point `last`, can be met."""
     horizon = s_here + speed * speed / (2.0 * brake) + 2.0 * speed * g.tick_s + 0.1
     steering = 0.0
@@ -385,7 +394,15 @@ def _curve_speed(points, s, last, k, s_here, speed, brake, g):
 
 
 @njit(cache=True)
-def _follow(path, following, poses, speeds, stop_s, speed_cap, g):
+def _follow(
+    path: PathArrays,
+    following: _Following,
+    poses: FloatArray,
+    speeds: FloatArray,
+    stop_s: FloatArray,
+    speed_cap: FloatArray,
+    g: _Gains,
+) -> None:
     """Move cursor and progress of every car on its path, and fill in its command."""
     points, s, direction, count, cursor, progress = path
     last_command, cross_track, heading_error, standing = following

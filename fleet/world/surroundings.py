@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.errors import FleetError
 from fleet.world.arms import ServoArms
-from fleet.world.protocol import FloatArray, IntArray
 from fleet.world.scene import Scene
 
 BIN_M = 1.0
@@ -229,7 +229,7 @@ class _Rectangle(NamedTuple):
 
 
 @njit(cache=True)
-def _corner_gap(a, b):
+def _corner_gap(a: _Rectangle, b: _Rectangle) -> tuple[float, bool]:
     """Smallest distance from the corners of rectangle a to rectangle b, and whether an axis of b parts them."""
     best, low_u, high_u, low_v, high_v = math.inf, math.inf, -math.inf, math.inf, -math.inf
     for k in range(4):
@@ -244,7 +244,7 @@ def _corner_gap(a, b):
 
 
 @njit(cache=True)
-def _rectangle_gap(a, b):
+def _rectangle_gap(a: _Rectangle, b: _Rectangle) -> float:
     """Distance of two rectangles, 0 if they overlap.
 
     Rectangles that no side of either parts overlap (separating axes); else a corner of one is nearest to the other.
@@ -255,14 +255,14 @@ def _rectangle_gap(a, b):
 
 
 @njit(cache=True)
-def _note(codes, n_codes, kind, a, b):
+def _note(codes: IntArray, n_codes: int, kind: int, a: int, b: int) -> int:
     if n_codes < len(codes):
         codes[n_codes] = (kind << _KIND_SHIFT) + (a << 20) + b
     return n_codes + 1
 
 
 @njit(cache=True)
-def _arm_gap(spheres, frame, length, width, height):
+def _arm_gap(spheres: FloatArray, frame: FloatArray, length: float, width: float, height: float) -> float:
     """Distance of an arm's spheres from a car (centre, cos, sin) that stands on the floor, 0 if they overlap."""
     gap = math.inf
     for k in range(len(spheres)):
@@ -278,7 +278,7 @@ def _arm_gap(spheres, frame, length, width, height):
 
 
 @njit(cache=True)
-def _arms_touch(a, b):
+def _arms_touch(a: FloatArray, b: FloatArray) -> bool:
     for k in range(len(a)):
         for m in range(len(b)):
             if a[k, 3] < 0.0 or b[m, 3] < 0.0:
@@ -290,7 +290,14 @@ def _arms_touch(a, b):
 
 
 @njit(cache=True)
-def _touches(cars, body, bins, arms, clearance, codes):
+def _touches(
+    cars: FloatArray,
+    body: _Body,
+    bins: _Boxes,
+    arms: _ArmBalls,
+    clearance: float,
+    codes: IntArray,
+) -> tuple[int, float]:
     """Codes of all pairs that touch now, and the smallest clearance so far."""
     shift, length, width, height = body
     boxes, keys, bin_ptr, bin_box, n_x, n_y = bins
@@ -348,7 +355,7 @@ def _touches(cars, body, bins, arms, clearance, codes):
 
 
 @njit(cache=True)
-def _enter(ox, oy, dx, dy, half_x, half_y, best):
+def _enter(ox: float, oy: float, dx: float, dy: float, half_x: float, half_y: float, best: float) -> float:
     """Fraction at which a ray enters an axis-aligned box round the origin, `best` if later, never, or from inside."""
     first, last = 0.0, best
     inside = True
@@ -365,7 +372,7 @@ def _enter(ox, oy, dx, dy, half_x, half_y, best):
 
 
 @njit(cache=True)
-def _enter_circle(ox, oy, dx, dy, radius, best):
+def _enter_circle(ox: float, oy: float, dx: float, dy: float, radius: float, best: float) -> float:
     """Fraction at which a ray enters a circle round the origin, `best` if later, never, or from inside."""
     a, b, c = dx * dx + dy * dy, ox * dx + oy * dy, ox * ox + oy * oy - radius * radius
     under = b * b - a * c
@@ -375,7 +382,16 @@ def _enter_circle(ox, oy, dx, dy, radius, best):
 
 
 @njit(cache=True)
-def _cast(origins, ends, cars, body, bins, feet, foot, out):
+def _cast(
+    origins: FloatArray,
+    ends: FloatArray,
+    cars: FloatArray,
+    body: _Body,
+    bins: _Boxes,
+    feet: FloatArray,
+    foot: float,
+    out: FloatArray,
+) -> None:
     """Walk each ray through the bins it crosses; cars and feet of arms are tried one by one.
 
     Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.

@@ -113,7 +113,7 @@ def _room(n_cars: int, n_boxes: int, near_arms: BoolArray) -> Near:
 
 
 @njit(cache=True)
-def _rectangle_gap(a, b, cutoff):
+def _rectangle_gap(a: FloatArray, b: FloatArray, cutoff: float) -> float:
     """Distance of rectangles (x, y, yaw, half length, half width), 0 if they overlap; a lower bound above `cutoff`."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     ca, sa, cb, sb = math.cos(a[2]), math.sin(a[2]), math.cos(b[2]), math.sin(b[2])
@@ -144,7 +144,7 @@ def _rectangle_gap(a, b, cutoff):
 
 
 @njit(cache=True)
-def car_rectangles(poses, front, rear, half_width):
+def car_rectangles(poses: FloatArray, front: float, rear: float, half_width: float) -> FloatArray:
     """Find the ground plans of cars.
 
     Args:
@@ -167,7 +167,14 @@ def car_rectangles(poses, front, rear, half_width):
 
 
 @njit(cache=True)
-def near_cars(bodies, boxes, margin, best, car_pairs, box_pairs):
+def near_cars(
+    bodies: FloatArray,
+    boxes: FloatArray,
+    margin: float,
+    best: float,
+    car_pairs: IntArray,
+    box_pairs: IntArray,
+) -> tuple[int, int, float]:
     """Find what cars could touch within a tick, and their smallest distance from each other.
 
     Args:
@@ -209,7 +216,15 @@ def near_cars(bodies, boxes, margin, best, car_pairs, box_pairs):
 
 
 @njit(cache=True)
-def arm_gap(arms, now, bodies, height, margin, best, near):
+def arm_gap(
+    arms: ArmShapes,
+    now: Moment,
+    bodies: FloatArray,
+    height: float,
+    margin: float,
+    best: float,
+    near: BoolArray,
+) -> float:
     """Find the smallest distance between arms and the cars they do not serve, and which arms cars are near to.
 
     An arm is a chain of spheres at its joints, half-way between them, and along its tool; a held parcel is the sphere
@@ -265,7 +280,14 @@ def arm_gap(arms, now, bodies, height, margin, best, near):
 
 
 @njit(cache=True)
-def _chain(base, base_from_joint, q, tool_length, radii, points):
+def _chain(
+    base: FloatArray,
+    base_from_joint: FloatArray,
+    q: FloatArray,
+    tool_length: float,
+    radii: FloatArray,
+    points: FloatArray,
+) -> None:
     """Fill in the spheres of one arm (all rows but the last): x, y, z, radius."""
     n_joints = len(q)
     # Rows of the frame's matrix; products written out, because a library product takes seconds to compile.
@@ -296,7 +318,15 @@ def _chain(base, base_from_joint, q, tool_length, radii, points):
 
 
 @njit(cache=True)
-def near_and_gap(car, arms, now, boxes, margin, best, near):
+def near_and_gap(
+    car: CarShape,
+    arms: ArmShapes,
+    now: Moment,
+    boxes: FloatArray,
+    margin: float,
+    best: float,
+    near: Near,
+) -> tuple[int, int, float]:
     """Do `near_cars` and `arm_gap` in one call; returns what the first does, the distance of both.
 
     Named parts cost 3 us per tick of the engine, which takes a thousand.

@@ -47,7 +47,8 @@ class FixedBodies:
 
     def stand(self) -> tuple[set[int], set[int]]:
         """Put up the scene's boxes; returns the bodies of pedestals, and those of all others."""
-        pedestals, others = set(), set()
+        pedestals: set[int] = set()
+        others: set[int] = set()
         for box in self._scene.boxes:
             body = self._add_box(box.kind, np.array(box.centre_m), np.array(box.half_m))
             self._boxes.append(body)

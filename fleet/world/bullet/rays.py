@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from fleet.arrays import FloatArray
+from fleet.arrays import FloatArray, IntArray
 from fleet.robots.racecar import body_boxes
 from fleet.world.bullet.engine.client import Client
 from fleet.world.scene import Scene
@@ -136,7 +136,7 @@ def _way_m(client: Client, body: int, joint: int) -> float:
 
 
 @njit(cache=True)
-def _place_balls(arms, q, parcels, balls):
+def _place_balls(arms: _Arms, q: FloatArray, parcels: FloatArray, balls: FloatArray) -> None:
     """Fill in the balls round all links of all arms, and behind them those round parcels, in the world."""
     bases, joints, links = arms
     frames = np.empty((len(joints) + 1, 3, 4))
@@ -158,7 +158,7 @@ def _place_balls(arms, q, parcels, balls):
 
 
 @njit(cache=True)
-def _slab(ox, oy, oz, dx, dy, dz, box, best):
+def _slab(ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, box: FloatArray, best: float) -> float:
     """Fraction at which a ray enters an axis-aligned box, `best` if later or never, -1 if it begins inside.
 
     Args:
@@ -182,7 +182,17 @@ def _slab(ox, oy, oz, dx, dy, dz, box, best):
 
 
 @njit(cache=True)
-def _meets_ball(px, py, pz, dx, dy, dz, square, radius, best):
+def _meets_ball(
+    px: float,
+    py: float,
+    pz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    square: float,
+    radius: float,
+    best: float,
+) -> bool:
     """Whether a ray comes into a ball at p from the ray's origin before the fraction `best`."""
     t = min(max((px * dx + py * dy + pz * dz) / square, 0.0), best)
     gx, gy, gz = px - t * dx, py - t * dy, pz - t * dz
@@ -190,7 +200,17 @@ def _meets_ball(px, py, pz, dx, dy, dz, square, radius, best):
 
 
 @njit(cache=True)
-def _enter(px, py, pz, dx, dy, dz, frame, boxes, best):
+def _enter(
+    px: float,
+    py: float,
+    pz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    frame: FloatArray,
+    boxes: FloatArray,
+    best: float,
+) -> float:
     """Do `_slab` for all boxes of a frame; p is the way from the ray's origin to the frame's."""
     ox = -(frame[0, 0] * px + frame[1, 0] * py + frame[2, 0] * pz)
     oy = -(frame[0, 1] * px + frame[1, 1] * py + frame[2, 1] * pz)
@@ -206,7 +226,15 @@ def _enter(px, py, pz, dx, dy, dz, frame, boxes, best):
 
 
 @njit(cache=True)
-def _cast(origins, ends, boxes, cars, balls, fractions, unsure):
+def _cast(
+    origins: FloatArray,
+    ends: FloatArray,
+    boxes: FloatArray,
+    cars: _Cars,
+    balls: FloatArray,
+    fractions: FloatArray,
+    unsure: IntArray,
+) -> int:
     """Fill in where rays meet boxes and cars, and list those that may meet something else first; returns how many."""
     frames, body, reach = cars
     n = 0

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from fleet.arrays import FloatArray, IntArray
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots.tools import TOOLS
@@ -161,9 +160,7 @@ class BulletWorld:
         self._near = self._measure()
         client.performCollisionDetection()  # the engine's rays would not find all of the cars
 
-    def step(
-        self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]
-    ) -> None:
+    def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> None:
         """Advance one tick; see `World.step`."""
         self._cars.drive(np.asarray(car_commands, dtype=np.float64).reshape(self.n_cars, 2))
         self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))
