@@ -2,5 +2,15 @@
 
 from __future__ import annotations
 
-BENCHMARKS: tuple[str, ...] = ("arms", "demo", "insight", "mapf", "mapf_lanes", "scheduling", "tracking", "training")
+BENCHMARKS: tuple[str, ...] = (
+    "arms",
+    "demo",
+    "fleet_size",
+    "insight",
+    "mapf",
+    "mapf_lanes",
+    "scheduling",
+    "tracking",
+    "training",
+)
 """Names of the benchmark modules, in the order `python -m benchmarks` runs them; one module each in this folder."""

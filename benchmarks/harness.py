@@ -1,5 +1,9 @@
 """Harness: what every benchmark shares - rows with targets, checks before figures, one table and one JSON file.
 
+Times of computing are shown as measured, and scaled to a machine on which a plain loop takes 0.3 s (`calibration`);
+targets hold for that machine. The loop is timed before and after what is measured, so that a machine that was busy
+with something else in between is seen.
+
 A benchmark module holds a function that measures and ends with two lines::
 
     BENCHMARK = Benchmark(name="tracking", summary="How closely a car follows its lane", measure=measure)
@@ -11,20 +15,28 @@ A benchmark module holds a function that measures and ends with two lines::
 from __future__ import annotations
 
 import argparse
+import cProfile
+import io
 import json
 import math
 import os
 import platform
+import pstats
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+
+from benchmarks.calibration import REFERENCE_S, calibrate
 
 EXIT_OK = 0
 EXIT_WRONG_RESULT = 1
@@ -33,34 +45,83 @@ EXIT_BAD_INPUT = 2
 _REPOSITORY = Path(__file__).resolve().parent.parent
 _PLAIN_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""
+_STRETCH_S = 0.5
+"""Wall time that a row takes after the one before, if it was measured after it [s]."""
+_NOISE = 0.15
+"""A calibration that has changed by such a share from before to after a measurement makes it uncertain."""
+_TIMES = ("s", "ms", "us", "ns", "min")
+_PROFILED = 25
+"""Functions that a profile names."""
+
+
+class Kind(StrEnum):
+    """How a figure depends on the speed of the machine."""
+
+    TIME = "time"
+    """Of computing: longer on a slower machine."""
+    RATE = "rate"
+    """Work per time of computing: less on a slower machine."""
+    PLAIN = "plain"
+    """Not at all: counts, shares and ratios, lengths, simulated times, waits for a clock."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One figure."""
+    """One figure.
+
+    Raises:
+        ValueError: The target has another form, or the unit is one of time and `kind` is not given.
+    """
 
     name: str
     value: float
+    """As measured."""
     unit: str
     target: str = ""
     """``<= x`` or ``>= x``; empty for a figure without a promise."""
+    kind: Kind | None = None
+    """None = plain; has to be given where the unit is one of time, because simulated times are plain."""
+    calibration_s: tuple[float, float] | None = None
+    """Time of the calibration before and after the figure was measured [s]; None = the harness tells."""
 
     def __post_init__(self) -> None:
         if self.target:
             _limit(self.target)
+        if self.kind is None and _is_of_time(self.unit):
+            raise ValueError(f"kind of row {self.name!r} in {self.unit!r} is None; valid: {', '.join(Kind)}")
+
+    @property
+    def scaled(self) -> float | None:
+        """The value on the machine that targets hold for; None of a figure that does not depend on the machine."""
+        if self.kind not in (Kind.TIME, Kind.RATE):
+            return None
+        factor = REFERENCE_S / (0.5 * sum(self.calibration_s)) if self.calibration_s else 1.0
+        return self.value * factor if self.kind is Kind.TIME else self.value / factor
 
     @property
     def met(self) -> bool | None:
-        """Whether the value keeps the target; None without one. A value that is not a number keeps none."""
+        """Whether the scaled value, or a plain one, keeps the target; None without one.
+
+        A value that is not a number keeps none.
+        """
         if not self.target:
             return None
         sign, bound = _limit(self.target)
-        return self.value <= bound if sign == "<=" else self.value >= bound
+        value = self.value if self.scaled is None else self.scaled
+        return value <= bound if sign == "<=" else value >= bound
 
     def to_json(self) -> dict[str, Any]:
-        """Return the row as JSON knows it; a value that is not finite becomes null."""
-        value = self.value if math.isfinite(self.value) else None
-        return {"name": self.name, "value": value, "unit": self.unit, "target": self.target or None, "met": self.met}
+        """Return the row as JSON knows it; what is not finite is null, as is the scaled value of a plain figure."""
+        scaled = self.scaled
+        return {
+            "name": self.name,
+            "value": self.value if math.isfinite(self.value) else None,
+            "scaled": scaled if scaled is not None and math.isfinite(scaled) else None,
+            "unit": self.unit,
+            "target": self.target or None,
+            "met": self.met,
+            "calibration_s": None if scaled is None else self.calibration_s,
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +136,26 @@ class Trial:
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     """Said below the table, such as rows that are left out and why."""
+    profile: bool = False
+    """Say below the table where the time went."""
+
+    @contextmanager
+    def profiled(self, what: str) -> Iterator[None]:
+        """Around what is measured: with `profile`, note the functions that took most of it; else nothing.
+
+        Args:
+            what: Heads the note.
+        """
+        if not self.profile:
+            yield
+            return
+        profiler = cProfile.Profile()
+        with profiler:
+            yield
+        for order in ("tottime", "cumulative"):
+            text = io.StringIO()
+            pstats.Stats(profiler, stream=text).strip_dirs().sort_stats(order).print_stats(_PROFILED)
+            self.notes.append(f"{what}:\n{text.getvalue().strip()}")
 
     def check(self, ok: bool, what: str) -> None:
         """Note a wrong result; figures measured on wrong results are not shown.
@@ -99,6 +180,8 @@ class Benchmark:
     quick_seeds: tuple[int, ...] = (0,)
     groups: tuple[str, ...] = ()
     """Names of groups of rows that can be run alone, in the order of the table."""
+    profiles: bool = False
+    """Whether it can say where the time went."""
 
 
 def in_groups(groups: Mapping[str, Callable[[Trial], Iterable[Row]]]) -> Callable[[Trial], Iterable[Row]]:
@@ -134,6 +217,8 @@ def main(benchmark: Benchmark, argv: Sequence[str] | None = None, console: Conso
         parser.add_argument(
             "--only", nargs="+", metavar="GROUP", help=f"of {', '.join(benchmark.groups)}; default: all"
         )
+    if benchmark.profiles:
+        parser.add_argument("--profile", action="store_true", help="also say which functions took most of the time")
     options = parser.parse_args(argv)
     groups = tuple(getattr(options, "only", None) or benchmark.groups)
     unknown = [group for group in groups if group not in benchmark.groups]
@@ -146,19 +231,33 @@ def main(benchmark: Benchmark, argv: Sequence[str] | None = None, console: Conso
         return EXIT_BAD_INPUT
 
     seeds = benchmark.quick_seeds if options.quick else benchmark.seeds
-    trial = Trial(quick=options.quick, seeds=seeds, groups=groups)
-    rows = list(benchmark.measure(trial))
+    trial = Trial(quick=options.quick, seeds=seeds, groups=groups, profile=getattr(options, "profile", False))
+    rows = list(_calibrated(benchmark, trial))
     if trial.failures:
         for failure in trial.failures:
             console.print(f"{benchmark.name}: wrong result: {failure}", highlight=False, markup=False, soft_wrap=True)
         return EXIT_WRONG_RESULT
 
     console.print(_table(benchmark, rows))
-    for note in trial.notes:
+    for note in (*_calibration_notes(rows), *trial.notes):
         console.print(note, highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
         write_json(options.json, report(benchmark, trial, rows))
     return EXIT_OK
+
+
+def _calibrated(benchmark: Benchmark, trial: Trial) -> Iterator[Row]:
+    """Measure, with a calibration before and after each stretch of it that ends in a row.
+
+    Rows that come right after one another have been measured in the same stretch.
+    """
+    before_s = calibrate()
+    stretch_s, begin_s = (before_s, before_s), time.perf_counter()
+    for row in benchmark.measure(trial):
+        if time.perf_counter() - begin_s > _STRETCH_S:
+            after_s = calibrate()
+            stretch_s, before_s, begin_s = (before_s, after_s), after_s, time.perf_counter()
+        yield row if row.calibration_s is not None else replace(row, calibration_s=stretch_s)
 
 
 def report(benchmark: Benchmark, trial: Trial, rows: Sequence[Row]) -> dict[str, Any]:
@@ -170,6 +269,7 @@ def report(benchmark: Benchmark, trial: Trial, rows: Sequence[Row]) -> dict[str,
         "machine": machine(),
         "commit": commit(),
         "seeds": list(trial.seeds),
+        "calibration_reference_s": REFERENCE_S,
         "notes": trial.notes,
     }
 
@@ -234,19 +334,46 @@ def _limit(target: str) -> tuple[str, float]:
         raise ValueError(f"target is {target!r}; valid: '<= x' or '>= x' with a number x") from None
 
 
+def _is_of_time(unit: str) -> bool:
+    """Whether a unit is one of time or of a rate per second, such as ``ms CPU`` or ``steps/s``."""
+    first = unit.partition(" ")[0]
+    return first in _TIMES or unit.endswith("/s")
+
+
 def _table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     missed = sum(row.met is False for row in rows)
     table = Table(title=escape(f"{benchmark.name}: {benchmark.summary}"), title_justify="left")
     table.caption = f"{missed} of {len(rows)} rows miss their target" if missed else None
     table.add_column("name")
     table.add_column("value", justify="right")
+    table.add_column("scaled", justify="right")
     table.add_column("unit")
     table.add_column("target")
     table.add_column("met")
     for row in rows:
         met = {True: "yes", False: "[bold red]NO[/]", None: ""}[row.met]
-        table.add_row(escape(row.name), f"{row.value:.4g}", escape(row.unit), row.target, met)
+        scaled = "" if row.scaled is None else f"{row.scaled:.4g}"
+        table.add_row(escape(row.name), f"{row.value:.4g}", scaled, escape(row.unit), row.target, met)
     return table
+
+
+def _calibration_notes(rows: Sequence[Row]) -> Iterator[str]:
+    """How fast the machine was, and which figures it was not steady for."""
+    timed = [(row, row.calibration_s) for row in rows if row.scaled is not None and row.calibration_s]
+    if not timed:
+        return
+    least_s, most_s = (pick(second for _, pair in timed for second in pair) for pick in (min, max))
+    yield (
+        f"scaled = on a machine whose calibration, ten million additions in Python, takes {REFERENCE_S} s of CPU time; "
+        f"here it took {least_s:.2f} to {most_s:.2f} s"
+    )
+    unsteady = [
+        f"{row.name.strip()} ({before_s:.2f} s before, {after_s:.2f} s after)"
+        for row, (before_s, after_s) in timed
+        if max(before_s, after_s) > (1.0 + _NOISE) * min(before_s, after_s)
+    ]
+    if unsteady:
+        yield f"uncertain, because the calibration changed meanwhile: {'; '.join(unsteady)}"
 
 
 def _cpu_name() -> str:

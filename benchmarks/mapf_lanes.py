@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Benchmark, Row, Trial, main
+from benchmarks.harness import Benchmark, Kind, Row, Trial, main
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig
 from fleet.simulation import Simulation
 from maps.lane_graph import LaneGraph, build_lane_graph
@@ -33,17 +34,15 @@ DRAIN_N = 1_000
 """Timesteps at the end of a run in which no new task is given."""
 
 
-def rows(trial: Trial) -> list[Row]:
+def rows(trial: Trial) -> Iterator[Row]:
     """Plan, then drive: both sites without physics, the medium one in physics."""
     medium, large = load_site("medium"), large_site()
     seed = trial.seeds[0]
-    return [
-        *_planned(trial, medium, 40, seed),
-        *_planned(trial, large, 200, seed),
-        *_driven(trial, medium, 40, Fidelity.KINEMATIC, seed, tasks=200, station_cap_n=4),
-        *_driven(trial, large, 200, Fidelity.KINEMATIC, seed, tasks=600, station_cap_n=6),
-        *_driven(trial, medium, 40, Fidelity.PHYSICS, seed, tasks=400, station_cap_n=4, duration_s=300.0),
-    ]
+    yield from _planned(trial, medium, 40, seed)
+    yield from _planned(trial, large, 200, seed)
+    yield from _driven(trial, medium, 40, Fidelity.KINEMATIC, seed, tasks=200, station_cap_n=4)
+    yield from _driven(trial, large, 200, Fidelity.KINEMATIC, seed, tasks=600, station_cap_n=6)
+    yield from _driven(trial, medium, 40, Fidelity.PHYSICS, seed, tasks=400, station_cap_n=4, duration_s=300.0)
 
 
 def large_site() -> Site:
@@ -146,7 +145,7 @@ def _planned(trial: Trial, site: Site, n_cars: int, seed: int) -> list[Row]:
         Row(name=f"{where}: conflicts", value=len(wrong), unit="", target="<= 0"),
         Row(name=f"{where}: tasks done", value=run.tasks_done, unit=""),
         Row(name=f"{where}: last quarter to first", value=run.quarters[-1] / max(run.quarters[0], 1), unit=""),
-        Row(name=f"{where}: CPU per timestep", value=run.plan_ms, unit="ms"),
+        Row(name=f"{where}: CPU per timestep", value=run.plan_ms, unit="ms", kind=Kind.TIME),
     ]
 
 
@@ -190,10 +189,10 @@ def _driven(
     )
     return [
         Row(name=f"{where}: robot contacts", value=summary.robot_contacts, unit="", target="<= 0"),
-        Row(name=f"{where}: simulated time", value=summary.sim_s, unit="s"),
+        Row(name=f"{where}: simulated time", value=summary.sim_s, unit="s", kind=Kind.PLAIN),
         Row(name=f"{where}: tasks done", value=summary.tasks_done, unit=f"of {summary.tasks_total}"),
         Row(name=f"{where}: throughput", value=summary.throughput_per_h, unit="tasks/h"),
-        Row(name=f"{where}: real-time factor, CPU", value=summary.sim_s / cpu_s, unit=""),
+        Row(name=f"{where}: real-time factor, CPU", value=summary.sim_s / cpu_s, unit="", kind=Kind.RATE),
     ]
 
 

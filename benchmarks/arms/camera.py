@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.arms.bin_cell import FLOOR_Z_M, BinCell
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from fleet.sensors.boxes import LocateStatus, locate_boxes
 
 N_BINS, QUICK_BINS = 100, 2
@@ -74,9 +74,21 @@ def measure_camera(trial: Trial) -> Iterable[Row]:
     yield Row(name="  pose error, most", value=float(errors_mm.max()), unit="mm")
     yield Row(name="  yaw error, median", value=float(np.median(turns_deg)), unit="deg")
     yield Row(name="  yaw error, most", value=float(turns_deg.max()), unit="deg")
-    yield Row(name="  time to render an image, mean", value=1e3 * float(np.mean(tally.render_s)), unit="ms")
-    yield Row(name="  time to locate all its parcels, mean", value=1e3 * float(np.mean(tally.locate_s)), unit="ms")
-    yield Row(name="  pick and place, simulated, mean", value=float(np.mean(tally.pick_s or [np.nan])), unit="s")
+    yield Row(
+        name="  time to render an image, mean", value=1e3 * float(np.mean(tally.render_s)), unit="ms", kind=Kind.TIME
+    )
+    yield Row(
+        name="  time to locate all its parcels, mean",
+        value=1e3 * float(np.mean(tally.locate_s)),
+        unit="ms",
+        kind=Kind.TIME,
+    )
+    yield Row(
+        name="  pick and place, simulated, mean",
+        value=float(np.mean(tally.pick_s or [np.nan])),
+        unit="s",
+        kind=Kind.PLAIN,
+    )
 
 
 def _empty(trial: Trial, cell: BinCell, rng: np.random.Generator, tally: _Tally) -> None:

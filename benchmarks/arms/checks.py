@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.arms import workcell
 from benchmarks.arms.engine import Engine
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from planners.motion.collision.collision import CollisionChecker
 
 N_STATES, QUICK_STATES = 100_000, 2_000
@@ -37,11 +37,11 @@ def measure_checks(trial: Trial) -> Iterable[Row]:
     engine.close()
     trial.check(len(unsafe) == 0, f"{len(unsafe)} of {len(q)} states called free that collide in the engine{first}")
     one_us, batch_us, free_us, edge_us = _times(checker, q[: QUICK_TIMED if trial.quick else N_TIMED])
-    yield Row(name="one check from Python", value=one_us, unit="us", target="<= 2.5")
-    yield Row(name="  in a batch", value=batch_us, unit="us", target="<= 1")
-    yield Row(name="  in a batch of free states", value=free_us, unit="us")
-    yield Row(name=f"  an edge of {EDGE_RAD:g} rad", value=edge_us, unit="us")
-    yield Row(name="the usual way in PyBullet", value=usual_us, unit="us")
+    yield Row(name="one check from Python", value=one_us, unit="us", kind=Kind.TIME, target="<= 2.5")
+    yield Row(name="  in a batch", value=batch_us, unit="us", kind=Kind.TIME, target="<= 1")
+    yield Row(name="  in a batch of free states", value=free_us, unit="us", kind=Kind.TIME)
+    yield Row(name=f"  an edge of {EDGE_RAD:g} rad", value=edge_us, unit="us", kind=Kind.TIME)
+    yield Row(name="the usual way in PyBullet", value=usual_us, unit="us", kind=Kind.TIME)
     yield Row(name="  over ours", value=usual_us / one_us, unit="x")
     yield Row(name=f"unsafe answers of {len(q):,}", value=len(unsafe), unit="", target="<= 0")
     refused = 100 * float((~ours & theirs).sum()) / max(1, int(theirs.sum()))

@@ -16,7 +16,8 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.motion.pair.asynchronous import least_times_s
-from planners.motion.pair.coordination import MARGIN_M, SweptArm, cover
+from planners.motion.pair.diagram import MARGIN_M
+from planners.motion.pair.swept import SweptArm, cover
 from planners.motion.pair.together import Trip
 
 FloatArray = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.arms import workcell
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from planners.motion import RrtConnect, RrtConnectNative
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.problem import MotionPlanner, MotionProblem
@@ -30,8 +30,14 @@ def measure_free(trial: Trial) -> Iterable[Row]:
     native = RrtConnectNative()
     for name, planner, count, target in (("native lane", native, n, "<= 0.2"), ("OMPL", RrtConnect(), n // 4, "")):
         spent_ms, solved = run(trial, name, planner, checker, ends[: 2 * count])
-        yield Row(name=f"free to free, {name}, median", value=float(np.median(spent_ms)), unit="ms", target=target)
-        yield Row(name="  95th percentile", value=float(np.percentile(spent_ms, 95)), unit="ms")
+        yield Row(
+            name=f"free to free, {name}, median",
+            value=float(np.median(spent_ms)),
+            unit="ms",
+            kind=Kind.TIME,
+            target=target,
+        )
+        yield Row(name="  95th percentile", value=float(np.percentile(spent_ms, 95)), unit="ms", kind=Kind.TIME)
         yield Row(name=f"  solved of {count:,}", value=100 * solved / count, unit="%")
 
 

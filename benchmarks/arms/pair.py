@@ -17,7 +17,7 @@ import pybullet
 from scipy.interpolate import CubicHermiteSpline
 
 from benchmarks.arms.exclusion import least_makespans_s
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from fleet.robots import iiwa_spec
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.robots.tools import TOOLS
@@ -26,7 +26,8 @@ from planners.motion.arm.ik import SrsGeometry
 from planners.motion.arm.kinematics import flange_from_tip
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
-from planners.motion.pair.coordination import ArmInWorld, Schedule
+from planners.motion.pair.schedule import Schedule
+from planners.motion.pair.swept import ArmInWorld
 from planners.motion.pair.together import Trip, Way, alone_s, plan_together
 from planners.motion.path.timed_path import Dwell, TimedPath
 from planners.motion.search.rrt_connect_native import RrtConnectNative
@@ -208,12 +209,18 @@ def _one_each(trial: Trial, cell: Cell, referee: Referee, n: int) -> Iterator[Ro
         value=float(np.median(bounds_s[:, 1] / bounds_s[:, 0])),
         unit="",
     )
-    yield Row(name="... makespan, median", value=float(np.median(makespan_s)), unit="s")
+    yield Row(name="... makespan, median", value=float(np.median(makespan_s)), unit="s", kind=Kind.PLAIN)
     yield Row(name="... makespan over taking turns, median", value=float(np.median(turns)), unit="")
     yield Row(
-        name="... plan and schedule, median", value=float(np.median(cpu_ms)), unit="ms CPU", target=f"<= {TARGET_MS:g}"
+        name="... plan and schedule, median",
+        value=float(np.median(cpu_ms)),
+        unit="ms CPU",
+        kind=Kind.TIME,
+        target=f"<= {TARGET_MS:g}",
     )
-    yield Row(name="... the same, 95th percentile", value=float(np.percentile(cpu_ms, 95)), unit="ms CPU")
+    yield Row(
+        name="... the same, 95th percentile", value=float(np.percentile(cpu_ms, 95)), unit="ms CPU", kind=Kind.TIME
+    )
 
 
 def _three_each(trial: Trial, cell: Cell, referee: Referee, n: int) -> Iterator[Row]:

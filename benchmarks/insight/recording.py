@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from fleet.config import Fidelity, RunConfig
 from fleet.recording import RECORDING, NullRecorder, Recorder
 from fleet.recording.check import verify_recording
@@ -75,16 +75,30 @@ def measure_recording(trial: Trial) -> Iterable[Row]:
                 trial.check(full[0].frames_n > 0, f"{where}: the recording has no frames")
                 yield Row(name=f"recording, {where}", value=100 * share, unit="% of CPU", target=target)
                 yield Row(
-                    name=f"recording, {where}, a frame", value=1000 * share * ticks_s / full[0].frames_n, unit="ms"
+                    name=f"recording, {where}, a frame",
+                    value=1000 * share * ticks_s / full[0].frames_n,
+                    unit="ms",
+                    kind=Kind.TIME,
                 )
-                yield Row(name=f"recording, {where}, opened", value=1000 * min(run.open_s for run in full), unit="ms")
+                yield Row(
+                    name=f"recording, {where}, opened",
+                    value=1000 * min(run.open_s for run in full),
+                    unit="ms",
+                    kind=Kind.TIME,
+                )
                 size = "<= 10" if robots == 100 else ""
                 yield Row(name=f"file, {where}, {sim_s:g} s", value=full[0].size_mb, unit="MB", target=size)
         yield Row(name="not recording, 20 cars", value=_idle_share(), unit="% of CPU", target="<= 0.5")
         for fidelity in (Fidelity.PHYSICS, Fidelity.KINEMATIC):
             kills = range(2 if trial.quick else 8)
             losses_s = [_lost(fidelity, out / f"killed_{k}", random.Random(k), trial) for k in kills]
-            yield Row(name=f"lost by kill -9, {fidelity}, most", value=max(losses_s), unit="s", target="<= 0.5")
+            yield Row(
+                name=f"lost by kill -9, {fidelity}, most",
+                value=max(losses_s),
+                unit="s",
+                kind=Kind.PLAIN,
+                target="<= 0.5",
+            )
 
 
 def _run(config: RunConfig, path: Path | None) -> _Run:

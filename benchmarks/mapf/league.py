@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import Row, Trial
-from benchmarks.mapf.calibration import REFERENCE_S, calibrate
+from benchmarks.harness import Kind, Row, Trial
 from benchmarks.mapf.instances import find
 
 FAST_MS = 10.0
@@ -53,14 +52,14 @@ ANYTIME = (
 )
 
 FIGURES = (
-    ("tasks_finished", "tasks finished", ""),
-    ("step_ms_mean", "step, mean", "ms scaled"),
-    ("step_ms_max", "step, worst", "ms scaled"),
-    ("step_cpu_ms_mean", "step, mean", "ms CPU"),
-    ("startup_s", "start-up", "s"),
-    ("peak_rss_mb", "peak memory", "MB"),
+    ("tasks_finished", "tasks finished", "", Kind.PLAIN),
+    ("step_ms_mean", "step, mean", "ms", Kind.TIME),
+    ("step_ms_max", "step, worst", "ms", Kind.TIME),
+    ("step_cpu_ms_mean", "step, mean", "ms CPU", Kind.TIME),
+    ("startup_s", "start-up", "s", Kind.TIME),
+    ("peak_rss_mb", "peak memory", "MB", Kind.PLAIN),
 )
-"""Key in the summary of `fleet lorr`, name, unit; scaled = to the machine that the targets hold for."""
+"""Key in the summary of `fleet lorr`, name, unit, and whether it is a time."""
 WRONG = ("planner_errors", "schedule_errors", "conflicts")
 
 
@@ -84,17 +83,14 @@ def _measure(trial: Trial, cases: Sequence[Case]) -> Iterable[Row]:
         path = find(trial, f"lorr2024/{case.problem}.json", what=title)
         if path is None:
             continue
-        before = calibrate()
         summary = _play(path, steps, case.budget_ms, seed=trial.seeds[0])
-        scale = REFERENCE_S / (0.5 * (before + calibrate()))
         for key in WRONG:
             trial.check(summary[key] == 0, f"{title}: {summary[key]} {key}")
         trial.check(summary["steps"] == steps, f"{title}: {summary['steps']} steps played")
         targets = {} if trial.quick else case.targets
         yield Row(name=f"{title}: robots", value=summary["robots"], unit="")
-        for key, name, unit in FIGURES:
-            value = summary[key] * scale if unit.endswith("scaled") else summary[key]
-            yield Row(name=f"  {name}", value=value, unit=unit, target=targets.get(key, ""))
+        for key, name, unit, kind in FIGURES:
+            yield Row(name=f"  {name}", value=summary[key], unit=unit, kind=kind, target=targets.get(key, ""))
 
 
 def _play(problem: Path, steps: int, budget_ms: float, *, seed: int) -> dict[str, Any]:

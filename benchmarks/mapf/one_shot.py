@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from benchmarks.mapf.instances import find, find_map
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
@@ -65,7 +65,7 @@ def _rows(
     elapsed_s = time.perf_counter() - begin
     _check(trial, instance, first, f"{title}, first plan")
     target = "" if trial.quick else f"<= {first_s}"
-    yield Row(name=f"{title}: first plan", value=elapsed_s, unit="s", target=target)
+    yield Row(name=f"{title}: first plan", value=elapsed_s, unit="s", kind=Kind.TIME, target=target)
     yield Row(name="  sum of loss / lower bound", value=sum_of_loss(instance, first) / least, unit="")
 
     budget_s = QUICK_S if trial.quick else budget_s

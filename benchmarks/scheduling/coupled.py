@@ -11,11 +11,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from planners.allocation.job_shop.shop_kernel import dispatch, empty_books
 from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
-from planners.allocation.regret_lns import RegretLns
+from planners.allocation.regret_lns import RegretLns, RegretLnsConfig
 from planners.allocation.shop import Shop
 from planners.allocation.validate import faults
 
@@ -59,7 +59,7 @@ def coupled_problem(n_jobs: int, n_cars: int, n_arms: int, seed: int) -> Allocat
 
 def measure_coupled(trial: Trial) -> Iterable[Row]:
     """The instance of seed 0 for each size, whose best is known; the search starts from as many seeds as there are."""
-    RegretLns(iterations=1).allocate(coupled_problem(3, 2, 1, 0))  # compiles
+    RegretLns(RegretLnsConfig(iterations=1)).allocate(coupled_problem(3, 2, 1, 0))  # compiles
     budget_s = QUICK_BUDGET_S if trial.quick else BUDGET_S
     for n_jobs, n_cars, n_arms, known in CASES:
         problem = coupled_problem(n_jobs, n_cars, n_arms, 0)
@@ -73,21 +73,24 @@ def measure_coupled(trial: Trial) -> Iterable[Row]:
             name=f"{size} jobs/cars/arms, worst of {len(found)}",
             value=max(found),
             unit="s",
+            kind=Kind.PLAIN,
             target=f"<= {known * WITHIN:.10g}",
         )
-        yield Row(name="  mean", value=float(np.mean(found)), unit="s")
-        yield Row(name="  best", value=min(found), unit="s")
-        yield Row(name="  greedy", value=greedy, unit="s")
+        yield Row(name="  mean", value=float(np.mean(found)), unit="s", kind=Kind.PLAIN)
+        yield Row(name="  best", value=min(found), unit="s", kind=Kind.PLAIN)
+        yield Row(name="  greedy", value=greedy, unit="s", kind=Kind.PLAIN)
         yield Row(name="  mean below the best known before", value=100.0 * (1.0 - np.mean(found) / known), unit="%")
         yield Row(name="  plans tried", value=iterations, unit="")
-        yield Row(name="  time of one plan", value=1e6 * float(np.mean(spent)) / iterations, unit="us CPU")
-        yield Row(name="  time of a search", value=float(np.mean(spent)), unit="s CPU")
+        yield Row(
+            name="  time of one plan", value=1e6 * float(np.mean(spent)) / iterations, unit="us CPU", kind=Kind.TIME
+        )
+        yield Row(name="  time of a search", value=float(np.mean(spent)), unit="s CPU", kind=Kind.TIME)
 
 
 def _search(trial: Trial, problem: AllocationProblem, iterations: int, seed: int, size: str) -> tuple[float, float]:
     """Objective and CPU time [s] of one search."""
     begin_s = time.process_time()
-    assignment = RegretLns(iterations=iterations, seed=seed).allocate(problem)
+    assignment = RegretLns(RegretLnsConfig(iterations=iterations, seed=seed)).allocate(problem)
     spent_s = time.process_time() - begin_s
     return _objective(trial, problem, assignment, size), spent_s
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, RunConfig, StreamConfig, StreamKind
 from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
@@ -63,7 +63,9 @@ def measure_day(trial: Trial) -> Iterable[Row]:
         stranded = sum(phase is CarPhase.DEAD for phase in simulation.missions.phase)
         yield Row(name=f"{where}, {CARS} cars, {CHARGERS} chargers: delivered", value=summary.tasks_done, unit="tasks")
         yield Row(name="  lost or failed", value=summary.tasks_failed, unit="tasks", target="<= 0")
-        yield Row(name="  longest open", value=day.longest_open_s, unit="s", target=f"<= {STARVED_S:g}")
+        yield Row(
+            name="  longest open", value=day.longest_open_s, unit="s", kind=Kind.PLAIN, target=f"<= {STARVED_S:g}"
+        )
         yield Row(name="  cars stranded", value=stranded, unit="", target="<= 0")
         yield Row(name="  cars beyond a cap", value=day.over_cap_n, unit="", target="<= 0")
         yield Row(name="  robot contacts", value=summary.robot_contacts, unit="", target="<= 0")
@@ -76,7 +78,7 @@ def measure_day(trial: Trial) -> Iterable[Row]:
         for account, share in summary.time_share_percent.items():
             yield Row(name=f"  {account.replace('_', ' ')}", value=share, unit="% of the cars' time")
         yield Row(name="  throughput", value=summary.throughput_per_h, unit="tasks/h")
-        yield Row(name="  simulated seconds per second", value=simulation.sim_s / day.cpu_s, unit="CPU")
+        yield Row(name="  simulated seconds per second", value=simulation.sim_s / day.cpu_s, unit="CPU", kind=Kind.RATE)
 
 
 def _run(simulation: Simulation) -> Day:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.allocation.hungarian import Hungarian
@@ -52,6 +52,7 @@ def measure_matching(trial: Trial) -> Iterable[Row]:
                 name=f"{n_vehicles:,} vehicles x {n_tasks:,} tasks at {len(goals):,} {where}",
                 value=spent_ms,
                 unit="ms CPU",
+                kind=Kind.TIME,
                 target=target if where == "stations" else "",
             )
     yield from _pruned(trial, distances, row[cells[:PRUNED]], rng.permutation(graph.n_states)[:PRUNED].astype(np.int32))
@@ -94,6 +95,12 @@ def _pruned(trial: Trial, distances: npt.NDArray[np.uint16], row: Integers, stat
     for axis, what in enumerate(("vehicle", "task")):
         trial.check(len(np.unique(pairs[:, axis])) == len(pairs), f"{size}: a {what} is in two pairs")
     trial.check(bool((taken < UNREACHABLE).all()), f"{size}: a pair has no way")
-    yield Row(name=f"{size}, {NEAREST_N} nearest tasks each", value=spent_s, unit="s CPU", target=PRUNED_TARGET)
+    yield Row(
+        name=f"{size}, {NEAREST_N} nearest tasks each",
+        value=spent_s,
+        unit="s CPU",
+        kind=Kind.TIME,
+        target=PRUNED_TARGET,
+    )
     yield Row(name="  vehicles without a task", value=len(state) - len(pairs), unit="")
     yield Row(name="  mean way", value=float(taken.mean()), unit="cells")

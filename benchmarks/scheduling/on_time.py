@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from fleet.charts.statistics import Estimate, estimate, paired
 from fleet.config import Fidelity, StreamConfig, StreamKind
 from fleet.study.design import Design
@@ -70,5 +70,5 @@ FIGURES: tuple[tuple[str, str, float, Callable[[Run], float]], ...] = (
 
 def _rows(name: str, unit: str, value: Estimate | None, target: str = "") -> Iterable[Row]:
     if value is not None:
-        yield Row(name=f"  {name}", value=value.mean, unit=unit, target=target)
-        yield Row(name="    ± (95 %)", value=value.half_width, unit=unit)
+        yield Row(name=f"  {name}", value=value.mean, unit=unit, kind=Kind.PLAIN, target=target)
+        yield Row(name="    ± (95 %)", value=value.half_width, unit=unit, kind=Kind.PLAIN)

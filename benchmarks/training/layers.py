@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
-from benchmarks.training.machine import machine_row
+from benchmarks.harness import Kind, Row, Trial
 from fleet.charts.chart import Series, draw
 from fleet.charts.statistics import Estimate, estimate
+from fleet.envs import dispatch_v0, traffic_v0
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
 from fleet.envs.layers.layer import LayerEnv
@@ -41,21 +41,25 @@ def measure_grid(trial: Trial) -> Iterator[Row]:
     """Agent steps per second of CPU time, resets included; the fastest of several rounds."""
     rounds_n = 3 if trial.quick else 7
     for n_cars, site in _floors():
-        env = TrafficEnv(site=site, n_cars=n_cars, load=LOAD, max_cycles=CYCLES_N)
+        env = traffic_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=CYCLES_N)
         _check_traffic(trial, env)
         rate = max(_rate(env, seed) for seed in range(rounds_n))
         target = TARGET if n_cars >= 256 else ""
-        yield Row(name=f"traffic_v0, {n_cars} cars, {site.name}", value=rate, unit="agent steps/s", target=target)
-        dispatch = DispatchEnv(site=site, n_cars=n_cars, load=LOAD, max_cycles=CYCLES_N // 5)
+        yield Row(
+            name=f"traffic_v0, {n_cars} cars, {site.name}",
+            value=rate,
+            unit="agent steps/s",
+            kind=Kind.RATE,
+            target=target,
+        )
+        dispatch = dispatch_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=CYCLES_N // 5)
         rate = max(_rate(dispatch, seed) for seed in range(rounds_n))
-        yield Row(name="  dispatch_v0", value=rate, unit="agent steps/s")
+        yield Row(name="  dispatch_v0", value=rate, unit="agent steps/s", kind=Kind.RATE)
         rate = max(_engine_rate(env.place, n_cars, seed) for seed in range(rounds_n))
-        yield Row(name="  the fleet alone, with PIBT", value=rate, unit="agent steps/s")
-    yield machine_row()
+        yield Row(name="  the fleet alone, with PIBT", value=rate, unit="agent steps/s", kind=Kind.RATE)
     trial.notes.append(
         f"Per second of CPU time of one process: {CYCLES_N} steps (dispatch: a fifth, of five timesteps each) of "
-        "random actions and a reset, dictionaries of PettingZoo included; the actions are drawn before. Figures of "
-        "other machines compare by the empty loop."
+        "random actions and a reset, dictionaries of PettingZoo included; the actions are drawn before."
     )
 
 
@@ -69,7 +73,7 @@ def measure_table(trial: Trial) -> Iterator[Row]:
     for site in _choosy_floors():
         curves: dict[str, list[Estimate | None]] = {name: [] for name in minds}
         for n_cars in teams:
-            env = DispatchEnv(site=site, n_cars=n_cars, load=LOAD)
+            env = dispatch_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD)
             for name, make in minds.items():
                 told = [_played(env, make(seed), seed) for seed in range(seeds_n)]
                 rate, late = (estimate([one[k] for one in told]) for k in range(2))
@@ -80,7 +84,9 @@ def measure_table(trial: Trial) -> Iterator[Row]:
                 table.append((site.name, n_cars, name, *(f"{value:.4g}" for value in ends)))
                 where = f"{site.name}, {n_cars} cars, {name}"
                 yield Row(name=f"{where}: deliveries (± {rate.half_width:.2g})", value=rate.mean, unit="1/h")
-                yield Row(name=f"  mean tardiness (± {late.half_width:.2g})", value=late.mean, unit="s")
+                yield Row(
+                    name=f"  mean tardiness (± {late.half_width:.2g})", value=late.mean, unit="s", kind=Kind.PLAIN
+                )
             env.close()
         sheet = draw(
             f"Dispatch on {site.name}",

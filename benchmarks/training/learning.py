@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from benchmarks.training.transfer import TRANSFERS, play_transfer, write_shares
 from fleet.charts.statistics import estimate
-from fleet.training.curve import Curve, draw_curves
+from fleet.training.curve import LearningCurve, draw_curves
 from fleet.training.recipes import RECIPES
 from fleet.training.results import EPISODES, EVALUATION, LEARNED, PROGRESS, SCRIPTED
 
@@ -116,7 +116,7 @@ def _rows(recipe: str, found: Sequence[Mapping[str, Any]], *, promised: bool) ->
             yield Row(name=f"  learned - {policy}, {name}", value=value, unit=unit, target=target)
     minutes = max(one["train_cpu_s"] for one in found) / 60.0
     target = f"<= {MINUTES[recipe]}" if promised else ""
-    yield Row(name="  longest seed", value=minutes, unit="min of CPU", target=target)
+    yield Row(name="  longest seed", value=minutes, unit="min of CPU", kind=Kind.TIME, target=target)
 
 
 def _transfer_rows(recipe: str, played: Sequence[Path], *, promised: bool) -> Iterable[Row]:
@@ -156,10 +156,10 @@ def _document(recipe: str, seeds: Sequence[int], found: Sequence[Mapping[str, An
     (DOCUMENTS / f"{recipe}.json").write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")
     middle = curves.mean(axis=0)
     band = [(float(low), float(high)) for low, high in zip(curves.min(axis=0), curves.max(axis=0), strict=True)]
-    lines = [Curve(name="learned", points=list(zip(steps.tolist(), middle.tolist(), strict=True)), band=band)]
+    lines = [LearningCurve(name="learned", points=list(zip(steps.tolist(), middle.tolist(), strict=True)), band=band)]
     for policy in found[0]["gain"]:
         level = float(np.mean([one["policies"][policy][chief]["mean"] for one in found]))
-        lines.append(Curve(name=policy, points=[(float(steps[-1]), level)]))
+        lines.append(LearningCurve(name=policy, points=[(float(steps[-1]), level)]))
     title = f"{recipe}: {chief} per episode while learning, {len(seeds)} seeds (band: all of them)"
     draw_curves(title, chief, lines).write_png(DOCUMENTS / f"{recipe}.png")
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from benchmarks.training.bare import PHYSICS_HZ, BareLoop
-from benchmarks.training.machine import machine_row
 from fleet.config import RunConfig
+from fleet.envs import warehouse_v0
 from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.run.setup import RunSetup
 from fleet.world.scene import Scene
@@ -54,7 +54,7 @@ KINEMATIC = (
 
 
 def measure_speed(trial: Trial) -> Iterator[Row]:
-    """Environment steps and resets, and the speed of this machine."""
+    """Environment steps and resets."""
     rounds_n, seconds = (8, 0.25) if trial.quick else (24, 0.5)
     for team in PHYSICS:
         env = _env(team, "physics")
@@ -65,10 +65,10 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
         rates = np.array([[_rate(player, seconds) for player in players] for _ in range(rounds_n)])
         ours, theirs, looses = rates.max(axis=0).tolist()
         share, loose_share = (100.0 * float(np.median(rates[:, 0] / rates[:, k])) for k in (1, 2))
-        yield Row(name=f"physics, {team}", value=ours, unit="steps/s", target=team.target)
-        yield Row(name=f"bare PyBullet, {team.cars_n} cars, {team.site}", value=theirs, unit="steps/s")
+        yield Row(name=f"physics, {team}", value=ours, unit="steps/s", kind=Kind.RATE, target=team.target)
+        yield Row(name=f"bare PyBullet, {team.cars_n} cars, {team.site}", value=theirs, unit="steps/s", kind=Kind.RATE)
         yield Row(name="  share of the bare loop", value=share, unit="%", target=team.bare_target)
-        yield Row(name="  bare PyBullet, smoother floor", value=looses, unit="steps/s")
+        yield Row(name="  bare PyBullet, smoother floor", value=looses, unit="steps/s", kind=Kind.RATE)
         yield Row(name="  share of that loop", value=loose_share, unit="%")
         bare.close()
         loose.close()
@@ -78,17 +78,21 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
         env = _env(team, "kinematic")
         played = _player(env)
         rate = max(_rate(played, seconds) for _ in range(rounds_n))
-        yield Row(name=f"kinematic, {team}", value=rate * team.agents_n, unit="agent steps/s", target=team.target)
+        yield Row(
+            name=f"kinematic, {team}",
+            value=rate * team.agents_n,
+            unit="agent steps/s",
+            kind=Kind.RATE,
+            target=team.target,
+        )
         yield from _resets(trial, env, f"kinematic, {team}", rounds_n)
         env.close()
-    yield machine_row()
     trial.notes.append(
         f"{CONTROL_HZ:.0f} Hz control, {PHYSICS_HZ:.0f} Hz physics, {RAYS_N} rays per car, per second of CPU time of "
         "one process, the fastest of several rounds; shares are medians. The bare loop has the same scene, robots, "
         "parcels, floor, motors, solver, rays and kind of actions; the engine casts all of its rays (decision 34), and "
         "it has no contacts to judge, no orders, traffic and rewards. The second one has the floor that the engine "
-        "makes by itself, on which cars slide and the engine has less to do (decision 33). Figures of other machines "
-        "compare by the empty loop."
+        "makes by itself, on which cars slide and the engine has less to do (decision 33)."
     )
 
 
@@ -101,7 +105,7 @@ def _scene(team: Team) -> Scene:
 
 
 def _env(team: Team, fidelity: str) -> WarehouseEnv:
-    return WarehouseEnv(
+    return warehouse_v0.parallel_env(
         site=team.site,
         n_cars=team.cars_n,
         n_arms=team.arms_n,
@@ -183,4 +187,4 @@ def _resets(trial: Trial, env: WarehouseEnv, name: str, rounds_n: int) -> Iterat
         env.step({agent: stands for agent in env.agents if agent.startswith("car")})
         first = env.state() if first is None else first
         trial.check(np.array_equal(first, env.state()), f"{name}: an episode begins differently after a reset")
-    yield Row(name="  reset", value=1e3 * min(took), unit="ms", target="<= 2")
+    yield Row(name="  reset", value=1e3 * min(took), unit="ms", kind=Kind.TIME, target="<= 2")

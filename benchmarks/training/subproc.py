@@ -17,7 +17,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
@@ -60,9 +60,9 @@ def measure_subproc(trial: Trial) -> Iterator[Row]:
             vector.close()
         many, one, none = np.median(rates, axis=0) * [PROCESSES_N, 1, 1]
         gain, gain_over_none = (float(np.median(PROCESSES_N * rates[:, 0] / rates[:, k])) for k in (1, 2))
-        yield Row(name=f"{name}, physics, {PROCESSES_N} processes", value=many, unit="steps/s")
-        yield Row(name="  one process", value=one, unit="steps/s")
-        yield Row(name="  none: stepped where it is asked", value=none, unit="steps/s")
+        yield Row(name=f"{name}, physics, {PROCESSES_N} processes", value=many, unit="steps/s", kind=Kind.RATE)
+        yield Row(name="  one process", value=one, unit="steps/s", kind=Kind.RATE)
+        yield Row(name="  none: stepped where it is asked", value=none, unit="steps/s", kind=Kind.RATE)
         yield Row(name=f"  {PROCESSES_N} processes against one", value=gain, unit="times", target=TARGET)
         yield Row(name=f"  {PROCESSES_N} processes against none", value=gain_over_none, unit="times")
     trial.notes.append(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,7 +82,7 @@ class TaskAllocation:
         """Pairs of a car and a task, at most one for each.
 
         Raises:
-            AllocationFault: An allocator of one's own gave an answer that is not legal.
+            PlanningError: An allocator of one's own gave an answer that is not legal.
         """
         ready, held = self._board.in_state(TaskState.READY), situation.held
         if not ready and len(held) < 2:
@@ -146,9 +146,9 @@ class TaskAllocation:
         pairs = np.ix_(cars, np.array(columns))
         told = _CODE_OF[reasons(problem, assignment)]
         costs.codes[pairs] = np.where(np.isfinite(problem.cost), told, costs.codes[pairs])
-        for car in soon:
-            costs.codes[car, costs.codes[car] != _CODE[PairReason.NO_WAY]] = _CODE[PairReason.CAR_BUSY]
-        lists = assignment.sequence or [assignment.pairs[assignment.pairs[:, 0] == row, 1] for row in range(len(cars))]
+        busy = costs.codes[list(soon)]
+        costs.codes[list(soon)] = np.where(busy == _CODE[PairReason.NO_WAY], busy, np.int8(_CODE[PairReason.CAR_BUSY]))
+        lists: Sequence[Sequence[int]] = assignment.sequence or _by_row(assignment.pairs, len(cars))
         for car, planned in zip(cars.tolist(), lists, strict=True):
             for column in (columns[k] for k in planned):
                 if car in soon:
@@ -218,3 +218,11 @@ class TaskAllocation:
         if PairReason.LEFT_OVER in reasons:
             return TaskReason.LEFT_OVER, "the allocator left it and a free car over"
         return TaskReason.NO_FREE_CAR, "every car that could take it has another task"
+
+
+def _by_row(pairs: npt.NDArray[np.int32], n: int) -> list[list[int]]:
+    """Tasks of each vehicle, in the order of the pairs."""
+    found: list[list[int]] = [[] for _ in range(n)]
+    for row, column in pairs.tolist():
+        found[row].append(column)
+    return found

@@ -85,8 +85,8 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
         EzPickle.__init__(self, fidelity, control_hz, max_steps, render_mode)
         require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
         ticks = 1.0 / (control_hz * TICK_S) if is_number(control_hz) and control_hz > 0 else 0.0
-        self._ticks_n = round(ticks)
-        fits = self._ticks_n >= 1 and math.isclose(ticks, self._ticks_n, rel_tol=1e-6)
+        self._n_ticks = round(ticks)
+        fits = self._n_ticks >= 1 and math.isclose(ticks, self._n_ticks, rel_tol=1e-6)
         require(fits, "control_hz", control_hz, "60 / 1, 2, 3, ...")
         require(is_whole(max_steps) and max_steps >= 1, "max_steps", max_steps, "an integer >= 1")
         require(render_mode is None, "render_mode", render_mode, "None")
@@ -107,7 +107,7 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
         self._joints = joint_rows(spec.base_from_joint)
         self._middle, self._half = (spec.upper_rad + spec.lower_rad) / 2, (spec.upper_rad - spec.lower_rad) / 2
         self._no_cars, self._no_grip = np.zeros((0, 2)), np.zeros(1, dtype=np.bool_)
-        self._steps_n = -1
+        self._n_steps = -1
         self.observation_space = Box(-1.0, 1.0, (2 * spec.n_joints + 9,), np.float32)
         self.action_space = Box(-1.0, 1.0, (spec.n_joints,), np.float32)
 
@@ -123,7 +123,7 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
         self._goal = np.array([radius_m * math.cos(side), radius_m * math.sin(side), height_m])
         self._targets = self._world.arm_positions()
         self._goes_on = np.zeros_like(self._targets)
-        self._steps_n = 0
+        self._n_steps = 0
         self._look()
         return self._observation(), self._info()
 
@@ -134,21 +134,21 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
             gymnasium.error.ResetNeeded: There was no `reset` yet.
             ActionError: The action is no row of seven numbers; nothing has changed.
         """
-        if self._steps_n < 0:
+        if self._n_steps < 0:
             raise gymnasium.error.ResetNeeded("step: there was no episode yet; valid: reset() first")
         spec, before_m = self._spec, self._distance_m
         wish = row_of("the arm", action, spec.n_joints)
         wish = np.where(np.isnan(wish), 0.0, wish)
         qd = np.minimum(np.maximum(wish, -1.0), 1.0) * spec.max_velocity_radps
-        for _ in range(self._ticks_n):
+        for _ in range(self._n_ticks):
             q = self._world.arm_positions()[0]
             _advance(self._targets[0], self._goes_on[0], q, qd, spec.lower_rad, spec.upper_rad)
             self._world.step(self._no_cars, self._targets, self._goes_on, self._no_grip)
-        self._steps_n += 1
+        self._n_steps += 1
         self._look()
         reached = self._distance_m < TOLERANCE_M
         reward = PROGRESS_PER_M * (before_m - self._distance_m) + SUCCESS * reached + STEP
-        truncated = not reached and self._steps_n >= self.max_steps
+        truncated = not reached and self._n_steps >= self.max_steps
         return self._observation(), float(reward), reached, truncated, self._info()
 
     def close(self) -> None:
@@ -216,7 +216,9 @@ class ReachPolicy:
 
 
 @njit(cache=True)
-def _advance(targets, goes_on, q, qd, lower, upper):
+def _advance(
+    targets: FloatArray, goes_on: FloatArray, q: FloatArray, qd: FloatArray, lower: FloatArray, upper: FloatArray
+) -> None:  # pragma: no cover - compiled
     """Move joint targets on by one tick; a joint that is held back by its limits does not go on beyond them."""
     for j in range(len(q)):
         wanted = min(max(targets[j] + qd[j] * TICK_S, q[j] - WIND_UP_RAD), q[j] + WIND_UP_RAD)

@@ -11,7 +11,7 @@ from fleet.insight.cause_log import CauseLog
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
 from fleet.insight.time_accounts import STANDING_MPS
 from fleet.insight.why_idle import WhyIdle
-from fleet.missions.phases import PHASES, CarPhase
+from fleet.missions.phases import NUMBER_OF_PHASE, PHASES, CarPhase
 from fleet.run.view import RunView
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.world.protocol import FloatArray
@@ -25,6 +25,14 @@ _RULES = np.array(
 )
 """Cars on their way change from tick to tick, also those that are held back, or have no task, and drive to a parking
 place; the others only when something is decided."""
+_HELD_PHASE, _IDLE_PHASE = NUMBER_OF_PHASE[CarPhase.HELD], NUMBER_OF_PHASE[CarPhase.IDLE]
+_RESTS = np.array(
+    [
+        phase not in (CarPhase.IDLE, CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE)
+        for phase in PHASES
+    ]
+)
+"""Phases of cars that stand where they are, for a reason that is looked up."""
 # Kernels know plain numbers only.
 _DRIVES, _SETS_OFF, _CELL, _TURN = int(Cause.DRIVES), int(Cause.SETS_OFF), int(Cause.CELL), int(Cause.TURN)
 _CLOSED, _BLOCKED, _HALTED = int(Cause.CLOSED), int(Cause.BLOCKED), int(Cause.HALTED)
@@ -64,7 +72,7 @@ class CauseWatch:
         self._why_idle = WhyIdle(run)
         self._given, self._booked, self._phases = (-1, -1), -1, -1
         self._tables: object = None
-        self._seen: list[CarPhase | None] = [None] * self._n_cars
+        self._seen = np.full(self._n_cars, NONE, dtype=np.int64)
         self._next: dict[tuple[int, int], int] = {}
         self._next_ways: object = None
         self._gated = any(service.gate is not None for service in run.arm_manager.services)
@@ -186,14 +194,18 @@ class CauseWatch:
         tables = run.traffic.tables
         if (given, booked, phases) == (self._given, self._booked, self._phases) and tables is self._tables:
             return
-        given_out = given[0] != self._given[0]
-        for car, (phase, before) in enumerate(zip(roster.phase, self._seen, strict=True)):
-            if phase is not before:
-                self._parked[car] = False
-            if given_out or phase is not before or phase is CarPhase.HELD:
-                self._set_at_rest(car, phase, tick)
-        self._seen = [*roster.phase]
-        idle = [car for car, phase in enumerate(roster.phase) if phase is CarPhase.IDLE]
+        phases_now, n_cars = roster.phase_index, self._n_cars
+        begun = phases_now != self._seen
+        self._parked[begun] = False
+        held = phases_now == _HELD_PHASE
+        concerned = begun | held if given[0] == self._given[0] else np.ones(n_cars, dtype=np.bool_)
+        with_task = concerned & (phases_now != _IDLE_PHASE)
+        self.rows[:n_cars, _TASK][with_task] = roster.task_index[with_task]
+        # Of those that are held only who has come to a parking place is at rest; those under way change in every tick.
+        for car in (concerned & _RESTS[phases_now] & (~held | self._parked)).nonzero()[0].tolist():
+            self._set_at_rest(car, roster.phase[car], tick)
+        self._seen = phases_now.copy()
+        idle = (phases_now == _IDLE_PHASE).nonzero()[0].tolist()
         if idle and (given != self._given or phases != self._phases or tables is not self._tables):
             self._why_idle.fill(self._without_task, idle)
         self._given, self._booked, self._phases, self._tables = given, booked, phases, tables
@@ -202,12 +214,8 @@ class CauseWatch:
         """A car that is not on its way, and not idle."""
         run = self._run
         roster = run.missions
-        task = roster.task_of[car]
-        if phase is not CarPhase.IDLE:
-            self.rows[car, _TASK] = NONE if task is None else task.index
         if phase is CarPhase.HELD:
-            if self._parked[car]:
-                self._set_held(car)
+            self._set_held(car)
         elif phase in _AT_DOCK:
             arm = roster.served.tolist().index(car)
             self._set(car, Cause.SERVED, by=self._n_cars + arm, place=arm, until=self._clear_tick[arm])

@@ -25,7 +25,7 @@ from planners.motion.arm.inverse import inverse_kinematics
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes, Capsules
-from planners.motion.pair.coordination import ArmInWorld, at_rest
+from planners.motion.pair.swept import ArmInWorld, at_rest
 from planners.motion.path.route import Route, RoutePlanner, RouteProblem
 from planners.motion.path.timed_path import Dwell
 from planners.motion.path.trajectory import Trajectory

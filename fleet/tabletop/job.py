@@ -14,7 +14,7 @@ from fleet.tabletop.arm import NOBODY, Chore, Leg, TableArm
 from fleet.tabletop.layout import Layout
 from fleet.world.bullet.bench.table import TICK_S, TableWorld
 from planners.motion.collision.obstacles import Capsules
-from planners.motion.pair.coordination import Schedule, schedule
+from planners.motion.pair.schedule import Schedule, schedule
 from planners.motion.path.timed_path import TimedPath, timed_path
 from planners.motion.path.trajectory import Trajectory
 

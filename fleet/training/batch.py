@@ -22,15 +22,15 @@ def type_of(agent: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choice:
+class ChoiceLayout:
     """How an observation is made up of which one among alike things is chosen: action 0 is none, k the k-th of them.
 
     None is chosen only where nothing is on offer: to wait costs nothing at once, which is easily mistaken for good.
     """
 
-    own_n: int
+    n_own: int
     """Numbers that come first and are not about one of them."""
-    each_n: int
+    n_each: int
     """Numbers about each; zeros are a thing that is not there. What follows is about none of them again."""
 
 
@@ -40,30 +40,30 @@ class AgentType:
 
     name: str
     agents: tuple[str, ...]
-    observation_n: int
+    n_observed: int
     action: Box | Discrete
     masked: bool
     """Whether observations carry an `action_mask`."""
-    choice: Choice | None = None
+    choice: ChoiceLayout | None = None
     """Set if actions are a choice among things that observations describe one after the other."""
 
 
 @dataclass(kw_only=True)
-class View:
+class TypeView:
     """What the agents of one type see now, one row per agent, environment after environment."""
 
     rows: Floats
-    """Observations, shape (n_envs * n_agents, observation_n)."""
+    """Observations, shape (n_envs * n_agents, n_observed)."""
     mask: Bools | None
     """Legal actions, shape (n_envs * n_agents, n_actions); None without masks."""
 
-    def copy(self) -> View:
+    def copy(self) -> TypeView:
         """A copy that later steps do not change."""
-        return View(rows=self.rows.copy(), mask=None if self.mask is None else self.mask.copy())
+        return TypeView(rows=self.rows.copy(), mask=None if self.mask is None else self.mask.copy())
 
 
 @dataclass(frozen=True, kw_only=True)
-class Episode:
+class EpisodeFigures:
     """Figures of a whole episode."""
 
     length: int
@@ -74,7 +74,7 @@ class Episode:
 
 
 @dataclass(kw_only=True)
-class Outcome:
+class BatchStep:
     """What one step of all environments brought."""
 
     rewards: dict[str, Floats]
@@ -83,9 +83,9 @@ class Outcome:
     """Environments whose episode ended, shape (n_envs,)."""
     truncated: Bools
     """Those of them that ran out of time, shape (n_envs,)."""
-    last: dict[str, View]
+    last: dict[str, TypeView]
     """What agents saw at the end of truncated episodes, by type; other rows mean nothing. Empty if there is none."""
-    episodes: list[Episode] = field(default_factory=list)
+    episodes: list[EpisodeFigures] = field(default_factory=list)
 
 
 class EnvBatch:
@@ -100,11 +100,11 @@ class EnvBatch:
         TrainingError: A space is of a kind that cannot be learned on.
     """
 
-    def __init__(self, envs: Sequence[Any], figures: Sequence[str] = (), choice: Choice | None = None) -> None:
+    def __init__(self, envs: Sequence[Any], figures: Sequence[str] = (), choice: ChoiceLayout | None = None) -> None:
         self._envs = list(envs)
         self._figures = tuple(figures)
         self.types = agent_types(self._envs[0], choice)
-        self._agents_n = sum(len(kind.agents) for kind in self.types)
+        self._n_agents = sum(len(kind.agents) for kind in self.types)
         self.views = {kind.name: self._blank(kind) for kind in self.types}
         """What is seen now, by type; changed in place."""
         self._lengths = [0] * len(self._envs)
@@ -112,16 +112,16 @@ class EnvBatch:
         self._sums = [dict.fromkeys(self._figures, 0.0) for _ in self._envs]
 
     @property
-    def agents_n(self) -> int:
+    def n_agents(self) -> int:
         """Agents of all environments."""
-        return self._agents_n * len(self._envs)
+        return self._n_agents * len(self._envs)
 
     def reset(self, seeds: Sequence[int]) -> None:
         """Begin an episode in every environment, and the series of episodes that follow it."""
         for index, (env, seed) in enumerate(zip(self._envs, seeds, strict=True)):
             self._begin(index, env.reset(seed=seed)[0])
 
-    def step(self, actions: Mapping[str, npt.NDArray[Any]]) -> Outcome:
+    def step(self, actions: Mapping[str, npt.NDArray[Any]]) -> BatchStep:
         """Step every environment; one whose episode ends begins the next at once.
 
         Args:
@@ -131,7 +131,7 @@ class EnvBatch:
             TrainingError: An agent has left before the others.
         """
         n_envs = len(self._envs)
-        outcome = Outcome(
+        outcome = BatchStep(
             rewards={kind.name: np.zeros(n_envs * len(kind.agents), dtype=np.float32) for kind in self.types},
             ended=np.zeros(n_envs, dtype=np.bool_),
             truncated=np.zeros(n_envs, dtype=np.bool_),
@@ -143,8 +143,8 @@ class EnvBatch:
                 first = index * len(kind.agents)
                 chosen.update(zip(kind.agents, actions[kind.name][first : first + len(kind.agents)], strict=True))
             observations, rewards, terminations, truncations, infos = env.step(chosen)
-            if len(observations) != self._agents_n:
-                raise TrainingError(f"{len(observations)} of {self._agents_n} agents are left; valid: all, to the end")
+            if len(observations) != self._n_agents:
+                raise TrainingError(f"{len(observations)} of {self._n_agents} agents are left; valid: all, to the end")
             self._lengths[index] += 1
             for kind in self.types:
                 first = index * len(kind.agents)
@@ -161,7 +161,7 @@ class EnvBatch:
                     outcome.last = outcome.last or {kind.name: self._blank(kind) for kind in self.types}
                     self._see(index, observations, outcome.last)
                 outcome.episodes.append(
-                    Episode(length=self._lengths[index], returns=self._returns[index], figures=self._sums[index])
+                    EpisodeFigures(length=self._lengths[index], returns=self._returns[index], figures=self._sums[index])
                 )
                 self._begin(index, env.reset()[0])
         return outcome
@@ -177,13 +177,13 @@ class EnvBatch:
         self._sums[index] = dict.fromkeys(self._figures, 0.0)
         self._see(index, observations, self.views)
 
-    def _blank(self, kind: AgentType) -> View:
+    def _blank(self, kind: AgentType) -> TypeView:
         n_rows = len(self._envs) * len(kind.agents)
         mask = np.ones((n_rows, int(kind.action.n)), dtype=np.bool_) if isinstance(kind.action, Discrete) else None
-        rows = np.zeros((n_rows, kind.observation_n), dtype=np.float32)
-        return View(rows=rows, mask=mask if kind.masked else None)
+        rows = np.zeros((n_rows, kind.n_observed), dtype=np.float32)
+        return TypeView(rows=rows, mask=mask if kind.masked else None)
 
-    def _see(self, index: int, observations: Mapping[str, Any], views: dict[str, View]) -> None:
+    def _see(self, index: int, observations: Mapping[str, Any], views: dict[str, TypeView]) -> None:
         for kind in self.types:
             view = views[kind.name]
             for row, agent in enumerate(kind.agents, start=index * len(kind.agents)):
@@ -193,7 +193,7 @@ class EnvBatch:
                 view.rows[row] = vector(seen)
 
 
-def agent_types(env: Any, choice: Choice | None = None) -> tuple[AgentType, ...]:
+def agent_types(env: Any, choice: ChoiceLayout | None = None) -> tuple[AgentType, ...]:
     """Group the agents of an environment by the words before their numbers.
 
     Raises:
@@ -214,7 +214,7 @@ def agent_types(env: Any, choice: Choice | None = None) -> tuple[AgentType, ...]
             AgentType(
                 name=name,
                 agents=agents,
-                observation_n=_width(name, seen),
+                n_observed=_width(name, seen),
                 action=action,
                 masked=masked,
                 choice=choice if masked else None,
@@ -232,7 +232,7 @@ def mask_of(observation: Mapping[str, Any], kind: AgentType) -> Bools:
 
 
 def vector(observation: Any) -> Floats:
-    """The numbers of an observation without its mask, shape (observation_n,)."""
+    """The numbers of an observation without its mask, shape (n_observed,)."""
     row: Floats = observation["observation"] if isinstance(observation, Mapping) else observation
     return row
 

@@ -1,4 +1,4 @@
-"""Curve: figures over steps of agents, as a picture."""
+"""LearningCurve: figures over steps of agents, as a picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LABELS_N = 6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Curve:
+class LearningCurve:
     """One curve, or one level."""
 
     name: str
@@ -26,7 +26,7 @@ class Curve:
     """Lower and upper end at every point; empty for none."""
 
 
-def draw_curves(title: str, y_label: str, curves: Sequence[Curve]) -> Drawing:
+def draw_curves(title: str, y_label: str, curves: Sequence[LearningCurve]) -> Drawing:
     """Draw figures over steps of agents.
 
     Args:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from fleet.envs.core.env_config import UnknownSetting
 from fleet.envs.policies.policy import Policy
-from fleet.training.batch import Choice
+from fleet.training.batch import ChoiceLayout
 from fleet.training.errors import TrainingError
 from fleet.training.row_policy import RowPolicy
 from fleet.training.settings import PpoConfig
@@ -31,7 +32,7 @@ class Recipe:
     steps_n: int
     """Steps of agents."""
     ppo: PpoConfig
-    choice: Choice | None = None
+    choice: ChoiceLayout | None = None
     """How observations with a mask are made up, if actions choose among alike things."""
     arguments: dict[str, Any] = field(default_factory=dict)
     """Arguments of the environment that differ from its own defaults."""
@@ -45,14 +46,16 @@ class Recipe:
         """
         try:
             self.make(**arguments).close()
-        except TypeError as error:
+        except UnknownSetting as error:
+            raise TrainingError(f"[env]: {error}") from error
+        except TypeError as error:  # of a single robot's environment
             raise TrainingError(f"[env]: {error}; valid: the arguments of the environment") from error
 
 
 def _navigate(**arguments: Any) -> Any:
-    from fleet.envs.navigate.navigation import NavigationEnv
+    from fleet.envs.navigate_v0 import parallel_env
 
-    return NavigationEnv(**arguments)
+    return parallel_env(**arguments)
 
 
 def _pursuit() -> Policy:
@@ -62,9 +65,9 @@ def _pursuit() -> Policy:
 
 
 def _dispatch(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
-    from fleet.envs.dispatch.env import DispatchEnv, DispatchWeights
+    from fleet.envs.dispatch.env import DispatchWeights, parallel_env
 
-    return DispatchEnv(weights=DispatchWeights(**weights or {}), **arguments)
+    return parallel_env(weights=DispatchWeights(**weights or {}), **arguments)
 
 
 def _nearest() -> Policy:
@@ -96,7 +99,7 @@ RECIPES: dict[str, Recipe] = {
         summary="cars drive to places, among each other",
         make=_navigate,
         scripted=_pursuit,
-        script="pure pursuit that brakes for whoever is ahead",
+        script="pure pursuit that brakes for what is ahead",
         figures=("places", "touch", "towed"),
         steps_n=1_500_000,
         ppo=PpoConfig(learning_rate=1e-3),
@@ -105,7 +108,7 @@ RECIPES: dict[str, Recipe] = {
         summary="one car drives to places, among cars that a script drives",
         make=_car,
         scripted=_pursuit,
-        script="pure pursuit that brakes for whoever is ahead",
+        script="pure pursuit that brakes for what is ahead",
         figures=("places", "touch", "towed"),
         steps_n=1_000_000,
         ppo=PpoConfig(envs_n=16, horizon_n=256),
@@ -137,8 +140,8 @@ RECIPES: dict[str, Recipe] = {
         figures=("delivered", "late", "waiting"),
         steps_n=2_000_000,
         ppo=PpoConfig(horizon_n=240, minibatch_n=4096, entropy=0.003, discount=0.98, learning_rate=1e-3),
-        choice=Choice(own_n=12, each_n=11),  # fleet.envs.dispatch.view: OWN_N, CANDIDATE_N
-        # A car that pays for the lateness of what it delivers leaves late tasks to the others, who do the same.
+        choice=ChoiceLayout(n_own=12, n_each=11),  # fleet.envs.dispatch.view: OWN_N, CANDIDATE_N
+        # A car that pays for the lateness of what it delivers leaves late tasks to the others, which do the same.
         arguments={"site": "small", "n_cars": 6, "weights": {"late": -0.02, "empty": -0.03}},
     ),
 }

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fleet.recording import versions
-from fleet.training.curve import Curve, draw_curves
+from fleet.training.curve import LearningCurve, draw_curves
 from fleet.training.errors import TrainingError
 from fleet.training.evaluation import RETURN, Score, gain, interval
 from fleet.training.settings import TrainConfig
@@ -64,7 +64,7 @@ def write_progress(folder: Path, rows: Sequence[Mapping[str, float]], figure: st
     _write(folder / PROGRESS, text.getvalue())
     found = [(row["steps"], row[figure]) for row in rows if not math.isnan(row[figure])]
     if found:
-        curve = Curve(name=LEARNED, points=found)
+        curve = LearningCurve(name=LEARNED, points=found)
         draw_curves(f"{figure} per episode while learning", figure, [curve]).write_png(folder / PLOT)
 
 

@@ -15,7 +15,7 @@ class RowPolicy:
     """Plays teams of one type.
 
     Args:
-        actions: Takes shape (n, observation_n), gives one row per agent.
+        actions: Takes shape (n, n_observed), gives one row per agent.
     """
 
     def __init__(self, actions: Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]) -> None:

@@ -197,7 +197,10 @@ class Parcels:
             if len(over):
                 top, support, carrier = self._tray_floor_z_m, Support.TRAY, int(over[0])
 
-        for other in range(len(self.ids)):
+        # Whatever its centre could lie on is no farther away than its half diagonal.
+        reach = np.hypot(self._size_m[:, 0], self._size_m[:, 1]) / 2.0
+        near = (np.abs(self.poses[:, 0] - x) <= reach) & (np.abs(self.poses[:, 1] - y) <= reach)
+        for other in near.nonzero()[0].tolist():
             if other == row or self._support[other] == Support.TOOL:
                 continue
             other_top = float(self.poses[other, 2] + self._size_m[other, 2] / 2.0)

@@ -310,19 +310,28 @@ def _touches(
         frame[i, 0], frame[i, 1] = cars[i, 0] + shift * cos, cars[i, 1] + shift * sin
         frame[i, 2], frame[i, 3] = cos, sin
 
-    for i in range(n_cars):
-        x, y = frame[i, 0], frame[i, 1]
-        car = _Rectangle(x, y, frame[i, 2], frame[i, 3], length, width)
-        for j in range(i + 1, n_cars):
-            dx, dy = frame[j, 0] - x, frame[j, 1] - y
+    # Only cars that are near along x can touch.
+    by_x = np.argsort(frame[:, 0])
+    xs = frame[by_x, 0]
+    for at in range(n_cars):
+        for other in range(at + 1, n_cars):
             near = 2.0 * circle + clearance
+            if xs[other] - xs[at] > near:
+                break
+            i, j = min(by_x[at], by_x[other]), max(by_x[at], by_x[other])
+            dx, dy = frame[j, 0] - frame[i, 0], frame[j, 1] - frame[i, 1]
             if dx * dx + dy * dy > near * near:
                 continue
-            other = _Rectangle(frame[j, 0], frame[j, 1], frame[j, 2], frame[j, 3], length, width)
-            gap = _rectangle_gap(car, other)
+            gap = _rectangle_gap(
+                _Rectangle(frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3], length, width),
+                _Rectangle(frame[j, 0], frame[j, 1], frame[j, 2], frame[j, 3], length, width),
+            )
             clearance = min(clearance, gap)
             if gap == 0.0:
                 n_codes = _note(codes, n_codes, _CAR_CAR, i, j)
+    for i in range(n_cars):
+        x, y = frame[i, 0], frame[i, 1]
+        car = _Rectangle(x, y, frame[i, 2], frame[i, 3], length, width)
         x0, x1 = max(int((x - circle) / BIN_M), 0), min(int((x + circle) / BIN_M), n_x - 1)
         y0, y1 = max(int((y - circle) / BIN_M), 0), min(int((y + circle) / BIN_M), n_y - 1)
         for iy in range(y0, y1 + 1):
@@ -336,7 +345,11 @@ def _touches(
                         n_codes = _note(codes, n_codes, _STATIC, i, keys[b])
 
     for a in range(n_arms):
-        for i in range(n_cars):
+        farthest = reach + 2.0 * max(spheres[a, -1, 3], 0.0) + circle + clearance
+        for at in range(np.searchsorted(xs, arm_xy[a, 0] - farthest), n_cars):
+            if xs[at] > arm_xy[a, 0] + farthest:
+                break
+            i = by_x[at]
             dx, dy = frame[i, 0] - arm_xy[a, 0], frame[i, 1] - arm_xy[a, 1]
             near = reach + 2.0 * max(spheres[a, -1, 3], 0.0) + circle + clearance
             if i == serving[a] or dx * dx + dy * dy > near * near:

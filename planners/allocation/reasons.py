@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from enum import IntEnum, unique
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from planners.allocation.problem import NO_TASK, AllocationProblem, Assignment
 
@@ -29,6 +31,11 @@ class Reason(IntEnum):
         return _SENTENCES[self]
 
 
+# Kernels know plain numbers only.
+_CHOSEN, _NOT_ALLOWED, _PLANNED_LATER = int(Reason.CHOSEN), int(Reason.NOT_ALLOWED), int(Reason.PLANNED_LATER)
+_CLASS_FIRST, _KEPT, _TASK_GOT_NEARER = int(Reason.CLASS_FIRST), int(Reason.KEPT), int(Reason.TASK_GOT_NEARER)
+_VEHICLE_GOT_BETTER, _BETTER_FOR_ALL = int(Reason.VEHICLE_GOT_BETTER), int(Reason.BETTER_FOR_ALL)
+_LEFT_FOR_LATER = int(Reason.LEFT_FOR_LATER)
 _SENTENCES = {
     Reason.CHOSEN: "takes the task",
     Reason.NOT_ALLOWED: "is not allowed to do it, or has no way there",
@@ -62,32 +69,76 @@ def reasons(problem: AllocationProblem, assignment: Assignment) -> npt.NDArray[n
     pays, paid = np.full(n_vehicles, np.inf), np.full(n_tasks, np.inf)
     pays[vehicles] = paid[tasks] = problem.cost[vehicles, tasks]
 
-    has_task, is_taken = (task_of != NO_TASK)[:, None], (vehicle_of >= 0)[None]
-    later, first = np.zeros(problem.cost.shape, dtype=np.bool_), np.zeros(problem.cost.shape, dtype=np.bool_)
+    later, pair = np.zeros(problem.cost.shape, dtype=np.bool_), np.zeros(problem.cost.shape, dtype=np.bool_)
     for vehicle, sequence in enumerate(assignment.sequence):
         later[vehicle, list(sequence[1:])] = True
-    if problem.class_of is not None:
-        first = has_task & (problem.class_of[task_of][:, None] < problem.class_of[None])
-    keeps, stays = np.zeros((n_vehicles, 1), dtype=np.bool_), np.zeros((1, n_tasks), dtype=np.bool_)
-    if problem.held is not None:
-        keeps = has_task & (problem.held == task_of)[:, None]
-        stays = is_taken & (problem.held[vehicle_of] == np.arange(n_tasks))[None]
-    cheaper_for_vehicle, cheaper_for_task = problem.cost < pays[:, None], problem.cost < paid[None]
-
-    pair = np.zeros(problem.cost.shape, dtype=np.bool_)
     pair[vehicles, tasks] = True
-    found = np.select(
-        [
-            pair,
-            ~np.isfinite(problem.cost),
-            later,
-            first,
-            (keeps & cheaper_for_vehicle & ~(is_taken & ~cheaper_for_task)) | (stays & cheaper_for_task),
-            is_taken & ~cheaper_for_task,
-            has_task & ~cheaper_for_vehicle,
-            has_task | is_taken,
-        ],
-        list(Reason)[:-1],
-        default=Reason.LEFT_FOR_LATER,
+    same = np.zeros(n_tasks, dtype=np.int32)
+    nothing = np.full(n_vehicles, NO_TASK - 1, dtype=np.int32)
+    found = np.empty(problem.cost.shape, dtype=np.int8)
+    _tell(
+        problem.cost,
+        _Outcome(pair, later, task_of, vehicle_of, pays, paid),
+        same if problem.class_of is None else problem.class_of,
+        nothing if problem.held is None else problem.held,
+        found,
     )
-    return found.astype(np.int8)
+    return found
+
+
+class _Outcome(NamedTuple):
+    """What became of vehicles and tasks."""
+
+    pair: npt.NDArray[np.bool_]
+    """Pairs that were chosen, shape (n_vehicles, n_tasks)."""
+    later: npt.NDArray[np.bool_]
+    """Pairs that come after a vehicle's first task, same shape."""
+    task_of: npt.NDArray[np.int64]
+    """First task of each vehicle, `NO_TASK` for none, shape (n_vehicles,)."""
+    vehicle_of: npt.NDArray[np.int64]
+    """Vehicle of each task, -1 for none, shape (n_tasks,)."""
+    pays: npt.NDArray[np.float64]
+    """What each vehicle pays, inf without a task, shape (n_vehicles,)."""
+    paid: npt.NDArray[np.float64]
+    """What is paid for each task, inf if nobody takes it, shape (n_tasks,)."""
+
+
+@njit(cache=True)
+def _tell(
+    cost: npt.NDArray[np.float64],
+    outcome: _Outcome,
+    class_of: npt.NDArray[np.int32],
+    held: npt.NDArray[np.int32],
+    found: npt.NDArray[np.int8],
+) -> None:  # pragma: no cover - compiled
+    """Fill in the reason of every pair, the first of `Reason` that holds."""
+    for vehicle in range(cost.shape[0]):
+        first = outcome.task_of[vehicle]
+        has_task = first != NO_TASK
+        keeps = has_task and held[vehicle] == first
+        for task in range(cost.shape[1]):
+            taker = outcome.vehicle_of[task]
+            taken = taker >= 0
+            stays = taken and held[taker] == task
+            cheaper_for_vehicle = cost[vehicle, task] < outcome.pays[vehicle]
+            cheaper_for_task = cost[vehicle, task] < outcome.paid[task]
+            taken_for_less = taken and not cheaper_for_task
+            if outcome.pair[vehicle, task]:
+                reason = _CHOSEN
+            elif not np.isfinite(cost[vehicle, task]):
+                reason = _NOT_ALLOWED
+            elif outcome.later[vehicle, task]:
+                reason = _PLANNED_LATER
+            elif has_task and class_of[first] < class_of[task]:
+                reason = _CLASS_FIRST
+            elif (keeps and cheaper_for_vehicle and not taken_for_less) or (stays and cheaper_for_task):
+                reason = _KEPT
+            elif taken_for_less:
+                reason = _TASK_GOT_NEARER
+            elif has_task and not cheaper_for_vehicle:
+                reason = _VEHICLE_GOT_BETTER
+            elif has_task or taken:
+                reason = _BETTER_FOR_ALL
+            else:
+                reason = _LEFT_FOR_LATER
+            found[vehicle, task] = reason

@@ -16,16 +16,25 @@ _FILES = [path.stat() for path in sorted(Path(__file__).parent.rglob("*.py"))]
 _STAMP = (max(file.st_mtime for file in _FILES), sum(file.st_size for file in _FILES))
 
 
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+def kernel(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
     """Compile a kernel that gets all its memory handed in, bundled in named tuples, and allocates none.
 
     Without `_nrt=False` numba counts the references of every array of a bundle at every use, which takes two thirds
     of the time of a search. And numba keeps a compiled kernel until the file it stands in changes, whatever happens to
     the kernels in other files that are compiled into it: here it is kept until any file of the family changes.
     """
-    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False, **more}
     compiled: Callable[..., Any] = njit(**options)(function)
     kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if kept is not None:
         kept._source_stamp = _STAMP
     return compiled
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A kernel that is always compiled into its callers.
+
+    To call one that is not hands every array of its named tuples over on the stack, seven words each. That is lost in
+    kernels that work long, but not in one that is called for every agent.
+    """
+    return kernel(function, forceinline=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +25,7 @@ def open_moves(graph: LaneGraph, blocked: BoolArray) -> BoolArray:
     return is_open
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Options:
+class Options(NamedTuple):
     """What an agent can aim at: a neighbouring cell, or another state of its own cell.
 
     Where vehicles turn on the spot, a neighbouring cell may be one or more turns away. An agent that aims there turns
@@ -39,12 +38,18 @@ class Options:
     """State after the first timestep, and timesteps spent turning before the cell is left; shape like `aim`."""
     sweep: IntArray
     """The move, if it touches cells besides its two ends and is made at once; else -1; shape (n_states, widest)."""
-    widest: int
-    """Most options of a state."""
+    beside_ptr: IntArray
+    """Cells that move m touches besides its two ends: beside[beside_ptr[m]:beside_ptr[m + 1]]."""
+    beside: IntArray
     has_turns: bool
     """Whether an option of another cell begins with a turn."""
     has_sweeps: bool
     """Whether a move touches cells besides its two ends."""
+
+    @property
+    def widest(self) -> int:
+        """Most options of a state."""
+        return int(self.aim.shape[1])
 
 
 def options_of(graph: LaneGraph, blocked: BoolArray) -> Options:
@@ -87,14 +92,26 @@ def options_of(graph: LaneGraph, blocked: BoolArray) -> Options:
         at_once = rows[:, 1] == rows[:, 2]
         made = order[np.searchsorted(ends[order], (rows[:, 0] * graph.n_states + rows[:, 2])[at_once])]
         sweep[place[0][at_once], place[1][at_once]] = np.where(wide[made], made, -1)
+    beside_ptr, beside = cells_beside(graph)
     return Options(
         aim=aim,
         start=start,
         sweep=sweep,
-        widest=widest,
+        beside_ptr=beside_ptr,
+        beside=beside,
         has_turns=bool(rows[:, 3].any()),
         has_sweeps=bool(wide.any()),
     )
+
+
+def cells_beside(graph: LaneGraph) -> tuple[IntArray, IntArray]:
+    """Cells that each move touches besides its two ends, as CSR: of move m those from ptr[m] to ptr[m + 1]."""
+    counts = np.diff(graph.swept_ptr)
+    of_move = np.repeat(np.arange(len(counts)), counts)
+    cell = graph.swept_cell
+    aside = (cell != graph.state_cell[graph.move_from[of_move]]) & (cell != graph.state_cell[graph.move_to[of_move]])
+    n_beside = np.bincount(of_move[aside], minlength=len(counts))
+    return np.concatenate(([0], np.cumsum(n_beside))).astype(np.int32), cell[aside].astype(np.int32)
 
 
 def _rows(state: IntArray, first: IntArray, now: IntArray, turns: int) -> Int64Array:

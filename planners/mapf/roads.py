@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from maps.lane_graph import LaneGraph
-from planners.mapf.options import open_moves
+from planners.mapf.options import Options, open_moves
 from planners.mapf.problem import BoolArray, Instance, IntArray
 
 
@@ -66,6 +66,26 @@ def roads_of(graph: LaneGraph, blocked: BoolArray) -> Roads:
         beside=np.concatenate([np.empty(0, dtype=np.int32), *parts]).astype(np.int32),
         n_cells=len(used),
         two_way=len(np.unique(cell)) == len(cell) and bool(np.isin(back, ends).all()),
+    )
+
+
+def options_of_roads(roads: Roads) -> Options:
+    """The roads that leave each state as its options, in their order; a turn on the spot is one like any other."""
+    counts = np.diff(roads.ptr)
+    move = np.arange(len(roads.to), dtype=np.int32)
+    place = np.arange(len(counts)).repeat(counts), move - roads.ptr[:-1].repeat(counts)
+    aim = np.full((len(counts), int(counts.max(initial=1)), 2), -1, dtype=np.int32)
+    aim[place] = np.column_stack((roads.to, roads.cell[roads.to]))
+    sweep = np.full(aim.shape[:2], -1, dtype=np.int32)
+    sweep[place] = np.where(np.diff(roads.beside_ptr) > 0, move, np.int32(-1))
+    return Options(
+        aim=aim,
+        start=np.zeros((0, 0, 2), dtype=np.int32),  # not read where nothing begins with a turn
+        sweep=sweep,
+        beside_ptr=roads.beside_ptr,
+        beside=roads.beside,
+        has_turns=False,
+        has_sweeps=len(roads.beside) > 0,
     )
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from planners.motion.arrays import Chance
+from planners.motion.kernel import kernel
 
 
-@njit(cache=True)
-def uniform(state):  # type: ignore[no-untyped-def]
+@kernel
+def uniform(state: Chance) -> float:
     """Next number in [0, 1) of a SplitMix64 stream (Steele, Lea, Flood, OOPSLA 2014); `state` is uint64 (1,)."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     z = state[0]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z = z ^ (z >> np.uint64(31))
-    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+    part: float = (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+    return part

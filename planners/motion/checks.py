@@ -6,12 +6,10 @@ import math
 from numbers import Integral
 
 import numpy as np
-import numpy.typing as npt
-from numba import njit
 
 from planners.errors import PlanningError
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arrays import FloatArray
+from planners.motion.kernel import kernel
 
 _RIGID = 1e-4
 _MOST_WORDS = 60
@@ -26,7 +24,7 @@ def floats(name: str, value: object) -> FloatArray:
     try:
         return np.ascontiguousarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise PlanningError(f"{name} {repr(value)[:_MOST_WORDS]}, expected numbers") from None
+        raise PlanningError(f"{name} {repr(value)[:_MOST_WORDS]}; valid: numbers") from None
 
 
 def is_array(name: str, value: object) -> None:
@@ -36,7 +34,7 @@ def is_array(name: str, value: object) -> None:
         PlanningError: It is something else, such as a list.
     """
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
-        raise PlanningError(f"{name} {repr(value)[:_MOST_WORDS]}, expected an array of numbers")
+        raise PlanningError(f"{name} {repr(value)[:_MOST_WORDS]}; valid: an array of numbers")
 
 
 def vector(name: str, value: object, n: int) -> FloatArray:
@@ -47,7 +45,7 @@ def vector(name: str, value: object, n: int) -> FloatArray:
     """
     numbers = floats(name, value)
     if numbers.shape != (n,) or not np.isfinite(numbers).all():
-        raise PlanningError(f"{name} {numbers} of shape {numbers.shape}, expected finite values ({n},)")
+        raise PlanningError(f"{name} {numbers} of shape {numbers.shape}; valid: finite values ({n},)")
     return numbers
 
 
@@ -59,7 +57,7 @@ def rows(name: str, value: object, n: int, *, least: int = 1) -> FloatArray:
     """
     numbers = floats(name, value)
     if numbers.ndim != 2 or numbers.shape[1] != n or len(numbers) < least or not np.isfinite(numbers).all():
-        raise PlanningError(f"{name} of shape {numbers.shape}, expected finite values (k, {n}), k >= {least}")
+        raise PlanningError(f"{name} of shape {numbers.shape}; valid: finite values (k, {n}), k >= {least}")
     return numbers
 
 
@@ -70,7 +68,7 @@ def whole(name: str, value: object, least: int, most: int) -> int:
         PlanningError: It is something else.
     """
     if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
-        raise PlanningError(f"{name} {repr(value)[:_MOST_WORDS]}, expected an integer from {least} to {most}")
+        raise PlanningError(f"{name} {repr(value)[:_MOST_WORDS]}; valid: an integer from {least} to {most}")
     return int(value)
 
 
@@ -85,7 +83,7 @@ def positive(name: str, value: object, *, zero: bool = False) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if not (math.isfinite(number) and (number > 0 or (zero and number == 0))):
-        raise PlanningError(f"{name} {repr(value)[:_MOST_WORDS]}, expected a finite number {'>=' if zero else '>'} 0")
+        raise PlanningError(f"{name} {repr(value)[:_MOST_WORDS]}; valid: a finite number {'>=' if zero else '>'} 0")
     return number
 
 
@@ -97,9 +95,9 @@ def rigid(name: str, pose: object) -> FloatArray:
     """
     matrix = floats(name, pose)
     if matrix.shape != (4, 4):
-        raise PlanningError(f"{name} of shape {matrix.shape}, expected (4, 4)")
+        raise PlanningError(f"{name} of shape {matrix.shape}; valid: (4, 4)")
     if not _is_rigid(matrix):
-        raise PlanningError(f"{name} {matrix.tolist()}, expected a finite pose, its upper left 3x3 part a rotation")
+        raise PlanningError(f"{name} {matrix.tolist()}; valid: a finite pose, its upper left 3x3 part a rotation")
     return matrix
 
 
@@ -111,7 +109,7 @@ def limits(name: str, lower: object, upper: object) -> tuple[FloatArray, FloatAr
     """
     low, high = floats(f"{name}: lower", lower).copy(), floats(f"{name}: upper", upper).copy()
     if low.ndim != 1 or low.shape != high.shape or not np.all(low < high):
-        raise PlanningError(f"{name}: limits {low} and {high}, expected lower < upper for each joint")
+        raise PlanningError(f"{name}: limits {low} and {high}; valid: lower < upper for each joint")
     return low, high
 
 
@@ -124,17 +122,17 @@ def spheres(name: str, given: tuple[object, object] | None) -> tuple[FloatArray,
     if given is None:
         return np.empty((0, 3)), np.empty(0)
     if not isinstance(given, tuple | list) or len(given) != 2:
-        raise PlanningError(f"{name} {repr(given)[:_MOST_WORDS]}, expected centres and radii")
+        raise PlanningError(f"{name} {repr(given)[:_MOST_WORDS]}; valid: centres and radii")
     centre, radius = floats(name, given[0]), floats(name, given[1])
     if radius.ndim != 1 or centre.shape != (len(radius), 3):
-        raise PlanningError(f"{name} {centre.shape} and {radius.shape}, expected (m, 3) and (m,)")
+        raise PlanningError(f"{name} {centre.shape} and {radius.shape}; valid: (m, 3) and (m,)")
     if not np.isfinite(centre).all() or not (np.isfinite(radius) & (radius > 0)).all():
-        raise PlanningError(f"{name}: centres {centre}, radii {radius}, expected finite, and > 0")
+        raise PlanningError(f"{name}: centres {centre}, radii {radius}; valid: finite, and > 0")
     return centre, radius
 
 
-@njit(cache=True)
-def _is_rigid(m):  # type: ignore[no-untyped-def]
+@kernel
+def _is_rigid(m: FloatArray) -> bool:
     for i in range(3):
         if not abs(m[i, 3]) < np.inf:
             return False
@@ -145,4 +143,4 @@ def _is_rigid(m):  # type: ignore[no-untyped-def]
     det = m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1])
     det += m[0, 1] * (m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2])
     det += m[0, 2] * (m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0])
-    return det > 0.0
+    return bool(det > 0.0)

@@ -7,14 +7,12 @@ from enum import Enum
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from planners.errors import PlanningError
 from planners.motion import checks
+from planners.motion.arrays import FloatArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.scene_kernel import straight_goal
-
-FloatArray = npt.NDArray[np.float64]
 
 _MAX_SEED = 2**32 - 2
 _MOST_ITERATIONS = 2**62
@@ -49,17 +47,18 @@ class MotionProblem:
 
     def __post_init__(self) -> None:
         if not isinstance(self.checker, CollisionChecker):
-            raise PlanningError(f"MotionProblem.checker: {self.checker!r}, expected a CollisionChecker")
+            raise PlanningError(f"MotionProblem.checker: {self.checker!r}; valid: a CollisionChecker")
         checks.is_array("MotionProblem.start", self.start)
         checks.is_array("MotionProblem.goals", self.goals)
         n = self.checker.model.n_joints
         if self.start.shape != (n,) or self.goals.ndim != 2 or self.goals.shape[1:] != (n,) or len(self.goals) == 0:
             raise PlanningError(
-                f"MotionProblem: start {self.start.shape}, goals {self.goals.shape}; "
-                f"expected ({n},) and (k, {n}), k >= 1"
+                f"MotionProblem: start {self.start.shape}, goals {self.goals.shape}; valid: ({n},) and (k, {n}), k >= 1"
             )
         if not np.all(np.isfinite(self.start)) or not np.all(np.isfinite(self.goals)):
-            raise PlanningError("MotionProblem: start and goals must be finite")
+            raise PlanningError(
+                f"MotionProblem: start {self.start.tolist()}, goals {self.goals.tolist()}; valid: finite numbers"
+            )
         checks.whole("MotionProblem: seed", self.seed, 0, _MAX_SEED)
         checks.whole("MotionProblem: max_iterations", self.max_iterations, 0, _MOST_ITERATIONS)
 

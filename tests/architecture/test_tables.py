@@ -27,13 +27,14 @@ FAMILIES = [
     Family(
         package="planners.mapf",
         tables=("PLANNERS", "ONE_SHOT_PLANNERS"),
-        support=frozenset({"chance", "distance_table", "kernel", "metrics", "one_shot", "options", "problem", "roads"})
-        | {"validate"},
+        support=frozenset({"chance", "distance_table", "inheritance", "kernel", "metrics", "one_shot", "options"})
+        | {"planner", "problem", "roads", "validate", "window"},
     ),
     Family(
         package="planners.allocation",
         tables=("ALLOCATORS",),
-        support=frozenset({"costs", "job_shop", "problem", "prune", "reasons", "shop", "sparse_matching", "validate"}),
+        support=frozenset({"checked", "costs", "job_shop", "problem", "prune", "reasons", "shop", "sparse_matching"})
+        | {"validate"},
     ),
     Family(
         package="planners.motion.search",
@@ -78,7 +79,7 @@ def test_a_family_s_tables_and_its_folder_agree(family: Family) -> None:
 
 def test_the_table_of_benchmarks_and_its_folder_agree() -> None:
     # `behaviour` measures nothing: it compares runs with recorded ones.
-    assert set(benchmarks.BENCHMARKS) | {"__main__", "behaviour", "harness"} == modules_of("benchmarks")
+    assert set(benchmarks.BENCHMARKS) | {"__main__", "behaviour", "calibration", "harness"} == modules_of("benchmarks")
     for name in benchmarks.BENCHMARKS:
         assert importlib.import_module(f"benchmarks.{name}").BENCHMARK.name == name
 

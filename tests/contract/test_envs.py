@@ -15,6 +15,7 @@ import numpy.typing as npt
 import pytest
 
 from fleet.config import ArmConfig
+from fleet.envs import warehouse_v0
 from fleet.envs.core.base import ActionError, EnvState, EpisodeError, StateError
 from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.envs.warehouse.rewards import TERMS, RewardWeights
@@ -39,7 +40,7 @@ def make() -> Iterator[Callable[..., WarehouseEnv]]:
     made = []
 
     def one(**arguments: object) -> WarehouseEnv:
-        made.append(WarehouseEnv(**({"site": "cell", "fidelity": "kinematic"} | arguments)))  # type: ignore[arg-type]
+        made.append(warehouse_v0.parallel_env(**({"site": "cell", "fidelity": "kinematic"} | arguments)))
         return made[-1]
 
     yield one

@@ -197,7 +197,7 @@ def test_odd_input_is_named(tmp_path: Path) -> None:
         lambda: confirmer.set_things([np.empty((0, 3))]),
     ]
     for case in cases:
-        with pytest.raises(PlanningError, match="expected"):
+        with pytest.raises(PlanningError, match="valid: "):
             case()
     assert confirmer.confirm(here).free
     confirmer.close()

@@ -18,10 +18,9 @@ from benchmarl.models.mlp import MlpConfig
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.pettingzoo import PettingZooWrapper
 
-from fleet.envs.dispatch.env import DispatchEnv
-from fleet.envs.navigate.navigation import NavigationEnv
+from fleet.envs import dispatch_v0, navigate_v0
 
-ENVS = {"navigate": NavigationEnv, "dispatch": DispatchEnv}
+ENVS = {"navigate": navigate_v0.parallel_env, "dispatch": dispatch_v0.parallel_env}
 ALGORITHMS = {"ippo": IppoConfig, "mappo": MappoConfig}
 
 

@@ -19,8 +19,7 @@ from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaskingTorchRLModule
 from ray.tune.registry import register_env
 
-from fleet.envs.dispatch.env import DispatchEnv
-from fleet.envs.navigate.navigation import NavigationEnv
+from fleet.envs import dispatch_v0, navigate_v0
 
 
 class Renamed(BaseParallelWrapper):
@@ -46,7 +45,10 @@ def _renamed(one: Any) -> dict[str, Any]:
     return {"observations": one["observation"], "action_mask": one["action_mask"]}
 
 
-ENVS = {"navigate": NavigationEnv, "dispatch": lambda **arguments: Renamed(DispatchEnv(**arguments))}
+ENVS = {
+    "navigate": navigate_v0.parallel_env,
+    "dispatch": lambda **arguments: Renamed(dispatch_v0.parallel_env(**arguments)),
+}
 
 
 def main() -> None:

@@ -9,11 +9,10 @@ import argparse
 
 from stable_baselines3 import PPO
 
-from fleet.envs.dispatch.env import DispatchEnv
-from fleet.envs.navigate.navigation import NavigationEnv
+from fleet.envs import dispatch_v0, navigate_v0
 from fleet.training.stacks.sb3 import TypeVecEnv
 
-ENVS = {"navigate": NavigationEnv, "dispatch": DispatchEnv}
+ENVS = {"navigate": navigate_v0.parallel_env, "dispatch": dispatch_v0.parallel_env}
 
 
 def main() -> None:

@@ -16,10 +16,9 @@ from torchrl.modules import MaskedCategorical, MultiAgentMLP, NormalParamExtract
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
-from fleet.envs.dispatch.env import DispatchEnv
-from fleet.envs.navigate.navigation import NavigationEnv
+from fleet.envs import dispatch_v0, navigate_v0
 
-ENVS = {"navigate": NavigationEnv, "dispatch": DispatchEnv}
+ENVS = {"navigate": navigate_v0.parallel_env, "dispatch": dispatch_v0.parallel_env}
 GROUP = "car"
 CARS_N = 6
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +18,8 @@ from gymnasium.utils import EzPickle
 from pettingzoo.utils import ParallelEnv, parallel_to_aec
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
-from fleet.config import require
-from fleet.config.field_checks import is_whole
-from fleet.envs.core.window import Window
+from fleet.envs.core.env_config import EnvConfig, require_seed
+from fleet.envs.core.window import PictureWindow
 from fleet.errors import FleetError
 
 Picture = npt.NDArray[np.uint8]
@@ -38,7 +37,7 @@ class EpisodeError(FleetError):
 
 
 class ActionError(FleetError):
-    """Actions of nobody in the team, or of the wrong shape or kind."""
+    """Actions of an agent that is not in the team, or of the wrong shape or kind."""
 
 
 class StateError(FleetError):
@@ -55,7 +54,7 @@ class EnvState:
     name: str
     """The environment's name."""
     arguments: dict[str, Any]
-    """Those it was made with, but for how it is shown."""
+    """Settings it was made with, by name, but for how it is shown."""
     seed: int
     """Of the episode, as `FleetEnv._begin` takes it."""
     series: Mapping[str, Any]
@@ -103,64 +102,44 @@ class EnvState:
 class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     """A PettingZoo environment over a fleet: the part that does not depend on what agents decide.
 
-    A subclass calls this constructor with its own arguments, and writes `_begin`, `_advance`, `_resolved` and
-    `_picture`. It is pickled and copied by its arguments: a copy begins before its first episode.
+    A subclass writes `_begin`, `_advance`, `_resolved` and `_picture`. It is pickled and copied by its settings: a copy
+    begins before its first episode.
 
-    The agents of an environment are the same in all episodes, and all end together. One that records nothing has
-    fewer `RENDER_MODES`.
+    The agents of an environment are the same in all episodes, and all end together.
 
     Args:
-        name: As PettingZoo's modules have it (`warehouse_v0`).
-        arguments: All arguments of the subclass's constructor, by name.
+        config: All settings.
         observation_spaces: By agent; the order is that of the agents.
         action_spaces: By agent.
-        max_cycles: Steps after which an episode is truncated.
-        fps: Steps per second of what is drawn.
-        seed: Decides the episodes until `reset` is given a seed.
-        render_mode: Of `RENDER_MODES`, or None.
-
-    Raises:
-        ConfigError: An argument is outside its valid range.
     """
-
-    RENDER_MODES: ClassVar[tuple[str, ...]] = ("human", "rgb_array", "rerun")
 
     def __init__(
         self,
-        *,
-        name: str,
-        arguments: Mapping[str, Any],
+        config: EnvConfig,
         observation_spaces: Mapping[str, Space[Any]],
         action_spaces: Mapping[str, Space[Any]],
-        max_cycles: int,
-        fps: float,
-        seed: int,
-        render_mode: str | None,
     ) -> None:
-        EzPickle.__init__(self, **arguments)
-        require(is_whole(max_cycles) and max_cycles >= 1, "max_cycles", max_cycles, "an integer >= 1")
-        _require_seed(seed)
-        modes = self.RENDER_MODES
-        require(render_mode in (None, *modes), "render_mode", render_mode, f"None, {', '.join(modes)}")
+        EzPickle.__init__(self, config)
+        self.config = config
+        """All settings."""
         self.metadata: dict[str, Any] = {
-            "name": name,
-            "render_modes": list(modes),
-            "render_fps": fps,
+            "name": config.NAME,
+            "render_modes": list(config.RENDER_MODES),
+            "render_fps": config.render_fps,
             "is_parallelizable": True,
         }
-        self.max_cycles = max_cycles
-        self.render_mode = render_mode
+        self.max_cycles = config.max_cycles
+        self.render_mode = config.render_mode
         self.observation_spaces = dict(observation_spaces)
         self.action_spaces = dict(action_spaces)
         self.possible_agents = list(observation_spaces)
         self.agents: list[str] = []
         self.steps_n = 0
         """Steps of the episode so far."""
-        self._arguments = {key: value for key, value in arguments.items() if key not in ("render_mode", "record_to")}
-        self._series = np.random.default_rng(seed)
+        self._series = np.random.default_rng(config.seed)
         self._seed = -1
         self._log: list[Any] = []
-        self._window: Window | None = None
+        self._window: PictureWindow | None = None
 
     def observation_space(self, agent: str) -> Space[Any]:
         """Space of an agent's observations; the same object every time."""
@@ -187,7 +166,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         """
         del options
         if seed is not None:
-            _require_seed(seed)
+            require_seed(seed)
             self._series = np.random.default_rng(seed)
         self._seed = int(self._series.integers(2**31))
         told = self._start()
@@ -229,7 +208,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
             raise EpisodeError("save_state: no episode is under way; valid: reset() first")
         return EnvState(
             name=self.metadata["name"],
-            arguments=copy.deepcopy(self._arguments),
+            arguments=copy.deepcopy(self.config.deciding()),
             seed=self._seed,
             series=self._series.bit_generator.state,
             actions=tuple(self._log),
@@ -240,19 +219,19 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         """Return to a moment, exactly: what follows, later episodes included, is what followed then.
 
         Args:
-            state: From `save_state` of this environment, or of any other that was made with the same arguments.
+            state: From `save_state` of this environment, or of any other that was made with the same settings.
 
         Returns:
             Observations of all agents, as they were.
 
         Raises:
-            StateError: It was saved by an environment with other arguments.
+            StateError: It was saved by an environment with other settings.
         """
         if not isinstance(state, EnvState):
             raise StateError(f"load_state: the state is a {type(state).__name__}; valid: an EnvState")
         if state.name != self.metadata["name"]:
             raise StateError(f"load_state: the state is one of {state.name}; valid: one of {self.metadata['name']}")
-        for key, value in self._arguments.items():
+        for key, value in self.config.deciding().items():
             # Repr: dataclasses of weights and the like come from another process.
             if repr(state.arguments.get(key)) != repr(value):
                 raise StateError(f"load_state: saved with {key} = {state.arguments.get(key)!r}; valid: {value!r}")
@@ -275,7 +254,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         if self.render_mode == "rgb_array":
             return self._picture()
         if self.render_mode == "human":
-            self._window = self._window or Window("fleet")
+            self._window = self._window or PictureWindow("fleet")
             self._window.show(self._picture())
         elif self.render_mode == "rerun":
             self._record()
@@ -295,7 +274,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
 
     @abstractmethod
     def _resolved(self, actions: Mapping[str, Any]) -> Any:
-        """Legal decisions of all agents, as `_advance` takes them; nobody changes them later.
+        """Legal decisions of all agents, as `_advance` takes them; nothing changes them later.
 
         Raises:
             ActionError: An action has the wrong shape or kind.
@@ -363,10 +342,6 @@ def turn_based(env: FleetEnv) -> Any:
 def in_order(env: Any) -> Any:
     """A turn-based environment that complains about calls in a wrong order."""
     return OrderEnforcingWrapper(env)
-
-
-def _require_seed(seed: object) -> None:
-    require(is_whole(seed) and seed >= 0, "seed", seed, "an integer >= 0")
 
 
 def _listed(agents: Sequence[str]) -> str:

@@ -33,8 +33,8 @@ def whole_numbers(actions: Mapping[str, Any], agents: list[str]) -> Int64Array:
     return np.array([_whole(agent, value) for agent, value in zip(agents, values, strict=True)], dtype=np.int64)
 
 
-def row_of(agent: str, action: Any, entries_n: int) -> npt.NDArray[np.float64]:
-    """A continuous action as a row of numbers, shape (entries_n,).
+def row_of(agent: str, action: Any, n_entries: int) -> npt.NDArray[np.float64]:
+    """A continuous action as a row of numbers, shape (n_entries,).
 
     Raises:
         ActionError: It is no row of so many numbers.
@@ -42,14 +42,14 @@ def row_of(agent: str, action: Any, entries_n: int) -> npt.NDArray[np.float64]:
     try:
         row = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as reason:
-        raise ActionError(f"action of {agent} is {action!r}; valid: {entries_n} numbers in [-1, 1]") from reason
-    if row.shape != (entries_n,):
-        raise ActionError(f"action of {agent} has shape {row.shape}; valid: ({entries_n},)")
+        raise ActionError(f"action of {agent} is {action!r}; valid: {n_entries} numbers in [-1, 1]") from reason
+    if row.shape != (n_entries,):
+        raise ActionError(f"action of {agent} has shape {row.shape}; valid: ({n_entries},)")
     return row
 
 
 def resolve_choices(wanted: npt.NDArray[np.integer[Any]], priority: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
-    """Who gets what he wants, if a thing goes to one only.
+    """Which agents get what they want, where each thing goes to one only.
 
     Args:
         wanted: Thing that each agent wants, negative = none, shape (n,).

@@ -45,7 +45,6 @@ class FloorDrawing:
         for station in site.stations:
             flat[station.dock.cell] = PICK if station.kind == "pick" else DROP
         self._floor = cells.repeat(self._scale, axis=0).repeat(self._scale, axis=1)
-        self._rows_n = rows
 
     def picture(self, poses: FloatArray, loaded: npt.NDArray[np.bool_], goals: FloatArray) -> Picture:
         """The fleet now, north up.

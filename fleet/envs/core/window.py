@@ -1,4 +1,4 @@
-"""Window: shows pictures on the screen, where there is one."""
+"""PictureWindow: shows pictures on the screen, where there is one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 
-class Window:
+class PictureWindow:
     """A window that is opened with the first picture; without a display, or once closed by the user, it stays away.
 
     Args:

@@ -39,8 +39,7 @@ the whole fleet. Spaces, orders and rules are the same.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -49,16 +48,16 @@ from fleet.config import Fidelity, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.base import Infos, in_order, turn_based
 from fleet.envs.core.choices import resolve_choices
-from fleet.envs.core.weights import check_weights, require_weights
+from fleet.envs.core.weights import check_weights
 from fleet.envs.dispatch.fleets import DispatchFleet, GridDispatch
 from fleet.envs.dispatch.view import DispatchObserver, DispatchView
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import NONE
 from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
-from fleet.envs.layers.sites import check_site, place_of
+from fleet.envs.layers.layer_config import LayerConfig
+from fleet.envs.layers.sites import place_of
 from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
-from maps.site import Site
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,74 +83,75 @@ TERMS = ("delivered", "late", "empty", "waiting", "lost")
 """Names of the terms."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class DispatchConfig(LayerConfig):
+    """Settings of `DispatchEnv`.
+
+    Raises:
+        ConfigError: A setting is outside its valid range.
+        SiteError: The site cannot be read.
+    """
+
+    NAME: ClassVar[str] = "dispatch_v0"
+    WEIGHTS: ClassVar[type] = DispatchWeights
+
+    candidates_n: int = 8
+    """Tasks that a car can choose from."""
+    decision_s: float = 5.0
+    """Simulated time of a step [s], a whole number."""
+    max_cycles: int = 240
+    """Steps after which an episode is truncated."""
+    weights: DispatchWeights | None = None
+    """What things are worth; None = as `DispatchWeights` has it."""
+
+    def __post_init__(self) -> None:
+        candidates_ok = is_whole(self.candidates_n) and 1 <= self.candidates_n <= 64
+        require(candidates_ok, "candidates_n", self.candidates_n, "1 to 64")
+        decision_s = self.decision_s
+        whole = is_number(decision_s) and decision_s >= TIMESTEP_S and decision_s % TIMESTEP_S == 0
+        require(whole, "decision_s", decision_s, "a whole number of seconds, >= 1")
+        super().__post_init__()
+
+    @property
+    def step_s(self) -> float:
+        """Simulated time of a step [s]."""
+        return float(self.decision_s)
+
+
 class DispatchEnv(LayerEnv[DispatchView]):
     """A fleet whose cars choose their tasks; see the module's description.
 
     Args:
-        site: Name of a shipped site, path of a site file, or, with fidelity `grid`, a site.
-        n_cars: Number of cars.
-        candidates_n: Tasks that a car can choose from.
-        fidelity: `grid`, `kinematic` or `physics`.
-        load: Orders, as a multiple of what the cars could carry if none was ever in the way of another.
-        decision_s: Simulated time of a step [s], a whole number.
-        max_cycles: Steps after which an episode is truncated.
-        seed: Decides the episodes until `reset` is given a seed.
-        weights: What things are worth.
-        render_mode: `rgb_array`, `human` (a window, if there is a display), `rerun` (a recording in `record_to` per
-            episode) or None.
-        record_to: Folder for recordings of render mode `rerun`; None = `runs/dispatch_v0`.
-
-    Raises:
-        ConfigError: An argument is outside its valid range.
-        SiteError: The site cannot be read.
+        config: All settings.
     """
 
-    def __init__(
-        self,
-        site: str | Site = "medium",
-        n_cars: int = 8,
-        candidates_n: int = 8,
-        fidelity: str = "grid",
-        load: float = 1.5,
-        decision_s: float = 5.0,
-        max_cycles: int = 240,
-        seed: int = 0,
-        weights: DispatchWeights | None = None,
-        render_mode: str | None = None,
-        record_to: str | Path | None = None,
-    ) -> None:
-        arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
-        require_weights(weights, DispatchWeights)
-        check_site(site, fidelity, n_cars)
-        require(is_whole(candidates_n) and 1 <= candidates_n <= 64, "candidates_n", candidates_n, "1 to 64")
-        whole = is_number(decision_s) and decision_s >= TIMESTEP_S and decision_s % TIMESTEP_S == 0
-        require(whole, "decision_s", decision_s, "a whole number of seconds, >= 1")
-        place = place_of(site)
-        self.observer = DispatchObserver(place, candidates_n)
+    config: DispatchConfig
+    fleet: DispatchFleet | None
+
+    def __init__(self, config: DispatchConfig) -> None:
+        place = place_of(config.site)
+        self.observer = DispatchObserver(place, config.candidates_n)
         """Describes the fleet, and prices its tasks."""
         super().__init__(
-            name="dispatch_v0",
-            arguments=arguments,
-            place=place,
-            terms_n=len(TERMS),
-            row_n=self.observer.row_n,
-            n_actions=candidates_n + 1,
-            step_s=float(decision_s),
+            config,
+            place,
+            n_terms=len(TERMS),
+            n_numbers=self.observer.n_numbers,
+            n_actions=config.candidates_n + 1,
         )
-        self.fleet: DispatchFleet | None
-        self.candidates = np.full((n_cars, candidates_n), NONE, dtype=np.int32)
+        self.candidates = np.full((config.n_cars, config.candidates_n), NONE, dtype=np.int32)
         """The task that each candidate of each car is, -1 for none, shape (n_cars, candidates_n)."""
-        self._weights = weights or DispatchWeights()
-        self._idle_n = np.zeros(n_cars, dtype=np.int64)
+        self._weights = config.weights or DispatchWeights()
+        self._idle_steps = np.zeros(config.n_cars, dtype=np.int64)
 
     def _fleet_of(self, orders: tuple[Delivery, ...], seed: int, duration_s: float) -> DispatchFleet:
-        self._idle_n[:] = 0
-        if self._fidelity is Fidelity.GRID:
+        self._idle_steps[:] = 0
+        if self.config.fidelity == Fidelity.GRID:
             return GridDispatch(self.place, self._n_cars, orders, seed)
         from fleet.envs.dispatch.simulation import SimulatedDispatch
 
-        site = str(self._arguments["site"])
-        return SimulatedDispatch(self.place, site, self._n_cars, orders, seed, self._fidelity, duration_s)
+        site, fidelity = str(self.config.site), Fidelity(self.config.fidelity)
+        return SimulatedDispatch(self.place, site, self._n_cars, orders, seed, fidelity, duration_s)
 
     def _look(self) -> DispatchView:
         assert self.fleet is not None
@@ -165,11 +165,11 @@ class DispatchEnv(LayerEnv[DispatchView]):
         fleet, weights = self.fleet, self._weights
         assert fleet is not None
         wanted = np.where(choice > 0, self.candidates[self._cars, choice - 1], NONE)
-        won = resolve_choices(wanted, self._idle_n)
+        won = resolve_choices(wanted, self._idle_steps)
         lost = (wanted != NONE) & ~won
-        self._idle_n = np.where(self.view.free & ~won, self._idle_n + 1, 0)
+        self._idle_steps = np.where(self.view.free & ~won, self._idle_steps + 1, 0)
         fleet.give([(int(car), int(wanted[car])) for car in np.flatnonzero(won)])
-        fleet.run(self._step_s)
+        fleet.run(self.config.step_s)
         counts, minutes = fleet.counts, TIMESTEP_S / 60.0
         terms = np.empty((self._n_cars, len(TERMS)))
         terms[:, 0] = weights.delivered * counts.delivered
@@ -197,22 +197,23 @@ class DispatchEnv(LayerEnv[DispatchView]):
 
     def _quick(self) -> Any:
         quick = super()._quick()
-        return quick and (*quick, self._idle_n.copy())
+        return quick and (*quick, self._idle_steps.copy())
 
     def _restore(self, quick: Any) -> bool:
-        self._idle_n = quick[3].copy()
+        self._idle_steps = quick[3].copy()
         return super()._restore(quick)
 
 
-parallel_env = DispatchEnv
-"""The name that PettingZoo's modules have for it."""
+def parallel_env(**settings: Any) -> DispatchEnv:
+    """Make the environment; the settings are those of `DispatchConfig`."""
+    return DispatchEnv(DispatchConfig.of(settings))
 
 
-def raw_env(**arguments: Any) -> Any:
-    """Make the environment in turn-based (AEC) form; the arguments are those of `DispatchEnv`."""
-    return turn_based(DispatchEnv(**arguments))
+def raw_env(**settings: Any) -> Any:
+    """Make the environment in turn-based (AEC) form; the settings are those of `DispatchConfig`."""
+    return turn_based(parallel_env(**settings))
 
 
-def env(**arguments: Any) -> Any:
+def env(**settings: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
-    return in_order(raw_env(**arguments))
+    return in_order(raw_env(**settings))

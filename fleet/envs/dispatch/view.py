@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.config import AllocationConfig
 from fleet.envs.grid.fleet import ROOM_N, TIMESTEP_S, FleetSite
 from fleet.envs.grid.kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
 from fleet.world.protocol import FloatArray
+from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
 
 OWN_N, CANDIDATE_N, SUMMARY_N = 12, 11, 6
@@ -24,7 +26,10 @@ _TIES = 1 << 20
 
 
 class DispatchView(NamedTuple):
-    """A fleet as dispatch sees it; n cars, m ready tasks, k stations."""
+    """A fleet as dispatch sees it; n cars, m ready tasks, k stations.
+
+    Flat on purpose: these are the arrays that policies read (`env.view.task`) and that one kernel is handed.
+    """
 
     now_s: float
     left: float
@@ -68,7 +73,7 @@ class DispatchObserver:
     def __init__(self, place: FleetSite, candidates_n: int) -> None:
         self._place = place
         self._k = candidates_n
-        self.row_n = OWN_N + candidates_n * CANDIDATE_N + SUMMARY_N
+        self.n_numbers = OWN_N + candidates_n * CANDIDATE_N + SUMMARY_N
         """Length of a row."""
         self._size = np.array([place.site.grid.cols, place.site.grid.rows]) * place.site.grid.cell_m
 
@@ -76,11 +81,11 @@ class DispatchObserver:
         """Observe all cars.
 
         Returns:
-            Observations, shape (n, row_n); which of the k + 1 actions are legal, shape (n, k + 1); the task that each
-            candidate of each car is, `NONE` for none, shape (n, k).
+            Observations, shape (n, n_numbers); which of the k + 1 actions are legal, shape (n, k + 1); the task that
+            each candidate of each car is, `NONE` for none, shape (n, k).
         """
         n, k = len(view.state), self._k
-        rows = np.zeros((n, self.row_n), dtype=np.float32)
+        rows = np.zeros((n, self.n_numbers), dtype=np.float32)
         mask = np.zeros((n, k + 1), dtype=np.int8)
         candidates = np.full((n, k), NONE, dtype=np.int32)
         mask[:, 0] = 1
@@ -89,7 +94,7 @@ class DispatchObserver:
             self._place.floor,
             view,
             np.lexsort((view.task, view.due_s, view.rank)),
-            self._place.far_n,
+            self._place.far_steps,
             rows,
             mask,
             candidates,
@@ -99,17 +104,29 @@ class DispatchObserver:
         np.clip(rows, -1.0, 1.0, out=rows)
         return rows, mask, candidates
 
-    def cost_s(self, view: DispatchView, *, lateness: float = 1.0, ageing: float = 0.5) -> FloatArray:
+    def cost_s(self, view: DispatchView, config: AllocationConfig | None = None) -> FloatArray:
         """What each ready task costs each car as seconds of travel, shape (n, m); inf = not to be had.
 
-        The price of `fleet.dispatch.costs`, from the same facts: travel to the pick station and the time the task would
-        be late, less what it presses for.
+        The price of `fleet.dispatch.costs`, from the same facts, but for one term: what a task would be late if it were
+        left to the next turn is not told to agents, so it counts nothing here.
+
+        Args:
+            view: The fleet.
+            config: What lateness and ageing are worth; None = the defaults of a run.
         """
+        config = config if config is not None else AllocationConfig()
         floor = self._place.floor
         moves = floor.distance[floor.dock_row[view.pick]][:, view.state].T.astype(np.float64)
         rest = floor.distance[floor.dock_row[view.drop], floor.dock_state[view.pick]].astype(np.float64)
-        takes_s = (moves + rest + 2 * floor.service_n) * TIMESTEP_S
-        cost = moves * TIMESTEP_S + lateness * np.maximum(0.0, takes_s - view.due_s) - ageing * view.age_s
+        cost = task_costs(
+            travel_s=moves * TIMESTEP_S,
+            rest_s=rest * TIMESTEP_S,
+            service_s=np.full(len(rest), 2 * floor.service_steps * TIMESTEP_S),
+            since_s=-view.age_s,
+            due_s=view.due_s,
+            now_s=0.0,  # the view tells times from now
+            weights=CostWeights(lateness=config.lateness, ageing=config.ageing, next_turn=0.0),
+        ).cost_s
         cost[moves >= UNREACHABLE] = np.inf
         cost[~view.free] = np.inf
         cost[:, ~self.offered(view)] = np.inf
@@ -129,7 +146,7 @@ class DispatchObserver:
         rows[:, 9] = view.held
         goal_row = self._place.goal_row
         known = np.flatnonzero((view.goal >= 0) & (goal_row[view.goal] >= 0))
-        rows[known, 10] = floor.distance[goal_row[view.goal[known]], view.state[known]] / self._place.far_n
+        rows[known, 10] = floor.distance[goal_row[view.goal[known]], view.state[known]] / self._place.far_steps
 
     def _summary(self, view: DispatchView) -> FloatArray:
         n = len(view.state)
@@ -152,7 +169,7 @@ def fill_candidates(
     floor: Floor,
     view: DispatchView,
     pressing: npt.NDArray[np.int64],
-    far_n: float,
+    far_steps: float,
     rows: npt.NDArray[np.float32],
     mask: npt.NDArray[np.int8],
     candidates: Ints,
@@ -167,8 +184,8 @@ def fill_candidates(
         floor: The site.
         view: The fleet.
         pressing: Its ready tasks, the most pressing first, shape (m,).
-        far_n: Unit of distances, in timesteps.
-        rows: Receives the descriptions, shape (n, row_n).
+        far_steps: Unit of distances, in timesteps.
+        rows: Receives the descriptions, shape (n, n_numbers).
         mask: Receives the legal actions, shape (n, k + 1).
         candidates: Receives the tasks, shape (n, k).
     """
@@ -212,11 +229,11 @@ def fill_candidates(
                     break
             at = OWN_N + c * CANDIDATE_N
             rows[car, at] = 1.0
-            rows[car, at + 1] = moves / far_n
-            rows[car, at + 2] = rest / far_n
+            rows[car, at + 1] = moves / far_steps
+            rows[car, at + 2] = rest / far_steps
             rows[car, at + 3] = view.age_s[j] / TIME_S
             if math.isfinite(view.due_s[j]):
-                takes_s = (moves + rest + 2 * floor.service_n) * TIMESTEP_S
+                takes_s = (moves + rest + 2 * floor.service_steps) * TIMESTEP_S
                 rows[car, at + 4] = 1.0
                 rows[car, at + 5] = (view.due_s[j] - takes_s) / TIME_S
             rows[car, at + 6] = view.rank[j] == 0

@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.config import AllocationConfig
 from fleet.dispatch.offers import QUEUE_S
 from fleet.envs.grid import kernel
-from fleet.envs.grid.kernel import NEVER, NONE, Cars, Counts, Floor, Stage, Stations, Tasks
+from fleet.envs.grid.kernel import NEVER, NONE, CarTable, Counts, Floor, Stage, StationTable, TaskTable
 from fleet.missions.admission import NEAR_N
 from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S
 from fleet.stations.service_time import PRIOR_MEAN_S
@@ -30,8 +31,8 @@ from planners.mapf.pibt import Stepper
 
 TIMESTEP_S = 1.0
 """Time of one move: a cell of 1 m at the 1 m/s of aisles [s]."""
-CAP_N = 2
-"""Cars near one station at once, as in any run (`AllocationConfig.station_cap_n`)."""
+CAP_N = AllocationConfig.station_cap_n
+"""Cars near one station at once, as in any run."""
 ROOM_N = max(CAP_N + 1, round(QUEUE_S / PRIOR_MEAN_S))
 """Tasks under way to one station at once, as in any run (`fleet.dispatch.allocation`)."""
 N_KINDS = 4
@@ -49,7 +50,7 @@ class FleetSite:
     """Row of `floor.distance` of each state that is a dock or a parking place, else `NONE`, shape (n_states,)."""
     move_to: npt.NDArray[np.int32]
     """State that a move of each `MoveKind` but turns leads to, or `NONE`, shape (n_states, 4)."""
-    far_n: int
+    far_steps: int
     """The longest way to a dock or a parking place, in timesteps."""
 
     @classmethod
@@ -67,19 +68,19 @@ class FleetSite:
             dock_row=row[:k].astype(np.int32),
             spot_state=goals[k:],
             spot_row=row[k:].astype(np.int32),
-            slots_n=np.array([len(place.slots) for place in site.stations], dtype=np.int32),
-            service_n=round(PRIOR_MEAN_S / TIMESTEP_S),
-            cap_n=CAP_N,
-            near_n=NEAR_N,
-            loaded_rank_n=round(LOADED_RANK_S / TIMESTEP_S),
-            urgent_rank_n=round(EMERGENCY_RANK_S / TIMESTEP_S),
+            n_slots=np.array([len(place.slots) for place in site.stations], dtype=np.int32),
+            service_steps=round(PRIOR_MEAN_S / TIMESTEP_S),
+            station_cap=CAP_N,
+            near_moves=NEAR_N,
+            loaded_rank=round(LOADED_RANK_S / TIMESTEP_S),
+            urgent_rank=round(EMERGENCY_RANK_S / TIMESTEP_S),
         )
         goal_row, move_to = _none(graph.n_states), np.full((graph.n_states, N_KINDS), NONE, dtype=np.int32)
         goal_row[goals] = row
         move_to[graph.move_from, graph.move_kind] = graph.move_to
         used = distance[row]
-        far_n = int(used[used < UNREACHABLE].max())
-        return cls(site=site, graph=graph, floor=floor, goal_row=goal_row, move_to=move_to, far_n=far_n)
+        far_steps = int(used[used < UNREACHABLE].max())
+        return cls(site=site, graph=graph, floor=floor, goal_row=goal_row, move_to=move_to, far_steps=far_steps)
 
 
 class GridFleet:
@@ -91,8 +92,8 @@ class GridFleet:
         tasks: The tasks.
         stations: The stations.
         counts: What has happened since `forget`.
-        priority: Who goes first in the next timestep, larger = earlier, shape (n_cars,).
-        locked: Who does not move in it, shape (n_cars,).
+        priority: Larger goes first in the next timestep, shape (n_cars,).
+        locked: Cars that do not move in it, shape (n_cars,).
 
     Args:
         place: The site.
@@ -107,7 +108,7 @@ class GridFleet:
         floor, graph = place.floor, place.graph
         k = len(floor.dock_state)
         start = floor.spot_state[:n_cars].copy()
-        self.cars = Cars(
+        self.cars = CarTable(
             state=start,
             phase=np.zeros(n_cars, dtype=np.int8),
             held=np.zeros(n_cars, dtype=np.bool_),
@@ -122,7 +123,7 @@ class GridFleet:
             row=floor.spot_row[:n_cars].copy(),
         )
         self.tasks = _tasks_of(orders, [station.name for station in place.site.stations])
-        self.stations = Stations(booked=_zero(k), free=floor.slots_n.copy(), under_way=_zero(k))
+        self.stations = StationTable(booked=_zero(k), free=floor.n_slots.copy(), under_way=_zero(k))
         self.counts = Counts.of(n_cars, np.int32)
         self.priority = np.zeros(n_cars)
         self.locked = np.zeros(n_cars, dtype=np.bool_)
@@ -192,11 +193,11 @@ class GridFleet:
         self.direct()
 
 
-def _tasks_of(orders: Sequence[Delivery], names: list[str]) -> Tasks:
+def _tasks_of(orders: Sequence[Delivery], names: list[str]) -> TaskTable:
     number = {name: k for k, name in enumerate(names)}
     n = len(orders)
     due = [order.due_s / TIMESTEP_S if math.isfinite(order.due_s) else NEVER for order in orders]
-    return Tasks(
+    return TaskTable(
         release=np.array([math.ceil(order.release_s / TIMESTEP_S) for order in orders], dtype=np.int32),
         due=np.array(due, dtype=np.int64).astype(np.int32),
         pick=np.array([number[order.pick] for order in orders], dtype=np.int32),

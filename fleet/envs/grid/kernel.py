@@ -1,4 +1,8 @@
-"""Kernels of `GridFleet`: what a timestep changes besides the cars' states - services, tasks, bookings, goals."""
+"""Kernels of `GridFleet`: what a timestep changes besides the cars' states - services, tasks, bookings, goals.
+
+They write the rules of a run again, for speed; `tests/contract/test_grid_rules.py` holds every step that they let a
+task or a car make against the life cycle of runs.
+"""
 
 from __future__ import annotations
 
@@ -58,20 +62,20 @@ class Floor(NamedTuple):
     spot_state: Ints
     spot_row: Ints
     """The same for the parking places, shape (p,)."""
-    slots_n: Ints
+    n_slots: Ints
     """Slots of each station, shape (k,)."""
-    service_n: int
+    service_steps: int
     """Timesteps that a car is served."""
-    cap_n: int
+    station_cap: int
     """Cars that are near one station at once, the one that is served included."""
-    near_n: int
+    near_moves: int
     """A car with at most so many moves left to its station needs a booking to go on."""
-    loaded_rank_n: int
-    urgent_rank_n: int
+    loaded_rank: int
+    urgent_rank: int
     """Head start in the right of way of a car with a parcel, and of one with an urgent task, in timesteps."""
 
 
-class Cars(NamedTuple):
+class CarTable(NamedTuple):
     """One entry per car."""
 
     state: Ints
@@ -96,7 +100,7 @@ class Cars(NamedTuple):
     """Its goal, and the row of distances to it."""
 
 
-class Tasks(NamedTuple):
+class TaskTable(NamedTuple):
     """One entry per task, ascending in release; times in timesteps."""
 
     release: Ints
@@ -114,7 +118,7 @@ class Tasks(NamedTuple):
     """First task that may be open, and number of those released, shape (2,)."""
 
 
-class Stations(NamedTuple):
+class StationTable(NamedTuple):
     """One entry per station."""
 
     booked: Ints
@@ -150,7 +154,9 @@ class Counts(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def assign(cars: Cars, tasks: Tasks, stations: Stations, car: int, task: int, now: int) -> None:  # pragma: no cover
+def assign(
+    cars: CarTable, tasks: TaskTable, stations: StationTable, car: int, task: int, now: int
+) -> None:  # pragma: no cover
     """Give a ready task to a free car."""
     tasks.stage[task], tasks.car[task] = ASSIGNED, car
     cars.task[car] = task
@@ -161,7 +167,7 @@ def assign(cars: Cars, tasks: Tasks, stations: Stations, car: int, task: int, no
 
 @njit(cache=True, nogil=True)
 def assign_nearest(
-    floor: Floor, cars: Cars, tasks: Tasks, stations: Stations, room_n: int, now: int
+    floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, room: int, now: int
 ) -> None:  # pragma: no cover - compiled
     """Give each ready task, the most urgent class first, then the oldest, to the nearest free car."""
     n_free = 0
@@ -173,7 +179,7 @@ def assign_nearest(
         for task in range(tasks.window[0], tasks.window[1]):
             if tasks.stage[task] != READY or tasks.rank[task] != rank or n_free == 0:
                 continue
-            if stations.under_way[tasks.pick[task]] >= room_n or stations.under_way[tasks.drop[task]] >= room_n:
+            if stations.under_way[tasks.pick[task]] >= room or stations.under_way[tasks.drop[task]] >= room:
                 continue
             distance = floor.distance[floor.dock_row[tasks.pick[task]]]
             nearest, least = NONE, NEVER
@@ -185,7 +191,7 @@ def assign_nearest(
 
 
 @njit(cache=True, nogil=True)
-def count_moves(cars: Cars, after: Ints, counts: Counts) -> None:  # pragma: no cover - compiled
+def count_moves(cars: CarTable, after: Ints, counts: Counts) -> None:  # pragma: no cover - compiled
     """Count the moves to pick stations, and put the cars where they are after the timestep."""
     for car in range(len(after)):
         if after[car] != cars.state[car] and cars.phase[car] == TO_PICK:
@@ -195,7 +201,7 @@ def count_moves(cars: Cars, after: Ints, counts: Counts) -> None:  # pragma: no 
 
 @njit(cache=True, nogil=True)
 def serve(
-    floor: Floor, cars: Cars, tasks: Tasks, stations: Stations, counts: Counts, now: int
+    floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, counts: Counts, now: int
 ) -> None:  # pragma: no cover - compiled
     """End and begin services, after a timestep's moves."""
     for car in range(len(cars.state)):
@@ -220,11 +226,11 @@ def serve(
                 cars.phase[car], cars.task[car], cars.station[car] = FREE, NONE, NONE
         elif cars.booked[car] and cars.state[car] == floor.dock_state[cars.station[car]]:
             cars.phase[car] = LOADING if phase == TO_PICK else UNLOADING
-            cars.left[car] = floor.service_n
+            cars.left[car] = floor.service_steps
 
 
 @njit(cache=True, nogil=True)
-def release(tasks: Tasks, stations: Stations, counts: Counts, now: int) -> None:  # pragma: no cover - compiled
+def release(tasks: TaskTable, stations: StationTable, counts: Counts, now: int) -> None:  # pragma: no cover - compiled
     """Let orders come in, and fill free slots, the most urgent class first, then the oldest."""
     window = tasks.window
     while window[1] < len(tasks.release) and tasks.release[window[1]] <= now:
@@ -249,9 +255,9 @@ def release(tasks: Tasks, stations: Stations, counts: Counts, now: int) -> None:
 
 @njit(cache=True, nogil=True)
 def direct(
-    floor: Floor, cars: Cars, tasks: Tasks, stations: Stations, spot_user: Ints, first: Ints, now: int
+    floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, spot_user: Ints, first: Ints, now: int
 ) -> None:  # pragma: no cover - compiled
-    """Book places near stations, hold back who has none, and give every car its goal.
+    """Book places near stations, hold back cars without one, and give every car its goal.
 
     Args:
         floor: What never changes.
@@ -267,9 +273,9 @@ def direct(
     first[:] = NONE
     for car in range(n):
         station = cars.station[car]
-        if cars.booked[car] or station == NONE or stations.booked[station] >= floor.cap_n:
+        if cars.booked[car] or station == NONE or stations.booked[station] >= floor.station_cap:
             continue
-        near = floor.distance[floor.dock_row[station], cars.state[car]] <= floor.near_n
+        near = floor.distance[floor.dock_row[station], cars.state[car]] <= floor.near_moves
         before = first[station] == NONE or cars.bound[car] < cars.bound[first[station]]
         if (cars.held[car] or near) and before:
             first[station] = car
@@ -283,7 +289,7 @@ def direct(
         if phase in (LOADING, UNLOADING):
             continue
         if station != NONE and not cars.booked[car]:
-            near = floor.distance[floor.dock_row[station], cars.state[car]] <= floor.near_n
+            near = floor.distance[floor.dock_row[station], cars.state[car]] <= floor.near_moves
             cars.held[car] = cars.held[car] or near
         if station != NONE and not cars.held[car]:
             if cars.spot[car] != NONE:
@@ -301,9 +307,9 @@ def direct(
 
 @njit(cache=True, nogil=True)
 def rank_cars(
-    floor: Floor, cars: Cars, tasks: Tasks, now: int, priority: npt.NDArray[np.float64], locked: Bools
+    floor: Floor, cars: CarTable, tasks: TaskTable, now: int, priority: npt.NDArray[np.float64], locked: Bools
 ) -> None:  # pragma: no cover - compiled
-    """Fill in who goes first, larger = earlier, and who does not move.
+    """Fill in which cars go first, larger = earlier, and which do not move.
 
     The priority is the time since the car was given its goal, with a head start for parcels and urgent tasks; a car
     that is where it should be comes last. Of equal ones the car with the lower index goes first.
@@ -314,14 +320,14 @@ def rank_cars(
         locked[car] = phase in (LOADING, UNLOADING) or (at_goal and cars.booked[car])
         waited = np.float64(now - cars.since[car])
         if phase == TO_DROP:
-            waited += floor.loaded_rank_n
+            waited += floor.loaded_rank
         if cars.task[car] != NONE and tasks.rank[cars.task[car]] == 0:
-            waited += floor.urgent_rank_n
+            waited += floor.urgent_rank
         priority[car] = -1.0 if at_goal else waited
 
 
 @njit(cache=True, nogil=True)
-def _bind(cars: Cars, car: int, phase: int, station: int, now: int) -> None:  # pragma: no cover - compiled
+def _bind(cars: CarTable, car: int, phase: int, station: int, now: int) -> None:  # pragma: no cover - compiled
     cars.phase[car], cars.station[car], cars.bound[car] = phase, station, now
     cars.held[car] = cars.booked[car] = False
 

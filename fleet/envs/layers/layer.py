@@ -5,26 +5,24 @@ from __future__ import annotations
 import functools
 from abc import abstractmethod
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box, Dict, Discrete
 
-from fleet.config import Fidelity, require
-from fleet.config.field_checks import is_number
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture
 from fleet.envs.core.choices import whole_numbers
 from fleet.envs.core.floor_drawing import FloorDrawing
 from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite
 from fleet.envs.grid.kernel import Counts, Ints, Phase, SmallInts
 from fleet.envs.layers.fleets import Fleet
+from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
 
-if TYPE_CHECKING:  # heavy, and most who train record nothing
+if TYPE_CHECKING:  # heavy, and most trainings record nothing
     from fleet.recording import PictureRecorder
 
 Bools = npt.NDArray[np.bool_]
@@ -33,7 +31,7 @@ LOADED = (Phase.TO_DROP, Phase.UNLOADING)
 """Phases of a car with a parcel."""
 
 
-class View(Protocol):
+class FleetView(Protocol):
     """What all views of a fleet tell."""
 
     @property
@@ -49,7 +47,7 @@ class View(Protocol):
         """`Phase` of each car, shape (n_cars,)."""
 
 
-ViewT = TypeVar("ViewT", bound=View)
+ViewT = TypeVar("ViewT", bound=FleetView)
 
 
 class LayerEnv(FleetEnv, Generic[ViewT]):
@@ -58,62 +56,38 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
     A subclass writes `_fleet_of`, `_look`, `_rows_now`, `_play` and `_infos`.
 
     Args:
-        name: As PettingZoo's modules have it.
-        arguments: All arguments of the subclass's constructor, by name.
+        config: All settings.
         place: The site.
-        terms_n: Terms of the reward.
-        row_n: Numbers in an observation.
+        n_terms: Terms of the reward.
+        n_numbers: Numbers in an observation.
         n_actions: Of which 0 is always legal, and what an illegal one counts as.
-        step_s: Simulated time of a step [s].
-
-    Raises:
-        ConfigError: An argument is outside its valid range.
     """
 
-    def __init__(
-        self,
-        *,
-        name: str,
-        arguments: Mapping[str, Any],
-        place: FleetSite,
-        terms_n: int,
-        row_n: int,
-        n_actions: int,
-        step_s: float,
-    ) -> None:
-        n_cars, load, fidelity = arguments["n_cars"], arguments["load"], arguments["fidelity"]
-        require(is_number(load) and 0 < load <= 100, "load", load, "a number > 0, at most 100")
-        cars = [f"car_{car}" for car in range(n_cars)]
+    config: LayerConfig
+
+    def __init__(self, config: LayerConfig, place: FleetSite, *, n_terms: int, n_numbers: int, n_actions: int) -> None:
         super().__init__(
-            name=name,
-            arguments=arguments,
+            config,
             # Spaces of their own: seeding one must not seed another.
-            observation_spaces={car: _space(row_n, n_actions) for car in cars},
-            action_spaces={car: Discrete(n_actions) for car in cars},
-            max_cycles=arguments["max_cycles"],
-            fps=max(1.0, 1.0 / step_s),
-            seed=arguments["seed"],
-            render_mode=arguments["render_mode"],
+            observation_spaces={car: _space(n_numbers, n_actions) for car in config.cars},
+            action_spaces={car: Discrete(n_actions) for car in config.cars},
         )
+        n_cars = config.n_cars
         self.place = place
         """Site, lane graph and distances."""
-        self.state_space = Box(-1.0, 1.0, (n_cars * row_n,), np.float32)
+        self.state_space = Box(-1.0, 1.0, (n_cars * n_numbers,), np.float32)
         self.fleet: Any = None
         """The episode's fleet; None before the first `reset`."""
         self.delivered_n = 0
         """Deliveries of the episode."""
         self.late_s = 0.0
         """Time by which they were late, together [s]."""
-        self._fidelity, self._n_cars, self._n_actions, self._step_s = Fidelity(fidelity), n_cars, n_actions, step_s
+        self._n_cars, self._n_actions, self._n_terms = n_cars, n_actions, n_terms
         self._cars = np.arange(n_cars)
         self._view: ViewT | None = None
-        self._terms_n = terms_n
         self._mask = np.ones((n_cars, n_actions), dtype=np.int8)
-        record_to = arguments["record_to"]
-        require(isinstance(record_to, str | Path | None), "record_to", record_to, "a path")
-        self._record_to = Path(f"runs/{name}" if record_to is None else record_to)
         self._recorder: PictureRecorder | None = None
-        self._episodes_n = 0
+        self._n_episodes = 0
 
     @property
     def view(self) -> ViewT:
@@ -149,11 +123,11 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
 
     @abstractmethod
     def _rows_now(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
-        """Observations, shape (n_cars, row_n), and masks, shape (n_cars, n_actions), of the last view."""
+        """Observations, shape (n_cars, n_numbers), and masks, shape (n_cars, n_actions), of the last view."""
 
     @abstractmethod
     def _play(self, choice: Int64Array) -> tuple[FloatArray, Bools]:
-        """Make a step; returns terms, shape (n_cars, n_terms), and who did not get what it chose, shape (n_cars,).
+        """Make a step; returns terms, shape (n_cars, n_terms), and which cars lost their choice, shape (n_cars,).
 
         Args:
             choice: A legal action of each car, shape (n_cars,).
@@ -179,16 +153,16 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
     def _begin(self, seed: int) -> Infos:
         self._end()
         of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
-        duration_s = self.max_cycles * self._step_s
-        rng, load = np.random.default_rng(of_orders), float(self._arguments["load"])
-        orders = episode_orders(self.place, self._n_cars, load, duration_s, rng)
+        duration_s = self.max_cycles * self.config.step_s
+        rng = np.random.default_rng(of_orders)
+        orders = episode_orders(self.place, self._n_cars, float(self.config.load), duration_s, rng)
         self.fleet = self._fleet_of(orders, int(of_fleet.generate_state(1)[0]), duration_s)
         self.delivered_n, self.late_s = 0, 0.0
-        self._episodes_n += 1
+        self._n_episodes += 1
         if self.render_mode == "rerun":
             self._open_recorder()
-        nobody = np.zeros(self._n_cars, dtype=np.bool_)
-        return self._infos(np.zeros((self._n_cars, self._terms_n)), nobody, nobody)
+        none = np.zeros(self._n_cars, dtype=np.bool_)
+        return self._infos(np.zeros((self._n_cars, self._n_terms)), none, none)
 
     def _resolved(self, actions: Mapping[str, Any]) -> Int64Array:
         return whole_numbers(actions, self.possible_agents)
@@ -229,16 +203,16 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
     def _record(self) -> None:
         recorder = self._recorder or self._open_recorder()
         figures = {"delivered": float(self.delivered_n), "late_min": self.late_s / 60.0}
-        recorder.show(self._picture(), self.steps_n * self._step_s, figures)
+        recorder.show(self._picture(), self.steps_n * self.config.step_s, figures)
 
     def _open_recorder(self) -> PictureRecorder:
         from fleet.recording import PictureRecorder
 
-        path = self._record_to / f"episode_{self._episodes_n - 1:04}.rrd"
+        path = self.config.recordings / f"episode_{self._n_episodes - 1:04}.rrd"
         self._recorder = PictureRecorder(path, f"{self.metadata['name']}, {self._n_cars} cars")
         return self._recorder
 
 
-def _space(row_n: int, n_actions: int) -> Dict:
+def _space(n_numbers: int, n_actions: int) -> Dict:
     mask = Box(0, 1, (n_actions,), np.int8)
-    return Dict({"observation": Box(-1.0, 1.0, (row_n,), np.float32), "action_mask": mask})
+    return Dict({"observation": Box(-1.0, 1.0, (n_numbers,), np.float32), "action_mask": mask})

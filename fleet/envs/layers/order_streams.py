@@ -25,7 +25,7 @@ def rate_per_h(place: FleetSite, n_cars: int, load: float) -> float:
     kinds = np.array([station.kind == "pick" for station in place.site.stations])
     there = floor.distance[np.ix_(floor.dock_row[~kinds], floor.dock_state[kinds])]
     back = floor.distance[np.ix_(floor.dock_row[kinds], floor.dock_state[~kinds])]
-    cycle_s = (float(there.mean()) + float(back.mean()) + 2 * floor.service_n) * TIMESTEP_S
+    cycle_s = (float(there.mean()) + float(back.mean()) + 2 * floor.service_steps) * TIMESTEP_S
     return float(np.clip(load * n_cars * 3600.0 / cycle_s, *RATES_PER_H))
 
 

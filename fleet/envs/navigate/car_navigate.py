@@ -15,7 +15,7 @@ from gymnasium.utils import EzPickle
 
 from fleet.config import require
 from fleet.config.field_checks import is_whole
-from fleet.envs.navigate.navigation import NavigationEnv, Observation
+from fleet.envs.navigate.navigation import NavigationConfig, NavigationEnv, Observation
 from fleet.envs.navigate.navigation_policy import PursuitPolicy
 
 SELF = "car_0"
@@ -50,7 +50,7 @@ class CarNavigateEnv(gymnasium.Env[Any, Any], EzPickle):
     ) -> None:
         EzPickle.__init__(self, fidelity, site, n_others, control_hz, max_steps, render_mode)
         require(is_whole(n_others) and n_others >= 0, "n_others", n_others, "an integer >= 0")
-        self._cars = NavigationEnv(
+        config = NavigationConfig(
             site=site,
             n_cars=1 + n_others,
             fidelity=fidelity,
@@ -58,6 +58,7 @@ class CarNavigateEnv(gymnasium.Env[Any, Any], EzPickle):
             max_cycles=max_steps,
             render_mode=render_mode,
         )
+        self._cars = NavigationEnv(config)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": control_hz}
         self.observation_space = self._cars.observation_space(SELF)

@@ -1,7 +1,7 @@
 """Navigation: a PettingZoo environment in which cars drive to one place after the other, among each other.
 
 Every car has a stream of places to visit, drawn from the episode's seed and the same whatever the agents do. Its way
-there is the shortest along the lanes of the site; nobody gives right of way: to keep clear of the others is the agents'
+there is the shortest along the lanes of the site; no car is given right of way: to keep clear of the others is the agents'
 own affair. A car that gets more than 0.8 m away from its way is out of its agent's hands for a second and a half: it
 brakes, is towed back to its way, and stands there. An episode begins with all cars parked and is truncated for all after
 `max_cycles` steps.
@@ -32,38 +32,28 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
-from numba import njit
 
 from fleet.config import Fidelity, Grip, RunConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.core.choices import row_of
+from fleet.envs.core.env_config import EnvConfig
 from fleet.envs.core.floor_drawing import FloorDrawing
-from fleet.envs.core.weights import check_weights, require_weights
+from fleet.envs.core.weights import check_weights
+from fleet.envs.navigate.rows import CAR_N, WAY_POINTS_M, CarsSeen, Seen, WayLines, observe, project
 from fleet.robots.pursuit import PathBuffer
 from fleet.world import make_world
 from fleet.world.protocol import FloatArray
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import MoveKind, build_lane_graph
-from maps.site import load_site
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
-WAY_POINTS_M = np.array([0.3, 0.6, 1.0, 1.5, 2.2, 3.0])
-"""Distances ahead at which a car is told where its way leads [m]."""
-NEAR_M = 4.0
-"""Range in which other cars are seen [m]."""
-OTHERS_N = 3
-"""Other cars that are seen at most."""
-OTHER_N = 8
-"""Numbers told of each."""
-CAR_N = 4 + 2 * len(WAY_POINTS_M) + OTHERS_N * OTHER_N
-"""Numbers in an observation."""
 OFF_LANE_M = 0.3
 """A car further than this from its way is off its lane [m]: in the middle, its sides are 0.36 m from the walls."""
 LOST_M = 0.8
@@ -103,88 +93,101 @@ TERMS = ("progress", "place", "touch", "off_lane", "towed")
 """Names of the terms."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class NavigationConfig(EnvConfig):
+    """Settings of `NavigationEnv`.
+
+    Raises:
+        ConfigError: A setting is outside its valid range.
+        SiteError: The site cannot be read.
+    """
+
+    NAME: ClassVar[str] = "navigate_v0"
+    WEIGHTS: ClassVar[type] = NavigationWeights
+
+    site: str = "small"
+    """Name of a shipped site or path of a site file."""
+    n_cars: int = 6
+    """Number of cars."""
+    fidelity: str = "kinematic"
+    """`kinematic` or `physics`."""
+    control_hz: float = 10.0
+    """Steps per simulated second; the world's tick rate (kinematic 20, physics 60) is a multiple."""
+    max_cycles: int = 600
+    """Steps after which an episode is truncated."""
+    weights: NavigationWeights | None = None
+    """What things are worth; None = as `NavigationWeights` has it."""
+
+    def __post_init__(self) -> None:
+        require(isinstance(self.site, str | Path), "site", self.site, "a name or a path")
+        n_spots = len(self.place.parking)
+        cars_ok = is_whole(self.n_cars) and 1 <= self.n_cars <= n_spots
+        require(cars_ok, "n_cars", self.n_cars, f"1 to {n_spots} on site {self.place.name}")
+        require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
+        hz_ok = is_number(self.control_hz) and self.control_hz > 0
+        require(hz_ok, "control_hz", self.control_hz, "a number > 0")
+        super().__post_init__()
+
+    @property
+    def render_fps(self) -> float:
+        """Steps per second of what is drawn."""
+        return self.control_hz
+
+
 class NavigationEnv(FleetEnv):
     """Cars that drive to places; see the module's description.
 
     Args:
-        site: Name of a shipped site or path of a site file.
-        n_cars: Number of cars.
-        fidelity: `kinematic` or `physics`.
-        control_hz: Steps per simulated second; the world's tick rate (kinematic 20, physics 60) is a multiple.
-        max_cycles: Steps after which an episode is truncated.
-        seed: Decides the episodes until `reset` is given a seed.
-        weights: What things are worth.
-        render_mode: `rgb_array`, `human` (a window, if there is a display) or None.
+        config: All settings.
 
     Raises:
-        ConfigError: An argument is outside its valid range.
-        SiteError: The site cannot be read.
+        ConfigError: A lane of the site is driven in reverse, or the world's tick rate is no multiple of `control_hz`.
     """
 
-    RENDER_MODES = ("human", "rgb_array")
+    config: NavigationConfig
 
-    def __init__(
-        self,
-        site: str = "small",
-        n_cars: int = 6,
-        fidelity: str = "kinematic",
-        control_hz: float = 10.0,
-        max_cycles: int = 600,
-        seed: int = 0,
-        weights: NavigationWeights | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
-        require_weights(weights, NavigationWeights)
-        require(isinstance(site, str | Path), "site", site, "a name or a path")
-        place = self._site = load_site(site)
-        cars_ok = is_whole(n_cars) and 1 <= n_cars <= len(place.parking)
-        require(cars_ok, "n_cars", n_cars, f"1 to {len(place.parking)} on site {place.name}")
-        require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
-        require(is_number(control_hz) and control_hz > 0, "control_hz", control_hz, "a number > 0")
-        cars = [f"car_{car}" for car in range(n_cars)]
+    def __init__(self, config: NavigationConfig) -> None:
         super().__init__(
-            name="navigate_v0",
-            arguments=arguments,
-            observation_spaces={car: _box(CAR_N) for car in cars},
-            action_spaces={car: _box(2) for car in cars},
-            max_cycles=max_cycles,
-            fps=control_hz,
-            seed=seed,
-            render_mode=render_mode,
+            config,
+            # Spaces of their own: seeding one must not seed another.
+            observation_spaces={car: _box(CAR_N) for car in config.cars},
+            action_spaces={car: _box(2) for car in config.cars},
         )
+        n_cars = config.n_cars
         self.state_space = _box(n_cars * CAR_N)
-        self._weights = weights or NavigationWeights()
+        self._weights = config.weights or NavigationWeights()
         self._drawing: FloorDrawing | None = None
 
-        graph = self._graph = build_lane_graph(place)
+        graph = self._graph = build_lane_graph(config.place)
         forward = not (graph.move_kind == MoveKind.REVERSE).any()
-        require(forward, "site", site, "a site on which no lane is driven in reverse")
-        self._starts = [int(graph.states_of_cell(cell)[0]) for cell in place.parking[:n_cars]]
+        require(forward, "site", config.site, "a site on which no lane is driven in reverse")
+        self._starts = [int(graph.states_of_cell(cell)[0]) for cell in config.place.parking[:n_cars]]
         self._tables = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_))
         back = np.array([self._tables.to(state)[self._starts[0]] for state in range(graph.n_states)])
         self._places = np.flatnonzero((back < UNREACHABLE) & (self._tables.to(self._starts[0]) < UNREACHABLE))
-        scene = scene_of(place, graph.state_pose[self._starts], Grip.SUCTION)
+        scene = scene_of(config.place, graph.state_pose[self._starts], Grip.SUCTION)
         # Arms would only stand about.
         scene = replace(scene, arm_base=scene.arm_base[:0], arm_start=scene.arm_start[:0])
-        config = RunConfig(site=site, robots=n_cars, fidelity=Fidelity(fidelity))
-        self._world = make_world(scene, graph, config)
-        ticks = 1.0 / (control_hz * self._world.tick_s)
-        self._ticks_n = round(ticks)
-        fits = self._ticks_n >= 1 and math.isclose(ticks, self._ticks_n, rel_tol=1e-6)
+        run = RunConfig(site=config.site, robots=n_cars, fidelity=Fidelity(config.fidelity))
+        self._world = make_world(scene, graph, run)
+        ticks = 1.0 / (config.control_hz * self._world.tick_s)
+        self._n_ticks = round(ticks)
+        fits = self._n_ticks >= 1 and math.isclose(ticks, self._n_ticks, rel_tol=1e-6)
         if not fits:
             self._world.close()
-        require(fits, "control_hz", control_hz, f"{1.0 / self._world.tick_s:.6g} / 1, 2, 3, ...")
+        require(fits, "control_hz", config.control_hz, f"{1.0 / self._world.tick_s:.6g} / 1, 2, 3, ...")
         self._parked = self._world.save(settle=True)
         self._no_joints = np.zeros((0, scene.arm.n_joints))
         self._no_grip = np.zeros(0, dtype=np.bool_)
         half_m = ((scene.car.front_m + scene.car.rear_m + TOUCH_M) / 2, scene.car.half_width_m + TOUCH_M / 2)
         self._body = np.array([(scene.car.front_m - scene.car.rear_m) / 2, *half_m])
         self._limits = np.array([scene.car.max_steering_rad, scene.car.max_speed_mps])
-        self._rows = np.zeros((n_cars, CAR_N), dtype=np.float32)
         self._aside_m = np.zeros(n_cars)
-        self._touches = np.zeros(n_cars, dtype=np.bool_)
-        self._aims = np.zeros((n_cars, 2))
+        self._seen = Seen(
+            rows=np.zeros((n_cars, CAR_N), dtype=np.float32),
+            touches=np.zeros(n_cars, dtype=np.bool_),
+            aims=np.zeros((n_cars, 2)),
+        )
 
     def state(self) -> Observation:
         """All observations, one after the other; inside `state_space`.
@@ -194,7 +197,7 @@ class NavigationEnv(FleetEnv):
         """
         if self._seed < 0:
             raise EpisodeError("state: there was no episode yet; valid: reset() first")
-        return self._rows.ravel().copy()
+        return self._seen.rows.ravel().copy()
 
     def close(self) -> None:
         """Free what the environment holds; calling twice is harmless."""
@@ -211,14 +214,14 @@ class NavigationEnv(FleetEnv):
         for car, state in enumerate(self._starts):
             self._paths.reset(car, self._graph.state_pose[state])
             self._extend(car)
-        self._towed_n = np.zeros(n_cars, dtype=np.int64)
+        self._ticks_towed = np.zeros(n_cars, dtype=np.int64)
         """Ticks for which each car is still out of its agent's hands."""
         self._aside_m[:] = 0.0
         self._look()
         return {agent: {**dict.fromkeys((*TERMS, "places"), 0.0), "illegal": False} for agent in self.possible_agents}
 
     def _resolved(self, actions: Mapping[str, Any]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Shares of steering and speed, shape (n_cars, 2), and whose action was illegal or missing."""
+        """Shares of steering and speed, shape (n_cars, 2), and which cars' actions were illegal or missing."""
         rows = np.full((len(self.possible_agents), 2), np.nan)
         for car, agent in enumerate(self.possible_agents):
             action = actions.get(agent)
@@ -230,14 +233,14 @@ class NavigationEnv(FleetEnv):
 
     def _advance(self, resolved: tuple[FloatArray, npt.NDArray[np.bool_]]) -> tuple[dict[str, float], bool, Infos]:
         shares, illegal = resolved
-        commands = np.where((self._towed_n > 0)[:, None], 0.0, shares * self._limits)
+        commands = np.where((self._ticks_towed > 0)[:, None], 0.0, shares * self._limits)
         before_m = self._paths.progress.copy()
-        for _ in range(self._ticks_n):
+        for _ in range(self._n_ticks):
             self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
-        self._follow()
+        project(self._world.car_poses(), self._ways())
         reached = [self._arrive(car) for car in range(len(self.possible_agents))]
         towed = self._tow()
-        touched = self._touches.copy()
+        touched = self._seen.touches.copy()
         self._look()
         off_lane = np.abs(self._aside_m) > OFF_LANE_M
         weights = self._weights
@@ -245,7 +248,7 @@ class NavigationEnv(FleetEnv):
             (
                 weights.progress * (self._paths.progress - before_m),
                 weights.place * np.array(reached),
-                weights.touch * (self._touches & ~touched),
+                weights.touch * (self._seen.touches & ~touched),
                 weights.off_lane * off_lane,
                 weights.towed * towed,
             )
@@ -260,10 +263,10 @@ class NavigationEnv(FleetEnv):
         return rewards, False, infos
 
     def _observations(self) -> dict[str, Observation]:
-        return dict(zip(self.possible_agents, self._rows.copy(), strict=True))
+        return dict(zip(self.possible_agents, self._seen.rows.copy(), strict=True))
 
     def _picture(self) -> Picture:
-        self._drawing = self._drawing or FloorDrawing(self._site)
+        self._drawing = self._drawing or FloorDrawing(self.config.place)
         poses = self._world.car_poses()
         goals = np.array([self._goal(car) for car in range(len(poses))])
         return self._drawing.picture(poses, np.zeros(len(poses), dtype=np.bool_), goals)
@@ -296,19 +299,25 @@ class NavigationEnv(FleetEnv):
         self._extend(car)
         return reached
 
-    def _follow(self) -> None:
+    def _ways(self) -> WayLines:
+        """The ways as they are now: the path buffer makes new arrays when it grows."""
         paths = self._paths
-        _project(
-            self._world.car_poses(), paths.points, paths.s, paths.count, paths.cursor, paths.progress, self._aside_m
+        return WayLines(
+            points=paths.points,
+            s=paths.s,
+            counts=paths.count,
+            cursor=paths.cursor,
+            progress=paths.progress,
+            aside=self._aside_m,
         )
 
     def _tow(self) -> npt.NDArray[np.bool_]:
-        """Stop lost cars and bring them back to where their way is nearest; returns who got lost now, (n_cars,)."""
-        tow_n, brake_n = (round(time_s / self._world.tick_s) for time_s in (TOW_S, BRAKE_S))
-        left_n = np.maximum(self._towed_n - self._ticks_n, 0)
-        stands = (self._towed_n > tow_n) & (left_n <= tow_n)
-        lost: npt.NDArray[np.bool_] = (np.abs(self._aside_m) > LOST_M) & (self._towed_n == 0)
-        self._towed_n = np.where(lost, brake_n + tow_n, left_n)
+        """Stop lost cars and bring them back to where their way is nearest; returns which got lost now, (n_cars,)."""
+        tow, brake = (round(time_s / self._world.tick_s) for time_s in (TOW_S, BRAKE_S))
+        left = np.maximum(self._ticks_towed - self._n_ticks, 0)
+        stands = (self._ticks_towed > tow) & (left <= tow)
+        lost: npt.NDArray[np.bool_] = (np.abs(self._aside_m) > LOST_M) & (self._ticks_towed == 0)
+        self._ticks_towed = np.where(lost, brake + tow, left)
         poses = self._world.car_poses()
         for car in np.flatnonzero(stands).tolist():
             x, y, yaw = self._paths.points[car, self._paths.cursor[car]] - poses[car]
@@ -316,25 +325,15 @@ class NavigationEnv(FleetEnv):
         return lost
 
     def _look(self) -> None:
-        paths, world = self._paths, self._world
-        left_m = np.array([stops[0] for stops in self._stops]) - paths.progress
-        _observe(
-            world.car_poses(),
-            world.car_speeds() / self._limits[1],
-            world.car_steering() / self._limits[0],
-            paths.points,
-            paths.s,
-            paths.count,
-            paths.cursor,
-            paths.progress,
-            self._aside_m,
-            left_m,
-            WAY_POINTS_M,
-            self._body,
-            self._aims,
-            self._touches,
-            self._rows,
+        world = self._world
+        cars = CarsSeen(
+            poses=world.car_poses(),
+            speeds=world.car_speeds() / self._limits[1],
+            steering=world.car_steering() / self._limits[0],
+            left_m=np.array([stops[0] for stops in self._stops]) - self._paths.progress,
+            body=self._body,
         )
+        observe(cars, self._ways(), WAY_POINTS_M, self._seen)
 
     def _goal(self, car: int) -> FloatArray:
         """The place that a car drives to, x, y."""
@@ -343,120 +342,20 @@ class NavigationEnv(FleetEnv):
         return paths.points[car, min(at, paths.count[car] - 1), :2]
 
 
-parallel_env = NavigationEnv
-"""The name that PettingZoo's modules have for it."""
+def parallel_env(**settings: Any) -> NavigationEnv:
+    """Make the environment; the settings are those of `NavigationConfig`."""
+    return NavigationEnv(NavigationConfig.of(settings))
 
 
-def raw_env(**arguments: Any) -> Any:
-    """Make the environment in turn-based (AEC) form; the arguments are those of `NavigationEnv`."""
-    return turn_based(NavigationEnv(**arguments))
+def raw_env(**settings: Any) -> Any:
+    """Make the environment in turn-based (AEC) form; the settings are those of `NavigationConfig`."""
+    return turn_based(parallel_env(**settings))
 
 
-def env(**arguments: Any) -> Any:
+def env(**settings: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
-    return in_order(raw_env(**arguments))
+    return in_order(raw_env(**settings))
 
 
 def _box(n: int) -> Box:
     return Box(-1.0, 1.0, (n,), np.float32)
-
-
-@njit(cache=True)
-def _project(poses, points, s, count, cursor, progress, aside):
-    """Find the point of its way nearest to each car, from half a metre behind the last one to a metre ahead of it."""
-    for car in range(len(poses)):
-        x, y = poses[car, 0], poses[car, 1]
-        k = cursor[car]
-        while k > 0 and s[car, k] > progress[car] - 0.5:
-            k -= 1
-        best, best_k, best_s, best_side = math.inf, cursor[car], progress[car], aside[car]
-        while k + 1 < count[car] and s[car, k] <= progress[car] + 1.0:
-            ax, ay = points[car, k, 0], points[car, k, 1]
-            dx, dy = points[car, k + 1, 0] - ax, points[car, k + 1, 1] - ay
-            length2 = dx * dx + dy * dy
-            t = 0.0
-            if length2 > 0.0:
-                t = min(max(((x - ax) * dx + (y - ay) * dy) / length2, 0.0), 1.0)
-            gap = math.hypot(x - ax - t * dx, y - ay - t * dy)
-            if gap < best:
-                best, best_k = gap, k
-                best_s = s[car, k] + t * (s[car, k + 1] - s[car, k])
-                best_side = gap if dx * (y - ay) - dy * (x - ax) >= 0.0 else -gap
-            k += 1
-        cursor[car], progress[car], aside[car] = best_k, best_s, best_side
-
-
-@njit(cache=True)
-def _ahead(points, s, count, k, at):
-    """Point of a way at an arc length, at most its end."""
-    while k + 2 < count and s[k + 1] < at:
-        k += 1
-    if k + 1 >= count:
-        return points[k, 0], points[k, 1]
-    t = min(max((at - s[k]) / max(s[k + 1] - s[k], 1e-9), 0.0), 1.0)
-    return points[k, 0] + t * (points[k + 1, 0] - points[k, 0]), points[k, 1] + t * (points[k + 1, 1] - points[k, 1])
-
-
-@njit(cache=True)
-def _parted(dx, dy, cos, sin, turn_cos, turn_sin, length, width):
-    """Whether an axis of the first of two equal rectangles parts them (separating axes)."""
-    u, v = cos * dx + sin * dy, cos * dy - sin * dx
-    return (
-        abs(u) > length + abs(turn_cos) * length + abs(turn_sin) * width
-        or abs(v) > width + abs(turn_sin) * length + abs(turn_cos) * width
-    )
-
-
-@njit(cache=True)
-def _observe(  # one kernel for all cars, on flat arrays
-    poses, speeds, steering, points, s, count, cursor, progress, aside, left_m, look_m, body, aims, touches, rows
-):  # fmt: skip
-    """Write all observations, and which cars touch another."""
-    n_cars, n_points = len(poses), len(look_m)
-    for car in range(n_cars):
-        aims[car, 0], aims[car, 1] = _ahead(points[car], s[car], count[car], cursor[car], progress[car] + 1.0)
-    gaps = np.empty(n_cars)
-    for car in range(n_cars):
-        x, y = poses[car, 0], poses[car, 1]
-        cos, sin = math.cos(poses[car, 2]), math.sin(poses[car, 2])
-        row = rows[car]
-        row[:] = 0.0
-        row[0], row[1], row[2], row[3] = speeds[car], steering[car], aside[car], left_m[car] / 10.0
-        for p in range(n_points):
-            px, py = _ahead(points[car], s[car], count[car], cursor[car], progress[car] + look_m[p])
-            row[4 + 2 * p] = (cos * (px - x) + sin * (py - y)) / 3.0
-            row[5 + 2 * p] = (cos * (py - y) - sin * (px - x)) / 3.0
-        touches[car] = False
-        for other in range(n_cars):
-            gaps[other] = math.inf
-            if other == car:
-                continue
-            dx, dy = poses[other, 0] - x, poses[other, 1] - y
-            gaps[other] = math.hypot(dx, dy)
-            if gaps[other] > 1.0:
-                continue
-            other_cos, other_sin = math.cos(poses[other, 2]), math.sin(poses[other, 2])
-            mx = dx + body[0] * (other_cos - cos)
-            my = dy + body[0] * (other_sin - sin)
-            turn_cos, turn_sin = cos * other_cos + sin * other_sin, cos * other_sin - sin * other_cos
-            if not (
-                _parted(mx, my, cos, sin, turn_cos, turn_sin, body[1], body[2])
-                or _parted(mx, my, other_cos, other_sin, turn_cos, turn_sin, body[1], body[2])
-            ):
-                touches[car] = True
-        for rank in range(min(OTHERS_N, n_cars - 1)):
-            other = int(np.argmin(gaps))
-            if gaps[other] > NEAR_M:
-                break
-            gaps[other] = math.inf
-            at = 4 + 2 * n_points + rank * OTHER_N
-            dx, dy = poses[other, 0] - x, poses[other, 1] - y
-            row[at] = 1.0
-            row[at + 1], row[at + 2] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
-            row[at + 3] = math.cos(poses[other, 2] - poses[car, 2])
-            row[at + 4] = math.sin(poses[other, 2] - poses[car, 2])
-            row[at + 5] = speeds[other]
-            dx, dy = aims[other, 0] - x, aims[other, 1] - y
-            row[at + 6], row[at + 7] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
-        for k in range(len(row)):
-            row[k] = min(max(row[k], np.float32(-1.0)), np.float32(1.0))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.navigate.navigation import NEAR_M, OTHER_N, OTHERS_N, WAY_POINTS_M
+from fleet.envs.navigate.rows import NEAR_M, OTHER_N, OTHERS_N, WAY_POINTS_M
 from fleet.robots.racecar import racecar_spec
 
 AIM = 1
@@ -23,7 +23,7 @@ GAP_M = 0.75
 
 
 class PursuitPolicy:
-    """Drives at the next way-point, as fast as the curve allows, and brakes for whoever stands in the strip ahead.
+    """Drives at the next way-point, as fast as the curve allows, and brakes for a car that stands in the strip ahead.
 
     Greedy: it looks at what is near and ahead, and neither gives way nor plans.
 

@@ -3,15 +3,15 @@
 from collections.abc import Callable
 
 from fleet.config import require
-from fleet.envs.policies.dispatch import Greedy, Hungarian, Nearest
+from fleet.envs.policies.dispatch import GreedyDispatch, HungarianDispatch, Nearest
 from fleet.envs.policies.policy import Policy as Policy
 from fleet.envs.policies.policy import Random
-from fleet.envs.policies.traffic import Pibt, ShortestWay
+from fleet.envs.policies.traffic import PibtTraffic, ShortestWay
 from fleet.envs.policies.warehouse import Classical, PlannedArms, PursuitCars
 
 POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
-    "dispatch": {"random": Random, "nearest": Nearest, "greedy": Greedy, "hungarian": Hungarian},
-    "traffic": {"random": Random, "shortest_way": ShortestWay, "pibt": Pibt},
+    "dispatch": {"random": Random, "nearest": Nearest, "greedy": GreedyDispatch, "hungarian": HungarianDispatch},
+    "traffic": {"random": Random, "shortest_way": ShortestWay, "pibt": PibtTraffic},
     "warehouse": {"random": Random, "pursuit": PursuitCars, "planned_arms": PlannedArms, "classical": Classical},
 }
 """Policies by layer and name; each is made with a seed and has `act(env, observations) -> actions`."""

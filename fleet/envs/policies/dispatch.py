@@ -59,7 +59,7 @@ class Allocated:
         return actions
 
 
-class Greedy(Allocated):
+class GreedyDispatch(Allocated):
     """The cheapest pair of a car and a task first.
 
     Args:
@@ -71,7 +71,7 @@ class Greedy(Allocated):
         super().__init__("greedy")
 
 
-class Hungarian(Allocated):
+class HungarianDispatch(Allocated):
     """The cheapest assignment of all cars that can choose, the most urgent classes first.
 
     Args:

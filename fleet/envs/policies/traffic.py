@@ -37,7 +37,7 @@ class ShortestWay:
         return dict(zip(env.possible_agents, best.tolist(), strict=True))
 
 
-class Pibt:
+class PibtTraffic:
     """Priority inheritance with backtracking for all cars at once, as in any run, one timestep at a time.
 
     Args:

@@ -1,6 +1,6 @@
 """Traffic: a PettingZoo environment in which each car chooses its lane moves, and the classical fleet does the rest.
 
-Who gets which task, bookings of stations, parking and arms are those of any run. An episode begins with all cars
+Which car gets which task, bookings of stations, parking and arms are those of any run. An episode begins with all cars
 parked, one order for each car at once, and more that follow as a Poisson stream; it never terminates, and is truncated
 for all agents after `max_cycles` steps.
 
@@ -41,24 +41,23 @@ the whole fleet, whose cars make granted moves at their own speed. Spaces, order
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from fleet.config import Fidelity
 from fleet.envs.core.base import Infos, in_order, turn_based
-from fleet.envs.core.weights import check_weights, require_weights
+from fleet.envs.core.weights import check_weights
 from fleet.envs.grid.fleet import N_KINDS, TIMESTEP_S
 from fleet.envs.grid.kernel import NONE, Ints
 from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
-from fleet.envs.layers.sites import check_site, place_of
+from fleet.envs.layers.layer_config import LayerConfig
+from fleet.envs.layers.sites import place_of
 from fleet.envs.traffic.fleets import GridTraffic, TrafficFleet
 from fleet.envs.traffic.view import ROW_N, TrafficObserver, TrafficView
 from fleet.tasks.order import Delivery
 from fleet.world.protocol import FloatArray
-from maps.site import Site
 from planners.mapf.distance_table import UNREACHABLE
 
 
@@ -83,62 +82,52 @@ TERMS = ("progress", "delivered", "waiting", "lost")
 """Names of the terms."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrafficEnvConfig(LayerConfig):
+    """Settings of `TrafficEnv`.
+
+    Raises:
+        ConfigError: A setting is outside its valid range.
+        SiteError: The site cannot be read.
+    """
+
+    NAME: ClassVar[str] = "traffic_v0"
+    WEIGHTS: ClassVar[type] = TrafficWeights
+
+    max_cycles: int = 500
+    """Steps after which an episode is truncated."""
+    weights: TrafficWeights | None = None
+    """What things are worth; None = as `TrafficWeights` has it."""
+
+    @property
+    def step_s(self) -> float:
+        """Simulated time of a step [s]."""
+        return TIMESTEP_S
+
+
 class TrafficEnv(LayerEnv[TrafficView]):
     """A fleet whose cars choose their moves; see the module's description.
 
     Args:
-        site: Name of a shipped site, path of a site file, or, with fidelity `grid`, a site.
-        n_cars: Number of cars.
-        fidelity: `grid`, `kinematic` or `physics`.
-        load: Orders, as a multiple of what the cars could carry if none was ever in the way of another.
-        max_cycles: Steps after which an episode is truncated.
-        seed: Decides the episodes until `reset` is given a seed.
-        weights: What things are worth.
-        render_mode: `rgb_array`, `human` (a window, if there is a display), `rerun` (a recording in `record_to` per
-            episode) or None.
-        record_to: Folder for recordings of render mode `rerun`; None = `runs/traffic_v0`.
-
-    Raises:
-        ConfigError: An argument is outside its valid range.
-        SiteError: The site cannot be read.
+        config: All settings.
     """
 
-    def __init__(
-        self,
-        site: str | Site = "medium",
-        n_cars: int = 8,
-        fidelity: str = "grid",
-        load: float = 1.5,
-        max_cycles: int = 500,
-        seed: int = 0,
-        weights: TrafficWeights | None = None,
-        render_mode: str | None = None,
-        record_to: str | Path | None = None,
-    ) -> None:
-        arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
-        require_weights(weights, TrafficWeights)
-        check_site(site, fidelity, n_cars)
-        place = place_of(site)
-        super().__init__(
-            name="traffic_v0",
-            arguments=arguments,
-            place=place,
-            terms_n=len(TERMS),
-            row_n=ROW_N,
-            n_actions=1 + N_KINDS,
-            step_s=TIMESTEP_S,
-        )
-        self.fleet: TrafficFleet | None
+    config: TrafficEnvConfig
+    fleet: TrafficFleet | None
+
+    def __init__(self, config: TrafficEnvConfig) -> None:
+        place = place_of(config.site)
+        super().__init__(config, place, n_terms=len(TERMS), n_numbers=ROW_N, n_actions=1 + N_KINDS)
         self._observer = TrafficObserver(place)
-        self._weights = weights or TrafficWeights()
+        self._weights = config.weights or TrafficWeights()
 
     def _fleet_of(self, orders: tuple[Delivery, ...], seed: int, duration_s: float) -> TrafficFleet:
-        if self._fidelity is Fidelity.GRID:
+        if self.config.fidelity == Fidelity.GRID:
             return GridTraffic(self.place, self._n_cars, orders)
         from fleet.envs.traffic.simulation import SimulatedTraffic
 
-        site = str(self._arguments["site"])
-        return SimulatedTraffic(site, self._n_cars, orders, seed, self._fidelity, duration_s)
+        site, fidelity = str(self.config.site), Fidelity(self.config.fidelity)
+        return SimulatedTraffic(site, self._n_cars, orders, seed, fidelity, duration_s)
 
     def _look(self) -> TrafficView:
         assert self.fleet is not None
@@ -186,15 +175,16 @@ class TrafficEnv(LayerEnv[TrafficView]):
         return gains
 
 
-parallel_env = TrafficEnv
-"""The name that PettingZoo's modules have for it."""
+def parallel_env(**settings: Any) -> TrafficEnv:
+    """Make the environment; the settings are those of `TrafficEnvConfig`."""
+    return TrafficEnv(TrafficEnvConfig.of(settings))
 
 
-def raw_env(**arguments: Any) -> Any:
-    """Make the environment in turn-based (AEC) form; the arguments are those of `TrafficEnv`."""
-    return turn_based(TrafficEnv(**arguments))
+def raw_env(**settings: Any) -> Any:
+    """Make the environment in turn-based (AEC) form; the settings are those of `TrafficEnvConfig`."""
+    return turn_based(parallel_env(**settings))
 
 
-def env(**arguments: Any) -> Any:
+def env(**settings: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
-    return in_order(raw_env(**arguments))
+    return in_order(raw_env(**settings))

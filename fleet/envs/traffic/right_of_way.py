@@ -25,7 +25,7 @@ def resolve_moves(
 
     Of cars that wish to enter one cell the first in the order may; the others stay. A car follows into a cell that is
     vacated in the same timestep; where the car ahead stays, all that follow it stay. A closed ring of followers stays,
-    two cars that would change places included, because nobody in it could begin.
+    two cars that would change places included, because no car in it could begin.
 
     Whatever is wished for, the result is legal: one car per cell, no swap, no ring.
 

@@ -47,6 +47,38 @@ class TrafficView(NamedTuple):
     """Larger goes first; timesteps since the goal was given and a head start; less than 0 = is where it should be."""
 
 
+class FloorTold(NamedTuple):
+    """What never changes about a floor; S states."""
+
+    distance: Distances
+    """Timesteps to the goals, a row for each, shape (n_rows, S)."""
+    goal_row: Ints
+    """Row of `distance` of each state that is a goal, else `NONE`, shape (S,)."""
+    move_to: Ints
+    """State that each kind of move leads to, or `NONE`, shape (S, N_KINDS)."""
+    state_cell: Ints
+    """Cell of each state, shape (S,)."""
+    where: npt.NDArray[np.float32]
+    """What a car in each state is told of where it is, shape (S, 4)."""
+    xy: npt.NDArray[np.float32]
+    """Place of each state in units of the floor's diagonal, shape (S, 2)."""
+    seen: Ints
+    """Cells seen from each state, `NONE` where no lane leads, shape (S, SEEN_N)."""
+    far_steps: float
+    """The longest way to any place, in timesteps."""
+
+
+class CellMemory(NamedTuple):
+    """Working memory of a look, one entry per cell; between looks all cells are empty."""
+
+    occupant: Ints
+    """The car in each cell, or `NONE`."""
+    rivals: Ints
+    """How many cars could enter it."""
+    best: FloatArray
+    """The highest priority of these, -inf without one."""
+
+
 class TrafficObserver:
     """Makes rows of numbers in [-1, 1] of a fleet (layout: see `fleet.envs.traffic.env`).
 
@@ -55,18 +87,26 @@ class TrafficObserver:
     """
 
     def __init__(self, place: FleetSite) -> None:
-        self._place = place
         graph, grid = place.graph, place.site.grid
         # Told once for every state: where it lies, and the cells seen from it.
         pose = graph.state_pose
         size = np.array([grid.cols, grid.rows]) * grid.cell_m
-        self._where = np.column_stack((2.0 * pose[:, :2] / size - 1.0, np.cos(pose[:, 2]), np.sin(pose[:, 2])))
-        self._where = self._where.astype(np.float32)
-        self._xy = np.ascontiguousarray(pose[:, :2] / np.hypot(*size)).astype(np.float32)
-        self._seen = _seen_cells(place)
-        self._occupant = np.full(graph.n_cells, NONE, dtype=np.int32)
-        self._rivals = np.zeros(graph.n_cells, dtype=np.int32)
-        self._best = np.full(graph.n_cells, -np.inf)
+        where = np.column_stack((2.0 * pose[:, :2] / size - 1.0, np.cos(pose[:, 2]), np.sin(pose[:, 2])))
+        self._surroundings = FloorTold(
+            distance=place.floor.distance,
+            goal_row=place.goal_row,
+            move_to=place.move_to,
+            state_cell=graph.state_cell,
+            where=where.astype(np.float32),
+            xy=np.ascontiguousarray(pose[:, :2] / np.hypot(*size)).astype(np.float32),
+            seen=_seen_cells(place),
+            far_steps=float(place.far_steps),
+        )
+        self._memory = CellMemory(
+            occupant=np.full(graph.n_cells, NONE, dtype=np.int32),
+            rivals=np.zeros(graph.n_cells, dtype=np.int32),
+            best=np.full(graph.n_cells, -np.inf),
+        )
 
     def look(self, view: TrafficView) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
         """Observe all cars.
@@ -74,50 +114,24 @@ class TrafficObserver:
         Returns:
             Observations, shape (n, ROW_N), and which of the actions are legal, shape (n, 1 + N_KINDS).
         """
-        n, place = len(view.state), self._place
+        n = len(view.state)
         rows = np.zeros((n, ROW_N), dtype=np.float32)
         mask = np.zeros((n, 1 + N_KINDS), dtype=np.int8)
-        observe(
-            view,
-            place.floor.distance,
-            place.goal_row,
-            place.move_to,
-            place.graph.state_cell,
-            self._where,
-            self._xy,
-            self._seen,
-            float(place.far_n),
-            self._occupant,
-            self._rivals,
-            self._best,
-            rows,
-            mask,
-        )
+        observe(view, self._surroundings, self._memory, rows, mask)
         return rows, mask
 
 
 @njit(cache=True, nogil=True)
 def observe(
     view: TrafficView,
-    distance: Distances,
-    goal_row: Ints,
-    move_to: Ints,
-    state_cell: Ints,
-    where: npt.NDArray[np.float32],
-    xy: npt.NDArray[np.float32],
-    seen: Ints,
-    far_n: float,
-    occupant: Ints,
-    rivals: Ints,
-    best: FloatArray,
+    floor: FloorTold,
+    memory: CellMemory,
     rows: npt.NDArray[np.float32],
     mask: npt.NDArray[np.int8],
 ) -> None:  # pragma: no cover - compiled
-    """Fill in `rows` and `mask`.
-
-    `occupant` holds the car in each cell, `rivals` how many cars could enter it and `best` the highest priority of
-    these; they are as before after the call.
-    """
+    """Fill in `rows` and `mask`; the memory is empty again after the call."""
+    distance, goal_row, move_to, state_cell, where, xy, seen, far_steps = floor
+    occupant, rivals, best = memory
     n = len(view.state)
     for car in range(n):
         state = view.state[car]
@@ -140,7 +154,7 @@ def observe(
         left = np.int64(0)
         if row != NONE:
             left = np.int64(distance[row, state])
-            told[10] = min(1.0, left / far_n)
+            told[10] = min(1.0, left / far_steps)
             dx, dy = xy[goal, 0] - xy[state, 0], xy[goal, 1] - xy[state, 1]
             told[11] = where[state, 2] * dx + where[state, 3] * dy
             told[12] = where[state, 2] * dy - where[state, 3] * dx

@@ -1,4 +1,4 @@
-"""Drawing: a run seen from above, as a picture in an array."""
+"""RunDrawing: a run seen from above, as a picture in an array."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ BOXES = {"wall": (90, 90, 96), "shelf": (150, 140, 128), "pedestal": (196, 186, 
 CAR, TRAY, ARM, PARCEL = (40, 110, 190), (180, 210, 240), (225, 120, 30), (120, 80, 40)
 
 
-class Drawing:
+class RunDrawing:
     """Draws a run; what never moves is drawn once.
 
     Args:

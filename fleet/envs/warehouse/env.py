@@ -73,32 +73,30 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium.spaces import Box, Dict, Space
 
-from fleet.config import ArmConfig, Fidelity, RunConfig, require
-from fleet.config.field_checks import is_number, is_whole
+from fleet.config import Fidelity
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
-from fleet.envs.core.choices import row_of
-from fleet.envs.core.weights import require_weights
+from fleet.envs.warehouse.actions import LegalActions, legal_actions
 from fleet.envs.warehouse.agent_arm_manager import NoPlanner
 from fleet.envs.warehouse.agent_simulation import AgentSimulation
-from fleet.envs.warehouse.drawing import Drawing
+from fleet.envs.warehouse.config import WarehouseConfig
+from fleet.envs.warehouse.drawing import RunDrawing
 from fleet.envs.warehouse.hands import TIP_N, joint_velocities, move_targets, shares_of
 from fleet.envs.warehouse.observations import Observer
 from fleet.envs.warehouse.recorded import Recording
 from fleet.envs.warehouse.rewards import TERMS, Rewards, RewardWeights
-from fleet.envs.warehouse.rows import ARM_N, CAR_N, make_legal
+from fleet.envs.warehouse.rows import CAR_N
+from fleet.envs.warehouse.spaces import action_spaces, observation_spaces, state_space
 from fleet.robots.iiwa import N_JOINTS
 from fleet.run.setup import RunSetup
 from fleet.sensors.camera import Camera
-from fleet.sensors.lidar import Lidar, LidarRing
+from fleet.sensors.lidar import LidarRing
 from fleet.simulation import Actions
 from fleet.stations.arms.arm_cell import arm_cells
 from fleet.stations.arms.arm_manager import ArmPlanner
@@ -106,13 +104,7 @@ from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.tasks.board import DONE_STATES, TaskState
 from fleet.world.kinematic import KinematicConfig, KinematicWorld
 from fleet.world.protocol import FloatArray, World
-from maps.site import load_site
 
-FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
-ARM_ACTIONS = {"joint": N_JOINTS, "tip": TIP_N}
-"""Ways to move an arm, and how many entries each has, without the grip."""
-TICKS_HZ = 20.0
-"""Least rate of ticks: the car of the classical fleet steers well at it."""
 EYE_HEIGHT_M = 0.15
 """Of a car's camera, on its nose [m]."""
 _INFOS = (*TERMS, "illegal")
@@ -120,7 +112,7 @@ _ENDED = frozenset((*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED))
 
 
 @dataclass(kw_only=True)
-class Episode:
+class WarehouseEpisode:
     """All that changes in an episode, but for the world."""
 
     simulation: AgentSimulation
@@ -136,25 +128,11 @@ class Episode:
 class _Quick:
     """What brings a moment back at once."""
 
-    episode: Episode
+    episode: WarehouseEpisode
     world: World
     """Where it was."""
     moment: object
     """The world's own snapshot."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Resolved:
-    """Legal decisions of all agents."""
-
-    cars: FloatArray
-    """In [-1, 1], shape (n_agent_cars, 2)."""
-    arms: FloatArray
-    """In [-1, 1], shape (n_agent_arms, n_entries + 1)."""
-    illegal_cars: npt.NDArray[np.bool_]
-    """Whether a car's action had to be made legal, shape (n_agent_cars,)."""
-    illegal_arms: npt.NDArray[np.bool_]
-    """The same of the arms."""
 
 
 class WarehouseEnv(FleetEnv):
@@ -163,124 +141,26 @@ class WarehouseEnv(FleetEnv):
     World, site and arm planner last from episode to episode: a reset takes milliseconds.
 
     Args:
-        site: Name of a shipped site or path of a site file.
-        n_cars: Cars that are agents.
-        n_arms: Arms that are agents, first ones first; None = all of the site.
-        fidelity: `kinematic` or `physics`.
-        control_hz: Steps per simulated second.
-        max_cycles: Steps after which an episode is truncated.
-        render_mode: `rgb_array`, `human` (a window, if there is a display), `rerun` (a recording in `record_to` per
-            episode) or None.
-        tasks: Deliveries on order in an episode; None = one per car.
-        classical_cars: Cars of the classical fleet, beside those of agents.
-        arm_action: `joint` or `tip`.
-        lidar: Lidar of the agents' cars: True = 36 rays of 5 m, False = none, or a description.
-        camera: Height and width of the images that the agents' cars see, in fidelity physics [px]; None = none.
-        physics_hz: Least rate of physics steps.
-        seed: Decides the episodes until `reset` is given a seed.
-        weights: What things are worth.
-        record_to: Folder for recordings of render mode `rerun`; None = `runs/warehouse_v0`.
-
-    Raises:
-        ConfigError: An argument is outside its valid range.
-        SensorError: The lidar is.
-        SiteError: The site cannot be read.
+        config: All settings.
     """
 
-    def __init__(
-        self,
-        site: str = "small",
-        n_cars: int = 2,
-        n_arms: int | None = None,
-        fidelity: str = "physics",
-        control_hz: float = 10.0,
-        max_cycles: int = 1200,
-        render_mode: str | None = None,
-        *,
-        tasks: int | None = None,
-        classical_cars: int = 0,
-        arm_action: str = "joint",
-        lidar: bool | Lidar = True,
-        camera: tuple[int, int] | None = None,
-        physics_hz: float = 240.0,
-        seed: int = 0,
-        weights: RewardWeights | None = None,
-        record_to: str | Path | None = None,
-    ) -> None:
-        arguments = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
-        require(isinstance(site, str | Path), "site", site, "a name or a path")
-        require(isinstance(record_to, str | Path | None), "record_to", record_to, "a path")
-        place = load_site(site)
-        cars_most, arms_most = len(place.parking), len(place.stations)
-        _require_whole("n_cars", n_cars, 0, cars_most, f" on site {place.name}")
-        n_arms = arms_most if n_arms is None else n_arms
-        _require_whole("n_arms", n_arms, 0, arms_most, f" on site {place.name}, or None for all")
-        require(n_cars + n_arms >= 1, "n_cars + n_arms", n_cars + n_arms, "at least one agent")
-        _require_whole(
-            "classical_cars", classical_cars, 0, cars_most - n_cars, f" with n_cars {n_cars} on site {place.name}"
-        )
-        robots_n = n_cars + classical_cars
-        require(robots_n >= 1, "n_cars + classical_cars", robots_n, "at least one car")
-        require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
-        _require_number("control_hz", control_hz, 0.1, 1000.0)
-        _require_number("physics_hz", physics_hz, 60.0, 10_000.0)
-        require(arm_action in list(ARM_ACTIONS), "arm_action", arm_action, ", ".join(ARM_ACTIONS))
-        lidar_ok = isinstance(lidar, bool | Lidar)
-        require(lidar_ok, "lidar", lidar, "True, False or a fleet.sensors.lidar.Lidar")
-        if tasks is not None:
-            _require_whole("tasks", tasks, 1, 10_000, "")
-        require_weights(weights, RewardWeights)
-        if camera is not None:
-            sizes_ok = isinstance(camera, tuple | list) and all(is_whole(size) and 8 <= size <= 1024 for size in camera)
-            camera_ok = sizes_ok and len(camera) == 2
-            require(camera_ok, "camera", camera, "height and width from 8 to 1024, or None")
-            require(
-                fidelity == Fidelity.PHYSICS, "camera", camera, "None in fidelity kinematic, which has nothing to see"
-            )
-        self._lidar = (Lidar() if lidar else None) if isinstance(lidar, bool) else lidar
-        cars = [f"car_{car}" for car in range(n_cars)]
-        arms = [f"arm_{arm}" for arm in range(n_arms)]
-        self._car_box = _box(CAR_N, 0 if self._lidar is None else self._lidar.rays_n)
-        self._camera_px = camera
-        car_space: Space[Any] = self._car_box
-        if camera is not None:
-            car_space = Dict({"row": car_space, "image": Box(0, 255, (*camera, 3), np.uint8)})
-        # Spaces of their own: seeding one must not seed another.
-        observation_spaces = {car: copy.deepcopy(car_space) for car in cars} | {arm: _box(ARM_N) for arm in arms}
-        entries_n = ARM_ACTIONS[arm_action]
-        super().__init__(
-            name="warehouse_v0",
-            arguments=arguments,
-            observation_spaces=observation_spaces,
-            action_spaces={car: _box(2) for car in cars} | {arm: _box(entries_n + 1) for arm in arms},
-            max_cycles=max_cycles,
-            fps=control_hz,
-            seed=seed,
-            render_mode=render_mode,
-        )
-        self.state_space = _box(n_cars * CAR_N + n_arms * ARM_N)
-        self._cars, self._arms = cars, arms
-        self._entries_n = entries_n
-        self._weights = weights or RewardWeights()
-        self._step_s = 1.0 / control_hz
-        self._ticks_n = max(1, math.ceil(TICKS_HZ / control_hz - 1e-9))
-        self._physics_hz = physics_hz
-        self._record_to = Path("runs/warehouse_v0" if record_to is None else record_to)
-        self._config = RunConfig(
-            site=site,
-            robots=robots_n,
-            tasks=robots_n if tasks is None else tasks,
-            fidelity=Fidelity(fidelity),
-            arms=ArmConfig(workers_n=0),
-        )
+    config: WarehouseConfig
+
+    def __init__(self, config: WarehouseConfig) -> None:
+        super().__init__(config, observation_spaces(config), action_spaces(config))
+        self.state_space = state_space(config)
+        self._cars, self._arms = config.cars, config.arms
+        self._run_config = config.run_config
+        self._lidar = config.car_lidar
+        self._weights = config.weights or RewardWeights()
         self._ground: RunSetup | None = None
         self._start_of_world: object = None
         self._start_hits: FloatArray | None = None  # what all rays meet there
         self._planner: ArmPlanner = NoPlanner()
-        self._episode: Episode | None = None
-        self._drawing: Drawing | None = None
+        self._episode: WarehouseEpisode | None = None
+        self._drawing: RunDrawing | None = None
         self._recording: Recording | None = None
-        self._episodes_n = 0
+        self._n_episodes = 0
 
     @property
     def simulation(self) -> AgentSimulation:
@@ -317,7 +197,7 @@ class WarehouseEnv(FleetEnv):
         world.load(self._start_of_world)
         orders, lidar = np.random.SeedSequence(seed).generate_state(2).tolist()
         simulation = AgentSimulation(
-            self._config.seeded(orders),
+            self._run_config.seeded(orders),
             setup=ground,
             planner=self._planner,
             cars_n=len(self._cars),
@@ -330,35 +210,33 @@ class WarehouseEnv(FleetEnv):
         observer = Observer(simulation, ring, np.random.default_rng(lidar))
         observer.look(self._start_hits)
         self._start_hits = observer.hits
-        self._episode = Episode(
+        self._episode = WarehouseEpisode(
             simulation=simulation,
             observer=observer,
-            rewards=Rewards(simulation, observer, self._weights, self._step_s),
+            rewards=Rewards(simulation, observer, self._weights, self.config.step_s),
             targets=world.arm_positions()[: len(self._arms)],
             car_limits=np.array([car.max_steering_rad, car.max_speed_mps]),
         )
         self._drawing = None
-        self._episodes_n += 1
+        self._n_episodes += 1
         if self.render_mode == "rerun":
             simulation.counts_figures = True
-            self._recording = Recording(simulation, self._record_to / f"episode_{self._episodes_n - 1:04}.rrd")
+            self._recording = Recording(simulation, self.config.recordings / f"episode_{self._n_episodes - 1:04}.rrd")
         nothing = dict.fromkeys((*TERMS, "illegal"), 0.0)
         return {agent: nothing.copy() for agent in self.possible_agents}
 
-    def _resolved(self, actions: Mapping[str, Any]) -> Resolved:
-        cars, no_car = _legal(actions, self._cars, 2)
-        arms, no_arm = _legal(actions, self._arms, self._entries_n + 1)
-        return Resolved(cars=cars, arms=arms, illegal_cars=no_car, illegal_arms=no_arm)
+    def _resolved(self, actions: Mapping[str, Any]) -> LegalActions:
+        return legal_actions(actions, self._cars, self._arms, self.config.n_entries)
 
-    def _advance(self, resolved: Resolved) -> tuple[dict[str, float], bool, Infos]:
+    def _advance(self, resolved: LegalActions) -> tuple[dict[str, float], bool, Infos]:
         episode = self._now()
         simulation = episode.simulation
-        for _ in range(self._ticks_n):
+        for _ in range(self.config.n_ticks):
             simulation.tick(self._commands(episode, resolved))
             if self._recording is not None:
                 self._recording.look()
         episode.observer.look()
-        rows = episode.rewards.step(resolved.cars, resolved.arms, resolved.illegal_cars, resolved.illegal_arms).tolist()
+        rows = episode.rewards.step(resolved).tolist()
         rewards = {agent: row.pop() for agent, row in zip(self.agents, rows, strict=True)}
         infos: Infos = {
             agent: dict(zip(_INFOS, row, strict=True)) for agent, row in zip(self.agents, rows, strict=True)
@@ -368,21 +246,21 @@ class WarehouseEnv(FleetEnv):
 
     def _observations(self) -> dict[str, Any]:
         observer = self._now().observer
-        # One copy for all: nobody else has a view of it.
+        # One copy for all: nothing else has a view of it.
         cars, arms = observer.car_rows.copy(), observer.arm_rows.copy()
         seen: dict[str, Any] = dict(zip(self._cars, cars, strict=True))
-        if self._camera_px is not None:
+        if self.config.camera is not None:
             seen = {agent: {"row": seen[agent], "image": self._image(car)} for car, agent in enumerate(self._cars)}
         seen.update(zip(self._arms, arms, strict=True))
         return seen
 
     def _picture(self) -> Picture:
-        self._drawing = self._drawing or Drawing(self.simulation)
+        self._drawing = self._drawing or RunDrawing(self.simulation)
         return self._drawing.picture()
 
     def _quick(self) -> _Quick | None:
         episode, world = self._now(), _world(self._opened())
-        if self._config.fidelity is Fidelity.PHYSICS or episode.simulation.arm_manager.awaits_plans:
+        if self._run_config.fidelity is Fidelity.PHYSICS or episode.simulation.arm_manager.awaits_plans:
             return None  # what the engine remembers of touches is in no snapshot
         return _Quick(episode=self._copied(episode), world=world, moment=world.save())
 
@@ -396,13 +274,14 @@ class WarehouseEnv(FleetEnv):
         self._drawing = None
         return True
 
-    def _copied(self, episode: Episode) -> Episode:
+    def _copied(self, episode: WarehouseEpisode) -> WarehouseEpisode:
         """A copy that shares what lasts from episode to episode."""
         ground = self._opened()
-        lasting = (ground.site, ground.graph, ground.scene, ground.tables, ground.world, self._planner, self._config)
+        parts = ground.site, ground.graph, ground.graph.state_pose, ground.scene, ground.tables, ground.world
+        lasting = (*parts, self._planner, self._run_config)
         return copy.deepcopy(episode, {id(thing): thing for thing in lasting})
 
-    def _now(self) -> Episode:
+    def _now(self) -> WarehouseEpisode:
         if self._episode is None:
             raise EpisodeError("there was no episode yet; valid: reset() first")
         return self._episode
@@ -410,7 +289,7 @@ class WarehouseEnv(FleetEnv):
     def _opened(self) -> RunSetup:
         """Site, world and arm planner, made once."""
         if self._ground is None:
-            ground = RunSetup.of(self._config)
+            ground = RunSetup.of(self._run_config)
             world = self._made_world(ground)
             self._ground = replace(ground, world=world)
             # Also the first episode begins as a return to the start, so that it is like all others.
@@ -418,22 +297,22 @@ class WarehouseEnv(FleetEnv):
             if len(self._arms) < world.n_arms:
                 names = tuple(station.name for station in ground.site.stations)
                 cells = arm_cells(ground.site, ground.scene)
-                self._planner = make_arm_planner(cells, names, ground.scene.arm, self._config)
+                self._planner = make_arm_planner(cells, names, ground.scene.arm, self._run_config)
         return self._ground
 
     def _made_world(self, ground: RunSetup) -> World:
-        tick_s = self._step_s / self._ticks_n
-        if self._config.fidelity is Fidelity.KINEMATIC:
+        tick_s = self.config.step_s / self.config.n_ticks
+        if self._run_config.fidelity is Fidelity.KINEMATIC:
             return KinematicWorld(ground.scene, KinematicConfig(tick_s=tick_s))
         # The engine takes a moment to load and is needed by this world alone.
         from fleet.world.bullet.engine.config import BulletConfig, exact_tick_s
         from fleet.world.bullet.world import BulletWorld
 
-        steps_n = max(1, math.ceil(self._physics_hz * tick_s - 1e-6))
-        exact_s = exact_tick_s(steps_n, steps_n / tick_s)
-        return BulletWorld(ground.scene, BulletConfig(tick_s=exact_s, at_once_n=steps_n))
+        n_steps = max(1, math.ceil(self.config.physics_hz * tick_s - 1e-6))
+        exact_s = exact_tick_s(n_steps, n_steps / tick_s)
+        return BulletWorld(ground.scene, BulletConfig(tick_s=exact_s, at_once_n=n_steps))
 
-    def _commands(self, episode: Episode, resolved: Resolved) -> Actions:
+    def _commands(self, episode: WarehouseEpisode, resolved: LegalActions) -> Actions:
         """The actions of one tick; joint velocities become targets that move on."""
         simulation = episode.simulation
         world, arm = simulation.world, simulation.scene.arm
@@ -442,7 +321,7 @@ class WarehouseEnv(FleetEnv):
         if not self._arms:
             return Actions(cars=cars)
         q = world.arm_positions()[: len(self._arms)]
-        if self._entries_n == N_JOINTS:
+        if self.config.n_entries == N_JOINTS:
             qd = np.empty_like(q)
             shares_of(arm.max_velocity_radps, resolved.arms, qd)
         else:
@@ -452,7 +331,7 @@ class WarehouseEnv(FleetEnv):
 
     def _image(self, car: int) -> npt.NDArray[np.uint8]:
         """What the camera on a car's nose sees, shape (height, width, 3)."""
-        height, width = self._camera_px or (1, 1)
+        height, width = self.config.camera or (1, 1)
         scene = self.simulation.scene
         x, y, yaw = self.simulation.world.car_poses()[car].tolist()
         ahead = np.array([math.cos(yaw), math.sin(yaw), 0.0])
@@ -469,39 +348,19 @@ class WarehouseEnv(FleetEnv):
             self._recording = None
 
 
-parallel_env = WarehouseEnv
-"""The name that PettingZoo's modules have for it."""
+def parallel_env(**settings: Any) -> WarehouseEnv:
+    """Make the environment; the settings are those of `WarehouseConfig`."""
+    return WarehouseEnv(WarehouseConfig.of(settings))
 
 
-def raw_env(**arguments: Any) -> Any:
-    """Make the environment in turn-based (AEC) form; the arguments are those of `WarehouseEnv`."""
-    return turn_based(WarehouseEnv(**arguments))
+def raw_env(**settings: Any) -> Any:
+    """Make the environment in turn-based (AEC) form; the settings are those of `WarehouseConfig`."""
+    return turn_based(parallel_env(**settings))
 
 
-def env(**arguments: Any) -> Any:
+def env(**settings: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
-    return in_order(raw_env(**arguments))
-
-
-def _legal(
-    actions: Mapping[str, Any], agents: Sequence[str], entries_n: int
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Actions of the agents of a type made legal, shape (n, entries_n), and which were not, shape (n,).
-
-    Raises:
-        ActionError: An action is no row of so many numbers.
-    """
-    rows = np.empty((len(agents), entries_n))
-    missing = np.zeros(len(agents), dtype=np.bool_)
-    for k, agent in enumerate(agents):
-        action = actions.get(agent)
-        if action is None:
-            missing[k], rows[k] = True, 0.0
-            rows[k, -1] = -1.0 if entries_n > 2 else 0.0  # an arm without an action lets go
-        else:
-            rows[k] = row_of(agent, action, entries_n)
-    make_legal(rows, missing)
-    return rows, missing
+    return in_order(raw_env(**settings))
 
 
 def _world(ground: RunSetup) -> World:
@@ -509,18 +368,3 @@ def _world(ground: RunSetup) -> World:
     if ground.world is None:
         raise EpisodeError("there is no world; valid: reset() first")
     return ground.world
-
-
-def _box(n: int, distances_n: int = 0) -> Box:
-    """Numbers in [-1, 1], and distances in [0, 1] behind them."""
-    low = np.full(n + distances_n, -1.0, dtype=np.float32)
-    low[n:] = 0.0
-    return Box(low, np.ones(n + distances_n, dtype=np.float32), dtype=np.float32)
-
-
-def _require_whole(what: str, value: object, low: int, high: int, where: str) -> None:
-    require(is_whole(value) and low <= value <= high, what, value, f"an integer from {low} to {high}{where}")
-
-
-def _require_number(what: str, value: object, low: float, high: float) -> None:
-    require(is_number(value) and bool(low <= value <= high), what, value, f"a number from {low:g} to {high:g}")

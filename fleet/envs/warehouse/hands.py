@@ -40,7 +40,15 @@ def joint_velocities(arm: ArmSpec, q: FloatArray, twists: FloatArray) -> FloatAr
 
 
 @njit(cache=True)
-def _solve(joints, tool_length, q, wanted, max_velocity, out):
+def _solve(
+    joints: FloatArray,
+    tool_length: float,
+    q: FloatArray,
+    wanted: FloatArray,
+    max_velocity: FloatArray,
+    out: FloatArray,
+) -> None:  # pragma: no cover - compiled
+    """Fill in joint velocities; `wanted` is the tips' motion [m/s, rad/s], shape (m, 6)."""
     n = q.shape[1]
     frames, jacobian = np.empty((n + 1, 3, 4)), np.empty((6, n))
     for arm in range(len(q)):
@@ -62,7 +70,7 @@ def _solve(joints, tool_length, q, wanted, max_velocity, out):
 
 
 @njit(cache=True)
-def shares_of(limits, shares, out):
+def shares_of(limits: FloatArray, shares: FloatArray, out: FloatArray) -> None:  # pragma: no cover - compiled
     """Fill in shares of limits, row by row."""
     for k in range(len(out)):
         for j in range(out.shape[1]):
@@ -70,7 +78,9 @@ def shares_of(limits, shares, out):
 
 
 @njit(cache=True)
-def move_targets(targets, qd, q, lower, upper, tick):
+def move_targets(
+    targets: FloatArray, qd: FloatArray, q: FloatArray, lower: FloatArray, upper: FloatArray, tick: float
+) -> None:  # pragma: no cover - compiled
     """Move joints' targets on by their velocities for one tick; a target that is held up has no velocity."""
     for arm in range(len(q)):
         for j in range(q.shape[1]):

@@ -13,6 +13,13 @@ from fleet.envs.warehouse.rows import (
     ARM_N,
     CAR_N,
     ROUTE_N,
+    ArmGround,
+    ArmsAtWork,
+    ArmsNow,
+    CarGround,
+    CarsNow,
+    ParcelsNow,
+    Routes,
     arm_rows,
     car_rows,
 )
@@ -26,7 +33,7 @@ MISSIONS = (CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.TO_DROP, CarPhase.UNLOA
 """Phases that a car's row tells from all others."""
 PLANNED_N = 2
 """Moves that are planned and not granted, as far as a route shows them."""
-_BLOCK_N = 16
+_LOOKS_AT_ONCE = 16
 """Looks whose noise is drawn at once."""
 _MISSION_OF = np.array([MISSIONS.index(phase) if phase in MISSIONS else -1 for phase in PHASES])
 
@@ -45,34 +52,48 @@ class Observer:
         self._ring = ring
         self._rng = rng
         self._noises: list[FloatArray] = []  # of the coming looks, the next one last
-        self._block_n = 1  # a reset does not wait for the noise of later looks
+        self._n_looks = 1  # a reset does not wait for the noise of later looks
         world, scene, graph = simulation.world, simulation.scene, simulation.graph
-        cars_n, arms_n = simulation.cars_n, simulation.arms_n
-        rays_n = 0 if ring is None else ring.lidar.rays_n
-        self.car_rows = np.zeros((cars_n, CAR_N + rays_n), dtype=np.float32)
-        """Observations of the agents' cars, shape (cars_n, CAR_N + rays_n)."""
-        self.arm_rows = np.zeros((arms_n, ARM_N), dtype=np.float32)
-        """Observations of the agents' arms, shape (arms_n, ARM_N)."""
-        self.arm_ways = np.zeros(arms_n)
-        """Way of each agent's arm's tip to its parcel, and of the parcel to its place [m], shape (arms_n,)."""
+        n_cars, n_arms = simulation.cars_n, simulation.arms_n
+        n_rays = 0 if ring is None else ring.lidar.rays_n
+        self.car_rows = np.zeros((n_cars, CAR_N + n_rays), dtype=np.float32)
+        """Observations of the agents' cars, shape (n_cars, CAR_N + n_rays)."""
+        self.arm_rows = np.zeros((n_arms, ARM_N), dtype=np.float32)
+        """Observations of the agents' arms, shape (n_arms, ARM_N)."""
+        self.arm_ways = np.zeros(n_arms)
+        """Way of each agent's arm's tip to its parcel, and of the parcel to its place [m], shape (n_arms,)."""
         self.hits: FloatArray | None = None
-        """How far the rays of the agents' cars came, as shares of their lengths, shape (cars_n * rays_n,)."""
+        """How far the rays of the agents' cars came, as shares of their lengths, shape (n_cars * n_rays,)."""
         self.poses = world.car_poses()
         """Where cars are believed to be now, shape (n_cars, 3)."""
-        self._car_limits = np.array([scene.car.max_speed_mps, scene.car.max_steering_rad])
-        self._size = np.asarray(scene.size_m, dtype=np.float64)
-        self._routes = np.zeros((cars_n, ROUTE_N, 3))
-        self._routes_n = np.zeros(cars_n, dtype=np.int64)
-        self._granted_m = np.zeros(cars_n)
-        self._plans_n = -1
-        docks = [station.dock_state for station in simulation.stations]
-        self._docks = graph.state_pose[docks].reshape(-1, 3)
+        self._car_ground = CarGround(
+            limits=np.array([scene.car.max_speed_mps, scene.car.max_steering_rad]),
+            size_m=np.asarray(scene.size_m, dtype=np.float64),
+            state_pose=graph.state_pose,
+            docks=graph.state_pose[[station.dock_state for station in simulation.stations]].reshape(-1, 3),
+            mission_of=_MISSION_OF,
+        )
+        arm = scene.arm
+        self._arm_ground = ArmGround(
+            lower=arm.lower_rad,
+            upper=arm.upper_rad,
+            max_velocity=arm.max_velocity_radps,
+            joints=arm.joints,
+            tool_length_m=arm.tool_length_m,
+            base=scene.arm_base,
+        )
+        self._routes = Routes(
+            points=np.zeros((n_cars, ROUTE_N, 3)),
+            counts=np.zeros(n_cars, dtype=np.int64),
+            granted_m=np.zeros(n_cars),
+        )
+        self._n_plans = -1
         self._ids: list[int] = []
         self._parcel_sizes = np.zeros((0, 3))
-        self._asked: list[TransferRequest | None] = [None] * arms_n
-        self._transfers = np.zeros((arms_n, 5))  # parcel or -1, place x, y, z, direction
+        self._asked: list[TransferRequest | None] = [None] * n_arms
+        self._transfers = np.zeros((n_arms, 5))  # parcel or -1, place x, y, z, direction
         self._transfers[:, 0] = -1
-        self.transfer_keys = [-1] * arms_n
+        self.transfer_keys = [-1] * n_arms
         """Numbers that tell what each agent's arm is asked to do from what it was asked before; -1 for nothing."""
 
     def look(self, hits: FloatArray | None = None) -> None:
@@ -106,53 +127,45 @@ class Observer:
     def _look_at_cars(self, hits: FloatArray | None) -> None:
         simulation = self._simulation
         world, driver = simulation.world, simulation.driver
-        cars_n = len(self.car_rows)
+        n_cars = len(self.car_rows)
         self.poses = driver.poses_now(world)
         self._draw_routes()
-        roster, services = simulation.missions, simulation.arm_manager.services
-        car_rows(
-            self.car_rows,
-            self.poses,
-            world.car_speeds(),
-            world.car_steering(),
-            self._car_limits,
-            self._size,
-            simulation.traffic.goals,
-            simulation.graph.state_pose,
-            _MISSION_OF,
-            roster.phase_index,
-            roster.loaded,
-            self._routes,
-            self._routes_n,
-            self._granted_m,
-            simulation.missions.bookings.place_of,
-            self._docks,
-            np.array([service.state is ArmPhase.IDLE for service in services]),
-            roster.served,
+        missions, services = simulation.missions, simulation.arm_manager.services
+        cars = CarsNow(
+            poses=self.poses,
+            speeds=world.car_speeds(),
+            steering=world.car_steering(),
+            goals=simulation.traffic.goals,
+            phases=missions.phase_index,
+            loaded=missions.loaded,
+            place_of=missions.bookings.place_of,
         )
+        idle = np.array([service.state is ArmPhase.IDLE for service in services])
+        arms = ArmsAtWork(idle=idle, served=missions.served)
+        car_rows(self.car_rows, self._car_ground, cars, self._routes, arms)
         if self._ring is not None:
             # A lidar is where the car is, not where it is believed to be.
-            self.hits = world.rays(*self._ring.rays(world.car_poses()[:cars_n])) if hits is None else hits
+            self.hits = world.rays(*self._ring.rays(world.car_poses()[:n_cars])) if hits is None else hits
             self._ring.measure(self.hits, self._noise(), self.car_rows[:, CAR_N:])
 
     def _noise(self) -> FloatArray:
-        """Noise of this look's distances, shape (cars_n, rays_n)."""
+        """Noise of this look's distances, shape (n_cars, n_rays)."""
         if not self._noises:
             # Drawing for many looks at once gives the same numbers.
-            shape = (self._block_n, len(self.car_rows), self.car_rows.shape[1] - CAR_N)
+            shape = (self._n_looks, len(self.car_rows), self.car_rows.shape[1] - CAR_N)
             self._noises = list(self._rng.standard_normal(shape)[::-1])
-            self._block_n = _BLOCK_N
+            self._n_looks = _LOOKS_AT_ONCE
         return self._noises.pop()
 
     def _draw_routes(self) -> None:
         """Draw the routes of cars whose granted moves have changed, or of all when there is a new plan."""
         simulation = self._simulation
-        driver, plans_n = simulation.driver, simulation.traffic.plans_n
-        if plans_n != self._plans_n:
-            self._plans_n = plans_n
-            driver.stale.update(range(len(self._routes)))
+        driver, n_plans = simulation.driver, simulation.traffic.plans_n
+        if n_plans != self._n_plans:
+            self._n_plans = n_plans
+            driver.stale.update(range(len(self.car_rows)))
         for car in driver.stale:
-            if car < len(self._routes):
+            if car < len(self.car_rows):
                 self._draw_route(car)
         driver.stale.clear()
 
@@ -163,10 +176,10 @@ class Observer:
         planned = simulation.executor.dependencies.next_moves(car)[:PLANNED_N]
         x, y, yaw = graph.state_pose[simulation.driver.reached(car)].tolist()
         # A short run-up gives a route without moves its direction.
-        line, at = self._routes[car], 2
+        line, at = self._routes.points[car], 2
         line[0] = x - 0.01 * math.cos(yaw), y - 0.01 * math.sin(yaw), 0.0
         line[1] = x, y, 0.01
-        self._granted_m[car] = 0.01
+        self._routes.granted_m[car] = 0.01
         for k, move in enumerate((*moves, *planned)):
             first, last = graph.path_ptr[move] + 1, graph.path_ptr[move + 1]
             n = min(int(last - first), ROUTE_N - at)
@@ -174,13 +187,12 @@ class Observer:
             line[at : at + n, 2] = line[at - 1, 2] + graph.path_s[first : first + n]
             at += n
             if k < len(moves):
-                self._granted_m[car] = line[at - 1, 2]
-        self._routes_n[car] = at
+                self._routes.granted_m[car] = line[at - 1, 2]
+        self._routes.counts[car] = at
 
     def _look_at_arms(self) -> None:
         simulation = self._simulation
-        world, scene = simulation.world, simulation.scene
-        arms_n = len(self.arm_rows)
+        world, n_arms = simulation.world, len(self.arm_rows)
         for arm, asked in enumerate(self._asked):
             transfer = simulation.arm_manager.transfer(arm)
             if transfer is not asked:
@@ -197,24 +209,14 @@ class Observer:
             self._ids = listed
             tasks = simulation.board.tasks
             self._parcel_sizes = np.array([tasks[parcel].delivery.size_m for parcel in listed]).reshape(-1, 3)
-        arm_rows(
-            self.arm_rows,
-            self.arm_ways,
-            world.arm_positions()[:arms_n],
-            world.arm_velocities()[:arms_n],
-            scene.arm.lower_rad,
-            scene.arm.upper_rad,
-            scene.arm.max_velocity_radps,
-            scene.arm.joints,
-            scene.arm.tool_length_m,
-            scene.arm_base,
-            world.held(),
-            ids,
-            world.parcel_poses(),
-            self._parcel_sizes,
-            self._transfers,
-            world.car_poses(),
+        arms = ArmsNow(
+            q=world.arm_positions()[:n_arms],
+            qd=world.arm_velocities()[:n_arms],
+            held=world.held(),
+            transfers=self._transfers,
         )
+        parcels = ParcelsNow(ids=ids, poses=world.parcel_poses(), sizes=self._parcel_sizes)
+        arm_rows(self.arm_rows, self.arm_ways, self._arm_ground, arms, parcels, world.car_poses())
 
 
 def top_of(centre: FloatArray, size_m: Sequence[float] | npt.NDArray[np.float64]) -> FloatArray:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
 from fleet.envs.core.weights import check_weights
+from fleet.envs.warehouse.actions import LegalActions
 from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.observations import Observer
 from fleet.run.events import Event
@@ -64,6 +66,15 @@ class _Lane:
 _NOWHERE = _Lane(goal=-1, state=-1, x=0.0, y=0.0, way_m=0.0)
 
 
+class _WaysLeft(NamedTuple):
+    """What each agent is about and how far it is from it, cars first."""
+
+    keys: npt.NDArray[np.int64]
+    """Goal of a car, transfer of an arm, negative = none, shape (n_agents,)."""
+    ways: FloatArray
+    """What is left of its way [m], shape (n_agents,)."""
+
+
 class Rewards:
     """Judges one run, step by step.
 
@@ -85,27 +96,15 @@ class Rewards:
         self._contacts = 0
         self._shared = np.zeros(len(TERMS))
         self._shared[6] = step_s
-        n = simulation.cars_n + simulation.arms_n
-        self._keys = np.full(n, -1, dtype=np.int64)
-        self._ways = np.zeros(n)
         self._lanes = [_NOWHERE] * simulation.cars_n
-        self._measure()
+        self._left = self._measured()
         simulation.events.subscribe(self._count)
 
-    def step(
-        self,
-        cars: FloatArray,
-        arms: FloatArray,
-        illegal_cars: npt.NDArray[np.bool_],
-        illegal_arms: npt.NDArray[np.bool_],
-    ) -> FloatArray:
+    def step(self, actions: LegalActions) -> FloatArray:
         """Weighted terms since the last call.
 
         Args:
-            cars: The cars' actions, shape (n_cars, 2).
-            arms: The arms' actions, grip last, shape (n_arms, n_entries).
-            illegal_cars: Whether they were made legal, shape (n_cars,).
-            illegal_arms: Whether they were made legal, shape (n_arms,).
+            actions: Of all agents, as they were played.
 
         Returns:
             Terms in the order of `TERMS`, 1 for an illegal action, and the sum of the terms, cars first, shape
@@ -115,13 +114,9 @@ class Rewards:
         touched = contacts.robot + contacts.static
         self._shared[4] = touched - self._contacts
         self._contacts = touched
-        keys, ways = self._keys, self._ways
-        self._measure()
-        table = np.empty((len(keys), len(TERMS) + 2))
-        illegal = illegal_cars, illegal_arms
-        _fill(
-            table, self._weights, self._shared, keys, ways, self._keys, self._ways, cars, arms, *illegal, self._step_s
-        )
+        before, self._left = self._left, self._measured()
+        table = np.empty((len(before.keys), len(TERMS) + 2))
+        _fill(table, self._weights, self._shared, before, self._left, actions, self._step_s)
         self._shared[1:4] = 0.0
         return table
 
@@ -129,7 +124,7 @@ class Rewards:
         if event.kind == "task" and event.facts["state"] in _WORK:
             self._shared[_WORK[TaskState(str(event.facts["state"]))]] += 1.0
 
-    def _measure(self) -> None:
+    def _measured(self) -> _WaysLeft:
         """What each agent is about, and the way that is left: of a car straight to its next state, then along lanes."""
         observer, keys, ways = self._observer, [], []
         states = self._simulation.driver.next_states
@@ -145,38 +140,45 @@ class Rewards:
         for key, way in zip(observer.transfer_keys, observer.arm_ways.tolist(), strict=True):
             keys.append(key)
             ways.append(way if key >= 0 else 0.0)
-        self._keys, self._ways = np.array(keys, dtype=np.int64), np.array(ways)
+        return _WaysLeft(keys=np.array(keys, dtype=np.int64), ways=np.array(ways))
 
     def _lane(self, goal: int, state: int) -> _Lane:
         """The way from a state to a goal: one move of the lane graph is one cell."""
         simulation = self._simulation
         x, y, _ = simulation.graph.state_pose[state].tolist()
-        moves_n = float(simulation.traffic.tables.to(goal)[state])
-        return _Lane(goal=goal, state=state, x=x, y=y, way_m=moves_n * simulation.site.grid.cell_m)
+        n_moves = float(simulation.traffic.tables.to(goal)[state])
+        return _Lane(goal=goal, state=state, x=x, y=y, way_m=n_moves * simulation.site.grid.cell_m)
 
 
 @njit(cache=True)
-def _fill(  # one kernel for all agents, on flat arrays
-    table, weights, shared, keys, ways, keys_now, ways_now, cars, arms, illegal_cars, illegal_arms, step_s
-):  # fmt: skip
-    """Fill the terms, who was illegal and, in the last column, the sums of the terms."""
+def _fill(
+    table: FloatArray,
+    weights: FloatArray,
+    shared: FloatArray,
+    before: _WaysLeft,
+    now: _WaysLeft,
+    actions: LegalActions,
+    step_s: float,
+) -> None:  # pragma: no cover - compiled
+    """Fill the terms, 1 for an illegal action and, in the last column, the sums of the terms."""
+    cars, arms = actions.cars, actions.arms
     n_terms = len(weights)
     for agent in range(len(table)):
         square = 0.0
         if agent < len(cars):
-            table[agent, n_terms] = illegal_cars[agent]
+            table[agent, n_terms] = actions.illegal_cars[agent]
             for k in range(cars.shape[1]):
                 square += cars[agent, k] * cars[agent, k] / cars.shape[1]
         else:
-            table[agent, n_terms] = illegal_arms[agent - len(cars)]
-            moves_n = arms.shape[1] - 1
-            for k in range(moves_n):
-                square += arms[agent - len(cars), k] * arms[agent - len(cars), k] / moves_n
+            table[agent, n_terms] = actions.illegal_arms[agent - len(cars)]
+            n_moves = arms.shape[1] - 1
+            for k in range(n_moves):
+                square += arms[agent - len(cars), k] * arms[agent - len(cars), k] / n_moves
         total = 0.0
         for term in range(n_terms):
             value = shared[term]
-            if term == 0 and keys[agent] == keys_now[agent]:
-                value = ways[agent] - ways_now[agent]
+            if term == 0 and before.keys[agent] == now.keys[agent]:
+                value = before.ways[agent] - now.ways[agent]
             elif term == 5:
                 value = square * step_s
             table[agent, term] = weights[term] * value + 0.0  # + 0.0: no negative zeros

@@ -17,7 +17,8 @@ from fleet.world.scene import Scene
 from maps.site import Site
 from maps.stations import DockPlace
 from planners.motion.arm.spheres import box_spheres
-from planners.motion.pair.coordination import ArmInWorld, SweptArm, apart_in_step, cover
+from planners.motion.pair.diagram import apart_in_step
+from planners.motion.pair.swept import ArmInWorld, SweptArm, cover
 from planners.motion.path.timed_path import samples_of
 from planners.motion.path.trajectory import Trajectory
 

@@ -12,7 +12,7 @@ from gymnasium.spaces import Box
 from torch import Tensor
 
 from fleet.training.advantages import advantages
-from fleet.training.batch import AgentType, View
+from fleet.training.batch import AgentType, TypeView
 from fleet.training.normalizer import Normalizer
 from fleet.training.ppo.network import Network
 from fleet.training.settings import PpoConfig
@@ -25,7 +25,7 @@ class Rollout:
     """Steps of all agents of a type, T of them in n columns."""
 
     rows: Floats
-    """Normalised observations, shape (T, n, observation_n)."""
+    """Normalised observations, shape (T, n, n_observed)."""
     mask: npt.NDArray[np.bool_] | None
     """Legal actions, shape (T, n, n_actions)."""
     actions: npt.NDArray[Any]
@@ -52,13 +52,13 @@ class Learner:
         self._config = config
         self.network = Network(kind, config.hidden, config.log_std, generator)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate, eps=1e-5)
-        self.seen = Normalizer(kind.observation_n)
+        self.seen = Normalizer(kind.n_observed)
         self.earned = Normalizer(1)
         """Discounted sums of rewards: rewards are divided by their spread."""
 
     @torch.no_grad()
     def choose(
-        self, view: View, generator: torch.Generator
+        self, view: TypeView, generator: torch.Generator
     ) -> tuple[Floats, npt.NDArray[Any], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
         """Draw an action for every row of a view.
 
@@ -71,13 +71,13 @@ class Learner:
         return rows, actions.numpy(), log_shares.numpy(), self.network.value(seen).numpy()
 
     @torch.no_grad()
-    def values(self, view: View) -> Floats:
+    def values(self, view: TypeView) -> Floats:
         """Values of every row of a view."""
         found: Floats = self.network.value(torch.from_numpy(self.seen.apply(view.rows))).numpy()
         return found
 
     @torch.no_grad()
-    def best(self, view: View) -> npt.NDArray[Any]:
+    def best(self, view: TypeView) -> npt.NDArray[Any]:
         """The likeliest actions, as the environment takes them."""
         rows = torch.from_numpy(self.seen.apply(view.rows))
         return self.legal(self.network.best(rows, _tensor(view.mask)).numpy())
@@ -108,7 +108,7 @@ class Learner:
         )
         rows, actions = _flat(rollout.rows), _flat(rollout.actions)
         mask = None if rollout.mask is None else _flat(rollout.mask)
-        # Who had no choice teaches the value, not the policy.
+        # An agent without a choice teaches the value, not the policy.
         chose = torch.ones(len(rows), dtype=torch.bool) if mask is None else mask.sum(dim=1) > 1
         old, gain, targets = _flat(rollout.log_shares), _flat(gained), _flat(gained + rollout.values)
         for group in self.optimizer.param_groups:

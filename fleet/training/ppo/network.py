@@ -39,11 +39,11 @@ class Network(nn.Module):
         n = int(space.n) if isinstance(space, Discrete) else int(space.shape[0])
         self._choice, self._n = kind.choice, n
         if kind.choice is None:
-            self.actor = _perceptron(kind.observation_n, hidden, n, 0.01, generator)
+            self.actor = _perceptron(kind.n_observed, hidden, n, 0.01, generator)
         else:
-            n_in = kind.observation_n - (n - 2) * kind.choice.each_n
+            n_in = kind.n_observed - (n - 2) * kind.choice.n_each
             self.actor = _perceptron(n_in, hidden, 1, 0.01, generator)
-        self.critic = _perceptron(kind.observation_n, hidden, 1, 1.0, generator)
+        self.critic = _perceptron(kind.n_observed, hidden, 1, 1.0, generator)
         if not self.discrete:
             self.log_std = nn.Parameter(torch.full((n,), log_std))
 
@@ -52,10 +52,10 @@ class Network(nn.Module):
         choice = self._choice
         if choice is None:
             return self.actor(rows)
-        end = choice.own_n + (self._n - 1) * choice.each_n
-        each = rows[:, choice.own_n : end].reshape(len(rows), self._n - 1, choice.each_n)
+        end = choice.n_own + (self._n - 1) * choice.n_each
+        each = rows[:, choice.n_own : end].reshape(len(rows), self._n - 1, choice.n_each)
         each = torch.cat((torch.zeros_like(each[:, :1]), each), dim=1)
-        rest = torch.cat((rows[:, : choice.own_n], rows[:, end:]), dim=1)[:, None].expand(-1, self._n, -1)
+        rest = torch.cat((rows[:, : choice.n_own], rows[:, end:]), dim=1)[:, None].expand(-1, self._n, -1)
         return self.actor(torch.cat((rest, each), dim=2)).squeeze(2)
 
     def value(self, rows: Tensor) -> Tensor:

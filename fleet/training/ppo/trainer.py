@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from fleet.training.batch import EnvBatch, Episode, View, agent_types, mask_of, type_of, vector
+from fleet.training.batch import EnvBatch, EpisodeFigures, TypeView, agent_types, mask_of, type_of, vector
 from fleet.training.errors import TrainingError
 from fleet.training.ppo.checkpoint import read_checkpoint, write_checkpoint
 from fleet.training.ppo.learner import Learner, Rollout
@@ -59,7 +59,7 @@ class Trainer:
         )
         generator = _generator(config.seed, _WEIGHTS, 0)
         self.learners = {kind.name: Learner(kind, ppo, generator) for kind in self._batch.types}
-        self.per_update_n = ppo.horizon_n * self._batch.agents_n
+        self.per_update_n = ppo.horizon_n * self._batch.n_agents
         self.updates_n = math.ceil(config.steps_n / self.per_update_n)
         self.done_n = 0
         """Updates done."""
@@ -126,12 +126,12 @@ class Trainer:
 
     def _roll(
         self, generator: torch.Generator
-    ) -> tuple[dict[str, Rollout], dict[str, np.ndarray[Any, Any]], list[Episode]]:
+    ) -> tuple[dict[str, Rollout], dict[str, np.ndarray[Any, Any]], list[EpisodeFigures]]:
         """Step all environments `horizon_n` times; returns samples, observations as they were seen, whole episodes."""
         ppo, batch = self.config.ppo, self._batch
         steps: dict[str, list[dict[str, Any]]] = {name: [] for name in self.learners}
         seen: dict[str, list[Any]] = {name: [] for name in self.learners}
-        episodes: list[Episode] = []
+        episodes: list[EpisodeFigures] = []
         for _ in range(ppo.horizon_n):
             acts = {}
             for name, learner in self.learners.items():
@@ -206,7 +206,7 @@ class LearnedPolicy:
             agents = [agent for agent in observations if type_of(agent) == name]
             if not agents:
                 continue
-            view = View(
+            view = TypeView(
                 rows=np.stack([vector(observations[agent]) for agent in agents]),
                 mask=np.stack([mask_of(observations[agent], learner.kind) for agent in agents])
                 if learner.kind.masked
@@ -237,7 +237,7 @@ def load_policy(folder: Path) -> LearnedPolicy:
     return LearnedPolicy(learners)
 
 
-def _means(episodes: list[Episode], recipe: Recipe) -> Row:
+def _means(episodes: list[EpisodeFigures], recipe: Recipe) -> Row:
     """Means over the episodes that ended; not a number if there was none."""
 
     def mean(values: list[float]) -> float:

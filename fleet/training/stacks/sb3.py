@@ -46,7 +46,7 @@ class TypeVecEnv(VecEnv):
         action = self._kind.action
         if isinstance(action, Discrete):
             action = Box(-1.0, 1.0, (int(action.n),), np.float32)
-        observation = Box(-1.0, 1.0, (self._kind.observation_n,), np.float32)
+        observation = Box(-1.0, 1.0, (self._kind.n_observed,), np.float32)
         super().__init__(len(self.envs) * len(self._agents), observation, action)
 
     def reset(self) -> npt.NDArray[np.float32]:

@@ -184,7 +184,7 @@ class PathConfirmer:
         lowest = np.zeros(len(centre), dtype=np.int64) if min_frame is None else np.asarray(min_frame)
         if half.shape != centre.shape or lowest.shape != turns.shape or not np.all(half > 0):
             raise PlanningError(
-                f"set_boxes: centres {centre.shape}, half sizes {half}, parts {lowest.shape}; expected as many, > 0"
+                f"set_boxes: centres {centre.shape}, half sizes {half}, parts {lowest.shape}; valid: as many, > 0"
             )
         for body in self._boxes:
             client.removeBody(body)
@@ -231,7 +231,7 @@ class PathConfirmer:
         own, theirs = checks.rows("confirm_beside: path", path, n), checks.rows("confirm_beside: beside", beside, n)
         if neighbour is None or own.shape != theirs.shape:
             raise PlanningError(
-                f"confirm_beside: neighbour {neighbour}, {own.shape} and {theirs.shape}; expected equal"
+                f"confirm_beside: neighbour {neighbour}, {own.shape} and {theirs.shape}; valid: one, equal shapes"
             )
         zeros = [[0.0]] * n
         for index, states in enumerate(zip(own.tolist(), theirs.tolist(), strict=True)):

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.mapf.chance import Chance, chance_of, draw, mixed
+from planners.mapf.inheritance import clear
 from planners.mapf.kernel import Int, kernel
-from planners.mapf.lacam.successors import Board, Guide, board_of, clear, complete, constrain, set_out
+from planners.mapf.lacam.successors import Board, Guide, board_of, complete, constrain, set_out
 from planners.mapf.problem import BoolArray, IntArray
 from planners.mapf.roads import Roads
 
@@ -388,7 +389,7 @@ def _search(
     """Expand nodes; returns how many, and why it stopped."""
     counts = memory.counts
     n = memory.states.shape[1]
-    widest = board.options.shape[1]
+    widest = board.keys.shape[1]
     after, best = memory.drawn[0], memory.drawn[1]
     for done in range(iterations):
         if counts[_GOAL] >= 0:
@@ -423,14 +424,14 @@ def _search(
             depth = 0
             while memory.part_agent[at] >= 0:
                 legal = legal and constrain(
-                    roads, guide, board, now, after, np.int64(memory.part_agent[at]), np.int64(memory.part_state[at])
+                    guide, board, now, after, np.int64(memory.part_agent[at]), np.int64(memory.part_state[at])
                 )
                 at = memory.part_parent[at]
                 depth += 1
             if legal and sample == 0 and depth < n:
                 _split(roads, memory, node, part, np.int64(order[depth]), now)
             legal = legal and complete(roads, guide, board, now, after, order, chance)
-            clear(roads, board, now, after)
+            clear(board.options, board.claims, now)
             if not legal:
                 break
             to_come = _loss_of(guide, now, after) + _left_of(guide, after)

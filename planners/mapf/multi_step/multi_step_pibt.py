@@ -12,13 +12,13 @@ from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.chance import chance_of
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable, tables_of
+from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.multi_step import multi_step_kernel as kernels
 from planners.mapf.multi_step.multi_step_kernel import Aims, Choices, Costs, Look, Wishes
 from planners.mapf.multi_step.operations import LONGEST, Operations, operations_of
 from planners.mapf.options import open_moves
-from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
-from planners.status import Status
+from planners.mapf.problem import BoolArray, Instance, IntArray, Plan
+from planners.mapf.window import plan_window, reachable_goals
 
 _ROUND = 2000
 """Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
@@ -88,41 +88,29 @@ class MultiStepPibt:
             self._mover = Mover(graph, instance.blocked, n, length=self.config.length, seed=self._rng)
         mover = self._mover
         table, row = tables.rows(instance.goals)
-        reachable = row >= 0
-        reachable[reachable] = table[row[reachable], instance.starts[reachable]] < UNREACHABLE
+        reachable = reachable_goals(instance, table, row)
         nowhere = np.full(n, -1, dtype=np.int32)
         wishes = Wishes(
             row=np.where(reachable, row, np.int32(-1)), cell=nowhere, next_row=nowhere, leg=np.zeros(n, dtype=np.int32)
         )
         costs = exact_costs(table, graph.n_states)
-
-        states = np.empty((instance.horizon + 1, n), dtype=np.int32)
-        states[0] = instance.starts
-        content = instance.goals == NO_GOAL
-        priority = np.array(instance.priorities, dtype=np.float64)
         mover.begin(instance.starts)
-        done = 0
-        while done < instance.horizon and deadline.spend():
-            at_goal = states[done] == instance.goals
-            content |= at_goal
-            mover.lock(instance.fixed | (instance.stay & at_goal))
-            sequence = np.lexsort((-priority, content)).astype(np.int32)
-            states[done + 1] = mover.step(
+
+        def step(now: IntArray, after: IntArray, *, order: IntArray, locked: BoolArray) -> None:
+            del now  # the mover remembers
+            mover.lock(locked)
+            after[:] = mover.step(
                 costs,
                 wishes,
-                sequence,
-                weight=rank_weights(sequence),
+                order,
+                weight=rank_weights(order),
                 most_tries=self.config.most_tries,
                 allow_rotation=instance.allow_rotation,
                 polish=lambda: self.config.rounds > 0,
                 rounds=self.config.rounds,
             )
-            done += 1
-            priority += self.config.impatience * ~content
-        status = Status.FEASIBLE if done == instance.horizon else Status.TIMEOUT
-        if (~reachable & (row >= 0)).any():
-            status = Status.INFEASIBLE
-        return Plan(states=states[: done + 1], status=status, iterations=done)
+
+        return plan_window(instance, step, deadline, impatience=self.config.impatience, reachable=reachable)
 
 
 def exact_costs(table: npt.NDArray[np.uint16], n_states: int) -> Costs:

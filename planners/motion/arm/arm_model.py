@@ -15,9 +15,7 @@ from planners.motion.arm.array_cache import Arrays, cached_arrays
 from planners.motion.arm.hulls import Hulls, convex_hulls
 from planners.motion.arm.kinematics import joint_rows
 from planners.motion.arm.spheres import fit_spheres_cached, link_self_pairs
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from planners.motion.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,43 +49,43 @@ class ArmModel:
             checks.is_array(f"ArmModel.{name}", getattr(self, name))
         for name in ("lower", "upper"):
             if getattr(self, name).shape != (n,):
-                raise PlanningError(f"ArmModel.{name}: shape {getattr(self, name).shape}, expected ({n},)")
+                raise PlanningError(f"ArmModel.{name}: shape {getattr(self, name).shape}; valid: ({n},)")
         if not np.all(self.lower < self.upper):
             joint = int(np.argmin(self.lower < self.upper))
-            raise PlanningError(f"ArmModel: joint {joint} has lower {self.lower[joint]} >= upper {self.upper[joint]}")
+            raise PlanningError(
+                f"ArmModel: joint {joint} from {self.lower[joint]} to {self.upper[joint]}; valid: lower < upper"
+            )
         k = len(self.sphere_radius)
         checks.spheres("ArmModel: spheres", (self.sphere_centre, self.sphere_radius))
         checks.positive("ArmModel.tool_length", abs(self.tool_length), zero=True)
         for name in ("sphere_frame", "self_pairs", "sphere_part"):
             indices = getattr(self, name)
             if indices is not None and indices.dtype.kind not in "iu":
-                raise PlanningError(f"ArmModel.{name}: numbers of kind {indices.dtype}, expected integers")
+                raise PlanningError(f"ArmModel.{name}: numbers of kind {indices.dtype}; valid: integers")
         part = self.sphere_part
         if part is not None and (part.shape != (k,) or not np.array_equal(np.minimum(part, n), self.sphere_frame)):
-            raise PlanningError(
-                f"ArmModel.sphere_part: {part}, expected the frame of each sphere, or {n + 1} for a tool"
-            )
+            raise PlanningError(f"ArmModel.sphere_part: {part}; valid: the frame of each sphere, or {n + 1} for a tool")
         if self.sphere_centre.shape != (k, 3) or self.sphere_frame.shape != (k,):
             raise PlanningError(
                 f"ArmModel: sphere arrays disagree: centre {self.sphere_centre.shape}, radius ({k},), "
-                f"frame {self.sphere_frame.shape}; expected (k, 3), (k,), (k,)"
+                f"frame {self.sphere_frame.shape}; valid: (k, 3), (k,), (k,)"
             )
         if k and (self.sphere_frame.min() < 0 or self.sphere_frame.max() > n):
-            raise PlanningError(f"ArmModel.sphere_frame: values must be 0 to {n}")
+            raise PlanningError(f"ArmModel.sphere_frame: {self.sphere_frame.tolist()}; valid: 0 to {n}")
         if self.self_pairs.ndim != 2 or self.self_pairs.shape[1] != 2:
-            raise PlanningError(f"ArmModel.self_pairs: shape {self.self_pairs.shape}, expected (p, 2)")
+            raise PlanningError(f"ArmModel.self_pairs: shape {self.self_pairs.shape}; valid: (p, 2)")
         if self.self_pairs.size and (self.self_pairs.min() < 0 or self.self_pairs.max() >= k):
-            raise PlanningError(f"ArmModel.self_pairs: values must be sphere indices 0 to {k - 1}")
+            raise PlanningError(f"ArmModel.self_pairs: {self.self_pairs.tolist()}; valid: spheres 0 to {k - 1}")
 
     @property
     def n_joints(self) -> int:
         """Number of joints."""
         return len(self.lower)
 
-    def within_limits(self, q: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    def within_limits(self, q: npt.ArrayLike) -> BoolArray:
         """Whether configurations (..., n) respect the joint limits; shape (...)."""
         angles = np.asarray(q, dtype=np.float64)
-        inside: npt.NDArray[np.bool_] = np.all((angles >= self.lower) & (angles <= self.upper), axis=-1)
+        inside: BoolArray = np.all((angles >= self.lower) & (angles <= self.upper), axis=-1)
         return inside
 
 
@@ -132,7 +130,7 @@ def build_arm_model(
     if len(link_vertices) != n + 1 or len(spheres_per_link) != n + 1:
         raise PlanningError(
             f"build_arm_model: {len(link_vertices)} meshes and {len(spheres_per_link)} sphere counts, "
-            f"expected {n + 1} of each (links 0 to {n})"
+            f"valid: {n + 1} of each (links 0 to {n})"
         )
     fitted = [
         fit_spheres_cached(vertices, k, seed, cache_dir)
@@ -187,16 +185,14 @@ def assemble(
     """
     n = len(joint_rows(base_from_joint))
     if not covers or not all(0 <= part <= n + 1 for part, _, _ in covers):
-        raise PlanningError(f"assemble: parts {[part for part, _, _ in covers]}, expected at least one, 0 to {n + 1}")
+        raise PlanningError(f"assemble: parts {[part for part, _, _ in covers]}; valid: at least one, 0 to {n + 1}")
     centre = np.concatenate([np.reshape(c, (-1, 3)) for _, c, _ in covers])
     radius = np.concatenate([np.reshape(r, -1) for _, _, r in covers])
     part = np.concatenate([np.full(len(r), i, dtype=np.int64) for i, _, r in covers])
     frame = np.minimum(part, n)
     low, high = checks.limits("assemble", lower, upper)
     if not np.isfinite(high - low).all():
-        raise PlanningError(
-            f"assemble: limits {low} and {high}, expected finite: configurations are drawn between them"
-        )
+        raise PlanningError(f"assemble: limits {low} and {high}; valid: finite: configurations are drawn between them")
 
     def pairs() -> Arrays:
         found = link_self_pairs(

@@ -14,13 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from scipy.spatial import ConvexHull, QhullError
 
 from planners.errors import PlanningError
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from planners.motion.arrays import FloatArray, Int, IntArray
+from planners.motion.kernel import inlined, kernel
 
 _TURNS_N = 16  # new directions for one pair of bodies: what is not settled by then counts as too near
 _FLAT = 1e-12  # corners whose volume is that small against their size are no simplex
@@ -123,15 +121,15 @@ def bodies_of(hulls: Hulls | None, spheres: FloatArray, part: IntArray, frame: I
     )
 
 
-@njit(cache=True, inline="always")
-def _farthest(hulls, at, frame, x, y, z):  # type: ignore[no-untyped-def]
+@inlined
+def _farthest(hulls: Hulls, at: Int, frame: FloatArray, x: float, y: float, z: float) -> tuple[Int, float]:
     """The corner farthest along a direction of the world, climbing from corner `at`, and how far that is."""
     u = frame[0, 0] * x + frame[1, 0] * y + frame[2, 0] * z
     v = frame[0, 1] * x + frame[1, 1] * y + frame[2, 1] * z
     w = frame[0, 2] * x + frame[1, 2] * y + frame[2, 2] * z
     corner = hulls.corner
     most = corner[at, 0] * u + corner[at, 1] * v + corner[at, 2] * w
-    here = -1
+    here: Int = -1
     while here != at:
         here = at
         for k in range(hulls.ring[here], hulls.ring[here + 1]):
@@ -143,19 +141,25 @@ def _farthest(hulls, at, frame, x, y, z):  # type: ignore[no-untyped-def]
     return at, most + frame[0, 3] * x + frame[1, 3] * y + frame[2, 3] * z
 
 
-@njit(cache=True)
-def step_apart(one, p, begin, end, other, m, their_begin, their_end, distance, way, at):  # type: ignore[no-untyped-def]
-    """Whether one direction keeps body p of one and body m of the other apart at both ends of a step.
+class Step(NamedTuple):
+    """One body during a step."""
+
+    hulls: Hulls
+    body: Int
+    """Row of a body that has corners."""
+    begin: FloatArray
+    """Its frame in the world at the beginning, shape (3, 4)."""
+    end: FloatArray
+    """The same at the end."""
+
+
+@kernel
+def step_apart(one: Step, other: Step, distance: float, way: FloatArray, at: IntArray) -> bool:
+    """Whether one direction keeps two bodies apart at both ends of a step.
 
     Args:
-        one: Hulls.
-        p: Row of a body that has corners.
-        begin: Its frame in the world at the beginning, shape (3, 4).
-        end: The same at the end.
-        other: Hulls.
-        m: Row of a body that has corners.
-        their_begin: Its frame.
-        their_end: Its frame.
+        one: One body.
+        other: The other.
         distance: To be kept [m], > 0.
         way: A direction to try first, of any length > 0, from one to the other; filled with the last tried.
         at: Corners to climb from, of one and of the other, shape (2,); filled with the last met. -1 if neither they nor
@@ -165,10 +169,12 @@ def step_apart(one, p, begin, end, other, m, their_begin, their_end, distance, w
         three-dimensional space, IEEE J. Robotics and Automation 1988; the nearest point of a simplex as in Wolfe,
         Finding the nearest point in a polytope, Mathematical Programming 1976.
     """
+    mine, begin, end = one.hulls, one.begin, one.end
+    others, their_begin, their_end = other.hulls, other.begin, other.end
     if at[0] < 0:
-        at[0] = one.first[p]
-        at[1] = other.first[m]
-        _difference(one, at[0], begin, other, at[1], their_begin, way)
+        at[0] = mine.first[one.body]
+        at[1] = others.first[other.body]
+        _difference(mine, at[0], begin, others, at[1], their_begin, way)
     simplex = np.empty((4, 3))
     share = np.empty(4)
     nearest = np.empty(3)
@@ -176,18 +182,18 @@ def step_apart(one, p, begin, end, other, m, their_begin, their_end, distance, w
     for _ in range(_TURNS_N):
         length = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
         x, y, z = way[0] / length, way[1] / length, way[2] / length
-        a, high = _farthest(one, at[0], begin, x, y, z)
-        b, low = _farthest(other, at[1], their_begin, -x, -y, -z)
-        at[0], far = _farthest(one, a, end, x, y, z)
-        at[1], near = _farthest(other, b, their_end, -x, -y, -z)
+        a, high = _farthest(mine, at[0], begin, x, y, z)
+        b, low = _farthest(others, at[1], their_begin, -x, -y, -z)
+        at[0], far = _farthest(mine, a, end, x, y, z)
+        at[1], near = _farthest(others, b, their_end, -x, -y, -z)
         if min(-low - high, -near - far) >= distance:
             return True
         if count == 4:
             return False
         if -near - far <= -low - high:
-            _difference(one, at[0], end, other, at[1], their_end, simplex[count])
+            _difference(mine, at[0], end, others, at[1], their_end, simplex[count])
         else:
-            _difference(one, a, begin, other, b, their_begin, simplex[count])
+            _difference(mine, a, begin, others, b, their_begin, simplex[count])
         share[count] = 1.0 if count == 0 else 0.0
         count = _nearest(simplex, share, count + 1, nearest)
         if count == 0 or nearest[0] ** 2 + nearest[1] ** 2 + nearest[2] ** 2 < distance * distance:
@@ -196,8 +202,10 @@ def step_apart(one, p, begin, end, other, m, their_begin, their_end, distance, w
     return False
 
 
-@njit(cache=True, inline="always")
-def _difference(one, a, frame, other, b, theirs, out):  # type: ignore[no-untyped-def]
+@inlined
+def _difference(
+    one: Hulls, a: Int, frame: FloatArray, other: Hulls, b: Int, theirs: FloatArray, out: FloatArray
+) -> None:
     """From a corner of one to a corner of the other, in the world."""
     for k in range(3):
         out[k] = theirs[k, 3] - frame[k, 3]
@@ -205,8 +213,8 @@ def _difference(one, a, frame, other, b, theirs, out):  # type: ignore[no-untype
             out[k] += theirs[k, c] * other.corner[b, c] - frame[k, c] * one.corner[a, c]
 
 
-@njit(cache=True)
-def _nearest(simplex, share, count, out):  # type: ignore[no-untyped-def]
+@kernel
+def _nearest(simplex: FloatArray, share: FloatArray, count: int, out: FloatArray) -> int:
     """Point of a simplex nearest to the origin; only the corners it needs are kept, whose number is returned.
 
     `share` (4,) are weights of a point of the simplex, replaced by those of the nearest; 0 if the corners are flat.

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
-from planners.motion.arm.kinematics import joint_rows, last_link_pose, link_frames
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arm.kinematics import link_frames
+from planners.motion.arm.seven_joints import FIT_TOLERANCE, N_JOINTS, SevenJointArm, seven_joint_arm
+from planners.motion.arrays import FloatArray
+from planners.motion.kernel import inlined, kernel
 
 N_BRANCHES = 8
 """Elbow, shoulder and wrist each have two postures."""
 
-_N_JOINTS = 7
 _MOST_ARM_ANGLES = 100_000
-_FIT_TOLERANCE = 1e-6
 _STRAIGHT = 1e-9  # below this the shoulder-wrist line is vertical and the reference plane is free
 
 
-@njit(cache=True)
-def wrist_target_into(pose, geometry, target):  # type: ignore[no-untyped-def]
+@kernel
+def wrist_target_into(pose: FloatArray, geometry: FloatArray, target: FloatArray) -> None:
     """Wanted wrist pose in the shoulder frame (3, 4) from the wanted last-link pose in the base frame (>=3, 4)."""
     for i in range(3):
         for j in range(3):
@@ -41,41 +40,73 @@ def wrist_target_into(pose, geometry, target):  # type: ignore[no-untyped-def]
             target[i, 3] += geometry[0, k, i] * point
 
 
-@njit(cache=True)
-def branch_into(target, arm_angle, branch, geometry, q):  # type: ignore[no-untyped-def]
-    """Solve one branch at one arm angle for a wrist pose in the shoulder frame; fills q (7,); limits unchecked."""
-    bend = 1.0 if branch & 1 else -1.0
-    lean = 1.0 if branch & 2 else -1.0
-    wrist_bend = 1.0 if branch & 4 else -1.0
+class _Reference(NamedTuple):
+    """The arm that reaches the wrist with joint 3 at zero: its shoulder is Rz(turn) Ry(tilt)."""
+
+    elbow: float
+    """Angle of joint 4 [rad]; NaN if the wrist is out of reach."""
+    elbow_cos: float
+    elbow_sin: float
+    turn_cos: float
+    turn_sin: float
+    tilt_cos: float
+    tilt_sin: float
+    x: float
+    """Direction from shoulder to wrist, about which the arm swings."""
+    y: float
+    z: float
+
+
+@kernel
+def _reference(target: FloatArray, bend: float, geometry: FloatArray) -> _Reference:
+    """Solve the triangle of shoulder, elbow and wrist for a wrist pose in the shoulder frame (3, 4)."""
     upper_arm, fore_arm = geometry[2, 0, 0], geometry[2, 0, 1]
     x, y, z = target[0, 3], target[1, 3], target[2, 3]
     square = x * x + y * y + z * z
     ce = (square - upper_arm * upper_arm - fore_arm * fore_arm) / (2.0 * upper_arm * fore_arm)
     if ce > 1.0 or ce < -1.0 or square < _STRAIGHT:
-        return False
+        return _Reference(np.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     elbow = bend * np.arccos(ce)
     se = np.sin(elbow)
-    # The shoulder that reaches the wrist with joint 3 at zero is Rz(turn) Ry(tilt): in the frame after joint 3 the
-    # wrist is at (-fore_arm sin q4, 0, upper_arm + fore_arm cos q4).
+    # In the frame after joint 3 the wrist is at (-fore_arm sin q4, 0, upper_arm + fore_arm cos q4).
     radius = np.hypot(x, y)
     turn = np.arctan2(y, x) if radius > _STRAIGHT else 0.0
     tilt = np.arctan2(radius, z) - np.arctan2(-fore_arm * se, upper_arm + fore_arm * ce)
-    ct, st, cl, sl = np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)
-    # Columns of the shoulder rotation: those of the reference, swung by the arm angle about the shoulder-wrist line.
     length = np.sqrt(square)
-    x /= length
-    y /= length
-    z /= length
+    return _Reference(
+        elbow, ce, se, np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt), x / length, y / length, z / length
+    )
+
+
+@inlined
+def _column(reference: _Reference, j: int) -> tuple[float, float, float]:
+    """A column of the reference's shoulder rotation."""
+    if j == 0:
+        column = (reference.turn_cos * reference.tilt_cos, reference.turn_sin * reference.tilt_cos, -reference.tilt_sin)
+    elif j == 1:
+        column = (-reference.turn_sin, reference.turn_cos, 0.0)
+    else:
+        column = (reference.turn_cos * reference.tilt_sin, reference.turn_sin * reference.tilt_sin, reference.tilt_cos)
+    return column
+
+
+@kernel
+def branch_into(target: FloatArray, arm_angle: float, branch: int, geometry: FloatArray, q: FloatArray) -> bool:
+    """Solve one branch at one arm angle for a wrist pose in the shoulder frame; fills q (7,); limits unchecked."""
+    bend = 1.0 if branch & 1 else -1.0
+    lean = 1.0 if branch & 2 else -1.0
+    wrist_bend = 1.0 if branch & 4 else -1.0
+    reference = _reference(target, bend, geometry)
+    if np.isnan(reference.elbow):
+        return False
+    ce, se = reference.elbow_cos, reference.elbow_sin
+    x, y, z = reference.x, reference.y, reference.z
+    # Columns of the shoulder rotation: those of the reference, swung by the arm angle about the shoulder-wrist line.
     c = np.cos(arm_angle)
     s = np.sin(arm_angle)
     shoulder = np.empty((3, 3))
     for j in range(3):
-        if j == 0:
-            ax, ay, az = ct * cl, st * cl, -sl
-        elif j == 1:
-            ax, ay, az = -st, ct, 0.0
-        else:
-            ax, ay, az = ct * sl, st * sl, cl
+        ax, ay, az = _column(reference, j)
         v = (1.0 - c) * (x * ax + y * ay + z * az)  # Rodrigues
         shoulder[0, j] = c * ax + s * (y * az - z * ay) + v * x
         shoulder[1, j] = c * ay + s * (z * ax - x * az) + v * y
@@ -84,7 +115,7 @@ def branch_into(target, arm_angle, branch, geometry, q):  # type: ignore[no-unty
     q[0] = np.arctan2(lean * shoulder[1, 2], lean * shoulder[0, 2])
     q[1] = lean * np.arccos(min(1.0, max(-1.0, shoulder[2, 2])))
     q[2] = np.arctan2(lean * shoulder[2, 1], -lean * shoulder[2, 0])
-    q[3] = elbow
+    q[3] = reference.elbow
     # Wrist = (shoulder Ry(-q4))^T target = Rz(q5) Ry(q6) Rz(q7)
     wrist = np.zeros((3, 3))
     for k in range(3):
@@ -102,35 +133,21 @@ def branch_into(target, arm_angle, branch, geometry, q):  # type: ignore[no-unty
     return True
 
 
-@njit(cache=True)
-def _circle_into(target, bend, geometry, shoulder, wrist):  # type: ignore[no-untyped-def]
+@kernel
+def _circle_into(
+    target: FloatArray, bend: float, geometry: FloatArray, shoulder: FloatArray, wrist: FloatArray
+) -> float:
     """Shoulder and wrist rotation over the arm angle: cos * [0] + sin * [1] + [2], each (3, 3, 3); the elbow angle.
 
     The elbow angle is NaN if the wrist is out of reach.
     """
-    upper_arm, fore_arm = geometry[2, 0, 0], geometry[2, 0, 1]
-    x, y, z = target[0, 3], target[1, 3], target[2, 3]
-    square = x * x + y * y + z * z
-    ce = (square - upper_arm * upper_arm - fore_arm * fore_arm) / (2.0 * upper_arm * fore_arm)
-    if ce > 1.0 or ce < -1.0 or square < _STRAIGHT:
+    reference = _reference(target, bend, geometry)
+    if np.isnan(reference.elbow):
         return np.nan
-    elbow = bend * np.arccos(ce)
-    se = np.sin(elbow)
-    radius = np.hypot(x, y)
-    turn = np.arctan2(y, x) if radius > _STRAIGHT else 0.0
-    tilt = np.arctan2(radius, z) - np.arctan2(-fore_arm * se, upper_arm + fore_arm * ce)
-    ct, st, cl, sl = np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)
-    length = np.sqrt(square)
-    x /= length
-    y /= length
-    z /= length
+    ce, se = reference.elbow_cos, reference.elbow_sin
+    x, y, z = reference.x, reference.y, reference.z
     for j in range(3):  # Rodrigues, column by column, as in `branch_into`
-        if j == 0:
-            ax, ay, az = ct * cl, st * cl, -sl
-        elif j == 1:
-            ax, ay, az = -st, ct, 0.0
-        else:
-            ax, ay, az = ct * sl, st * sl, cl
+        ax, ay, az = _column(reference, j)
         along = x * ax + y * ay + z * az
         shoulder[2, 0, j], shoulder[2, 1, j], shoulder[2, 2, j] = along * x, along * y, along * z
         shoulder[0, 0, j], shoulder[0, 1, j], shoulder[0, 2, j] = ax - along * x, ay - along * y, az - along * z
@@ -144,23 +161,34 @@ def _circle_into(target, bend, geometry, shoulder, wrist):  # type: ignore[no-un
                 wrist[c, 0, j] += (shoulder[c, k, 0] * ce + shoulder[c, k, 2] * se) * target[k, j]
                 wrist[c, 1, j] += shoulder[c, k, 1] * target[k, j]
                 wrist[c, 2, j] += (shoulder[c, k, 2] * ce - shoulder[c, k, 0] * se) * target[k, j]
-    return elbow
+    return reference.elbow
 
 
-@njit(cache=True, inline="always")
-def _on_circle(part, i, j, c, s):  # type: ignore[no-untyped-def]
-    return part[0, i, j] * c + part[1, i, j] * s + part[2, i, j]
+@inlined
+def _on_circle(part: FloatArray, i: int, j: int, c: float, s: float) -> float:
+    entry: float = part[0, i, j] * c + part[1, i, j] * s + part[2, i, j]
+    return entry
 
 
-@njit(cache=True)
-def _wrapped(angle):  # type: ignore[no-untyped-def]
+@kernel
+def _wrapped(angle: float) -> float:
     if angle > np.pi:
         return angle - 2.0 * np.pi
     return angle + 2.0 * np.pi if angle < -np.pi else angle
 
 
-@njit(cache=True)
-def _four_branches(arm_angle, elbow, shoulder, wrist, geometry, lower, upper, out, n):  # type: ignore[no-untyped-def]
+@kernel
+def _four_branches(
+    arm_angle: float,
+    elbow: float,
+    shoulder: FloatArray,
+    wrist: FloatArray,
+    geometry: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    out: FloatArray,
+    n: int,
+) -> int:
     """Append the solutions inside the limits at one arm angle and elbow side to `out`; returns their new number."""
     c = np.cos(arm_angle)
     s = np.sin(arm_angle)
@@ -197,8 +225,8 @@ def _four_branches(arm_angle, elbow, shoulder, wrist, geometry, lower, upper, ou
     return n
 
 
-@njit(cache=True)
-def _roots(part, theta, row, roots, n):  # type: ignore[no-untyped-def]
+@kernel
+def _roots(part: FloatArray, theta: float, row: int, roots: FloatArray, n: int) -> int:
     """Append the arm angles at which one joint of the shoulder or the wrist is at +-theta or theta + pi.
 
     Each of the three joints makes an equation a cos + b sin + c = 0. `row` is 0 to 2, the joint.
@@ -225,8 +253,10 @@ def _roots(part, theta, row, roots, n):  # type: ignore[no-untyped-def]
     return n + 2
 
 
-@njit(cache=True)
-def _solutions(pose, n_angles, geometry, lower, upper, out):  # type: ignore[no-untyped-def]
+@kernel
+def _solutions(
+    pose: FloatArray, n_angles: int, geometry: FloatArray, lower: FloatArray, upper: FloatArray, out: FloatArray
+) -> int:
     """Solutions inside the limits on a grid of arm angles, and one in every interval of arm angles between its points.
 
     Between two neighbouring arm angles at which a joint is at a limit, a branch is inside the limits or it is not.
@@ -265,7 +295,7 @@ def _solutions(pose, n_angles, geometry, lower, upper, out):  # type: ignore[no-
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SrsGeometry:
+class SrsGeometry(SevenJointArm):
     """A 7-joint arm of the kind spherical shoulder, hinge elbow, spherical wrist (KUKA iiwa and the like).
 
     The redundancy is the arm angle: the rotation of the elbow about the shoulder-wrist line, zero where joint 3 is.
@@ -275,16 +305,8 @@ class SrsGeometry:
     limits, IEEE T-RO 2008; here the arm angle is measured from the plane of joint 3 at zero.
     """
 
-    base_from_joint: FloatArray
-    """Joint transforms, shape (7, 4, 4)."""
-    lower: FloatArray
-    """Lower joint limits [rad], shape (7,)."""
-    upper: FloatArray
-    """Upper joint limits [rad], shape (7,)."""
     packed: FloatArray
     """Kernel input (4, 4, 4): base_from_shoulder, last_from_wrist, arm lengths [m], joint signs."""
-    joints: FloatArray
-    """Kernel input: upper three rows of the joint transforms, shape (7, 3, 4)."""
 
     @classmethod
     def from_joints(cls, base_from_joint: npt.ArrayLike, lower: npt.ArrayLike, upper: npt.ArrayLike) -> SrsGeometry:
@@ -301,32 +323,23 @@ class SrsGeometry:
         Raises:
             PlanningError: Not 7 joints, or the axes do not meet in a shoulder, an elbow and a wrist.
         """
-        transforms = np.array(base_from_joint, dtype=np.float64)
-        rows = joint_rows(transforms)
-        low, high = checks.limits("SrsGeometry", lower, upper)
-        if len(rows) != _N_JOINTS or low.shape != (_N_JOINTS,) or high.shape != (_N_JOINTS,):
-            raise PlanningError(
-                f"SrsGeometry: {len(rows)} joints, limits {low.shape} and {high.shape}; expected {_N_JOINTS} of each"
-            )
-        geometry = cls(base_from_joint=transforms, lower=low, upper=high, packed=_pack(transforms), joints=rows)
-        for q in np.random.default_rng(0).uniform(-1.5, 1.5, (4, _N_JOINTS)):
+        arm = seven_joint_arm("SrsGeometry", base_from_joint, lower, upper)
+        transforms = arm.base_from_joint
+        geometry = cls(**vars(arm), packed=_pack(transforms))
+        for q in np.random.default_rng(0).uniform(-1.5, 1.5, (4, N_JOINTS)):
             angle, branch = geometry.arm_angle_and_branch(q)
             again = geometry.ik_branch(link_frames(transforms, q)[-1], angle, branch)
-            if again is None or np.abs(again - q).max() > _FIT_TOLERANCE:
+            if again is None or np.abs(again - q).max() > FIT_TOLERANCE:
                 raise PlanningError(
                     "SrsGeometry: the arm has no spherical shoulder, hinge elbow and spherical wrist in line at q = 0"
                 )
         return geometry
 
-    def flange(self, q: npt.ArrayLike) -> FloatArray:
-        """Pose of the last link in the base frame for one configuration (7,), shape (4, 4)."""
-        return last_link_pose(self.joints, q)
-
     def within_limits(self, q: npt.ArrayLike) -> bool:
         """Whether one configuration (7,) respects the joint limits."""
         angles = checks.floats("q", q)
-        if angles.shape != (_N_JOINTS,):
-            raise PlanningError(f"q: shape {angles.shape}, expected ({_N_JOINTS},)")
+        if angles.shape != (N_JOINTS,):
+            raise PlanningError(f"q: shape {angles.shape}; valid: ({N_JOINTS},)")
         return bool(np.all((angles >= self.lower) & (angles <= self.upper)))
 
     def ik_branch(self, base_from_flange: npt.ArrayLike, arm_angle: float, branch: int) -> FloatArray | None:
@@ -345,8 +358,8 @@ class SrsGeometry:
         """
         checks.whole("ik_branch: branch", branch, 0, N_BRANCHES - 1)
         if not np.isfinite(arm_angle):
-            raise PlanningError(f"ik_branch: arm_angle {arm_angle}, expected a finite number")
-        target, q = np.empty((3, 4)), np.empty(_N_JOINTS)
+            raise PlanningError(f"ik_branch: arm_angle {arm_angle}; valid: a finite number")
+        target, q = np.empty((3, 4)), np.empty(N_JOINTS)
         wrist_target_into(_pose(base_from_flange), self.packed, target)
         return q if branch_into(target, float(arm_angle), branch, self.packed, q) else None
 
@@ -367,13 +380,13 @@ class SrsGeometry:
             PlanningError: No pose, or no such number of arm angles.
         """
         checks.whole("ik_all: n_arm_angles", n_arm_angles, 1, _MOST_ARM_ANGLES)
-        out = np.empty((N_BRANCHES * n_arm_angles + 8 * 24, _N_JOINTS))
+        out = np.empty((N_BRANCHES * n_arm_angles + 8 * 24, N_JOINTS))
         n = _solutions(_pose(base_from_flange), n_arm_angles, self.packed, self.lower, self.upper, out)
         return out[:n]
 
     def arm_angle_and_branch(self, q: npt.ArrayLike) -> tuple[float, int]:
         """Arm angle [rad] and branch (0 to 7) of a configuration: the inverse of `ik_branch`."""
-        turned = checks.vector("q", q, _N_JOINTS) * self.packed[3].reshape(-1)[:_N_JOINTS]
+        turned = checks.vector("q", q, N_JOINTS) * self.packed[3].reshape(-1)[:N_JOINTS]
         branch = int(turned[3] > 0.0) + 2 * int(turned[1] > 0.0) + 4 * int(turned[5] > 0.0)
         shoulder = _rz(turned[0]) @ _ry(turned[1]) @ _rz(turned[2])
         upper_arm, fore_arm = self.packed[2, 0, :2]
@@ -403,10 +416,10 @@ def _pose(base_from_flange: npt.ArrayLike) -> FloatArray:
 
 def _pack(transforms: FloatArray) -> FloatArray:
     """Fit the canonical chain Rz Ry Rz | -Ry | Rz Ry Rz to the arm at q = 0; wrong arms fail the caller's check."""
-    zero = link_frames(transforms, np.zeros(_N_JOINTS))
+    zero = link_frames(transforms, np.zeros(N_JOINTS))
     axis, origin = zero[1:, :3, 2], zero[1:, :3, 3]
     up = origin[5] - origin[1]  # from shoulder to wrist
-    if np.linalg.norm(up) < _FIT_TOLERANCE or abs(axis[0] @ axis[1]) > _FIT_TOLERANCE:
+    if np.linalg.norm(up) < FIT_TOLERANCE or abs(axis[0] @ axis[1]) > FIT_TOLERANCE:
         raise PlanningError("SrsGeometry: joints 1 and 2 must be perpendicular and joints 2 and 6 apart at q = 0")
     up = axis[0] * np.sign(axis[0] @ up)
     base_from_shoulder = np.eye(4)
@@ -418,7 +431,7 @@ def _pack(transforms: FloatArray) -> FloatArray:
     lengths[0, 0] = up @ (origin[3] - origin[1])
     lengths[0, 1] = up @ (origin[5] - origin[3])
     sign = np.zeros(8)
-    sign[:_N_JOINTS] = [np.sign(a @ (axis[1] if i % 2 else up)) for i, a in enumerate(axis)]
+    sign[:N_JOINTS] = [np.sign(a @ (axis[1] if i % 2 else up)) for i, a in enumerate(axis)]
     sign[3] *= -1.0  # the canonical elbow bends against the shoulder's axis
     signs = np.zeros((4, 4))
     signs[:2] = sign.reshape(2, 4)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
 from planners.motion.arm.kinematics import jacobian_into, joint_rows, last_link_pose, link_frames_into
+from planners.motion.arrays import Chance, FloatArray
 from planners.motion.chance import uniform
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.kernel import borrowing, kernel
 
 POSITION_M = 1e-6
 """A solution is this near to the wanted point [m] ..."""
@@ -28,8 +28,36 @@ _METRE_PER_RAD = 0.3  # weight of orientation against position: an arm's typical
 _SAME_RAD = 0.05
 
 
-@njit(cache=True)
-def _error_into(joints, q, pose, frames, error):  # type: ignore[no-untyped-def]
+class _Arm(NamedTuple):
+    """The arm as the kernels see it."""
+
+    joints: FloatArray
+    """Shape (n, 3, 4)."""
+    lower: FloatArray
+    upper: FloatArray
+
+
+class _Work(NamedTuple):
+    """Memory of a descent; what it holds is said where it is filled."""
+
+    frames: FloatArray
+    """Shape (n+1, 3, 4)."""
+    jacobian: FloatArray
+    """Shape (6, n)."""
+    error: FloatArray
+    """Shape (6,)."""
+    matrix: FloatArray
+    """Shape (6, 6)."""
+    solved: FloatArray
+    """Shape (6,)."""
+    step: FloatArray
+    """Change of the joints, shape (n,)."""
+
+
+@borrowing
+def _error_into(
+    joints: FloatArray, q: FloatArray, pose: FloatArray, frames: FloatArray, error: FloatArray
+) -> tuple[float, float]:
     """Position error [m] and rotation error times the lever [m], base frame; returns both sizes, in m and rad."""
     link_frames_into(joints, q, frames)
     tip = frames[q.shape[0]]
@@ -58,8 +86,8 @@ def _error_into(joints, q, pose, frames, error):  # type: ignore[no-untyped-def]
     return np.sqrt(far), angle
 
 
-@njit(cache=True)
-def _solve_into(h, g, x):  # type: ignore[no-untyped-def]
+@borrowing
+def _solve_into(h: FloatArray, g: FloatArray, x: FloatArray) -> None:
     """x = h^-1 g by Cholesky, for a symmetric positive definite h, which is overwritten."""
     n = g.shape[0]
     for i in range(n):
@@ -83,12 +111,15 @@ def _solve_into(h, g, x):  # type: ignore[no-untyped-def]
         x[i] = total / h[i, i]
 
 
-@njit(cache=True)
-def _descend(joints, pose, lower, upper, q, frames, jacobian, error, h, y, x):  # type: ignore[no-untyped-def]
+@borrowing
+def _descend(arm: _Arm, pose: FloatArray, q: FloatArray, work: _Work) -> bool:
     """Improve q until it reaches the pose; whether it does. Joints that want to leave their limits stay at them."""
+    lower, upper = arm.lower, arm.upper
+    frames, jacobian, error = work.frames, work.jacobian, work.error
+    h, y, x = work.matrix, work.solved, work.step
     n = q.shape[0]
     for step in range(_STEPS):
-        far, angle = _error_into(joints, q, pose, frames, error)
+        far, angle = _error_into(arm.joints, q, pose, frames, error)
         if far <= POSITION_M and angle <= TURN_RAD:
             return True
         square = 0.0
@@ -127,16 +158,21 @@ def _descend(joints, pose, lower, upper, q, frames, jacobian, error, h, y, x):  
     return False
 
 
-@njit(cache=True)
-def _solutions(joints, pose, lower, upper, seeds, n_wanted, n_starts, random, out):  # type: ignore[no-untyped-def]
+@kernel
+def _solutions(
+    arm: _Arm, pose: FloatArray, seeds: FloatArray, n_wanted: int, n_starts: int, random: Chance, out: FloatArray
+) -> tuple[int, int]:
     """Descend from the seeds, then from random starts, until enough solutions differ; returns solutions and starts."""
+    lower, upper = arm.lower, arm.upper
     n_joints = lower.shape[0]
-    frames = np.empty((n_joints + 1, 3, 4))
-    jacobian = np.empty((6, n_joints))
-    error = np.empty(6)
-    y = np.empty(6)
-    h = np.empty((6, 6))
-    x = np.empty(n_joints)
+    work = _Work(
+        np.empty((n_joints + 1, 3, 4)),
+        np.empty((6, n_joints)),
+        np.empty(6),
+        np.empty((6, 6)),
+        np.empty(6),
+        np.empty(n_joints),
+    )
     q = np.empty(n_joints)
     n = 0
     for start in range(n_starts):
@@ -145,7 +181,7 @@ def _solutions(joints, pose, lower, upper, seeds, n_wanted, n_starts, random, ou
                 q[i] = min(upper[i], max(lower[i], seeds[start, i]))
             else:
                 q[i] = lower[i] + (upper[i] - lower[i]) * uniform(random)
-        if not _descend(joints, pose, lower, upper, q, frames, jacobian, error, h, y, x):
+        if not _descend(arm, pose, q, work):
             continue
         new = True
         for k in range(n):
@@ -200,7 +236,7 @@ class NumericInverse:
         low, high = checks.limits("NumericInverse", lower, upper)
         if low.shape != (len(rows),) or high.shape != (len(rows),) or not np.all(np.isfinite(high - low)):
             raise PlanningError(
-                f"NumericInverse: {len(rows)} joints, limits {low.shape} and {high.shape}; expected as many, finite"
+                f"NumericInverse: {len(rows)} joints, limits {low.shape} and {high.shape}; valid: as many, finite"
             )
         return cls(base_from_joint=np.array(base_from_joint, dtype=np.float64), lower=low, upper=high, joints=rows)
 
@@ -249,5 +285,6 @@ class NumericInverse:
         pose = checks.rigid("base_from_flange", base_from_flange)
         out = np.empty((n_wanted, len(self.lower)))
         random = np.array([seed], dtype=np.uint64)
-        n, _ = _solutions(self.joints, pose, self.lower, self.upper, seeds, n_wanted, n_starts, random, out)
+        arm = _Arm(joints=self.joints, lower=self.lower, upper=self.upper)
+        n, _ = _solutions(arm, pose, seeds, n_wanted, n_starts, random, out)
         return out[:n]

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
 import numpy.typing as npt
 
 from planners.errors import PlanningError
 from planners.motion.arm.ik import SrsGeometry
 from planners.motion.arm.ik_numeric import NumericInverse
 from planners.motion.arm.ik_offset import OffsetGeometry
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arrays import FloatArray
 
 N_DESCENTS = 24
 """Solutions asked of the solver that has no closed form."""

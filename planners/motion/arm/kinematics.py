@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
+from planners.motion.arrays import FloatArray
+from planners.motion.kernel import kernel
 
-FloatArray = npt.NDArray[np.float64]
 
-
-@njit(cache=True)
-def link_frames_into(joints, q, frames):  # type: ignore[no-untyped-def]
+@kernel
+def link_frames_into(joints: FloatArray, q: FloatArray, frames: FloatArray) -> None:
     """Fill `frames` (n+1, 3, 4) from joint transforms (n, 3, 4) and q (n,); frame 0 is the identity."""
     for a in range(3):
         for b in range(4):
@@ -38,8 +37,8 @@ def link_frames_into(joints, q, frames):  # type: ignore[no-untyped-def]
             frames[i + 1, a, 3] = t
 
 
-@njit(cache=True)
-def jacobian_into(frames, jacobian):  # type: ignore[no-untyped-def]
+@kernel
+def jacobian_into(frames: FloatArray, jacobian: FloatArray) -> None:
     """Linear (rows 0-2) and angular (3-5) velocity of the last frame per joint velocity, base frame, shape (6, n)."""
     n = jacobian.shape[1]
     for i in range(n):
@@ -55,8 +54,8 @@ def jacobian_into(frames, jacobian):  # type: ignore[no-untyped-def]
         jacobian[5, i] = az
 
 
-@njit(cache=True)
-def _frames_batch(joints, q, frames):  # type: ignore[no-untyped-def]
+@kernel
+def _frames_batch(joints: FloatArray, q: FloatArray, frames: FloatArray) -> None:
     for i in range(q.shape[0]):
         link_frames_into(joints, q[i], frames[i])
 
@@ -75,12 +74,15 @@ def joint_rows(base_from_joint: npt.ArrayLike) -> FloatArray:
     """
     joints = checks.floats("base_from_joint", base_from_joint)
     if joints.ndim != 3 or joints.shape[1:] != (4, 4) or len(joints) == 0:
-        raise PlanningError(f"base_from_joint: shape {joints.shape}, expected (n_joints, 4, 4) with n_joints > 0")
+        raise PlanningError(f"base_from_joint: shape {joints.shape}; valid: (n_joints, 4, 4) with n_joints > 0")
     if not np.isfinite(joints).all():
-        raise PlanningError("base_from_joint: must be finite")
+        bad = joints[~np.isfinite(joints).all(axis=(1, 2))][0]
+        raise PlanningError(f"base_from_joint: {bad.tolist()}; valid: finite numbers")
     rotation = joints[:, :3, :3]
-    if not np.allclose(rotation @ rotation.transpose(0, 2, 1), np.eye(3), atol=1e-6):
-        raise PlanningError("base_from_joint: the upper left 3x3 parts must be rotations")
+    unit = rotation @ rotation.transpose(0, 2, 1)
+    if not np.allclose(unit, np.eye(3), atol=1e-6):
+        bad = joints[np.argmax(np.abs(unit - np.eye(3)).max(axis=(1, 2)))]
+        raise PlanningError(f"base_from_joint: {bad.tolist()}; valid: a rotation in the upper left 3x3 part")
     return np.ascontiguousarray(joints[:, :3, :])
 
 
@@ -100,7 +102,7 @@ def link_frames(base_from_joint: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
     joints = joint_rows(base_from_joint)
     angles = np.atleast_2d(checks.floats("q", q))
     if angles.ndim != 2 or angles.shape[1] != len(joints):
-        raise PlanningError(f"q: shape {np.shape(q)}, expected (..., {len(joints)}), one angle per joint")
+        raise PlanningError(f"q: shape {np.shape(q)}; valid: (..., {len(joints)}), one angle per joint")
     rows = np.empty((len(angles), len(joints) + 1, 3, 4))
     _frames_batch(joints, np.ascontiguousarray(angles), rows)
     frames = np.zeros((*rows.shape[:2], 4, 4))
@@ -125,7 +127,7 @@ def jacobian(base_from_joint: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
     joints = joint_rows(base_from_joint)
     angles = checks.floats("q", q)
     if angles.shape != (len(joints),):
-        raise PlanningError(f"q: shape {angles.shape}, expected ({len(joints)},), one angle per joint")
+        raise PlanningError(f"q: shape {angles.shape}; valid: ({len(joints)},), one angle per joint")
     frames = np.empty((len(joints) + 1, 3, 4))
     link_frames_into(joints, angles, frames)
     out = np.empty((6, len(joints)))
@@ -166,6 +168,6 @@ def flange_from_tip(base_from_tip: npt.ArrayLike, tool_length_m: float) -> Float
     """
     flange = checks.floats("base_from_tip", base_from_tip).copy()
     if flange.shape != (4, 4):
-        raise PlanningError(f"base_from_tip: shape {flange.shape}, expected (4, 4)")
+        raise PlanningError(f"base_from_tip: shape {flange.shape}; valid: (4, 4)")
     flange[:3, 3] -= tool_length_m * flange[:3, 2]
     return flange

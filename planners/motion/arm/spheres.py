@@ -14,9 +14,7 @@ from planners.errors import PlanningError
 from planners.motion import checks
 from planners.motion.arm.array_cache import Arrays, cached_arrays
 from planners.motion.arm.kinematics import link_frames
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from planners.motion.arrays import FloatArray, IntArray
 
 _FIT_VERSION = 1  # part of the cache key; raise it when the fit changes
 _SURFACE_SAMPLES = 3000
@@ -47,7 +45,7 @@ def read_binary_stl(path: Path) -> FloatArray:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        raise PlanningError(f"{path}: {error.strerror}; expected a binary STL file") from error
+        raise PlanningError(f"{path}: {error.strerror}; valid: a binary STL file") from error
     count = int(np.frombuffer(data[80:_STL_HEADER], "<u4")[0]) if len(data) >= _STL_HEADER else -1
     if len(data) != _STL_HEADER + count * _STL_TRIANGLE.itemsize:
         raise PlanningError(f"{path}: {len(data)} bytes is not a binary STL of {count} triangles")
@@ -75,7 +73,7 @@ def fit_spheres(vertices: npt.ArrayLike, k: int, seed: int) -> tuple[FloatArray,
     """
     points = checks.rows("fit_spheres: vertices", vertices, 3, least=0)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < _MINIMUM_POINTS:
-        raise PlanningError(f"fit_spheres: vertices of shape {points.shape}, expected (v, 3) with v >= 4")
+        raise PlanningError(f"fit_spheres: vertices of shape {points.shape}; valid: (v, 3) with v >= 4")
     checks.whole("fit_spheres: k =", k, 1, _MOST_SPHERES)
     try:
         hull = ConvexHull(points)
@@ -132,9 +130,7 @@ def box_spheres(
     half = checks.vector("box_spheres: half extent", half_extent, 3)
     count = np.asarray(per_axis)
     if np.any(half <= 0) or count.shape != (3,) or np.any(count < 1):
-        raise PlanningError(
-            f"box_spheres: half extent {half}, per axis {per_axis}; expected three positive values each"
-        )
+        raise PlanningError(f"box_spheres: half extent {half}, per axis {per_axis}; valid: three positive values each")
     axes = [(np.arange(n) + 0.5) / n * 2.0 * h - h for n, h in zip(count, half, strict=True)]
     centre = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     return centre, np.full(len(centre), float(np.linalg.norm(half / count)))

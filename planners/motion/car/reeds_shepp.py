@@ -14,9 +14,9 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from planners.errors import PlanningError
+from planners.motion.arrays import BoolArray, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
-Validity = Callable[[FloatArray], npt.NDArray[np.bool_]]
+Validity = Callable[[FloatArray], BoolArray]
 
 _STEP_M = 0.05  # spacing of poses, in the result and in validity checks
 _FINE_M = 0.002  # segments shorter than this may be missed when the direction of travel is recovered
@@ -149,11 +149,11 @@ def plan_rejoin(
     """
     a, b = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
     if a.shape != (3,) or b.shape != (3,) or not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
-        raise PlanningError(f"plan_rejoin: start {a.tolist()}, goal {b.tolist()}; expected x, y, yaw each")
+        raise PlanningError(f"plan_rejoin: start {a.tolist()}, goal {b.tolist()}; valid: x, y, yaw each")
     if not turning_radius_m > 0:
-        raise PlanningError(f"plan_rejoin: turning_radius_m {turning_radius_m}, expected > 0")
+        raise PlanningError(f"plan_rejoin: turning_radius_m {turning_radius_m}; valid: > 0")
     if not 0 <= seed < 2**32 - 1 or max_iterations < 0:
-        raise PlanningError(f"plan_rejoin: seed {seed}, max_iterations {max_iterations}; expected >= 0")
+        raise PlanningError(f"plan_rejoin: seed {seed}, max_iterations {max_iterations}; valid: >= 0")
     if not np.all(valid(a[None])):
         return _unsolved(RejoinStatus.INVALID_START, 0)
     if not np.all(valid(b[None])):

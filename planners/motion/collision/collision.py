@@ -9,20 +9,17 @@ from planners.errors import PlanningError
 from planners.motion import checks
 from planners.motion.arm.arm_model import ArmModel
 from planners.motion.arm.kinematics import joint_rows
+from planners.motion.arrays import BoolArray, FloatArray, IntArray
 from planners.motion.collision.obstacles import Boxes, Capsules, rounded_boxes
 from planners.motion.collision.scene_kernel import (
     MAX_PARTS,
+    checks_from_python,
     clearance,
-    edge_free,
-    pack_scene,
+    make_scene,
     path_free,
     spheres_at,
-    state_free,
     states_free,
 )
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _FLOAT = np.float64
 
@@ -124,7 +121,7 @@ class CollisionChecker:
         """
         if not isinstance(model, ArmModel) or not isinstance(boxes, Boxes):
             raise PlanningError(
-                f"CollisionChecker: {type(model).__name__} and {type(boxes).__name__}, expected ArmModel and Boxes"
+                f"CollisionChecker: {type(model).__name__} and {type(boxes).__name__}; valid: ArmModel and Boxes"
             )
         margin = checks.positive("CollisionChecker: margin", margin, zero=True)
         held_centre, held_radius = checks.spheres("CollisionChecker: held spheres", held_spheres)
@@ -141,7 +138,7 @@ class CollisionChecker:
 
         names = np.unique(part)
         if len(names) > MAX_PARTS:
-            raise PlanningError(f"CollisionChecker: {len(names)} rigid parts, expected at most {MAX_PARTS}")
+            raise PlanningError(f"CollisionChecker: {len(names)} rigid parts; valid: at most {MAX_PARTS}")
         joints = joint_rows(model.base_from_joint)
         spheres = np.column_stack([centre, radius])
         hulls, ranges = _hulls(spheres, part)
@@ -154,7 +151,7 @@ class CollisionChecker:
         self.margin = margin
         self.n_spheres = len(centre)
         """Spheres of the arm and of what it holds."""
-        self.scene = pack_scene(
+        self.scene = make_scene(
             joints=joints,
             spheres=spheres,
             hulls=hulls,
@@ -182,14 +179,14 @@ class CollisionChecker:
 
         What is not finite is not free.
         """
-        return state_free(self._angles(q), self.scene)  # type: ignore[no-any-return]
+        return checks_from_python().state_free(self._angles(q), self.scene)
 
     def edge(self, a: npt.ArrayLike, b: npt.ArrayLike) -> bool:
         """Whether the straight joint-space motion from a (n,) to b (n,) is free; `a` itself is taken as free.
 
         What is not finite is not free, nor is a motion of more than 40 rad.
         """
-        return edge_free(self._angles(a), self._angles(b), self.scene)  # type: ignore[no-any-return]
+        return checks_from_python().edge_free(self._angles(a), self._angles(b), self.scene)
 
     def path_free(self, path: npt.ArrayLike) -> bool:
         """Whether a piecewise straight path (m, n) is free, its first configuration included."""
@@ -197,14 +194,14 @@ class CollisionChecker:
         if points.ndim and len(points) == 0:
             return False
         if points.ndim != 2 or points.shape[1:] != self._shape:
-            raise PlanningError(f"path: shape {points.shape}, expected (m, {self._shape[0]})")
+            raise PlanningError(f"path: shape {points.shape}; valid: (m, {self._shape[0]})")
         return bool(path_free(points, self.scene))
 
-    def batch(self, q: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    def batch(self, q: npt.ArrayLike) -> BoolArray:
         """`free` for many configurations (m, n), shape (m,)."""
         angles = checks.floats("q", q)
         if angles.ndim != 2 or angles.shape[1:] != self._shape:
-            raise PlanningError(f"q: shape {angles.shape}, expected (m, {self._shape[0]})")
+            raise PlanningError(f"q: shape {angles.shape}; valid: (m, {self._shape[0]})")
         out = np.empty(len(angles), dtype=np.bool_)
         states_free(angles, out, self.scene)
         return out
@@ -223,7 +220,7 @@ class CollisionChecker:
         try:
             angles = np.ascontiguousarray(q, _FLOAT)
         except (TypeError, ValueError):
-            raise PlanningError(f"q: {q!r}, expected {self._shape[0]} numbers") from None
+            raise PlanningError(f"q: {q!r}; valid: {self._shape[0]} numbers") from None
         if angles.shape != self._shape:
-            raise PlanningError(f"q: shape {angles.shape}, expected {self._shape}")
+            raise PlanningError(f"q: shape {angles.shape}; valid: {self._shape}")
         return angles

@@ -9,9 +9,7 @@ import numpy.typing as npt
 
 from planners.errors import PlanningError
 from planners.motion import checks
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from planners.motion.arrays import FloatArray, IntArray
 
 ROW = 17
 """Columns of an obstacle in `rounded_boxes`."""
@@ -50,10 +48,13 @@ class Boxes:
         if self.centre.shape != (k, 3) or self.half.shape != (k, 3) or self.min_frame.shape != (k,):
             raise PlanningError(
                 f"Boxes: centre {self.centre.shape}, half {self.half.shape}, yaw {self.yaw.shape}, "
-                f"min_frame {self.min_frame.shape}; expected (k, 3), (k, 3), (k,), (k,)"
+                f"min_frame {self.min_frame.shape}; valid: (k, 3), (k, 3), (k,), (k,)"
             )
         if not np.all(self.half > 0) or not all(np.isfinite(x).all() for x in (self.centre, self.half, self.yaw)):
-            raise PlanningError("Boxes: half extents must be positive, and all numbers finite")
+            finite = np.isfinite(np.column_stack([self.centre, self.half, self.yaw])).all(axis=1)
+            bad = int(np.argmin(finite & (self.half > 0).all(axis=1)))
+            centre, half, yaw = (rows[bad].tolist() for rows in (self.centre, self.half, self.yaw))
+            raise PlanningError(f"Boxes: centre {centre}, half {half}, yaw {yaw}; valid: finite numbers, and half > 0")
 
     @classmethod
     def one(cls, centre: npt.ArrayLike, half: npt.ArrayLike, *, yaw: float = 0.0, min_frame: int = 0) -> Boxes:
@@ -101,10 +102,15 @@ class Capsules:
         if self.start.shape != (k, 3) or self.end.shape != (k, 3) or self.min_frame.shape != (k,):
             raise PlanningError(
                 f"Capsules: start {self.start.shape}, end {self.end.shape}, radius {self.radius.shape}, "
-                f"min_frame {self.min_frame.shape}; expected (k, 3), (k, 3), (k,), (k,)"
+                f"min_frame {self.min_frame.shape}; valid: (k, 3), (k, 3), (k,), (k,)"
             )
         if not np.all(self.radius > 0) or not all(np.isfinite(x).all() for x in (self.start, self.end, self.radius)):
-            raise PlanningError("Capsules: radii must be positive, and all numbers finite")
+            finite = np.isfinite(np.column_stack([self.start, self.end, self.radius])).all(axis=1)
+            bad = int(np.argmin(finite & (self.radius > 0)))
+            start, end, radius = (rows[bad].tolist() for rows in (self.start, self.end, self.radius))
+            raise PlanningError(
+                f"Capsules: start {start}, end {end}, radius {radius}; valid: finite numbers, and radius > 0"
+            )
 
     @classmethod
     def one(cls, start: npt.ArrayLike, end: npt.ArrayLike, radius_m: float, *, min_frame: int = 0) -> Capsules:

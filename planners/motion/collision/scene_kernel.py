@@ -1,19 +1,18 @@
 """Kernels of collision checks: an arm's spheres against rounded boxes and against each other, at states and on edges.
 
-A scene is one flat array, scratch memory included: a call from Python costs 0.2 us per argument, and these are asked
-hundreds of thousands of times. `pack_scene` documents what it holds, `_open` gives the views.
+A scene brings its scratch memory along: these kernels are asked hundreds of thousands of times, and make no array.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
 import numpy as np
-import numpy.typing as npt
-from numba import njit
 
-from planners.motion.collision.obstacles import ROW
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from planners.motion.arrays import BoolArray, FloatArray, Int, IntArray, RowArray
+from planners.motion.kernel import borrowing, entry_point, inlined
 
 COLLISION = -1.0
 """What `_state` gives for a configuration that is not free."""
@@ -21,15 +20,65 @@ _QUEUE = 8192  # waiting sub-intervals of one edge; 20 rad at the finest step ha
 _LONGEST_RAD = 40.0  # what that queue has room for
 _LARGEST = 1e6
 _FINEST_RAD = 0.01  # intervals shorter than this are not split again
-_HEADER = 10
-_SPHERE = 4  # centre, radius
-_PART = 5  # frame, first and end sphere, first and end box
 MAX_PARTS = 50
-"""Parts of one arm with what it holds; the kernels keep a bit for each, in what may be a float."""
+"""Parts of one arm with what it holds; the kernels keep a bit for each."""
 _LAST_BIT = 50  # groups beyond it share a bit
 
 
-def pack_scene(
+class Scratch(NamedTuple):
+    """What the kernels write into: for an arm of n joints in m parts with k spheres."""
+
+    frames: FloatArray
+    """Link frames, shape (n+1, 3, 4)."""
+    points: FloatArray
+    """Centres of the spheres of parts that were placed, shape (k, 3)."""
+    tops: FloatArray
+    """Centres of the spheres around parts, shape (m, 3)."""
+    turns: FloatArray
+    """Cosines and sines of the joints, shape (2, n)."""
+    total: FloatArray
+    """How far a sphere of a part moves while joints f..n-1 make all of a motion, at most [m], shape (m, n+1)."""
+    reach: FloatArray
+    """The same for the interval that is tested, shape (m, n+1)."""
+    q: FloatArray
+    """The configuration that is tested, shape (n,)."""
+    todo: IntArray
+    """Parts and groups that are tested at all, a bit each, shape (2,)."""
+    waiting: FloatArray
+    """Beginning and end of intervals of an edge that wait, shape (`_QUEUE`, 2)."""
+    waiting_todo: IntArray
+    """What has to be tested in each, as in `todo`, shape (`_QUEUE`, 2)."""
+
+
+class Scene(NamedTuple):
+    """An arm of n joints in m rigid parts, what it holds, and b obstacles."""
+
+    joints: FloatArray
+    """Joint transforms, shape (n, 3, 4)."""
+    spheres: FloatArray
+    """Centre and radius in the frame of the part [m], part by part, shape (k, 4)."""
+    hulls: FloatArray
+    """One sphere around each part, shape (m, 4)."""
+    boxes: FloatArray
+    """Of `rounded_boxes`, shape (b, 17)."""
+    lever: FloatArray
+    """Largest distance from each joint's axis to a part's spheres [m], shape (m, n)."""
+    parts: RowArray
+    """Frame, first and end sphere, first and end entry of `near`, shape (m, 5)."""
+    near: RowArray
+    """Rows of the boxes that each part can reach, part by part, shape (e,)."""
+    groups: RowArray
+    """Two parts tested against each other, the one with the lower frame first, first and end run, shape (g, 4)."""
+    runs: RowArray
+    """A sphere of the first part, and its first and end partner of the second, shape (r, 3)."""
+    partners: RowArray
+    """Spheres, shape (p,)."""
+    margin: float
+    """Distance kept from boxes [m]."""
+    scratch: Scratch
+
+
+def make_scene(
     *,
     joints: FloatArray,
     spheres: FloatArray,
@@ -42,98 +91,89 @@ def pack_scene(
     boxes: FloatArray,
     lever: FloatArray,
     margin: float,
-) -> FloatArray:
-    """Lay a scene out for the kernels.
+) -> Scene:
+    """Lay a scene out for the kernels; everything is copied, as they take on trust how it lies in memory.
 
     Args:
-        joints: Joint transforms, shape (n, 3, 4).
-        spheres: Centre and radius in the frame of the part [m], part by part, shape (k, 4).
-        hulls: One sphere around each part, shape (m, 4).
+        joints: As in `Scene`.
+        spheres: As in `Scene`.
+        hulls: As in `Scene`.
         parts: Frame, first and end sphere of each part, shape (m, 3).
         near_boxes: Rows of the boxes that each part can reach.
-        groups: Two parts tested against each other, the one with the lower frame first, and their first and end run,
-            shape (g, 4).
-        runs: A sphere of the first part, and its first and end partner of the second, shape (r, 3).
-        partners: Spheres, shape (p,).
-        boxes: Of `rounded_boxes`, shape (b, 17).
-        lever: Largest distance from each joint's axis to a part's spheres [m], shape (m, n).
-        margin: Distance kept from boxes [m].
-
-    Returns:
-        The scene, with room for scratch memory.
+        groups: As in `Scene`.
+        runs: As in `Scene`.
+        partners: As in `Scene`.
+        boxes: As in `Scene`.
+        lever: As in `Scene`.
+        margin: As in `Scene`.
     """
-    n, k, m, b = len(joints), len(spheres), len(hulls), len(boxes)
+    n, k, m = len(joints), len(spheres), len(hulls)
     ends = np.cumsum([0] + [len(rows) for rows in near_boxes])
-    table = np.column_stack([parts, ends[:-1], ends[1:]])
-    ints = [table, groups, runs, partners, *near_boxes]
-    floats: list[npt.ArrayLike] = [[margin], joints, spheres, hulls, boxes, lever]
-    whole = np.concatenate([np.ravel(a) for a in ints]).astype(np.uint64)
-    real = np.concatenate([np.ravel(a) for a in floats]).astype(np.float64)
-    header = np.array([n, k, m, b, len(groups), len(runs), len(partners), len(whole), len(real), 0], dtype=np.uint64)
-    scratch = np.zeros(14 * n + 12 + 3 * (k + m) + 2 * m * (n + 1) + n + 2 + 4 * _QUEUE)
-    return np.concatenate([header.view(np.float64), whole.view(np.float64), real, scratch])
+    return Scene(
+        joints=_numbers(joints),
+        spheres=_numbers(spheres),
+        hulls=_numbers(hulls),
+        boxes=_numbers(boxes),
+        lever=_numbers(lever),
+        parts=_rows(np.column_stack([parts, ends[:-1], ends[1:]])),
+        near=_rows(np.concatenate([np.empty(0, dtype=np.int64), *near_boxes])),
+        groups=_rows(groups),
+        runs=_rows(runs),
+        partners=_rows(partners),
+        margin=float(margin),
+        scratch=Scratch(
+            frames=np.zeros((n + 1, 3, 4)),
+            points=np.zeros((k, 3)),
+            tops=np.zeros((m, 3)),
+            turns=np.zeros((2, n)),
+            total=np.zeros((m, n + 1)),
+            reach=np.zeros((m, n + 1)),
+            q=np.zeros(n),
+            todo=np.zeros(2, dtype=np.int64),
+            waiting=np.zeros((_QUEUE, 2)),
+            waiting_todo=np.zeros((_QUEUE, 2), dtype=np.int64),
+        ),
+    )
 
 
-@njit(cache=True, inline="always")
-def _open(scene):  # type: ignore[no-untyped-def]
-    """Views: joints, spheres, hulls, boxes, lever, parts, groups, runs, partners, near (unsigned: no wrapped index)."""
-    header = scene[:_HEADER].view(np.int64)
-    n, k, m, b, g, r, p = header[0], header[1], header[2], header[3], header[4], header[5], header[6]
-    ints = scene[_HEADER : _HEADER + header[7]].view(np.uint64)
-    parts = ints[: _PART * m].reshape((m, _PART))
-    at = _PART * m
-    groups = ints[at : at + 4 * g].reshape((g, 4))
-    at += 4 * g
-    runs = ints[at : at + 3 * r].reshape((r, 3))
-    at += 3 * r
-    partners = ints[at : at + p]
-    near = ints[at + p :]
-    at = _HEADER + header[7] + 1  # behind the margin
-    joints = scene[at : at + 12 * n].reshape((n, 3, 4))
-    at += 12 * n
-    spheres = scene[at : at + _SPHERE * k].reshape((k, _SPHERE))
-    at += _SPHERE * k
-    hulls = scene[at : at + _SPHERE * m].reshape((m, _SPHERE))
-    at += _SPHERE * m
-    boxes = scene[at : at + ROW * b].reshape((b, ROW))
-    at += ROW * b
-    lever = scene[at : at + m * n].reshape((m, n))
-    return joints, spheres, hulls, boxes, lever, parts, groups, runs, partners, near
+def _numbers(values: FloatArray) -> FloatArray:
+    return np.array(values, dtype=np.float64, order="C")
 
 
-@njit(cache=True, inline="always")
-def _margin(scene):  # type: ignore[no-untyped-def]
-    return scene[_HEADER + scene[7:8].view(np.int64)[0]]
+def _rows(values: IntArray) -> RowArray:
+    return np.array(values, dtype=np.uint64, order="C")
 
 
-@njit(cache=True, inline="always")
-def _open_scratch(scene):  # type: ignore[no-untyped-def]
-    """Views: frames, points, tops, turns, reach, total, q, queue (from, to, parts, groups), todo."""
-    header = scene[:_HEADER].view(np.int64)
-    n, k, m = header[0], header[1], header[2]
-    at = _HEADER + header[7] + header[8]
-    frames = scene[at : at + 12 * (n + 1)].reshape((n + 1, 3, 4))
-    at += 12 * (n + 1)
-    points = scene[at : at + 3 * k].reshape((k, 3))
-    at += 3 * k
-    tops = scene[at : at + 3 * m].reshape((m, 3))
-    at += 3 * m
-    turns = scene[at : at + 2 * n].reshape((2, n))
-    at += 2 * n
-    reach = scene[at : at + m * (n + 1)].reshape((m, n + 1))
-    at += m * (n + 1)
-    total = scene[at : at + m * (n + 1)].reshape((m, n + 1))
-    at += m * (n + 1)
-    q = scene[at : at + n]
-    at += n
-    todo = scene[at : at + 2].view(np.int64)
-    at += 2
-    queue = scene[at : at + 4 * _QUEUE].reshape((_QUEUE, 4))
-    return frames, points, tops, turns, reach, total, q, queue, todo
+class Checks(NamedTuple):
+    """Checks as Python calls them, of contiguous arrays of floats; see `entry_point`."""
+
+    state_free: Callable[[FloatArray, Scene], bool]
+    edge_free: Callable[[FloatArray, FloatArray, Scene], bool]
 
 
-@njit(cache=True)
-def _sines_into(q, turns):  # type: ignore[no-untyped-def]
+@cache
+def checks_from_python() -> Checks:
+    """Compile the checks for scenes, all of which have the same types."""
+    numbers, rows = np.empty((0, 0)), np.empty((0, 0), dtype=np.int64)
+    nothing = make_scene(
+        joints=np.empty((0, 3, 4)),
+        spheres=numbers,
+        hulls=numbers,
+        parts=np.empty((0, 3), dtype=np.int64),
+        near_boxes=[],
+        groups=rows,
+        runs=rows,
+        partners=np.empty(0, dtype=np.int64),
+        boxes=numbers,
+        lever=numbers,
+        margin=0.0,
+    )
+    q = np.empty(0)
+    return Checks(entry_point(state_free, q, nothing), entry_point(edge_free, q, q, nothing))
+
+
+@borrowing
+def _sines_into(q: FloatArray, turns: FloatArray) -> None:
     """Cosines and sines of all joints, without a branch, so that the compiler takes several joints at once.
 
     Quarter turns are taken off in two parts (Cody and Waite, Software Manual for the Elementary Functions, 1980); the
@@ -153,8 +193,8 @@ def _sines_into(q, turns):  # type: ignore[no-untyped-def]
         turns[1, i] = sign * (s + odd * (c - s))
 
 
-@njit(cache=True)
-def _frames_into(joints, q, turns, frames):  # type: ignore[no-untyped-def]
+@borrowing
+def _frames_into(joints: FloatArray, q: FloatArray, turns: FloatArray, frames: FloatArray) -> None:
     """Link frames as `kinematics.link_frames_into` has them, to the last digits."""
     _sines_into(q, turns)
     for a in range(3):
@@ -173,22 +213,22 @@ def _frames_into(joints, q, turns, frames):  # type: ignore[no-untyped-def]
             frames[i + 1, a, 3] = frames[i, a, 3] + x * joints[i, 0, 3] + y * joints[i, 1, 3] + z * joints[i, 2, 3]
 
 
-@njit(cache=True, inline="always")
-def _put(frames, f, spheres, s, points, to):  # type: ignore[no-untyped-def]
+@inlined
+def _put(frames: FloatArray, f: Int, spheres: FloatArray, s: Int, points: FloatArray, to: Int) -> None:
     x, y, z = spheres[s, 0], spheres[s, 1], spheres[s, 2]
     for a in range(3):
         points[to, a] = frames[f, a, 0] * x + frames[f, a, 1] * y + frames[f, a, 2] * z + frames[f, a, 3]
 
 
-@njit(cache=True)
-def _place(p, frames, parts, spheres, points):  # type: ignore[no-untyped-def]
+@borrowing
+def _place(p: Int, frames: FloatArray, parts: RowArray, spheres: FloatArray, points: FloatArray) -> None:
     """Sphere centres of one part in the base frame."""
     for s in range(parts[p, 1], parts[p, 2]):
         _put(frames, parts[p, 0], spheres, s, points, s)
 
 
-@njit(cache=True, inline="always")
-def _box_gap(x, y, z, wide, boxes, b):  # type: ignore[no-untyped-def]
+@inlined
+def _box_gap(x: float, y: float, z: float, wide: float, boxes: FloatArray, b: Int) -> float:
     """Squared distance from a point to the core of a rounded box, zero inside; infinite if one axis shows > wide.
 
     The early ends also keep the compiler from gathering rows into vectors, which took seven times as long.
@@ -208,42 +248,28 @@ def _box_gap(x, y, z, wide, boxes, b):  # type: ignore[no-untyped-def]
     dx = max(dx, 0.0)
     dy = max(dy, 0.0)
     dz = max(dz, 0.0)
-    return dx * dx + dy * dy + dz * dz
+    square: float = dx * dx + dy * dy + dz * dz
+    return square
 
 
-@njit(cache=True)
-def _state(  # type: ignore[no-untyped-def]  # noqa: PLR0912 - one pass over parts and groups
-    q,
-    moving,
-    margin,
-    joints,
-    spheres,
-    hulls,
-    boxes,
-    parts,
-    groups,
-    runs,
-    partners,
-    near,
-    frames,
-    points,
-    tops,
-    turns,
-    reach,
-    todo,
-):
+@borrowing
+def _state(q: FloatArray, moving: bool, scene: Scene) -> float:  # noqa: PLR0912, PLR0915 - one pass over parts and groups
     """COLLISION, or the share of the motion within `reach` that is free for sure; without `moving`, reach is zero.
 
-    `reach` (m, n+1): bound on how far a sphere of part p moves while joints f..n-1 make their allowed motion. Only when
-    the sphere around a part is near does the test look at the part's own spheres. `todo` (2,): parts and groups that
-    are tested at all, a bit each; those that are not clear for all of the motion stay set.
+    `scratch.reach` bounds how far a sphere of part p moves while joints f..n-1 make their allowed motion. Only when the
+    sphere around a part is near does the test look at the part's own spheres. Of `scratch.todo`, those that are not
+    clear for all of the motion stay set.
     """
+    spheres, hulls, boxes, parts = scene.spheres, scene.hulls, scene.boxes, scene.parts
+    near, groups, runs, partners = scene.near, scene.groups, scene.runs, scene.partners
+    frames, points, tops = scene.scratch.frames, scene.scratch.points, scene.scratch.tops
+    reach, todo, margin = scene.scratch.reach, scene.scratch.todo, scene.margin
     todo_parts = todo[0] if moving else -1
     todo_groups = todo[1] if moving else -1
     left_parts = 0
     left_groups = 0
     share = 1.0
-    _frames_into(joints, q, turns, frames)
+    _frames_into(scene.joints, q, scene.scratch.turns, frames)
     placed = 0  # a bit per part
     for p in range(parts.shape[0] - 1, -1, -1):  # tip first: it hits most
         f = parts[p, 0]
@@ -325,8 +351,8 @@ def _state(  # type: ignore[no-untyped-def]  # noqa: PLR0912 - one pass over par
     return share
 
 
-@njit(cache=True, inline="always")
-def _usable(q):  # type: ignore[no-untyped-def]
+@inlined
+def _usable(q: FloatArray) -> bool:
     """Whether all numbers are finite, and small enough for a sine: nothing touches a NaN, so it would count as free."""
     for i in range(q.shape[0]):  # noqa: SIM110 - compiled
         if not abs(q[i]) < _LARGEST:
@@ -334,45 +360,42 @@ def _usable(q):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
-def state_free(q, scene):  # type: ignore[no-untyped-def]
+@borrowing
+def state_free(q: FloatArray, scene: Scene) -> bool:
     """Whether one configuration is free, with the margin; one that is not finite is not."""
     if not _usable(q):
         return False
-    joints, spheres, hulls, boxes, _, parts, groups, runs, partners, near = _open(scene)
-    frames, points, tops, turns, reach, _, _, _, todo = _open_scratch(scene)
-    state = _state(q, False, _margin(scene), joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
+    state = _state(q, False, scene)
     return state != COLLISION
 
 
-@njit(cache=True)
-def states_free(q, out, scene):  # type: ignore[no-untyped-def]
+@borrowing
+def states_free(q: FloatArray, out: BoolArray, scene: Scene) -> None:
     """`state_free` for many configurations (m, n)."""
-    joints, spheres, hulls, boxes, _, parts, groups, runs, partners, near = _open(scene)
-    frames, points, tops, turns, reach, _, _, _, todo = _open_scratch(scene)
     for i in range(q.shape[0]):
         if not _usable(q[i]):
             out[i] = False
             continue
-        state = _state(q[i], False, _margin(scene), joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
+        state = _state(q[i], False, scene)
         out[i] = state != COLLISION
 
 
-@njit(cache=True)
-def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
+@borrowing
+def edge_free(a: FloatArray, b: FloatArray, scene: Scene) -> bool:
     """Whether the straight joint-space motion from a to b is free; a is taken as free, and edges beyond 40 rad are not.
 
     Breadth first: the middle of an interval is tested, motion bounds prove a part around it free, and the rest on both
     sides waits in a queue. What is clear for a whole interval is not tested again inside. `scene` is
     `CollisionChecker.scene`.
     """
-    joints, spheres, hulls, boxes, lever, parts, groups, runs, partners, near = _open(scene)
-    frames, points, tops, turns, reach, total, q, queue, todo = _open_scratch(scene)
-    margin = _margin(scene)
+    scratch = scene.scratch
+    lever, total, reach, q = scene.lever, scratch.total, scratch.reach, scratch.q
+    waiting, waiting_todo, todo = scratch.waiting, scratch.waiting_todo, scratch.todo
     n = q.shape[0]
+    m = lever.shape[0]
     if not (_usable(a) and _usable(b)):
         return False
-    if _state(b, False, margin, joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo) == COLLISION:  # noqa: E501  # fmt: skip
+    if _state(b, False, scene) == COLLISION:
         return False
     length = 0.0
     for i in range(n):
@@ -380,47 +403,47 @@ def edge_free(a, b, scene):  # type: ignore[no-untyped-def]
     length = np.sqrt(length)
     if length > _LONGEST_RAD:
         return False
-    for p in range(parts.shape[0]):
+    for p in range(m):
         bound = 0.0
         total[p, n] = 0.0
         for i in range(n - 1, -1, -1):
             bound += lever[p, i] * abs(b[i] - a[i])
             total[p, i] = bound
-    queue[0, 0] = 0.0
-    queue[0, 1] = 1.0
-    queue[0, 2] = -1.0
-    queue[0, 3] = -1.0
+    waiting[0, 0] = 0.0
+    waiting[0, 1] = 1.0
+    waiting_todo[0, 0] = -1
+    waiting_todo[0, 1] = -1
     head = 0
     tail = 1
     while head < tail:
-        lo = queue[head % _QUEUE, 0]
-        hi = queue[head % _QUEUE, 1]
-        todo[0] = int(queue[head % _QUEUE, 2])
-        todo[1] = int(queue[head % _QUEUE, 3])
+        lo = waiting[head % _QUEUE, 0]
+        hi = waiting[head % _QUEUE, 1]
+        todo[0] = waiting_todo[head % _QUEUE, 0]
+        todo[1] = waiting_todo[head % _QUEUE, 1]
         head += 1
         middle = 0.5 * (lo + hi)
         half = 0.5 * (hi - lo)
         for i in range(n):
             q[i] = a[i] + (b[i] - a[i]) * middle
-        for p in range(parts.shape[0]):
+        for p in range(m):
             for i in range(n + 1):
                 reach[p, i] = half * total[p, i]
-        share = _state(q, True, margin, joints, spheres, hulls, boxes, parts, groups, runs, partners, near, frames, points, tops, turns, reach, todo)  # noqa: E501  # fmt: skip
+        share = _state(q, True, scene)
         if share == COLLISION:
             return False
         if share < 1.0 and 2.0 * half * length > _FINEST_RAD:
             for side in range(2):
                 slot = tail % _QUEUE
-                queue[slot, 0] = middle + share * half if side else lo
-                queue[slot, 1] = hi if side else middle - share * half
-                queue[slot, 2] = todo[0]
-                queue[slot, 3] = todo[1]
+                waiting[slot, 0] = middle + share * half if side else lo
+                waiting[slot, 1] = hi if side else middle - share * half
+                waiting_todo[slot, 0] = todo[0]
+                waiting_todo[slot, 1] = todo[1]
                 tail += 1
     return True
 
 
-@njit(cache=True)
-def path_free(path, scene):  # type: ignore[no-untyped-def]
+@borrowing
+def path_free(path: FloatArray, scene: Scene) -> bool:
     """Whether a piecewise straight path (m, n), m >= 1, is free, its first configuration included."""
     if not state_free(path[0], scene):
         return False
@@ -430,16 +453,24 @@ def path_free(path, scene):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
-def _inside(q, lower, upper):  # type: ignore[no-untyped-def]
+@borrowing
+def _inside(q: FloatArray, lower: FloatArray, upper: FloatArray) -> bool:
     for i in range(q.shape[0]):  # noqa: SIM110 - compiled
         if not lower[i] <= q[i] <= upper[i]:
             return False
     return True
 
 
-@njit(cache=True)
-def straight_goal(start, goals, lower, upper, scene, order, distance):  # type: ignore[no-untyped-def]
+@borrowing
+def straight_goal(
+    start: FloatArray,
+    goals: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    scene: Scene,
+    order: IntArray,
+    distance: FloatArray,
+) -> tuple[int, int]:
     """Check both ends of a query and try the straight lines, nearest goal first.
 
     Fills `order` (k,) with the rows of the goals that are inside the limits and free, nearest first, and `distance`
@@ -471,22 +502,21 @@ def straight_goal(start, goals, lower, upper, scene, order, distance):  # type: 
     return n, -1
 
 
-@njit(cache=True)
-def spheres_at(q, scene, out):  # type: ignore[no-untyped-def]
+@borrowing
+def spheres_at(q: FloatArray, scene: Scene, out: FloatArray) -> None:
     """Sphere centres in the base frame (k, 3)."""
-    joints, spheres, _, _, _, parts, _, _, _, _ = _open(scene)
-    frames, _, _, turns, _, _, _, _, _ = _open_scratch(scene)
-    _frames_into(joints, q, turns, frames)
-    for p in range(parts.shape[0]):
-        _place(p, frames, parts, spheres, out)
+    frames = scene.scratch.frames
+    _frames_into(scene.joints, q, scene.scratch.turns, frames)
+    for p in range(scene.parts.shape[0]):
+        _place(p, frames, scene.parts, scene.spheres, out)
 
 
-@njit(cache=True)
-def clearance(q, scene):  # type: ignore[no-untyped-def]
+@borrowing
+def clearance(q: FloatArray, scene: Scene) -> float:
     """Smallest distance from a sphere to an obstacle; negative when they overlap."""
-    joints, spheres, _, boxes, _, parts, _, _, _, _ = _open(scene)
-    frames, points, _, turns, _, _, _, _, _ = _open_scratch(scene)
-    _frames_into(joints, q, turns, frames)
+    spheres, boxes, parts = scene.spheres, scene.boxes, scene.parts
+    frames, points = scene.scratch.frames, scene.scratch.points
+    _frames_into(scene.joints, q, scene.scratch.turns, frames)
     best = np.inf
     for p in range(parts.shape[0]):
         _place(p, frames, parts, spheres, points)

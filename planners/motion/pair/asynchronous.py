@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
+from planners.motion.arrays import FloatArray, IntArray
+from planners.motion.kernel import kernel
 from planners.motion.path.trajectory import MOST_SAMPLES, Trajectory
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 SMOOTHING_S = 0.08
 """Window over which motions are averaged unless said otherwise [s]."""
@@ -73,18 +71,18 @@ def asynchronous(
         )
     ]
     if rows[0].ndim != 1 or len({row.shape for row in rows}) != 1:
-        raise PlanningError(f"asynchronous: shapes {[row.shape for row in rows]}, expected (n,) for all")
+        raise PlanningError(f"asynchronous: shapes {[row.shape for row in rows]}; valid: (n,) for all")
     ends, limits = np.stack(rows[:2]), np.stack(rows[2:4])
     if not np.all(np.isfinite(ends)) or not np.all(limits > 0):
-        raise PlanningError(f"asynchronous: angles {ends}, limits {limits}; expected finite, and > 0")
+        raise PlanningError(f"asynchronous: angles {ends}, limits {limits}; valid: finite, and > 0")
     if not (dt_s > 0 and smoothing_s > 0 and push_s >= 0) or not np.all(np.isin(rows[4], (-1.0, 0.0, 1.0))):
         raise PlanningError(
-            f"asynchronous: dt_s {dt_s}, smoothing_s {smoothing_s}, push {rows[4]}, push_s {push_s}; expected > 0, > 0,"
+            f"asynchronous: dt_s {dt_s}, smoothing_s {smoothing_s}, push {rows[4]}, push_s {push_s}; valid: > 0, > 0,"
             " -1, 0 or 1, and >= 0"
         )
     if not np.isfinite((dt_s, smoothing_s, push_s)).all() or not np.isfinite(limits).all():
         raise PlanningError(
-            f"asynchronous: limits {limits}, dt_s {dt_s}, smoothing_s {smoothing_s}, push_s {push_s}; expected finite"
+            f"asynchronous: limits {limits}, dt_s {dt_s}, smoothing_s {smoothing_s}, push_s {push_s}; valid: finite"
         )
     if np.array_equal(ends[0], ends[1]):
         return Trajectory(t=np.zeros(1), q=ends[:1], qd=np.zeros((1, ends.shape[1])))
@@ -92,7 +90,7 @@ def asynchronous(
     q, qd = _sampled(ends[first], ends[last], limits[0], limits[1], rows[4], push_s, float(dt_s), float(smoothing_s))
     if len(q) == 0:
         raise PlanningError(
-            f"asynchronous: limits {limits} with samples of {dt_s} s; expected at most {MOST_SAMPLES} samples"
+            f"asynchronous: limits {limits} with samples of {dt_s} s; valid: at most {MOST_SAMPLES} samples"
         )
     if late:
         q, qd = np.ascontiguousarray(q[::-1]), np.ascontiguousarray(-qd[::-1])
@@ -132,19 +130,21 @@ def soonest(
     first, second = checks.rows("soonest: q", q, n, least=0), checks.rows("soonest: others", second, n)
     limits = np.array([checks.vector("soonest: limits", row, n) for row in (max_velocity, max_acceleration)])
     if not np.all(limits > 0):
-        raise PlanningError(f"soonest: limits {limits}, expected > 0")
-    return _least_times(first, second, limits[0], limits[1])  # type: ignore[no-any-return]
+        raise PlanningError(f"soonest: limits {limits}; valid: > 0")
+    return _least_times(first, second, limits[0], limits[1])
 
 
-@njit(cache=True)
-def _ramp_and_whole(change, velocity, acceleration):  # type: ignore[no-untyped-def]
+@kernel
+def _ramp_and_whole(change: float, velocity: float, acceleration: float) -> tuple[float, float]:
     """Time of speeding up, and of the whole motion, of one joint that turns by `change` > 0."""
     ramp = min(velocity / acceleration, np.sqrt(change / acceleration))
     return ramp, ramp + change / (acceleration * ramp)
 
 
-@njit(cache=True)
-def _least_times(q, others, velocity, acceleration):  # type: ignore[no-untyped-def]
+@kernel
+def _least_times(
+    q: FloatArray, others: FloatArray, velocity: FloatArray, acceleration: FloatArray
+) -> tuple[FloatArray, IntArray]:
     n = q.shape[1]
     out = np.full(q.shape[0], np.inf)
     row = np.zeros(q.shape[0], dtype=np.int64)
@@ -171,8 +171,10 @@ def _least_times(q, others, velocity, acceleration):  # type: ignore[no-untyped-
     return out, row
 
 
-@njit(cache=True)
-def steps_into(change, velocity, acceleration, side, push, at, height):  # type: ignore[no-untyped-def]
+@kernel
+def steps_into(
+    change: float, velocity: float, acceleration: float, side: float, push: float, at: FloatArray, height: FloatArray
+) -> float:
     """Fill the acceleration of one joint that turns by `change`: at times (5,) it rises by heights (5,).
 
     The joint is accelerated to `side` for `push` first, then takes the fastest way to its goal from where that leaves
@@ -195,11 +197,11 @@ def steps_into(change, velocity, acceleration, side, push, at, height):  # type:
     height[2] = -way * acceleration
     height[3] = -way * acceleration
     height[4] = way * acceleration
-    return at[4]
+    return float(at[4])
 
 
-@njit(cache=True)
-def smoothed(since, at, height, window):  # type: ignore[no-untyped-def]
+@kernel
+def smoothed(since: float, at: FloatArray, height: FloatArray, window: float) -> tuple[float, float]:
     """Way and speed of a joint with that acceleration, averaged over the window: each step adds a cube."""
     way = 0.0
     speed = 0.0
@@ -211,8 +213,17 @@ def smoothed(since, at, height, window):  # type: ignore[no-untyped-def]
     return way / (6.0 * window), speed / (2.0 * window)
 
 
-@njit(cache=True)
-def _sampled(start, goal, velocity, acceleration, sides, push, dt, window):  # type: ignore[no-untyped-def]
+@kernel
+def _sampled(
+    start: FloatArray,
+    goal: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    sides: FloatArray,
+    push: float,
+    dt: float,
+    window: float,
+) -> tuple[FloatArray, FloatArray]:
     """Positions and velocities, each (k, n), none if they are too many."""
     n = start.shape[0]
     at = np.empty((n, 5))

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from numba import njit
 
 from planners.errors import PlanningError
+from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.collision.collision import CollisionChecker
-from planners.motion.pair.coordination import MARGIN_M, ArmInWorld, clearance, place_spheres
+from planners.motion.kernel import kernel
+from planners.motion.pair.diagram import MARGIN_M, clearance
+from planners.motion.pair.swept import ArmInWorld, place_spheres
 from planners.motion.path.trajectory import Trajectory, retime
 from planners.motion.problem import MotionResult, MotionStatus
-
-FloatArray = npt.NDArray[np.float64]
 
 _RANGE_RAD = 1.0  # longest tree edge
 _FINEST = 1.0 / 4096  # a part of an edge below this that is still in doubt is refused
@@ -23,8 +23,23 @@ _SHORTCUTS = 60
 _DEVIATIONS_RAD = (0.1, 0.03, 0.01)
 
 
-@njit(cache=True)
-def _apart_between(qa, to_a, qb, to_b, arm_a, arm_b, margin):  # type: ignore[no-untyped-def]
+class _Placed(NamedTuple):
+    """An arm as the kernel sees it; what the arrays hold is said at `ArmInWorld`."""
+
+    joints: FloatArray
+    spheres: FloatArray
+    parts: IntArray
+    lever: FloatArray
+    base: FloatArray
+    """Upper three rows of the base's pose, shape (3, 4)."""
+    points: FloatArray
+    """Scratch memory for the centres of spheres, shape (s, 3)."""
+
+
+@kernel
+def _apart_between(
+    qa: FloatArray, to_a: FloatArray, qb: FloatArray, to_b: FloatArray, arm_a: _Placed, arm_b: _Placed, margin: float
+) -> bool:
     """Whether two arms keep their distance while both move straight in joint space; a 14-joint edge.
 
     The middle of an interval proves it free if the arms' distance there exceeds what both can move until its ends;
@@ -86,10 +101,12 @@ class CompositeProblem:
         n = sum(arm.model.n_joints for arm in self.arms)
         if self.start.shape != (n,) or self.goal.shape != (n,):
             raise PlanningError(
-                f"CompositeProblem: start {self.start.shape}, goal {self.goal.shape}; expected ({n},) both"
+                f"CompositeProblem: start {self.start.shape}, goal {self.goal.shape}; valid: ({n},) both"
             )
         if not (np.all(np.isfinite(self.start)) and np.all(np.isfinite(self.goal))):
-            raise PlanningError("CompositeProblem: start and goal must be finite")
+            raise PlanningError(
+                f"CompositeProblem: start {self.start.tolist()}, goal {self.goal.tolist()}; valid: finite numbers"
+            )
 
 
 class CompositePlanner:
@@ -180,13 +197,13 @@ class _Edges:
     def __init__(self, problem: CompositeProblem) -> None:
         self._checkers = problem.checkers
         self._arms = [
-            (
-                arm.joints,
-                arm.spheres,
-                arm.parts,
-                arm.lever,
-                np.ascontiguousarray(arm.world_from_base[:3]),
-                np.empty((len(arm.spheres), 3)),
+            _Placed(
+                joints=arm.joints,
+                spheres=arm.spheres,
+                parts=arm.parts,
+                lever=arm.lever,
+                base=np.ascontiguousarray(arm.world_from_base[:3]),
+                points=np.empty((len(arm.spheres), 3)),
             )
             for arm in problem.arms
         ]

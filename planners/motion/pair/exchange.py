@@ -16,19 +16,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from numba import njit
 
-from planners.motion.arm.hulls import Bodies, step_apart
+from planners.motion.arm.hulls import Bodies, Step, step_apart
 from planners.motion.arm.kinematics import link_frames_into
+from planners.motion.arrays import FloatArray, Int, IntArray
 from planners.motion.collision.collision import CollisionChecker
-from planners.motion.collision.scene_kernel import path_free
+from planners.motion.collision.scene_kernel import Scene, path_free
+from planners.motion.kernel import inlined, kernel
 from planners.motion.pair.asynchronous import SMOOTHING_S, asynchronous, smoothed, soonest, steps_into
-from planners.motion.pair.coordination import ArmInWorld
+from planners.motion.pair.swept import ArmInWorld
 from planners.motion.path.trajectory import Trajectory
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 PUSH_S = 0.25
 """How long joints are pushed apart [s]: 0.2 and 0.3 changed makespans by 0.1 %."""
@@ -92,7 +89,7 @@ class _Side(NamedTuple):
     parts: IntArray
     """As of `SweptArm`."""
     bodies: Bodies
-    scene: FloatArray
+    scene: Scene
     limits: FloatArray
     """Speed, acceleration, lowest and highest angle of each joint, shape (4, n)."""
     start: FloatArray
@@ -103,6 +100,37 @@ class _Side(NamedTuple):
     """Least time of each posture [s], shape (k,)."""
     leave: FloatArray
     stay: float
+
+
+class _Meeting(NamedTuple):
+    """Two arms that are at the place after each other; in arrays, row 0 is the first one's."""
+
+    one: _Side
+    other: _Side
+    here: FloatArray
+    """Their postures at the place, shape (2, n)."""
+    there: FloatArray
+    """Where the first goes on to, and where the second comes from, shape (2, n)."""
+    most: int
+    """Steps of the longest gap that is of use."""
+    spare: FloatArray
+    """How long the motions may take [s]: the first goes on while the second stays and leaves, the second waits at its
+    start; shape (2,)."""
+
+
+class _Memory(NamedTuple):
+    """What the kernels write into, for both arms."""
+
+    points: FloatArray
+    """Centres of spheres, shape (2, k, s, 3)."""
+    frames: FloatArray
+    """Link frames, shape (2, k, n+1, 3, 4)."""
+    middle: FloatArray
+    """Middles of bodies, shape (2, k, b, 3)."""
+    way: FloatArray
+    """Of each pair of bodies, the direction that kept it apart last, shape (b, b, 3)."""
+    at: IntArray
+    """And the corners, shape (b, b, 2); see `step_apart`."""
 
 
 def exchange(visits: Sequence[Visit], margin_m: float, sample_s: float) -> Exchange | None:
@@ -169,8 +197,10 @@ def _side(visit: Visit) -> _Side:
     )
 
 
-@njit(cache=True)
-def _search(sides, margin):  # type: ignore[no-untyped-def]
+@kernel
+def _search(
+    sides: tuple[_Side, _Side], margin: float
+) -> tuple[tuple[int, int, int], tuple[bool, bool], FloatArray, float]:
     """Which arm is first, the postures of the first and the second (-1: none), their pushes, and the gap."""
     n = sides[0].start.shape[0]
     pairs = np.empty((2 * _POSTURES_N * _POSTURES_N, 3), dtype=np.int64)
@@ -217,9 +247,8 @@ def _search(sides, margin):  # type: ignore[no-untyped-def]
         after = one.come[i] + one.stay + other.stay + other.leave[j]  # without a gap
         if best < np.inf:
             most = min(most, int(np.ceil((best - after) / _STEP_S - 1e-6)) - 1)
-        gap, push = _parted(
-            one, i, other, j, most, margin, points, frames, middle, way[first], at[first], carried[first]
-        )
+        memory = _Memory(points, frames, middle, way[first], at[first])
+        gap, push = _parted(_meeting(one, i, other, j, most), margin, memory, carried[first])
         if gap > most:
             continue
         promised = max(total[k], after + gap * _STEP_S, one.come[i] + one.stay + one.leave[i])
@@ -233,18 +262,31 @@ def _search(sides, margin):  # type: ignore[no-untyped-def]
     gap_s = found_gap * _STEP_S
     if found[1] >= 0 and found_gap > 0:
         one, other = sides[found[0]], sides[1 - found[0]]
-        gap_s = _polished(one, found[1], other, found[2], found_gap, margin, way[found[0]], at[found[0]], found_push)
+        meeting = _meeting(one, found[1], other, found[2], found_gap)
+        gap_s = _polished(meeting, margin, way[found[0]], at[found[0]], found_push)
     return found, found_back, found_push, gap_s
 
 
-@njit(cache=True)
-def _polished(one, i, other, j, most, margin, way, at, push):  # type: ignore[no-untyped-def]
+@kernel
+def _meeting(one: _Side, i: Int, other: _Side, j: Int, most: int) -> _Meeting:
+    """Posture i of the first arm, and posture j of the second."""
+    here = np.empty((2, one.start.shape[0]))
+    there = np.empty((2, one.start.shape[0]))
+    here[0], here[1] = one.place[i], other.place[j]
+    there[0], there[1] = one.end[i], other.start
+    spare = np.empty(2)
+    spare[0] = most * _STEP_S + other.stay + other.leave[j]
+    spare[1] = one.come[i] + one.stay + most * _STEP_S
+    return _Meeting(one, other, here, there, most, spare)
+
+
+@kernel
+def _polished(meeting: _Meeting, margin: float, way: FloatArray, at: IntArray, push: FloatArray) -> float:
     """Change the pushes joint by joint as long as that shortens the gap; which is returned [s]."""
-    n = one.start.shape[0]
-    here = (one.place[i], other.place[j])
-    there = (one.end[i], other.start)
+    one, other, here, there, spare = meeting.one, meeting.other, meeting.here, meeting.there, meeting.spare
+    most = meeting.most
+    n = here.shape[1]
     sides = (one, other)
-    spare = (most * _STEP_S + other.stay + other.leave[j], one.come[i] + one.stay + most * _STEP_S)
     samples = int(_SAMPLES * _STEP_S / _FINE_S) + 1
     q = np.empty((samples, n))
     frames = np.empty((2, samples, n + 1, 3, 4))
@@ -266,7 +308,7 @@ def _polished(one, i, other, j, most, margin, way, at, push):  # type: ignore[no
         idle += 1
         kept = push[s, a]
         for side in (-1.0, 0.0, 1.0):
-            if side == kept or not _allowed(here[s][a], there[s][a], sides[s].limits, a, side, spare[s]):
+            if side == kept or not _allowed(here[s, a], there[s, a], sides[s].limits, a, side, spare[s]):
                 continue
             push[s, a] = side
             _sampled(here[s], there[s], sides[s].limits, push[s], _FINE_S, q)
@@ -287,8 +329,8 @@ def _polished(one, i, other, j, most, margin, way, at, push):  # type: ignore[no
     return gap * _FINE_S
 
 
-@njit(cache=True)
-def _way(side, here, there):  # type: ignore[no-untyped-def]
+@kernel
+def _way(side: _Side, here: FloatArray, there: FloatArray) -> int:
     """In which direction of time a motion without pushes meets no obstacle."""
     nothing = np.zeros(here.shape[0])
     if _leg_free(side, here, there, nothing):
@@ -296,8 +338,8 @@ def _way(side, here, there):  # type: ignore[no-untyped-def]
     return _BACKWARDS if _leg_free(side, there, here, nothing) else _BLOCKED
 
 
-@njit(cache=True)
-def _different(postures, times):  # type: ignore[no-untyped-def]
+@kernel
+def _different(postures: FloatArray, times: FloatArray) -> IntArray:
     """Rows of the soonest postures that differ from all before."""
     rows = np.empty(_POSTURES_N, dtype=np.int64)
     count = 0
@@ -318,8 +360,10 @@ def _different(postures, times):  # type: ignore[no-untyped-def]
     return rows[:count]
 
 
-@njit(cache=True)
-def _sampled(here, there, limits, push, step, q):  # type: ignore[no-untyped-def]
+@kernel
+def _sampled(
+    here: FloatArray, there: FloatArray, limits: FloatArray, push: FloatArray, step: float, q: FloatArray
+) -> None:
     """Fill samples (k, n) of the motion from `here` with its push."""
     at = np.empty(5)
     height = np.empty(5)
@@ -332,8 +376,8 @@ def _sampled(here, there, limits, push, step, q):  # type: ignore[no-untyped-def
                 q[k, j] = here[j] + smoothed(k * step, at, height, SMOOTHING_S)[0]
 
 
-@njit(cache=True)
-def _leg_free(side, here, there, push):  # type: ignore[no-untyped-def]
+@kernel
+def _leg_free(side: _Side, here: FloatArray, there: FloatArray, push: FloatArray) -> bool:
     """Whether the motion from `here` meets no obstacle."""
     longest = 0.0
     for j in range(here.shape[0]):
@@ -343,30 +387,29 @@ def _leg_free(side, here, there, push):  # type: ignore[no-untyped-def]
     return path_free(q, side.scene)
 
 
-@njit(cache=True)
-def _allowed(here, there, limits, a, side, spare):  # type: ignore[no-untyped-def]
+@kernel
+def _allowed(here: float, there: float, limits: FloatArray, a: int, side: float, spare: float) -> bool:
     """Whether a push keeps a joint inside its limits and its time."""
     swing = here + side * limits[1, a] * PUSH_S**2
     return side == 0.0 or (limits[2, a] <= swing <= limits[3, a] and _joint_s(here, there, limits, a, side) <= spare)
 
 
-@njit(cache=True)
-def _joint_s(here, there, limits, j, push):  # type: ignore[no-untyped-def]
+@kernel
+def _joint_s(here: float, there: float, limits: FloatArray, j: int, push: float) -> float:
     """Time of one joint's motion."""
     at = np.empty(5)
     height = np.empty(5)
     return steps_into(there - here, limits[0, j], limits[1, j], push, PUSH_S, at, height) + SMOOTHING_S
 
 
-@njit(cache=True)
-def _parted(one, i, other, j, most, margin, points, frames, middle, way, at, worth):  # type: ignore[no-untyped-def]
+@kernel
+def _parted(meeting: _Meeting, margin: float, memory: _Memory, worth: FloatArray) -> tuple[int, FloatArray]:
     """Shortest gap found between one's leaving and the other's arrival in steps (most + 1: none), and the pushes."""
-    n = one.start.shape[0]
-    here = (one.place[i], other.place[j])
-    there = (one.end[i], other.start)
+    one, other, here, there, spare = meeting.one, meeting.other, meeting.here, meeting.there, meeting.spare
+    points, frames, middle, way, at = memory.points, memory.frames, memory.middle, memory.way, memory.at
+    most = meeting.most
+    n = here.shape[1]
     sides = (one, other)
-    # How long the motions may take: the first goes on while the second stays and leaves, the second waits at its start.
-    spare = (most * _STEP_S + other.stay + other.leave[j], one.come[i] + one.stay + most * _STEP_S)
     q = np.empty((2, _SAMPLES, n))
     push = np.zeros((2, n))
     found_n = 0
@@ -379,7 +422,7 @@ def _parted(one, i, other, j, most, margin, points, frames, middle, way, at, wor
         for s in range(2):
             limits = sides[s].limits
             for a in range(n):
-                if not _allowed(here[s][a], there[s][a], limits, a, push[s, a], spare[s]):
+                if not _allowed(here[s, a], there[s, a], limits, a, push[s, a], spare[s]):
                     push[s, a] = 0.0
             _sampled(here[s], there[s], limits, push[s], _STEP_S, q[s])
             _place(sides[s], q[s], frames[s], middle[s])
@@ -416,8 +459,8 @@ def _parted(one, i, other, j, most, margin, points, frames, middle, way, at, wor
     return most + 1, push
 
 
-@njit(cache=True)
-def _choose(worth, here, there, push):  # type: ignore[no-untyped-def]
+@kernel
+def _choose(worth: FloatArray, here: FloatArray, there: FloatArray, push: FloatArray) -> bool:
     """Fill the pushes of the joints that are worth most (2, n); whether they were the same before."""
     same = True
     for s in range(2):
@@ -426,15 +469,15 @@ def _choose(worth, here, there, push):  # type: ignore[no-untyped-def]
             side = 0.0
             if abs(worth[s, a]) > _IDLE * most_worth:
                 side = np.sign(worth[s, a])
-                if (there[s][a] - here[s][a]) * side > _ALIKE_RAD:
+                if (there[s, a] - here[s, a]) * side > _ALIKE_RAD:
                     side = 0.0  # it goes there anyway
             same = same and side == push[s, a]
             push[s, a] = side
     return same
 
 
-@njit(cache=True)
-def _place(side, q, frames, middle):  # type: ignore[no-untyped-def]
+@kernel
+def _place(side: _Side, q: FloatArray, frames: FloatArray, middle: FloatArray) -> None:
     """Fill link frames (k, n+1, 3, 4) and middles of bodies (k, b, 3) in the world."""
     ball, frame = side.bodies.ball, side.bodies.frame
     for k in range(q.shape[0]):
@@ -447,8 +490,8 @@ def _place(side, q, frames, middle):  # type: ignore[no-untyped-def]
                     middle[k, b, a] += frames[k, f, a, c] * ball[b, c]
 
 
-@njit(cache=True)
-def _place_spheres(side, frames, points):  # type: ignore[no-untyped-def]
+@kernel
+def _place_spheres(side: _Side, frames: FloatArray, points: FloatArray) -> None:
     """Fill sphere centres (k, s, 3) in the world."""
     spheres, frame = side.spheres, side.frame
     for k in range(frames.shape[0]):
@@ -461,8 +504,10 @@ def _place_spheres(side, frames, points):  # type: ignore[no-untyped-def]
                 points[k, s, a] = frames[k, f, a, 0] * x + frames[k, f, a, 1] * y + frames[k, f, a, 2] * z + frames[k, f, a, 3]  # noqa: E501  # fmt: skip
 
 
-@njit(cache=True, inline="always")  # a call would copy both sides
-def _deepest(one, a, other, b, margin, least):  # type: ignore[no-untyped-def]
+@inlined  # a call would copy both sides
+def _deepest(
+    one: _Side, a: FloatArray, other: _Side, b: FloatArray, margin: float, least: float
+) -> tuple[float, int, int]:
     """The least distance of two spheres beyond the margin, if below `least`, and which these are (-1: none)."""
     s_least = -1
     t_least = -1
@@ -487,13 +532,14 @@ def _deepest(one, a, other, b, margin, least):  # type: ignore[no-untyped-def]
     return least, s_least, t_least
 
 
-@njit(cache=True, inline="always")
-def _square(a, b):  # type: ignore[no-untyped-def]
-    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+@inlined
+def _square(a: FloatArray, b: FloatArray) -> float:
+    square: float = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+    return square
 
 
-@njit(cache=True, inline="always")
-def _moment(k, gap, samples):  # type: ignore[no-untyped-def]
+@inlined
+def _moment(k: int, gap: int, samples: int) -> tuple[int, int]:
     """Samples of both arms at moment k of an exchange: in step, then each against the other at the place."""
     if k <= gap:
         return k, gap - k
@@ -502,8 +548,18 @@ def _moment(k, gap, samples):  # type: ignore[no-untyped-def]
     return 0, k - samples + gap + 1
 
 
-@njit(cache=True)
-def _met(one, other, frames, middle, gap, margin, way, at, guess):  # type: ignore[no-untyped-def]
+@kernel
+def _met(
+    one: _Side,
+    other: _Side,
+    frames: FloatArray,
+    middle: FloatArray,
+    gap: int,
+    margin: float,
+    way: FloatArray,
+    at: IntArray,
+    guess: int,
+) -> int:
     """A moment of an exchange at which the arms are not apart, looking from a guess onwards; -1 for none."""
     samples = frames.shape[1]
     last = 2 * samples - gap - 2
@@ -521,13 +577,17 @@ def _met(one, other, frames, middle, gap, margin, way, at, guess):  # type: igno
                     s_end, t_end = _moment(min(k + 1, last), gap, samples)
                     f, g = one.bodies.frame[p], other.bodies.frame[r]
                     distance = margin + one.bodies.radius[p] + other.bodies.radius[r]
-                    if not step_apart(one.bodies.hulls, p, frames[0, s, f], frames[0, s_end, f], other.bodies.hulls, r, frames[1, t, g], frames[1, t_end, g], distance, way[p, r], at[p, r]):  # noqa: E501  # fmt: skip
-                        return k
+                    mine = Step(one.bodies.hulls, p, frames[0, s, f], frames[0, s_end, f])
+                    others = Step(other.bodies.hulls, r, frames[1, t, g], frames[1, t_end, g])
+                    if not step_apart(mine, others, distance, way[p, r], at[p, r]):
+                        return int(k)
     return -1
 
 
-@njit(cache=True)
-def _weigh(one, other, q, points, gap, margin, worth):  # type: ignore[no-untyped-def]
+@kernel
+def _weigh(
+    one: _Side, other: _Side, q: FloatArray, points: FloatArray, gap: int, margin: float, worth: FloatArray
+) -> None:
     """Add what joints are worth (2, n): how far a push of each moves the deepest spheres of each moment apart."""
     away = np.empty(3)
     frames = np.empty((q.shape[2] + 1, 3, 4))
@@ -544,8 +604,17 @@ def _weigh(one, other, q, points, gap, margin, worth):  # type: ignore[no-untype
         _weigh_joints(other, q[1, t], other.frame[v], points[1, t, v], away, t, frames, worth[1])
 
 
-@njit(cache=True)
-def _weigh_joints(side, q, frame, point, away, step, frames, worth):  # type: ignore[no-untyped-def]
+@kernel
+def _weigh_joints(
+    side: _Side,
+    q: FloatArray,
+    frame: Int,
+    point: FloatArray,
+    away: FloatArray,
+    step: int,
+    frames: FloatArray,
+    worth: FloatArray,
+) -> None:
     pushed = max(0.0, step * _STEP_S - 0.5 * SMOOTHING_S)
     if pushed == 0.0:
         return

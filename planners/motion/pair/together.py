@@ -7,30 +7,20 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-import numpy.typing as npt
 
 from planners.errors import PlanningError
+from planners.motion.arrays import FloatArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.pair.asynchronous import asynchronous, least_times_s
 from planners.motion.pair.composite import CompositePlanner, CompositeProblem
-from planners.motion.pair.coordination import (
-    MARGIN_M,
-    ArmInWorld,
-    Schedule,
-    SweptArm,
-    at_rest,
-    free_cells,
-    schedule,
-    schedule_in,
-    swept,
-)
+from planners.motion.pair.diagram import MARGIN_M, free_cells
 from planners.motion.pair.exchange import Visit, exchange
+from planners.motion.pair.schedule import Schedule, schedule, schedule_in
+from planners.motion.pair.swept import ArmInWorld, SweptArm, at_rest, swept
 from planners.motion.pair.turns import in_turn
 from planners.motion.path.timed_path import Dwell, TimedPath, timed_path
 from planners.motion.path.trajectory import Trajectory, retime
 from planners.motion.problem import MotionPlanner, MotionProblem
-
-FloatArray = npt.NDArray[np.float64]
 
 SAMPLE_S = 0.01
 STEP_S = 0.02
@@ -76,7 +66,7 @@ class Trip:
 
     def __post_init__(self) -> None:
         if not self.stops or not self.dwell_s >= 0:
-            raise PlanningError(f"Trip: {len(self.stops)} stops, dwell_s {self.dwell_s}; expected at least 1, and >= 0")
+            raise PlanningError(f"Trip: {len(self.stops)} stops, dwell_s {self.dwell_s}; valid: at least 1, and >= 0")
 
 
 class Way(Enum):

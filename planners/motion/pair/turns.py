@@ -10,16 +10,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from numba import njit
 
 from planners.errors import PlanningError
-from planners.motion.arm.hulls import Bodies, step_apart
+from planners.motion.arm.hulls import Bodies, Step, step_apart
 from planners.motion.arm.kinematics import link_frames_into
-from planners.motion.pair.coordination import MARGIN_M, ArmInWorld, Schedule, ScheduleStatus
+from planners.motion.arrays import FloatArray, IntArray
+from planners.motion.kernel import kernel
+from planners.motion.pair.diagram import MARGIN_M
+from planners.motion.pair.schedule import Schedule, ScheduleStatus
+from planners.motion.pair.swept import ArmInWorld
 from planners.motion.path.timed_path import TimedPath
-
-FloatArray = npt.NDArray[np.float64]
 
 _TOUCH_M = 1e-6  # without any distance no direction could be told from none
 
@@ -61,7 +61,7 @@ def in_turn(
     step_s = paths[0].step_s
     if not margin_m >= 0 or paths[1].step_s != step_s:
         steps = [path.step_s for path in paths]
-        raise PlanningError(f"in_turn: margin_m {margin_m}, steps {steps} s; expected >= 0, and equal steps")
+        raise PlanningError(f"in_turn: margin_m {margin_m}, steps {steps} s; valid: >= 0, and equal steps")
     first, second = (_moving(arm, path) for arm, path in zip(arms, paths, strict=True))
     delay = _least_delay(first, second, delays.start, delays.stop, max(float(margin_m), _TOUCH_M))
     if delay < 0:
@@ -89,10 +89,12 @@ def _moving(arm: ArmInWorld, path: TimedPath) -> _Moving:
     return _Moving(bodies=bodies, frames=frames, middle=middle, wide=wide, bow=bow + bodies.radius)
 
 
-@njit(cache=True)
-def _place(joints, base, q, balls, frames, middle):  # type: ignore[no-untyped-def]
+@kernel
+def _place(
+    joints: FloatArray, base: FloatArray, q: FloatArray, balls: FloatArray, frames: FloatArray, middle: FloatArray
+) -> None:
     """Fill `frames` (k, n+1, 3, 4) and `middle` (k, b, 3), in the world."""
-    own = np.empty(frames.shape[1:])
+    own = np.empty((frames.shape[1], 3, 4))
     for k in range(q.shape[0]):
         link_frames_into(joints, q[k], own)
         for f in range(own.shape[0]):
@@ -111,8 +113,8 @@ def _place(joints, base, q, balls, frames, middle):  # type: ignore[no-untyped-d
                 middle[k, s, a] = entry
 
 
-@njit(cache=True)
-def _least_delay(one, other, first, end, margin):  # type: ignore[no-untyped-def]
+@kernel
+def _least_delay(one: _Moving, other: _Moving, first: int, end: int, margin: float) -> int:
     """Steps that the other arm has to begin late, at least `first` and below `end`; -1 for none."""
     way = np.empty((one.middle.shape[1], other.middle.shape[1], 3))
     at = np.full((one.middle.shape[1], other.middle.shape[1], 2), -1)
@@ -124,8 +126,8 @@ def _least_delay(one, other, first, end, margin):  # type: ignore[no-untyped-def
     return -1
 
 
-@njit(cache=True)
-def _met(one, other, delay, margin, way, at, guess):  # type: ignore[no-untyped-def]
+@kernel
+def _met(one: _Moving, other: _Moving, delay: int, margin: float, way: FloatArray, at: IntArray, guess: int) -> int:
     """A step during which the arms are not apart, looking from a guess onwards; -1 for none."""
     middle, their_middle, wide, their_wide = one.middle, other.middle, one.wide, other.wide
     k, m = middle.shape[0], their_middle.shape[0]
@@ -143,6 +145,8 @@ def _met(one, other, delay, margin, way, at, guess):  # type: ignore[no-untyped-
                 if x * x + y * y + z * z < size * size:
                     f, g = one.bodies.frame[p], other.bodies.frame[r]
                     distance = margin + one.bow[i, p] + other.bow[j, r]
-                    if not step_apart(one.bodies.hulls, p, one.frames[i, f], one.frames[end, f], other.bodies.hulls, r, other.frames[j, g], other.frames[their_end, g], distance, way[p, r], at[p, r]):  # noqa: E501  # fmt: skip
-                        return step
+                    mine = Step(one.bodies.hulls, p, one.frames[i, f], one.frames[end, f])
+                    theirs = Step(other.bodies.hulls, r, other.frames[j, g], other.frames[their_end, g])
+                    if not step_apart(mine, theirs, distance, way[p, r], at[p, r]):
+                        return int(step)
     return -1

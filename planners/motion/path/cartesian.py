@@ -2,27 +2,46 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from planners.motion import checks
 from planners.motion.arm.ik import SrsGeometry, branch_into, wrist_target_into
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arrays import FloatArray, IntArray
+from planners.motion.kernel import kernel
 
 _N_ARM_ANGLES = 72  # grid of 5 deg around the start's arm angle
 _MOST_STEPS = 100_000
 _MAX_TURN = 2  # grid steps the arm angle may change per way point
 
 
-@njit(cache=True)
-def _follow(poses, start_angle, branch, max_turn, max_step, packed, lower, upper, cost, origin, solution):  # type: ignore[no-untyped-def]
-    """Cheapest chains of solutions over way points x arm angles; False if no chain reaches the last way point.
+class _Arm(NamedTuple):
+    """The arm as the kernel sees it."""
 
-    Fills `cost` (m+1, a), which comes with the start's row done and infinity elsewhere, `origin` (m+1, a) and
-    `solution` (m+1, a, 7).
-    """
+    packed: FloatArray
+    """`SrsGeometry.packed`."""
+    lower: FloatArray
+    upper: FloatArray
+
+
+class _Chains(NamedTuple):
+    """Of m+1 way points x a arm angles: the cheapest chain of solutions that leads there."""
+
+    cost: FloatArray
+    """Shape (m+1, a); comes with the start's row done and infinity elsewhere."""
+    origin: IntArray
+    """Arm angle of the way point before, shape (m+1, a)."""
+    solution: FloatArray
+    """Shape (m+1, a, 7)."""
+
+
+@kernel
+def _follow(arm: _Arm, poses: FloatArray, start_angle: float, branch: int, max_step: float, chains: _Chains) -> bool:
+    """Fill the chains; False if none reaches the last way point."""
+    packed, lower, upper = arm.packed, arm.lower, arm.upper
+    cost, origin, solution = chains.cost, chains.origin, chains.solution
     m, n_angles = poses.shape[0], cost.shape[1]
     target = np.empty((3, 4))
     q = np.empty(7)
@@ -31,7 +50,7 @@ def _follow(poses, start_angle, branch, max_turn, max_step, packed, lower, upper
         found = False
         for a in range(n_angles):
             solved = False
-            for turn in range(-max_turn, max_turn + 1):
+            for turn in range(-_MAX_TURN, _MAX_TURN + 1):
                 before = (a - turn) % n_angles
                 if cost[p - 1, before] == np.inf:
                     continue
@@ -60,8 +79,8 @@ def _follow(poses, start_angle, branch, max_turn, max_step, packed, lower, upper
     return True
 
 
-@njit(cache=True)
-def turned(first, last, parts):  # type: ignore[no-untyped-def]
+@kernel
+def turned(first: FloatArray, last: FloatArray, parts: FloatArray) -> FloatArray:
     """Orientations on the way from one to another at a constant rate.
 
     Args:
@@ -156,7 +175,9 @@ def cartesian_line(
     cost[0, 0] = 0.0
     solution[0, 0] = start
     step = float(max_joint_step_rad)
-    if not _follow(poses, angle, branch, _MAX_TURN, step, srs.packed, srs.lower, srs.upper, cost, origin, solution):
+    arm = _Arm(packed=srs.packed, lower=srs.lower, upper=srs.upper)
+    chains = _Chains(cost=cost, origin=origin, solution=solution)
+    if not _follow(arm, poses, angle, branch, step, chains):
         return None
     path = np.empty((n_steps + 1, len(start)))
     column = int(np.argmin(cost[-1]))

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from planners.motion import checks
 from planners.motion.arm.ik import SrsGeometry
 from planners.motion.arm.ik_numeric import NumericInverse
 from planners.motion.arm.inverse import InverseKinematics
+from planners.motion.arrays import FloatArray
 from planners.motion.path.cartesian import cartesian_line, turned
-
-FloatArray = npt.NDArray[np.float64]
 
 STEP_M = 0.01
 """Distance of the inverse-kinematics points of a line."""

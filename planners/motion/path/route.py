@@ -13,13 +13,11 @@ from planners.motion import checks
 from planners.motion.arm.ik_numeric import NumericInverse
 from planners.motion.arm.inverse import InverseKinematics
 from planners.motion.arm.kinematics import flange_from_tip
+from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.path.lines import straight_line, tip_pose
 from planners.motion.path.trajectory import Trajectory, retime
 from planners.motion.problem import MotionPlanner, MotionProblem, MotionResult, MotionStatus
-
-FloatArray = npt.NDArray[np.float64]
-
 
 _SPEED_SHARE, _ACCELERATION_SHARE = 0.995, 0.98
 """Parts of the limits that are planned with: `retime` keeps its limits up to 0.3 % and 1 %."""
@@ -70,14 +68,14 @@ class RouteProblem:
         checks.whole("RouteProblem: seed", self.seed, 0, _MOST_SEED)
         if self.start.ndim != 1 or self.tips.ndim != 3 or self.tips.shape[1:] != (4, 4) or len(self.tips) == 0:
             raise PlanningError(
-                f"RouteProblem: start {self.start.shape}, tips {self.tips.shape}; expected (n,) and (k, 4, 4), k >= 1"
+                f"RouteProblem: start {self.start.shape}, tips {self.tips.shape}; valid: (n,) and (k, 4, 4), k >= 1"
             )
         for name in ("leave", "arrive"):
             if getattr(self, name).shape != (3,):
-                raise PlanningError(f"RouteProblem.{name}: shape {getattr(self, name).shape}, expected (3,)")
+                raise PlanningError(f"RouteProblem.{name}: shape {getattr(self, name).shape}; valid: (3,)")
         for name in ("start", "tips", "leave", "arrive"):
             if not np.all(np.isfinite(getattr(self, name))):
-                raise PlanningError(f"RouteProblem.{name}: must be finite, got {getattr(self, name)}")
+                raise PlanningError(f"RouteProblem.{name}: {getattr(self, name).tolist()}; valid: finite numbers")
         for tip in self.tips:
             checks.rigid("RouteProblem.tips", tip)
 
@@ -142,7 +140,7 @@ class RouteConfig:
         for name in ("good_ratio", "line_speed", "sample_s"):
             checks.positive(f"RouteConfig.{name}", getattr(self, name))
         if not self.corner_rad:
-            raise PlanningError("RouteConfig.corner_rad: nothing, expected at least one number > 0")
+            raise PlanningError("RouteConfig.corner_rad: nothing; valid: at least one number > 0")
         for corner in self.corner_rad:
             checks.positive("RouteConfig.corner_rad", corner)
 
@@ -179,7 +177,7 @@ class RoutePlanner:
         self._acceleration = checks.floats("RoutePlanner: max_acceleration_radps2", max_acceleration_radps2).copy()
         for name, limit in (("velocity", self._velocity), ("acceleration", self._acceleration)):
             if limit.shape != (model.n_joints,) or not np.all(limit > 0):
-                raise PlanningError(f"RoutePlanner: max_{name} {limit}, expected {model.n_joints} values > 0")
+                raise PlanningError(f"RoutePlanner: max_{name} {limit}; valid: {model.n_joints} values > 0")
         self._tool_m = model.tool_length
 
     def plan(self, problem: RouteProblem) -> Route:
@@ -196,7 +194,7 @@ class RoutePlanner:
         """
         n = self._travel.model.n_joints
         if problem.start.shape != (n,):
-            raise PlanningError(f"RouteProblem.start: shape {problem.start.shape}, expected ({n},)")
+            raise PlanningError(f"RouteProblem.start: shape {problem.start.shape}; valid: ({n},)")
         out = self._way_out(problem)
         if out is None:
             return self._failed(RouteStatus.NO_LINE_FROM_START)
@@ -242,7 +240,7 @@ class RoutePlanner:
         return self._failed(RouteStatus.NO_PATH)
 
     def _to_goals(
-        self, problem: RouteProblem, out: FloatArray, goals: FloatArray, poses: npt.NDArray[np.int64], budget: int
+        self, problem: RouteProblem, out: FloatArray, goals: FloatArray, poses: IntArray, budget: int
     ) -> Route:
         """Search, and search again without goals that no straight line leads in from."""
         offered = goals
@@ -288,9 +286,7 @@ class RoutePlanner:
         line = straight_line(self._inverse, self._descent, q, tip, self._tool_m)
         return line if line is not None and self._line.path_free(line) else None
 
-    def _goals(
-        self, problem: RouteProblem, start: FloatArray, wanted: int
-    ) -> tuple[FloatArray, npt.NDArray[np.int64], RouteStatus]:
+    def _goals(self, problem: RouteProblem, start: FloatArray, wanted: int) -> tuple[FloatArray, IntArray, RouteStatus]:
         """The nearest free configurations where arrivals begin (k, n), and the pose each belongs to (k,)."""
         found, pose = [], []
         for i, tip in enumerate(problem.tips):

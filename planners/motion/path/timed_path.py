@@ -7,15 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
-from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
+from planners.motion.arrays import BoolArray, FloatArray
+from planners.motion.kernel import inlined, kernel
 from planners.motion.path.trajectory import MOST_SAMPLES, Trajectory
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _SAME_RAD = 1e-6  # legs that join end and start at the same configuration
 
@@ -83,14 +80,12 @@ def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
     step_s = checks.positive("timed_path: step_s", step_s)
     others = [leg for leg in legs if not isinstance(leg, Trajectory | Dwell)]
     if not motions or others:
-        raise PlanningError(
-            f"timed_path: {len(motions)} motions, {others[:1]}; expected motions, at least 1, and rests"
-        )
+        raise PlanningError(f"timed_path: {len(motions)} motions, {others[:1]}; valid: motions, at least 1, and rests")
     if not all(np.isfinite(leg.q).all() and np.isfinite(leg.qd).all() for leg in motions):
         raise PlanningError("timed_path: a motion that is not finite")
     lasts_s = sum(leg.duration_s for leg in legs)
     if not lasts_s / step_s < MOST_SAMPLES:
-        raise PlanningError(f"timed_path: {lasts_s} s in steps of {step_s} s; expected at most {MOST_SAMPLES} samples")
+        raise PlanningError(f"timed_path: {lasts_s} s in steps of {step_s} s; valid: at most {MOST_SAMPLES} samples")
     here = motions[0].q[0]
     q, rests = [here[None]], [np.array([True])]
     between: list[FloatArray] = []
@@ -153,8 +148,16 @@ def samples_of(
     return q, stray
 
 
-@njit(cache=True)
-def _sample_all(fine_q, fine_qd, fine_s, begin_s, step_s, q, stray):  # type: ignore[no-untyped-def]
+@kernel
+def _sample_all(
+    fine_q: FloatArray,
+    fine_qd: FloatArray,
+    fine_s: float,
+    begin_s: float,
+    step_s: float,
+    q: FloatArray,
+    stray: FloatArray,
+) -> None:
     """Fill `q` and `stray` (k, n) from samples (m, n) that are `fine_s` apart."""
     last = fine_q.shape[0] - 2
     for k in range(q.shape[0]):
@@ -178,8 +181,10 @@ def _sample_all(fine_q, fine_qd, fine_s, begin_s, step_s, q, stray):  # type: ig
             stray[k, j] = max(high - q[k, j], q[k, j] - low)
 
 
-@njit(cache=True)
-def _sample_halves(fine_s, fine_q, fine_qd, half_s, q, bow):  # type: ignore[no-untyped-def]
+@kernel
+def _sample_halves(
+    fine_s: float, fine_q: FloatArray, fine_qd: FloatArray, half_s: float, q: FloatArray, bow: FloatArray
+) -> None:
     """Fill `q` (2k+1, n) with samples every half step and `bow` (k, n) with how far the curve is from lines over them.
 
     Each fine piece that a half step touches is cut to it; the Bezier points of what is left are compared with the line.
@@ -210,12 +215,15 @@ def _sample_halves(fine_s, fine_q, fine_qd, half_s, q, bow):  # type: ignore[no-
                     bow[k // 2, j] = max(bow[k // 2, j], away)
 
 
-@njit(cache=True, inline="always")
-def _blossom(fine_s, fine_q, fine_qd, at, j, x, y, z):  # type: ignore[no-untyped-def]
+@inlined
+def _blossom(
+    fine_s: float, fine_q: FloatArray, fine_qd: FloatArray, at: int, j: int, x: float, y: float, z: float
+) -> float:
     """Bezier points of parts of a piece: (u, u, u), (u, u, v), (u, v, v), (v, v, v) are those from u to v."""
     rise = fine_q[at + 1, j] - fine_q[at, j]
     m0 = fine_s * fine_qd[at, j]
     m1 = fine_s * fine_qd[at + 1, j]
     c2 = 3.0 * rise - 2.0 * m0 - m1
     c3 = m0 + m1 - 2.0 * rise
-    return fine_q[at, j] + m0 * (x + y + z) / 3.0 + c2 * (x * y + y * z + z * x) / 3.0 + c3 * x * y * z
+    angle: float = fine_q[at, j] + m0 * (x + y + z) / 3.0 + c2 * (x * y + y * z + z * x) / 3.0 + c3 * x * y * z
+    return angle

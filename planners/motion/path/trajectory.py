@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from planners.errors import PlanningError
 from planners.motion import checks
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.arrays import FloatArray, IntArray
+from planners.motion.kernel import kernel
 
 _SAME_RAD = 1e-9
 _MOST_S = 1e5
@@ -44,13 +43,13 @@ class Trajectory:
         k = len(self.t) if self.t.ndim == 1 else 0
         if k == 0 or self.q.ndim != 2 or len(self.q) != k or self.qd.shape != self.q.shape:
             raise PlanningError(
-                f"Trajectory: t {self.t.shape}, q {self.q.shape}, qd {self.qd.shape}; expected (k,) and twice (k, n)"
+                f"Trajectory: t {self.t.shape}, q {self.q.shape}, qd {self.qd.shape}; valid: (k,) and twice (k, n)"
             )
         # Samples are found by their number, so that other times would lead beyond the arrays.
         steps_s = np.diff(self.t)
         equal = k == 1 or (steps_s.min() > 0.0 and np.ptp(steps_s) < _UNEQUAL * steps_s.max())
         if self.t[0] != 0.0 or not equal:
-            raise PlanningError(f"Trajectory: t {self.t}, expected times from 0 in equal steps")
+            raise PlanningError(f"Trajectory: t {self.t}; valid: times from 0 in equal steps")
 
     @property
     def duration_s(self) -> float:
@@ -70,7 +69,7 @@ class Trajectory:
             PlanningError: The time is no number.
         """
         if math.isnan(time_s):
-            raise PlanningError(f"time_s {time_s!r}, expected a number of seconds")
+            raise PlanningError(f"time_s {time_s!r}; valid: a number of seconds")
         if len(self.t) == 1 or time_s <= self.t[0]:
             return self.q[0].copy(), self.qd[0].copy()
         if time_s >= self.t[-1]:
@@ -80,8 +79,8 @@ class Trajectory:
         return state[0], state[1]
 
 
-@njit(cache=True)
-def _interpolate(t, q, qd, time, state):  # type: ignore[no-untyped-def]
+@kernel
+def _interpolate(t: FloatArray, q: FloatArray, qd: FloatArray, time: float, state: FloatArray) -> None:
     """Fill `state` (2, n) with joint angles and velocities at a time between the first sample and the last."""
     dt = t[1] - t[0]
     i = min(int(time / dt), len(t) - 2)
@@ -115,8 +114,18 @@ def _cells(path: FloatArray, deviation: float) -> tuple[FloatArray, FloatArray, 
     return size, point, tangent, curve
 
 
-@njit(cache=True)
-def _fill_cells(path, unit, cut, straight, lines, size, point, tangent, curve):  # type: ignore[no-untyped-def]
+@kernel
+def _fill_cells(
+    path: FloatArray,
+    unit: FloatArray,
+    cut: FloatArray,
+    straight: FloatArray,
+    lines: IntArray,
+    size: FloatArray,
+    point: FloatArray,
+    tangent: FloatArray,
+    curve: FloatArray,
+) -> None:
     """Fill the cells of each straight piece and of the arc behind it."""
     at = 0
     for i in range(len(lines)):
@@ -141,8 +150,10 @@ def _fill_cells(path, unit, cut, straight, lines, size, point, tangent, curve): 
             at += 1
 
 
-@njit(cache=True)
-def _push_range(x, size, tangent, curve, limit, x_next_max):  # type: ignore[no-untyped-def]
+@kernel
+def _push_range(
+    x: float, size: float, tangent: FloatArray, curve: FloatArray, limit: FloatArray, x_next_max: float
+) -> tuple[float, float]:
     """Range of the path acceleration u over a cell entered with squared path speed x; empty if low > high."""
     low = -x / (2.0 * size)
     high = (x_next_max - x) / (2.0 * size)
@@ -161,8 +172,10 @@ def _push_range(x, size, tangent, curve, limit, x_next_max):  # type: ignore[no-
     return low, high
 
 
-@njit(cache=True)
-def _speeds(size, tangent, curve, max_velocity, max_acceleration):  # type: ignore[no-untyped-def]
+@kernel
+def _speeds(
+    size: FloatArray, tangent: FloatArray, curve: FloatArray, max_velocity: FloatArray, max_acceleration: FloatArray
+) -> FloatArray:
     """Time-optimal squared path speeds at the cell borders (m+1,), zero at both ends."""
     m, n = tangent.shape
     top = np.full(m + 1, np.inf)
@@ -199,8 +212,18 @@ def _speeds(size, tangent, curve, max_velocity, max_acceleration):  # type: igno
     return speed
 
 
-@njit(cache=True)
-def _sampled(path, size, point, tangent, curve, speed, fine_dt, per_sample, width):  # type: ignore[no-untyped-def]
+@kernel
+def _sampled(
+    path: FloatArray,
+    size: FloatArray,
+    point: FloatArray,
+    tangent: FloatArray,
+    curve: FloatArray,
+    speed: FloatArray,
+    fine_dt: float,
+    per_sample: int,
+    width: int,
+) -> tuple[FloatArray, FloatArray]:
     """Positions and velocities every `per_sample` fine steps, averages over `width` of them; each (k, n), or (0, n)."""
     m, n = tangent.shape
     pace = np.sqrt(speed)
@@ -287,15 +310,15 @@ def retime(
     """
     corners = checks.floats("retime: path", path)
     if corners.ndim != 2 or len(corners) == 0 or not np.all(np.isfinite(corners)):
-        raise PlanningError(f"retime: path of shape {corners.shape}, expected finite values (k, n) with k >= 1")
+        raise PlanningError(f"retime: path of shape {corners.shape}; valid: finite values (k, n) with k >= 1")
     n = corners.shape[1]
     velocity = checks.floats("retime: max_velocity", max_velocity)
     acceleration = checks.floats("retime: max_acceleration", max_acceleration)
     for name, limit in (("max_velocity", velocity), ("max_acceleration", acceleration)):
         if limit.shape != (n,) or not np.all(limit > 0):
-            raise PlanningError(f"retime: {name} {limit}, expected {n} values > 0")
+            raise PlanningError(f"retime: {name} {limit}; valid: {n} values > 0")
     if not np.all(np.isfinite(acceleration)):
-        raise PlanningError(f"retime: max_acceleration {acceleration}, expected finite values")
+        raise PlanningError(f"retime: max_acceleration {acceleration}; valid: finite values")
     dt_s = checks.positive("retime: dt_s", dt_s)
     checks.positive("retime: max_deviation_rad", max_deviation_rad)
     checks.positive("retime: smoothing_s", smoothing_s, zero=True)
@@ -305,7 +328,7 @@ def retime(
         return Trajectory(t=np.zeros(1), q=corners.copy(), qd=np.zeros((1, n)))
     turned = np.abs(np.diff(corners, axis=0)).sum(axis=0)
     if turned.max() > _LONGEST_RAD:
-        raise PlanningError(f"retime: a path of {turned.max()} rad in one joint, expected at most {_LONGEST_RAD}")
+        raise PlanningError(f"retime: a path of {turned.max()} rad in one joint; valid: at most {_LONGEST_RAD}")
     # From rest to rest no joint gets a tenth as fast; the kernels are as exact as the largest speed is small.
     velocity = np.minimum(velocity, 10.0 * np.sqrt(acceleration * np.maximum(turned, 1.0)))
     per_sample = max(1, int(np.ceil(dt_s / _FINE_DT_S)))
@@ -317,6 +340,6 @@ def retime(
     if len(q) == 0:
         raise PlanningError(
             f"retime: limits {velocity} and {acceleration} with samples of {dt_s} s and {smoothing_s} s of smoothing; "
-            f"expected a motion of at most {MOST_SAMPLES} samples"
+            f"valid: a motion of at most {MOST_SAMPLES} samples"
         )
     return Trajectory(t=np.arange(len(q), dtype=np.float64) * float(dt_s), q=q, qd=qd)

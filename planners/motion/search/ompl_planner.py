@@ -7,19 +7,17 @@ from collections.abc import Callable
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
 from planners.errors import PlanningError
+from planners.motion.arrays import FloatArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.problem import MotionProblem, MotionResult, MotionStatus, settle_early
 from planners.motion.search.rrt_connect_config import RrtConnectConfig
 from planners.motion.search.search_tree import SearchTree
 from planners.motion.search.shortcut import shorten
-
-FloatArray = npt.NDArray[np.float64]
 
 _WAITS = "asks its termination condition in a second thread, which waits for Python's lock for ever"
 REFUSED = MappingProxyType({"PRM": _WAITS, "PRMstar": _WAITS})

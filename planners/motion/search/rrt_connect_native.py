@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from planners.motion.arrays import Chance, FloatArray, Int, IntArray
 from planners.motion.chance import uniform
-from planners.motion.collision.scene_kernel import edge_free
+from planners.motion.collision.scene_kernel import Scene, edge_free
+from planners.motion.kernel import kernel
 from planners.motion.problem import MotionProblem, MotionResult, MotionStatus, settle_early
 from planners.motion.search.rrt_connect_config import RrtConnectConfig
 from planners.motion.search.shortcut import shorten
 
 
-@njit(cache=True)
-def _nearest(nodes, n, q):  # type: ignore[no-untyped-def]
+@kernel
+def _nearest(nodes: FloatArray, n: Int, q: FloatArray) -> tuple[int, float]:
     best = 0
     least = np.inf
     for i in range(n):
@@ -26,15 +27,24 @@ def _nearest(nodes, n, q):  # type: ignore[no-untyped-def]
     return best, np.sqrt(least)
 
 
-@njit(cache=True)
-def _put(nodes, parent, tree, row, q, below):  # type: ignore[no-untyped-def]
+@kernel
+def _put(nodes: FloatArray, parent: IntArray, tree: Int, row: Int, q: FloatArray, below: Int) -> None:
     for k in range(q.shape[0]):
         nodes[tree, row, k] = q[k]
     parent[tree, row] = below
 
 
-@njit(cache=True)
-def _search(start, goals, lower, upper, budget, reach, random, scene):  # type: ignore[no-untyped-def]
+@kernel
+def _search(
+    start: FloatArray,
+    goals: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    budget: int,
+    reach: float,
+    random: Chance,
+    scene: Scene,
+) -> tuple[FloatArray, int]:
     """Grow trees from start (0) and goals (1) until they meet; returns the path (k, n) and the iterations used."""
     n = start.shape[0]
     nodes = np.empty((2, 4 * budget + goals.shape[0] + 1, n))
@@ -80,8 +90,8 @@ def _search(start, goals, lower, upper, budget, reach, random, scene):  # type: 
     return np.empty((0, n)), budget
 
 
-@njit(cache=True)
-def _joined(nodes, parent, first, last):  # type: ignore[no-untyped-def]
+@kernel
+def _joined(nodes: FloatArray, parent: IntArray, first: Int, last: Int) -> FloatArray:
     """The way from the root of tree 0 over node `first`, then `last` of tree 1, to a root of tree 1."""
     before = 0
     i = first

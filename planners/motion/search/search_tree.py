@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-import numpy.typing as npt
+from planners.motion.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchTree:
     """Vertices and edges of one search, solved or not."""
 
-    vertices: npt.NDArray[np.float64]
+    vertices: FloatArray
     """Configurations [rad], shape (v, n)."""
-    edges: npt.NDArray[np.int64]
+    edges: IntArray
     """Pairs of vertices, shape (e, 2)."""
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from planners.motion import checks
+from planners.motion.arrays import Chance, FloatArray, Int
 from planners.motion.chance import uniform
 from planners.motion.collision.collision import CollisionChecker
-from planners.motion.collision.scene_kernel import edge_free
-
-FloatArray = npt.NDArray[np.float64]
+from planners.motion.collision.scene_kernel import Scene, edge_free
+from planners.motion.kernel import kernel
 
 _IDLE_ROUNDS = 4
 """So many rounds without a gain end the shortening."""
@@ -20,16 +19,16 @@ _LEAST_GAIN = 0.005
 """A cut is tried only if it saves this share of the path."""
 
 
-@njit(cache=True)
-def _gap(a, b):  # type: ignore[no-untyped-def]
+@kernel
+def _gap(a: FloatArray, b: FloatArray) -> float:
     total = 0.0
     for k in range(a.shape[0]):
         total += (a[k] - b[k]) ** 2
-    return np.sqrt(total)
+    return float(np.sqrt(total))
 
 
-@njit(cache=True)
-def _move(path, first, end, by):  # type: ignore[no-untyped-def]
+@kernel
+def _move(path: FloatArray, first: Int, end: Int, by: Int) -> None:
     """Move the corners first..end-1 by some rows, up or down."""
     for h in range(end - first):
         row = end - 1 - h if by > 0 else first + h
@@ -37,8 +36,8 @@ def _move(path, first, end, by):  # type: ignore[no-untyped-def]
             path[row + by, k] = path[row, k]
 
 
-@njit(cache=True)
-def _shorten(path, n, rounds, random, scene):  # type: ignore[no-untyped-def]
+@kernel
+def _shorten(path: FloatArray, n: int, rounds: int, random: Chance, scene: Scene) -> int:
     """Shorten `path` (capacity, dof) of n corners in place; returns the new number of corners."""
     along = np.empty(path.shape[0])
     a = np.empty(path.shape[1])

@@ -9,7 +9,16 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from benchmarks.harness import Benchmark, Row, Trial, main
+from benchmarks import harness
+from benchmarks.harness import Benchmark, Kind, Row, Trial, main
+
+
+@pytest.fixture(autouse=True)
+def calibrations(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """What the next calibrations take [s]; when they are used up, as long as on the machine of the targets."""
+    waiting: list[float] = []
+    monkeypatch.setattr(harness, "calibrate", lambda: waiting.pop(0) if waiting else 0.3)
+    return waiting
 
 
 def run(benchmark: Benchmark, *argv: str) -> tuple[int, str]:
@@ -50,6 +59,71 @@ def test_a_target_of_another_form_is_refused(target: str) -> None:
         Row(name="figure", value=1.0, unit="", target=target)
 
 
+@pytest.mark.parametrize(
+    ("kind", "scaled", "met"), [(Kind.TIME, 4.0, True), (Kind.RATE, 9.0, False), (Kind.PLAIN, None, False)]
+)
+def test_on_a_machine_that_is_slower_by_half_times_shrink_and_rates_grow(
+    kind: Kind, scaled: float | None, met: bool
+) -> None:
+    row = Row(name="figure", value=6.0, unit="s", target="<= 5", kind=kind, calibration_s=(0.4, 0.5))
+    assert row.scaled == (None if scaled is None else pytest.approx(scaled))
+    assert row.met is met
+
+
+@pytest.mark.parametrize("unit", ["s", "ms CPU", "us", "min of CPU", "steps/s", "agent steps/s", "m/s"])
+def test_a_unit_of_time_has_to_say_whether_it_is_one_of_computing(unit: str) -> None:
+    with pytest.raises(ValueError, match="valid: time, rate, plain"):
+        Row(name="figure", value=1.0, unit=unit)
+    assert Row(name="figure", value=1.0, unit=unit, kind=Kind.PLAIN).scaled is None
+
+
+@pytest.mark.parametrize("unit", ["", "m", "mm", "tasks/h", "% of CPU", "steps", "s-curves"])
+def test_other_units_are_plain_unless_said(unit: str) -> None:
+    assert Row(name="figure", value=1.0, unit=unit).scaled is None
+
+
+def test_a_stretch_is_calibrated_before_and_after_and_both_values_are_told(
+    calibrations: list[float], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    now_s = 0.0
+    monkeypatch.setattr(harness.time, "perf_counter", lambda: now_s)
+    calibrations[:] = [0.5, 0.7, 0.3]
+
+    def measure(_: Trial) -> Iterable[Row]:
+        nonlocal now_s
+        now_s += 5.0
+        yield Row(name="first", value=2.0, unit="s", kind=Kind.TIME)
+        yield Row(name="beside it", value=4.0, unit="s", kind=Kind.TIME)
+        now_s += 5.0
+        yield Row(name="second", value=3.0, unit="steps/s", kind=Kind.RATE)
+
+    output = tmp_path / "rows.json"
+    _, text = run(Benchmark(name="times", summary="", measure=measure), "--json", str(output))
+    rows = json.loads(output.read_text(encoding="utf-8"))["rows"]
+    assert [row["calibration_s"] for row in rows] == [[0.5, 0.7], [0.5, 0.7], [0.7, 0.3]]
+    assert [row["value"] for row in rows] == [2.0, 4.0, 3.0]
+    assert [row["scaled"] for row in rows] == pytest.approx([1.0, 2.0, 5.0])
+    assert "here it took 0.30 to 0.70 s" in text
+    assert "second (0.70 s before, 0.30 s after)" in text
+
+
+def test_without_times_nothing_is_said_of_the_machine() -> None:
+    assert "calibration" not in run(PROMISE)[1]
+
+
+def test_a_profile_is_told_if_it_is_asked_for() -> None:
+    def measure(trial: Trial) -> Iterable[Row]:
+        with trial.profiled("the sum"):
+            total = sum(sorted(range(10)))
+        return [Row(name="sum", value=total, unit="")]
+
+    benchmark = Benchmark(name="sums", summary="", measure=measure, profiles=True)
+    assert "the sum" not in run(benchmark)[1]
+    assert "the sum" in run(benchmark, "--profile")[1]
+    with pytest.raises(SystemExit):
+        run(PROMISE, "--profile")
+
+
 def test_a_missed_target_is_shown_and_is_no_failure() -> None:
     status, text = run(PROMISE)
     assert status == 0
@@ -79,9 +153,11 @@ def test_the_json_file_tells_how_to_measure_again(tmp_path: Path) -> None:
     assert content["rows"][0] == {
         "name": "docking error",
         "value": 0.021,
+        "scaled": None,
         "unit": "m",
         "target": "<= 0.03",
         "met": True,
+        "calibration_s": None,
     }
     assert content["seeds"] == [1]
     assert content["machine"]["cores"] >= 1

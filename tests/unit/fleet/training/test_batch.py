@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete
 
-from fleet.training.batch import Choice, EnvBatch, agent_types, mask_of
+from fleet.training.batch import ChoiceLayout, EnvBatch, agent_types, mask_of
 from fleet.training.errors import TrainingError
 
 
@@ -61,13 +61,13 @@ def actions(n_envs: int) -> dict[str, np.ndarray]:
 def test_agents_are_grouped_by_the_words_before_their_numbers() -> None:
     car, arm = agent_types(Team())
     assert (car.name, car.agents, car.masked) == ("car", ("car_0", "car_1"), False)
-    assert (arm.name, arm.agents, arm.masked, arm.observation_n) == ("arm", ("arm_0",), True, 2)
+    assert (arm.name, arm.agents, arm.masked, arm.n_observed) == ("arm", ("arm_0",), True, 2)
 
 
 def test_rows_stand_environment_after_environment() -> None:
     batch = EnvBatch([Team(), Team()])
     batch.reset([5, 6])
-    assert batch.agents_n == 6
+    assert batch.n_agents == 6
     assert batch.views["car"].rows[:, 0].tolist() == [0, 1, 0, 1]
     outcome = batch.step(actions(2))
     assert outcome.rewards["car"].tolist() == [0, 1, 2, 3]
@@ -122,6 +122,6 @@ def test_spaces_that_cannot_be_learned_on_are_refused(what: str, space: Any, wor
 
 
 def test_who_chooses_among_things_takes_one_if_there_is_any() -> None:
-    kind = replace(agent_types(Team())[1], choice=Choice(own_n=0, each_n=1))
+    kind = replace(agent_types(Team())[1], choice=ChoiceLayout(n_own=0, n_each=1))
     assert mask_of({"action_mask": np.array([1, 0, 1], dtype=np.int8)}, kind).tolist() == [False, False, True]
     assert mask_of({"action_mask": np.array([1, 0, 0], dtype=np.int8)}, kind).tolist() == [True, False, False]

@@ -19,7 +19,7 @@ from planners.motion.arm.spheres import box_spheres, fit_spheres, read_binary_st
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes, Capsules
 from planners.motion.pair.asynchronous import asynchronous, soonest
-from planners.motion.pair.coordination import ArmInWorld
+from planners.motion.pair.swept import ArmInWorld
 from planners.motion.path.cartesian import cartesian_line
 from planners.motion.path.lines import straight_line
 from planners.motion.path.route import RouteConfig, RoutePlanner, RouteProblem, RouteStatus

@@ -36,7 +36,7 @@ def test_the_books_are_right_in_every_timestep(n_cars: int, seed: int) -> None:
         assert booked.max() <= CAP_N
         on_slot = np.isin(tasks.stage, (Stage.READY, Stage.ASSIGNED))
         taken = np.bincount(tasks.pick[on_slot], minlength=len(picks))
-        assert np.array_equal((floor.slots_n - taken)[picks], stations.free[picks])
+        assert np.array_equal((floor.n_slots - taken)[picks], stations.free[picks])
         assert stations.under_way.max() <= ROOM_N
         # A task has one car, and a car one task.
         busy = np.flatnonzero(cars.phase != Phase.FREE)
@@ -50,7 +50,7 @@ def test_the_books_are_right_in_every_timestep(n_cars: int, seed: int) -> None:
     done = tasks.stage == Stage.DELIVERED
     assert done.sum() == grid.counts.delivered.sum() > 4 * n_cars
     assert (tasks.done[done] < NEVER).all()
-    assert (tasks.done[done] >= tasks.release[done] + 2 * floor.service_n).all()
+    assert (tasks.done[done] >= tasks.release[done] + 2 * floor.service_steps).all()
 
 
 def test_nobody_stands_for_ever() -> None:

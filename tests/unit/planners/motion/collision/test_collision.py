@@ -152,7 +152,7 @@ def test_malformed_input_is_named(iiwa):  # type: ignore[no-untyped-def]
         CollisionChecker(iiwa, Boxes(), (np.zeros((2, 3)), np.zeros(1)))
     with pytest.raises(PlanningError, match="positive"):
         Boxes.one((0, 0, 0), (0.1, 0.0, 0.1))
-    with pytest.raises(PlanningError, match=r"expected \(7,\)"):
+    with pytest.raises(PlanningError, match=r"valid: \(7,\)"):
         CollisionChecker(iiwa, Boxes()).free(np.zeros(6))
     with pytest.raises(PlanningError, match="radii"):
         Capsules.one((0, 0, 0), (0, 0, 1), 0.0)

@@ -10,8 +10,9 @@ import pytest
 from planners.errors import PlanningError
 from planners.motion.collision.collision import Boxes, CollisionChecker
 from planners.motion.pair.asynchronous import asynchronous
-from planners.motion.pair.coordination import ArmInWorld, free_cells, swept
+from planners.motion.pair.diagram import free_cells
 from planners.motion.pair.exchange import Visit, exchange
+from planners.motion.pair.swept import ArmInWorld, swept
 from planners.motion.pair.together import Trip, Way, plan_together
 from planners.motion.pair.turns import in_turn
 from planners.motion.path.timed_path import Dwell, timed_path

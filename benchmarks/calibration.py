@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 REFERENCE_S = 0.3
-"""CPU time of `calibrate` on the machine that the targets hold for [s]."""
+"""CPU time of `calibrate` on the machine that the targets of all benchmarks hold for [s]."""
 
 
 def calibrate() -> float:

@@ -1,0 +1,43 @@
+"""Spaces of the warehouse's agents: what each is told and may do (layout: see `fleet.envs.warehouse.env`)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box, Dict, Space
+
+from fleet.envs.warehouse.config import WarehouseConfig
+from fleet.envs.warehouse.rows import ARM_N, CAR_N
+
+
+def observation_spaces(config: WarehouseConfig) -> dict[str, Space[Any]]:
+    """Spaces by agent, each its own: seeding one must not seed another."""
+    cars: dict[str, Space[Any]] = {car: _car_space(config) for car in config.cars}
+    return cars | {arm: _box(ARM_N) for arm in config.arms}
+
+
+def action_spaces(config: WarehouseConfig) -> dict[str, Space[Any]]:
+    """Spaces by agent, each its own."""
+    cars: dict[str, Space[Any]] = {car: _box(2) for car in config.cars}
+    return cars | {arm: _box(config.n_entries + 1) for arm in config.arms}
+
+
+def state_space(config: WarehouseConfig) -> Box:
+    """The rows of all agents without lidar, cars first."""
+    return _box(len(config.cars) * CAR_N + len(config.arms) * ARM_N)
+
+
+def _car_space(config: WarehouseConfig) -> Space[Any]:
+    lidar = config.car_lidar
+    row = _box(CAR_N, 0 if lidar is None else lidar.rays_n)
+    if config.camera is None:
+        return row
+    return Dict({"row": row, "image": Box(0, 255, (*config.camera, 3), np.uint8)})
+
+
+def _box(n: int, n_distances: int = 0) -> Box:
+    """Numbers in [-1, 1], and distances in [0, 1] behind them."""
+    low = np.full(n + n_distances, -1.0, dtype=np.float32)
+    low[n:] = 0.0
+    return Box(low, np.ones(n + n_distances, dtype=np.float32), dtype=np.float32)

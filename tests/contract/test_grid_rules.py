@@ -1,0 +1,207 @@
+"""The fleet on the grid lives by the life cycle of runs: what its kernels do to tasks and cars is legal there too.
+
+The kernels of `fleet.envs.grid.kernel` write the rules of a run again, for speed. Here every call of theirs in long
+random runs is held against the tables of the rules that they copy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from fleet.config import AllocationConfig
+from fleet.envs.grid import fleet as grid_fleet
+from fleet.envs.grid import kernel
+from fleet.envs.grid.fleet import FleetSite, GridFleet
+from fleet.envs.grid.kernel import NONE, Phase, Stage
+from fleet.envs.layers.order_streams import episode_orders
+from fleet.envs.traffic.right_of_way import RightOfWay
+from fleet.missions.phases import STATES_IN, CarPhase
+from fleet.tasks import board
+from fleet.tasks.board import TaskState
+from maps.site import load_site
+
+# --- The tables of runs that the grid is held against
+
+TASK_NEXT: dict[TaskState, frozenset[TaskState]] = board._NEXT
+"""What a task may become. What it may be while its car is in a phase: `STATES_IN`."""
+CAR_NEXT: dict[CarPhase, frozenset[CarPhase]] = {
+    CarPhase.IDLE: frozenset({CarPhase.TO_PICK}),
+    CarPhase.TO_PICK: frozenset({CarPhase.HELD, CarPhase.LOADING}),
+    CarPhase.HELD: frozenset({CarPhase.TO_PICK, CarPhase.TO_DROP}),
+    CarPhase.LOADING: frozenset({CarPhase.TO_DROP}),
+    CarPhase.TO_DROP: frozenset({CarPhase.HELD, CarPhase.UNLOADING}),
+    CarPhase.UNLOADING: frozenset({CarPhase.IDLE}),
+}
+"""What a car may go over to on the grid: that no phase is left out."""
+
+# --- What the grid's own words mean in a run
+
+CAR_PHASE = {
+    Phase.FREE: CarPhase.IDLE,
+    Phase.TO_PICK: CarPhase.TO_PICK,
+    Phase.LOADING: CarPhase.LOADING,
+    Phase.TO_DROP: CarPhase.TO_DROP,
+    Phase.UNLOADING: CarPhase.UNLOADING,
+}
+TASK_STATE = {
+    Stage.ORDERED: TaskState.ORDERED,
+    Stage.BACKLOG: TaskState.BACKLOG,
+    Stage.READY: TaskState.READY,
+    Stage.ASSIGNED: TaskState.ASSIGNED,
+    Stage.CARRIED: TaskState.CARRIED,
+    Stage.DELIVERED: TaskState.DELIVERED,
+}
+SERVED = {Phase.LOADING: TaskState.LOADING, Phase.UNLOADING: TaskState.UNLOADING}
+"""The grid tells of a service by the car alone: a stage and this phase together are a state of a run."""
+KERNELS = ("assign", "assign_nearest", "count_moves", "direct", "rank_cars", "release", "serve")
+"""All that change a fleet, of which each task and each car makes one step in one call at most ..."""
+TWO_STEPS = {"release": TaskState.BACKLOG}
+"""... but in this one, where a task may pass through a state."""
+
+SMALL = FleetSite.of(load_site("small"))
+
+
+STATES, PHASES = list(TaskState), list(CarPhase)
+OF_STAGE = np.array([STATES.index(TASK_STATE[stage]) for stage in Stage])
+OF_PHASE = np.array([PHASES.index(CAR_PHASE[phase]) for phase in CAR_PHASE])
+NO_TASK = -1
+
+
+class Told(NamedTuple):
+    """A fleet on the grid in the words of runs, as numbers in `STATES` and `PHASES`."""
+
+    tasks: npt.NDArray[np.int64]
+    cars: npt.NDArray[np.int64]
+    task_of: npt.NDArray[np.int32]
+
+
+def told(fleet: GridFleet) -> Told:
+    """Say what state every task is in, and what every car does."""
+    cars = fleet.cars
+    states = OF_STAGE[fleet.tasks.stage]
+    for phase, state in SERVED.items():
+        served = cars.phase == phase
+        assert not (served & cars.held).any()
+        states[cars.task[served]] = STATES.index(state)
+    phases = np.where(cars.held, PHASES.index(CarPhase.HELD), OF_PHASE[cars.phase])
+    return Told(tasks=states, cars=phases, task_of=cars.task.copy())
+
+
+class Watched:
+    """A fleet on the grid that is compared with the tables before and after every call of a kernel."""
+
+    def __init__(self, n_cars: int, seed: int, load: float, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.task_steps: set[tuple[TaskState, TaskState]] = set()
+        self.car_steps: set[tuple[CarPhase, CarPhase]] = set()
+        orders = episode_orders(SMALL, n_cars, load, 600.0, np.random.default_rng(seed))
+        self.fleet = GridFleet(SMALL, n_cars, orders, seed)
+        self.before = told(self.fleet)
+        # Only what the fleet calls: kernels that call each other have to find themselves when they are compiled.
+        watching = {name: self.watching(name, getattr(kernel, name)) for name in KERNELS}
+        monkeypatch.setattr(grid_fleet, "kernel", SimpleNamespace(**watching))
+
+    def watching(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a kernel that is looked at after every call."""
+
+        def watched(*arguments: Any) -> Any:
+            answer = call(*arguments)
+            self.look(name)
+            return answer
+
+        return watched
+
+    def look(self, name: str) -> None:
+        """Compare the present moment with the one before."""
+        before, now = self.before, told(self.fleet)
+        for task in np.flatnonzero(before.tasks != now.tasks).tolist():
+            was, state = STATES[before.tasks[task]], STATES[now.tasks[task]]
+            between = TWO_STEPS.get(name)
+            steps = (was, state) if between is None or between in (was, state) else (was, between, state)
+            for one, other in pairwise(steps):
+                assert other in TASK_NEXT[one], f"{name}: task {task} goes from {one} to {other}"
+                self.task_steps.add((one, other))
+        for car in np.flatnonzero(before.cars != now.cars).tolist():
+            was, phase = PHASES[before.cars[car]], PHASES[now.cars[car]]
+            assert phase in CAR_NEXT[was], f"{name}: car {car} goes from {was} to {phase}"
+            self.car_steps.add((was, phase))
+        states = np.where(now.task_of == NONE, NO_TASK, now.tasks[now.task_of])
+        for state, phase in set(zip(states.tolist(), now.cars.tolist(), strict=True)):
+            pair = None if state == NO_TASK else STATES[state], PHASES[phase]
+            assert pair[0] in STATES_IN[pair[1]], f"{name}: a car is {pair[1]} while its task is {pair[0]}"
+        with_car = np.sort(now.task_of[now.task_of != NONE])
+        under_way = np.flatnonzero(np.isin(now.tasks, [STATES.index(state) for state in board.UNDER_WAY]))
+        assert np.array_equal(with_car, under_way), f"{name}: a task under way has no car, or two"
+        self.before = now
+
+    def assign_at_random(self, rng: np.random.Generator) -> None:
+        """Give ready tasks to free cars by chance, as agents do."""
+        fleet = self.fleet
+        ready = np.flatnonzero(fleet.tasks.stage == Stage.READY)
+        for car in rng.permutation(np.flatnonzero(fleet.cars.phase == Phase.FREE))[: len(ready)]:
+            if rng.random() < 0.7:
+                task = rng.choice(np.flatnonzero(fleet.tasks.stage == Stage.READY))
+                fleet.assign(int(car), int(task))
+        fleet.direct()
+
+    def wished_at_random(self, rng: np.random.Generator, right_of_way: RightOfWay) -> Any:
+        """Where cars come to whose agents mostly go where PIBT sends them, and now and then anywhere."""
+        fleet = self.fleet
+        state, wanted = fleet.cars.state, fleet.planned().copy()
+        for car in np.flatnonzero(rng.random(len(state)) < 0.2):
+            ways = SMALL.move_to[state[car]]
+            wanted[car] = rng.choice([state[car], *ways[ways != NONE]])
+        return right_of_way.resolve(state, wanted, fleet.priority, fleet.locked)
+
+
+@pytest.mark.parametrize("agents", ["nobody", "dispatch", "traffic"])
+@pytest.mark.parametrize(("n_cars", "seed", "load"), [(3, 0, 1.0), (12, 1, 2.0), (18, 2, 3.0)])
+def test_every_step_on_the_grid_is_one_of_a_run(
+    agents: str, n_cars: int, seed: int, load: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watched, rng = Watched(n_cars, seed, load, monkeypatch), np.random.default_rng(seed)
+    fleet, right_of_way = watched.fleet, RightOfWay(SMALL.graph.state_cell, SMALL.graph.n_cells)
+    for _ in range(600):
+        if agents == "dispatch":
+            watched.assign_at_random(rng)
+        else:
+            fleet.assign_nearest()
+        fleet.move(watched.wished_at_random(rng, right_of_way) if agents == "traffic" else fleet.planned())
+    # The way of a delivery, and no step of it is left out.
+    way = (
+        TaskState.ORDERED,
+        TaskState.BACKLOG,
+        TaskState.READY,
+        TaskState.ASSIGNED,
+        TaskState.LOADING,
+        TaskState.CARRIED,
+        TaskState.UNLOADING,
+        TaskState.DELIVERED,
+    )
+    assert watched.task_steps == set(pairwise(way))
+    driven = {
+        (CarPhase.IDLE, CarPhase.TO_PICK),
+        (CarPhase.TO_PICK, CarPhase.LOADING),
+        (CarPhase.LOADING, CarPhase.TO_DROP),
+        (CarPhase.TO_DROP, CarPhase.UNLOADING),
+        (CarPhase.UNLOADING, CarPhase.IDLE),
+    }
+    assert watched.car_steps >= driven
+    if n_cars == 18:
+        held = {step for step in watched.car_steps if CarPhase.HELD in step}
+        assert len(held) == 4, "cars were held on both ways, and went on"
+
+
+def test_the_list_of_kernels_is_whole() -> None:
+    public = {name for name, value in vars(kernel).items() if hasattr(value, "py_func") and not name.startswith("_")}
+    assert public == set(KERNELS)
+
+
+def test_stations_have_the_room_of_runs() -> None:
+    assert grid_fleet.CAP_N == AllocationConfig().station_cap_n == SMALL.floor.station_cap

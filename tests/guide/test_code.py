@@ -1,0 +1,20 @@
+"""Pages for those who write code: Python, environments, training, benchmarks, development."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.guide.pages import Block, each_block, run_block
+
+
+@each_block(
+    "docs/guide/python.md",
+    "docs/guide/environments.md",
+    "docs/guide/training.md",
+    "docs/guide/benchmarks.md",
+    "docs/guide/development.md",
+    "docs/guide/extend.md",
+    "docs/guide/limits.md",
+)
+def test_block(block: Block, tmp_path: Path) -> None:
+    run_block(block, tmp_path)

@@ -1,0 +1,18 @@
+"""Pages on what a run is given: sites, orders, disturbances, cameras, and how many cars."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.guide.pages import Block, each_block, run_block
+
+
+@each_block(
+    "docs/guide/sites.md",
+    "docs/guide/orders.md",
+    "docs/guide/disturbances.md",
+    "docs/guide/cameras.md",
+    "docs/guide/study.md",
+)
+def test_block(block: Block, tmp_path: Path) -> None:
+    run_block(block, tmp_path)

@@ -1,0 +1,19 @@
+"""Pages on planning without a fleet: the League, one plan for many robots, arms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.guide.pages import Block, each_block, run_block
+
+
+@each_block(
+    "docs/guide/league.md",
+    "docs/guide/plan.md",
+    "docs/guide/tabletop.md",
+    "docs/guide/calibrate.md",
+    "docs/guide/two_arms.md",
+    "docs/guide/arm_bench.md",
+)
+def test_block(block: Block, tmp_path: Path) -> None:
+    run_block(block, tmp_path)

@@ -1,0 +1,21 @@
+"""Pages on runs of a fleet: what they leave and how they are looked at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.guide.pages import Block, each_block, run_block
+
+
+@each_block(
+    "README.md",
+    "docs/guide/README.md",
+    "docs/guide/demo.md",
+    "docs/guide/results.md",
+    "docs/guide/looking.md",
+    "docs/guide/waits.md",
+    "docs/guide/report.md",
+    "docs/guide/compare.md",
+)
+def test_block(block: Block, tmp_path: Path) -> None:
+    run_block(block, tmp_path)
