@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.stations.arms.arm_spheres import PlannedArm
 from fleet.tabletop.arm import NOBODY, Chore, TableArm
 from fleet.tabletop.layout import Layout
@@ -17,8 +17,6 @@ from planners.motion.collision.obstacles import Capsules
 from planners.motion.pair.schedule import Schedule, schedule
 from planners.motion.path.timed_path import TimedPath, timed_path
 from planners.motion.path.trajectory import Trajectory
-
-FloatArray = npt.NDArray[np.float64]
 
 STEP_S = 0.02
 """Step of the schedule of two arms."""
