@@ -17,7 +17,7 @@ from fleet.dispatch.due_dates import DueDates
 from fleet.dispatch.horizon import RollingHorizon
 from fleet.dispatch.interventions import Interventions
 from fleet.dispatch.offers import Offers
-from fleet.dispatch.solver import Solver, require_allocator
+from fleet.dispatch.solver import Solver
 from fleet.missions.admission import Admission
 from fleet.missions.charging import Charging
 from fleet.missions.docks import Docks
@@ -59,7 +59,6 @@ from fleet.traffic.replanning import Traffic
 from fleet.world import make_world
 from fleet.world.grid import GridWorld
 from fleet.world.protocol import World
-from planners.mapf import PLANNERS
 
 Lost = Callable[[int, int], str]
 """Told that an arm has lost a parcel from its grip; returns why, in words."""
@@ -121,7 +120,8 @@ def assemble(
         undo: Closes the world and the planning process of a run that is refused, and afterwards of one that ends.
 
     Raises:
-        ConfigError: No planner or allocator has that name, or the site has too few chargers.
+        ConfigError: The site has too few chargers.
+        PlanningError: No planner or allocator has that name, or these settings.
         OrdersError: The orders file cannot be read, or none of its orders can be accepted.
         SiteError: An arm cannot serve its station.
     """
@@ -252,8 +252,9 @@ def _check(config: RunConfig, setup: RunSetup) -> None:
         config.battery.chargers_n,
         f"1 to {known} (chargers of site {site})" if known else "no batteries: the site has no charger",
     )
-    require(config.traffic.planner in PLANNERS, "--planner", config.traffic.planner, ", ".join(PLANNERS))
-    require_allocator(config.allocation.allocator, "--allocator")
+    # Names and settings are refused before anything is started that would have to be stopped.
+    config.traffic.make_planner(seed=0)
+    config.allocation.make_allocator()
 
 
 def _abilities(config: RunConfig, setup: RunSetup) -> tuple[Ability, ...]:

@@ -62,7 +62,8 @@ class Simulation:
         parts: What takes the place of usual parts, such as agents.
 
     Raises:
-        ConfigError: The site has no room for that many robots, or no planner or allocator has that name.
+        ConfigError: The site has no room for that many robots, or an option does not fit it.
+        PlanningError: No planner or allocator has that name, or these settings.
         SiteError: The site cannot be read or served.
         OrdersError: The orders file cannot be read, or none of its orders can be accepted.
     """

@@ -13,12 +13,9 @@ from typing import Annotated, Literal
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from maps.errors import LaneError, PlanError, SiteFileError, UnknownSiteError
 from maps.grid import BoolGrid, GridMap
-from maps.orientation import orient_lanes
 from maps.plan import FloorPlan, parse_plan
 from maps.stations import StationOptions, StationPlace, match_arms, name_stations, place_stations
 
@@ -94,6 +91,21 @@ class Site:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class SiteOutline:
+    """What the drawing of a site tells without its lanes."""
+
+    name: str
+    rows: int
+    cols: int
+    n_pick: int
+    """Pick stations."""
+    n_drop: int
+    """Drop stations."""
+    n_parking: int
+    """Parking cells."""
+
+
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -116,6 +128,11 @@ class _SiteTable(BaseModel):
     plan: str
     stations: dict[str, _StationTable] = {}
 
+    @property
+    def lines(self) -> list[str]:
+        """Rows of the drawing."""
+        return self.plan.strip("\n").split("\n")
+
 
 def site_names() -> tuple[str, ...]:
     """Names of the sites that ship, sorted."""
@@ -130,6 +147,35 @@ def load_site(name_or_path: str | os.PathLike[str]) -> Site:
         SiteFileError: The file cannot be read or its entries are wrong.
         PlanError, StationError, LaneError: See `site_from_plan`.
     """
+    table, where = _read_table(name_or_path)
+    options = {name: StationOptions(**entry.model_dump()) for name, entry in table.stations.items()}
+    return site_from_plan(table.lines, name=table.name, allow_reverse=table.allow_reverse, options=options, where=where)
+
+
+def outline(name_or_path: str | os.PathLike[str]) -> SiteOutline:
+    """Look at a site file without working out its lanes, which takes most of the time of `load_site`.
+
+    Raises:
+        UnknownSiteError, SiteFileError: See `load_site`.
+        PlanError: Wrong shape or character, or no pick or drop dock.
+        StationError: A dock has no arm beside it, or too many.
+    """
+    table, where = _read_table(name_or_path)
+    plan = parse_plan(table.lines, where=where)
+    arm_sides = match_arms(plan, GridMap(plan.open), where=where)
+    rows, cols = plan.shape
+    return SiteOutline(
+        name=table.name,
+        rows=rows,
+        cols=cols,
+        n_pick=sum(len(arm_sides[dock]) for dock in plan.cells("P")),
+        n_drop=sum(len(arm_sides[dock]) for dock in plan.cells("D")),
+        n_parking=len(plan.cells("K")),
+    )
+
+
+def _read_table(name_or_path: str | os.PathLike[str]) -> tuple[_SiteTable, str]:
+    """The content of a site file, and how messages name it."""
     text = os.fspath(name_or_path)
     path = _DATA / f"{text}.toml" if text in site_names() else Path(text)
     if not path.is_file():
@@ -148,9 +194,7 @@ def load_site(name_or_path: str | os.PathLike[str]) -> Site:
         table = _SiteTable.model_validate(content)
     except ValidationError as error:
         raise SiteFileError(f"{where}: {_first_problem(error)}") from error
-    options = {name: StationOptions(**entry.model_dump()) for name, entry in table.stations.items()}
-    lines = table.plan.strip("\n").split("\n")
-    return site_from_plan(lines, name=table.name, allow_reverse=table.allow_reverse, options=options, where=where)
+    return table, where
 
 
 def save_site(site: Site, path: str | os.PathLike[str]) -> None:
@@ -202,6 +246,8 @@ def site_from_plan(
         StationError: A dock, its arm, slots and tray do not fit together, or arms stand too near each other.
         LaneError: A station, parking or charging cell is a dead end or not connected to the rest.
     """
+    from maps.orientation import orient_lanes  # it needs packages that load for half a second
+
     where = where or f"site {name}"
     options = dict(options or {})
     plan = parse_plan(lines, where=where)
@@ -304,6 +350,9 @@ def _check_states(
     # Backing up ends in the state that lies one cell straight behind.
     follow += [(number[a, b], number[2 * a - b, a]) for a, b in pairs if (2 * a - b, a) in number]
     row, col = np.array(follow).T
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
     graph = csr_array((np.ones(len(follow), dtype=np.int8), (row, col)), shape=(len(pairs), len(pairs)))
     _, label = connected_components(graph, directed=True, connection="strong")
     main = np.bincount(label).argmax()

@@ -15,7 +15,7 @@ from benchmarks.harness import Kind, Row, Trial
 from planners.allocation.job_shop.shop_kernel import dispatch, empty_books
 from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
-from planners.allocation.regret_lns import RegretLns
+from planners.allocation.regret_lns import RegretLns, RegretLnsConfig
 from planners.allocation.shop import Shop
 from planners.allocation.validate import faults
 
@@ -59,7 +59,7 @@ def coupled_problem(n_jobs: int, n_cars: int, n_arms: int, seed: int) -> Allocat
 
 def measure_coupled(trial: Trial) -> Iterable[Row]:
     """The instance of seed 0 for each size, whose best is known; the search starts from as many seeds as there are."""
-    RegretLns(iterations=1).allocate(coupled_problem(3, 2, 1, 0))  # compiles
+    RegretLns(RegretLnsConfig(iterations=1)).allocate(coupled_problem(3, 2, 1, 0))  # compiles
     budget_s = QUICK_BUDGET_S if trial.quick else BUDGET_S
     for n_jobs, n_cars, n_arms, known in CASES:
         problem = coupled_problem(n_jobs, n_cars, n_arms, 0)
@@ -90,7 +90,7 @@ def measure_coupled(trial: Trial) -> Iterable[Row]:
 def _search(trial: Trial, problem: AllocationProblem, iterations: int, seed: int, size: str) -> tuple[float, float]:
     """Objective and CPU time [s] of one search."""
     begin_s = time.process_time()
-    assignment = RegretLns(iterations=iterations, seed=seed).allocate(problem)
+    assignment = RegretLns(RegretLnsConfig(iterations=iterations, seed=seed)).allocate(problem)
     spent_s = time.process_time() - begin_s
     return _objective(trial, problem, assignment, size), spent_s
 

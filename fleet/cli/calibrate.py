@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 import tyro
 from rich.console import Console
 from rich.table import Table
@@ -18,6 +17,8 @@ from fleet.config import require
 from fleet.errors import ConfigError
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from fleet.control.friction_fit import FrictionFit
     from fleet.world.bullet.bench.replay import Drive
 
@@ -45,6 +46,8 @@ class Calibrate:
 
     def run(self) -> int:
         """Fit, print and write; bad input raises."""
+        import numpy as np
+
         from fleet.control.friction_fit import fit_friction
         from fleet.control.joint_file import check_recording, read_recording
         from fleet.stations.arms.arm_spheres import cache_dir

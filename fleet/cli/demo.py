@@ -8,7 +8,9 @@ import subprocess
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
+import tyro
 from rich.console import Console
 from rich.table import Table
 
@@ -25,8 +27,11 @@ from fleet.config import (
     TrafficConfig,
     require,
 )
+from fleet.config.member_settings import member_settings
 from fleet.config.scenario_file import read_events
 from fleet.errors import ConfigError
+from planners.allocation import ALLOCATORS
+from planners.mapf import PLANNERS
 
 ALL_DONE, TASKS_FAILED, INTERRUPTED = 0, 1, 130
 
@@ -69,10 +74,15 @@ class Demo:
     """Parcels are put on the racks beside the middle of their slot and turned."""
     fidelity: Fidelity = Fidelity.PHYSICS
     """How robots are moved."""
-    planner: str = "pibt"
-    """Path planner of the fleet: pibt or multi_step_pibt."""
-    allocator: str = "hungarian"
-    """Who gets which task: hungarian, greedy, fifo, auction, cbba, regret_lns, cpsat or package.module.Class."""
+    planner: Annotated[str, tyro.conf.arg(help=f"Path planner of the fleet: {PLANNERS.valid}.")] = "pibt"
+    planner_setting: tuple[str, ...] = ()
+    """A setting of the path planner, as name=value; once for each setting. A name that does not exist is answered with
+    those that do."""
+    allocator: Annotated[str, tyro.conf.arg(help=f"Which car gets which task: {ALLOCATORS.valid}.")] = "hungarian"
+    allocator_setting: tuple[str, ...] = ()
+    """The same for a setting of the allocator."""
+    settings: Path | None = None
+    """TOML file with settings: tables [planner.NAME] and [allocator.NAME]; those on the command line go first."""
     out: Path = Path("runs/demo")
     """Directory for recording.rrd, run.jsonl and result.json."""
     no_record: bool = False
@@ -112,9 +122,15 @@ class Demo:
             perception=self.perception,
             askew=self.askew,
             connect=Connect.GUI if self.gui else Connect.DIRECT,
-            traffic=TrafficConfig(planner=self.planner),
+            traffic=TrafficConfig(
+                planner=self.planner,
+                planner_settings=member_settings(self.settings, "planner", self.planner, self.planner_setting),
+            ),
             battery=BatteryConfig(enabled=self.battery),
-            allocation=AllocationConfig(allocator=self.allocator),
+            allocation=AllocationConfig(
+                allocator=self.allocator,
+                allocator_settings=member_settings(self.settings, "allocator", self.allocator, self.allocator_setting),
+            ),
         )
         session = SessionConfig(
             out=self.out,

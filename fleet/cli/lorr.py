@@ -17,11 +17,11 @@ from rich.table import Table
 from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
-from maps.lorr import LeagueProblem, read_problem, write_result
 
 if TYPE_CHECKING:
     from fleet.league.arena import Arena
     from fleet.league.play import Played
+    from maps.lorr import LeagueProblem
 
 PLAYED, ILLEGAL, INTERRUPTED = 0, 1, 130
 
@@ -47,6 +47,8 @@ class Lorr:
 
     def run(self) -> int:
         """Play and print the result; returns the exit status."""
+        from maps.lorr import read_problem, write_result
+
         self._check()
         problem = read_problem(self.problem)
         for path in (self.output, self.json):

@@ -1,33 +1,21 @@
-"""Command line: one table of subcommands; nothing else parses arguments."""
+"""Command line: one table of subcommands; nothing else parses arguments.
+
+A command is imported when it is called, and loads what it needs when it runs.
+"""
 
 from __future__ import annotations
 
 import contextlib
-import difflib
-import io
+import importlib
 import os
-import re
 import signal
 import sys
 import threading
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import Any, NoReturn, get_type_hints
+from dataclasses import dataclass
+from typing import Any, NoReturn
 
-import tyro
-
-from fleet.cli.calibrate import Calibrate
-from fleet.cli.demo import Demo
-from fleet.cli.diff import Diff
-from fleet.cli.lorr import Lorr
-from fleet.cli.plan import Plan
-from fleet.cli.report import Report
-from fleet.cli.site import SiteCheck, SiteConvert, SiteGenerate, SiteList
-from fleet.cli.study import Study
-from fleet.cli.tabletop import TabletopPair, TabletopSort, TabletopTray
-from fleet.cli.train import Train
-from fleet.cli.why import Why
-from fleet.errors import FleetError
+from fleet.errors import ConfigError, FleetError
 from fleet.terminal.compilation import compilation_told
 from fleet.terminal.interrupts import discard, interrupts_kept
 from maps.errors import MapsError
@@ -35,37 +23,87 @@ from planners.errors import PlanningError
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
-COMMANDS: dict[str, type[Any]] = {
-    "calibrate": Calibrate,
-    "demo": Demo,
-    "diff": Diff,
-    "lorr": Lorr,
-    "plan": Plan,
-    "report": Report,
-    "study": Study,
-    "train": Train,
-    "why": Why,
+
+@dataclass(frozen=True)
+class Command:
+    """A command as the list of commands shows it."""
+
+    place: str
+    """Module of `fleet.cli` and class in it: the options are its fields, and `run()` returns the exit status."""
+    summary: str
+    """First line of the text of its class."""
+    compiles: bool = True
+    """Whether it uses kernels, which have to be compiled once."""
+
+    def load(self) -> type[Any]:
+        """The class; imports its module."""
+        module, _, name = self.place.rpartition(".")
+        command: type[Any] = getattr(importlib.import_module(f"fleet.cli.{module}"), name)
+        return command
+
+
+COMMANDS = {
+    "calibrate": Command(
+        "calibrate.Calibrate",
+        "Replay a measured joint motion and fit damping and friction of the joints.",
+    ),
+    "demo": Command(
+        "demo.Demo",
+        "Run a fleet: cars and arms deliver parcels on a site; prints a table, writes a recording and a result.",
+    ),
+    "diff": Command(
+        "diff.Diff",
+        "Compare two runs: the first tick that differs, its cause, the figures, and a recording of both.",
+    ),
+    "lorr": Command(
+        "lorr.Lorr",
+        "Play a League of Robot Runners problem; prints a table, writes the League's output format and a summary.",
+    ),
+    "plan": Command(
+        "plan.Plan",
+        "Plan the paths of many robots at once, from a MovingAI map and scenario to a SMART path file.",
+    ),
+    "report": Command(
+        "report.Report",
+        "Write a run as one HTML page with plots that opens offline, and its tables as CSV.",
+    ),
+    "study": Command(
+        "study.Study",
+        "Compare fleet sizes and allocators on the same orders; prints a table, writes a CSV file, plots and a page.",
+    ),
+    "train": Command(
+        "train.Train",
+        "Train agents with PPO; prints how they do against a script and chance, writes curves and a checkpoint.",
+    ),
+    "why": Command("why.Why", "Say why a robot waited at some time of a run, or why it had no task."),
 }
-SITE_COMMANDS: dict[str, type[Any]] = {
-    "check": SiteCheck,
-    "list": SiteList,
-    "generate": SiteGenerate,
-    "convert": SiteConvert,
+SITE_COMMANDS = {
+    "check": Command(
+        "site.SiteCheck",
+        "Check a site and print its lanes, stations and mean path lengths.",
+        compiles=False,
+    ),
+    "list": Command("site.SiteList", "List the shipped sites.", compiles=False),
+    "generate": Command("site.SiteGenerate", "Generate a warehouse and save it as a site file.", compiles=False),
+    "convert": Command(
+        "site.SiteConvert",
+        "Turn a MovingAI map into a site: adds stations and parking.",
+        compiles=False,
+    ),
 }
-TABLETOP_COMMANDS: dict[str, type[Any]] = {"sort": TabletopSort, "tray": TabletopTray, "pair": TabletopPair}
-GROUPS: dict[str, tuple[str, dict[str, type[Any]]]] = {
+TABLETOP_COMMANDS = {
+    "sort": Command("tabletop.TabletopSort", "Let a Kuka sort cubes, spheres and cylinders into places by kind."),
+    "tray": Command(
+        "tabletop.TabletopTray",
+        "Let a Franka Panda empty a tray of pybullet_data's random objects into a box.",
+    ),
+    "pair": Command("tabletop.TabletopPair", "Let two Kukas sort cubes and cylinders side by side, at the same time."),
+}
+GROUPS = {
     "site": ("Check, list, generate or convert sites.", SITE_COMMANDS),
     "tabletop": ("Sort a table: one Kuka, a Panda with a tray, or two Kukas.", TABLETOP_COMMANDS),
 }
 """Words that have commands of their own."""
-OPTIONS = (
-    tyro.conf.FlagCreatePairsOff,
-    tyro.conf.EnumChoicesFromValues,
-    tyro.conf.DisallowNone,
-    tyro.conf.PositionalMetavarFromFieldName,
-)
-NUMBERS = {"INT": "an integer", "FLOAT": "a number"}
-"""How tyro calls a kind of number, and how a user does."""
 
 
 def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet") -> None:
@@ -79,10 +117,11 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        command = _parse(words, prog)
+        chosen, name, words = _choose(words, prog)
+        command = _read(chosen, name, words)
         # Only where somebody waits before a screen: a file or a pipe gets what the command itself has to say.
-        told = compilation_told(sys.stderr) if sys.stderr.isatty() else contextlib.nullcontext()
-        with interrupts_kept(), told:
+        told = chosen.compiles and sys.stderr.isatty()
+        with interrupts_kept(), compilation_told(sys.stderr) if told else contextlib.nullcontext():
             status = command.run()
         sys.stdout.flush()
     except (FleetError, MapsError, PlanningError) as error:
@@ -104,74 +143,36 @@ def _fail(prog: str, message: str, *, status: int = BAD_INPUT) -> NoReturn:
     sys.exit(status)
 
 
-def _parse(words: list[str], prog: str) -> Any:
-    """Choose the command and read its options."""
-    table: dict[str, type[Any]] = COMMANDS
-    name = prog
+def _choose(words: list[str], prog: str) -> tuple[Command, str, list[str]]:
+    """The command that is called, its full name, and the words after it; without a command, a list of them."""
+    table, name = COMMANDS, prog
     if words and words[0] in GROUPS:
         group, words = words[0], words[1:]
         table, name = GROUPS[group][1], f"{prog} {group}"
-    if words and words[0] in table:
-        chosen, words = words[0], words[1:]
-        # `python -m fleet.demo` already names its only command.
-        name = name if name.endswith(f".{chosen}") else f"{name} {chosen}"
-    elif not words or words[0] in ("-h", "--help"):
-        _usage(name, table)
-    else:
+    if not words or words[0] in ("-h", "--help"):
+        _list(name, table)
+    if words[0] not in table:
         valid = ", ".join([*table, *(GROUPS if table is COMMANDS else [])])
         _fail(name, f"unknown command {words[0]!r}; valid: {valid}")
-    complaint = io.StringIO()
+    # `python -m fleet.demo` already names its only command.
+    return table[words[0]], name if name.endswith(f".{words[0]}") else f"{name} {words[0]}", words[1:]
+
+
+def _read(chosen: Command, name: str, words: list[str]) -> Any:
+    """The command with its options."""
+    from fleet.cli.words import explain, read_words
+
+    if "-h" in words or "--help" in words:
+        explain(chosen.load(), name)
     try:
-        with contextlib.redirect_stderr(complaint):
-            command, unknown = tyro.cli(table[chosen], args=words, prog=name, config=OPTIONS, return_unknown_args=True)
-    except SystemExit as stop:
-        if stop.code in (0, None):
-            raise
-        _fail(name, _one_line(complaint.getvalue(), words))
-    if unknown:
-        _fail(name, _unknown(unknown[0], table[chosen]))
-    return command
+        return read_words(words, chosen.load())
+    except ConfigError as error:
+        _fail(name, str(error))
 
 
-def _unknown(word: str, command: type[Any]) -> str:
-    """What to say about a word that is no option of a command."""
-    if not word.startswith("-"):
-        return f"unexpected argument {word!r}; valid: what --help shows"
-    hints = get_type_hints(command, include_extras=True)
-    options = [
-        f"--{name.replace('_', '-')}"
-        for name, hint in hints.items()
-        if tyro.conf.Positional not in getattr(hint, "__metadata__", ())
-    ]
-    near = difflib.get_close_matches(word, options, n=1)
-    hint = f" (did you mean {near[0]}?)" if near else ""
-    return f"unknown option {word}{hint}; valid: {', '.join(options)}"
-
-
-def _one_line(complaint: str, words: list[str]) -> str:
-    """Say what tyro says in a box in the form of all other messages: what, value, valid choices."""
-    text = " ".join(re.sub(r"[─-╿]", " ", re.sub(r"\x1b\[[0-9;]*m", "", complaint)).split())
-    if found := re.search(r"invalid choice (.+?) for argument '(\S+?)'. Expected one of \((.*?),?\)", text):
-        value, option, choices = found.groups()
-        valid = [choice for choice in choices.replace("'", "").split(", ") if choice != "None"]
-        return f"{option} is {value}; valid: {', '.join(valid)}"
-    if found := re.search(r"Missing value for argument '(\S+?)'", text):
-        return f"{found[1]} has no value; valid: {found[1]} VALUE"
-    if found := re.search(r"Missing from .*?: (--\S+) ([A-Z]+) ", text):
-        return f"{found[1]} is missing; valid: {found[1]} {found[2]}"
-    if found := re.search(r"Missing from .*?: ([A-Z]+ .*?) \(required\)", text):
-        return f"an argument is missing; valid: {found[1]}"
-    if found := re.search(r"Error parsing (\S+?): .*Argument helptext: \S+ (\S+)", text):
-        option, kind = found.groups()
-        value = next((word for before, word in pairwise(words) if before == option), None)
-        value = value or next((word.partition("=")[2] for word in words if word.startswith(f"{option}=")), "?")
-        return f"{option} is {value!r}; valid: {NUMBERS.get(kind.rpartition('|')[2], kind)}"
-    return text
-
-
-def _usage(prog: str, table: dict[str, type[Any]]) -> None:
+def _list(prog: str, table: dict[str, Command]) -> NoReturn:
     lines = [f"usage: {prog} COMMAND [options]", "", "commands:"]
-    lines += [f"  {name:10s} {(kind.__doc__ or '').strip().splitlines()[0]}" for name, kind in table.items()]
+    lines += [f"  {name:10s} {command.summary}" for name, command in table.items()]
     if table is COMMANDS:
         lines += [f"  {word:10s} {what}" for word, (what, _) in GROUPS.items()]
     lines += ["", f"`{prog} COMMAND --help` shows a command's options."]

@@ -7,27 +7,27 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
-import numpy.typing as npt
+import tyro
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn, Task, TextColumn
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from fleet.config import require
-from maps.grid import EAST, GridMap
-from maps.lane_graph import LaneGraph, grid_lane_graph
-from maps.movingai import read_map, starts_and_goals
-from maps.smart import write_paths
+from fleet.config.member_settings import member_settings
+from planners.mapf import ONE_SHOT_PLANNERS, planner_named
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from maps.lane_graph import LaneGraph
     from planners.mapf.distance_table import DistanceTable
+    from planners.mapf.planner import MapfPlanner
     from planners.mapf.problem import Instance
     from planners.mapf.problem import Plan as Decision
-
-Cells = npt.NDArray[np.integer]
 
 SOLVED, NOT_SOLVED = 0, 1
 LONGEST = 1_000_000
@@ -44,9 +44,18 @@ class Plan:
     """The .scen file: starts and goals."""
     agents: int | None = None
     """Number of robots, the first entries of the scenario; default all."""
-    planner: str = "lacam"
-    """Planner: lacam (complete, improves its plan until the budget ends), sipp (quick, not complete) or cbs (optimal,
-    for few robots)."""
+    planner: Annotated[
+        str,
+        tyro.conf.arg(
+            help=f"Planner: {ONE_SHOT_PLANNERS.valid}. lacam is complete and improves its plan until the budget ends, "
+            "sipp is quick but not complete, cbs is optimal, for few robots."
+        ),
+    ] = "lacam"
+    planner_setting: tuple[str, ...] = ()
+    """A setting of the planner, as name=value; once for each setting. A name that does not exist is answered with
+    those that do."""
+    settings: Path | None = None
+    """TOML file with settings: tables [planner.NAME]; --planner-setting goes first."""
     motion: Literal["pebble", "rotating"] = "pebble"
     """What a robot does in a timestep: pebble steps to a neighbouring cell, rotating steps ahead or turns, and faces
     east at its start and goal."""
@@ -62,15 +71,19 @@ class Plan:
     def run(self) -> int:
         """Plan, write and print; returns the exit status."""
         # The kernels take a second to load: only for plans, not for --help.
+        import numpy as np
+
+        from maps.lane_graph import grid_lane_graph
+        from maps.movingai import read_map, starts_and_goals
+        from maps.smart import write_paths
         from planners.deadline import Deadline
-        from planners.mapf import ONE_SHOT_PLANNERS
         from planners.mapf.distance_table import DistanceTable
         from planners.mapf.validate import breaches
 
-        require(self.planner in ONE_SHOT_PLANNERS, "--planner", self.planner, ", ".join(ONE_SHOT_PLANNERS))
         require(self.agents is None or self.agents >= 1, "--agents", self.agents, "an integer >= 1")
         require(math.isfinite(self.budget_s) and self.budget_s > 0, "--budget-s", self.budget_s, "a number > 0")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        warm, planner = self._planner(), self._planner()
         grid = read_map(self.map)
         starts, goals = starts_and_goals(self.scen, grid, agents=self.agents)
         self._check_output()
@@ -79,12 +92,11 @@ class Plan:
         console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
         what = f"{len(starts)} robots on {self.map.name}, {grid.free.sum()} free cells"
         console.print(f"{what}: {self.planner}, {self.budget_s:g} s", soft_wrap=True)
-        make = ONE_SHOT_PLANNERS[self.planner]
-        make().plan(_crossing(self.motion), None, Deadline(64))  # loads the kernels
+        warm.plan(_crossing(self.motion), None, Deadline(64))  # loads the kernels
         with _progress(console, self.budget_s):
             begin = time.perf_counter()
             tables = DistanceTable(graph, instance.blocked)
-            decision = make(seed=self.seed).plan(instance, tables, Deadline(wall_s=self.budget_s))
+            decision = planner.plan(instance, tables, Deadline(wall_s=self.budget_s))
             elapsed_s = time.perf_counter() - begin
         wrong = breaches(instance, decision)
         cells = np.stack(grid.row_col(graph.state_cell[decision.states]), axis=-1)
@@ -95,6 +107,10 @@ class Plan:
         held = "the paths" if solved else f"a legal beginning of {len(decision.states) - 1} timesteps"
         console.print(f"{self.output}: {held}", soft_wrap=True)
         return SOLVED if solved and not wrong else NOT_SOLVED
+
+    def _planner(self) -> MapfPlanner:
+        settings = member_settings(self.settings, "planner", self.planner, self.planner_setting)
+        return planner_named(self.planner, settings, seed=self.seed, family=ONE_SHOT_PLANNERS, what="--planner")
 
     def _check_output(self) -> None:
         """Refuse an output that cannot be written, before the time is spent."""
@@ -129,8 +145,13 @@ def _progress(console: Console, budget_s: float) -> Progress:
     return progress
 
 
-def _instance(graph: LaneGraph, starts: Cells, goals: Cells, *, allow_rotation: bool) -> Instance:
+def _instance(
+    graph: LaneGraph, starts: npt.NDArray[np.integer], goals: npt.NDArray[np.integer], *, allow_rotation: bool
+) -> Instance:
     """Everybody from cell to cell, all alike."""
+    import numpy as np
+
+    from maps.grid import EAST
     from planners.mapf.problem import Instance
 
     n = len(starts)
@@ -149,6 +170,11 @@ def _instance(graph: LaneGraph, starts: Cells, goals: Cells, *, allow_rotation: 
 
 def _crossing(motion: Literal["pebble", "rotating"]) -> Instance:
     """A problem of the same kind that is solved at once."""
+    import numpy as np
+
+    from maps.grid import GridMap
+    from maps.lane_graph import grid_lane_graph
+
     graph = grid_lane_graph(GridMap(np.ones((3, 3), dtype=np.bool_)), motion)
     return _instance(graph, np.array([1, 3]), np.array([7, 5]), allow_rotation=True)
 

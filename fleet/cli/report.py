@@ -10,8 +10,6 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from fleet.recording.errors import OutputError
-
 WRITTEN = 0
 
 
@@ -26,6 +24,7 @@ class Report:
 
     def run(self) -> int:
         """Write and say where; returns the exit status."""
+        from fleet.recording.errors import OutputError
         from fleet.report.page import PAGE, write_page
         from fleet.report.run import load_run
         from fleet.report.tables import tables_of

@@ -5,17 +5,16 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 
 from fleet.config import require
-from maps.movingai import site_from_map
-from maps.report import check_site, draw_site
-from maps.site import Site, load_site, save_site, site_names
-from maps.warehouse import generate_warehouse
+
+if TYPE_CHECKING:
+    from maps.site import Site
 
 MOST = 1000
 """Greatest side of a generated floor [cells] and number of places on it; beyond it checks take minutes."""
@@ -32,6 +31,9 @@ class SiteCheck:
 
     def run(self) -> int:
         """Print the report; a bad site raises."""
+        from maps.report import check_site, draw_site
+        from maps.site import load_site
+
         site = load_site(self.site)
         console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
         if not self.no_draw:
@@ -50,12 +52,13 @@ class SiteList:
 
     def run(self) -> int:
         """Print one line per site."""
+        from maps.site import outline, site_names
+
         for name in site_names():
-            site = load_site(name)
-            kinds = [station.kind for station in site.stations]
+            site = outline(name)
             sys.stdout.write(
-                f"{name:10s} {site.grid.cols} x {site.grid.rows} m, {kinds.count('pick')} pick and "
-                f"{kinds.count('drop')} drop stations, up to {len(site.parking)} cars\n"
+                f"{name:10s} {site.cols} x {site.rows} m, {site.n_pick} pick and {site.n_drop} drop stations, "
+                f"up to {site.n_parking} cars\n"
             )
         return 0
 
@@ -79,6 +82,8 @@ class SiteGenerate:
 
     def run(self) -> int:
         """Write the file."""
+        from maps.warehouse import generate_warehouse
+
         for name in ("rows", "cols", "pick", "drop", "parking"):
             value = getattr(self, name)
             require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
@@ -105,6 +110,8 @@ class SiteConvert:
 
     def run(self) -> int:
         """Write the file."""
+        from maps.movingai import site_from_map
+
         for name in ("pick", "drop", "parking"):
             value = getattr(self, name)
             require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
@@ -121,6 +128,8 @@ def _text(value: object) -> str:
 
 
 def _save(site: Site, out: Path) -> int:
+    from maps.site import save_site
+
     save_site(site, out)
     sys.stdout.write(f"{out}: {site.grid.cols} x {site.grid.rows} m, {len(site.stations)} stations\n")
     return 0

@@ -6,15 +6,19 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+import tyro
 from rich.console import Console
 from rich.table import Table
 
 from fleet.config import Fidelity, StreamConfig, StreamKind, require
+from fleet.config.member_settings import file_settings, member_settings
 from fleet.study.design import Design, parse_names, parse_range
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
+from planners.allocation import ALLOCATORS
+from planners.mapf import PLANNERS
 
 if TYPE_CHECKING:
     from fleet.study.study import Outcome
@@ -37,6 +41,8 @@ DECIDING = (
     "orders",
     "battery",
     "planner",
+    "planner_setting",
+    "settings",
 )
 
 
@@ -44,8 +50,12 @@ DECIDING = (
 class Study:
     """Compare fleet sizes and allocators on the same orders; prints a table, writes a CSV file, plots and a page."""
 
-    allocators: str = "greedy,hungarian"
-    """Allocators, separated by commas; the others are compared with the first."""
+    allocators: Annotated[
+        str,
+        tyro.conf.arg(
+            help=f"Allocators, separated by commas; the others are compared with the first. Of {ALLOCATORS.valid}."
+        ),
+    ] = "greedy,hungarian"
     robots: str = "2:20"
     """Numbers of cars: a number, a range, a range with a step, or a list: 8, 2:20, 2:20:2, 2,4,8."""
     seeds: int = 5
@@ -64,8 +74,12 @@ class Study:
     """File of orders in place of a stream, as in the demo."""
     battery: bool = False
     """Cars have batteries and go to charge."""
-    planner: str = "pibt"
-    """Path planner of the fleet: pibt or multi_step_pibt."""
+    planner: Annotated[str, tyro.conf.arg(help=f"Path planner of the fleet: {PLANNERS.valid}.")] = "pibt"
+    planner_setting: tuple[str, ...] = ()
+    """A setting of the path planner, as name=value; once for each setting. A name that does not exist is answered with
+    those that do."""
+    settings: Path | None = None
+    """TOML file with settings: tables [planner.NAME] and [allocator.NAME]; --planner-setting goes first."""
     jobs: int | None = None
     """Runs at once; default one per core."""
     out: Path = Path("runs/study")
@@ -82,8 +96,9 @@ class Study:
         require(self.rate is None or self.orders is None, "--rate", self.rate, "without --orders")
         robots = parse_range(self.robots, "--robots")
         rate_per_h = ORDERS_PER_CAR_H * max(robots) if self.rate is None else self.rate
+        allocators = parse_names(self.allocators, "--allocators")
         design = Design(
-            allocators=parse_names(self.allocators, "--allocators"),
+            allocators=allocators,
             robots=robots,
             seeds=tuple(range(self.seeds)),
             site=self.site,
@@ -92,6 +107,10 @@ class Study:
             stream=StreamConfig(kind=StreamKind(self.stream), rate_per_h=rate_per_h),
             orders=self.orders,
             planner=self.planner,
+            planner_settings=member_settings(self.settings, "planner", self.planner, self.planner_setting),
+            allocator_settings={
+                name: told for name, told in file_settings(self.settings, "allocator").items() if name in allocators
+            },
             battery=self.battery,
         )
         # The planners take a second to load: only for runs, not for --help.
@@ -125,11 +144,13 @@ class Study:
         """The options that decide the rows, as they are typed."""
         said = []
         for name in DECIDING:
-            value = getattr(self, name)
+            value, option = getattr(self, name), f"--{name.replace('_', '-')}"
             if value is True:
-                said.append(f"--{name}")
+                said.append(option)
+            elif isinstance(value, tuple):
+                said += [f"{option} {each}" for each in value]
             elif value not in (None, False):
-                said.append(f"--{name} {value:g}" if isinstance(value, float) else f"--{name} {value}")
+                said.append(f"{option} {value:g}" if isinstance(value, float) else f"{option} {value}")
         return " ".join(said)
 
     def _show(self, console: Console, outcome: Outcome) -> None:

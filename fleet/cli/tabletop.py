@@ -11,12 +11,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from fleet.config import Connect, require
-from fleet.recording.run_file import RECORDING, RESULT, prepare_output, versions
 
 if TYPE_CHECKING:
     from fleet.recording.stream.shapes import ShapeRecorder
@@ -48,6 +46,9 @@ class _Tabletop:
     def _run(self, objects: int) -> int:
         """Sort the table; bad input raises."""
         # The engine and the kernels take a second to load: only for runs, not for --help.
+        import numpy as np
+
+        from fleet.recording.run_file import RECORDING, prepare_output
         from fleet.tabletop.arm import load_model
         from fleet.tabletop.job import Job
         from fleet.tabletop.layout import LAYOUTS
@@ -77,6 +78,8 @@ class _Tabletop:
         return ALL_SORTED if tally.done else SOME_LEFT
 
     def _tell(self, tally: Tally, state: str, objects: int, wall_s: float) -> None:
+        from fleet.recording.run_file import RECORDING, RESULT, versions
+
         figures = {
             "table": self.name,
             "seed": self.seed,

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from fleet.config.settings import Settings, not_negative, require
+from fleet.config.settings import Settings, SettingValue, not_negative, require
+from planners.allocation import allocator_named
+
+if TYPE_CHECKING:
+    from planners.allocation.problem import Allocator
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,6 +20,8 @@ class AllocationConfig(Settings):
 
     allocator: str = "hungarian"
     """Name in `planners.allocation.ALLOCATORS`, or `package.module.Class` of one's own."""
+    allocator_settings: Mapping[str, SettingValue] = field(default_factory=dict)
+    """Settings of that allocator, by name; the others keep their defaults."""
     station_cap_n: int = 2
     """Cars near or at one station at once, the one that is served included; more would queue into the aisles."""
     ageing: float = 0.5
@@ -35,6 +43,14 @@ class AllocationConfig(Settings):
         not_negative("allocation.late_s", self.late_s)
         not_negative("allocation.keep_gain_s", self.keep_gain_s)
         require(0 <= self.keep_share <= 1, "allocation.keep_share", self.keep_share, "a number from 0 to 1")
+
+    def make_allocator(self) -> Allocator:
+        """The allocator that is named, with its settings.
+
+        Raises:
+            PlanningError: There is no such allocator, or it has no such settings.
+        """
+        return allocator_named(self.allocator, self.allocator_settings, what="--allocator")
 
 
 @dataclass(frozen=True, kw_only=True)

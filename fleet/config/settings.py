@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
-from fleet.config.field_checks import misfits
 from fleet.errors import ConfigError
+from planners.settings import misfits
+
+SettingValue: TypeAlias = bool | int | float | str
+"""What a planner or an allocator can be told by name."""
 
 
 def require(ok: bool, what: str, value: object, valid: str) -> None:
@@ -38,5 +42,5 @@ class Settings:
     """Fields that hold what is declared: 2.5 robots, or a text, would only be noticed in the middle of a run."""
 
     def __post_init__(self) -> None:
-        for name, value, valid in misfits(self):
+        for name, value, valid in misfits(type(self), vars(self)):
             require(False, f"{type(self).__name__}.{name}", value, valid)

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from fleet.config.settings import Settings, not_negative, positive, require
+from fleet.config.settings import Settings, SettingValue, not_negative, positive, require
+from planners.mapf import planner_named
+
+if TYPE_CHECKING:
+    from planners.mapf.planner import MapfPlanner
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,7 +18,9 @@ class TrafficConfig(Settings):
     """Multi-agent path finding and its execution."""
 
     planner: str = "pibt"
-    """Name in `planners.mapf.PLANNERS`."""
+    """Name in `planners.mapf.PLANNERS`, or `package.module.Class` of one's own."""
+    planner_settings: Mapping[str, SettingValue] = field(default_factory=dict)
+    """Settings of that planner, by name; the others keep their defaults."""
     horizon_n: int = 12
     """Timesteps a plan looks ahead."""
     period_s: float = 1.0
@@ -37,3 +45,11 @@ class TrafficConfig(Settings):
         require(self.commit_moves_n >= 0, "traffic.commit_moves_n", self.commit_moves_n, "an integer >= 0")
         require(self.grant_moves_n >= 1, "traffic.grant_moves_n", self.grant_moves_n, "an integer >= 1")
         require(self.reorder_after_s > 0, "traffic.reorder_after_s", self.reorder_after_s, "a number > 0, or inf")
+
+    def make_planner(self, seed: int) -> MapfPlanner:
+        """The planner that is named, with its settings.
+
+        Raises:
+            PlanningError: There is no such planner, or it has no such settings.
+        """
+        return planner_named(self.planner, self.planner_settings, seed=seed, what="--planner")

@@ -82,7 +82,7 @@ class TaskAllocation:
         """Pairs of a car and a task, at most one for each.
 
         Raises:
-            AllocationFault: An allocator of one's own gave an answer that is not legal.
+            PlanningError: An allocator of one's own gave an answer that is not legal.
         """
         ready, held = self._board.in_state(TaskState.READY), situation.held
         if not ready and len(held) < 2:

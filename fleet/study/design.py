@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from fleet.config import (
@@ -11,6 +12,7 @@ from fleet.config import (
     BatteryConfig,
     Fidelity,
     RunConfig,
+    SettingValue,
     StreamConfig,
     TrafficConfig,
     require,
@@ -50,7 +52,11 @@ class Design:
     orders: Path | None = None
     """File of orders in place of streams; seeds then differ in measurement noise only."""
     planner: str = "pibt"
-    """Name in `planners.mapf.PLANNERS`."""
+    """See `TrafficConfig.planner`."""
+    planner_settings: Mapping[str, SettingValue] = field(default_factory=dict)
+    """Settings of the planner, by name."""
+    allocator_settings: Mapping[str, Mapping[str, SettingValue]] = field(default_factory=dict)
+    """Settings of allocators, by the allocator and their own name."""
     battery: bool = False
     """Whether cars need to charge."""
 
@@ -84,8 +90,10 @@ class Design:
             seed=variant.seed,
             duration_s=self.duration_s,
             fidelity=self.fidelity,
-            traffic=TrafficConfig(planner=self.planner),
-            allocation=AllocationConfig(allocator=variant.allocator),
+            traffic=TrafficConfig(planner=self.planner, planner_settings=self.planner_settings),
+            allocation=AllocationConfig(
+                allocator=variant.allocator, allocator_settings=self.allocator_settings.get(variant.allocator, {})
+            ),
             battery=BatteryConfig(enabled=self.battery),
             # The runs share the cores already; an arm planner in its own process would only be in the way.
             arms=ArmConfig(workers_n=0),

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fleet.config import require
-from fleet.dispatch.solver import require_allocator
 from fleet.recording.run_file import plain
 from fleet.robots import racecar_spec
 from fleet.study.design import Design, StudyError
@@ -18,7 +17,7 @@ from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
 from fleet.tasks.order import ability_of
 from fleet.tasks.order_file import read_orders
 from maps.site import load_site
-from planners.mapf import PLANNERS
+from planners.allocation import allocator_named
 
 SETTINGS = "study.json"
 
@@ -37,7 +36,8 @@ def check(design: Design) -> None:
     """Refuse a study before its first file is written.
 
     Raises:
-        ConfigError: The site has no room for the largest fleet, or no planner or allocator has that name.
+        ConfigError: The site has no room for the largest fleet.
+        PlanningError: No planner or allocator has that name, or these settings.
         SiteError: The site cannot be read.
         OrdersError: The orders cannot be read, or none can be accepted.
     """
@@ -45,8 +45,8 @@ def check(design: Design) -> None:
     room = len(site.parking)
     require(max(design.robots) <= room, "--robots", max(design.robots), f"1 to {room} (parking cells of {site.name})")
     for allocator in design.allocators:
-        require_allocator(allocator, "--allocators")
-    require(design.planner in PLANNERS, "--planner", design.planner, ", ".join(PLANNERS))
+        allocator_named(allocator, design.allocator_settings.get(allocator, {}), what="--allocators")
+    design.run_config(design.variants[0]).traffic.make_planner(seed=0)
     if design.orders is not None:
         payload_kg = racecar_spec().max_payload_kg
         # What the smallest fleet can do all can.

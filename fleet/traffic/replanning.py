@@ -11,7 +11,6 @@ from fleet.config import TrafficConfig
 from fleet.traffic.executor import Executor
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
-from planners.mapf import PLANNERS
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.problem import Instance, Plan
 
@@ -77,7 +76,7 @@ class Traffic:
         self.plans_n = 0
         self.priorities = np.zeros(n_cars)
         """What the last request ranked the cars by, the greatest first to go."""
-        self._planner = PLANNERS[config.planner](seed=seed)
+        self._planner = config.make_planner(seed)
         self._config = config
         self._period = max(1, round(config.period_s / tick_s))
         self._latency = round(config.latency_s / tick_s)

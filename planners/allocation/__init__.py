@@ -1,54 +1,45 @@
 """Allocation of tasks to vehicles: the problem, the referee, and one file per allocator."""
 
-import importlib
-from typing import cast
+from __future__ import annotations
 
-from planners.allocation.auction import Auction as Auction
-from planners.allocation.cbba import Cbba as Cbba
-from planners.allocation.cpsat import CpSat as CpSat
-from planners.allocation.fifo import Fifo as Fifo
-from planners.allocation.greedy import Greedy as Greedy
-from planners.allocation.hungarian import Hungarian as Hungarian
-from planners.allocation.problem import Allocator
-from planners.allocation.regret_lns import RegretLns as RegretLns
-from planners.errors import PlanningError
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-ALLOCATORS: dict[str, type[Allocator]] = {
-    "greedy": Greedy,
-    "hungarian": Hungarian,
-    "fifo": Fifo,
-    "auction": Auction,
-    "cbba": Cbba,
-    "regret_lns": RegretLns,
-    "cpsat": CpSat,
-}
-"""Allocator by name; each is made without arguments and has `allocate(problem) -> Assignment`."""
+from planners.named import NO_SETTINGS, Family
 
+if TYPE_CHECKING:
+    from planners.allocation.problem import Allocator
 
-class AllocatorError(PlanningError):
-    """No allocator has that name."""
+ALLOCATORS: Family[Allocator] = Family(
+    "allocator",
+    "allocate(problem) -> Assignment",
+    {
+        "greedy": "planners.allocation.greedy.Greedy",
+        "hungarian": "planners.allocation.hungarian.Hungarian",
+        "fifo": "planners.allocation.fifo.Fifo",
+        "auction": "planners.allocation.auction.Auction",
+        "cbba": "planners.allocation.cbba.Cbba",
+        "regret_lns": "planners.allocation.regret_lns.RegretLns",
+        "cpsat": "planners.allocation.cpsat.CpSat",
+    },
+)
+"""Allocator by name."""
 
 
-def allocator_named(name: str) -> Allocator:
+def allocator_named(name: str, settings: Mapping[str, object] = NO_SETTINGS, *, what: str = "allocator") -> Allocator:
     """Make an allocator.
 
     Args:
-        name: A name in `ALLOCATORS`, or `package.module.Class` of a class that is made without arguments and has
-            `allocate(problem) -> Assignment`.
+        name: A name in `ALLOCATORS`, or `package.module.Class` of a class like `Allocator`.
+        settings: Fields of the allocator's settings, by name; the others keep their defaults.
+        what: What chose the name, for messages.
 
     Raises:
-        AllocatorError: There is no such allocator, or it cannot be made; names the valid choices.
+        MemberError: There is no such allocator, or it cannot be made; says the valid choices.
+        SettingError: It has no such setting, or the setting takes another kind of value; says what is valid.
+        PlanningError: A setting is out of its range.
     """
-    if name in ALLOCATORS:
-        return ALLOCATORS[name]()
-    module, _, kind = name.rpartition(".")
-    valid = f"{', '.join(ALLOCATORS)}, or package.module.Class"
-    if not (module and kind):
-        raise AllocatorError(f"allocator {name!r}: no such name; valid: {valid}")
-    try:
-        made = getattr(importlib.import_module(module), kind)()
-    except (ImportError, ValueError, AttributeError, TypeError) as error:
-        raise AllocatorError(f"allocator {name!r}: {str(error).splitlines()[0]}; valid: {valid}") from error
-    if not callable(getattr(made, "allocate", None)):
-        raise AllocatorError(f"allocator {name!r}: it has no method allocate(problem); valid: {valid}")
-    return cast(Allocator, made)
+    from planners.allocation.checked import CheckedAllocator
+
+    allocator = ALLOCATORS.make(name, settings, what=what)
+    return allocator if name in ALLOCATORS else CheckedAllocator(name, allocator)

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TypeAlias
 
 from planners.allocation.job_shop.tours import Tours, planned_tours
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.allocation.shop import Shop
+from planners.errors import PlanningError
 from planners.status import Status
 
 Bid: TypeAlias = tuple[float, int]
 """What a task costs a vehicle, and the vehicle; the least wins."""
 NO_BID: Bid = (math.inf, -1)
-BUNDLE_N = 4
-"""Tasks in a bundle at most by default, if there is a shop."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CbbaConfig:
+    """Settings of `Cbba`."""
+
+    bundle_n: int = 4
+    """Tasks in a bundle at most; without a shop always 1, which is the authors' CBAA."""
+
+    def __post_init__(self) -> None:
+        if self.bundle_n < 1:
+            raise PlanningError(f"cbba: bundle_n = {self.bundle_n}; valid: at least 1")
 
 
 class Cbba:
@@ -29,20 +41,20 @@ class Cbba:
     on Robotics 25(4), 2009.
 
     Args:
-        bundle_n: Tasks in a bundle at most, >= 1; without a shop always 1, which is the authors' CBAA.
+        config: Settings.
     """
 
     plans_ahead = True
 
-    def __init__(self, *, bundle_n: int = BUNDLE_N) -> None:
-        self._bundle_n = bundle_n
+    def __init__(self, config: CbbaConfig | None = None) -> None:
+        self.config = CbbaConfig() if config is None else config
 
     def allocate(self, problem: AllocationProblem) -> Assignment:
         """Allocate; every two rounds settle one task for good at least."""
         if problem.shop is None:
             bundles = _agree(problem, None, 1)
             return assignment(problem, [(v, bundle[0]) for v, bundle in enumerate(bundles) if bundle], Status.FEASIBLE)
-        return planned_tours(problem, problem.shop, _agree(problem, problem.shop, self._bundle_n))
+        return planned_tours(problem, problem.shop, _agree(problem, problem.shop, self.config.bundle_n))
 
 
 def _agree(problem: AllocationProblem, shop: Shop | None, bundle_n: int) -> list[list[int]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,32 @@ import numpy as np
 from planners.allocation.job_shop.shop_kernel import Arrays, Integers, empty_books, evaluate
 from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
-from planners.allocation.regret_lns import ITERATIONS, RegretLns
+from planners.allocation.regret_lns import RegretLns, RegretLnsConfig
+from planners.errors import PlanningError
 
-WINDOW_N = 12
-"""Tasks given to the solver at most; from about 20 on it falls behind local search."""
-BUDGET = 0.2
-"""Deterministic time of the solver, in its own unit, about a second."""
 TICK_S = 0.1
 """The solver counts in whole ticks; ways and services are rounded up, so that what it plans can be done."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CpSatConfig:
+    """Settings of `CpSat`."""
+
+    window_n: int = 12
+    """Tasks given to the solver at most; from about 20 on it falls behind local search."""
+    budget: float = 0.2
+    """Deterministic time of the solver, in its own unit, about a second."""
+    iterations: int = RegretLnsConfig.iterations
+    """Of `regret_lns`."""
+    seed: int = 0
+    """Of both."""
+
+    def __post_init__(self) -> None:
+        for name, least in (("window_n", 1), ("iterations", 0), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise PlanningError(f"cpsat: {name} = {getattr(self, name)}; valid: at least {least}")
+        if not self.budget > 0:
+            raise PlanningError(f"cpsat: budget = {self.budget}; valid: a number > 0")
 
 
 class CpSat:
@@ -32,21 +50,14 @@ class CpSat:
     one circuit through all of them.
 
     Args:
-        window_n: See `WINDOW_N`, >= 1.
-        budget: See `BUDGET`, > 0.
-        iterations: Of `regret_lns`.
-        seed: Of both, >= 0.
+        config: Settings.
     """
 
     plans_ahead = True
 
-    def __init__(
-        self, *, window_n: int = WINDOW_N, budget: float = BUDGET, iterations: int = ITERATIONS, seed: int = 0
-    ) -> None:
-        self._window_n = window_n
-        self._budget = budget
-        self._seed = seed
-        self._regret_lns = RegretLns(iterations=iterations, seed=seed)
+    def __init__(self, config: CpSatConfig | None = None) -> None:
+        self.config = CpSatConfig() if config is None else config
+        self._regret_lns = RegretLns(RegretLnsConfig(iterations=self.config.iterations, seed=self.config.seed))
 
     def allocate(self, problem: AllocationProblem) -> Assignment:
         """Allocate; takes about the budget."""
@@ -62,14 +73,14 @@ class CpSat:
             return replace(ahead, note=_note("the package ortools is not installed"))
         arrays = arrays_of(problem, problem.shop)
         solver = cp_model.CpSolver()
-        solver.parameters.max_deterministic_time = self._budget
+        solver.parameters.max_deterministic_time = self.config.budget
         solver.parameters.num_workers = 1
-        solver.parameters.random_seed = self._seed
-        model = _Model(cp_model.CpModel(), arrays, order[: self._window_n], vehicle)
+        solver.parameters.random_seed = self.config.seed
+        model = _Model(cp_model.CpModel(), arrays, order[: self.config.window_n], vehicle)
         if solver.solve(model.model) not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
             return replace(ahead, note=_note("the solver found no plan within its budget"))
         window, solved = model.plan(solver, vehicle)
-        whole = np.concatenate((window, order[self._window_n :]))
+        whole = np.concatenate((window, order[self.config.window_n :]))
         books = empty_books(arrays)
         if evaluate(arrays, books, whole, solved, np.inf) >= evaluate(arrays, books, order, vehicle, np.inf):
             return replace(ahead, note=_note("the solver found nothing better within its budget"))

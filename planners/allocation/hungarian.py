@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
@@ -9,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.allocation.prune import prune
 from planners.allocation.sparse_matching import match
+from planners.errors import PlanningError
 from planners.status import Status
 
 Floats = npt.NDArray[np.float64]
@@ -16,14 +19,29 @@ Pairs = npt.NDArray[np.int32]
 
 SOON_S = 10.0
 """Vehicles that are free so soon are matched as well: they may do better than a far one that is free now [s]."""
-PRUNE_FROM_N = 100_000
-"""Pairs from which on it is tried whether the cheapest of each vehicle are enough."""
-NEAREST_N = 64
-"""How many these are at first."""
 MORE = 4
-"""How many times as many they are when these are not enough."""
-DENSE_WORK = 3e10
-"""Smaller side squared x larger side up to which the whole matrix is solved if they are not; 10 s at the most."""
+"""How many times as many of the cheapest are matched when the first ones are not enough."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HungarianConfig:
+    """Settings of `Hungarian`."""
+
+    prune_from_n: int = 100_000
+    """Pairs from which on it is tried whether the cheapest of each vehicle are enough."""
+    nearest_n: int = 64
+    """How many these are at first."""
+    dense_work: float = 3e10
+    """Smaller side squared x larger side up to which the whole matrix is solved if they are not; 10 s at the most."""
+
+    def __post_init__(self) -> None:
+        for name, value, least in (
+            ("prune_from_n", self.prune_from_n, 0),
+            ("nearest_n", self.nearest_n, 1),
+            ("dense_work", self.dense_work, 0),
+        ):
+            if not value >= least:
+                raise PlanningError(f"hungarian: {name} = {value}; valid: at least {least}")
 
 
 class Hungarian:
@@ -42,19 +60,13 @@ class Hungarian:
     Aerospace and Electronic Systems 52(4), 2016, which scipy implements.
 
     Args:
-        prune_from_n: See `PRUNE_FROM_N`.
-        nearest_n: See `NEAREST_N`, >= 1.
-        dense_work: See `DENSE_WORK`.
+        config: Settings.
     """
 
     soon_s = SOON_S
 
-    def __init__(
-        self, *, prune_from_n: int = PRUNE_FROM_N, nearest_n: int = NEAREST_N, dense_work: float = DENSE_WORK
-    ) -> None:
-        self._prune_from_n = prune_from_n
-        self._nearest_n = nearest_n
-        self._dense_work = dense_work
+    def __init__(self, config: HungarianConfig | None = None) -> None:
+        self.config = HungarianConfig() if config is None else config
 
     def allocate(self, problem: AllocationProblem) -> Assignment:
         """Allocate; 12 ms for 1000 vehicles and 1500 tasks."""
@@ -71,16 +83,16 @@ class Hungarian:
 
     def _choose(self, cost: Floats) -> tuple[Pairs, Status]:
         """Pairs of rows and columns, of which there are as many or more."""
-        if cost.size < self._prune_from_n:
+        if cost.size < self.config.prune_from_n:
             return _dense(cost), Status.OPTIMAL
-        for nearest_n in (self._nearest_n, MORE * self._nearest_n):
+        for nearest_n in (self.config.nearest_n, MORE * self.config.nearest_n):
             candidates = prune(cost, nearest_n)
             most, least = candidates.cost.max(initial=0.0), candidates.cost.min(initial=0.0)
             column_of, pays = match(candidates, most + (most - least + 1.0) * (len(cost) + 1))
             rows = np.flatnonzero(column_of >= 0)
             if len(rows) == len(cost) and (pays <= candidates.beyond).all():
                 return _pairs(rows, column_of[rows]), Status.OPTIMAL
-        if len(cost) * cost.size <= self._dense_work:
+        if len(cost) * cost.size <= self.config.dense_work:
             return _dense(cost), Status.OPTIMAL
         pairs = _pairs(rows, column_of[rows])
         left = [np.setdiff1d(np.arange(n), pairs[:, axis]) for axis, n in enumerate(cost.shape)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +14,27 @@ from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.shop import Shop
 from planners.errors import PlanningError
 
-ITERATIONS = 2000
-"""Plans tried by default: 2.8 ms for 10 tasks, 20.6 ms for 80."""
-WINDOW_N = 100
-"""Tasks planned ahead at most by default."""
 REGRETS = (0.0, 0.5, 1.0, 2.0)
 """Weights of regret of the plans made first; 0 is greedy."""
 HOT, COLD = 5e-3, 1e-4
 """First and last temperature, as shares of the objective of the plan that is to be improved."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegretLnsConfig:
+    """Settings of `RegretLns`."""
+
+    iterations: int = 2000
+    """Plans to try after the first four: 2,000 take 2.8 ms for 10 tasks, 20.6 ms for 80."""
+    window_n: int = 100
+    """Tasks planned at most."""
+    seed: int = 0
+    """Of the random changes."""
+
+    def __post_init__(self) -> None:
+        for name, least in (("iterations", 0), ("window_n", 1), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise PlanningError(f"regret_lns: {name} = {getattr(self, name)}; valid: at least {least}")
 
 
 class RegretLns:
@@ -38,23 +51,13 @@ class RegretLns:
     gains more by it than what they are kept for.
 
     Args:
-        iterations: Plans to try after the first four, >= 0.
-        window_n: Tasks planned at most, >= 1.
-        seed: Of the random changes, >= 0.
-
-    Raises:
-        PlanningError: A number is out of range.
+        config: Settings.
     """
 
     plans_ahead = True
 
-    def __init__(self, *, iterations: int = ITERATIONS, window_n: int = WINDOW_N, seed: int = 0) -> None:
-        for name, value, least in (("iterations", iterations, 0), ("window_n", window_n, 1), ("seed", seed, 0)):
-            if value < least:
-                raise PlanningError(f"regret_lns: {name} = {value}; valid: at least {least}")
-        self._iterations = iterations
-        self._window_n = window_n
-        self._seed = seed
+    def __init__(self, config: RegretLnsConfig | None = None) -> None:
+        self.config = RegretLnsConfig() if config is None else config
 
     def allocate(self, problem: AllocationProblem) -> Assignment:
         """Allocate; takes about a microsecond per iteration and 30 tasks."""
@@ -73,8 +76,8 @@ class RegretLns:
     def plan(self, problem: AllocationProblem, shop: Shop) -> tuple[Integers, Integers]:
         """The order of the jobs that are planned, shape (n,), and the vehicle of each job, shape (n_jobs,)."""
         arrays = arrays_of(problem, shop)
-        order, vehicle = _first_plan(arrays, _window(problem, self._window_n), shop)
-        if len(order) and self._iterations:
+        order, vehicle = _first_plan(arrays, _window(problem, self.config.window_n), shop)
+        if len(order) and self.config.iterations:
             # How hot is told by the objective in which all classes weigh the same: the weight of one urgent task
             # would melt the order of all others.
             level = evaluate(arrays_of(problem, shop, 1.0), empty_books(arrays), order, vehicle, np.inf)
@@ -84,10 +87,10 @@ class RegretLns:
 
     def _improve(self, arrays: Arrays, order: Integers, vehicle: Integers, level: float) -> tuple[Integers, Integers]:
         best_order, best_vehicle = np.empty_like(order), np.empty_like(vehicle)
-        state = np.random.SeedSequence(self._seed).generate_state(1, np.uint64) | np.uint64(1)
+        state = np.random.SeedSequence(self.config.seed).generate_state(1, np.uint64) | np.uint64(1)
         hot, cold = HOT * level, COLD * level
         books = empty_books(arrays)
-        anneal(arrays, books, order, vehicle, best_order, best_vehicle, self._iterations, hot, cold, state)
+        anneal(arrays, books, order, vehicle, best_order, best_vehicle, self.config.iterations, hot, cold, state)
         return best_order, best_vehicle
 
 

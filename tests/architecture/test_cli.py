@@ -7,15 +7,17 @@ import pytest
 import tyro
 
 from fleet.cli.demo import Demo
-from fleet.cli.main import COMMANDS, GROUPS, OPTIONS, SITE_COMMANDS, main
+from fleet.cli.main import COMMANDS, GROUPS, SITE_COMMANDS, main
+from fleet.cli.words import OPTIONS, read_words
 from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, Perception, RunConfig, StreamKind
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
-ALL = {
+LISTED = {
     **COMMANDS,
     **{f"{group} {name}": command for group, (_, table) in GROUPS.items() for name, command in table.items()},
 }
+ALL = {name: command.load() for name, command in LISTED.items()}
 REQUIRED = {
     "calibrate": ["motion.csv"],
     "diff": ["run_1", "run_2"],
@@ -28,10 +30,19 @@ REQUIRED = {
     "why": ["car_0", "run"],
 }
 """Words without which a command has nothing to work on."""
+CHOICES = {
+    "drive": "follow",
+    "fidelity": "kinematic",
+    "grip": "friction",
+    "motion": "rotating",
+    "perception": "camera",
+    "planner_setting": "rounds=2",
+}
+"""A value of options that take a word of a few; the others take 7."""
 
 
 def parsed(name: str, *words: str) -> Any:
-    return tyro.cli(ALL[name], args=[*REQUIRED.get(name, []), *words], config=OPTIONS)
+    return read_words([*REQUIRED.get(name, []), *words], ALL[name])
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -44,8 +55,21 @@ def test_every_command_builds_from_its_defaults(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_every_command_can_run(name: str) -> None:
+def test_every_command_can_run_and_is_listed_with_its_first_sentence(name: str) -> None:
     assert callable(ALL[name].run)
+    assert LISTED[name].summary == (ALL[name].__doc__ or "").strip().splitlines()[0]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_words_are_read_as_the_help_says(name: str) -> None:
+    """The help is tyro's, and tyro would read the same words: every option with a value of its own."""
+    words = list(REQUIRED.get(name, []))
+    for field in dataclasses.fields(ALL[name]):
+        option, hint = f"--{field.name.replace('_', '-')}", str(field.type)
+        if "Positional" in hint or option in words:
+            continue
+        words += [option] if hint == "bool" else [option, CHOICES.get(field.name, "7")]
+    assert read_words(words, ALL[name]) == tyro.cli(ALL[name], args=words, config=OPTIONS)
 
 
 def test_the_demo_has_the_defaults_of_a_run() -> None:
@@ -85,7 +109,15 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--grip-force",
         "30",
         "--askew",
+        "--planner-setting",
+        "impatience=2",
+        "--planner-setting=impatience=3",
+        "--allocator-setting",
+        "window_n=4",
+        "--settings",
+        "s.toml",
     )
+    assert command.planner_setting == ("impatience=2", "impatience=3")
     changed = {
         field.name for field in dataclasses.fields(Demo) if getattr(command, field.name) != getattr(Demo(), field.name)
     }
@@ -123,6 +155,14 @@ def test_the_demo_s_help_names_every_choice(capsys: pytest.CaptureFixture[str]) 
         main(["demo", "--help"])
     said = capsys.readouterr().out
     for name in (*PLANNERS, *ALLOCATORS, *EVENT_PARAMETERS, *Grip, *Perception, *Fidelity, *StreamKind):
+        assert name in said
+
+
+def test_the_help_of_the_study_names_every_planner_and_allocator(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["study", "--help"])
+    said = capsys.readouterr().out
+    for name in (*PLANNERS, *ALLOCATORS, *StreamKind):
         assert name in said
 
 

@@ -28,12 +28,13 @@ FAMILIES = [
         package="planners.mapf",
         tables=("PLANNERS", "ONE_SHOT_PLANNERS"),
         support=frozenset({"chance", "distance_table", "inheritance", "kernel", "metrics", "one_shot", "options"})
-        | {"problem", "roads", "validate", "window"},
+        | {"planner", "problem", "roads", "validate", "window"},
     ),
     Family(
         package="planners.allocation",
         tables=("ALLOCATORS",),
-        support=frozenset({"costs", "job_shop", "problem", "prune", "reasons", "shop", "sparse_matching", "validate"}),
+        support=frozenset({"checked", "costs", "job_shop", "problem", "prune", "reasons", "shop", "sparse_matching"})
+        | {"validate"},
     ),
     Family(
         package="planners.motion.search",

@@ -13,6 +13,7 @@ from fleet.errors import ConfigError
 
 CSV = "id,release_s,pick,drop,mass_kg,size_m\n"
 GOOD = "a,0,pick_1,drop_1,0.3,0.06\n"
+OWN = "tests.unit.planners.own_members"
 EVENT = "[[event]]\ntime_s = 1.0\n"
 CELL_PLAN = """
 ############
@@ -84,7 +85,20 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--stream", "waves", "--orders", "some.csv"], ["--stream", "without --orders"]),
         (["--stream", "waves", "--rate", "0"], ["--rate is 0.0", "a number from 0.001"]),
         (["--rate", "10"], ["--rate", "with --stream"]),
-        (["--planner", "nope"], ["--planner is 'nope'", "pibt"]),
+        (["--planner", "nope"], ["--planner is 'nope'", "pibt, multi_step_pibt or package.module.Class"]),
+        (["--planner", "no_such_package.Mine"], ["--planner is 'no_such_package.Mine'", "No module named", "pibt"]),
+        (["--planner", f"{OWN}.a_function"], ["no class with plan(instance, tables, deadline) -> Plan"]),
+        (["--planner", f"{OWN}.Seedless"], ["unexpected keyword argument 'seed'", "made with seed="]),
+        (["--planner", "tests.unit.planners.broken_module.X"], ["RuntimeError: the weights are missing", "line 3"]),
+        (["--planner-setting", "impatience"], ["--planner-setting is 'impatience'", "name=value"]),
+        (["--planner-setting", "impatienc=1"], ["setting 'impatienc' of planner 'pibt'", "valid: impatience"]),
+        (["--planner-setting", "impatience=x"], ["setting 'impatience' of planner 'pibt' is 'x'", "a number"]),
+        (["--planner-setting", "impatience=-1"], ["pibt: impatience = -1", "a number >= 0"]),
+        (["--planner", f"{OWN}.PlainPlanner", "--planner-setting", "x=1"], ["'x'", "PlainPlanner'", "no settings"]),
+        (["--allocator-setting", "soon=1"], ["'soon' of allocator 'hungarian'", "prune_from_n, nearest_n, dense_work"]),
+        (["--allocator", "regret_lns", "--allocator-setting", "iterations=2.5"], ["iterations", "2.5", "an integer"]),
+        (["--allocator", "fifo", "--allocator-setting", "x=1"], ["'fifo'", "this allocator has no settings"]),
+        (["--settings", "nope.toml"], ["nope.toml", "No such file", "a TOML file"]),
         (
             ["--allocator", "no_such_package.Mine"],
             ["--allocator is 'no_such_package.Mine'", "No module named", "greedy"],
@@ -101,6 +115,31 @@ def test_wrong_options(
     words: list[str], expected: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     refuse(words, expected, tmp_path, capsys)
+
+
+@pytest.mark.parametrize(
+    ("option", "kind", "expected"),
+    [
+        ("--planner", "ListPlanner", "its answer is of type list; valid: a Plan with states (T + 1, 3)"),
+        ("--allocator", "DictAllocator", "its answer is of type dict; valid: an Assignment without faults"),
+        ("--allocator", "AllToOne", "its answer has task_twice for vehicle and task (-1, 0); valid: an Assignment"),
+    ],
+)
+def test_a_wrong_answer_of_a_class_of_one_s_own_ends_the_run_with_one_line(
+    option: str, kind: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = complaint(["demo", "--fidelity", "grid", "--out", str(tmp_path), option, f"{OWN}.{kind}"], capsys)
+    assert said.startswith(f"python -m fleet: {option.strip('-')} '{OWN}.{kind}': {expected}")
+
+
+def test_a_settings_file_is_read_by_every_command_that_plans(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = tmp_path / "mine.toml"
+    settings.write_text("[planner.pibt]\nspeed = 1\n[planner.lacam]\nspeed = 1\n", encoding="utf-8")
+    for command in (["demo"], ["study", "--robots", "2"], ["plan", "--map", "x.map", "--scen", "x.scen"]):
+        said = complaint([*command, "--settings", str(settings)], capsys)
+        assert "setting 'speed' of planner" in said
 
 
 @pytest.mark.parametrize(

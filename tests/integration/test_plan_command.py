@@ -153,3 +153,23 @@ def test_what_is_missing_is_named(missing: str, capsys: pytest.CaptureFixture[st
     code, said, complaint = plan([word for pair in words.items() for word in pair], capsys)
     assert (code, said) == (2, "")
     assert f"{missing} is missing; valid: {missing} PATH" in complaint
+
+
+def test_settings_and_a_planner_of_one_s_own(floor: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--map", str(floor), "--scen", str(scenario_of(tmp_path)), "--agents", "2", "--budget-s", "1"]
+    words += ["--output", str(tmp_path / "paths.txt")]
+    code, said, _ = plan([*words, "--planner", "sipp", "--planner-setting", "orders=3"], capsys)
+    assert (code, "legal" in said) == (0, True)
+    code, said, _ = plan([*words, "--planner", "planners.mapf.sipp.sipp.Sipp", "--planner-setting", "orders=3"], capsys)
+    assert (code, "legal" in said) == (0, True)
+    for planner, wrong in (
+        ("sipp", "setting 'nodes' of planner 'sipp' is unknown; valid: orders"),
+        ("tests.unit.planners.own_members.ListPlanner", "this planner has no settings"),
+        ("nope", "--planner is 'nope'; valid: lacam, sipp, cbs or package.module.Class"),
+    ):
+        code, said, complaint = plan([*words, "--planner", planner, "--planner-setting", "nodes=3"], capsys)
+        assert (code, said, complaint.count("\n")) == (2, "", 1)
+        assert wrong in complaint
+    code, said, complaint = plan([*words, "--planner", "tests.unit.planners.own_members.ListPlanner"], capsys)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "its answer is of type list; valid: a Plan" in complaint

@@ -5,7 +5,7 @@ import pytest
 
 from maps.errors import LaneError, MapsError, PlanError, SiteError, SiteFileError, StationError, UnknownSiteError
 from maps.report import check_site, draw_site
-from maps.site import load_site, save_site, site_from_plan, site_names
+from maps.site import load_site, outline, save_site, site_from_plan, site_names
 from maps.stations import StationOptions
 
 PLAN = ("_.........._", "AP..KKCK..DA", "_.........._", "#..........#")
@@ -62,6 +62,14 @@ def test_saved_site_reads_back_equal(tmp_path):
 def test_unwritable_path_is_named(tmp_path):
     with pytest.raises(SiteFileError, match="cannot be written"):
         save_site(load_site("cell"), tmp_path / "no" / "site.toml")
+
+
+@pytest.mark.parametrize("name", site_names())
+def test_the_outline_of_a_site_is_that_of_the_whole_site(name):
+    site, found = load_site(name), outline(name)
+    assert (found.name, found.rows, found.cols) == (site.name, site.grid.rows, site.grid.cols)
+    assert (found.n_pick, found.n_drop) == (len(site.station_names("pick")), len(site.station_names("drop")))
+    assert found.n_parking == len(site.parking)
 
 
 def test_unknown_site_lists_the_names():

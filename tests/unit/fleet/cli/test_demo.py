@@ -10,6 +10,8 @@ import pytest
 from fleet.cli import demo
 from fleet.cli.main import main
 
+OWN = "tests.unit.planners.own_members"
+
 
 def show(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
     with pytest.raises(SystemExit) as stop:
@@ -100,3 +102,29 @@ def test_a_refused_order_is_told_at_the_start_and_in_the_result(
     assert said.startswith(f"order refused: {line}\n")
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["orders_refused"] == [line]
     assert '"kind":"order_refused"' in (tmp_path / "run.jsonl").read_text(encoding="utf-8")
+
+
+def test_a_planner_and_an_allocator_of_one_s_own_run_with_their_settings(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.toml").write_text(f'[planner."{OWN}.MinePlanner"]\nshare = 0.25\ncalm = true\n', encoding="utf-8")
+    words = ["--planner", f"{OWN}.MinePlanner", "--planner-setting", "patience=9", "--planner-setting", "calm=false"]
+    words += ["--allocator", f"{OWN}.MineAllocator", "--allocator-setting", "patience=2"]
+    with pytest.raises(SystemExit) as stop:
+        main(["demo", "--fidelity", "grid", "--out", str(tmp_path), "--settings", str(tmp_path / "mine.toml"), *words])
+    assert (stop.value.code, capsys.readouterr().err) == (0, "")
+    result = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    assert result["tasks_done"] == 6
+    config = json.loads((tmp_path / "run.jsonl").read_text(encoding="utf-8").splitlines()[0])["config"]
+    assert config["traffic"]["planner_settings"] == {"share": 0.25, "calm": False, "patience": 9}
+    assert config["allocation"]["allocator_settings"] == {"patience": 2}
+
+
+def test_a_setting_changes_the_run_and_its_default_does_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hashes = {}
+    for said in ("", "most_tries=3000", "most_tries=1"):
+        setting = ["--planner-setting", said] if said else []
+        with pytest.raises(SystemExit):
+            main(["demo", *f"--fidelity grid --planner multi_step_pibt --out {tmp_path}".split(), *setting])
+        hashes[said] = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["state_hash"]
+    assert hashes[""] == hashes["most_tries=3000"] != hashes["most_tries=1"]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig
-from fleet.dispatch.allocation import AllocationFault
 from fleet.run.events import Event
 from fleet.simulation import Simulation
+from planners.allocation.checked import AllocationFault
 from planners.allocation.greedy import Greedy
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.status import Status

@@ -57,6 +57,15 @@ def test_a_design_has_every_combination_once_and_whole_seeds_first() -> None:
     assert variants[:4] == tuple(Variant(0, n, name) for n in (1, 3) for name in ("greedy", "hungarian"))
 
 
+def test_settings_reach_the_planner_and_the_allocator_they_are_meant_for() -> None:
+    made = design(
+        planner="multi_step_pibt", planner_settings={"rounds": 1}, allocator_settings={"hungarian": {"nearest_n": 8}}
+    )
+    greedy, hungarian = (made.run_config(variant) for variant in made.variants[:2])
+    assert greedy.traffic.planner_settings == hungarian.traffic.planner_settings == {"rounds": 1}
+    assert (greedy.allocation.allocator_settings, hungarian.allocation.allocator_settings) == ({}, {"nearest_n": 8})
+
+
 def test_variants_of_a_seed_have_the_same_orders_and_seed() -> None:
     configs = [design().run_config(variant) for variant in design().variants if variant.seed == 1]
     shared = {(config.stream, config.orders, config.seed, config.duration_s) for config in configs}

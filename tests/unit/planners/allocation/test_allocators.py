@@ -9,7 +9,7 @@ from planners.allocation.auction import Auction
 from planners.allocation.cbba import Cbba
 from planners.allocation.fifo import Fifo
 from planners.allocation.greedy import Greedy
-from planners.allocation.hungarian import Hungarian
+from planners.allocation.hungarian import Hungarian, HungarianConfig
 from planners.allocation.problem import AllocationProblem
 from planners.allocation.prune import UNREACHABLE, nearest, travel_cost
 from planners.allocation.shop import Shop
@@ -49,7 +49,7 @@ def test_fifo_serves_the_oldest_first_by_the_nearest_vehicle() -> None:
 
 def test_classes_are_strict_and_do_not_cost_pairs() -> None:
     cost = np.array([[1.0, 50.0, 2.0], [1.0, INF, 90.0]])
-    for allocator in (Hungarian(), Hungarian(prune_from_n=0)):
+    for allocator in (Hungarian(), Hungarian(HungarianConfig(prune_from_n=0))):
         pairs = allocator.allocate(AllocationProblem(cost=cost, class_of=np.array([2, 0, 1], dtype=np.int32))).pairs
         assert pairs.tolist() == [[0, 1], [1, 2]], "the urgent task is served, then the next class, at any cost"
 
@@ -65,14 +65,16 @@ def test_a_pruned_matching_that_calls_itself_optimal_is(
     cost[rng.random(shape) < forbidden] = INF
     problem = AllocationProblem(cost=cost)
     exact = Hungarian().allocate(problem)
-    pruned = Hungarian(prune_from_n=0, nearest_n=nearest_n, dense_work=0.0).allocate(problem)
+    pruned = Hungarian(HungarianConfig(prune_from_n=0, nearest_n=nearest_n, dense_work=0.0)).allocate(problem)
     assert len(pruned.pairs) <= len(exact.pairs)
     if pruned.status is Status.OPTIMAL:
         assert pruned.cost == pytest.approx(exact.cost)
     elif len(pruned.pairs) == len(exact.pairs):
         assert pruned.cost >= exact.cost - 1e-9
     assert (pruned.status is Status.OPTIMAL) or nearest_n < 60 or forbidden
-    assert Hungarian(prune_from_n=0, nearest_n=nearest_n).allocate(problem).cost == pytest.approx(exact.cost)
+    assert Hungarian(HungarianConfig(prune_from_n=0, nearest_n=nearest_n)).allocate(problem).cost == pytest.approx(
+        exact.cost
+    )
 
 
 @pytest.mark.parametrize("allocator", [Auction(), Cbba()])

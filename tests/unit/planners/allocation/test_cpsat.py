@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from planners.allocation.cpsat import CpSat
+from planners.allocation.cpsat import CpSat, CpSatConfig
 from planners.allocation.problem import AllocationProblem, Assignment
-from planners.allocation.regret_lns import RegretLns
+from planners.allocation.regret_lns import RegretLns, RegretLnsConfig
 from planners.allocation.shop import Shop
 from planners.allocation.validate import faults
 
@@ -49,16 +49,16 @@ def objective_of(problem: AllocationProblem, assignment: Assignment) -> float:
 @pytest.mark.parametrize("seed", range(2))
 def test_it_improves_a_poor_plan_and_answers_the_same_again(seed: int) -> None:
     problem = problem_of(seed)
-    poor = objective_of(problem, RegretLns(iterations=0).allocate(problem))
-    found = CpSat(iterations=0).allocate(problem)
+    poor = objective_of(problem, RegretLns(RegretLnsConfig(iterations=0)).allocate(problem))
+    found = CpSat(CpSatConfig(iterations=0)).allocate(problem)
     assert objective_of(problem, found) < poor
     assert found.note == ""
-    assert CpSat(iterations=0).allocate(problem).sequence == found.sequence
+    assert CpSat(CpSatConfig(iterations=0)).allocate(problem).sequence == found.sequence
 
 
 @solver
 def test_a_budget_that_is_too_small_says_so() -> None:
-    note = CpSat(budget=1e-9).allocate(problem_of(0)).note
+    note = CpSat(CpSatConfig(budget=1e-9)).allocate(problem_of(0)).note
     assert note.endswith("regret_lns answered")
 
 

@@ -11,7 +11,7 @@ import pytest
 from planners.allocation.job_shop.shop_kernel import dispatch, empty_books, evaluate
 from planners.allocation.job_shop.shop_plan import arrays_of, timetable
 from planners.allocation.problem import AllocationProblem
-from planners.allocation.regret_lns import RegretLns
+from planners.allocation.regret_lns import RegretLns, RegretLnsConfig
 from planners.allocation.shop import Shop, ShopError
 from planners.allocation.validate import faults
 from planners.errors import PlanningError
@@ -40,7 +40,7 @@ def problem_of(seed: int, n_jobs: int, n_vehicles: int, n_stations: int, stops: 
 
 
 def objective_of(problem: AllocationProblem, iterations: int) -> float:
-    assignment = RegretLns(iterations=iterations).allocate(problem)
+    assignment = RegretLns(RegretLnsConfig(iterations=iterations)).allocate(problem)
     assert faults(problem, assignment) == []
     assert assignment.timetable is not None
     return assignment.timetable.objective
@@ -92,14 +92,14 @@ def test_a_window_holds_what_is_held_and_then_the_oldest() -> None:
     windowed = AllocationProblem(
         cost=problem.cost, shop=problem.shop, since_s=-np.arange(10.0), held=np.array([2, -1], dtype=np.int32)
     )
-    sequence = RegretLns(window_n=4).allocate(windowed).sequence
+    sequence = RegretLns(RegretLnsConfig(window_n=4)).allocate(windowed).sequence
     assert sorted(itertools.chain(*sequence)) == [2, 7, 8, 9]
 
 
 @pytest.mark.parametrize("setting", ["iterations", "window_n", "seed"])
 def test_a_setting_out_of_range_is_refused(setting: str) -> None:
     with pytest.raises(PlanningError, match=f"{setting} = -1"):
-        RegretLns(**{setting: -1})
+        RegretLnsConfig(**{setting: -1})
 
 
 @pytest.mark.parametrize(("keep_gain", "taker"), [(5.0, 1), (0.5, 0)])
@@ -124,14 +124,14 @@ def test_a_held_task_changes_hands_only_if_the_plan_gains_enough(keep_gain: floa
 def test_a_plan_that_is_proposed_is_not_lost() -> None:
     problem = problem_of(1, n_jobs=12, n_vehicles=4, n_stations=2)
     assert problem.shop is not None
-    order, vehicle = RegretLns(iterations=20_000).plan(problem, problem.shop)
+    order, vehicle = RegretLns(RegretLnsConfig(iterations=20_000)).plan(problem, problem.shop)
     arrays = arrays_of(problem, problem.shop)
     known = evaluate(arrays, empty_books(arrays), order, vehicle, np.inf)
-    found, by = RegretLns(iterations=0).plan(problem, problem.shop)
+    found, by = RegretLns(RegretLnsConfig(iterations=0)).plan(problem, problem.shop)
     assert known < evaluate(arrays, empty_books(arrays), found, by, np.inf)
     # A job that is new since then comes last.
     proposed = replace(problem.shop, first_order=order[:-1].astype(np.int32), first_vehicle=vehicle.astype(np.int32))
-    found, by = RegretLns(iterations=0).plan(replace(problem, shop=proposed), proposed)
+    found, by = RegretLns(RegretLnsConfig(iterations=0)).plan(replace(problem, shop=proposed), proposed)
     assert evaluate(arrays, empty_books(arrays), found, by, np.inf) <= known
 
 

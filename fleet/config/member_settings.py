@@ -1,0 +1,92 @@
+"""Member settings: what a user says about a planner or an allocator, in a file and in words.
+
+A file has a table for each planner and allocator that it says something about, by family and name; a run takes those
+that it uses:
+
+    [planner.multi_step_pibt]
+    rounds = 2
+
+    [allocator.regret_lns]
+    iterations = 500
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from fleet.config.settings import SettingValue, require
+from fleet.errors import ConfigError
+from planners.allocation import ALLOCATORS
+from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
+
+NAMES = {"planner": (*PLANNERS, *ONE_SHOT_PLANNERS), "allocator": tuple(ALLOCATORS)}
+"""Who can be told something, by family, beside classes of one's own."""
+FORM = "tables [planner.NAME] and [allocator.NAME]"
+
+
+def member_settings(path: Path | None, family: str, name: str, words: Sequence[str] = ()) -> dict[str, SettingValue]:
+    """Settings of one planner or allocator; whether it has them is for its class to say.
+
+    Args:
+        path: The file, or None.
+        family: planner or allocator.
+        name: Its name in the family, or the dotted name of its class.
+        words: Such as ``rounds=2``, which go before the file.
+
+    Raises:
+        ConfigError: The file cannot be read or has something else in it, or a word has another form.
+    """
+    told = {} if path is None else dict(_tables(path, family).get(name, {}))
+    return told | _read_words(words, f"--{family}-setting")
+
+
+def file_settings(path: Path | None, family: str) -> dict[str, dict[str, SettingValue]]:
+    """Settings of all planners or all allocators that a file knows, by their names.
+
+    Raises:
+        ConfigError: The file cannot be read or has something else in it.
+    """
+    return {} if path is None else {name: dict(table) for name, table in _tables(path, family).items()}
+
+
+def _read_words(words: Sequence[str], option: str) -> dict[str, SettingValue]:
+    """Settings as they are typed: a value is a number, true, false, or a text."""
+    told: dict[str, SettingValue] = {}
+    for word in words:
+        name, equals, text = (part.strip() for part in word.partition("="))
+        require(bool(name and equals and text), option, word, "name=value")
+        require(name not in told, option, word, f"{name} once")
+        told[name] = _value(text)
+    return told
+
+
+def _value(text: str) -> SettingValue:
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+    return value if isinstance(value, bool | int | float | str) else text
+
+
+def _tables(path: Path, family: str) -> Mapping[str, Mapping[str, SettingValue]]:
+    where = f"--settings {path}"
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{where}: {error.strerror}; valid: a TOML file") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{where}: is not TOML ({error}); valid: {FORM}") from error
+    for key, tables in content.items():
+        known = key in NAMES and isinstance(tables, dict) and all(isinstance(each, dict) for each in tables.values())
+        if not known:
+            raise ConfigError(f"{where}: top level has {key} = {str(tables)[:60]}; valid: {FORM}")
+        for name, table in tables.items():
+            valid = f'{", ".join(NAMES[key])} or "package.module.Class", in quotes'
+            require(name in NAMES[key] or "." in name, f"{where}: {key}", name, valid)
+            for setting, value in table.items():
+                ok = isinstance(value, bool | int | float | str)
+                require(ok, f"{where}: {key}.{name}.{setting}", value, "a number, true, false or a text")
+    found: Mapping[str, Mapping[str, SettingValue]] = content.get(family, {})
+    return found
