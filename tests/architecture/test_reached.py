@@ -18,7 +18,6 @@ KNOWN = {
     "fleet.charts.statistics.share": BENCHMARKS,
     "fleet.control.joint_file.write_recording": TESTS,
     "fleet.envs.grid.kernel.ORDERED": NOBODY,
-    "fleet.insight.time_table.write_csv": "the guide names it, no block of it runs it",
     "fleet.league.controller.PibtController": TESTS,
     "fleet.league.controller._with_nearest": TESTS,
     "fleet.recording.stream.poses.quat_rotate": TESTS,
