@@ -40,19 +40,6 @@ def quat_multiply(a: Array, b: Array) -> Array:
     )
 
 
-def quat_rotate(quat: Array, vector: Array) -> Array:
-    """Vectors turned by quaternions xyzw, broadcast, shape (..., 3).
-
-    Source: v' = v + 2 w (u x v) + 2 u x (u x v), the expansion of q v q* for unit q = (u, w).
-    """
-    ux, uy, uz, w = np.moveaxis(quat, -1, 0)
-    vx, vy, vz = np.moveaxis(vector, -1, 0)
-    tx, ty, tz = 2 * (uy * vz - uz * vy), 2 * (uz * vx - ux * vz), 2 * (ux * vy - uy * vx)
-    return np.stack(
-        [vx + w * tx + uy * tz - uz * ty, vy + w * ty + uz * tx - ux * tz, vz + w * tz + ux * ty - uy * tx], axis=-1
-    )
-
-
 def quat_from_matrix(matrix: Array) -> Array:
     """Quaternion xyzw of one rotation matrix, shape (4,).
 
@@ -189,7 +176,7 @@ def _chain(
             quat[0, f, m, 0], quat[0, f, m, 1], quat[0, f, m, 2], quat[0, f, m, 3] = a, b, c, d
             for k in range(q.shape[2]):
                 vx, vy, vz = places[k, 0], places[k, 1], places[k, 2]
-                # as in `quat_rotate`
+                # v' = v + 2 w (u x v) + 2 u x (u x v), the expansion of q v q* for unit q = (u, w)
                 tx, ty, tz = 2 * (b * vz - c * vy), 2 * (c * vx - a * vz), 2 * (a * vy - b * vx)
                 x += vx + d * tx + b * tz - c * ty
                 y += vy + d * ty + c * tx - a * tz
