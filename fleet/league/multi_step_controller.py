@@ -1,4 +1,4 @@
-"""Crew: plays the League with multi-step PIBT, learnt guidance and a schedule that is made anew in every timestep."""
+"""MultiStepController: plays the League with multi-step PIBT, learnt guidance and a schedule that is made anew in every timestep."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class MultiStepControllerConfig:
 
     def __post_init__(self) -> None:
         if not 0 < self.budget_share <= 1:
-            raise FleetError(f"crew: budget_share = {self.budget_share}; valid: 0 < budget_share <= 1")
+            raise FleetError(f"multi_step_pibt: budget_share = {self.budget_share}; valid: 0 < budget_share <= 1")
 
 
 class MultiStepController:
