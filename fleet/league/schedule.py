@@ -9,9 +9,9 @@ from scipy.optimize import linear_sum_assignment
 
 from fleet.arrays import BoolArray
 from fleet.league.arena import NO_TASK, Arena, Tasks
+from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.multi_step_kernel import Costs
-from planners.mapf.problem import IntArray
 
 Int64Array = npt.NDArray[np.int64]
 

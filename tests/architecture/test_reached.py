@@ -17,7 +17,6 @@ BENCHMARKS, TESTS, NOBODY = "only benchmarks use it", "only tests use it", "noth
 KNOWN = {
     "fleet.charts.statistics.share": BENCHMARKS,
     "fleet.envs.grid.kernel.ORDERED": NOBODY,
-    "fleet.insight.time_table.write_csv": "the guide names it, no block of it runs it",
     "fleet.robots.ROBOTS": TESTS,
     "fleet.robots.model.ArmEntry": TESTS,
     "fleet.robots.model.CarEntry": TESTS,

@@ -5,7 +5,7 @@ above the fence, which a reader of the page does not see:
 
     <!-- test: file NAME -->        the block is the content of this file, for all other blocks of its page
     <!-- test: skip, REASON -->     it cannot run in a test
-    <!-- test: slow -->             it takes longer than about 20 s
+    <!-- test: slow -->             it takes long, or what it shows is tested faster elsewhere
     <!-- test: exit STATUS -->      its last command ends with this status
 """
 

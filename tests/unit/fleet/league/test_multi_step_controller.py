@@ -135,5 +135,5 @@ def test_it_changes_nothing_in_the_arena() -> None:
 
 @pytest.mark.parametrize("value", [0.0, 1.5, float("nan")])
 def test_settings_that_make_no_sense_are_refused(value: float) -> None:
-    with pytest.raises(FleetError, match=f"crew: budget_share = {value}; valid: 0 < budget_share <= 1"):
+    with pytest.raises(FleetError, match=f"multi_step_pibt: budget_share = {value}; valid: 0 < budget_share <= 1"):
         MultiStepControllerConfig(budget_share=value)
