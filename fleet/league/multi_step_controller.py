@@ -1,4 +1,4 @@
-"""MultiStepController: plays the League with multi-step PIBT, learnt guidance and a schedule that is made anew in every timestep."""
+"""MultiStepController: plays the League with multi-step PIBT, learnt guidance and a schedule that is always made anew."""
 
 from __future__ import annotations
 
