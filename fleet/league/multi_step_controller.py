@@ -1,4 +1,4 @@
-"""MultiStepController: plays the League with multi-step PIBT, learnt guidance and a schedule that is always made anew."""
+"""MultiStepController: plays the League with multi-step PIBT, learnt guidance and a schedule made anew every timestep."""
 
 from __future__ import annotations
 
