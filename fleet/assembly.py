@@ -176,7 +176,9 @@ def assemble(
 
     # The rules that missions go by.
     admission = Admission(missions, ways, log)
-    batteries = Batteries(config.battery, world.n_cars, clock.tick_s) if config.battery.enabled else None
+    batteries = None
+    if config.battery.enabled:
+        batteries = Batteries(config.battery, scene.car.mass_kg, world.n_cars, clock.tick_s)
     charging = None
     if batteries is not None:
         in_use = places.chargers[: config.battery.chargers_n]

@@ -8,7 +8,7 @@ import resource
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from rich.console import Console
@@ -40,6 +40,8 @@ class Lorr:
     """File for the run in the League's output format (JSON)."""
     json: Path | None = None
     """File for the summary (JSON)."""
+    controller: Literal["multi_step_pibt", "pibt"] = "multi_step_pibt"
+    """What plays; `pibt` is plain: nearest tasks, one step ahead, no budget."""
     seed: int = 0
     """Seed of everything random."""
     strict_time: bool = False
@@ -55,8 +57,11 @@ class Lorr:
             if path is not None:
                 _require_writable(path)
         # Kernels take a second to load: only when there is something to play.
+        from fleet.league.controller import PibtController
         from fleet.league.multi_step_controller import MultiStepController
         from fleet.league.play import play
+
+        make = MultiStepController if self.controller == "multi_step_pibt" else PibtController
 
         with Bar(self.steps, "steps", shown=True) as bar:
 
@@ -67,7 +72,7 @@ class Lorr:
 
             played = play(
                 problem,
-                MultiStepController(seed=self.seed),
+                make(seed=self.seed),
                 self.steps,
                 self.budget_ms / 1000.0,
                 strict_time=self.strict_time,

@@ -110,20 +110,6 @@ def check_recording(path: Path, recording: JointRecording, limits: JointLimits) 
         )
 
 
-def write_recording(path: Path, recording: JointRecording) -> None:
-    """Write a motion so that `read_recording` reads the same, up to a nanosecond and a nanoradian."""
-    n = recording.q.shape[1]
-    names = ["time", *(f"q{i + 1}" for i in range(n))]
-    columns = [recording.t[:, None], recording.q]
-    if recording.target is not None:
-        names += [f"target{i + 1}" for i in range(n)]
-        columns.append(recording.target)
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(names)
-        writer.writerows([f"{value:.9g}" for value in row] for row in np.concatenate(columns, axis=1).tolist())
-
-
 def _check_names(where: str, words: list[str], n: int) -> None:
     wanted = [["time", "t"], *([f"q{i + 1}"] for i in range(n)), *([f"target{i + 1}"] for i in range(n))]
     if len(words) not in (n + 1, 2 * n + 1):

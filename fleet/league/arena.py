@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
-from fleet.league.result_log import Books
+from fleet.league.result_log import ResultLog
 from fleet.league.rules import (
     MOVE_TEXTS,
     NO_TASK,
@@ -67,7 +67,7 @@ class Arena:
         self._cells = problem.start_cell
         self._table = action_table(self.graph)
         self._after = np.full(self.graph.n_cells, -1, dtype=np.int32)
-        self._books = Books(n)
+        self._log = ResultLog(n)
         self._life = np.full(1024, UNKNOWN, dtype=np.int8)
         self._holder = np.full(1024, -1, dtype=np.int32)
         self._release = np.zeros(1024, dtype=np.int32)
@@ -120,28 +120,28 @@ class Arena:
         """Let timesteps pass in which everybody waits for a late planner, and no errand counts."""
         nothing = np.full(len(self._states), NO_ACTION, dtype=np.int8)
         for _ in range(timesteps):
-            self._books.moved(nothing, nothing)
-            self._books.held += self._task_of != NO_TASK
+            self._log.moved(nothing, nothing)
+            self._log.held += self._task_of != NO_TASK
         self.timestep += timesteps
         self.n_timeouts += timesteps
 
     def result(self, planner_times_s: FloatArray) -> LeagueResult:
         """What happened so far."""
-        books = self._books
+        log = self._log
         known = np.flatnonzero(self._life != UNKNOWN)
         return LeagueResult(
             problem=self.problem,
-            actual=books.actions(books.actual),
-            planned=books.actions(books.planned),
+            actual=log.actions(log.actual),
+            planned=log.actions(log.planned),
             planner_times_s=planner_times_s,
             n_finished=self.n_finished,
-            makespan=int(books.held.max(initial=0)),
+            makespan=int(log.held.max(initial=0)),
             n_timeouts=self.n_timeouts,
             task_id=known,
             task_release=self._release[known],
-            events=np.concatenate(books.events),
-            schedule=np.concatenate(books.schedule),
-            proposed=np.concatenate(books.proposed),
+            events=np.concatenate(log.events),
+            schedule=np.concatenate(log.schedule),
+            proposed=np.concatenate(log.proposed),
             planner_errors=tuple(self.planner_errors),
             schedule_errors=tuple(self.schedule_errors),
         )
@@ -156,9 +156,9 @@ class Arena:
             )
         if error != VALID or wanted is None:
             self.planner_errors.append((robot, other, self.timestep, MOVE_TEXTS[error]))
-            self._books.moved(np.full(n, WAIT, dtype=np.int8), planned)
+            self._log.moved(np.full(n, WAIT, dtype=np.int8), planned)
         else:
-            self._books.moved(planned, planned)
+            self._log.moved(planned, planned)
             self._states[:] = wanted
             self._cells = there
 
@@ -166,15 +166,15 @@ class Arena:
         if wanted is None:
             self.schedule_errors.append((-1, -1, -1, self.timestep, SCHEDULE_TEXTS[WRONG_SIZE]))
         else:
-            self._books.proposes(self.timestep, wanted)
+            self._log.proposes(self.timestep, wanted)
             error, robot, other = judge_schedule(self._task_of, self._errand_of, wanted, self._life, self._holder)
             if error == VALID:
                 self._task_of[:] = wanted
-                self._books.assigned(self.timestep, wanted)
+                self._log.assigned(self.timestep, wanted)
             else:
                 text = SCHEDULE_TEXTS[error]
                 self.schedule_errors.append((int(wanted[robot]), robot, other, self.timestep, text))
-        self._books.held += self._task_of != NO_TASK
+        self._log.held += self._task_of != NO_TASK
 
     def _publish(self) -> None:
         self.states: Ints = self._states.copy()
@@ -199,7 +199,7 @@ class Arena:
         )
         self.n_finished += n_finished
         if n_events:
-            self._books.events.append(events[:n_events].copy())
+            self._log.events.append(events[:n_events].copy())
             self._pool = self._pool[self._life[self._pool] == WAITING]
 
     def _reveal(self) -> None:

@@ -1,4 +1,4 @@
-"""Controllers: who plays by the League's rules, and a plain one."""
+"""Controllers: what plays by the League's rules, and a plain one."""
 
 from __future__ import annotations
 

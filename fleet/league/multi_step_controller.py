@@ -1,4 +1,4 @@
-"""Crew: plays the League with multi-step PIBT, learnt guidance and a schedule that is made anew in every timestep."""
+"""MultiStepController: plays the League with multi-step PIBT, learnt guidance and a schedule made anew every timestep."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from fleet.errors import FleetError
 from fleet.league.arena import NO_TASK, Arena, Tasks
-from fleet.league.schedule import Schedule
+from fleet.league.schedule import TaskSchedule
 from maps.lane_graph import grid_lane_graph
 from maps.lorr import Ints
 from planners.deadline import Deadline
@@ -53,7 +53,7 @@ class MultiStepControllerConfig:
 
     def __post_init__(self) -> None:
         if not 0 < self.budget_share <= 1:
-            raise FleetError(f"crew: budget_share = {self.budget_share}; valid: 0 < budget_share <= 1")
+            raise FleetError(f"multi_step_pibt: budget_share = {self.budget_share}; valid: 0 < budget_share <= 1")
 
 
 class MultiStepController:
@@ -108,7 +108,7 @@ class MultiStepController:
         self._cells = graph.state_cell[arena.states]
         # On a full floor those who have farthest to go come no nearer by pushing, they only cost others time.
         self._n_active = int(np.ceil(n * (1.0 - _HOLD_BACK * max(density - _ROOMY, 0.0))))
-        self._schedule = Schedule(arena, self._costs)
+        self._schedule = TaskSchedule(arena, self._costs)
         self._expect_goals(arena, errands.cell, deadline)
         first = self._assign(arena, everybody=True)
         self._task_of: Tasks | None = first

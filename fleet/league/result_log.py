@@ -1,4 +1,4 @@
-"""Books: what a result file tells of a run, as it happens."""
+"""ResultLog: what a result file tells of a run, as it happens."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fleet.league.rules import NO_TASK, Tasks
 from maps.lorr import Actions, Ints
 
 
-class Books:
+class ResultLog:
     """One array per timestep or change.
 
     Args:

@@ -1,4 +1,4 @@
-"""Schedule: which robot does which task, decided anew in every timestep for all tasks that are not opened yet."""
+"""TaskSchedule: which robot does which task, decided anew in every timestep for all tasks that are not opened yet."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SHORTLIST = 12
 _NONE = 2**40
 
 
-class Schedule:
+class TaskSchedule:
     """Tasks by cost: the way to the first errand, weighted, and then the task's own length; cheapest pair first.
 
     A robot that has not opened its task may get another one. In a large fleet only some of these robots are asked in

@@ -27,7 +27,10 @@ class Stamped(Protocol):
 
 @dataclass(frozen=True)
 class Times:
-    """A timeline over the rows of a batch; rerun's own class for it accepts anything, and takes its time over that."""
+    """A timeline over the rows of a batch; rerun's own class for it accepts anything, and takes its time over that.
+
+    Both methods are called by rerun's `send_columns`.
+    """
 
     timeline: str
     rows: pa.Array

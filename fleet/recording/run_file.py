@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from enum import Enum
 from importlib import metadata
 from pathlib import Path, PurePath
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from fleet.recording.errors import OutputError
+from fleet.recording.output_file import OutputFile
 from fleet.recording.trace_file import TRACE
 
 RECORDING = "recording.rrd"
@@ -119,7 +119,7 @@ def prepare_output(directory: Path) -> Path:
     return directory
 
 
-class RunFile:
+class RunFile(OutputFile):
     """Writes ``run.jsonl`` and ``result.json``; use as a context manager, or call `close`.
 
     Every line is written out at once, so a killed process leaves all events that happened.
@@ -134,11 +134,8 @@ class RunFile:
     """
 
     def __init__(self, directory: Path, *, config: object, seed: int) -> None:
+        super().__init__(directory, EVENTS)
         self._directory = directory
-        try:
-            self._lines = (directory / EVENTS).open("w", encoding="utf-8", buffering=1)
-        except OSError as error:
-            raise OutputError(f"--out {directory}: {EVENTS} cannot be written: {error.strerror}") from error
         head = self._write({"kind": "run", "config": config, "seed": seed, "versions": versions()})
         self.name = _name_of(head)
         """Stands in every file of the run, so that files of two runs are told apart, see `RunRecord.name`."""
@@ -164,21 +161,9 @@ class RunFile:
             os.fsync(file.fileno())
         draft.replace(self._directory / RESULT)
 
-    def close(self) -> None:
-        """Close the event file; calling twice is harmless."""
-        self._lines.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def _write(self, item: Mapping[str, object]) -> str:
         line = json.dumps(plain(item), allow_nan=False, separators=(",", ":"))
-        self._lines.write(line + "\n")
+        self._append(line.encode() + b"\n")
         return line
 
 

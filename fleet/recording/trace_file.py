@@ -13,8 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
-from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +22,7 @@ from numba import njit
 from fleet.arrays import FloatArray, IntArray
 from fleet.insight.causes import robot_names
 from fleet.recording.errors import OutputError
+from fleet.recording.output_file import OutputFile
 from maps.grid import HEADING_NAMES
 
 TRACE = "run.trace"
@@ -57,7 +57,7 @@ _SIZES = struct.Struct("<II")
 """Begins a block: how many ticks it has, and how many changes."""
 
 
-class TraceFile:
+class TraceFile(OutputFile):
     """Writes the trace of a run; use as a context manager, or call `close`.
 
     Args:
@@ -71,13 +71,10 @@ class TraceFile:
     """
 
     def __init__(self, directory: Path, *, n_cars: int, n_arms: int, about: Mapping[str, object]) -> None:
-        try:
-            self._file: BinaryIO = (directory / TRACE).open("wb")
-        except OSError as error:
-            raise OutputError(f"--out {directory}: {TRACE} cannot be written: {error.strerror}") from error
+        super().__init__(directory, TRACE)
         header = {"kind": "trace", "version": VERSION, "cars": n_cars, "arms": n_arms, **about}
-        self._file.write(json.dumps(header, separators=(",", ":")).encode() + b"\n")
-        self._file.flush()  # a run that is killed in its first second has a trace without ticks
+        # A run that is killed in its first second has a trace without ticks.
+        self._append(json.dumps(header, separators=(",", ":")).encode() + b"\n")
         n = n_cars + n_arms
         self._known = np.full((len(Quantity), n), UNKNOWN, dtype=np.int64)
 
@@ -95,21 +92,8 @@ class TraceFile:
         marks = np.zeros((n_ticks, n_robots), dtype=_MARK)
         changes = np.zeros(n_ticks * n_quantities * n_robots, dtype=CHANGE)
         changes_n = _digest(tick, values, motion, self._known, digests, marks, changes)
-        self._file.write(_SIZES.pack(n_ticks, changes_n))
-        self._file.write(digests.tobytes() + marks.tobytes() + changes[:changes_n].tobytes())
-        self._file.flush()
-
-    def close(self) -> None:
-        """Close the file; calling twice is harmless."""
-        self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+        sizes = _SIZES.pack(n_ticks, changes_n)
+        self._append(sizes + digests.tobytes() + marks.tobytes() + changes[:changes_n].tobytes())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

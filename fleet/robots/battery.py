@@ -10,8 +10,6 @@ from numba import njit
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import BatteryConfig
 
-CAR_MASS_KG = 6.3
-"""Racecar: 4.73 kg base, four wheels of 0.34 kg, two hinges of 0.1 kg (the description in `fleet.assets`)."""
 ROLLING = 0.02
 """Rolling resistance over weight: rubber tyres on concrete have 0.01 to 0.015 (Wong, "Theory of Ground Vehicles", 4th
 ed., table 1.2); small wheels have more."""
@@ -21,9 +19,9 @@ recuperation, and starts and stops are meant to be in this figure too."""
 GRAVITY_MPS2 = 9.81
 
 
-def force_n(load_kg: float) -> float:
-    """Energy that a metre takes from the battery [J/m]."""
-    return (CAR_MASS_KG + load_kg) * GRAVITY_MPS2 * ROLLING / EFFICIENCY
+def force_n(mass_kg: float) -> float:
+    """Energy that a metre takes from the battery of a car with its load [J/m]."""
+    return mass_kg * GRAVITY_MPS2 * ROLLING / EFFICIENCY
 
 
 class _Rates(NamedTuple):
@@ -47,23 +45,25 @@ class Batteries:
 
     Args:
         config: Capacity, power, charge at the start.
+        car_kg: Mass of a car without a load.
         n_cars: Number of cars.
         tick_s: Length of a tick [s].
     """
 
-    def __init__(self, config: BatteryConfig, n_cars: int, tick_s: float) -> None:
+    def __init__(self, config: BatteryConfig, car_kg: float, n_cars: int, tick_s: float) -> None:
         self.config = config
         self.charge: FloatArray = np.full(n_cars, config.start)
         """State of charge, 0 empty to 1 full, shape (n_cars,)."""
         self.lowest = config.start
         """Least state of charge any car has had."""
+        self._car_kg = car_kg
         self._capacity_j = 3600.0 * config.capacity_wh
         self._rates = _Rates(
             awake_w=float(config.awake_w),
             asleep_w=float(config.asleep_w),
             charge_w=float(config.charge_w),
-            empty_n=force_n(0.0),
-            kg_n=force_n(1.0) - force_n(0.0),
+            empty_n=force_n(car_kg),
+            kg_n=force_n(car_kg + 1.0) - force_n(car_kg),
             per_w=tick_s / self._capacity_j,
         )
 
@@ -85,7 +85,7 @@ class Batteries:
 
     def share(self, way_m: FloatArray | float, time_s: FloatArray | float, load_kg: float = 0.0) -> FloatArray:
         """What a way and a time awake take from a battery, as a share of its capacity, in the arguments' shape."""
-        return np.asarray((way_m * force_n(load_kg) + time_s * self.config.awake_w) / self._capacity_j)
+        return np.asarray((way_m * force_n(self._car_kg + load_kg) + time_s * self.config.awake_w) / self._capacity_j)
 
 
 @njit(cache=True)

@@ -11,7 +11,7 @@ import pybullet_data
 from fleet.arrays import FloatArray
 from fleet.robots.description import fill, spaced
 from fleet.robots.model import WheelShape
-from fleet.robots.spec import CarSpec, Visual
+from fleet.robots.spec import WHEELS, CarSpec, Visual
 
 # Wheelbase, track, radius, wheel masses and mesh places: racecar/racecar.urdf in pybullet_data, the MIT RACECAR.
 _WHEELBASE_M = 0.325
@@ -28,14 +28,14 @@ _WALL_M = 0.005
 # Base mass and inertia: 4.2 kg of stock chassis at axle height (0.1477 m ahead for 4.0 kg of it), lidar 0.13 kg,
 # tray 0.4 kg, brought to the common centre of mass with the parallel-axis theorem.
 _BASE_MASS_KG = 4.73
+_WHEEL_MASS_KG = 0.34055
+_HINGE_MASS_KG = 0.1
 _BASE_COM_M = (0.1457, 0.0, 0.0648)
 _BASE_INERTIA = (0.0223, 0.0687, 0.0697)
 # Rubber on a warehouse floor; Bullet multiplies the coefficients of the two bodies (the floor has 1.0).
 _TYRE_FRICTION = 0.9
 _BODY_FRICTION = 0.8
 
-WHEELS = ("rear_left", "rear_right", "front_left", "front_right")
-"""Wheel links, in the order of `wheel_places`; each spins in the joint ``<link>_spin``."""
 HINGES = ("left_steer", "right_steer")
 """Steering joints of the front wheels, positive to the left."""
 
@@ -43,19 +43,6 @@ _BODY_RGBA = (0.10, 0.25, 0.60, 1.0)
 _TYRE_RGBA = (0.08, 0.08, 0.08, 1.0)
 _TRAY_RGBA = (0.85, 0.60, 0.15, 1.0)
 _SENSOR_RGBA = (0.2, 0.2, 0.2, 1.0)
-
-
-def wheel_places(spec: CarSpec) -> FloatArray:
-    """Give the wheel centres in the car's frame.
-
-    Args:
-        spec: The car.
-
-    Returns:
-        Centres x, y, z [m] in the order of `WHEELS`, shape (4, 3).
-    """
-    y = spec.track_m / 2
-    return np.array([[x, side * y, spec.wheel_radius_m] for x in (0.0, spec.wheelbase_m) for side in (1.0, -1.0)])
 
 
 def body_boxes() -> FloatArray:
@@ -82,6 +69,7 @@ def racecar_spec() -> CarSpec:
     length, _, _ = _CHASSIS_SIZE_M
     return CarSpec(
         name="racecar",
+        mass_kg=round(_BASE_MASS_KG + 4 * _WHEEL_MASS_KG + 2 * _HINGE_MASS_KG, 1),
         wheelbase_m=_WHEELBASE_M,
         track_m=_TRACK_M,
         wheel_radius_m=_RADIUS_M,
@@ -125,7 +113,7 @@ def racecar_urdf(wheels: WheelShape = "sphere") -> str:
     meshes = _meshes().as_posix()
     parts = []
     for side, y in (("left", _TRACK_M / 2), ("right", -_TRACK_M / 2)):
-        parts.append(fill("racecar_hinge", side=side, xyz=spaced((_WHEELBASE_M, y, _RADIUS_M))))
+        parts.append(fill("racecar_hinge", side=side, mass=_HINGE_MASS_KG, xyz=spaced((_WHEELBASE_M, y, _RADIUS_M))))
         mounts = (("rear", "chassis", (0.0, y, _RADIUS_M)), ("front", f"{side}_hinge", (0.0, 0.0, 0.0)))
         for axle, parent, place in mounts:
             parts.append(
@@ -133,6 +121,7 @@ def racecar_urdf(wheels: WheelShape = "sphere") -> str:
                     "racecar_wheel",
                     name=f"{axle}_{side}",
                     parent=parent,
+                    mass=_WHEEL_MASS_KG,
                     xyz=spaced(place),
                     mesh=f"{side}_{axle}_wheel.obj",
                     meshes=meshes,

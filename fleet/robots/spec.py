@@ -11,6 +11,9 @@ import numpy as np
 from fleet.arrays import FloatArray
 from planners.motion.arm.kinematics import joint_rows
 
+WHEELS = ("rear_left", "rear_right", "front_left", "front_right")
+"""Wheel links of a car, in the order of `CarSpec.wheel_places`; each spins in the joint ``<link>_spin``."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Visual:
@@ -32,6 +35,8 @@ class CarSpec:
     """An Ackermann car; the reference point of its pose is the centre of the rear axle, on the floor."""
 
     name: str
+    mass_kg: float
+    """Without a load."""
     wheelbase_m: float
     track_m: float
     wheel_radius_m: float
@@ -56,7 +61,13 @@ class CarSpec:
     tray_wall_m: float
     max_payload_kg: float
     visuals: tuple[Visual, ...]
-    """Links: 'chassis' (rear axle frame), 'rear_left', 'rear_right', 'front_left', 'front_right' (wheels), 'tray'."""
+    """Links: 'chassis' (rear axle frame), `WHEELS`, 'tray'."""
+
+    @property
+    def wheel_places(self) -> FloatArray:
+        """Centres x, y, z of the wheels in the car's frame, in the order of `WHEELS` [m], shape (4, 3)."""
+        y = self.track_m / 2
+        return np.array([[x, side * y, self.wheel_radius_m] for x in (0.0, self.wheelbase_m) for side in (1.0, -1.0)])
 
 
 @dataclass(frozen=True, kw_only=True)

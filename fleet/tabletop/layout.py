@@ -33,7 +33,7 @@ _FILES_N = 900
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Place:
+class SortingPlace:
     """A part of the table with a rim, where things of one kind belong."""
 
     name: str
@@ -54,7 +54,7 @@ class Layout:
 
     name: str
     scene: TableScene
-    places: tuple[Place, ...]
+    places: tuple[SortingPlace, ...]
     place_of: tuple[int, ...]
     """Where each thing belongs."""
     arm_of: tuple[int, ...]
@@ -192,18 +192,18 @@ def _place(
     centre: tuple[float, float],
     shape: tuple[int, int],
     half_m: tuple[float, float] | None = None,
-) -> Place:
+) -> SortingPlace:
     steps = [(np.arange(n) - (n - 1) / 2) * _SLOT_M for n in shape]
     slots = np.array(list(product(*steps))) + np.array(centre)
     half = half_m or (shape[0] * _SLOT_M / 2 + 0.01, shape[1] * _SLOT_M / 2 + 0.01)
-    return Place(name=name, centre_m=centre, half_m=half, slots=slots)
+    return SortingPlace(name=name, centre_m=centre, half_m=half, slots=slots)
 
 
 def _table(centre: tuple[float, float], half: tuple[float, float]) -> StaticBox:
     return StaticBox(kind="table", centre_m=(*centre, -0.05), half_m=(*half, 0.05))
 
 
-def _rims(places: tuple[Place, ...], kind: str = "rim", rim_m: float = _RIM_M) -> list[StaticBox]:
+def _rims(places: tuple[SortingPlace, ...], kind: str = "rim", rim_m: float = _RIM_M) -> list[StaticBox]:
     boxes = []
     for place in places:
         (x, y), (u, v) = place.centre_m, place.half_m

@@ -16,7 +16,7 @@ from fleet.robots.spec import CarSpec
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.sensors.errors import SensorError
 from fleet.world.arms import ServoArms
-from fleet.world.parcels import Parcels, ParcelSnapshot
+from fleet.world.parcels import ParcelSnapshot, PlanarParcels
 from fleet.world.protocol import TOOL_FAILED, Contacts, ParcelBody
 from fleet.world.ray_points import ray_points
 from fleet.world.scene import Scene
@@ -128,7 +128,7 @@ class PlanarWorld:
         self.n_arms = len(scene.arm_base)
         self._cars = cars
         self._arms = ServoArms(scene.arm, scene.arm_base, scene.arm_start, tick_s)
-        self._parcels = Parcels(scene.boxes, scene.car, self.n_arms)
+        self._parcels = PlanarParcels(scene.boxes, scene.car, self.n_arms)
         self._failed = np.zeros(self.n_arms, dtype=np.bool_)
         self._surroundings = Surroundings(scene, self._arms)
 

@@ -37,7 +37,7 @@ class Support(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class ParcelSnapshot:
-    """State of `Parcels` at one instant."""
+    """State of `PlanarParcels` at one instant."""
 
     ids: IntArray
     size_m: FloatArray
@@ -48,7 +48,7 @@ class ParcelSnapshot:
     held: IntArray
 
 
-class Parcels:
+class PlanarParcels:
     """All parcels of a world and what carries them.
 
     A carried parcel keeps its pose relative to its carrier, rigidly. A parcel that is put into the world or let go

@@ -31,6 +31,7 @@ REQUIRED = {
 }
 """Words without which a command has nothing to work on."""
 CHOICES = {
+    "controller": "pibt",
     "drive": "follow",
     "fidelity": "kinematic",
     "grip": "friction",

@@ -22,31 +22,17 @@ MOST_PARTS = 12
 
 FULL_FOLDERS = {"fleet/missions": 17}
 
-LONG_CONSTRUCTORS = {
-    "fleet.recording.rerun_recorder.RerunRecorder": 11,
-    "fleet.recording.stream.stream.Stream": 8,
-    "fleet.stations.arms.cell_planner.CellPlanner": 9,
-    "fleet.world.bullet.arms.Arms": 10,
-}
+LONG_CONSTRUCTORS: dict[str, int] = {}
 
 BIG_BUNDLES: dict[str, int] = {}
 
 SHARED_NAMES = {
-    "ArmModel": 2,
-    "Bodies": 2,
-    "Books": 2,
-    "FloorPlan": 2,
-    "Lanes": 2,
-    "Parcels": 2,
     "Perception": 2,
-    "Place": 2,
     "Plan": 2,
     "Queues": 2,
-    "Schedule": 2,
     "Stations": 2,
     "Timetable": 2,
     "Visit": 2,
-    "Window": 2,
 }
 """Modules that have a public class of that name."""
 

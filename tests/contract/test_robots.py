@@ -42,6 +42,7 @@ def test_a_car_loads_with_either_wheel(name: str, wheels: str) -> None:
     assert client.getNumJoints(body) == 6
     mass = sum(client.getDynamicsInfo(body, link)[0] for link in range(-1, 6))
     assert mass == pytest.approx(4.2 + 0.13 + 0.4 + 4 * 0.34055 + 2 * 0.1)  # stock car, lidar, tray, wheels, hinges
+    assert mass == pytest.approx(CARS[name].spec().mass_kg, abs=0.05)
     client.close()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ import pytest
 from fleet.errors import ConfigError
 from fleet.robots.arm_kinds import arm_kind
 from fleet.world.bullet.bench.arm_file import ArmFile, ArmFileError, load, read_arm
-from fleet.world.bullet.bench.dynamics import ArmDynamics
+from fleet.world.bullet.bench.dynamics import GRAVITY_MPS2, BodyDynamics
 from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.bullet.engine.client import Client
 from planners.errors import PlanningError
@@ -117,21 +117,31 @@ def test_mjcf_arm_with_tilted_axes(tmp_path: Path) -> None:
     confirmer_agrees(arm)
 
 
-def test_one_joint_in_numbers(tmp_path: Path) -> None:
+@pytest.fixture
+def client() -> Iterator[Client]:
+    client = Client()
+    yield client
+    client.close()
+
+
+def dynamics_of(arm: ArmFile, client: Client) -> BodyDynamics:
+    client.setGravity(0.0, 0.0, -GRAVITY_MPS2)
+    return BodyDynamics(client, load(client, arm.path)[arm.body], arm.joint_index)
+
+
+def test_one_joint_in_numbers(tmp_path: Path, client: Client) -> None:
     arm = read_arm(written(tmp_path, "r.urdf", URDF.format(joint=HINGE)), tool_length_m=0.5)
     assert (arm.max_velocity_radps.tolist(), arm.max_torque_nm.tolist()) == ([2.0], [10.0])
     # The last frame's z is the joint's axis, and a quarter turn about y takes z to x.
     np.testing.assert_allclose(arm.flange([0.0])[:3, 2], [0, 1, 0], atol=1e-12)
     np.testing.assert_allclose(arm.flange([0.0])[:3, 3], [0, 0, 0.1])
     np.testing.assert_allclose(arm.jacobian([0.3])[3:, 0], [0, 1, 0], atol=1e-12)
-    dynamics = ArmDynamics(arm)
-    np.testing.assert_allclose(dynamics.mass_matrix([0.2]), [[0.1 + 2 * 0.25**2]], rtol=1e-5)
+    dynamics = dynamics_of(arm, client)
+    flat, still = np.array([np.pi / 2]), np.zeros(1)
+    np.testing.assert_allclose(dynamics.mass_matrix(np.array([0.2])), [[0.1 + 2 * 0.25**2]], rtol=1e-5)
     # Lying flat, gravity pulls 2 kg at 0.25 m; upright it pulls nothing.
-    np.testing.assert_allclose(dynamics.inverse_dynamics([np.pi / 2], [0], [0]), [-2 * 9.81 * 0.25], rtol=1e-5)
-    np.testing.assert_allclose(dynamics.inverse_dynamics([0], [0], [1.0]), [0.225], rtol=1e-5)
-    with pytest.raises(ArmFileError, match="valid: 1 finite"):
-        dynamics.inverse_dynamics([0.0], [np.nan], [0.0])
-    dynamics.close()
+    np.testing.assert_allclose(dynamics.bias(flat, still), [-2 * 9.81 * 0.25], rtol=1e-5)
+    np.testing.assert_allclose(dynamics.torque(still, still, np.ones(1)), [0.225], rtol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -214,7 +224,7 @@ def test_unknown_names_are_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_arms_that_ship_with_the_engine() -> None:
+def test_the_arms_that_ship_with_the_engine(client: Client) -> None:
     panda = read_arm(DATA / "franka_panda/panda.urdf", frozen={"panda_finger_joint1": 0.04})
     assert isinstance(panda.inverse, OffsetGeometry)
     assert panda.frozen == {"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.0}
@@ -228,8 +238,6 @@ def test_the_arms_that_ship_with_the_engine() -> None:
         q = np.random.default_rng(0).uniform(arm.model.lower, arm.model.upper)
         for found in arm.inverse.ik_all(arm.flange(q)):
             np.testing.assert_allclose(arm.flange(found), arm.flange(q), atol=1e-4)
-    dynamics = ArmDynamics(panda)
-    mass = dynamics.mass_matrix(np.zeros(7))
+    mass = dynamics_of(panda, client).mass_matrix(np.zeros(7))
     np.testing.assert_allclose(mass, mass.T, atol=1e-9)
     assert np.linalg.eigvalsh(mass).min() > 0
-    dynamics.close()

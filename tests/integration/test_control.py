@@ -12,7 +12,7 @@ import pytest
 from fleet.cli.main import main
 from fleet.control import computed_torque
 from fleet.control.friction_fit import fit_friction
-from fleet.control.joint_file import JointRecording, write_recording
+from fleet.control.joint_file import JointRecording
 from fleet.world.bullet.bench.bench import ArmBench
 from fleet.world.bullet.bench.replay import Drive, MotionReplay, drive_of, open_bench
 
@@ -176,7 +176,9 @@ def test_the_command_reports_and_writes(
     bench: ArmBench, urdf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     csv, out = tmp_path / "m.csv", tmp_path / "new" / "fit.json"
-    write_recording(csv, recorded(bench))
+    moved = recorded(bench)
+    assert moved.target is not None
+    np.savetxt(csv, np.column_stack([moved.t, moved.q, moved.target]), "%.9g", ",")
     with pytest.raises(SystemExit) as stop:
         main(["calibrate", str(csv), "--arm", str(urdf), "--out", str(out)])
     assert stop.value.code == 0

@@ -1,4 +1,4 @@
-"""Bodies: cars, arms and parcels as instances of their meshes, and the trails of the cars."""
+"""DrawnBodies: cars, arms and parcels as instances of their meshes, and the trails of the cars."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _TRAIL_S, _TRAIL_STEP_S = 5.0, 0.5
 """Length of a trail, and time between its points [s]."""
 
 
-class Bodies:
+class DrawnBodies:
     """Writes where everything is.
 
     Args:

@@ -1,4 +1,4 @@
-"""Lanes: which state each robot and each task is in, over time."""
+"""StateLanes: which state each robot and each task is in, over time."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class _Group:
         self.rows[-1][1][slot] = self.now[slot] = state
 
 
-class Lanes:
+class StateLanes:
     """Writes states where they change.
 
     Args:

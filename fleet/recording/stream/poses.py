@@ -11,14 +11,13 @@ from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.recording.stream.meshes import Mesh, link_mesh
-from fleet.robots.spec import ArmSpec, CarSpec
+from fleet.robots.spec import WHEELS, ArmSpec, CarSpec
 
 Array = npt.NDArray[np.floating]
 LinkPoses = Mapping[str, tuple[Array, Array]]
 """Link -> positions (f, n, 3) [m] and quaternions xyzw (f, n, 4), both in the world."""
 
 BODY = "body"
-WHEELS = ("rear_left", "rear_right", "front_left", "front_right")
 _STEPS = 4096.0
 """Steps of a recorded coordinate in a metre, and of a component of a quaternion in one."""
 _STRAIGHT_RAD = 1e-6
@@ -37,19 +36,6 @@ def quat_multiply(a: Array, b: Array) -> Array:
             aw * bw - ax * bx - ay * by - az * bz,
         ],
         axis=-1,
-    )
-
-
-def quat_rotate(quat: Array, vector: Array) -> Array:
-    """Vectors turned by quaternions xyzw, broadcast, shape (..., 3).
-
-    Source: v' = v + 2 w (u x v) + 2 u x (u x v), the expansion of q v q* for unit q = (u, w).
-    """
-    ux, uy, uz, w = np.moveaxis(quat, -1, 0)
-    vx, vy, vz = np.moveaxis(vector, -1, 0)
-    tx, ty, tz = 2 * (uy * vz - uz * vy), 2 * (uz * vx - ux * vz), 2 * (ux * vy - uy * vx)
-    return np.stack(
-        [vx + w * tx + uy * tz - uz * ty, vy + w * ty + uz * tx - ux * tz, vz + w * tz + ux * ty - uy * tx], axis=-1
     )
 
 
@@ -122,11 +108,11 @@ def car_link_poses(
     left, right = ackermann_angles(spec, steering)
     straight = np.zeros_like(yaw)
     turns = dict(zip(WHEELS, (straight, straight, left, right), strict=True))
-    for link, (ahead, aside) in _wheel_places(spec).items():
+    for link, (ahead, aside, up) in zip(WHEELS, spec.wheel_places.tolist(), strict=True):
         centre = origin.copy()
         centre[..., 0] += cos * ahead - sin * aside
         centre[..., 1] += sin * ahead + cos * aside
-        centre[..., 2] = spec.wheel_radius_m
+        centre[..., 2] = up
         links[link] = (centre, quat_multiply(_about(2, yaw + turns[link]), roll))
     return links
 
@@ -189,7 +175,7 @@ def _chain(
             quat[0, f, m, 0], quat[0, f, m, 1], quat[0, f, m, 2], quat[0, f, m, 3] = a, b, c, d
             for k in range(q.shape[2]):
                 vx, vy, vz = places[k, 0], places[k, 1], places[k, 2]
-                # as in `quat_rotate`
+                # v' = v + 2 w (u x v) + 2 u x (u x v), the expansion of q v q* for unit q = (u, w)
                 tx, ty, tz = 2 * (b * vz - c * vy), 2 * (c * vx - a * vz), 2 * (a * vy - b * vx)
                 x += vx + d * tx + b * tz - c * ty
                 y += vy + d * ty + c * tx - a * tz
@@ -240,9 +226,9 @@ def car_parts(spec: CarSpec, *, wheels: bool) -> tuple[Part, ...]:
     own = {link: [visual for visual in spec.visuals if visual.link == link] for link in WHEELS}
     body = [visual for visual in spec.visuals if visual.link not in own]
     if not wheels:
-        for link, (ahead, aside) in _wheel_places(spec).items():
+        for link, (ahead, aside, up) in zip(WHEELS, spec.wheel_places.tolist(), strict=True):
             place = np.eye(4)
-            place[:3, 3] = ahead, aside, spec.wheel_radius_m
+            place[:3, 3] = ahead, aside, up
             body += [replace(visual, link_from_visual=place @ visual.link_from_visual) for visual in own[link]]
         own = {}
     return tuple(Part(link=link, mesh=link_mesh(drawn)) for link, drawn in ({BODY: body} | own).items() if drawn)
@@ -254,11 +240,3 @@ def arm_parts(spec: ArmSpec) -> tuple[Part, ...]:
     links = [f"link_{k}" for k in range(spec.n_joints + 1)]
     drawn = {link: [v for v in spec.visuals if v.link == link or (link == last and v.link == "tool")] for link in links}
     return tuple(Part(link=link, mesh=link_mesh(visuals)) for link, visuals in drawn.items() if visuals)
-
-
-def _wheel_places(spec: CarSpec) -> dict[str, tuple[float, float]]:
-    """How far ahead of the rear axle's centre and aside of it the wheels are [m]."""
-    half = spec.track_m / 2
-    return dict(
-        zip(WHEELS, ((0.0, half), (0.0, -half), (spec.wheelbase_m, half), (spec.wheelbase_m, -half)), strict=True)
-    )

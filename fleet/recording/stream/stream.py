@@ -14,10 +14,10 @@ from fleet.recording.frame import Frame, LogLine
 from fleet.recording.header import Header
 from fleet.recording.index import epochs_of, index_of, set_time
 from fleet.recording.stream import palette
-from fleet.recording.stream.bodies import Bodies
+from fleet.recording.stream.bodies import DrawnBodies
 from fleet.recording.stream.columns import Chunks, offsets_of, strips, values
 from fleet.recording.stream.coordination import Coordination
-from fleet.recording.stream.lanes import Lanes
+from fleet.recording.stream.lanes import StateLanes
 from fleet.recording.stream.layout import layout
 from fleet.recording.stream.scenery import log_scenery
 from fleet.recording.stream.trees import write_trees
@@ -64,9 +64,9 @@ class Stream:
             "about", rr.TextDocument(_markdown(floor.name, header.about), media_type="text/markdown"), static=True
         )
         self._chunks = Chunks(self._rec)
-        self._bodies = Bodies(self._rec, self._chunks, scene)
+        self._bodies = DrawnBodies(self._rec, self._chunks, scene)
         self._coordination = Coordination(self._rec, self._chunks, scene, floor)
-        self._lanes = Lanes(self._rec, self._chunks, len(scene.car_start) + len(scene.arm_base))
+        self._lanes = StateLanes(self._rec, self._chunks, len(scene.car_start) + len(scene.arm_base))
         for name in ("granted", "planned"):
             radius, alpha = (0.035, 230) if name == "granted" else (0.012, 150)
             self._rec.log(

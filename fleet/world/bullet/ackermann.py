@@ -6,12 +6,11 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
-from fleet.robots.racecar import wheel_places
 from fleet.robots.spec import CarSpec
 
 
 class Ackermann:
-    """The wheels of a car model, in the order of `fleet.robots.racecar.WHEELS`: rear left, rear right, front ones.
+    """The wheels of a car model, in the order of `fleet.robots.spec.WHEELS`: rear left, rear right, front ones.
 
     Tangents and arc tangents are numpy's: those of kernels differ in the last bit.
 
@@ -22,7 +21,7 @@ class Ackermann:
     def __init__(self, spec: CarSpec) -> None:
         self._wheelbase_m = spec.wheelbase_m
         self._radius_m = spec.wheel_radius_m
-        self._places = wheel_places(spec)
+        self._places = spec.wheel_places
 
     def motions(self, steering: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Let every wheel roll on its own circle.

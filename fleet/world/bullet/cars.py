@@ -12,8 +12,8 @@ from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.robots.model import WheelShape
-from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
-from fleet.robots.spec import CarSpec
+from fleet.robots.racecar import HINGES, racecar_urdf
+from fleet.robots.spec import WHEELS, CarSpec
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client

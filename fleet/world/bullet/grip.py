@@ -16,7 +16,6 @@ from fleet.world.bullet.parcels import Parcels
 from fleet.world.protocol import TOOL_FAILED
 
 _GRAVITY_MPS2 = 9.81
-_LAST_LINK = 6
 
 # A cup holds at least 20 N and five times the parcel's weight: enough for every acceleration of the arm.
 _LEAST_LIMIT_N = 20.0

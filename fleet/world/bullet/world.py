@@ -22,7 +22,7 @@ from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client, quiet
 from fleet.world.bullet.engine.config import BulletConfig
-from fleet.world.bullet.engine.window import Window, arranged
+from fleet.world.bullet.engine.window import EngineWindow, arranged
 from fleet.world.bullet.fixed import FixedBodies
 from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
@@ -147,7 +147,7 @@ class BulletWorld:
         except BaseException:
             client.close()
             raise
-        self.window = Window(client, self._cars.bodies) if config.connect is Connect.GUI else None
+        self.window = EngineWindow(client, self._cars.bodies) if config.connect is Connect.GUI else None
         """The engine's own window, if it has one here."""
         # Wheels touch nothing but the floor.
         self._links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]

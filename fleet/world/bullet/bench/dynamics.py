@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from fleet.arrays import FloatArray
-from fleet.world.bullet.bench.arm_file import ArmFile, ArmFileError, load
 from fleet.world.bullet.engine.client import Client
 
 GRAVITY_MPS2 = 9.81
@@ -56,56 +54,4 @@ class BodyDynamics:
         whole = rest.copy()
         whole[self._rows] = values
         numbers: list[float] = whole.tolist()
-        return numbers
-
-
-class ArmDynamics:
-    """An arm in an engine of its own; joints that are not in the chain are held where the file's reader put them.
-
-    Args:
-        arm: The arm.
-        gravity_mps2: Pull along the base frame's -z.
-    """
-
-    def __init__(self, arm: ArmFile, gravity_mps2: float = GRAVITY_MPS2) -> None:
-        self._client = client = Client()
-        body = load(client, arm.path)[arm.body]
-        client.setGravity(0.0, 0.0, -gravity_mps2)
-        names = {client.getJointInfo(body, i)[1].decode(): i for i in range(client.getNumJoints(body))}
-        rest = {names[name]: value for name, value in arm.frozen.items()}
-        self._dynamics = BodyDynamics(client, body, arm.joint_index, rest)
-        self._n = len(arm.joint_index)
-
-    def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
-        """Joint-space inertia for q (n,) [rad]; symmetric, positive definite, shape (n, n) [kg m^2].
-
-        Raises:
-            ArmFileError: Malformed q.
-        """
-        return self._dynamics.mass_matrix(self._checked(q, "q"))
-
-    def inverse_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, qdd: npt.ArrayLike) -> FloatArray:
-        """Torques that make the arm move so, gravity included.
-
-        Args:
-            q: Joint angles [rad], shape (n,).
-            qd: Velocities [rad/s], shape (n,).
-            qdd: Accelerations [rad/s^2], shape (n,).
-
-        Returns:
-            Torques [N m], shape (n,).
-
-        Raises:
-            ArmFileError: Malformed input.
-        """
-        return self._dynamics.torque(self._checked(q, "q"), self._checked(qd, "qd"), self._checked(qdd, "qdd"))
-
-    def close(self) -> None:
-        """End the connection; calling twice is harmless."""
-        self._client.close()
-
-    def _checked(self, values: npt.ArrayLike, name: str) -> FloatArray:
-        numbers = np.asarray(values, dtype=np.float64)
-        if numbers.shape != (self._n,) or not np.all(np.isfinite(numbers)):
-            raise ArmFileError(f"{name}: {numbers} of shape {numbers.shape}; valid: {self._n} finite values")
         return numbers

@@ -1,4 +1,4 @@
-"""Window: the engine's own window, if there is one: how it shows a world, and what is drawn and asked in it."""
+"""EngineWindow: the engine's own window, if there is one: how it shows a world, and what is drawn and asked in it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def arranged(client: Client, size_m: tuple[float, float]) -> Iterator[None]:
     show(client.COV_ENABLE_RENDERING, 1)
 
 
-class Window:
+class EngineWindow:
     """Names, dotted lines and sliders over a world; every call waits for the window to draw a frame.
 
     Nothing here has a mass or a shape: the world goes on as it would without.

@@ -178,3 +178,18 @@ def test_an_interrupted_run_keeps_what_it_has(problem: Path, tmp_path: Path, rep
     assert summary["interrupted"]
     assert 1 <= summary["steps"] < 10**6
     assert summary["tasks_finished"] == replay.n_finished
+
+
+def test_the_plain_controller_plays_too(problem: Path, tmp_path: Path) -> None:
+    """PIBT plays otherwise than the default does, and by the rules."""
+    played = []
+    for controller in ("pibt", "multi_step_pibt"):
+        out = tmp_path / f"{controller}.json"
+        assert end(problem, "--steps", 40, "--controller", controller, "--output", out) == 0
+        assert Replay(problem, out).complaints == []
+        played.append(json.loads(out.read_text())["actualPaths"])
+    assert played[0] != played[1]
+
+
+def test_an_unknown_controller_is_refused(problem: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "multi_step_pibt" in complaint(capsys, problem, "--controller", "none")

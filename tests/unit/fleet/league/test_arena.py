@@ -68,7 +68,7 @@ def test_tasks_of_the_file_come_again_under_new_numbers() -> None:
     assert arena.pool().tolist() == [0, 1, 3]
 
 
-def test_more_tasks_than_the_books_began_with_have_room() -> None:
+def test_more_tasks_than_there_was_room_for_at_first_have_room() -> None:
     arena = Arena(problem_of(CORRIDOR, [0], [[0]], pool_size=1))
     for task in range(1500):
         assert arena.pool().tolist() == [task]

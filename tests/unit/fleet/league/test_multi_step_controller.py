@@ -1,4 +1,4 @@
-"""Crew: plays by the rules, finishes more than the plain controller, and copes with what is odd."""
+"""MultiStepController: plays by the rules, finishes more than the plain controller, and copes with what is odd."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PATIENT_S = 60.0
 """A budget that is never short, so that the number of rounds decides and not the machine."""
 
 
-def crew(*, seed: int = 0, **settings: Any) -> MultiStepController:
+def made(*, seed: int = 0, **settings: Any) -> MultiStepController:
     return MultiStepController(MultiStepControllerConfig(**({"guidance": SHORT} | settings)), seed=seed)
 
 
@@ -42,22 +42,22 @@ def played_well(
 
 
 def test_it_finishes_more_than_the_plain_controller(tmp_path: Path) -> None:
-    crews, plain = 0, 0
+    finished, plain = 0, 0
     for seed in range(3):
         problem = random_problem(seed, n_robots=24)
-        crews += played_well(tmp_path, problem, crew(seed=seed), 150).result.n_finished
+        finished += played_well(tmp_path, problem, made(seed=seed), 150).result.n_finished
         plain += play(problem, PibtController(seed=seed), 150, PATIENT_S).result.n_finished
-    assert crews > 1.1 * plain
+    assert finished > 1.1 * plain
 
 
 @pytest.mark.parametrize("length", [1, 3, 5])
 def test_operations_of_any_length_are_legal(tmp_path: Path, length: int) -> None:
-    assert played_well(tmp_path, random_problem(3), crew(length=length), 60).result.n_finished > 5
+    assert played_well(tmp_path, random_problem(3), made(length=length), 60).result.n_finished > 5
 
 
 def test_a_floor_too_large_for_exact_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(goal_costs, "EXACT_BYTES", 0)
-    assert played_well(tmp_path, random_problem(4), crew(), 100).result.n_finished > 20
+    assert played_well(tmp_path, random_problem(4), made(), 100).result.n_finished > 20
 
 
 def test_a_robot_that_has_only_a_turn_to_make_makes_it_without_exact_costs(
@@ -65,19 +65,19 @@ def test_a_robot_that_has_only_a_turn_to_make_makes_it_without_exact_costs(
 ) -> None:
     """To turn costs as much as to wait for it; who waits must turn all the same, or it waits for ever."""
     monkeypatch.setattr(goal_costs, "EXACT_BYTES", 0)
-    played = played_well(tmp_path, problem_of(ROOM, [14], [[20], [14]]), crew(), 20)
+    played = played_well(tmp_path, problem_of(ROOM, [14], [[20], [14]]), made(), 20)
     assert played.result.n_finished >= 4
 
 
 def test_a_problem_of_2023_hands_its_tasks_out(tmp_path: Path) -> None:
     problem = random_problem(0, round_robin=True)
-    played = played_well(tmp_path, problem, crew(), 100, edition=2023)
+    played = played_well(tmp_path, problem, made(), 100, edition=2023)
     assert played.result.n_finished > play(problem, PibtController(), 100, PATIENT_S).result.n_finished
 
 
 def test_one_robot_goes_the_shortest_way(tmp_path: Path) -> None:
     """East four, a turn, south two, a turn, west four; then the task begins anew."""
-    played = played_well(tmp_path, problem_of(CORRIDOR, [0], [[4, 10]]), crew(), 12)
+    played = played_well(tmp_path, problem_of(CORRIDOR, [0], [[4, 10]]), made(), 12)
     assert played.result.n_finished == 1
     assert "".join("WFRCT"[action] for action in played.result.actual[:, 0]) == "FFFFRFFRFFFF"
 
@@ -85,39 +85,39 @@ def test_one_robot_goes_the_shortest_way(tmp_path: Path) -> None:
 def test_robots_without_a_task_make_room(tmp_path: Path) -> None:
     """Ten robots, one task at a time, on a floor with hardly room to pass."""
     problem = problem_of(ROOM[:2], list(range(10)), [[11], [0]], pool_size=1)
-    assert played_well(tmp_path, problem, crew(), 80).result.n_finished >= 4
+    assert played_well(tmp_path, problem, made(), 80).result.n_finished >= 4
 
 
 def test_a_full_floor(tmp_path: Path) -> None:
     """All but one cell taken."""
     problem = problem_of(ROOM[:4], list(range(23)), [[cell] for cell in range(24)])
-    assert played_well(tmp_path, problem, crew(), 60).result.n_finished > 10
+    assert played_well(tmp_path, problem, made(), 60).result.n_finished > 10
 
 
 def test_a_floor_of_one_cell(tmp_path: Path) -> None:
-    assert played_well(tmp_path, problem_of(["."], [0], [[0]]), crew(), 3).result.n_finished == 3
+    assert played_well(tmp_path, problem_of(["."], [0], [[0]]), made(), 3).result.n_finished == 3
 
 
 def test_a_goal_out_of_reach_stops_nobody_else(tmp_path: Path) -> None:
     problem = problem_of(["....@.", "....@."], [0, 7], [[5], [2], [8], [1]])
-    assert played_well(tmp_path, problem, crew(), 40).result.n_finished >= 2
+    assert played_well(tmp_path, problem, made(), 40).result.n_finished >= 2
 
 
 def test_a_tiny_budget_is_late_and_legal() -> None:
-    played = play(random_problem(5), crew(), 30, 1e-9)
+    played = play(random_problem(5), made(), 30, 1e-9)
     assert played.late_steps == 30
     assert (played.conflicts, played.result.planner_errors, played.result.schedule_errors) == ((), (), ())
     assert played.result.n_finished > 0
 
 
 def test_no_time_for_preparations_is_legal_too() -> None:
-    played = play(random_problem(5), crew(startup_s=1e-9), 30, PATIENT_S)
+    played = play(random_problem(5), made(startup_s=1e-9), 30, PATIENT_S)
     assert played.conflicts == ()
     assert played.result.n_finished > 0
 
 
 def test_the_same_seed_plays_the_same() -> None:
-    runs = [play(random_problem(6), crew(seed=seed), 40, PATIENT_S).result for seed in (7, 7, 8)]
+    runs = [play(random_problem(6), made(seed=seed), 40, PATIENT_S).result for seed in (7, 7, 8)]
     assert (runs[0].actual == runs[1].actual).all()
     assert (runs[0].schedule == runs[1].schedule).all()
     assert (runs[0].actual != runs[2].actual).any()
@@ -125,7 +125,7 @@ def test_the_same_seed_plays_the_same() -> None:
 
 def test_it_changes_nothing_in_the_arena() -> None:
     arena = Arena(random_problem(7))
-    controller = crew()
+    controller = made()
     before = [arena.states.copy(), arena.task_of.copy(), arena.errand_of.copy(), arena.errand_cell.copy()]
     controller.prepare(arena, PATIENT_S)
     controller.step(arena)
@@ -135,5 +135,5 @@ def test_it_changes_nothing_in_the_arena() -> None:
 
 @pytest.mark.parametrize("value", [0.0, 1.5, float("nan")])
 def test_settings_that_make_no_sense_are_refused(value: float) -> None:
-    with pytest.raises(FleetError, match=f"crew: budget_share = {value}; valid: 0 < budget_share <= 1"):
+    with pytest.raises(FleetError, match=f"multi_step_pibt: budget_share = {value}; valid: 0 < budget_share <= 1"):
         MultiStepControllerConfig(budget_share=value)

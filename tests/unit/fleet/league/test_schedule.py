@@ -1,4 +1,4 @@
-"""Schedule: the cheapest pair first, opened tasks stay, and nobody gets what another one has."""
+"""TaskSchedule: the cheapest pair first, opened tasks stay, and nobody gets what another one has."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from fleet.league import schedule as schedule_module
 from fleet.league.arena import NO_TASK, Arena
-from fleet.league.schedule import Schedule
+from fleet.league.schedule import TaskSchedule
 from maps.grid import EAST
 from maps.lane_graph import grid_lane_graph
 from maps.lorr import LeagueProblem
@@ -21,10 +21,10 @@ def _exact_pairs(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(schedule_module, "_EXACT_PAIRS", request.param)
 
 
-def begin(problem: LeagueProblem) -> tuple[Arena, Schedule]:
+def begin(problem: LeagueProblem) -> tuple[Arena, TaskSchedule]:
     arena = Arena(problem)
     costs = GoalCosts(arena.graph, grid_lane_graph(problem.grid, "pebble"))
-    return arena, Schedule(arena, costs)
+    return arena, TaskSchedule(arena, costs)
 
 
 def test_what_is_left_of_a_task_is_the_way_from_errand_to_errand() -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from fleet.robots import TOOLS, iiwa_urdf, racecar_spec, racecar_urdf
 from fleet.robots.description import fill
-from fleet.robots.racecar import HINGES, WHEELS, wheel_places
+from fleet.robots.racecar import HINGES
+from fleet.robots.spec import WHEELS
 
 
 def joints(text: str) -> dict[str, ElementTree.Element]:
@@ -20,7 +21,7 @@ def test_the_racecar_has_hinges_and_wheels_where_its_specification_says() -> Non
     found = joints(racecar_urdf())
     assert set(found) == {*HINGES, *(f"{wheel}_spin" for wheel in WHEELS)}
     rear_left = [float(x) for x in found["rear_left_spin"].find("origin").attrib["xyz"].split()]  # type: ignore[union-attr]
-    np.testing.assert_allclose(rear_left, wheel_places(racecar_spec())[0])
+    np.testing.assert_allclose(rear_left, racecar_spec().wheel_places[0])
 
 
 def test_chassis_and_tray_collide_and_the_tray_is_open() -> None:

@@ -1,4 +1,4 @@
-"""Parcels: where they come to rest, and what they ride on."""
+"""PlanarParcels: where they come to rest, and what they ride on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fleet.world.parcels import ParcelError, Parcels
+from fleet.world.parcels import ParcelError, PlanarParcels
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene
 
@@ -30,12 +30,12 @@ def tip(x: float, y: float, z: float) -> FloatArray:
 
 
 @pytest.fixture
-def parcels(hall: Scene) -> Parcels:
+def parcels(hall: Scene) -> PlanarParcels:
     """Return an empty hall."""
-    return Parcels(hall.boxes, hall.car, 1)
+    return PlanarParcels(hall.boxes, hall.car, 1)
 
 
-def test_parcel_drops_on_the_highest_thing_below(parcels: Parcels, hall: Scene) -> None:
+def test_parcel_drops_on_the_highest_thing_below(parcels: PlanarParcels, hall: Scene) -> None:
     cars = hall.car_start
     parcels.add(box(3, 7.0, 3.0, 1.0), cars)  # floor
     parcels.add(box(1, 2.05, 5.0, 0.5), cars)  # pedestal, top 0.25
@@ -46,7 +46,7 @@ def test_parcel_drops_on_the_highest_thing_below(parcels: Parcels, hall: Scene) 
     assert parcels.poses[:, 2] == pytest.approx([0.28, 0.21, 0.03, 0.34, 0.03])
 
 
-def test_parcel_rides_in_the_tray_of_a_turning_car(parcels: Parcels, hall: Scene) -> None:
+def test_parcel_rides_in_the_tray_of_a_turning_car(parcels: PlanarParcels, hall: Scene) -> None:
     cars = hall.car_start.copy()
     parcels.add(box(0, 1.5 + 0.20, 1.5 + 0.05, 0.3, yaw=0.3), cars)
     cars[0] = (5.0, 2.0, math.pi / 2)
@@ -55,7 +55,7 @@ def test_parcel_rides_in_the_tray_of_a_turning_car(parcels: Parcels, hall: Scene
     assert 2 * math.atan2(parcels.poses[0, 5], parcels.poses[0, 6]) == pytest.approx(0.3 + math.pi / 2)
 
 
-def test_suction_takes_only_what_it_touches(parcels: Parcels, hall: Scene) -> None:
+def test_suction_takes_only_what_it_touches(parcels: PlanarParcels, hall: Scene) -> None:
     cars = hall.car_start
     parcels.add(box(8, 2.0, 5.0, 0.5), cars)  # top face at 0.31
     parcels.update(cars, tip(2.0, 5.0, 0.335), ON)
@@ -66,7 +66,7 @@ def test_suction_takes_only_what_it_touches(parcels: Parcels, hall: Scene) -> No
     assert parcels.poses[0, :3] == pytest.approx([2.5, 5.0, 0.78])
 
 
-def test_held_parcel_turns_with_the_tool(parcels: Parcels, hall: Scene) -> None:
+def test_held_parcel_turns_with_the_tool(parcels: PlanarParcels, hall: Scene) -> None:
     cars = hall.car_start
     parcels.add(box(8, 2.0, 5.0, 0.5), cars)
     parcels.update(cars, tip(2.0, 5.0, 0.31), ON)
@@ -75,7 +75,7 @@ def test_held_parcel_turns_with_the_tool(parcels: Parcels, hall: Scene) -> None:
     assert parcels.poses[0, :3] == pytest.approx([3.03, 3.0, 1.0])
 
 
-def test_released_parcel_lands_in_the_tray_and_leaves_with_the_car(parcels: Parcels, hall: Scene) -> None:
+def test_released_parcel_lands_in_the_tray_and_leaves_with_the_car(parcels: PlanarParcels, hall: Scene) -> None:
     cars = hall.car_start.copy()
     parcels.add(box(8, 2.0, 5.0, 0.5), cars)
     parcels.update(cars, tip(2.0, 5.0, 0.31), ON)
@@ -89,13 +89,13 @@ def test_released_parcel_lands_in_the_tray_and_leaves_with_the_car(parcels: Parc
 
 
 def test_two_tools_never_hold_one_parcel(hall: Scene) -> None:
-    parcels = Parcels(hall.boxes, hall.car, 2)
+    parcels = PlanarParcels(hall.boxes, hall.car, 2)
     parcels.add(box(0, 7.0, 3.0, 0.1), hall.car_start)
     parcels.update(hall.car_start, np.repeat(tip(7.0, 3.0, 0.06), 2, axis=0), np.array([True, True]))
     assert sorted(parcels.held.tolist()) == [-1, 0]
 
 
-def test_remove_frees_the_grip(parcels: Parcels, hall: Scene) -> None:
+def test_remove_frees_the_grip(parcels: PlanarParcels, hall: Scene) -> None:
     parcels.add(box(0, 7.0, 3.0, 0.1), hall.car_start)
     parcels.update(hall.car_start, tip(7.0, 3.0, 0.06), ON)
     parcels.remove(0)
@@ -104,7 +104,7 @@ def test_remove_frees_the_grip(parcels: Parcels, hall: Scene) -> None:
     parcels.update(hall.car_start, AWAY, ON)
 
 
-def test_ids_are_checked(parcels: Parcels, hall: Scene) -> None:
+def test_ids_are_checked(parcels: PlanarParcels, hall: Scene) -> None:
     parcels.add(box(4, 7.0, 3.0, 0.1), hall.car_start)
     with pytest.raises(ParcelError, match="parcel 4 is in the world already"):
         parcels.add(box(4, 6.0, 3.0, 0.1), hall.car_start)

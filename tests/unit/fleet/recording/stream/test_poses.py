@@ -13,11 +13,17 @@ from fleet.recording.stream.poses import (
     car_parts,
     quat_from_matrix,
     quat_multiply,
-    quat_rotate,
     snapped,
 )
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
+
+
+def quat_rotate(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Turn a vector by a quaternion xyzw: v' = v + 2 w (u x v) + 2 u x (u x v)."""
+    u, w = quat[:3], quat[3]
+    across = 2 * np.cross(u, vector)
+    return vector + w * across + np.cross(u, across)
 
 
 def matrix_of(quat: np.ndarray) -> np.ndarray:
