@@ -81,7 +81,7 @@ def delivery(name: str, pick: str = "pick_1", drop: str = "drop_1", **own: Any) 
 def visit(name: str, *stops: str | tuple[str, ...], **own: Any) -> Visit:
     """A visit of places, released at once."""
     each = tuple((stop,) if isinstance(stop, str) else stop for stop in stops)
-    return Visit(**({"name": name, "release_s": 0.0, "kind": "patrol", "stops": each} | own))
+    return Visit(name=name, stops=each, **({"release_s": 0.0, "kind": "patrol"} | own))
 
 
 class Log:
