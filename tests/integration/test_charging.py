@@ -102,7 +102,6 @@ def test_a_car_gives_a_task_back_when_its_battery_becomes_critical() -> None:
     with Simulation(
         RunConfig(battery=SMALL_PACK, fidelity=Fidelity.GRID, robots=2, tasks=4, arms=ArmConfig(workers_n=0))
     ) as simulation:
-        dispatcher = simulation.dispatcher
         while CarPhase.TO_PICK not in simulation.missions.phase:
             simulation.tick()
         car = simulation.missions.phase.index(CarPhase.TO_PICK)

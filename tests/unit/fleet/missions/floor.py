@@ -1,4 +1,4 @@
-"""A floor of 12 x 6 cells for tests of single rules: real books, lanes and traffic, and no physics, planning or driving.
+"""A floor of 12 x 6 cells for tests of single rules: real books, lanes and traffic, no physics and no arm planning.
 
 A car comes to where it was sent because a test says so, and an arm has moved a parcel because a test says so.
 """
