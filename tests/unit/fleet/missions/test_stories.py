@@ -58,11 +58,9 @@ def test_a_delivery_from_its_release_to_its_end() -> None:
     check(floor)
 
 
-@pytest.mark.parametrize("phase", [CarPhase.RECOVERING, CarPhase.DEAD, CarPhase.RETIRED])
+@pytest.mark.parametrize("phase", [CarPhase.RECOVERING, CarPhase.DEAD])
 @pytest.mark.parametrize("state", [None, "assigned", "loading", "carried", "unloading", "visiting"])
 def test_a_car_that_leaves_service_with_any_task(phase: CarPhase, state: str | None) -> None:
-    if phase is CarPhase.RETIRED and state is not None:
-        pytest.skip("cars are retired when their task has ended")
     floor = Floor(orders=[visit("a", "parking_4") if state == "visiting" else delivery("a")])
     if state == "visiting":
         floor.visiting("a", car=0)
