@@ -107,5 +107,5 @@ hooks-check: $(STAMP) ## Run the pre-commit hooks on all files.
 	@$(BIN)/pre-commit run --all-files
 
 clean: ## Remove .venv, caches and the output of runs.
-	@rm -rf $(VENV) .stacks .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
+	@rm -rf $(VENV) .stacks .coverage .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -54,18 +54,6 @@ def dispatcher_of(
         changed=changed,
         clear_left=lambda: names.called.append("clear_left"),
     )
-    others = [
-        "due_dates",
-        "slots",
-        "visit_queue",
-        "assignments",
-        "interventions",
-        "admission",
-        "docks",
-        "prefetch",
-        "visits",
-        "parking",
-    ]
     rules: Any = {name: names.rule(name) for name in OTHERS}
     return Dispatcher(Rules(missions=missions, charging=names.rule("charging") if charges else None, **rules), TICK_S)
 
