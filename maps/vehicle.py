@@ -5,9 +5,6 @@ Source: the PyBullet racecar (wheelbase 0.325 m); a pure-pursuit controller foll
 
 BODY_FRONT_M = 0.41
 """Reach of the body ahead of the rear axle [m]."""
-BODY_REAR_M = 0.09
-"""Reach of the body behind the rear axle [m]."""
-BODY_HALF_WIDTH_M = 0.14
 TRAY_AHEAD_M = 0.16
 """Centre of the tray ahead of the rear axle [m]."""
 TURN_RADIUS_M = 0.4

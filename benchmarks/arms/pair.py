@@ -18,29 +18,17 @@ from scipy.interpolate import CubicHermiteSpline
 
 from benchmarks.arms.exclusion import least_makespans_s
 from benchmarks.harness import Kind, Row, Trial
-from fleet.robots import iiwa_spec
 from fleet.robots.iiwa import iiwa_urdf
-from fleet.robots.tools import TOOLS
-from fleet.stations.arms.arm_spheres import arm_spheres
-from planners.motion.arm.ik import SrsGeometry
-from planners.motion.arm.kinematics import flange_from_tip
-from planners.motion.collision.collision import CollisionChecker
-from planners.motion.collision.obstacles import Boxes
+from fleet.tabletop.exchange import SharedTray
 from planners.motion.pair.schedule import Schedule
-from planners.motion.pair.swept import ArmInWorld
-from planners.motion.pair.together import Trip, Way, alone_s, plan_together
+from planners.motion.pair.together import Way, plan_together
 from planners.motion.path.timed_path import Dwell, TimedPath
-from planners.motion.search.rrt_connect_native import RrtConnectNative
 
 FloatArray = npt.NDArray[np.float64]
 
 INSTANCES_N, QUICK_INSTANCES_N = 200, 10
 AGAIN_N = 10
 """Instances that are solved again, in this process and in another."""
-BASE_Y_M = 0.55
-"""The arms look the same way, this far to either side of the tray's centre line [m]."""
-DWELL_S = 0.4
-"""Rest over the tray and over the table, for the grip [s]."""
 REFEREE_S = 0.01
 TARGET_MS = 15.0
 
@@ -57,34 +45,8 @@ class Outcome:
     """How long each arm takes at least when there is no other [s]."""
 
 
-class Cell:
-    """Two iiwa with suction cups at their real limits, the tray of a car between them, a table beside each.
-
-    Bases 1.10 m apart, tray 0.45 m ahead of both, so that each reaches all of it.
-    """
-
-    def __init__(self) -> None:
-        self.tool = TOOLS["suction"]
-        self.spec = iiwa_spec(self.tool)
-        model = arm_spheres(self.spec, self.tool)
-        self.srs = SrsGeometry.from_joints(self.spec.base_from_joint, self.spec.lower_rad, self.spec.upper_rad)
-        self.planner = RrtConnectNative()
-        self.bases = [np.array([0.0, side * BASE_Y_M, 0.0]) for side in (-1, 1)]
-        self.checkers = [CollisionChecker(model, _boxes(base), margin=0.02) for base in self.bases]
-        self.arms = []
-        for base in self.bases:
-            pose = np.eye(4)
-            pose[:3, 3] = base
-            self.arms.append(ArmInWorld(model, pose))
-
-    def places(self, rng: np.random.Generator, deliveries_n: int) -> list[list[FloatArray]]:
-        """Goal sets of both arms: over its table, over the tray, over its table, ...; each shape (k, 7)."""
-        return [[self._goals(rng, arm, over_tray=k % 2 == 1) for k in range(2 * deliveries_n + 1)] for arm in range(2)]
-
-    def trips(self, places: Sequence[Sequence[FloatArray]]) -> tuple[Trip, Trip]:
-        """What both arms are to do, from `places`."""
-        first, second = (self._trip(arm, own) for arm, own in enumerate(places))
-        return first, second
+class Cell(SharedTray):
+    """The arms and their tray, timed."""
 
     def solve(self, places: Sequence[Sequence[FloatArray]], seed: int) -> Outcome | None:
         """Plan every leg, then the schedule; None if nothing was found."""
@@ -94,35 +56,8 @@ class Cell:
         if both.found is None:
             return None
         cpu_ms = (time.process_time() - begin) * 1e3
-        pairs = zip(alone_s(trips, self.planner, seed=seed), both.paths, strict=True)
-        least_s = tuple(min(alone, path.duration_s) for alone, path in pairs)
+        least_s = self.bounds_s(places, both, seed)
         return Outcome(way=both.way, paths=both.paths, found=both.found, cpu_ms=cpu_ms, alone_s=least_s)
-
-    def _goals(self, rng: np.random.Generator, arm: int, *, over_tray: bool) -> FloatArray:
-        side = (-1, 1)[arm]
-        while True:
-            y = rng.uniform(-0.15, 0.10) if over_tray else rng.uniform(0.7, 1.0)
-            point = np.array([rng.uniform(0.25, 0.5), side * y, rng.uniform(0.30, 0.45)])
-            yaw = rng.uniform(-np.pi, np.pi)
-            tip = np.eye(4)
-            tip[:3, :3] = [[np.cos(yaw), np.sin(yaw), 0], [np.sin(yaw), -np.cos(yaw), 0], [0, 0, -1]]
-            tip[:3, 3] = point - self.bases[arm]
-            q = self.srs.ik_all(flange_from_tip(tip, self.tool.length_m))
-            q = q[self.checkers[arm].batch(q)] if len(q) else q
-            if len(q):
-                return q
-
-    def _trip(self, arm: int, places: Sequence[FloatArray]) -> Trip:
-        spec = self.spec
-        return Trip(
-            arm=self.arms[arm],
-            checker=self.checkers[arm],
-            max_velocity=spec.max_velocity_radps,
-            max_acceleration=spec.max_acceleration_radps2,
-            start=places[0][np.argmin(np.abs(places[0] - spec.home_rad).max(axis=1))],
-            stops=places[1:],
-            dwell_s=DWELL_S,
-        )
 
 
 class Referee:
@@ -276,16 +211,3 @@ def _digest(outcome: Outcome | None) -> str:
         return ""
     parts = [outcome.found.index.tobytes(), *(path.q.tobytes() for path in outcome.paths)]
     return hashlib.sha256(b"".join(parts)).hexdigest()
-
-
-def _boxes(base: FloatArray) -> Boxes:
-    """Floor, car with its tray, and both tables, as the arm at a base sees them."""
-    parts = [Boxes.one((0.0, 0.0, -0.05), (3.0, 3.0, 0.05), min_frame=3)]
-    x = 0.45
-    solid = [((x, 0.0, 0.09), (0.22, 0.15, 0.09)), ((x, 0.0, 0.19), (0.17, 0.13, 0.006))]
-    for side in (-1, 1):
-        solid.append(((x + side * 0.17, 0.0, 0.225), (0.005, 0.13, 0.04)))
-        solid.append(((x, side * 0.13, 0.225), (0.17, 0.005, 0.04)))
-        solid.append(((x, side * 0.95, 0.12), (0.2, 0.2, 0.12)))
-    parts += [Boxes.one(np.array(centre) - base, half) for centre, half in solid]
-    return Boxes.join(*parts)

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
-from planners.allocation.job_shop.shop_kernel import dispatch, empty_books
+from planners.allocation.job_shop.shop_kernel import dispatch, empty_schedule
 from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.regret_lns import RegretLns, RegretLnsConfig
@@ -100,7 +100,7 @@ def _greedy(problem: AllocationProblem) -> Assignment:
     arrays = arrays_of(problem, problem.shop)
     n_jobs = problem.shop.n_jobs
     order, vehicle = np.arange(n_jobs), np.full(n_jobs, -1)
-    dispatch(arrays, empty_books(arrays), 0.0, order, vehicle)
+    dispatch(arrays, empty_schedule(arrays), 0.0, order, vehicle)
     return planned(problem, problem.shop, order, vehicle)
 
 

@@ -17,7 +17,7 @@ from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.config import BulletConfig, exact_tick_s
-from fleet.world.bullet.world import FLOOR_FRICTION
+from fleet.world.bullet.fixed import FLOOR_FRICTION
 from fleet.world.scene import Scene
 
 FloatArray = npt.NDArray[np.float64]

@@ -98,10 +98,17 @@ TABLETOP_COMMANDS = {
         "Let a Franka Panda empty a tray of pybullet_data's random objects into a box.",
     ),
     "pair": Command("tabletop.TabletopPair", "Let two Kukas sort cubes and cylinders side by side, at the same time."),
+    "exchange": Command(
+        "tabletop.TabletopExchange",
+        "Let two Kukas bring parcels to one tray that has room for one arm, as soon after each other as they can.",
+    ),
 }
 GROUPS = {
     "site": ("Check, list, generate or convert sites.", SITE_COMMANDS),
-    "tabletop": ("Sort a table: one Kuka, a Panda with a tray, or two Kukas.", TABLETOP_COMMANDS),
+    "tabletop": (
+        "Sort a table: a Kuka, a Panda with a tray, two Kukas; or let two share a tray.",
+        TABLETOP_COMMANDS,
+    ),
 }
 """Words that have commands of their own."""
 

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.console import Console
-from rich.table import Table
 
 from fleet.config import require
 
@@ -28,9 +26,14 @@ class SiteCheck:
     """Name of a shipped site or path of a site file."""
     no_draw: bool = False
     """Leave out the floor plan with its lane directions."""
+    graphml: Path | None = None
+    """A file to write the lane graph to, for graph tools: states and moves with their poses, lengths and paths."""
 
     def run(self) -> int:
         """Print the report; a bad site raises."""
+        from rich.console import Console
+        from rich.table import Table
+
         from maps.report import check_site, draw_site
         from maps.site import load_site
 
@@ -43,6 +46,13 @@ class SiteCheck:
         for name, value in vars(report).items():
             table.add_row(name.replace("_", " "), _text(value))
         console.print(table)
+        if self.graphml is not None:
+            from maps.graphml import write_graphml
+            from maps.lane_graph import build_lane_graph
+
+            graph = build_lane_graph(site)
+            write_graphml(graph, self.graphml)
+            sys.stdout.write(f"{self.graphml}: {graph.n_states} states, {graph.n_moves} moves\n")
         return 0
 
 

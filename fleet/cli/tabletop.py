@@ -1,4 +1,4 @@
-"""The tabletop commands: arms that sort a table, in the physics engine."""
+"""The tabletop commands: arms that sort a table, or share a tray, in the physics engine."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import hashlib
 import json
 import sys
 import time
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from rich.console import Console
 from rich.table import Table
@@ -17,9 +18,17 @@ from rich.table import Table
 from fleet.config import Connect, require
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from fleet.recording.stream.shapes import ShapeRecorder
+    from fleet.robots.spec import ArmSpec
+    from fleet.robots.tools import Tool
     from fleet.tabletop.job import Tally
     from fleet.world.bullet.bench.table import DrawnShape, TableWorld
+    from fleet.world.tabletop import TableScene
+
+Result = TypeVar("Result")
 
 ALL_SORTED, SOME_LEFT = 0, 1
 MOST_SEED = 2**31 - 1
@@ -48,41 +57,23 @@ class _Tabletop:
         # The engine and the kernels take a second to load: only for runs, not for --help.
         import numpy as np
 
-        from fleet.recording.run_file import RECORDING, prepare_output
         from fleet.tabletop.arm import load_model
         from fleet.tabletop.job import Job
         from fleet.tabletop.layout import LAYOUTS
-        from fleet.world.bullet.bench.table import TableWorld
 
-        require(0 <= self.seed <= MOST_SEED, "--seed", self.seed, f"an integer from 0 to {MOST_SEED}")
+        self._check()
         layout = LAYOUTS[self.name](self.seed, objects)
         model = load_model(layout.scene.arm, layout.scene.tool)
         start = np.tile(model.spec.home_rad, (len(layout.scene.arm_base), 1))
-        connect = Connect.GUI if self.gui else Connect.DIRECT
-        world = TableWorld(layout.scene, model.spec, model.tool, start, connect)
+
+        def work(world: TableWorld, watch: Callable[[], None]) -> Tally:
+            job = Job(layout, model, world, seed=self.seed, watch=watch)
+            with closing(job):
+                return job.run()
+
         began_s = time.perf_counter()
-        try:
-            prepare_output(self.out)
-            film = None if self.no_record else _Film(self.out / RECORDING, f"tabletop {self.name}", world)
-            try:
-                job = Job(layout, model, world, seed=self.seed, watch=film.frame if film else _nothing)
-                with closing(job):
-                    tally = job.run()
-            finally:
-                if film is not None:
-                    film.close()
-            state = hashlib.sha256(world.state_bytes()).hexdigest()
-        finally:
-            world.close()
-        self._tell(tally, state, objects, time.perf_counter() - began_s)
-        return ALL_SORTED if tally.done else SOME_LEFT
-
-    def _tell(self, tally: Tally, state: str, objects: int, wall_s: float) -> None:
-        from fleet.recording.run_file import RECORDING, RESULT, versions
-
+        tally, state = self._played(layout.scene, model.spec, model.tool, start, work)
         figures = {
-            "table": self.name,
-            "seed": self.seed,
             "objects": objects,
             "sorted": tally.sorted_n,
             "rounds": tally.rounds_n,
@@ -93,7 +84,46 @@ class _Tabletop:
             "sim_s": round(tally.sim_s, 3),
             "state_hash": state,
         }
-        result = {**figures, "reasons": tally.reasons, "settings": asdict(self), "versions": versions()}
+        remarks = [f"object {thing} is not where it belongs: {why}" for thing, why in tally.reasons.items()]
+        self._tell(figures, {"reasons": tally.reasons}, remarks, time.perf_counter() - began_s)
+        return ALL_SORTED if tally.done else SOME_LEFT
+
+    def _check(self) -> None:
+        require(0 <= self.seed <= MOST_SEED, "--seed", self.seed, f"an integer from 0 to {MOST_SEED}")
+
+    def _played(
+        self,
+        scene: TableScene,
+        spec: ArmSpec,
+        tool: Tool,
+        start: npt.NDArray[np.float64],
+        work: Callable[[TableWorld, Callable[[], None]], Result],
+    ) -> tuple[Result, str]:
+        """Do some work in the engine, and record it; what it gives, and a digest of the state at its end."""
+        from fleet.recording.run_file import RECORDING, prepare_output
+        from fleet.world.bullet.bench.table import TableWorld
+
+        world = TableWorld(scene, spec, tool, start, Connect.GUI if self.gui else Connect.DIRECT)
+        try:
+            prepare_output(self.out)
+            film = None if self.no_record else _Film(self.out / RECORDING, f"tabletop {self.name}", world)
+            try:
+                result = work(world, film.frame if film else _nothing)
+            finally:
+                if film is not None:
+                    film.close()
+            return result, hashlib.sha256(world.state_bytes()).hexdigest()
+        finally:
+            world.close()
+
+    def _tell(
+        self, own: Mapping[str, object], more: Mapping[str, object], remarks: Sequence[str], wall_s: float
+    ) -> None:
+        """Print figures and remarks; write the figures, and more."""
+        from fleet.recording.run_file import RECORDING, RESULT, versions
+
+        figures = {"table": self.name, "seed": self.seed, **own}
+        result = {**figures, **more, "settings": asdict(self), "versions": versions()}
         (self.out / RESULT).write_text(json.dumps(result, indent=2, default=str) + "\n", encoding="utf-8")
         table = Table(title=f"tabletop {self.name}", show_header=False)
         for key, value in figures.items():
@@ -101,8 +131,8 @@ class _Tabletop:
         table.add_row("wall s", f"{wall_s:.1f}")
         console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
         console.print(table)
-        for thing, why in tally.reasons.items():
-            console.print(f"object {thing} is not where it belongs: {why}", soft_wrap=True)
+        for remark in remarks:
+            console.print(remark, soft_wrap=True)
         console.print(f"{self.out}: {RESULT}" + ("" if self.no_record else f", {RECORDING}"), soft_wrap=True)
 
 
@@ -143,6 +173,47 @@ class TabletopPair(_Tabletop):
     def run(self) -> int:
         """Sort, print and write; returns the exit status."""
         return self._run(self.objects)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TabletopExchange(_Tabletop):
+    """Let two Kukas bring parcels to one tray that has room for one arm, as soon after each other as they can."""
+
+    name: ClassVar[str] = "exchange"
+    deliveries: int = 1
+    """How many parcels each arm brings, at most 3."""
+
+    def run(self) -> int:
+        """Plan, play, print and write; returns the exit status."""
+        import numpy as np
+
+        from fleet.tabletop.exchange import SharedTray, play
+
+        self._check()
+        began_s = time.perf_counter()
+        tray = SharedTray()
+        places = tray.places(np.random.default_rng((0, self.seed)), self.deliveries)
+        both = tray.plan(places, self.seed)
+        start = np.array([trip.start for trip in tray.trips(places)])
+
+        def work(world: TableWorld, watch: Callable[[], None]) -> int:
+            play(world, both, watch)
+            return world.robot_contacts
+
+        contacts, state = self._played(tray.scene(), tray.spec, tray.tool, start, work)
+        figures: dict[str, object] = {"deliveries_each": self.deliveries, "way": both.way.value}
+        solved = both.found is not None
+        if both.found is not None:
+            bounds_s = tray.bounds_s(places, both, self.seed)
+            figures |= {
+                "makespan_s": round(both.found.makespan_s, 3),
+                "alone_s": [round(own, 3) for own in bounds_s],
+                "makespan_over_longer": round(both.found.makespan_s / max(bounds_s), 3),
+            }
+        figures |= {"robot_contacts": contacts, "state_hash": state}
+        remarks = [] if solved else ["no schedule was found"]
+        self._tell(figures, {}, remarks, time.perf_counter() - began_s)
+        return ALL_SORTED if solved and contacts == 0 else SOME_LEFT
 
 
 class _Film:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.errors import FleetError
 
 
@@ -12,7 +13,7 @@ class ControlError(FleetError):
     """A command, a gain or a limit cannot be used."""
 
 
-def checked(name: str, values: npt.ArrayLike, n: int, unit: str) -> npt.NDArray[np.float64]:
+def checked(name: str, values: npt.ArrayLike, n: int, unit: str) -> FloatArray:
     """Give numbers as an array of n finite values.
 
     Raises:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from fleet.arrays import FloatArray
+
 Replay = Callable[[FloatArray, FloatArray], FloatArray]
 """Joint positions (k, n) that a simulated arm has with damping (n,) and dry friction (n,)."""
 

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.control.errors import ControlError
 from fleet.control.limits import JointLimits
-
-FloatArray = npt.NDArray[np.float64]
 
 SHORTEST_S, LONGEST_S = 0.1, 3600.0
 """A motion that tells something, and that is replayed in minutes."""

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.control.errors import ControlError, checked
-
-FloatArray = npt.NDArray[np.float64]
 
 _RETURN_STEPS = 10
 """A joint beyond its end stop is led back within about so many steps."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from fleet.dispatch.solver import Solver
 from fleet.missions.state import Missions
 from fleet.tasks.board import Task, TaskState
 from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
+from planners.allocation.problem import Assignment
 from planners.allocation.reasons import Reason, reasons
 
 _PAIR_REASON = {
@@ -97,9 +98,10 @@ class TaskAllocation:
         for car, task in held.items():
             if column_of[car] < 0 or costs.tasks[column_of[car]] is not task:
                 taken.append((car, self._why_taken(costs, column_of, car, task)))
-        for car, column in enumerate(column_of.tolist()):
-            if column >= 0 and held.get(car) is not costs.tasks[column]:
-                given.append((car, costs.tasks[column]))
+        for car in (column_of >= 0).nonzero()[0].tolist():
+            task = costs.tasks[column_of[car]]
+            if held.get(car) is not task:
+                given.append((car, task))
         return Choice(taken=taken, given=given)
 
     def plan_filling(self, situation: Situation, now_s: float) -> None:
@@ -148,15 +150,14 @@ class TaskAllocation:
         costs.codes[pairs] = np.where(np.isfinite(problem.cost), told, costs.codes[pairs])
         busy = costs.codes[list(soon)]
         costs.codes[list(soon)] = np.where(busy == _CODE[PairReason.NO_WAY], busy, np.int8(_CODE[PairReason.CAR_BUSY]))
-        lists: Sequence[Sequence[int]] = assignment.sequence or _by_row(assignment.pairs, len(cars))
-        for car, planned in zip(cars.tolist(), lists, strict=True):
-            for column in (columns[k] for k in planned):
-                if car in soon:
-                    later[column] = car
-                    costs.codes[car, column] = _CODE[PairReason.PLANNED_LATER]
-                elif column_of[car] < 0:
-                    column_of[car] = column
-                    costs.codes[car, column] = _CODE[PairReason.CHOSEN]
+        for row, k in _in_turn(assignment):
+            car, column = int(cars[row]), columns[k]
+            if car in soon:
+                later[column] = car
+                costs.codes[car, column] = _CODE[PairReason.PLANNED_LATER]
+            elif column_of[car] < 0:
+                column_of[car] = column
+                costs.codes[car, column] = _CODE[PairReason.CHOSEN]
         return column_of, later
 
     def _why_taken(self, costs: CostMatrix, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
@@ -220,9 +221,8 @@ class TaskAllocation:
         return TaskReason.NO_FREE_CAR, "every car that could take it has another task"
 
 
-def _by_row(pairs: npt.NDArray[np.int32], n: int) -> list[list[int]]:
-    """Tasks of each vehicle, in the order of the pairs."""
-    found: list[list[int]] = [[] for _ in range(n)]
-    for row, column in pairs.tolist():
-        found[row].append(column)
-    return found
+def _in_turn(assignment: Assignment) -> Iterable[tuple[int, int]]:
+    """Pairs of a vehicle and a task, those of a vehicle in the order in which it is to do them."""
+    if assignment.sequence:
+        return [(row, task) for row, planned in enumerate(assignment.sequence) for task in planned]
+    return [(row, task) for row, task in assignment.pairs.tolist()]

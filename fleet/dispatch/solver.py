@@ -45,18 +45,22 @@ class Solver:
         Args:
             costs: What tasks cost.
             columns: Columns of the tasks among them.
-            cars: The cars.
+            cars: The cars, ascending.
             held: Tasks that cars have already and may still give away, by car.
             horizon: Makes the job shop for allocators that plan ahead.
         """
         tasks = [costs.tasks[column] for column in columns]
         at = {task.index: k for k, task in enumerate(tasks)}
-        has = [at.get(held[car].index, NO_TASK) if car in held else NO_TASK for car in cars.tolist()]
+        has = np.full(len(cars), NO_TASK, dtype=np.int32)
+        for car, task in held.items():
+            row = int(np.searchsorted(cars, car))
+            if row < len(cars) and cars[row] == car:
+                has[row] = at.get(task.index, NO_TASK)
         return AllocationProblem(
             cost=costs.cost_s[np.ix_(cars, np.array(columns))],
             class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
-            held=np.array(has, dtype=np.int32),
+            held=has,
             keep_gain=self._config.keep_gain_s,
             keep_share=self._config.keep_share,
             shop=horizon.shop(costs, tasks, cars, held) if horizon is not None else None,

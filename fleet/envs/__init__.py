@@ -6,13 +6,17 @@ Those of a single robot are known to `gymnasium.make`.
 import gymnasium
 from pettingzoo import register
 
-register("parallel", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:parallel_env", max_cycles=1200)
-register("aec", "fleet/warehouse-v0", entry_point="fleet.envs.warehouse_v0:env", max_cycles=1200)
-register("parallel", "fleet/dispatch-v0", entry_point="fleet.envs.dispatch_v0:parallel_env", max_cycles=240)
-register("aec", "fleet/dispatch-v0", entry_point="fleet.envs.dispatch_v0:env", max_cycles=240)
-register("parallel", "fleet/traffic-v0", entry_point="fleet.envs.traffic_v0:parallel_env", max_cycles=500)
-register("aec", "fleet/traffic-v0", entry_point="fleet.envs.traffic_v0:env", max_cycles=500)
-register("parallel", "fleet/navigate-v0", entry_point="fleet.envs.navigate_v0:parallel_env", max_cycles=600)
-register("aec", "fleet/navigate-v0", entry_point="fleet.envs.navigate_v0:env", max_cycles=600)
+ENVIRONMENTS = {
+    "warehouse": 1200,
+    "dispatch": 240,
+    "traffic": 500,
+    "navigate": 600,
+}
+"""Longest episode of each environment, by name; `NAME_v0.py` has its `parallel_env` and its `env`."""
+
+for _name, _max_cycles in ENVIRONMENTS.items():
+    for _interface, _maker in (("parallel", "parallel_env"), ("aec", "env")):
+        _entry_point = f"fleet.envs.{_name}_v0:{_maker}"
+        register(_interface, f"fleet/{_name}-v0", entry_point=_entry_point, max_cycles=_max_cycles)
 gymnasium.register("fleet/KukaReach-v0", entry_point="fleet.envs.kuka_reach:KukaReachEnv")
 gymnasium.register("fleet/CarNavigate-v0", entry_point="fleet.envs.navigate.car_navigate:CarNavigateEnv")

@@ -14,7 +14,7 @@ from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
 from fleet.traffic.drivers import PathDriver
 from fleet.world.protocol import FloatArray
-from planners.motion.car.reeds_shepp import RejoinResult, RejoinStatus, plan_rejoin
+from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
 TURNING_RADIUS_M = 0.45
 """A little wider than the lanes' arcs, so that the follower has room to correct."""
@@ -229,7 +229,7 @@ class Recovery:
                     seed=seed,
                     max_iterations=iterations,
                 )
-                if way.status is not RejoinStatus.SOLVED:
+                if not way.solved:
                     continue
                 cells = [cell for cell in self._cells_of(way.poses) if cell not in room.ground]
                 if run.executor.dependencies.reserve(car, cells):

@@ -74,12 +74,12 @@ class WhyIdle:
         codes = decision.codes[cars]
         rows[cars, Column.DETAIL] = _DETAIL_OF_CODE[codes]
         if present is TaskReason.STATION_FULL:
-            full = [car for car, code in zip(cars, codes.tolist(), strict=True) if code == _NOT_OFFERED]
+            full = np.array(cars)[codes == _NOT_OFFERED]
             rows[full, Column.DETAIL] = DETAIL_OF[present]
             rows[full, Column.PLACE], rows[full, Column.BY] = self._full(task)
-        for car, code in zip(cars, codes.tolist(), strict=True):
-            if code == _NO_WAY or present is TaskReason.UNREACHABLE:
-                self._no_way(rows[car], car, task)
+        cut_off = np.array(cars) if present is TaskReason.UNREACHABLE else np.array(cars)[codes == _NO_WAY]
+        for car in cut_off.tolist():
+            self._no_way(rows[car], car, task)
 
     def _backlog(self, row: CauseRows, task: Task) -> None:
         """The task waits itself."""

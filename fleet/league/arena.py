@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.league.result_log import Books
 from fleet.league.rules import (
     MOVE_TEXTS,
@@ -124,7 +125,7 @@ class Arena:
         self.timestep += timesteps
         self.n_timeouts += timesteps
 
-    def result(self, planner_times_s: npt.NDArray[np.float64]) -> LeagueResult:
+    def result(self, planner_times_s: FloatArray) -> LeagueResult:
         """What happened so far."""
         books = self._books
         known = np.flatnonzero(self._life != UNKNOWN)

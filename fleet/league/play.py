@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.league.arena import Arena
 from fleet.league.controller import Controller
 from fleet.league.referee import check_actions
@@ -25,7 +25,7 @@ class Played:
     """What the League's file tells; calls of `step` that were timed are `result.planner_times_s`."""
     startup_s: float
     """Wall time of the controller's preparation [s]."""
-    step_cpu_s: npt.NDArray[np.float64]
+    step_cpu_s: FloatArray
     """CPU time of each call of `step`, all threads of this process [s]."""
     late_steps: int
     """Calls of `step` that took longer than their budget."""

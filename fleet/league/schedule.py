@@ -7,10 +7,11 @@ import numpy.typing as npt
 from numba import njit
 from scipy.optimize import linear_sum_assignment
 
+from fleet.arrays import BoolArray
 from fleet.league.arena import NO_TASK, Arena, Tasks
+from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.multi_step_kernel import Costs
-from planners.mapf.problem import IntArray
 
 Int64Array = npt.NDArray[np.int64]
 
@@ -120,7 +121,7 @@ class Schedule:
 
 @njit(cache=True, nogil=True)
 def _add_up(
-    backwards: Int64Array, last: npt.NDArray[np.bool_], leg: IntArray, rest: IntArray
+    backwards: Int64Array, last: BoolArray, leg: IntArray, rest: IntArray
 ) -> None:  # pragma: no cover - compiled
     """Sum up legs from the end of each task to its begin."""
     total = 0
@@ -175,7 +176,7 @@ def _shortlist(
 
 @njit(cache=True, nogil=True)
 def _greedy(
-    order: Int64Array, best: IntArray, chosen: Int64Array, used: npt.NDArray[np.bool_]
+    order: Int64Array, best: IntArray, chosen: Int64Array, used: BoolArray
 ) -> None:  # pragma: no cover - compiled
     """Give out pairs from the cheapest on; robots that went away empty-handed take what is left."""
     width = best.shape[1]

@@ -34,9 +34,8 @@ class Parking:
         visited = self._ways.goals[self._missions.cars_in(*ON_VISIT)]
         has_place = np.isin(goals, self._sorted) & ~np.isin(goals, visited)
         has_place[has_place] = self._ways.moves_each(tails[has_place], goals[has_place]) < UNREACHABLE
-        for car in waiting[has_place].tolist():
-            # After a visit to this place it stays no longer than it likes.
-            self._ways.let_push(car)
+        # After a visit to its place a car stays no longer than it likes.
+        self._ways.let_push(waiting[has_place])
         without = np.flatnonzero(~has_place)
         if not without.size:
             return

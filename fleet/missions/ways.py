@@ -111,9 +111,9 @@ class Ways:
         self._traffic.rank[car] = rank_s
         self._traffic.send(car, goal, stay=stay, tick=tick)
 
-    def let_push(self, car: int) -> None:
-        """Let others push a car from its goal."""
-        self._traffic.stay[car] = False
+    def let_push(self, cars: npt.NDArray[np.intp]) -> None:
+        """Let others push cars from their goals."""
+        self._traffic.stay[cars] = False
 
     def has_come(self, car: int) -> bool:
         """Whether a car stands where it was sent."""

@@ -7,14 +7,8 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Protocol, Self
 
-import numpy as np
-import numpy.typing as npt
-
+from fleet.arrays import CellArray, FloatArray, IntArray
 from fleet.sensors.camera import CameraImage
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-CellArray = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.insight.causes import robot_names
 from fleet.recording.errors import OutputError
 from maps.grid import HEADING_NAMES
@@ -29,8 +30,7 @@ VERSION = 2
 UNKNOWN = np.iinfo(np.int32).min
 """What a quantity is before it is known."""
 
-Ints = npt.NDArray[np.int64]
-FloatArray = npt.NDArray[np.float64]
+Ints = IntArray
 
 
 class Quantity(IntEnum):
@@ -280,7 +280,7 @@ def _name(names: Sequence[str], index: int) -> str:
 
 
 @njit(cache=True)
-def _mix(hashed, word):
+def _mix(hashed: np.uint64, word: np.uint64) -> np.uint64:
     """One round of FNV-1a on 64-bit words, with a shift, as its product moves bits only upwards.
 
     Source: G. Fowler, L. C. Noll, K.-P. Vo, "The FNV Non-Cryptographic Hash Algorithm", RFC 9923.
@@ -290,7 +290,15 @@ def _mix(hashed, word):
 
 
 @njit(cache=True)
-def _digest(first, values, motion, known, digests, marks, changes):
+def _digest(
+    first: int,
+    values: IntArray,
+    motion: FloatArray,
+    known: IntArray,
+    digests: npt.NDArray[np.uint64],
+    marks: npt.NDArray[np.uint16],
+    changes: npt.NDArray[np.void],
+) -> int:
     """Digest of each tick, marks of each robot, and rows for what has changed; returns how many rows."""
     n_ticks, n_quantities, n_robots = values.shape
     bits = (motion + 0.0).view(np.uint64)  # + 0.0: no negative zeros

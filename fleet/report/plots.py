@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.charts.drawing import Box, Dot, Drawing, Line, Words
 
 INK, QUIET, GRID, WALL, SHELF = "var(--ink)", "var(--quiet)", "var(--grid)", "var(--wall)", "var(--shelf)"
@@ -23,9 +23,7 @@ _MANY_N = 30
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
-def stacked_bars(
-    names: Sequence[str], parts: Mapping[str, npt.NDArray[np.float64]], colors: Mapping[str, str]
-) -> Drawing:
+def stacked_bars(names: Sequence[str], parts: Mapping[str, FloatArray], colors: Mapping[str, str]) -> Drawing:
     """One bar for each name, of the same length, divided into parts.
 
     Args:
@@ -60,8 +58,8 @@ def stacked_bars(
 
 
 def columns(
-    edges: npt.NDArray[np.float64],
-    heights: npt.NDArray[np.float64],
+    edges: FloatArray,
+    heights: FloatArray,
     *,
     color: str,
     x_label: str,
@@ -89,9 +87,7 @@ def columns(
     return sheet
 
 
-def steps(
-    x: npt.NDArray[np.float64], lines: Mapping[str, npt.NDArray[np.float64]], *, colors: Sequence[str], x_label: str
-) -> Drawing:
+def steps(x: FloatArray, lines: Mapping[str, FloatArray], *, colors: Sequence[str], x_label: str) -> Drawing:
     """Lines through points, with their names above."""
     sheet = Drawing(width=HALF, height=230)
     top = max((float(y.max(initial=0.0)) for y in lines.values()), default=0.0)
@@ -104,9 +100,7 @@ def steps(
     return sheet
 
 
-def dots(
-    x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], said: Sequence[str], *, color: str, x_label: str
-) -> Drawing:
+def dots(x: FloatArray, y: FloatArray, said: Sequence[str], *, color: str, x_label: str) -> Drawing:
     """One dot for each pair of numbers, with a word for each that is shown when it is pointed at."""
     sheet = Drawing(width=HALF, height=230)
     spot = _axes(sheet, (0.0, max(float(x.max(initial=0.0)), 1.0)), float(y.max(initial=0.0)), x_label)
@@ -115,9 +109,7 @@ def dots(
     return sheet
 
 
-def heat_map(
-    plan: Sequence[str], values: npt.NDArray[np.float64], *, color: str, unit: str, width: int = HALF
-) -> Drawing:
+def heat_map(plan: Sequence[str], values: FloatArray, *, color: str, unit: str, width: int = HALF) -> Drawing:
     """A floor from above, its cells the darker the greater their value.
 
     Args:

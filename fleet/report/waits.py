@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.insight.cause_log import ROBOT, TICK
 from fleet.insight.causes import NONE, OWN, Cause, CauseRows, Column
 from fleet.insight.explain import explain
@@ -70,7 +70,7 @@ def waits_of(run: Run) -> Table:
     return table("waits", (*heads, "release"), found)
 
 
-def standing_of(run: Run) -> dict[str, npt.NDArray[np.float64]]:
+def standing_of(run: Run) -> dict[str, FloatArray]:
     """Time that cars stood and waited in each cell, for each of `GROUPS` [s], shape (n_cells,)."""
     codebook = run.codebook
     n_cells = len(run.trace.plan) * codebook.cols
@@ -86,7 +86,7 @@ def standing_of(run: Run) -> dict[str, npt.NDArray[np.float64]]:
     return stood
 
 
-def _sweep(run: Run) -> Iterator[tuple[CauseRows, float, npt.NDArray[np.int64]]]:
+def _sweep(run: Run) -> Iterator[tuple[CauseRows, float, IntArray]]:
     """Go through the run: causes of all robots, how long nothing changed [s], and the cell each car was in."""
     log, codebook, trace = run.causes, run.codebook, run.trace
     causes = log.since(0)
@@ -107,7 +107,7 @@ def _sweep(run: Run) -> Iterator[tuple[CauseRows, float, npt.NDArray[np.int64]]]
             yield rows, (end - tick) * codebook.tick_s, cells
 
 
-def _stretches(flags: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _stretches(flags: BoolArray) -> list[tuple[int, int]]:
     """Beginnings and ends of stretches of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pybullet_data
 
+from fleet.arrays import FloatArray
 from fleet.errors import ConfigError
 from fleet.robots.iiwa import iiwa_spec
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

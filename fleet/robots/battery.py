@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import BoolArray, FloatArray
 from fleet.config import BatteryConfig
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 CAR_MASS_KG = 6.3
 """Racecar: 4.73 kg base, four wheels of 0.34 kg, two hinges of 0.1 kg (the description in `fleet.assets`)."""
@@ -27,6 +26,20 @@ def force_n(load_kg: float) -> float:
     return (CAR_MASS_KG + load_kg) * GRAVITY_MPS2 * ROLLING / EFFICIENCY
 
 
+class _Rates(NamedTuple):
+    """What a battery spends, and what it takes from a charger."""
+
+    awake_w: float
+    asleep_w: float
+    charge_w: float
+    empty_n: float
+    """Energy that a metre takes without a load [J/m]."""
+    kg_n: float
+    """What each kilogram of load adds [J/m/kg]."""
+    per_w: float
+    """Share of the capacity that a watt takes in a tick [1/W]."""
+
+
 class Batteries:
     """All batteries of a fleet.
 
@@ -40,14 +53,21 @@ class Batteries:
 
     def __init__(self, config: BatteryConfig, n_cars: int, tick_s: float) -> None:
         self.config = config
-        self.charge: Floats = np.full(n_cars, config.start)
+        self.charge: FloatArray = np.full(n_cars, config.start)
         """State of charge, 0 empty to 1 full, shape (n_cars,)."""
         self.lowest = config.start
         """Least state of charge any car has had."""
-        self._tick_s = tick_s
         self._capacity_j = 3600.0 * config.capacity_wh
+        self._rates = _Rates(
+            awake_w=float(config.awake_w),
+            asleep_w=float(config.asleep_w),
+            charge_w=float(config.charge_w),
+            empty_n=force_n(0.0),
+            kg_n=force_n(1.0) - force_n(0.0),
+            per_w=tick_s / self._capacity_j,
+        )
 
-    def tick(self, speeds: Floats, load_kg: Floats, awake: Bools, charging: Bools) -> None:
+    def tick(self, speeds: FloatArray, load_kg: FloatArray, awake: BoolArray, charging: BoolArray) -> None:
         """Spend and charge one tick.
 
         Args:
@@ -56,33 +76,29 @@ class Batteries:
             awake: Cars with computer and lidar on, shape (n_cars,).
             charging: Cars that stand at a charger, shape (n_cars,).
         """
-        config = self.config
-        lowest = _spend(
-            self.charge,
-            speeds,
-            load_kg,
-            awake,
-            charging,
-            config.awake_w,
-            config.asleep_w,
-            config.charge_w,
-            force_n(0.0),
-            force_n(1.0) - force_n(0.0),
-            self._tick_s / self._capacity_j,
-        )
+        lowest = _spend(self.charge, speeds, load_kg, awake, charging, self._rates)
         self.lowest = min(self.lowest, float(lowest))
 
     def charge_s(self, share: float) -> float:
         """Time at a charger that brings a share of the capacity [s]."""
         return share * self._capacity_j / self.config.charge_w
 
-    def share(self, way_m: Floats | float, time_s: Floats | float, load_kg: float = 0.0) -> Floats:
+    def share(self, way_m: FloatArray | float, time_s: FloatArray | float, load_kg: float = 0.0) -> FloatArray:
         """What a way and a time awake take from a battery, as a share of its capacity, in the arguments' shape."""
         return np.asarray((way_m * force_n(load_kg) + time_s * self.config.awake_w) / self._capacity_j)
 
 
 @njit(cache=True)
-def _spend(charge, speeds, load_kg, awake, charging, awake_w, asleep_w, charge_w, empty_n, kg_n, per_w):
+def _spend(
+    charge: FloatArray,
+    speeds: FloatArray,
+    load_kg: FloatArray,
+    awake: BoolArray,
+    charging: BoolArray,
+    rates: _Rates,
+) -> float:
+    """Spend and charge one tick; returns the least charge there is, at most 1."""
+    awake_w, asleep_w, charge_w, empty_n, kg_n, per_w = rates
     lowest = 1.0
     for car in range(len(charge)):
         if charging[car]:

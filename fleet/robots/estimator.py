@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.robots.spec import CarSpec
-
-FloatArray = npt.NDArray[np.float64]
 
 ODOMETRY_M = 0.008
 """Growth of the position error per square root of a metre driven [m]: a correction gain near 0.1 at 1 m/s and 60 Hz."""
@@ -23,6 +22,25 @@ SURPRISE = 5.0
 
 BLOCK_N = 64
 """Ticks whose noise is drawn at once."""
+
+
+class _Filter(NamedTuple):
+    """What the filter knows; arrays over the last ticks have a slot for each tick of latency and one for now."""
+
+    tick_s: float
+    wheelbase: float
+    sigma: FloatArray
+    """Standard deviations of a measurement's x, y, yaw, shape (3,)."""
+    truth: FloatArray
+    """Poses at the last ticks, shape (l, n, 3)."""
+    odometry: FloatArray
+    """Ways and turns in the last ticks, shape (l, n, 2)."""
+    motion: FloatArray
+    """Speed and steering at the last tick, shape (n, 2)."""
+    past: FloatArray
+    """Estimate of the measured instant, shape (n, 3)."""
+    variance: FloatArray
+    """Of its place and of its yaw, shape (n, 2)."""
 
 
 class PoseEstimator:
@@ -55,17 +73,19 @@ class PoseEstimator:
         latency_ticks: int = 1,
         rng: np.random.Generator,
     ) -> None:
-        self._wheelbase_m = spec.wheelbase_m
-        self._tick_s = tick_s
-        self._noise = np.array([noise_m, noise_m, noise_rad])
         self._rng = rng
         self._noises = np.zeros((0, n_cars, 3))
         self._tick = 0
-        self._truth = np.zeros((latency_ticks + 1, n_cars, 3))
-        self._odometry = np.zeros((latency_ticks + 1, n_cars, 2))
-        self._motion = np.zeros((n_cars, 2))
-        self._past = np.zeros((n_cars, 3))
-        self._variance = np.zeros((n_cars, 2))
+        self._filter = _Filter(
+            tick_s=tick_s,
+            wheelbase=spec.wheelbase_m,
+            sigma=np.array([noise_m, noise_m, noise_rad]),
+            truth=np.zeros((latency_ticks + 1, n_cars, 3)),
+            odometry=np.zeros((latency_ticks + 1, n_cars, 2)),
+            motion=np.zeros((n_cars, 2)),
+            past=np.zeros((n_cars, 3)),
+            variance=np.zeros((n_cars, 2)),
+        )
 
     def update(self, true_poses: FloatArray, speeds: FloatArray, steering: FloatArray) -> FloatArray:
         """Take one tick's measurements.
@@ -80,38 +100,24 @@ class PoseEstimator:
         Returns:
             Estimated poses now, shape (n_cars, 3).
         """
+        known = self._filter
         if self._tick == 0:
-            self._truth[:] = true_poses
-            self._past[:] = true_poses
-            self._motion[:, 0], self._motion[:, 1] = speeds, steering
+            known.truth[:] = true_poses
+            known.past[:] = true_poses
+            known.motion[:, 0], known.motion[:, 1] = speeds, steering
         if self._tick % BLOCK_N == 0:
             # Drawing for many ticks at once gives the same numbers as drawing tick by tick.
-            self._noises = self._rng.standard_normal((BLOCK_N, len(true_poses), 3)) * self._noise
+            self._noises = self._rng.standard_normal((BLOCK_N, len(true_poses), 3)) * known.sigma
         if self._tick == 0:
             self._noises[0] = 0.0
-        estimate = np.empty_like(self._past)
-        _estimate(
-            self._tick,
-            true_poses,
-            speeds,
-            steering,
-            self._noises[self._tick % BLOCK_N],
-            self._noise,
-            self._tick_s,
-            self._wheelbase_m,
-            self._truth,
-            self._odometry,
-            self._motion,
-            self._past,
-            self._variance,
-            estimate,
-        )
+        estimate = np.empty_like(known.past)
+        _estimate(known, self._tick, true_poses, speeds, steering, self._noises[self._tick % BLOCK_N], estimate)
         self._tick += 1
         return estimate
 
 
 @njit(cache=True)
-def _advance(pose, distance, turn):
+def _advance(pose: FloatArray, distance: float, turn: float) -> None:
     middle = pose[2] + 0.5 * turn
     pose[0] += distance * math.cos(middle)
     pose[1] += distance * math.sin(middle)
@@ -119,10 +125,17 @@ def _advance(pose, distance, turn):
 
 
 @njit(cache=True)
-def _estimate(  # one kernel for all cars, on flat arrays
-    tick, true_poses, speeds, steering, noise, sigma, tick_s, wheelbase, truth, odometry, motion, past, variance,
-    estimate,
-):  # fmt: skip
+def _estimate(
+    known: _Filter,
+    tick: int,
+    true_poses: FloatArray,
+    speeds: FloatArray,
+    steering: FloatArray,
+    noise: FloatArray,
+    estimate: FloatArray,
+) -> None:
+    """Take one tick's measurements of all cars, and fill in the estimated poses now."""
+    tick_s, wheelbase, sigma, truth, odometry, motion, past, variance = known
     n_slots = len(truth)
     now, oldest = tick % n_slots, (tick + 1) % n_slots
     for i in range(len(true_poses)):

@@ -7,9 +7,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import numpy.typing as npt
 import pybullet_data
 
+from fleet.arrays import FloatArray
 from fleet.robots.spec import ArmOutline, ArmSpec, Visual
 from fleet.robots.tools import TOOLS, Tool, tool_urdf
 
@@ -102,7 +102,7 @@ def _joints(path: Path) -> list[ElementTree.Element]:
     return joints
 
 
-def _origin(element: ElementTree.Element | None) -> npt.NDArray[np.float64]:
+def _origin(element: ElementTree.Element | None) -> FloatArray:
     """URDF origin (xyz and fixed-axis roll, pitch, yaw) as a 4x4 matrix."""
     pose = np.eye(4)
     if element is None:
@@ -119,7 +119,7 @@ def _origin(element: ElementTree.Element | None) -> npt.NDArray[np.float64]:
     return pose
 
 
-def _home(base_from_joint: npt.NDArray[np.float64], tool_length_m: float) -> npt.NDArray[np.float64]:
+def _home(base_from_joint: FloatArray, tool_length_m: float) -> FloatArray:
     """Planar two-link solution with joints 1, 3, 5, 7 at zero: elbow up, tool down behind the base."""
     step = np.linalg.norm(base_from_joint[:, :3, 3], axis=1)
     shoulder_z, upper, fore, hand = step[0] + step[1], step[2] + step[3], step[4] + step[5], step[6]

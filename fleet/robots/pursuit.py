@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import BoolArray, FloatArray, IntArray, SignArray
 from fleet.errors import FleetError
 from fleet.robots.spec import CarSpec
-
-FloatArray = npt.NDArray[np.float64]
 
 FIRST_CAPACITY = 192
 """Points a car's buffer starts with: about six moves of the lane graph; it doubles when a path needs more."""
@@ -27,6 +25,17 @@ _FITS, _NOT_ASCENDING, _APART = 0, 1, 2
 
 class PathError(FleetError):
     """A piece of path does not begin where the path ends, or its arc length does not grow."""
+
+
+class PathArrays(NamedTuple):
+    """The arrays of a `PathBuffer`, as kernels take them."""
+
+    points: FloatArray
+    s: FloatArray
+    direction: SignArray
+    n_points: IntArray
+    cursor: IntArray
+    progress: FloatArray
 
 
 class PathBuffer:
@@ -55,6 +64,10 @@ class PathBuffer:
         self.cursor = np.zeros(n_cars, dtype=np.int64)
         self.progress = np.zeros(n_cars)
 
+    def arrays(self) -> PathArrays:
+        """All arrays as they are now; `append` may replace them."""
+        return PathArrays(self.points, self.s, self.direction, self.count, self.cursor, self.progress)
+
     def reset(self, car: int, pose: FloatArray) -> None:
         """Forget a car's path; the new one is the single pose x, y, yaw at the arc length reached so far."""
         self.points[car, 0] = pose
@@ -81,7 +94,7 @@ class PathBuffer:
         if self.points.shape[1] < self.count[car] + len(points) - 1:
             self.trim(car)
             self._reserve(int(self.count[car]) + len(points) - 1)
-        verdict = _append(self.points, self.s, self.direction, self.count, car, points, s_m, direction)
+        verdict = _append(self.arrays(), car, points, s_m, direction)
         if verdict == _NOT_ASCENDING:
             raise PathError(f"path of car {car}: arc length of a new piece is {s_m.tolist()}; valid: ascending from 0")
         if verdict == _APART:
@@ -94,7 +107,7 @@ class PathBuffer:
 
     def trim(self, car: int) -> None:
         """Drop the points a car has left well behind; `append` does so by itself when it needs the room."""
-        _trim(self.points, self.s, self.direction, self.count, self.cursor, self.progress, car)
+        _trim(self.arrays(), car)
 
     def end_s(self, car: int) -> float:
         """Arc length at the end of a car's path [m]."""
@@ -163,6 +176,16 @@ class _Gains(NamedTuple):
     restart_m: float
 
 
+class _Following(NamedTuple):
+    """What the follower keeps of every car."""
+
+    last: FloatArray
+    """The last command: steering [rad] and signed speed [m/s], shape (n_cars, 2)."""
+    cross_track: FloatArray
+    heading_error: FloatArray
+    standing: BoolArray
+
+
 SPEED_SLACK_MPS = 0.3
 """Commands run at most this far ahead of the measured speed, so that a blocked car does not wind up [m/s]."""
 SLOW_MPS = 0.06
@@ -201,6 +224,7 @@ class Follower:
         self.heading_error = np.zeros(n_cars)
         self.standing = np.ones(n_cars, dtype=np.bool_)
         self._last = np.zeros((n_cars, 2))
+        self._following = _Following(self._last, self.cross_track, self.heading_error, self.standing)
         self._gains = _Gains(
             tick_s=tick_s,
             wheelbase_m=spec.wheelbase_m,
@@ -246,29 +270,13 @@ class Follower:
         Returns:
             Steering [rad] and signed speed [m/s], shape (n_cars, 2).
         """
-        _follow(
-            paths.points,
-            paths.s,
-            paths.direction,
-            paths.count,
-            paths.cursor,
-            paths.progress,
-            poses,
-            speeds,
-            stop_s,
-            speed_cap,
-            self._gains,
-            self._last,
-            self.cross_track,
-            self.heading_error,
-            self.standing,
-        )
+        _follow(paths.arrays(), self._following, poses, speeds, stop_s, speed_cap, self._gains)
         self.progress[:] = paths.progress
         return self._last.copy()
 
 
 @njit(cache=True)
-def any_beyond(first, first_limit, second, second_limit):
+def any_beyond(first: FloatArray, first_limit: float, second: FloatArray, second_limit: float) -> bool:
     """Whether an entry of one of two arrays of one length is beyond its limit, on either side."""
     for k in range(len(first)):  # noqa: SIM110 - numba has no generators in any()
         if abs(first[k]) > first_limit or abs(second[k]) > second_limit:
@@ -277,8 +285,9 @@ def any_beyond(first, first_limit, second, second_limit):
 
 
 @njit(cache=True)
-def _append(points, s, direction, count, car, new_points, new_s, new_direction):
+def _append(path: PathArrays, car: int, new_points: FloatArray, new_s: FloatArray, new_direction: int) -> int:
     """Write a piece behind a car's path, which has room for it; a piece that does not fit changes nothing."""
+    points, s, direction, count, _, _ = path
     last = count[car] - 1
     if new_s[0] != 0.0:
         return _NOT_ASCENDING
@@ -298,8 +307,9 @@ def _append(points, s, direction, count, car, new_points, new_s, new_direction):
 
 
 @njit(cache=True)
-def _trim(points, s, direction, count, cursor, progress, car):
+def _trim(path: PathArrays, car: int) -> None:
     """Move a car's points to the front of its buffer, without those it has left well behind."""
+    points, s, direction, count, cursor, progress = path
     first = 0
     while first < cursor[car] and s[car, first + 1] <= progress[car] - BEHIND_M:
         first += 1
@@ -320,7 +330,7 @@ def _wrap(angle: float) -> float:
 
 
 @njit(cache=True)
-def _aim(points, s, direction, last, k, s_aim):
+def _aim(points: FloatArray, s: FloatArray, direction: float, last: int, k: int, s_aim: float) -> tuple[float, float]:
     """Point of the path at arc length `s_aim` from segment `k` on; beyond `last` straight on along its yaw."""
     while k + 1 < last and s[k + 1] < s_aim:
         k += 1
@@ -332,7 +342,7 @@ def _aim(points, s, direction, last, k, s_aim):
 
 
 @njit(cache=True)
-def _yaw_at(points, s, first, last, k, s_at):
+def _yaw_at(points: FloatArray, s: FloatArray, first: int, last: int, k: int, s_at: float) -> float:
     """Yaw of the path at arc length `s_at`, searched from segment `k`, constant outside points `first` to `last`."""
     if s_at <= s[first]:
         return points[first, 2]
@@ -346,14 +356,23 @@ def _yaw_at(points, s, first, last, k, s_at):
 
 
 @njit(cache=True)
-def _pursuit(x, y, yaw, aim_x, aim_y):
+def _pursuit(x: float, y: float, yaw: float, aim_x: float, aim_y: float) -> float:
     """Curvature of the circle through (x, y), tangent to `yaw`, that hits the aim; the same in reverse."""
     left = -(aim_x - x) * math.sin(yaw) + (aim_y - y) * math.cos(yaw)
     return 2.0 * left / max((aim_x - x) ** 2 + (aim_y - y) ** 2, 1e-6)
 
 
 @njit(cache=True)
-def _curve_speed(points, s, last, k, s_here, speed, brake, g):
+def _curve_speed(
+    points: FloatArray,
+    s: FloatArray,
+    last: int,
+    k: int,
+    s_here: float,
+    speed: float,
+    brake: float,
+    g: _Gains,
+) -> float:
     """Greatest speed now from which all curvature limits ahead, up to point `last`, can be met."""
     horizon = s_here + speed * speed / (2.0 * brake) + 2.0 * speed * g.tick_s + 0.1
     steering = 0.0
@@ -375,10 +394,18 @@ def _curve_speed(points, s, last, k, s_here, speed, brake, g):
 
 
 @njit(cache=True)
-def _follow(  # one kernel for all cars, on flat arrays
-    points, s, direction, count, cursor, progress, poses, speeds, stop_s, speed_cap, g, last_command, cross_track,
-    heading_error, standing,
-):  # fmt: skip
+def _follow(
+    path: PathArrays,
+    following: _Following,
+    poses: FloatArray,
+    speeds: FloatArray,
+    stop_s: FloatArray,
+    speed_cap: FloatArray,
+    g: _Gains,
+) -> None:
+    """Move cursor and progress of every car on its path, and fill in its command."""
+    points, s, direction, count, cursor, progress = path
+    last_command, cross_track, heading_error, standing = following
     for i in range(len(poses)):
         x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
         k, end = cursor[i], count[i] - 1

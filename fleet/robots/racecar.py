@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pybullet_data
 
+from fleet.arrays import FloatArray
 from fleet.robots.description import fill, spaced
 from fleet.robots.model import WheelShape
 from fleet.robots.spec import CarSpec, Visual
@@ -45,7 +45,7 @@ _TRAY_RGBA = (0.85, 0.60, 0.15, 1.0)
 _SENSOR_RGBA = (0.2, 0.2, 0.2, 1.0)
 
 
-def wheel_places(spec: CarSpec) -> npt.NDArray[np.float64]:
+def wheel_places(spec: CarSpec) -> FloatArray:
     """Give the wheel centres in the car's frame.
 
     Args:
@@ -58,7 +58,7 @@ def wheel_places(spec: CarSpec) -> npt.NDArray[np.float64]:
     return np.array([[x, side * y, spec.wheel_radius_m] for x in (0.0, spec.wheelbase_m) for side in (1.0, -1.0)])
 
 
-def body_boxes() -> npt.NDArray[np.float64]:
+def body_boxes() -> FloatArray:
     """Give the boxes with which a car's body collides: chassis, block below the tray, walls of the tray.
 
     Returns:

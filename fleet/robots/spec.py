@@ -7,8 +7,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from planners.motion.arm.kinematics import joint_rows
 
 
@@ -22,7 +22,7 @@ class Visual:
     """Mesh file (.stl or .obj); None for a box."""
     size_m: tuple[float, float, float]
     """Full box size [m]; ignored for a mesh."""
-    link_from_visual: npt.NDArray[np.float64]
+    link_from_visual: FloatArray
     """Pose of the part in its link, 4x4 matrix."""
     rgba: tuple[float, float, float, float]
 
@@ -81,16 +81,16 @@ class ArmSpec:
     """Description of the bare arm, read at run time; its folder has the meshes."""
     description: str
     """URDF text of the arm with its tool, as engines load it; its first joints are the arm's."""
-    base_from_joint: npt.NDArray[np.float64]
+    base_from_joint: FloatArray
     """Fixed transform before each joint's rotation about its own z, shape (n_joints, 4, 4)."""
-    lower_rad: npt.NDArray[np.float64]
-    upper_rad: npt.NDArray[np.float64]
-    max_velocity_radps: npt.NDArray[np.float64]
-    max_acceleration_radps2: npt.NDArray[np.float64]
-    max_torque_nm: npt.NDArray[np.float64]
+    lower_rad: FloatArray
+    upper_rad: FloatArray
+    max_velocity_radps: FloatArray
+    max_acceleration_radps2: FloatArray
+    max_torque_nm: FloatArray
     tool_length_m: float
     """From the flange (last link frame) to the tool tip along the flange's +z [m]."""
-    home_rad: npt.NDArray[np.float64]
+    home_rad: FloatArray
     visuals: tuple[Visual, ...]
     """Links: 'link_0'..'link_7' (link i moves with joint i) and 'tool' (rigid in the last link)."""
     outline: ArmOutline
@@ -98,7 +98,7 @@ class ArmSpec:
     """Pairs of links whose hulls meet although the links do not, lower first: 0 is the base, i moves with joint i."""
 
     @cached_property
-    def joints(self) -> npt.NDArray[np.float64]:
+    def joints(self) -> FloatArray:
         """The upper three rows of `base_from_joint`, as kernels take them, shape (n_joints, 3, 4)."""
         return joint_rows(self.base_from_joint)
 

@@ -19,11 +19,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.sensors.camera import Camera
 from fleet.sensors.errors import SensorError
 
-FloatArray = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+Mask = BoolArray
 
 LEAST_PX = 40
 """A face with fewer pixels than this is not measured."""
@@ -150,7 +150,7 @@ class _Scan:
 
     camera: Camera
     depth: FloatArray
-    labels: npt.NDArray[np.int64]
+    labels: IntArray
 
     def box(self, label: int, support_z_m: float) -> SeenBox | None:
         """Measure one body; None if no face of it looks up and is large enough."""

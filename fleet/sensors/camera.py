@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import BoolArray, FloatArray
 from fleet.config.field_checks import is_whole
 from fleet.sensors.errors import SensorError
-
-FloatArray = npt.NDArray[np.float64]
 
 MAX_EDGE_PX = 2048
 """Largest width and height of an image: more than this takes seconds to render."""
@@ -181,7 +180,7 @@ class CameraImage:
         pose = self.camera.world_from_camera
         return (self.camera.rays() * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
 
-    def cloud(self, mask: npt.NDArray[np.bool_] | None = None) -> FloatArray:
+    def cloud(self, mask: BoolArray | None = None) -> FloatArray:
         """The points that are seen, world frame [m], shape (k, 3).
 
         Args:

@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.sensors.errors import SensorError
-
-FloatArray = npt.NDArray[np.float64]
 
 HEIGHT_M = 0.07
 """The plane of the rays: the middle of a chassis; walls, shelves, pedestals and the feet of arms stand in it too."""
@@ -112,7 +111,16 @@ class LidarRing:
 
 
 @njit(cache=True)
-def _aim(poses, ahead, angles, body, reach, height, origins, ends):
+def _aim(
+    poses: FloatArray,
+    ahead: float,
+    angles: FloatArray,
+    body: FloatArray,
+    reach: float,
+    height: float,
+    origins: FloatArray,
+    ends: FloatArray,
+) -> None:
     row = 0
     for car in range(len(poses)):
         yaw = poses[car, 2]
@@ -125,7 +133,14 @@ def _aim(poses, ahead, angles, body, reach, height, origins, ends):
 
 
 @njit(cache=True)
-def _measure(fractions, noise, sigma, body, reach, out):
+def _measure(
+    fractions: FloatArray,
+    noise: FloatArray,
+    sigma: float,
+    body: FloatArray,
+    reach: float,
+    out: npt.NDArray[np.floating],
+) -> None:
     for car in range(len(out)):
         for ray in range(len(body)):
             fraction = fractions[car * len(body) + ray]

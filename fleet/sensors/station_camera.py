@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.sensors.camera import MAX_EDGE_PX, Camera
 from maps.stations import StationPlace
-
-FloatArray = npt.NDArray[np.float64]
 
 HEIGHT_M = 2.4
 """Height of the cameras over the floor: over everything that moves."""

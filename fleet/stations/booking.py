@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
+
+from fleet.arrays import BoolArray, IntArray
 
 
 class Bookings:
@@ -24,9 +25,9 @@ class Bookings:
 
     def __init__(self, caps: Sequence[int], n_cars: int) -> None:
         self.caps = tuple(caps)
-        self.place_of: npt.NDArray[np.int64] = np.full(n_cars, -1, dtype=np.int64)
+        self.place_of: IntArray = np.full(n_cars, -1, dtype=np.int64)
         """Place each car is bound for or at, -1 for none, shape (n_cars,)."""
-        self.booked: npt.NDArray[np.bool_] = np.zeros(n_cars, dtype=np.bool_)
+        self.booked: BoolArray = np.zeros(n_cars, dtype=np.bool_)
         """Whether each car has booked the place it is bound for, shape (n_cars,)."""
         self.changes_n = 0
         """Grows whenever a car is bound for a place, books it, leaves it or has gone."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.robots.arm_kinds import arm_kind
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, PANDA_HAND_BOXES_M, PANDA_OUTLINE, TIP_M, panda_urdf
@@ -33,7 +33,6 @@ from planners.motion.path.trajectory import Trajectory
 if TYPE_CHECKING:
     from fleet.world.bullet.bench.arm_file import ArmFile
 
-FloatArray = npt.NDArray[np.float64]
 
 LIFT_M = 0.12
 """Straight way up from the table, and down to it."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from fleet.arrays import FloatArray
 
 YAWS_N = 8
 """Turns about the vertical that a cup may stand in."""

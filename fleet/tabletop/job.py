@@ -7,18 +7,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.stations.arms.arm_spheres import PlannedArm
-from fleet.tabletop.arm import NOBODY, Chore, Leg, TableArm
+from fleet.tabletop.arm import NOBODY, Chore, TableArm
 from fleet.tabletop.layout import Layout
 from fleet.world.bullet.bench.table import TICK_S, TableWorld
 from planners.motion.collision.obstacles import Capsules
 from planners.motion.pair.schedule import Schedule, schedule
 from planners.motion.path.timed_path import TimedPath, timed_path
 from planners.motion.path.trajectory import Trajectory
-
-FloatArray = npt.NDArray[np.float64]
 
 STEP_S = 0.02
 """Step of the schedule of two arms."""
@@ -250,7 +248,7 @@ class Job:
                     found.along_s(number, t) if found is not None else min(t, part.path.duration_s)
                     for t in (now, after)
                 ]
-                q[number], qd[number] = _state(part.path, at[1])
+                q[number], qd[number] = part.path.state(at[1])
                 if at[1] <= at[0]:
                     qd[number] = 0.0
                 if part.chore is not None:
@@ -290,12 +288,3 @@ class Job:
         tally.sim_s = self._world.ticks * TICK_S
         tally.robot_contacts = self._world.robot_contacts
         tally.refused_n = sum(arm.refused_n for arm in self._arms)
-
-
-def _state(path: TimedPath, along_s: float) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity of a motion when so much of it is done, each (n,)."""
-    number = max(0, int(np.searchsorted(path.starts, along_s / path.step_s + 1e-9, side="right")) - 1)
-    leg: Leg = path.legs[number]
-    if isinstance(leg, Trajectory):
-        return leg.sample(along_s - path.starts[number] * path.step_s)
-    return path.at(along_s), np.zeros(path.q.shape[1])

@@ -8,14 +8,12 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pybullet_data
 
+from fleet.arrays import FloatArray
 from fleet.tabletop.errors import TabletopError
 from fleet.world.scene import StaticBox
 from fleet.world.tabletop import TableObject, TableScene
-
-FloatArray = npt.NDArray[np.float64]
 
 KINDS = ("cube", "sphere", "cylinder")
 _COLOURS = {"cube": (0.80, 0.25, 0.22, 1.0), "sphere": (0.20, 0.45, 0.75, 1.0), "cylinder": (0.30, 0.62, 0.30, 1.0)}

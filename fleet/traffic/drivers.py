@@ -22,6 +22,8 @@ AT_REST_M, AT_REST_MPS = 0.02, 0.02
 """A car stands at its stop when it is this close and this slow."""
 OFF_LANE_M, OFF_LANE_RAD = 0.20, 0.6
 """Beyond this cross-track or heading error a car has left its lane; normal following stays below 0.05 m."""
+NOWHERE = -1
+"""No state, in arrays."""
 PASS_SPEED_MPS = 1.0
 """Travel speed in aisles."""
 
@@ -205,6 +207,8 @@ class StateDriver:
         self._state = start_states.astype(np.int64)
         self.estimate = graph.state_pose[start_states]
         self._targets: list[deque[int]] = [deque() for _ in start_states]
+        self._next = np.full(len(start_states), NOWHERE, dtype=np.int64)
+        """First target of each car, -1 for none."""
         self._done: list[int] = []
         self._stopped = np.zeros(len(start_states), dtype=np.bool_)
 
@@ -216,18 +220,20 @@ class StateDriver:
     def append(self, car: int, move: int) -> None:
         """See `Driver`."""
         self._targets[car].append(int(self._graph.move_to[move]))
+        self._next[car] = self._targets[car][0]
 
     def commands(self, world: World) -> FloatArray:
         """See `Driver`."""
         self.estimate = world.car_poses()
-        reached = self._reached().tolist()
+        there = (self._next == self._reached()) & (self._next != NOWHERE)
+        for car in there.nonzero()[0].tolist():
+            targets = self._targets[car]
+            self._state[car] = targets.popleft()
+            self._next[car] = targets[0] if targets else NOWHERE
+            self._done.append(car)
+        go = (self._next != NOWHERE) & ~self._stopped
         commands = np.zeros((len(self._state), 2))
-        for car, targets in enumerate(self._targets):
-            if targets and reached[car] == targets[0]:
-                self._state[car] = targets.popleft()
-                self._done.append(car)
-            go = targets and not self._stopped[car]
-            commands[car, 0] = targets[0] if go else self._state[car]
+        commands[:, 0] = np.where(go, self._next, self._state)
         return commands
 
     def finished(self) -> list[int]:
@@ -254,4 +260,5 @@ class StateDriver:
     def give_up(self, car: int) -> None:
         """See `Driver`."""
         self._targets[car].clear()
+        self._next[car] = NOWHERE
         self.stop(car)

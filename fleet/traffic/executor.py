@@ -14,9 +14,10 @@ from fleet.config import TrafficConfig
 from fleet.traffic.drivers import Driver
 from fleet.world.protocol import FloatArray, World
 from maps.lane_graph import LaneGraph
+from planners.execution.arrays import Int64Array
 from planners.execution.dependency_graph import DependencyGraph
 from planners.execution.errors import UnexecutablePlanError
-from planners.execution.queues import Int64Array, Queues, move_at
+from planners.execution.queues import Queues, move_at
 from planners.mapf.problem import Plan
 
 RETRY_S = 0.5

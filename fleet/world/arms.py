@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.robots.spec import ArmSpec
-from fleet.world.protocol import FloatArray
 from planners.motion.arm.kinematics import link_frames_into
 
 LINK_RADIUS_M = 0.08
@@ -81,9 +81,21 @@ class ServoArms:
 
 
 @njit(cache=True)
-def _servo(  # one kernel for all arms, on flat arrays
-    q, qd, target, lower, upper, max_velocity, dt, everything, joints, tool_length, base, tips, points
-):  # fmt: skip
+def _servo(  # flat: bundled, it would take 2.4 us instead of 1 for arms that rest, as often as the world is stepped
+    q: FloatArray,
+    qd: FloatArray,
+    target: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    max_velocity: FloatArray,
+    dt: float,
+    everything: bool,
+    joints: FloatArray,
+    tool_length: float,
+    base: FloatArray,
+    tips: FloatArray,
+    points: FloatArray,
+) -> None:
     """Move joints, then place tips and spheres of the arms that moved (of all arms if `everything`)."""
     n_joints = q.shape[1]
     frames = np.zeros((n_joints + 1, 3, 4))
@@ -116,7 +128,7 @@ def _servo(  # one kernel for all arms, on flat arrays
 
 
 @njit(cache=True)
-def _quaternion(m, yaw, out):
+def _quaternion(m: FloatArray, yaw: float, out: FloatArray) -> None:
     """Fill `out[3:7]` with the quaternion x, y, z, w of a rotation about z by `yaw` times the rotation matrix in `m`.
 
     Source: S. W. Shepperd, "Quaternion from rotation matrix", J. Guidance and Control 1(3), 1978.

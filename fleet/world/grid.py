@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.errors import ConfigError, FleetError
 from fleet.world.kinematic import CommandError, PlanarWorld
-from fleet.world.protocol import FloatArray
 from fleet.world.scene import Scene
 from maps.lane_graph import LaneGraph, MoveKind
 
@@ -146,6 +146,6 @@ class GridWorld(PlanarWorld):
         self._grid_cars = GridCars(graph, scene.car_start, config)
         super().__init__(scene, self._grid_cars, config.tick_s)
 
-    def car_states(self) -> npt.NDArray[np.int64]:
+    def car_states(self) -> IntArray:
         """State of each car, shape (n_cars,); a push does not change it."""
         return self._grid_cars.states.copy()

@@ -10,13 +10,14 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import ConfigError, FleetError
 from fleet.robots.spec import CarSpec
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.sensors.errors import SensorError
 from fleet.world.arms import ServoArms
 from fleet.world.parcels import Parcels, ParcelSnapshot
-from fleet.world.protocol import TOOL_FAILED, Contacts, FloatArray, IntArray, ParcelBody
+from fleet.world.protocol import TOOL_FAILED, Contacts, ParcelBody
 from fleet.world.ray_points import ray_points
 from fleet.world.scene import Scene
 from fleet.world.surroundings import Surroundings, SurroundingsSnapshot
@@ -106,7 +107,7 @@ class PlanarSnapshot:
     cars: tuple[npt.NDArray[np.generic], ...]
     arms: tuple[FloatArray, FloatArray]
     parcels: ParcelSnapshot
-    failed: npt.NDArray[np.bool_]
+    failed: BoolArray
     surroundings: SurroundingsSnapshot
 
 
@@ -131,9 +132,7 @@ class PlanarWorld:
         self._failed = np.zeros(self.n_arms, dtype=np.bool_)
         self._surroundings = Surroundings(scene, self._arms)
 
-    def step(
-        self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]
-    ) -> None:
+    def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> None:
         """See `World`; joints are moved by position alone, `arm_qd` is not used.
 
         Raises:
@@ -298,9 +297,20 @@ class KinematicWorld(PlanarWorld):
 
 
 @njit(cache=True)
-def _drive(  # one kernel for all cars, on flat arrays
-    poses, speeds, steering, commands, n_substeps, dt, wheelbase, max_speed, accel, brake, max_steering, steering_rate
-):  # fmt: skip
+def _drive(  # flat: bundled, it would take 2 us instead of 0.7, as often as the world is stepped
+    poses: FloatArray,
+    speeds: FloatArray,
+    steering: FloatArray,
+    commands: FloatArray,
+    n_substeps: int,
+    dt: float,
+    wheelbase: float,
+    max_speed: float,
+    accel: float,
+    brake: float,
+    max_steering: float,
+    steering_rate: float,
+) -> None:
     """Bicycle model by the midpoint rule; speed and steering reach what they can of the command at the tick's end."""
     tick = n_substeps * dt
     for i in range(len(poses)):

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 from scipy.spatial.transform import Rotation
 
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import FleetError
 from fleet.robots.spec import CarSpec
-from fleet.world.protocol import FloatArray, IntArray, ParcelBody
+from fleet.world.protocol import ParcelBody
 from fleet.world.scene import StaticBox
 
 SUCTION_REACH_M = 0.02
@@ -111,7 +111,7 @@ class Parcels:
         for name in ("ids", "poses", "_size_m", "_support", "_carrier", "_local"):
             setattr(self, name, np.delete(getattr(self, name), row, axis=0))
 
-    def update(self, car_poses: FloatArray, tips: FloatArray, grip: npt.NDArray[np.bool_]) -> None:
+    def update(self, car_poses: FloatArray, tips: FloatArray, grip: BoolArray) -> None:
         """Carry parcels to where their carriers are now, then let go and take hold.
 
         An active tool that holds nothing takes a parcel in any tick, not only in the one in which it is switched on.
@@ -234,7 +234,7 @@ def _turned(x: float, y: float, yaw: float) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _held_spheres(held, ids, poses, size, spheres):
+def _held_spheres(held: IntArray, ids: IntArray, poses: FloatArray, size: FloatArray, spheres: FloatArray) -> None:
     """Fill centre and radius of a sphere round each tool's parcel; -1 throughout for none."""
     for arm in range(len(held)):
         spheres[arm] = -1.0
@@ -246,7 +246,16 @@ def _held_spheres(held, ids, poses, size, spheres):
 
 
 @njit(cache=True)
-def _carry(support, carrier, local, car_poses, tips, poses, held, grip):
+def _carry(
+    support: IntArray,
+    carrier: IntArray,
+    local: FloatArray,
+    car_poses: FloatArray,
+    tips: FloatArray,
+    poses: FloatArray,
+    held: IntArray,
+    grip: BoolArray,
+) -> bool:
     """World poses of carried parcels: carrier pose times local pose, both as x, y, z, quat_xyzw.
 
     Returns:

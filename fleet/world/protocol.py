@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
-
+from fleet.arrays import BoolArray
+from fleet.arrays import FloatArray as FloatArray  # noqa: PLC0414 - other rooms still import it from here
+from fleet.arrays import IntArray as IntArray  # noqa: PLC0414 - the same
 from fleet.sensors.camera import Camera, CameraImage
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 TOOL_FAILED = "its tool has failed"
 """Why a parcel was lost that was dropped by `World.fail_grip`."""
@@ -51,9 +48,7 @@ class World(Protocol):
     n_cars: int
     n_arms: int
 
-    def step(
-        self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]
-    ) -> None:
+    def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> None:
         """Advance one tick.
 
         Args:

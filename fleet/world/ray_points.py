@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.sensors.errors import SensorError
-from fleet.world.protocol import FloatArray
 
 FARTHEST_M = 1e5
 """Greatest coordinate of a point: worlds without physics walk along a ray metre by metre [m]."""
@@ -40,7 +40,7 @@ def ray_points(origins: npt.ArrayLike, ends: npt.ArrayLike) -> tuple[FloatArray,
 
 
 @njit(cache=True)
-def _odd(origins, ends):
+def _odd(origins: FloatArray, ends: FloatArray) -> int:
     """The first ray that is none, or -1."""
     for ray in range(len(origins)):
         for axis in range(3):

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
+from fleet.arrays import FloatArray
 from fleet.robots.spec import ArmSpec, CarSpec
 
 
@@ -28,10 +26,10 @@ class Scene:
     """Extent of the floor along x and y [m]; the floor's corner is the origin."""
     boxes: tuple[StaticBox, ...]
     car: CarSpec
-    car_start: npt.NDArray[np.float64]
+    car_start: FloatArray
     """Start poses x, y, yaw [m, m, rad], shape (n_cars, 3)."""
     arm: ArmSpec
-    arm_base: npt.NDArray[np.float64]
+    arm_base: FloatArray
     """Base poses x, y, z, yaw, shape (n_arms, 4)."""
-    arm_start: npt.NDArray[np.float64]
+    arm_start: FloatArray
     """Start joint positions [rad], shape (n_arms, n_joints)."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ArmConfig, Grip
 from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
-from fleet.world.protocol import FloatArray
 from fleet.world.scene import Scene, StaticBox
 from maps.grid import GridMap
 from maps.site import Site
@@ -57,9 +56,7 @@ def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | No
     )
 
 
-def _merged_boxes(
-    grid: GridMap, mask: npt.NDArray[np.bool_], kind: str, height_m: float, gap_m: float
-) -> list[StaticBox]:
+def _merged_boxes(grid: GridMap, mask: BoolArray, kind: str, height_m: float, gap_m: float) -> list[StaticBox]:
     """Cover the marked cells with disjoint rectangles, each grown to the right, then down."""
     left = mask.copy()
     boxes = []

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.errors import FleetError
 from fleet.world.arms import ServoArms
-from fleet.world.protocol import FloatArray, IntArray
 from fleet.world.scene import Scene
 
 BIN_M = 1.0
@@ -19,6 +20,43 @@ _KIND_SHIFT = 40
 _CAR_CAR, _CAR_ARM, _ARM_ARM, _STATIC = 0, 1, 2, 3
 _ADDED_KEY = 1 << 18
 """Keys of run-time boxes begin here, so that they do not depend on how many there are."""
+
+
+class _Body(NamedTuple):
+    """A car's body round its rear axle [m]."""
+
+    shift: float
+    """From the axle to its middle."""
+    length: float
+    """Half of it."""
+    width: float
+    """Half of it."""
+    height: float
+
+
+class _Boxes(NamedTuple):
+    """Boxes in bins, as compressed rows: those of bin (ix, iy) are ``box[ptr[b]:ptr[b + 1]]``, b = iy n_x + ix."""
+
+    rows: FloatArray
+    """Centre and half edges x, y, shape (k, 4)."""
+    keys: IntArray
+    """What a box is called among those that touch, shape (k,)."""
+    ptr: IntArray
+    box: IntArray
+    n_x: int
+    n_y: int
+
+
+class _ArmBalls(NamedTuple):
+    """Arms as spheres."""
+
+    spheres: FloatArray
+    """Centre and radius of each, the last one round what is held, radius < 0 for none, shape (m, k, 4)."""
+    xy: FloatArray
+    """Where arms stand, shape (m, 2)."""
+    serving: IntArray
+    """Car that each arm serves, -1 for none, shape (m,)."""
+    reach: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,14 +93,23 @@ class Surroundings:
         self._fixed = [(*b.centre_m[:2], *b.half_m[:2]) for b in low]
         self._added: dict[int, tuple[float, float, float, float]] = {}
         self._n_bins = (max(1, math.ceil(scene.size_m[0] / BIN_M)), max(1, math.ceil(scene.size_m[1] / BIN_M)))
-        self._body = np.array([(car.front_m - car.rear_m) / 2, (car.front_m + car.rear_m) / 2, car.half_width_m])
-        self._height_m = car.height_m
+        self._body = _Body(
+            shift=(car.front_m - car.rear_m) / 2,
+            length=(car.front_m + car.rear_m) / 2,
+            width=car.half_width_m,
+            height=car.height_m,
+        )
         self._foot_m = scene.arm.outline.foot_m
         self._arms = arms
-        self._arm_xy = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)[:, :2].copy()
-        self._spheres = np.empty((len(self._arm_xy), len(arms.radii) + 1, 4))
-        self._spheres[:, :-1, 3] = arms.radii
-        self.serving = np.full(len(self._arm_xy), -1, dtype=np.int64)
+        n_arms = len(scene.arm_base)
+        self.serving = np.full(n_arms, -1, dtype=np.int64)
+        self._balls = _ArmBalls(
+            spheres=np.empty((n_arms, len(arms.radii) + 1, 4)),
+            xy=np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)[:, :2].copy(),
+            serving=self.serving,
+            reach=arms.reach_m,
+        )
+        self._balls.spheres[:, :-1, 3] = arms.radii
         self.robot_contacts_n = 0
         self.static_contacts_n = 0
         self.min_clearance_m = math.inf
@@ -93,24 +140,12 @@ class Surroundings:
             car_poses: Rear-axle poses x, y, yaw, shape (n_cars, 3).
             held: Spheres x, y, z, radius round the held parcels, radius < 0 for none, shape (n_arms, 4).
         """
-        self._spheres[:, :-1, :3] = self._arms.points
-        self._spheres[:, -1] = held
+        spheres = self._balls.spheres
+        spheres[:, :-1, :3] = self._arms.points
+        spheres[:, -1] = held
         while True:
             n_codes, clearance = _touches(
-                car_poses,
-                self._body,
-                self._height_m,
-                self._boxes,
-                self._keys,
-                self._bin_ptr,
-                self._bin_box,
-                self._n_bins,
-                self._spheres,
-                self._arm_xy,
-                self._arms.reach_m,
-                self.serving,
-                self.min_clearance_m,
-                self._codes,
+                car_poses, self._body, self._boxes, self._balls, self.min_clearance_m, self._codes
             )
             if n_codes <= len(self._codes):
                 break
@@ -130,19 +165,7 @@ class Surroundings:
         Of arms only the feet are in the way.
         """
         out = np.ones(len(origins))
-        _cast(
-            origins,
-            ends,
-            car_poses,
-            self._body,
-            self._boxes,
-            self._bin_ptr,
-            self._bin_box,
-            self._n_bins,
-            self._arm_xy,
-            self._foot_m,
-            out,
-        )
+        _cast(origins, ends, car_poses, self._body, self._boxes, self._balls.xy, self._foot_m, out)
         return out
 
     def save(self) -> SurroundingsSnapshot:
@@ -170,57 +193,76 @@ class Surroundings:
     def _sort_boxes(self) -> None:
         """Put box numbers into the bins that their footprints touch (compressed rows, bins along x first)."""
         rows = self._fixed + [self._added[key] for key in sorted(self._added)]
-        self._boxes = np.array(rows, dtype=np.float64).reshape(-1, 4)
-        self._keys = np.array([*range(len(self._fixed)), *(_ADDED_KEY + key for key in sorted(self._added))], np.int64)
-        limit = np.array(self._n_bins) - 1
-        low = np.clip(np.floor((self._boxes[:, :2] - self._boxes[:, 2:]) / BIN_M).astype(np.int64), 0, limit)
-        high = np.clip(np.floor((self._boxes[:, :2] + self._boxes[:, 2:]) / BIN_M).astype(np.int64), 0, limit)
+        boxes = np.array(rows, dtype=np.float64).reshape(-1, 4)
+        n_x, n_y = self._n_bins
+        limit = np.array([n_x, n_y]) - 1
+        low = np.clip(np.floor((boxes[:, :2] - boxes[:, 2:]) / BIN_M).astype(np.int64), 0, limit)
+        high = np.clip(np.floor((boxes[:, :2] + boxes[:, 2:]) / BIN_M).astype(np.int64), 0, limit)
         pairs = [
-            (iy * self._n_bins[0] + ix, box)
+            (iy * n_x + ix, box)
             for box, ((x0, y0), (x1, y1)) in enumerate(zip(low.tolist(), high.tolist(), strict=True))
             for iy in range(y0, y1 + 1)
             for ix in range(x0, x1 + 1)
         ]
         entries = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
-        self._bin_ptr = np.searchsorted(entries[:, 0], np.arange(self._n_bins[0] * self._n_bins[1] + 1))
-        self._bin_box = entries[:, 1].copy()
+        self._boxes = _Boxes(
+            rows=boxes,
+            keys=np.array([*range(len(self._fixed)), *(_ADDED_KEY + key for key in sorted(self._added))], np.int64),
+            ptr=np.searchsorted(entries[:, 0], np.arange(n_x * n_y + 1)),
+            box=entries[:, 1].copy(),
+            n_x=n_x,
+            n_y=n_y,
+        )
+
+
+class _Rectangle(NamedTuple):
+    """A rectangle anywhere in the plane."""
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+    length: float
+    """Half of it [m]."""
+    width: float
+    """Half of it [m]."""
 
 
 @njit(cache=True)
-def _corner_gap(ax, ay, ac, as_, al, aw, bx, by, bc, bs, bl, bw):
+def _corner_gap(a: _Rectangle, b: _Rectangle) -> tuple[float, bool]:
     """Smallest distance from the corners of rectangle a to rectangle b, and whether an axis of b parts them."""
     best, low_u, high_u, low_v, high_v = math.inf, math.inf, -math.inf, math.inf, -math.inf
     for k in range(4):
-        du = al if k < 2 else -al
-        dv = aw if k % 2 == 0 else -aw
-        x, y = ax + ac * du - as_ * dv - bx, ay + as_ * du + ac * dv - by
-        u, v = bc * x + bs * y, bc * y - bs * x
+        du = a.length if k < 2 else -a.length
+        dv = a.width if k % 2 == 0 else -a.width
+        x, y = a.x + a.cos * du - a.sin * dv - b.x, a.y + a.sin * du + a.cos * dv - b.y
+        u, v = b.cos * x + b.sin * y, b.cos * y - b.sin * x
         low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
-        best = min(best, math.hypot(max(abs(u) - bl, 0.0), max(abs(v) - bw, 0.0)))
-    parted = low_u > bl or high_u < -bl or low_v > bw or high_v < -bw
+        best = min(best, math.hypot(max(abs(u) - b.length, 0.0), max(abs(v) - b.width, 0.0)))
+    parted = low_u > b.length or high_u < -b.length or low_v > b.width or high_v < -b.width
     return best, parted
 
 
 @njit(cache=True)
-def _rectangle_gap(ax, ay, ac, as_, al, aw, bx, by, bc, bs, bl, bw):
-    """Distance of two oriented rectangles (centre, cos, sin, half length, half width), 0 if they overlap.
+def _rectangle_gap(a: _Rectangle, b: _Rectangle) -> float:
+    """Distance of two rectangles, 0 if they overlap.
 
     Rectangles that no side of either parts overlap (separating axes); else a corner of one is nearest to the other.
     """
-    gap_a, parted_a = _corner_gap(ax, ay, ac, as_, al, aw, bx, by, bc, bs, bl, bw)
-    gap_b, parted_b = _corner_gap(bx, by, bc, bs, bl, bw, ax, ay, ac, as_, al, aw)
+    gap_a, parted_a = _corner_gap(a, b)
+    gap_b, parted_b = _corner_gap(b, a)
     return min(gap_a, gap_b) if parted_a or parted_b else 0.0
 
 
 @njit(cache=True)
-def _note(codes, n_codes, kind, a, b):
+def _note(codes: IntArray, n_codes: int, kind: int, a: int, b: int) -> int:
     if n_codes < len(codes):
         codes[n_codes] = (kind << _KIND_SHIFT) + (a << 20) + b
     return n_codes + 1
 
 
 @njit(cache=True)
-def _arm_gap(spheres, frame, length, width, height):
+def _arm_gap(spheres: FloatArray, frame: FloatArray, length: float, width: float, height: float) -> float:
     """Distance of an arm's spheres from a car (centre, cos, sin) that stands on the floor, 0 if they overlap."""
     gap = math.inf
     for k in range(len(spheres)):
@@ -236,7 +278,7 @@ def _arm_gap(spheres, frame, length, width, height):
 
 
 @njit(cache=True)
-def _arms_touch(a, b):
+def _arms_touch(a: FloatArray, b: FloatArray) -> bool:
     for k in range(len(a)):
         for m in range(len(b)):
             if a[k, 3] < 0.0 or b[m, 3] < 0.0:
@@ -248,12 +290,19 @@ def _arms_touch(a, b):
 
 
 @njit(cache=True)
-def _touches(  # one kernel for all pairs, on flat arrays
-    cars, body, height, boxes, keys, bin_ptr, bin_box, n_bins, spheres, arm_xy, reach, serving, clearance, codes
-):  # fmt: skip
+def _touches(
+    cars: FloatArray,
+    body: _Body,
+    bins: _Boxes,
+    arms: _ArmBalls,
+    clearance: float,
+    codes: IntArray,
+) -> tuple[int, float]:
     """Codes of all pairs that touch now, and the smallest clearance so far."""
+    shift, length, width, height = body
+    boxes, keys, bin_ptr, bin_box, n_x, n_y = bins
+    spheres, arm_xy, serving, reach = arms
     n_cars, n_arms, n_codes = len(cars), len(spheres), 0
-    shift, length, width = body
     circle = math.hypot(length, width)
     frame = np.empty((n_cars, 4))
     for i in range(n_cars):
@@ -274,26 +323,25 @@ def _touches(  # one kernel for all pairs, on flat arrays
             if dx * dx + dy * dy > near * near:
                 continue
             gap = _rectangle_gap(
-                frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3], length, width,
-                frame[j, 0], frame[j, 1], frame[j, 2], frame[j, 3], length, width,
-            )  # fmt: skip
+                _Rectangle(frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3], length, width),
+                _Rectangle(frame[j, 0], frame[j, 1], frame[j, 2], frame[j, 3], length, width),
+            )
             clearance = min(clearance, gap)
             if gap == 0.0:
                 n_codes = _note(codes, n_codes, _CAR_CAR, i, j)
     for i in range(n_cars):
-        x, y, cos, sin = frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3]
-        x0, x1 = max(int((x - circle) / BIN_M), 0), min(int((x + circle) / BIN_M), n_bins[0] - 1)
-        y0, y1 = max(int((y - circle) / BIN_M), 0), min(int((y + circle) / BIN_M), n_bins[1] - 1)
+        x, y = frame[i, 0], frame[i, 1]
+        car = _Rectangle(x, y, frame[i, 2], frame[i, 3], length, width)
+        x0, x1 = max(int((x - circle) / BIN_M), 0), min(int((x + circle) / BIN_M), n_x - 1)
+        y0, y1 = max(int((y - circle) / BIN_M), 0), min(int((y + circle) / BIN_M), n_y - 1)
         for iy in range(y0, y1 + 1):
             for ix in range(x0, x1 + 1):
-                for entry in range(bin_ptr[iy * n_bins[0] + ix], bin_ptr[iy * n_bins[0] + ix + 1]):
+                for entry in range(bin_ptr[iy * n_x + ix], bin_ptr[iy * n_x + ix + 1]):
                     b = bin_box[entry]
                     if abs(boxes[b, 0] - x) > circle + boxes[b, 2] or abs(boxes[b, 1] - y) > circle + boxes[b, 3]:
                         continue
-                    gap = _rectangle_gap(
-                        x, y, cos, sin, length, width, boxes[b, 0], boxes[b, 1], 1.0, 0.0, boxes[b, 2], boxes[b, 3]
-                    )
-                    if gap == 0.0:
+                    box = _Rectangle(boxes[b, 0], boxes[b, 1], 1.0, 0.0, boxes[b, 2], boxes[b, 3])
+                    if _rectangle_gap(car, box) == 0.0:
                         n_codes = _note(codes, n_codes, _STATIC, i, keys[b])
 
     for a in range(n_arms):
@@ -320,7 +368,7 @@ def _touches(  # one kernel for all pairs, on flat arrays
 
 
 @njit(cache=True)
-def _enter(ox, oy, dx, dy, half_x, half_y, best):
+def _enter(ox: float, oy: float, dx: float, dy: float, half_x: float, half_y: float, best: float) -> float:
     """Fraction at which a ray enters an axis-aligned box round the origin, `best` if later, never, or from inside."""
     first, last = 0.0, best
     inside = True
@@ -337,7 +385,7 @@ def _enter(ox, oy, dx, dy, half_x, half_y, best):
 
 
 @njit(cache=True)
-def _enter_circle(ox, oy, dx, dy, radius, best):
+def _enter_circle(ox: float, oy: float, dx: float, dy: float, radius: float, best: float) -> float:
     """Fraction at which a ray enters a circle round the origin, `best` if later, never, or from inside."""
     a, b, c = dx * dx + dy * dy, ox * dx + oy * dy, ox * ox + oy * oy - radius * radius
     under = b * b - a * c
@@ -347,12 +395,22 @@ def _enter_circle(ox, oy, dx, dy, radius, best):
 
 
 @njit(cache=True)
-def _cast(origins, ends, cars, body, boxes, bin_ptr, bin_box, n_bins, feet, foot, out):
+def _cast(
+    origins: FloatArray,
+    ends: FloatArray,
+    cars: FloatArray,
+    body: _Body,
+    bins: _Boxes,
+    feet: FloatArray,
+    foot: float,
+    out: FloatArray,
+) -> None:
     """Walk each ray through the bins it crosses; cars and feet of arms are tried one by one.
 
     Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
     """
-    shift, length, width = body
+    shift, length, width, _ = body
+    boxes, _, bin_ptr, bin_box, n_x, n_y = bins
     circle2 = length * length + width * width
     frame = np.empty((len(cars), 4))
     for i in range(len(cars)):
@@ -377,8 +435,8 @@ def _cast(origins, ends, cars, body, boxes, bin_ptr, bin_box, n_bins, feet, foot
         next_x = ((ix + (dx > 0.0)) * BIN_M - ox) / dx if dx != 0.0 else math.inf
         next_y = ((iy + (dy > 0.0)) * BIN_M - oy) / dy if dy != 0.0 else math.inf
         while True:
-            if 0 <= ix < n_bins[0] and 0 <= iy < n_bins[1]:
-                for entry in range(bin_ptr[iy * n_bins[0] + ix], bin_ptr[iy * n_bins[0] + ix + 1]):
+            if 0 <= ix < n_x and 0 <= iy < n_y:
+                for entry in range(bin_ptr[iy * n_x + ix], bin_ptr[iy * n_x + ix + 1]):
                     b = bin_box[entry]
                     best = _enter(ox - boxes[b, 0], oy - boxes[b, 1], dx, dy, boxes[b, 2], boxes[b, 3], best)
             if min(next_x, next_y) > best:

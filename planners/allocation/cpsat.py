@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from planners.allocation.job_shop.shop_kernel import Arrays, Integers, empty_books, evaluate
+from planners.allocation.arrays import Int64Array
+from planners.allocation.job_shop.shop_kernel import Arrays, empty_schedule, evaluate
 from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.regret_lns import RegretLns, RegretLnsConfig
@@ -81,8 +82,8 @@ class CpSat:
             return replace(ahead, note=_note("the solver found no plan within its budget"))
         window, solved = model.plan(solver, vehicle)
         whole = np.concatenate((window, order[self.config.window_n :]))
-        books = empty_books(arrays)
-        if evaluate(arrays, books, whole, solved, np.inf) >= evaluate(arrays, books, order, vehicle, np.inf):
+        schedule = empty_schedule(arrays)
+        if evaluate(arrays, schedule, whole, solved, np.inf) >= evaluate(arrays, schedule, order, vehicle, np.inf):
             return replace(ahead, note=_note("the solver found nothing better within its budget"))
         return planned(problem, problem.shop, whole, solved)
 
@@ -101,7 +102,7 @@ class _Model:
         vehicle: Vehicle of each job in the plan, shape (n_jobs,).
     """
 
-    def __init__(self, model: Any, shop: Arrays, jobs: Integers, vehicle: Integers) -> None:
+    def __init__(self, model: Any, shop: Arrays, jobs: Int64Array, vehicle: Int64Array) -> None:
         self.model = model
         self._shop = shop
         self._jobs = [int(job) for job in jobs]
@@ -116,7 +117,7 @@ class _Model:
             model.add_hint(self._done_by[k], int(vehicle[job]))
         self._aim()
 
-    def plan(self, solver: Any, vehicle: Integers) -> tuple[Integers, Integers]:
+    def plan(self, solver: Any, vehicle: Int64Array) -> tuple[Int64Array, Int64Array]:
         """Order of the jobs and vehicles of all, as solved."""
         solved = vehicle.copy()
         for job, done_by in zip(self._jobs, self._done_by, strict=True):

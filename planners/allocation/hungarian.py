@@ -8,14 +8,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
+from planners.allocation.arrays import FloatArray, IntArray
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.allocation.prune import prune
 from planners.allocation.sparse_matching import match
 from planners.errors import PlanningError
 from planners.status import Status
-
-Floats = npt.NDArray[np.float64]
-Pairs = npt.NDArray[np.int32]
 
 SOON_S = 10.0
 """Vehicles that are free so soon are matched as well: they may do better than a far one that is free now [s]."""
@@ -81,7 +79,7 @@ class Hungarian:
             pairs = turned[:, ::-1]
         return assignment(problem, pairs, status)
 
-    def _choose(self, cost: Floats) -> tuple[Pairs, Status]:
+    def _choose(self, cost: FloatArray) -> tuple[IntArray, Status]:
         """Pairs of rows and columns, of which there are as many or more."""
         if cost.size < self.config.prune_from_n:
             return _dense(cost), Status.OPTIMAL
@@ -100,11 +98,11 @@ class Hungarian:
         return np.concatenate((pairs, _pairs(left[0][again[:, 0]], left[1][again[:, 1]]))), Status.FEASIBLE
 
 
-def _pairs(rows: npt.NDArray[np.integer], columns: npt.NDArray[np.integer]) -> Pairs:
+def _pairs(rows: npt.NDArray[np.integer], columns: npt.NDArray[np.integer]) -> IntArray:
     return np.column_stack((rows, columns)).astype(np.int32)
 
 
-def _range(cost: Floats) -> tuple[float, float, float]:
+def _range(cost: FloatArray) -> tuple[float, float, float]:
     """Least and most of the finite entries, and a step that is more than any choice of pairs can save by them."""
     finite = np.isfinite(cost)
     if not finite.any():
@@ -113,7 +111,7 @@ def _range(cost: Floats) -> tuple[float, float, float]:
     return least, most, (most - least + 1.0) * (min(cost.shape) + 1)
 
 
-def _dense(cost: Floats) -> Pairs:
+def _dense(cost: FloatArray) -> IntArray:
     """The most of the finite entries, and of these choices the cheapest.
 
     One forbidden pair costs more than all others together can save, so as few as possible are taken.

@@ -137,6 +137,9 @@ def assignment(problem: AllocationProblem, pairs: npt.ArrayLike, status: Status,
 class Allocator(Protocol):
     """What every allocator offers.
 
+    Its class is made without arguments, or with `config=` if it has settings: a frozen dataclass, which the annotation
+    of that argument names.
+
     One that reads the shop of a problem says so by `plans_ahead = True`; the others need not be given any. One that
     is to be given vehicles that are free only in `soon_s` seconds says so by that attribute; their costs tell.
     """

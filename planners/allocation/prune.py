@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-Distances: TypeAlias = npt.NDArray[np.uint16]
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int32]
+from planners.allocation.arrays import Distances, FloatArray, IntArray
 
 UNREACHABLE = 65_535
 """Distance in a table that stands for no way."""
@@ -26,19 +23,19 @@ _FEW = 4
 class Candidates:
     """Pairs to choose from, by vehicle; no pair stands there twice."""
 
-    vehicle: Integers
+    vehicle: IntArray
     """Shape (n_pairs,)."""
-    task: Integers
+    task: IntArray
     """Shape (n_pairs,)."""
-    cost: Floats
+    cost: FloatArray
     """Finite, shape (n_pairs,)."""
-    beyond: Floats
+    beyond: FloatArray
     """A pair of a vehicle that was left out costs at least this, inf if none was, shape (n_vehicles,)."""
     shape: tuple[int, int]
     """Vehicles and tasks."""
 
 
-def prune(cost: Floats, nearest_n: int) -> Candidates:
+def prune(cost: FloatArray, nearest_n: int) -> Candidates:
     """Keep the cheapest tasks of each vehicle that are allowed.
 
     Args:
@@ -52,7 +49,7 @@ def prune(cost: Floats, nearest_n: int) -> Candidates:
     return _candidates(task, chosen, cost.shape[1])
 
 
-def nearest(distances: Distances, row: Integers, state: Integers, nearest_n: int) -> Candidates:
+def nearest(distances: Distances, row: IntArray, state: IntArray, nearest_n: int) -> Candidates:
     """Keep the nearest tasks of each vehicle, without writing down the distance of every pair.
 
     Args:
@@ -68,7 +65,7 @@ def nearest(distances: Distances, row: Integers, state: Integers, nearest_n: int
     return _candidates(task, cost, len(row))
 
 
-def travel_cost(distances: Distances, row: Integers, state: Integers, cost: Floats | None = None) -> Floats:
+def travel_cost(distances: Distances, row: IntArray, state: IntArray, cost: FloatArray | None = None) -> FloatArray:
     """Write down the cost matrix of travel.
 
     Args:
@@ -91,7 +88,7 @@ def travel_cost(distances: Distances, row: Integers, state: Integers, cost: Floa
     return cost
 
 
-def _candidates(task: Integers, cost: Floats, n_tasks: int) -> Candidates:
+def _candidates(task: IntArray, cost: FloatArray, n_tasks: int) -> Candidates:
     vehicle = np.broadcast_to(np.arange(len(task), dtype=np.int32)[:, None], task.shape)
     allowed = np.isfinite(cost)
     all_kept = task.shape[1] == n_tasks
@@ -105,7 +102,7 @@ def _candidates(task: Integers, cost: Floats, n_tasks: int) -> Candidates:
 
 
 @njit(cache=True, nogil=True)
-def _cheapest(cost: Floats, task: Integers, chosen: Floats) -> None:
+def _cheapest(cost: FloatArray, task: IntArray, chosen: FloatArray) -> None:
     kept = chosen.shape[1]
     for v in range(cost.shape[0]):
         last = 0  # where the dearest of those kept stands
@@ -120,7 +117,9 @@ def _cheapest(cost: Floats, task: Integers, chosen: Floats) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _travel_cost(distances: Distances, row: npt.NDArray[np.int64], state: npt.NDArray[np.int64], cost: Floats) -> None:
+def _travel_cost(
+    distances: Distances, row: npt.NDArray[np.int64], state: npt.NDArray[np.int64], cost: FloatArray
+) -> None:
     block = np.empty((_BLOCK_N, len(state)), dtype=np.uint16)
     for first in range(0, len(row), _BLOCK_N):
         n = min(_BLOCK_N, len(row) - first)
@@ -137,8 +136,8 @@ def _nearest(
     distances: Distances,
     row: npt.NDArray[np.int64],
     state: npt.NDArray[np.int64],
-    task: Integers,
-    cost: Floats,
+    task: IntArray,
+    cost: FloatArray,
 ) -> None:
     n_vehicles, kept = cost.shape
     furthest = np.full(n_vehicles, UNREACHABLE, dtype=np.uint16)  # of those kept

@@ -7,8 +7,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from planners.allocation.arrays import Int64Array
 from planners.allocation.hungarian import Hungarian
-from planners.allocation.job_shop.shop_kernel import Arrays, Integers, anneal, append, dispatch, empty_books, evaluate
+from planners.allocation.job_shop.shop_kernel import (
+    Arrays,
+    Cooling,
+    JobPlan,
+    anneal,
+    append,
+    dispatch,
+    empty_schedule,
+    evaluate,
+)
 from planners.allocation.job_shop.shop_plan import arrays_of, planned
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.shop import Shop
@@ -73,25 +83,26 @@ class RegretLns:
         kept = planned(problem, problem.shop, *self.plan(pinned, problem.shop))
         return free if _gain(kept, free) > worth[moved].sum() else kept
 
-    def plan(self, problem: AllocationProblem, shop: Shop) -> tuple[Integers, Integers]:
+    def plan(self, problem: AllocationProblem, shop: Shop) -> tuple[Int64Array, Int64Array]:
         """The order of the jobs that are planned, shape (n,), and the vehicle of each job, shape (n_jobs,)."""
         arrays = arrays_of(problem, shop)
         order, vehicle = _first_plan(arrays, _window(problem, self.config.window_n), shop)
         if len(order) and self.config.iterations:
             # How hot is told by the objective in which all classes weigh the same: the weight of one urgent task
             # would melt the order of all others.
-            level = evaluate(arrays_of(problem, shop, 1.0), empty_books(arrays), order, vehicle, np.inf)
+            level = evaluate(arrays_of(problem, shop, 1.0), empty_schedule(arrays), order, vehicle, np.inf)
             if level > 0.0:
                 order, vehicle = self._improve(arrays, order, vehicle, level)
         return order, vehicle
 
-    def _improve(self, arrays: Arrays, order: Integers, vehicle: Integers, level: float) -> tuple[Integers, Integers]:
-        best_order, best_vehicle = np.empty_like(order), np.empty_like(vehicle)
+    def _improve(
+        self, arrays: Arrays, order: Int64Array, vehicle: Int64Array, level: float
+    ) -> tuple[Int64Array, Int64Array]:
+        best = JobPlan(np.empty_like(order), np.empty_like(vehicle))
         state = np.random.SeedSequence(self.config.seed).generate_state(1, np.uint64) | np.uint64(1)
-        hot, cold = HOT * level, COLD * level
-        books = empty_books(arrays)
-        anneal(arrays, books, order, vehicle, best_order, best_vehicle, self.config.iterations, hot, cold, state)
-        return best_order, best_vehicle
+        cooling = Cooling(iterations=self.config.iterations, hot=HOT * level, cold=COLD * level)
+        anneal(arrays, empty_schedule(arrays), JobPlan(order, vehicle), best, cooling, state)
+        return best.order, best.vehicle
 
 
 def _pinned(
@@ -113,33 +124,33 @@ def _gain(kept: Assignment, free: Assignment) -> float:
     return np.inf if more else kept.timetable.objective - free.timetable.objective
 
 
-def _first_plan(arrays: Arrays, jobs: Integers, shop: Shop) -> tuple[Integers, Integers]:
+def _first_plan(arrays: Arrays, jobs: Int64Array, shop: Shop) -> tuple[Int64Array, Int64Array]:
     """The best of the greedy plan, the one by due dates, and those by regret or the proposed one."""
-    books = empty_books(arrays)
-    plans: list[tuple[int, float, int, Integers, Integers]] = []
+    schedule = empty_schedule(arrays)
+    plans: list[tuple[int, float, int, Int64Array, Int64Array]] = []
 
-    def keep(planned_n: int, order: Integers, vehicle: Integers) -> None:
+    def keep(planned_n: int, order: Int64Array, vehicle: Int64Array) -> None:
         order = order[:planned_n]
-        plans.append((-planned_n, evaluate(arrays, books, order, vehicle, np.inf), len(plans), order, vehicle))
+        plans.append((-planned_n, evaluate(arrays, schedule, order, vehicle, np.inf), len(plans), order, vehicle))
 
     for regret in REGRETS if shop.first_order is None else REGRETS[:1]:
         order, vehicle = jobs.copy(), np.full(len(arrays.weight), -1, dtype=np.int64)
-        keep(dispatch(arrays, books, regret, order, vehicle), order, vehicle)
+        keep(dispatch(arrays, schedule, regret, order, vehicle), order, vehicle)
     due_s = arrays.due_s[jobs]
     # What is late already is not urgent any more.
     urgent = jobs[np.lexsort((np.where(due_s < 0.0, np.inf, due_s), arrays.class_of[jobs]))]
     vehicle = np.full(len(arrays.weight), -1, dtype=np.int64)
-    keep(append(arrays, books, 0, urgent, vehicle), urgent, vehicle)
+    keep(append(arrays, schedule, 0, urgent, vehicle), urgent, vehicle)
     if shop.first_order is not None and shop.first_vehicle is not None:
         proposed = shop.first_order[np.isin(shop.first_order, jobs)].astype(np.int64)
         order = np.concatenate((proposed, urgent[~np.isin(urgent, proposed)]))
         vehicle = shop.first_vehicle.astype(np.int64)
-        keep(append(arrays, books, len(proposed), order, vehicle), order, vehicle)
+        keep(append(arrays, schedule, len(proposed), order, vehicle), order, vehicle)
     *_, order, vehicle = min(plans, key=lambda plan: plan[:3])
     return order, vehicle
 
 
-def _window(problem: AllocationProblem, window_n: int) -> Integers:
+def _window(problem: AllocationProblem, window_n: int) -> Int64Array:
     """The tasks to plan, by index: those held, then by class and age."""
     n = problem.cost.shape[1]
     held = np.zeros(n, dtype=np.bool_)

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from planners.allocation.arrays import FloatArray, IntArray
 from planners.errors import PlanningError
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int32]
 
 NO_STATION = -1
 """Station of a stop at which nothing has to be booked."""
@@ -36,37 +32,37 @@ class Shop:
         ShopError: Lengths disagree, an index names nothing, or a time or weight means nothing.
     """
 
-    travel_s: Floats
+    travel_s: FloatArray
     """Travel time from place to place, shape (n_places, n_places); inf = no way."""
-    start: Integers
+    start: IntArray
     """Place at which each vehicle is free, shape (n_vehicles,)."""
-    ready_s: Floats
+    ready_s: FloatArray
     """When it is, shape (n_vehicles,)."""
-    first_stop: Integers
+    first_stop: IntArray
     """Stops of job j are first_stop[j] .. first_stop[j + 1] - 1, shape (n_jobs + 1,)."""
-    place: Integers
+    place: IntArray
     """Place of each stop, shape (n_stops,)."""
-    station: Integers
+    station: IntArray
     """Station that serves at each stop, or `NO_STATION`, shape (n_stops,)."""
-    service_s: Floats
+    service_s: FloatArray
     """Time at each stop, shape (n_stops,)."""
-    free_s: Floats = field(default_factory=lambda: np.zeros(0))
+    free_s: FloatArray = field(default_factory=lambda: np.zeros(0))
     """When each station has served those that are there or on their way already, shape (n_stations,)."""
-    buffer_n: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    buffer_n: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     """Vehicles that stand at each station at most, the one it serves included, >= 1, shape (n_stations,)."""
-    release_s: Floats | None = None
+    release_s: FloatArray | None = None
     """Its first stop is not served sooner, shape (n_jobs,); None = at any time."""
-    due_s: Floats | None = None
+    due_s: FloatArray | None = None
     """When each job should have ended, inf = at any time, shape (n_jobs,); None = all at any time."""
-    weight: Floats | None = None
+    weight: FloatArray | None = None
     """Weight of the end of each job, shape (n_jobs,), >= 0; None = 1 each."""
-    late_weight: Floats | None = None
+    late_weight: FloatArray | None = None
     """Weight of the time after its due date, shape (n_jobs,), >= 0; None = 1 each."""
-    late_cost: Floats | None = None
+    late_cost: FloatArray | None = None
     """What it costs once that a job ends after its due date, however little, shape (n_jobs,), >= 0; None = nothing."""
-    first_order: Integers | None = None
+    first_order: IntArray | None = None
     """Jobs in an order that is likely to be good, such as that of the last plan, each at most once; None = unknown."""
-    first_vehicle: Integers | None = None
+    first_vehicle: IntArray | None = None
     """Vehicle of each job of that order, shape (n_jobs,), any number for others; None = unknown."""
     makespan_weight: float = 0.0
     """Weight of the end of the last job, >= 0."""
@@ -170,15 +166,15 @@ class Shop:
 class Timetable:
     """When what happens if the jobs of a shop are done as planned."""
 
-    vehicle: Integers
+    vehicle: IntArray
     """Vehicle of each job, -1 = nobody, shape (n_jobs,)."""
-    arrive_s: Floats
+    arrive_s: FloatArray
     """When it is in front of each stop, shape (n_stops,); nan where nobody goes, as below."""
-    enter_s: Floats
+    enter_s: FloatArray
     """When the station has room for it, shape (n_stops,)."""
-    start_s: Floats
+    start_s: FloatArray
     """When service starts, shape (n_stops,)."""
-    end_s: Floats
+    end_s: FloatArray
     """When service ends and the vehicle drives on, shape (n_stops,)."""
     objective: float
     """What the shop wants small, summed over the jobs that are done."""

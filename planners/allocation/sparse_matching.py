@@ -8,14 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from planners.allocation.arrays import FloatArray, Int, IntArray
 from planners.allocation.prune import Candidates
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int32]
-Int = int | np.integer
 
-
-def match(candidates: Candidates, forbidden: float) -> tuple[Integers, Floats]:
+def match(candidates: Candidates, forbidden: float) -> tuple[IntArray, FloatArray]:
     """The most of the candidate pairs, and of these choices the cheapest; exact among the candidates.
 
     Vehicles are given a task one by one along a shortest augmenting path, searched with a heap. Source: Jonker,
@@ -37,8 +34,8 @@ def match(candidates: Candidates, forbidden: float) -> tuple[Integers, Floats]:
 
 @njit(cache=True, nogil=True)
 def _match(
-    first: npt.NDArray[np.int64], task: Integers, cost: Floats, n_tasks: int, forbidden: float
-) -> tuple[Integers, Floats]:
+    first: npt.NDArray[np.int64], task: IntArray, cost: FloatArray, n_tasks: int, forbidden: float
+) -> tuple[IntArray, FloatArray]:
     n_vehicles = len(first) - 1
     pays = np.full(n_vehicles, forbidden)
     price = np.zeros(n_tasks)

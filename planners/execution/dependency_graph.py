@@ -9,13 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
+from planners.execution.arrays import BoolArray, Int64Array, IntArray
 from planners.execution.errors import ExecutionError, StalePlanError
 from planners.execution.queues import (
     NOBODY,
     NONE,
-    BoolArray,
-    Int64Array,
-    IntArray,
     Queues,
     append,
     cut_off,

@@ -5,14 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from maps.lane_graph import LaneGraph
-
-IntArray = npt.NDArray[np.int32]
-Int64Array = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from planners.execution.arrays import BoolArray, Int64Array, IntArray
 
 NOBODY = -1
 NONE = -1

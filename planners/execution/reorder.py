@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from planners.execution.queues import NOBODY, NONE, BoolArray, Int64Array, Queues, move_at, run_through
+from planners.execution.arrays import BoolArray, Int64Array
+from planners.execution.queues import NOBODY, NONE, Queues, move_at, run_through
 
 
 def go_first(q: Queues, agent: int, late: BoolArray) -> bool:

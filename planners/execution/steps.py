@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from maps.lane_graph import LaneGraph
+from planners.execution.arrays import IndexArray, IntArray
 from planners.execution.errors import CyclicPlanError, IllegalPlanError
-
-IntArray = npt.NDArray[np.int32]
-IndexArray = npt.NDArray[np.intp]
 
 _NO_STATE, _ONE_CELL, _NO_MOVE = 1, 2, 3
 

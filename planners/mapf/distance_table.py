@@ -11,10 +11,9 @@ from numba import njit
 
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
+from planners.mapf.arrays import BoolArray, Distances, IntArray
 from planners.mapf.options import open_moves
-from planners.mapf.problem import BoolArray, Instance, IntArray
-
-Distances = npt.NDArray[np.uint16]
+from planners.mapf.problem import Instance
 
 UNREACHABLE = 65_535
 """Distance of a state that has no way to the goal; every real distance is smaller."""

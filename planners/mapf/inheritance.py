@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planners.mapf.arrays import IntArray
 from planners.mapf.kernel import Int, inlined, kernel
 from planners.mapf.options import Options
-from planners.mapf.problem import IntArray
+from planners.mapf.problem import NOBODY
 
-NOBODY = -1
-"""Who stands in an empty cell."""
 UNDECIDED = -1
 """Where an agent goes that has not decided yet."""
 
@@ -166,12 +165,13 @@ def push(
     """
     while depth >= 0:
         agent = claims.stack[depth]
+        # The candidates in their order: stay, and each neighbour.
         number, least = 0, keys[agent, 0]
         for k in range(1, keys.shape[1]):
             if keys[agent, k] < least:
                 number, least = k, keys[agent, k]
 
-        if least == used_up:  # no option is left: stay, and the agent behind takes its step back
+        if least == used_up:  # no candidate is left: stay, return invalid; whoever pushed takes its step back
             stuck = depth == 0 and claims.cells[claims.home[agent], 1] != NOBODY
             stay(claims, now, after, agent)
             if stuck:
@@ -187,10 +187,12 @@ def push(
                 stay(claims, now, after, agent)
                 return SETTLED, depth
             continue
+        # Vertex conflicts and swaps, as in the paper; sweeps and rings are additions.
         if not is_allowed(options, claims, now, agent, number, allow_rotation):
             continue
         go(options, claims, now, after, agent, number)
 
+        # Priority inheritance: whoever stands there and is undecided must choose now. Otherwise return valid.
         ahead = claims.cells[claims.goes[agent], 0]
         if ahead == NOBODY or claims.goes[ahead] != UNDECIDED:  # itself, where it only turns
             return SETTLED, depth

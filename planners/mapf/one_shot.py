@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from planners.mapf.arrays import IntArray
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable, tables_of
-from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
+from planners.mapf.problem import NO_GOAL, Instance, Plan
 from planners.mapf.roads import closed_cells
 from planners.status import Status
 

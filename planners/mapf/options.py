@@ -8,9 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
-from planners.mapf.problem import BoolArray, IntArray
-
-Int64Array = npt.NDArray[np.int64]
+from planners.mapf.arrays import BoolArray, Int64Array, IntArray
 
 
 def open_moves(graph: LaneGraph, blocked: BoolArray) -> BoolArray:

@@ -12,14 +12,13 @@ import numpy.typing as npt
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf.arrays import BoolArray, Int64Array, IntArray
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable, tables_of
-from planners.mapf.inheritance import NOBODY, PUSHED, UNDECIDED, Claims, claims_of, clear, enter, push, stay
+from planners.mapf.inheritance import PUSHED, UNDECIDED, Claims, claims_of, clear, enter, push, stay
 from planners.mapf.kernel import kernel
 from planners.mapf.options import Options, options_of
-from planners.mapf.problem import BoolArray, Instance, IntArray, Plan
+from planners.mapf.problem import NOBODY, Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
-
-Int64Array = npt.NDArray[np.int64]
 
 # A key orders the options of an agent: distance left after it, then its class, then chance; it ends in its number.
 _DISTANCE_BIT = 24
@@ -187,6 +186,7 @@ def _step(
         if wishes.locked[agent]:
             stay(claims, now, after, agent)
     _rank(options, wishes, claims, keys, salt, now)
+    # The main loop of algorithm 1: by priority, whoever is undecided; all candidates are sorted beforehand.
     for leader in wishes.order:
         if claims.goes[leader] == UNDECIDED:
             claims.stack[0] = leader

@@ -9,12 +9,13 @@ import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
+from planners.mapf.arrays import BoolArray, IntArray
 from planners.status import Status
 
 NO_GOAL = -1
-
-IntArray = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
+"""Goal of an agent that has none."""
+NOBODY = -1
+"""Where an agent is named and there is none."""
 
 
 class InstanceError(PlanningError):

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from maps.lane_graph import LaneGraph
+from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.options import Options, open_moves
-from planners.mapf.problem import BoolArray, Instance, IntArray
+from planners.mapf.problem import Instance
 
 
 class Roads(NamedTuple):

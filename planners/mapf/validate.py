@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
+from planners.mapf.arrays import IntArray
 from planners.mapf.problem import Instance, Plan
-
-Ints = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +84,7 @@ def breaches(instance: Instance, plan: Plan) -> list[Conflict]:
 
 
 def suspicious(
-    graph: LaneGraph, states: Ints, *, allow_rotation: bool, blocked: npt.NDArray[np.bool_]
+    graph: LaneGraph, states: IntArray, *, allow_rotation: bool, blocked: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.intp]:
     """Rows of a plan in which something may be wrong, ascending; all others are right.
 

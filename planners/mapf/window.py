@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.deadline import Deadline
+from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.distance_table import UNREACHABLE
-from planners.mapf.problem import NO_GOAL, BoolArray, Instance, IntArray, Plan
+from planners.mapf.problem import NO_GOAL, Instance, Plan
 from planners.status import Status
 
 

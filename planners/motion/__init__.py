@@ -8,7 +8,6 @@ from types import MappingProxyType
 from planners.motion.problem import MotionPlanner as MotionPlanner
 from planners.motion.problem import MotionProblem as MotionProblem
 from planners.motion.problem import MotionResult as MotionResult
-from planners.motion.problem import MotionStatus as MotionStatus
 from planners.motion.search.aorrtc import Aorrtc as Aorrtc
 from planners.motion.search.ompl_planner import OMPL_PLANNERS as OMPL_PLANNERS
 from planners.motion.search.ompl_planner import OmplPlanner as OmplPlanner
@@ -16,6 +15,7 @@ from planners.motion.search.ompl_planner import UnknownPlannerError as UnknownPl
 from planners.motion.search.rrt_connect import RrtConnect as RrtConnect
 from planners.motion.search.rrt_connect_config import RrtConnectConfig as RrtConnectConfig
 from planners.motion.search.rrt_connect_native import RrtConnectNative as RrtConnectNative
+from planners.motion.status import MotionStatus as MotionStatus
 
 MOTION_PLANNERS: Mapping[str, type[RrtConnect] | type[RrtConnectNative] | type[Aorrtc]] = MappingProxyType(
     {

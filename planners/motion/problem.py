@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Protocol
 
 import numpy as np
@@ -13,21 +12,10 @@ from planners.motion import checks
 from planners.motion.arrays import FloatArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.scene_kernel import straight_goal
+from planners.motion.status import MotionStatus
 
 _MAX_SEED = 2**32 - 2
 _MOST_ITERATIONS = 2**62
-
-
-class MotionStatus(Enum):
-    """How a motion query ended."""
-
-    SOLVED = "solved"
-    NO_SOLUTION = "no_solution"
-    """The iteration budget is used up."""
-    INVALID_START = "invalid_start"
-    """The start is in collision or outside the joint limits."""
-    INVALID_GOAL = "invalid_goal"
-    """Every goal is in collision or outside the joint limits."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,6 +17,8 @@ Definition = Function | ast.ClassDef
 
 _DOTTED = re.compile(r"(?:fleet|maps|planners)(?:\.\w+)+(?::\w+)?")
 """Text that names a module, or an object in one as entry points do."""
+_BESIDE = re.compile(r"\w+\.\w+")
+"""Text that may name an object in a module of the same folder, as tables of commands do."""
 _CODE_BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _COMMAND = re.compile(r"-m (fleet(?:\.\w+)*)")
 
@@ -209,6 +211,14 @@ class _Walk:
             self.reach(self._tree.home(text), "")
             self.reach(*self._tree.resolve(text.replace(":", ".")))
 
+    def _beside(self, module: Module, text: str) -> None:
+        """Reach an object in a module of the same folder, if a text names one."""
+        folder = module.name if module.is_package else module.name.rpartition(".")[0]
+        path = f"{folder}.{text}"
+        home, name = self._tree.resolve(path)
+        if name and self._tree.home(path) != folder:
+            self.reach(home, name)
+
     def references(self, module: Module, statements: list[ast.stmt]) -> None:
         """Reach all that statements of a module refer to."""
         for statement in statements:
@@ -220,6 +230,8 @@ class _Walk:
             for node in ast.walk(statement):
                 if isinstance(node, ast.Constant) and isinstance(node.value, str):
                     self.text(node.value)
+                    if _BESIDE.fullmatch(node.value):
+                        self._beside(module, node.value)
                 elif isinstance(node, ast.Import | ast.ImportFrom):
                     self._import(node)
 

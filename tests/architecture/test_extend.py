@@ -289,15 +289,7 @@ if __name__ == "__main__":
     raise SystemExit(main(BENCHMARK))
 '''
 
-two_lines = pytest.mark.xfail(strict=True, raises=AssertionError, reason="its table takes classes, which are imported")
-two_registrations = pytest.mark.xfail(
-    strict=True, raises=AssertionError, reason="an environment is registered by two lines, and there is no table"
-)
-helped_by_hand = pytest.mark.xfail(strict=True, raises=AssertionError, reason="the option's help is written by hand")
-known_by_name_only = pytest.mark.xfail(strict=True, raises=AssertionError, reason="--planner knows its table alone")
 
-
-@two_lines
 @of_part("allocator")
 def test_an_allocator(tree: Copy, row: Row, repository: Path) -> None:
     line = '"longest_wait": "planners.allocation.longest_wait.LongestWait",'
@@ -305,21 +297,18 @@ def test_an_allocator(tree: Copy, row: Row, repository: Path) -> None:
     tree.demo("--allocator", "longest_wait")
 
 
-@two_lines
 @of_part("path planner of a fleet")
 def test_a_path_planner_of_a_fleet(tree: Copy, row: Row) -> None:
     tree.add(row, WINDOW_PLANNER, line='"toy": "planners.mapf.toy.Toy",')
     tree.demo("--planner", "toy")
 
 
-@two_lines
 @of_part("path planner from start to goal")
 def test_a_path_planner_from_start_to_goal(tree: Copy, row: Row) -> None:
     tree.add(row, ONE_SHOT_PLANNER, line='"toy": "planners.mapf.toy.Toy",')
     tree.plan(tree.root, "--planner", "toy")
 
 
-@two_lines
 @of_part("type of task")
 def test_a_type_of_task(tree: Copy, row: Row) -> None:
     tree.add(row, TASK_TYPE, line='"toy": "fleet.tasks.types.toy.ToyType",')
@@ -341,7 +330,6 @@ def test_a_site(tree: Copy, row: Row, repository: Path) -> None:
     assert "7 passed" in tree.run("-m", "pytest", "-q", "-k", "toy", "test_sites.py")
 
 
-@two_registrations
 @of_part("environment")
 def test_an_environment(tree: Copy, row: Row) -> None:
     tree.add(row, ENVIRONMENT, line='"toy": 50,')
@@ -359,13 +347,11 @@ def test_an_allocator_outside_of_the_source(tree: Copy, repository: Path) -> Non
     tree.demo("--allocator", "mine.LongestWait")
 
 
-@known_by_name_only
 def test_a_path_planner_outside_of_the_source(tree: Copy) -> None:
     (tree.root / "mine.py").write_text(WINDOW_PLANNER, encoding="utf-8")
     tree.demo("--planner", "mine.Toy")
 
 
-@helped_by_hand
 @of_part("allocator")
 def test_help_names_a_new_allocator(tree: Copy, row: Row, repository: Path) -> None:
     line = '"longest_wait": "planners.allocation.longest_wait.LongestWait",'

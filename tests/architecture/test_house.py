@@ -20,21 +20,9 @@ MOST_PARAMETERS = 7
 MOST_PARTS = 12
 """Fields of a dataclass or tuple that holds parts of a run."""
 
-FULL_FOLDERS: dict[str, int] = {}
+FULL_FOLDERS = {"fleet/missions": 17}
 
 LONG_CONSTRUCTORS = {
-    "fleet.dispatch.allocation.TaskAllocation": 11,
-    "fleet.dispatch.costs.CostModel": 8,
-    "fleet.dispatch.dispatcher.Dispatcher": 14,
-    "fleet.envs.core.base.FleetEnv": 8,
-    "fleet.envs.dispatch.env.DispatchEnv": 11,
-    "fleet.envs.navigate.navigation.NavigationEnv": 8,
-    "fleet.envs.traffic.env.TrafficEnv": 9,
-    "fleet.envs.warehouse.env.WarehouseEnv": 16,
-    "fleet.missions.charging.Charging": 10,
-    "fleet.missions.docks.Docks": 14,
-    "fleet.missions.inventory.Inventory": 10,
-    "fleet.missions.visits.Visits": 12,
     "fleet.recording.rerun_recorder.RerunRecorder": 11,
     "fleet.recording.stream.stream.Stream": 8,
     "fleet.stations.arms.cell_planner.CellPlanner": 9,
@@ -47,26 +35,18 @@ SHARED_NAMES = {
     "ArmModel": 2,
     "Bodies": 2,
     "Books": 2,
-    "Cars": 2,
-    "Choice": 2,
-    "Curve": 2,
-    "Drawing": 2,
-    "Episode": 2,
     "FloorPlan": 2,
-    "Greedy": 2,
-    "Hungarian": 2,
     "Lanes": 2,
-    "Outcome": 2,
     "Parcels": 2,
     "Perception": 2,
-    "Pibt": 2,
     "Place": 2,
     "Plan": 2,
+    "Queues": 2,
     "Schedule": 2,
+    "Stations": 2,
     "Timetable": 2,
-    "View": 2,
     "Visit": 2,
-    "Window": 3,
+    "Window": 2,
 }
 """Modules that have a public class of that name."""
 

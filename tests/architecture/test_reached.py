@@ -88,7 +88,11 @@ TOY = {
         "def by_text():\n    from fleet.late import helper\n    return helper\n"
     ),
     "fleet/late.py": "def helper(): ...\n",
-    "fleet/plugin.py": "def member(): ...\ndef no_member(): ...\n",
+    "fleet/plugin.py": (
+        "def member():\n    return 'near.Command', 'near.Nothing', 'elsewhere.Command', 'near.py'\n"
+        "def no_member(): ...\n"
+    ),
+    "fleet/near.py": "class Command: ...\nclass Other: ...\n",
 }
 
 
@@ -108,6 +112,7 @@ def test_names_texts_and_attributes_reach_and_a_name_of_its_own_does_not(toy: So
         "fleet.far.by_text",
         "fleet.far.used",
         "fleet.late",
+        "fleet.near.Other",
         "fleet.plugin.no_member",
         "fleet.shown.Shown",
         "fleet.shown.forgotten",
@@ -122,6 +127,7 @@ def test_what_a_document_uses_is_reached(toy: SourceTree) -> None:
         "fleet.far.SPARE",
         "fleet.far.by_text",
         "fleet.late",
+        "fleet.near.Other",
         "fleet.plugin.no_member",
         "fleet.shown.forgotten",
         "fleet.shown.site",

@@ -27,14 +27,16 @@ FAMILIES = [
     Family(
         package="planners.mapf",
         tables=("PLANNERS", "ONE_SHOT_PLANNERS"),
-        support=frozenset({"chance", "distance_table", "inheritance", "kernel", "metrics", "one_shot", "options"})
-        | {"planner", "problem", "roads", "validate", "window"},
+        support=frozenset(
+            {"arrays", "chance", "distance_table", "inheritance", "kernel", "lanes", "metrics", "one_shot"}
+        )
+        | {"options", "planner", "problem", "roads", "validate", "window"},
     ),
     Family(
         package="planners.allocation",
         tables=("ALLOCATORS",),
-        support=frozenset({"checked", "costs", "job_shop", "problem", "prune", "reasons", "shop", "sparse_matching"})
-        | {"validate"},
+        support=frozenset({"arrays", "checked", "costs", "job_shop", "problem", "prune", "reasons", "shop"})
+        | {"sparse_matching", "validate"},
     ),
     Family(
         package="planners.motion.search",

@@ -22,7 +22,7 @@ from fleet.envs.grid.fleet import FleetSite, GridFleet
 from fleet.envs.grid.kernel import NONE, Phase, Stage
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.envs.traffic.right_of_way import RightOfWay
-from fleet.missions.roster import CarPhase
+from fleet.missions.phases import STATES_IN, CarPhase
 from fleet.tasks import board
 from fleet.tasks.board import TaskState
 from maps.site import load_site
@@ -30,19 +30,7 @@ from maps.site import load_site
 # --- The tables of runs that the grid is held against
 
 TASK_NEXT: dict[TaskState, frozenset[TaskState]] = board._NEXT
-"""What a task may become."""
-PAIRS = frozenset(
-    {
-        (None, CarPhase.IDLE),
-        (TaskState.ASSIGNED, CarPhase.TO_PICK),
-        (TaskState.ASSIGNED, CarPhase.HELD),
-        (TaskState.LOADING, CarPhase.LOADING),
-        (TaskState.CARRIED, CarPhase.TO_DROP),
-        (TaskState.CARRIED, CarPhase.HELD),
-        (TaskState.UNLOADING, CarPhase.UNLOADING),
-    }
-)
-"""What a car does while its task is in a state, as far as the grid has it; None = it has no task."""
+"""What a task may become. What it may be while its car is in a phase: `STATES_IN`."""
 CAR_NEXT: dict[CarPhase, frozenset[CarPhase]] = {
     CarPhase.IDLE: frozenset({CarPhase.TO_PICK}),
     CarPhase.TO_PICK: frozenset({CarPhase.HELD, CarPhase.LOADING}),
@@ -51,7 +39,7 @@ CAR_NEXT: dict[CarPhase, frozenset[CarPhase]] = {
     CarPhase.TO_DROP: frozenset({CarPhase.HELD, CarPhase.UNLOADING}),
     CarPhase.UNLOADING: frozenset({CarPhase.IDLE}),
 }
-"""What a car may go over to, as far as the grid has it."""
+"""What a car may go over to on the grid: that no phase is left out."""
 
 # --- What the grid's own words mean in a run
 
@@ -146,7 +134,7 @@ class Watched:
         states = np.where(now.task_of == NONE, NO_TASK, now.tasks[now.task_of])
         for state, phase in set(zip(states.tolist(), now.cars.tolist(), strict=True)):
             pair = None if state == NO_TASK else STATES[state], PHASES[phase]
-            assert pair in PAIRS, f"{name}: a car is {pair[1]} while its task is {pair[0]}"
+            assert pair[0] in STATES_IN[pair[1]], f"{name}: a car is {pair[1]} while its task is {pair[0]}"
         with_car = np.sort(now.task_of[now.task_of != NONE])
         under_way = np.flatnonzero(np.isin(now.tasks, [STATES.index(state) for state in board.UNDER_WAY]))
         assert np.array_equal(with_car, under_way), f"{name}: a task under way has no car, or two"

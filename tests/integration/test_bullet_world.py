@@ -453,7 +453,7 @@ def test_arms_that_meet_are_told() -> None:
     still = np.tile(spec.home_rad, (50, 1))
     with pytest.raises(PlanningError, match="neighbour None"):
         confirmer.confirm_beside(path, still)
-    confirmer.set_neighbour(tool, np.array([0.0, 0.8, 0.0]))
+    confirmer.set_neighbour(spec, tool, np.array([0.0, 0.8, 0.0]))
     assert confirmer.confirm_beside(still, still).free
     verdict = confirmer.confirm_beside(path, still)
     assert not verdict.free

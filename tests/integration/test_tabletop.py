@@ -53,6 +53,23 @@ def test_two_arms_work_at_the_same_time_and_never_touch(tmp_path: Path) -> None:
     assert result["robot_contacts"] == 0
 
 
+def test_two_arms_share_a_tray_sooner_than_by_turns_and_never_touch(tmp_path: Path) -> None:
+    # In this instance the arms touch if the schedule is not kept.
+    assert ran(["exchange", "--seed", "1", "--no-record", "--out", str(tmp_path)]) == 0
+    result = result_of(tmp_path)
+    assert (result["way"], result["robot_contacts"]) == ("decoupled", 0)
+    alone_s = result["alone_s"]
+    assert isinstance(alone_s, list)
+    makespan_s = result["makespan_s"]
+    assert isinstance(makespan_s, float)
+    assert max(alone_s) <= makespan_s < 0.8 * sum(alone_s)
+
+
+def test_parcels_for_a_shared_tray_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(["exchange", "--deliveries", "4", "--out", str(tmp_path)]) == 2
+    assert "--deliveries is 4; valid: an integer from 1 to 3" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_a_panda_empties_most_of_a_tray(tmp_path: Path) -> None:
     """Random objects may roll or slip away; what is left is told, and so is the exit status."""

@@ -76,7 +76,7 @@ def test_what_does_not_exist_is_refused(folder: Path, tmp_path: Path, capsys: py
     assert "time is 61 s; valid: 0 to 60 s" in refused(["car_1", str(folder), "--at", "61"], capsys)
     assert "time is -1 s" in refused(["car_1", str(folder), "--at", "-1"], capsys)
     assert "--at is 'noon'; valid: a number" in refused(["car_1", str(folder), "--at", "noon"], capsys)
-    assert "an argument is missing" in refused(["car_1"], capsys)
+    assert "FOLDER is missing; valid: ROBOT FOLDER" in refused(["car_1"], capsys)
     assert "valid: the --out directory of a run" in refused(["car_1", str(tmp_path / "nothing")], capsys)
 
 

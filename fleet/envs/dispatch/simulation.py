@@ -78,7 +78,7 @@ class SimulatedDispatch(SimulatedFleet):
         """See `DispatchFleet`."""
         simulation, number = self.simulation, self._number
         missions, board, now_s = simulation.missions, simulation.board, simulation.sim_s
-        ready = board.in_state(TaskState.READY)
+        ready = sorted(board.in_state(TaskState.READY), key=lambda task: task.index)
         under_way = np.zeros(len(number), dtype=np.int32)
         for task in board.in_state(*UNDER_WAY):
             under_way[number[task.delivery.drop]] += 1

@@ -45,7 +45,7 @@ from fleet.envs.core.choices import row_of
 from fleet.envs.core.env_config import EnvConfig
 from fleet.envs.core.floor_drawing import FloorDrawing
 from fleet.envs.core.weights import check_weights
-from fleet.envs.navigate.rows import CAR_N, WAY_POINTS_M, CarsSeen, Seen, Ways, observe, project
+from fleet.envs.navigate.rows import CAR_N, WAY_POINTS_M, CarsSeen, Seen, WayLines, observe, project
 from fleet.robots.pursuit import PathBuffer
 from fleet.world import make_world
 from fleet.world.protocol import FloatArray
@@ -299,10 +299,10 @@ class NavigationEnv(FleetEnv):
         self._extend(car)
         return reached
 
-    def _ways(self) -> Ways:
+    def _ways(self) -> WayLines:
         """The ways as they are now: the path buffer makes new arrays when it grows."""
         paths = self._paths
-        return Ways(
+        return WayLines(
             points=paths.points,
             s=paths.s,
             counts=paths.count,

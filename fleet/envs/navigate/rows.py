@@ -27,7 +27,7 @@ Bools = npt.NDArray[np.bool_]
 Int64Array = npt.NDArray[np.int64]
 
 
-class Ways(NamedTuple):
+class WayLines(NamedTuple):
     """The ways of all cars, as `PathBuffer` keeps them, and where the cars are beside them; n cars."""
 
     points: FloatArray
@@ -70,7 +70,7 @@ class Seen(NamedTuple):
 
 
 @njit(cache=True)
-def project(poses: FloatArray, ways: Ways) -> None:  # pragma: no cover - compiled
+def project(poses: FloatArray, ways: WayLines) -> None:  # pragma: no cover - compiled
     """Find the point of its way nearest to each car, from half a metre behind the last one to a metre ahead of it."""
     points, s, counts, cursor, progress, aside = ways
     for car in range(len(poses)):
@@ -124,7 +124,7 @@ def _parted(
 
 
 @njit(cache=True)
-def observe(cars: CarsSeen, ways: Ways, look_m: FloatArray, seen: Seen) -> None:  # pragma: no cover - compiled
+def observe(cars: CarsSeen, ways: WayLines, look_m: FloatArray, seen: Seen) -> None:  # pragma: no cover - compiled
     """Write all observations, and which cars touch another."""
     poses, speeds, body = cars.poses, cars.speeds, cars.body
     points, s, counts, cursor, progress, aside = ways

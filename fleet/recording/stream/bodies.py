@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import rerun as rr
 
-from fleet.recording.frame import FloatArray, Frame, IntArray
+from fleet.arrays import FloatArray, IntArray
+from fleet.recording.frame import Frame
 from fleet.recording.index import Times, index_of, set_time
 from fleet.recording.stream import palette
 from fleet.recording.stream.columns import ArrowColumn, Chunks, offsets_of, strips, vectors

@@ -17,6 +17,7 @@ import rerun as rr
 from numba import njit
 from rerun.chunk import Chunk
 
+from fleet.arrays import CellArray, FloatArray
 from fleet.recording.index import Times
 
 _POINT = [(0.0, 0.0, 0.0)]
@@ -148,7 +149,7 @@ def strips(
 
 
 @njit(cache=True)
-def _without_straight(xy, bounds, height):
+def _without_straight(xy: FloatArray, bounds: CellArray, height: float) -> tuple[npt.NDArray[np.float32], CellArray]:
     """Corners and ends of polylines, (k, 3), and where each polyline begins among them."""
     points = np.empty((len(xy), 3), np.float32)
     begins = np.zeros(len(bounds), np.int32)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import rerun as rr
 from numba import njit
 
+from fleet.arrays import CellArray, FloatArray
 from fleet.recording.errors import RecordingError
 from fleet.recording.frame import Frame, Wait
 from fleet.recording.header import DrawnFloor
@@ -40,7 +41,7 @@ _FULL_S = 60.0
 _SEEN_S = 1.0
 """Cells in which cars stood for less are left out [s]."""
 
-Place = npt.NDArray[np.float64]
+Place = FloatArray
 """x, y [m], shape (2,)."""
 
 
@@ -157,7 +158,7 @@ class Coordination:
         car = self._car_of.get(name)
         return self._fixed_xy.get(name) if car is None else frame.car_poses[car, :2]
 
-    def _write_congestion(self, frame: Frame, stood_s: Mapping[str, npt.NDArray[np.float64]]) -> None:
+    def _write_congestion(self, frame: Frame, stood_s: Mapping[str, FloatArray]) -> None:
         """In every cell one strip per cause, as wide as its share of the time; opaque where cars stood long."""
         total = np.sum([np.zeros(len(self._cell_xy)), *stood_s.values()], axis=0)
         left = np.zeros(len(self._cell_xy))
@@ -190,10 +191,10 @@ class _Look:
     waits: Sequence[Wait]
     told: str
     names: list[str]
-    places: npt.NDArray[np.float64]
+    places: FloatArray
     colours: npt.NDArray[np.uint32]
-    origins: npt.NDArray[np.float64]
-    ends: npt.NDArray[np.float64]
+    origins: FloatArray
+    ends: FloatArray
     arrow_colours: npt.NDArray[np.uint32]
 
 
@@ -218,7 +219,7 @@ def cyclic(edges: Iterable[tuple[str, str]]) -> frozenset[str]:
     return frozenset(name for name in ahead if returns(name))
 
 
-def chains(names: Sequence[str], ahead: Mapping[str, str]) -> npt.NDArray[np.float64]:
+def chains(names: Sequence[str], ahead: Mapping[str, str]) -> FloatArray:
     """Where to draw who waits for whom: who waits stands right of whom it waits for, each chain in rows of its own.
 
     Args:
@@ -264,7 +265,11 @@ def _sentences(explanations: Mapping[str, str]) -> str:
 
 
 @njit(cache=True)
-def _owned(owners, plates, colours):
+def _owned(
+    owners: CellArray,
+    plates: npt.NDArray[np.float32],
+    colours: npt.NDArray[np.uint32],
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32], CellArray]:
     """Plates of the cells that belong to a car, row by row.
 
     Args:
@@ -289,5 +294,5 @@ def _owned(owners, plates, colours):
     return centres, hues, offsets
 
 
-def _at_height(xy: npt.NDArray[np.floating], z: float) -> npt.NDArray[np.float64]:
+def _at_height(xy: npt.NDArray[np.floating], z: float) -> FloatArray:
     return np.column_stack([xy.reshape(-1, 2), np.full(len(xy), z)])

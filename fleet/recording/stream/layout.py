@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
+from fleet.arrays import FloatArray
 from fleet.recording.header import DrawnFloor
 from fleet.recording.stream.bodies import CAR_BODIES
 from fleet.recording.stream.coordination import CONGESTION, PRIORITIES, WAITS
@@ -189,8 +189,8 @@ def _plots(titles: Sequence[str], more: Sequence[rrb.View]) -> list[rrb.View]:
 
 def _eye_view(
     name: str,
-    eye: npt.NDArray[np.float64],
-    target: npt.NDArray[np.float64],
+    eye: FloatArray,
+    target: FloatArray,
     *,
     hidden: tuple[str, ...] = _FLAT,
     overrides: Mapping[Any, Any] | None = None,
@@ -205,7 +205,7 @@ def _eye_view(
     )
 
 
-def _overview(size_m: tuple[float, float], aspect: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _overview(size_m: tuple[float, float], aspect: float) -> tuple[FloatArray, FloatArray]:
     """Nearest eye south of the floor that sees all of it in a view of the given aspect, and its target.
 
     With u and b the offsets of a corner from the centre along the eye's up and backward axes, and t the tangent of half
@@ -223,12 +223,12 @@ def _overview(size_m: tuple[float, float], aspect: float) -> tuple[npt.NDArray[n
     return target + 1.03 * distance * back, target
 
 
-def _closeup(base: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _closeup(base: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Eye across the lane from an arm, and a target between arm and tray."""
     x, y, z, yaw = base
     cos, sin = math.cos(yaw), math.sin(yaw)
 
-    def at(ahead: float, aside: float, height: float) -> npt.NDArray[np.float64]:
+    def at(ahead: float, aside: float, height: float) -> FloatArray:
         return np.array([x + cos * ahead - sin * aside, y + sin * ahead + cos * aside, z + height])
 
     return at(2.1, 1.3, 1.55), at(0.25, 0.0, 0.4)

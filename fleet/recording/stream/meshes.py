@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.recording.errors import RecordingError
 from fleet.recording.stream import palette
 from fleet.robots.spec import Visual
@@ -56,7 +57,7 @@ def link_mesh(visuals: Sequence[Visual]) -> Mesh:
     )
 
 
-_Shape = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.int64]]
+_Shape = tuple[FloatArray, FloatArray, IntArray]
 """Vertices (v, 3), their normals (v, 3), triangles (t, 3)."""
 
 
@@ -108,7 +109,7 @@ def _box(size_m: tuple[float, float, float]) -> _Shape:
     return _faceted(corners[np.array(halves)])
 
 
-def _faceted(corners: npt.NDArray[np.float64]) -> _Shape:
+def _faceted(corners: FloatArray) -> _Shape:
     """Triangles (t, 3, 3) that share no vertex, each with the normal of its plane."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)

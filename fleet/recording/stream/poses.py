@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.recording.stream.meshes import Mesh, link_mesh
 from fleet.robots.spec import ArmSpec, CarSpec
 
@@ -131,7 +132,7 @@ def car_link_poses(
 
 
 @njit(cache=True)
-def _on_floor(poses):
+def _on_floor(poses: Array) -> tuple[FloatArray, FloatArray]:
     """Positions (k, 3) and quaternions xyzw (k, 4) from x, y, yaw, (k, 3)."""
     position, quat = np.zeros((len(poses), 3)), np.zeros((len(poses), 4))
     for k in range(len(poses)):
@@ -169,7 +170,14 @@ class ArmChain:
 
 
 @njit(cache=True)
-def _chain(base, places, turns, q, position, quat):
+def _chain(
+    base: FloatArray,
+    places: FloatArray,
+    turns: FloatArray,
+    q: FloatArray,
+    position: FloatArray,
+    quat: FloatArray,
+) -> None:
     """Fill positions (n + 1, f, m, 3) and quaternions (n + 1, f, m, 4) from base (m, 4) on, along joints that stand at
     `places` (n, 3), turned by `turns` (n, 4), in the link before, and turn about their z by q (f, m, n).
     """
@@ -212,7 +220,7 @@ def snapped(values: Array) -> npt.NDArray[np.float32]:
 
 
 @njit(cache=True)
-def _snapped(values):
+def _snapped(values: Array) -> npt.NDArray[np.float32]:
     made = np.empty(len(values), np.float32)
     for k in range(len(values)):
         made[k] = np.rint(values[k] * _STEPS) / _STEPS

@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 
+from fleet.arrays import FloatArray
 from fleet.recording.errors import RecordingError
 from fleet.recording.stream import palette
-
-FloatArray = npt.NDArray[np.float64]
 
 _MEDIA = {".stl": rr.MediaType.STL, ".obj": rr.MediaType.OBJ}
 

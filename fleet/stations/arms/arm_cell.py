@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.robots.spec import CarSpec
 from fleet.tasks.order import MAX_EDGE_M
-from fleet.world.protocol import FloatArray
 from fleet.world.scene import Scene
 from maps.site import Site
 from maps.stations import StationPlace
@@ -48,7 +47,7 @@ class ArmCell:
     """Shape (b, 3)."""
     box_yaw: FloatArray
     """Shape (b,)."""
-    box_min_frame: npt.NDArray[np.int64]
+    box_min_frame: IntArray
     """Links below this number do not count against the box, shape (b,)."""
     dock_box: FloatArray
     """Room that cars take on their lane through the dock cell: centre, half extents, shape (2, 3); x along the lane."""

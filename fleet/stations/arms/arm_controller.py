@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.stations.arms.transfer import Signal, Step, Transfer
-from fleet.world.protocol import FloatArray
 from planners.motion.path.trajectory import Trajectory
 
 GRIP_TIMEOUT_S = 0.6

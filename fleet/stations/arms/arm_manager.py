@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.config import ArmConfig
 from fleet.robots.spec import CarSpec
 from fleet.stations.arms.arm_controller import ArmController, ArmPhase
@@ -19,7 +19,6 @@ from fleet.stations.arms.transfer import (
     Transfer,
     TransferRequest,
 )
-from fleet.world.protocol import FloatArray, IntArray
 
 LOOK_AGAIN_S = 1.0
 """Time from a look that did not find a parcel to the next: what hid it may have moved [s]."""
@@ -167,7 +166,7 @@ class ArmManager:
                 service.release()
                 self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
 
-    def busy_s(self) -> npt.NDArray[np.float64]:
+    def busy_s(self) -> FloatArray:
         """Time each arm has worked so far [s], shape (n_arms,)."""
         return np.array([service.busy_s for service in self.services])
 

@@ -7,10 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.errors import FleetError
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
-from fleet.world.protocol import FloatArray
 from planners.motion.arm.ik import SrsGeometry
 from planners.motion.arm.ik_numeric import NumericInverse
 from planners.motion.collision.collision import CollisionChecker

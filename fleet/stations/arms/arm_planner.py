@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.config import Fidelity, RunConfig
 from fleet.errors import FleetError
 from fleet.robots import racecar_spec
@@ -25,7 +26,6 @@ from fleet.stations.arms.arm_spheres import planned_arm
 from fleet.stations.arms.cell_planner import CellPlanner, KnownWays
 from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer
-from fleet.world.protocol import FloatArray
 from planners.motion.collision.obstacles import Boxes
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.robots.spec import CarSpec
 from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import LINE_SPEED, ArmMotions, Confirm, Held, UnreachableError, backwards
@@ -25,7 +26,6 @@ from fleet.stations.arms.transfer import (
     TransferRequest,
 )
 from fleet.tasks.order import MAX_EDGE_M
-from fleet.world.protocol import FloatArray
 from planners.motion.arm.kinematics import flange_from_tip
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.errors import FleetError
 from fleet.robots.tools import Tool
-from fleet.world.protocol import FloatArray
 
 MAX_TILT_RAD = math.radians(30.0)
 """A parcel whose uppermost face is steeper than this leans against something, and is not gripped."""

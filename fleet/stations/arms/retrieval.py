@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.stations.arms.arm_motions import LINE_SPEED, ArmMotions, Held, UnreachableError, backwards
 from fleet.stations.arms.arm_spheres import PlannedArm
 from fleet.stations.arms.loose import LooseGrips
 from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import Signal, Step
-from fleet.world.protocol import FloatArray
 from planners.motion.arm.kinematics import flange_from_tip
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker

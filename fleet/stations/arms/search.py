@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet.world.protocol import FloatArray
+from fleet.arrays import FloatArray
 from planners.motion import motion_planner
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.problem import MotionProblem, MotionResult

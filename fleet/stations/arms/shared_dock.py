@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.robots.tools import Tool
 from fleet.stations.arms.arm_cell import FENCE_M
 from fleet.stations.arms.arm_controller import ArmController
 from fleet.stations.arms.arm_spheres import arm_spheres
 from fleet.tasks.order import MAX_EDGE_M
-from fleet.world.protocol import FloatArray
 from fleet.world.scene import Scene
 from maps.site import Site
 from maps.stations import DockPlace

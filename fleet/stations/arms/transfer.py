@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from fleet.world.protocol import FloatArray
+from fleet.arrays import FloatArray
 from planners.motion.path.trajectory import Trajectory
 
 TRAY = -1

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.robots.racecar import wheel_places
 from fleet.robots.spec import CarSpec
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Ackermann:
@@ -55,7 +53,16 @@ class Ackermann:
 
 
 @njit(cache=True)
-def _roll(tangents, speeds, places, wheelbase, radius, spins, sides, heads):
+def _roll(
+    tangents: FloatArray,
+    speeds: FloatArray,
+    places: FloatArray,
+    wheelbase: float,
+    radius: float,
+    spins: FloatArray,
+    sides: FloatArray,
+    heads: FloatArray,
+) -> None:
     """Fill in the wheels' speeds, and how far the front wheels go sideways and ahead per metre of the rear axle."""
     for car in range(len(speeds)):
         curvature, spin = tangents[car] / wheelbase, speeds[car] / radius
@@ -68,7 +75,7 @@ def _roll(tangents, speeds, places, wheelbase, radius, spins, sides, heads):
 
 
 @njit(cache=True)
-def _slopes(tangents, places, wheelbase, slopes):
+def _slopes(tangents: FloatArray, places: FloatArray, wheelbase: float, slopes: FloatArray) -> None:
     """Tangents of the bicycles' angles.
 
     The curvature is 1 / (L / tan(angle) -+ t/2), written so that straight ahead is no exception.

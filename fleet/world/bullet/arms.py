@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion
-
-FloatArray = npt.NDArray[np.float64]
 
 # An arm comes to less than this within half a second of its last command.
 _STILL_RADPS = 1e-6
@@ -35,6 +34,21 @@ class MotorSteps:
     """A "physics step" is a whole tick, of which the engine makes many steps by itself."""
     limit_share: float = 1.0
     """Part of their limits that motors are given; see `BulletConfig`."""
+
+
+class _Targets(NamedTuple):
+    """What the motors were told last, and which arms that moves."""
+
+    q: FloatArray
+    """Joint positions at the end of the tick [rad], shape (m, n_joints)."""
+    qd: FloatArray
+    """Joint velocities there [rad/s], shape (m, n_joints)."""
+    acceleration: FloatArray
+    """Taken as constant until then [rad/s^2], shape (m, n_joints)."""
+    held: BoolArray
+    """Whether an arm that rests needs no more telling, shape (m,)."""
+    moving: BoolArray
+    """Whether each arm moves or is told to, shape (m,)."""
 
 
 class Arms:
@@ -90,14 +104,20 @@ class Arms:
         n = len(self.bodies)
         self.q = np.array(start, dtype=np.float64).reshape(n, spec.n_joints)
         self.qd = np.zeros_like(self.q)
-        self._goal_q = np.full_like(self.q, np.nan)
-        self._goal_qd = np.zeros_like(self.q)
-        self._acceleration = np.zeros_like(self.q)
+        self._targets = _Targets(
+            q=np.full_like(self.q, np.nan),
+            qd=np.zeros_like(self.q),
+            acceleration=np.zeros_like(self.q),
+            held=np.full(n, not steps.at_once),
+            moving=np.ones(n, dtype=np.bool_),
+        )
         self._turns = np.zeros_like(self.q)
         self._active = np.zeros(0, dtype=np.int64)
-        self._held = np.full(n, not steps.at_once)
-        self.moving = np.ones(n, dtype=np.bool_)
+
+    @property
+    def moving(self) -> BoolArray:
         """Whether each arm moves or is told to, shape (m,)."""
+        return self._targets.moving
 
     def aim(self, q: FloatArray, qd: FloatArray) -> None:
         """Take the set-points for the end of the coming tick.
@@ -107,10 +127,8 @@ class Arms:
             qd: Joint velocities there [rad/s], same shape.
         """
         tick_s = self._steps.n * self._steps.length_s
-        active = np.empty(len(self.moving), dtype=np.int64)
-        n = _aim(
-            q, qd, self._goal_q, self._goal_qd, self._acceleration, tick_s, self.qd, self._held, self.moving, active
-        )
+        active = np.empty(len(self.bodies), dtype=np.int64)
+        n = _aim(self._targets, q, qd, self.qd, tick_s, active)
         self._active = active[:n]
 
     def hold(self, substep: int) -> None:
@@ -127,10 +145,10 @@ class Arms:
             return
         step_s = self._steps.length_s
         left = (self._steps.n - substep) * step_s
-        client = self._client
+        client, targets = self._client, self._targets
         for arm in self._active.tolist():
-            qd = self._goal_qd[arm] - self._acceleration[arm] * (left - step_s / 2)
-            q = self._goal_q[arm] - self._goal_qd[arm] * left + self._acceleration[arm] * (left * left / 2)
+            qd = targets.qd[arm] - targets.acceleration[arm] * (left - step_s / 2)
+            q = targets.q[arm] - targets.qd[arm] * left + targets.acceleration[arm] * (left * left / 2)
             client.setJointMotorControlArray(
                 self.bodies[arm],
                 self._joints,
@@ -144,17 +162,17 @@ class Arms:
 
     def _turn(self) -> None:
         """Let the moving arms turn so fast that they come to their set-points within the tick, or hold them there."""
-        client = self._client
-        _speeds(self._active, self._goal_q, self._goal_qd, self.q, self._steps.length_s, self._held, self._turns)
+        client, targets = self._client, self._targets
+        _speeds(targets, self._active, self.q, self._steps.length_s, self._turns)
         for arm in self._active.tolist():
             client.setJointMotorControlArray(
                 self.bodies[arm],
                 self._joints,
                 client.POSITION_CONTROL,
-                targetPositions=self._goal_q[arm].tolist(),
+                targetPositions=targets.q[arm].tolist(),
                 targetVelocities=self._turns[arm].tolist(),
                 forces=self._forces,
-                positionGains=self._gains if self._held[arm] else self._loose,
+                positionGains=self._gains if targets.held[arm] else self._loose,
                 velocityGains=self._unit,
             )
 
@@ -179,13 +197,13 @@ class Arms:
 
     def memory(self) -> FloatArray:
         """What the engine's own snapshot does not hold: last target velocities, last readings, shape (3, m, joints)."""
-        return np.array([self._goal_qd, self.q, self.qd])
+        return np.array([self._targets.qd, self.q, self.qd])
 
     def recall(self, memory: FloatArray) -> None:
         """Return to `memory`; every motor is set anew at the next command."""
-        self._goal_qd, self.q, self.qd = memory.copy()
-        self._held[:] = not self._steps.at_once
-        self._goal_q = np.full_like(self.q, np.inf)  # no target equals it, so every arm counts as moving
+        self._targets.qd[:], self.q, self.qd = memory.copy()
+        self._targets.held[:] = not self._steps.at_once
+        self._targets.q[:] = np.inf  # no target equals it, so every arm counts as moving
 
     def _all_joints(self) -> list[int]:
         if not self.bodies:
@@ -194,11 +212,12 @@ class Arms:
 
 
 @njit(cache=True)
-def _aim(q, qd, goal_q, goal_qd, acceleration, tick, speeds, held, moving, active):
+def _aim(targets: _Targets, q: FloatArray, qd: FloatArray, speeds: FloatArray, tick: float, active: IntArray) -> int:
     """Take new goals, note which arms move, and list those whose motors have to be set; returns their number.
 
     A resting arm keeps its motors' targets: nothing to send once it was told to stand there.
     """
+    goal_q, goal_qd, acceleration, held, moving = targets
     n = 0
     for arm in range(len(q)):
         known = not np.isnan(goal_q[arm, 0])
@@ -216,8 +235,9 @@ def _aim(q, qd, goal_q, goal_qd, acceleration, tick, speeds, held, moving, activ
 
 
 @njit(cache=True)
-def _speeds(active, goal_q, goal_qd, q, tick, held, speeds):
+def _speeds(targets: _Targets, active: IntArray, q: FloatArray, tick: float, speeds: FloatArray) -> None:
     """Fill in the speeds that lead active arms to their set-points; one that should rest where it is, is held there."""
+    goal_q, goal_qd, _, held, _ = targets
     for arm in active:
         held[arm] = True
         for j in range(q.shape[1]):

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.robots.model import WheelShape
 from fleet.robots.racecar import HINGES, WHEELS, racecar_urdf
 from fleet.robots.spec import CarSpec
@@ -18,8 +18,6 @@ from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion, rotation, rotation_into
-
-FloatArray = npt.NDArray[np.float64]
 
 # Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
 _DRIVE_NM = 0.6
@@ -72,7 +70,7 @@ class _Memory:
 
     sent: FloatArray
     pushes: dict[int, _Push]
-    parked: npt.NDArray[np.bool_]
+    parked: BoolArray
     parked_at: FloatArray
 
     def copy(self) -> _Memory:
@@ -298,12 +296,12 @@ class Cars:
         if standing.any():
             self._park(np.flatnonzero(standing & ~self._parked & (np.abs(self.now.speeds) < _STILL_MPS)))
 
-    def _slipped(self) -> npt.NDArray[np.bool_]:
+    def _slipped(self) -> BoolArray:
         """Which cars are no longer where they were parked, shape (n,)."""
-        away: npt.NDArray[np.bool_] = np.hypot(*(self.now.centres - self._parked_at[:, :2]).T) > _SLIPPED_M
+        away: BoolArray = np.hypot(*(self.now.centres - self._parked_at[:, :2]).T) > _SLIPPED_M
         return away
 
-    def _park(self, cars: npt.NDArray[np.int64]) -> None:
+    def _park(self, cars: IntArray) -> None:
         """Hold cars where they stand."""
         for car in cars.tolist():
             if car in self._pushes:
@@ -313,7 +311,7 @@ class Cars:
             self._parked_at[car] = (*place, *quat)
             self._hold(car, on=True)
 
-    def _release(self, cars: npt.NDArray[np.int64]) -> None:
+    def _release(self, cars: IntArray) -> None:
         """Let cars roll."""
         for car in cars.tolist():
             self._parked[car] = False
@@ -335,7 +333,14 @@ def _split(numbers: list[float], length: int) -> list[list[float]]:
 
 
 @njit(cache=True)
-def _take(commands, limits, sent, unset, changed, fresh):
+def _take(
+    commands: FloatArray,
+    limits: FloatArray,
+    sent: FloatArray,
+    unset: BoolArray,
+    changed: IntArray,
+    fresh: FloatArray,
+) -> int:
     """Note in `sent` the commands, limited, that differ from it or have to be set anew, and list them; returns of how
     many cars: which these are, and their steering and speeds."""
     n = 0
@@ -352,7 +357,7 @@ def _take(commands, limits, sent, unset, changed, fresh):
 
 
 @njit(cache=True)
-def _turn(states, turns, angles):
+def _turn(states: FloatArray, turns: FloatArray, angles: FloatArray) -> None:
     """Fill in the bodies' rotations and the angles of their front wheels."""
     for car in range(len(states)):
         rotation_into(states[car, 3:7], turns[car])
@@ -360,7 +365,15 @@ def _turn(states, turns, angles):
 
 
 @njit(cache=True)
-def _read(states, offsets, turns, yaws, poses, speeds, frames):
+def _read(
+    states: FloatArray,
+    offsets: FloatArray,
+    turns: FloatArray,
+    yaws: FloatArray,
+    poses: FloatArray,
+    speeds: FloatArray,
+    frames: FloatArray,
+) -> float:
     """Fill in the poses and frames of the rear axles and their forward speeds; returns the fastest motion [m/s]."""
     fastest = 0.0
     for car in range(len(states)):

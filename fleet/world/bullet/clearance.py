@@ -3,17 +3,117 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from fleet.arrays import BoolArray, FloatArray, IntArray
+from fleet.robots.tools import Tool
+from fleet.world.scene import Scene
+
+
+class CarShape(NamedTuple):
+    """The body of a car round its rear axle [m]."""
+
+    front: float
+    rear: float
+    half_width: float
+    height: float
+
+
+class ArmShapes(NamedTuple):
+    """Arms as chains of spheres."""
+
+    base: FloatArray
+    """Base poses x, y, z, yaw, shape (m, 4)."""
+    base_from_joint: FloatArray
+    """Fixed transforms before each joint, shape (j, 4, 4)."""
+    tool_length: float
+    """From the last joint frame to the tip [m]."""
+    radii: FloatArray
+    """Radius at each joint and of the tool [m], shape (j + 1,)."""
+
+
+class Moment(NamedTuple):
+    """Where robots are now."""
+
+    poses: FloatArray
+    """Rear-axle poses x, y, yaw, shape (n, 3)."""
+    q: FloatArray
+    """Joint positions [rad], shape (m, j)."""
+    held: FloatArray
+    """Centre and radius of each arm's parcel, radius < 0 for none, shape (m, 4)."""
+    serving: IntArray
+    """Car that each arm serves, -1 for none, shape (m,)."""
+
+
+class Near(NamedTuple):
+    """What is near what; the kernels fill it in."""
+
+    cars: IntArray
+    """Pairs of cars, shape (p, 2)."""
+    boxes: IntArray
+    """Pairs of a car and a box, shape (k, 2)."""
+    arms: BoolArray
+    """Whether any car, served or not, is near each arm, shape (m,)."""
+
+
+class Clearance:
+    """Measures how far apart the robots of one world are, tick by tick.
+
+    Attributes:
+        smallest_m: Smallest clearance so far, infinite with fewer than two robots that can meet [m].
+        near_arms: Whether a car was near each arm at the last look, shape (m,).
+
+    Args:
+        scene: Robots and where arms stand.
+        tool: What the arms hold.
+    """
+
+    def __init__(self, scene: Scene, tool: Tool) -> None:
+        car, arm = scene.car, scene.arm
+        self._car = CarShape(front=car.front_m, rear=car.rear_m, half_width=car.half_width_m, height=car.height_m)
+        self._arms = ArmShapes(
+            base=scene.arm_base,
+            base_from_joint=arm.base_from_joint,
+            tool_length=arm.tool_length_m,
+            radii=np.array([*arm.outline.link_radii_m, tool.half_width_m]),
+        )
+        self.smallest_m = math.inf
+        self.near_arms = np.zeros(len(scene.arm_base), dtype=np.bool_)
+        self._room = _room(64, 256, self.near_arms)
+
+    def look(self, now: Moment, boxes: FloatArray, margin_m: float) -> tuple[IntArray, IntArray]:
+        """Update the smallest clearance and find what cars could touch within a tick.
+
+        Args:
+            now: Where robots are.
+            boxes: Fixed rectangles x, y, yaw, half length, half width, shape (b, 5).
+            margin_m: Distance up to which a pair counts as near [m].
+
+        Returns:
+            Near cars, shape (p, 2), and near cars with the row of a box, shape (k, 2).
+        """
+        while True:
+            room = self._room
+            n_cars, n_boxes, smallest = near_and_gap(self._car, self._arms, now, boxes, margin_m, self.smallest_m, room)
+            if n_cars <= len(room.cars) and n_boxes <= len(room.boxes):
+                break
+            self._room = _room(2 * max(n_cars, 32), 2 * max(n_boxes, 128), self.near_arms)
+        self.smallest_m = smallest
+        return room.cars[:n_cars], room.boxes[:n_boxes]
+
+
+def _room(n_cars: int, n_boxes: int, near_arms: BoolArray) -> Near:
+    """Make room for so many pairs."""
+    return Near(
+        cars=np.zeros((n_cars, 2), dtype=np.int64), boxes=np.zeros((n_boxes, 2), dtype=np.int64), arms=near_arms
+    )
 
 
 @njit(cache=True)
-def _rectangle_gap(a, b, cutoff):
+def _rectangle_gap(a: FloatArray, b: FloatArray, cutoff: float) -> float:
     """Distance of rectangles (x, y, yaw, half length, half width), 0 if they overlap; a lower bound above `cutoff`."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     ca, sa, cb, sb = math.cos(a[2]), math.sin(a[2]), math.cos(b[2]), math.sin(b[2])
@@ -44,7 +144,7 @@ def _rectangle_gap(a, b, cutoff):
 
 
 @njit(cache=True)
-def car_rectangles(poses, front, rear, half_width):
+def car_rectangles(poses: FloatArray, front: float, rear: float, half_width: float) -> FloatArray:
     """Find the ground plans of cars.
 
     Args:
@@ -67,7 +167,14 @@ def car_rectangles(poses, front, rear, half_width):
 
 
 @njit(cache=True)
-def near_cars(bodies, boxes, margin, best, car_pairs, box_pairs):
+def near_cars(
+    bodies: FloatArray,
+    boxes: FloatArray,
+    margin: float,
+    best: float,
+    car_pairs: IntArray,
+    box_pairs: IntArray,
+) -> tuple[int, int, float]:
     """Find what cars could touch within a tick, and their smallest distance from each other.
 
     Args:
@@ -109,31 +216,34 @@ def near_cars(bodies, boxes, margin, best, car_pairs, box_pairs):
 
 
 @njit(cache=True)
-def arm_gap(  # one kernel for all arms, on flat arrays
-    base, base_from_joint, q, tool_length, radii, held, bodies, height, serving, best, margin, near
-):  # fmt: skip
+def arm_gap(
+    arms: ArmShapes,
+    now: Moment,
+    bodies: FloatArray,
+    height: float,
+    margin: float,
+    best: float,
+    near: BoolArray,
+) -> float:
     """Find the smallest distance between arms and the cars they do not serve, and which arms cars are near to.
 
     An arm is a chain of spheres at its joints, half-way between them, and along its tool; a held parcel is the sphere
     around it. Spheres enclose the links to about 2 cm, so the distance is rather too small than too large.
 
     Args:
-        base: Base poses x, y, z, yaw, shape (m, 4).
-        base_from_joint: Fixed transforms before each joint, shape (j, 4, 4).
-        q: Joint positions [rad], shape (m, j).
-        tool_length: From the last joint frame to the tip [m].
-        radii: Radius at each joint and of the tool [m], shape (j + 1,).
-        held: Centre and radius of each arm's parcel, radius < 0 for none, shape (m, 4).
+        arms: The arms.
+        now: Their joints, what they hold and whom they serve.
         bodies: Car rectangles x, y, yaw, half length, half width, shape (n, 5).
         height: Height of the cars [m].
-        serving: Car that each arm serves, -1 for none, shape (m,).
-        best: Smallest distance so far [m].
         margin: Distance from an arm's reach up to which a car counts as near [m].
+        best: Smallest distance so far [m].
         near: Out: whether any car, served or not, is near each arm, shape (m,).
 
     Returns:
         Smallest distance, at most `best`, not below 0 [m].
     """
+    base, base_from_joint, tool_length, radii = arms
+    _, q, held, serving = now
     m, n_joints = q.shape
     n_points = 2 * n_joints + 4
     points = np.empty((n_points, 4))
@@ -170,7 +280,14 @@ def arm_gap(  # one kernel for all arms, on flat arrays
 
 
 @njit(cache=True)
-def _chain(base, base_from_joint, q, tool_length, radii, points):
+def _chain(
+    base: FloatArray,
+    base_from_joint: FloatArray,
+    q: FloatArray,
+    tool_length: float,
+    radii: FloatArray,
+    points: FloatArray,
+) -> None:
     """Fill in the spheres of one arm (all rows but the last): x, y, z, radius."""
     n_joints = len(q)
     # Rows of the frame's matrix; products written out, because a library product takes seconds to compile.
@@ -201,12 +318,20 @@ def _chain(base, base_from_joint, q, tool_length, radii, points):
 
 
 @njit(cache=True)
-def near_and_gap(  # one kernel for all that is asked in a tick, on flat arrays
-    poses, front, rear, half_width, height, boxes, margin, best, car_pairs, box_pairs,
-    base, base_from_joint, q, tool_length, radii, held, serving, near,
-):  # fmt: skip
-    """Do `near_cars` and `arm_gap` for cars at `poses`; returns what the first does, the distance of both."""
-    bodies = car_rectangles(poses, front, rear, half_width)
-    n_cars, n_boxes, best = near_cars(bodies, boxes, margin, best, car_pairs, box_pairs)
-    best = arm_gap(base, base_from_joint, q, tool_length, radii, held, bodies, height, serving, best, margin, near)
+def near_and_gap(
+    car: CarShape,
+    arms: ArmShapes,
+    now: Moment,
+    boxes: FloatArray,
+    margin: float,
+    best: float,
+    near: Near,
+) -> tuple[int, int, float]:
+    """Do `near_cars` and `arm_gap` in one call; returns what the first does, the distance of both.
+
+    Named parts cost 3 us per tick of the engine, which takes a thousand.
+    """
+    bodies = car_rectangles(now.poses, car.front, car.rear, car.half_width)
+    n_cars, n_boxes, best = near_cars(bodies, boxes, margin, best, near.cars, near.boxes)
+    best = arm_gap(arms, now, bodies, car.height, margin, best, near.arms)
     return n_cars, n_boxes, best

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
 from fleet.world.bullet.bench.arm_file import ArmFile, load, rigid_parts
@@ -15,9 +15,6 @@ from fleet.world.bullet.engine.client import Client, PhysicsError
 from fleet.world.bullet.engine.frames import quaternion
 from planners.errors import PlanningError
 from planners.motion import checks
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # The engine takes at most this many shapes in one body.
 _SHAPES_PER_BODY = 16

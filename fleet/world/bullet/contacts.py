@@ -17,8 +17,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import IntArray
 from fleet.robots.spec import CarSpec
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import rotation
@@ -57,7 +57,7 @@ class ContactMonitor:
         """Bodies of walls, shelves and obstacles."""
         self.pedestals: set[int] = set()
         self.floor = -1
-        self.serving: npt.NDArray[np.int64] = np.full(len(arms), -1, dtype=np.int64)
+        self.serving: IntArray = np.full(len(arms), -1, dtype=np.int64)
         """Car whose tray each arm may touch, -1 for none, shape (n_arms,)."""
         self._free = [False] * len(arms)
         self.touched: list[dict[int, set[int]]] = [{} for _ in arms]

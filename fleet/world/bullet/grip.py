@@ -6,16 +6,14 @@ import math
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import BoolArray, FloatArray
 from fleet.config import Grip
 from fleet.world.bullet.arms import Arms
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import rotation
 from fleet.world.bullet.parcels import Parcels
 from fleet.world.protocol import TOOL_FAILED
-
-FloatArray = npt.NDArray[np.float64]
 
 _GRAVITY_MPS2 = 9.81
 _LAST_LINK = 6
@@ -51,7 +49,7 @@ class GripDevice(Protocol):
     loss: list[str]
     """Why each arm's tool lost what it held last, in words; empty if it did not."""
 
-    def command(self, grip: npt.NDArray[np.bool_]) -> None:
+    def command(self, grip: BoolArray) -> None:
         """Take what each arm should do in the coming tick: hold (True) or let go."""
 
     def before_step(self) -> None:
@@ -106,7 +104,7 @@ class SuctionGrip:
         self.loss = [""] * n
         self._cup = arms.names.get("cup", -1)
 
-    def command(self, grip: npt.NDArray[np.bool_]) -> None:
+    def command(self, grip: BoolArray) -> None:
         """Stick and let go as told."""
         for arm, on in enumerate(grip.tolist()):
             if not on:
@@ -268,7 +266,7 @@ class FrictionGrip:
                 # also takes back the way.
                 client.changeDynamics(body, finger, frictionAnchor=1)
 
-    def command(self, grip: npt.NDArray[np.bool_]) -> None:
+    def command(self, grip: BoolArray) -> None:
         """Open and close as told."""
         for arm, told in enumerate(grip.tolist()):
             self._failed[arm] &= told

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.robots.tools import CARDBOARD_FRICTION
 from fleet.world.bullet.engine.client import Client, PhysicsError
 from fleet.world.protocol import ParcelBody
-
-FloatArray = npt.NDArray[np.float64]
 
 _SPINNING_FRICTION = 0.05
 _RGBA = (0.72, 0.53, 0.34, 1.0)
@@ -27,7 +25,7 @@ class Parcels:
         self._client = client
         self._anchored = anchored
         self._bodies: dict[int, int] = {}
-        self._numbers: npt.NDArray[np.int64] | None = None
+        self._numbers: IntArray | None = None
         # Poses, as far as measured since anything moved last.
         self._places: dict[int, tuple[float, ...]] = {}
         self._poses: FloatArray | None = None
@@ -94,7 +92,7 @@ class Parcels:
         """Return the ids in the world, ascending."""
         return sorted(self._bodies)
 
-    def numbers(self) -> npt.NDArray[np.int64]:
+    def numbers(self) -> IntArray:
         """Return what `ids` does as an array, the same one until a parcel comes or goes, shape (p,)."""
         if self._numbers is None:
             self._numbers = np.array(self.ids(), dtype=np.int64)

@@ -9,21 +9,42 @@ stop no rays.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.robots.racecar import body_boxes
 from fleet.world.bullet.engine.client import Client
 from fleet.world.scene import Scene
 from planners.motion.arm.kinematics import link_frames_into
 
-FloatArray = npt.NDArray[np.float64]
-
 _MARGIN_M = 0.001
 """Rays that come this close to a ball round an arm's link or a parcel, or to the floor, are the engine's [m]."""
 _RAYS_PER_CALL = 16_000
+
+
+class _Arms(NamedTuple):
+    """Arms as balls round their links."""
+
+    bases: FloatArray
+    """Poses x, y, z, yaw, shape (m, 4)."""
+    joints: FloatArray
+    """Fixed transforms before each joint, shape (n, 3, 4)."""
+    links: FloatArray
+    """Centre in the link's frame and radius, shape (n + 1, 4)."""
+
+
+class _Cars(NamedTuple):
+    """Cars as boxes."""
+
+    frames: FloatArray
+    """Poses, shape (n, 3, 4)."""
+    body: FloatArray
+    """Lowest and highest corners in a car's frame [m], shape (k, 2, 3)."""
+    reach: float
+    """How far corners are from the frame's origin at most [m]."""
 
 
 class Rays:
@@ -39,11 +60,12 @@ class Rays:
         self._client = client
         self._body = body_boxes()
         self._reach_m = float(np.linalg.norm(np.abs(self._body).max(axis=(0, 1))))
-        self._joints = scene.arm.joints
-        self._bases = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)
-        self._links = np.zeros((0, 4))
+        joints = scene.arm.joints
+        bases = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)
+        links = np.zeros((0, 4))
         if arms:
-            self._links = _link_balls(client, self._joints, arms[0], self._bases[0], scene.arm_start[0])
+            links = _link_balls(client, joints, arms[0], bases[0], scene.arm_start[0])
+        self._arms = _Arms(bases=bases, joints=joints, links=links)
 
     def cast(
         self,
@@ -69,23 +91,10 @@ class Rays:
             Hit fractions in [0, 1], 1 = nothing met, shape (r,).
         """
         fractions, unsure = np.empty(len(origins)), np.empty(len(origins), dtype=np.int64)
-        balls = np.empty((len(arms) * len(self._links) + len(parcels), 4))
-        n = _cast(
-            origins,
-            ends,
-            boxes,
-            cars,
-            self._body,
-            self._reach_m,
-            self._bases,
-            self._joints,
-            arms,
-            self._links,
-            parcels,
-            balls,
-            fractions,
-            unsure,
-        )
+        balls = np.empty((len(arms) * len(self._arms.links) + len(parcels), 4))
+        _place_balls(self._arms, arms, parcels, balls)
+        bodies = _Cars(frames=cars, body=self._body, reach=self._reach_m)
+        n = _cast(origins, ends, boxes, bodies, balls, fractions, unsure)
         for first in range(0, n, _RAYS_PER_CALL):
             part = unsure[first : min(first + _RAYS_PER_CALL, n)]
             hits = self._client.rayTestBatch(origins[part].tolist(), ends[part].tolist())
@@ -127,8 +136,9 @@ def _way_m(client: Client, body: int, joint: int) -> float:
 
 
 @njit(cache=True)
-def _place_balls(bases, joints, q, links, parcels, balls):
+def _place_balls(arms: _Arms, q: FloatArray, parcels: FloatArray, balls: FloatArray) -> None:
     """Fill in the balls round all links of all arms, and behind them those round parcels, in the world."""
+    bases, joints, links = arms
     frames = np.empty((len(joints) + 1, 3, 4))
     point, row = np.empty(3), 0
     for arm in range(len(q)):
@@ -148,7 +158,7 @@ def _place_balls(bases, joints, q, links, parcels, balls):
 
 
 @njit(cache=True)
-def _slab(ox, oy, oz, dx, dy, dz, box, best):
+def _slab(ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, box: FloatArray, best: float) -> float:
     """Fraction at which a ray enters an axis-aligned box, `best` if later or never, -1 if it begins inside.
 
     Args:
@@ -172,7 +182,17 @@ def _slab(ox, oy, oz, dx, dy, dz, box, best):
 
 
 @njit(cache=True)
-def _meets_ball(px, py, pz, dx, dy, dz, square, radius, best):
+def _meets_ball(
+    px: float,
+    py: float,
+    pz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    square: float,
+    radius: float,
+    best: float,
+) -> bool:
     """Whether a ray comes into a ball at p from the ray's origin before the fraction `best`."""
     t = min(max((px * dx + py * dy + pz * dz) / square, 0.0), best)
     gx, gy, gz = px - t * dx, py - t * dy, pz - t * dz
@@ -180,7 +200,17 @@ def _meets_ball(px, py, pz, dx, dy, dz, square, radius, best):
 
 
 @njit(cache=True)
-def _enter(px, py, pz, dx, dy, dz, frame, boxes, best):
+def _enter(
+    px: float,
+    py: float,
+    pz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    frame: FloatArray,
+    boxes: FloatArray,
+    best: float,
+) -> float:
     """Do `_slab` for all boxes of a frame; p is the way from the ray's origin to the frame's."""
     ox = -(frame[0, 0] * px + frame[1, 0] * py + frame[2, 0] * pz)
     oy = -(frame[0, 1] * px + frame[1, 1] * py + frame[2, 1] * pz)
@@ -196,11 +226,17 @@ def _enter(px, py, pz, dx, dy, dz, frame, boxes, best):
 
 
 @njit(cache=True)
-def _cast(  # one kernel for all rays, on flat arrays
-    origins, ends, boxes, cars, body, reach, bases, joints, q, links, parcels, balls, fractions, unsure
-):  # fmt: skip
+def _cast(
+    origins: FloatArray,
+    ends: FloatArray,
+    boxes: FloatArray,
+    cars: _Cars,
+    balls: FloatArray,
+    fractions: FloatArray,
+    unsure: IntArray,
+) -> int:
     """Fill in where rays meet boxes and cars, and list those that may meet something else first; returns how many."""
-    _place_balls(bases, joints, q, links, parcels, balls)
+    frames, body, reach = cars
     n = 0
     for ray in range(len(origins)):
         ox, oy, oz = origins[ray, 0], origins[ray, 1], origins[ray, 2]
@@ -213,10 +249,10 @@ def _cast(  # one kernel for all rays, on flat arrays
         for k in range(len(boxes)):
             if best >= 0.0:
                 best = _slab(ox, oy, oz, dx, dy, dz, boxes[k], best)
-        for k in range(len(cars)):
-            px, py, pz = cars[k, 0, 3] - ox, cars[k, 1, 3] - oy, cars[k, 2, 3] - oz
+        for k in range(len(frames)):
+            px, py, pz = frames[k, 0, 3] - ox, frames[k, 1, 3] - oy, frames[k, 2, 3] - oz
             if best >= 0.0 and _meets_ball(px, py, pz, dx, dy, dz, square, reach, best):
-                best = _enter(px, py, pz, dx, dy, dz, cars[k], body, best)
+                best = _enter(px, py, pz, dx, dy, dz, frames[k], body, best)
         ask = best < 0.0
         for k in range(len(balls)):
             if ask:

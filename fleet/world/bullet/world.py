@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots.tools import TOOLS
@@ -17,12 +17,13 @@ from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.bullet.arms import Arms, MotorSteps
 from fleet.world.bullet.camera import render
 from fleet.world.bullet.cars import CarReading, Cars
-from fleet.world.bullet.clearance import near_and_gap
+from fleet.world.bullet.clearance import Clearance, Moment
 from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.engine import groups
-from fleet.world.bullet.engine.client import Client, PhysicsError, quiet
+from fleet.world.bullet.engine.client import Client, quiet
 from fleet.world.bullet.engine.config import BulletConfig
 from fleet.world.bullet.engine.window import Window, arranged
+from fleet.world.bullet.fixed import FixedBodies
 from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
 from fleet.world.bullet.rays import Rays
@@ -30,23 +31,9 @@ from fleet.world.protocol import Contacts, ParcelBody
 from fleet.world.ray_points import ray_points
 from fleet.world.scene import Scene
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 _GRAVITY_MPS2 = 9.81
-FLOOR_FRICTION = 1.0
-"""Lateral friction of the floor."""
-# What never moves is a rigid body to the engine, not a robot without joints: that saves a tenth of a step.
-_RIGID = 1
 # What a car may gain on top of its present speed within one tick, braking and shoves included.
 _NEAR_MARGIN_M = 0.05
-_COLOURS = {
-    "wall": (0.22, 0.24, 0.27, 1.0),
-    "shelf": (0.32, 0.25, 0.18, 1.0),
-    "pedestal": (0.28, 0.30, 0.32, 1.0),
-    "obstacle": (0.55, 0.20, 0.15, 1.0),
-    "floor": (0.45, 0.46, 0.48, 1.0),
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,8 +96,6 @@ class BulletWorld:
         at_once = config.at_once_n is not None
         self._scene = scene
         self._client = client = Client(config.connect, config.shared_memory_key)
-        self._obstacles: dict[int, tuple[int, FloatArray, FloatArray]] = {}
-        self._fixed: list[int] = []
         try:
             with arranged(client, scene.size_m):
                 with quiet():
@@ -125,7 +110,7 @@ class BulletWorld:
                         collisionFilterMode=groups.BOTH_AGREE,
                     )
                 client.keep_contacts(self._contact_breaking_m)
-                floor = self._add_floor()
+                self._fixed = FixedBodies(client, scene)
                 self._cars = Cars(
                     client,
                     scene.car,
@@ -145,14 +130,11 @@ class BulletWorld:
                 )
                 self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)
                 self._monitor = ContactMonitor(client, scene.car, self._cars.bodies, self._arms.bodies, call_s)
-                self._monitor.floor = floor
+                self._monitor.floor = floor = self._fixed.floor
                 for body in self._arms.bodies:
                     for link in range(-1, scene.arm.outline.standing_links_n):
                         client.setCollisionFilterPair(body, floor, link, -1, 0)
-                for box in scene.boxes:
-                    body = self._add_box(box.kind, np.array(box.centre_m), np.array(box.half_m))
-                    self._fixed.append(body)
-                    (self._monitor.pedestals if box.kind == "pedestal" else self._monitor.fixed).add(body)
+                self._monitor.pedestals, self._monitor.fixed = self._fixed.stand()
                 self._grip = make_grip(
                     config.grip,
                     client,
@@ -170,21 +152,15 @@ class BulletWorld:
         # Wheels touch nothing but the floor.
         self._links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
         self._links += [(car, -1) for car in self._cars.bodies]
-        self._min_clearance_m = np.inf
-        self._radii = np.array([*scene.arm.outline.link_radii_m, tool.half_width_m])
-        self._car_pairs = np.zeros((64, 2), dtype=np.int64)
-        self._box_pairs = np.zeros((256, 2), dtype=np.int64)
-        self._near_arms = np.zeros(self.n_arms, dtype=np.bool_)
+        self._clearance = Clearance(scene, tool)
         self._empty = np.full((self.n_arms, 4), -1.0)
         self._rays = Rays(client, scene, self._arms.bodies)
         self._touch_tells = config.grip is Grip.FRICTION
-        self._list_boxes()
+        self._monitor.look_again()
         self._near = self._measure()
         client.performCollisionDetection()  # the engine's rays would not find all of the cars
 
-    def step(
-        self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: npt.NDArray[np.bool_]
-    ) -> None:
+    def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> None:
         """Advance one tick; see `World.step`."""
         self._cars.drive(np.asarray(car_commands, dtype=np.float64).reshape(self.n_cars, 2))
         self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))
@@ -253,23 +229,14 @@ class BulletWorld:
 
     def add_obstacle(self, obstacle: int, centre_m: FloatArray, half_m: FloatArray) -> None:
         """Put a fixed box into the world; raises `PhysicsError` if its id is taken."""
-        if obstacle in self._obstacles:
-            raise PhysicsError(f"obstacle {obstacle} is in the world already")
-        centre, half = np.array(centre_m, dtype=np.float64), np.array(half_m, dtype=np.float64)
-        body = self._add_box("obstacle", centre, half)
-        self._obstacles[obstacle] = (body, centre, half)
-        self._monitor.fixed.add(body)
-        self._list_boxes()
+        self._monitor.fixed.add(self._fixed.add(obstacle, centre_m, half_m))
+        self._monitor.look_again()
         self._near = self._measure()
 
     def remove_obstacle(self, obstacle: int) -> None:
         """Take such a box away; raises `PhysicsError` if it is not there."""
-        if obstacle not in self._obstacles:
-            raise PhysicsError(f"obstacle {obstacle} is not in the world; valid: {sorted(self._obstacles)}")
-        body, _, _ = self._obstacles.pop(obstacle)
-        self._monitor.fixed.discard(body)
-        self._client.removeBody(body)
-        self._list_boxes()
+        self._monitor.fixed.discard(self._fixed.remove(obstacle))
+        self._monitor.look_again()
         self._near = self._measure()
 
     def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
@@ -293,13 +260,15 @@ class BulletWorld:
 
         Read once per tick: cars are rectangles, arms chains of spheres, served cars are left out.
         """
-        return float(self._min_clearance_m)
+        return float(self._clearance.smallest_m)
 
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """See `World`; wheels stop no rays."""
         origins, ends = ray_points(origins, ends)
         frames, parcels = self._cars.now.frames, self._parcels.balls()
-        return self._rays.cast(origins, ends, boxes=self._corners, cars=frames, arms=self._arms.q, parcels=parcels)
+        return self._rays.cast(
+            origins, ends, boxes=self._fixed.corners, cars=frames, arms=self._arms.q, parcels=parcels
+        )
 
     def image(self, camera: Camera) -> CameraImage:
         """What a camera sees now, rendered without a display; changes nothing."""
@@ -331,10 +300,10 @@ class BulletWorld:
                 "arms": self._arms.memory(),
                 "grip": self._grip.memory(),
                 "contacts": self._monitor.memory(),
-                "clearance": self._min_clearance_m,
+                "clearance": self._clearance.smallest_m,
             },
             parcels=parcels,
-            obstacles={key: (centre, half) for key, (_, centre, half) in self._obstacles.items()},
+            obstacles=self._fixed.obstacles(),
             bodies=self._visitors(),
             settled=settle,
         )
@@ -353,7 +322,7 @@ class BulletWorld:
         client.keep_contacts(self._contact_breaking_m)
         for parcel in [p for p in self._parcels.ids() if p not in snapshot.parcels]:
             self.remove_parcel(parcel)
-        for obstacle in [o for o in self._obstacles if o not in snapshot.obstacles]:
+        for obstacle in [o for o in self._fixed.obstacles() if o not in snapshot.obstacles]:
             self.remove_obstacle(obstacle)
         restored = self._visitors() == snapshot.bodies
         if snapshot.settled:
@@ -371,7 +340,7 @@ class BulletWorld:
         self._arms.recall(snapshot.memory["arms"])
         self._grip.recall(snapshot.memory["grip"])
         self._monitor.recall(snapshot.memory["contacts"])
-        self._min_clearance_m = snapshot.memory["clearance"]
+        self._clearance.smallest_m = snapshot.memory["clearance"]
         self._cars.now = snapshot.reading if restored else self._cars.reading()
         self._near = self._measure()
 
@@ -384,88 +353,21 @@ class BulletWorld:
         """End the connection to the engine; calling twice is harmless."""
         self._client.close()
 
-    def _add_floor(self) -> int:
-        client = self._client
-        x, y = (size / 2 for size in self._scene.size_m)
-        body = client.createMultiBody(
-            baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_PLANE),
-            baseVisualShapeIndex=client.createVisualShape(
-                client.GEOM_BOX,
-                halfExtents=(x, y, 0.005),
-                rgbaColor=_COLOURS["floor"],
-                visualFramePosition=(x, y, -0.005),
-            ),
-        )
-        client.changeDynamics(body, -1, lateralFriction=FLOOR_FRICTION)
-        client.setCollisionFilterGroupMask(body, -1, groups.FIXED | groups.FLOOR, groups.ALL)
-        return int(body)
-
-    def _add_box(self, kind: str, centre: FloatArray, half: FloatArray) -> int:
-        client = self._client
-        body = client.createMultiBody(
-            baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_BOX, halfExtents=half.tolist()),
-            baseVisualShapeIndex=client.createVisualShape(
-                client.GEOM_BOX, halfExtents=half.tolist(), rgbaColor=_COLOURS[kind]
-            ),
-            basePosition=centre.tolist(),
-            useMaximalCoordinates=_RIGID,
-        )
-        client.setCollisionFilterGroupMask(body, -1, groups.FIXED, groups.FIXED_MASK)
-        return int(body)
-
-    def _list_boxes(self) -> None:
-        """Gather the ground plans of everything fixed that a car can touch."""
-        rows = [(*box.centre_m, *box.half_m) for box in self._scene.boxes]
-        rows += [(*centre, *half) for _, centre, half in self._obstacles.values()]
-        solid = np.array(rows, dtype=np.float64).reshape(-1, 6)
-        self._corners = np.stack((solid[:, :3] - solid[:, 3:], solid[:, :3] + solid[:, 3:]), axis=1)
-        bodies = np.array(self._fixed + [body for body, _, _ in self._obstacles.values()], dtype=np.int64)
-        low = solid[:, 2] - solid[:, 5] < self._scene.car.height_m
-        flat = np.zeros((len(solid), 5))
-        flat[:, :2], flat[:, 3:] = solid[:, :2], solid[:, 3:5]
-        self._boxes, self._box_bodies = flat[low], bodies[low].tolist()
-        self._monitor.look_again()
-
     def _watched(self) -> list[bool]:
         """Arms that could touch something new in this tick, or whose fingers have to feel what they hold."""
         if self._touch_tells:
             return [True] * self.n_arms
-        arms = zip(self._arms.moving.tolist(), self._near_arms.tolist(), self._grip.held, strict=True)
+        arms = zip(self._arms.moving.tolist(), self._clearance.near_arms.tolist(), self._grip.held, strict=True)
         return [moving or near or held >= 0 for moving, near, held in arms]
 
     def _measure(self) -> list[tuple[int, int]]:
         """Update the smallest clearance and name the bodies that cars can touch within a tick."""
-        spec, arm, now = self._scene.car, self._scene.arm, self._cars.now
-        margin = _NEAR_MARGIN_M + 2 * now.top_speed * self.tick_s
-        while True:
-            cars_n, boxes_n, gap = near_and_gap(
-                now.poses,
-                spec.front_m,
-                spec.rear_m,
-                spec.half_width_m,
-                spec.height_m,
-                self._boxes,
-                margin,
-                self._min_clearance_m,
-                self._car_pairs,
-                self._box_pairs,
-                self._scene.arm_base,
-                arm.base_from_joint,
-                self._arms.q,
-                arm.tool_length_m,
-                self._radii,
-                self._held_spheres(),
-                self._monitor.serving,
-                self._near_arms,
-            )
-            if cars_n <= len(self._car_pairs) and boxes_n <= len(self._box_pairs):
-                break
-            self._car_pairs = np.zeros((2 * max(cars_n, 32), 2), dtype=np.int64)
-            self._box_pairs = np.zeros((2 * max(boxes_n, 128), 2), dtype=np.int64)
-        self._min_clearance_m = gap
-        cars, bodies = self._cars.bodies, self._box_bodies
-        near = [(cars[i], cars[j]) for i, j in self._car_pairs[:cars_n].tolist()] if cars_n else []
-        return near + [(cars[i], bodies[j]) for i, j in self._box_pairs[:boxes_n].tolist()] if boxes_n else near
+        now, fixed = self._cars.now, self._fixed
+        moment = Moment(poses=now.poses, q=self._arms.q, held=self._held_spheres(), serving=self._monitor.serving)
+        pairs, beside = self._clearance.look(moment, fixed.plans, _NEAR_MARGIN_M + 2 * now.top_speed * self.tick_s)
+        cars = self._cars.bodies
+        near = [(cars[i], cars[j]) for i, j in pairs.tolist()]
+        return near + [(cars[i], fixed.plan_bodies[j]) for i, j in beside.tolist()]
 
     def _held_spheres(self) -> FloatArray:
         spheres = self._empty
@@ -492,12 +394,12 @@ class BulletWorld:
 
     def _visitors(self) -> tuple[int, ...]:
         parcels = tuple(self._parcels.body(parcel) for parcel in self._parcels.ids())
-        return parcels + tuple(body for body, _, _ in self._obstacles.values())
+        return parcels + self._fixed.obstacle_bodies()
 
     def _rebuild(self, snapshot: Snapshot) -> None:
         """Return to a snapshot whose parcels or obstacles are not all there any more."""
         for obstacle, (centre, half) in snapshot.obstacles.items():
-            if obstacle not in self._obstacles:
+            if obstacle not in self._fixed.obstacles():
                 self.add_obstacle(obstacle, centre, half)
         for parcel, (shape, motion) in snapshot.parcels.items():
             if parcel not in self._parcels.shapes:

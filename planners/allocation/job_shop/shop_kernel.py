@@ -12,16 +12,13 @@ the time of a timetable.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int64]
-Int: TypeAlias = int | np.int64
-Number: TypeAlias = float | np.float64
+from planners.allocation.arrays import FloatArray, Int, Int64Array, Number
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 
@@ -34,52 +31,72 @@ MOVE_SHARES = (0.5, 0.75, 0.9)
 class Arrays(NamedTuple):
     """A shop as the kernels read it, its stops without station put together; no time is negative."""
 
-    travel_s: Floats
-    start: Integers
-    ready_s: Floats
-    free_s: Floats
-    first_place: Integers
+    travel_s: FloatArray
+    start: Int64Array
+    ready_s: FloatArray
+    free_s: FloatArray
+    first_place: Int64Array
     """Place of the first stop of each job."""
-    last_place: Integers
+    last_place: Int64Array
     """Place of the last."""
-    release_s: Floats
-    first_booking: Integers
+    release_s: FloatArray
+    first_booking: Int64Array
     """Bookings of job j are first_booking[j] .. first_booking[j + 1] - 1."""
-    lead_s: Floats
+    lead_s: FloatArray
     """From the booking before, or the arrival at the first stop, to the arrival at the station."""
-    station: Integers
-    service_s: Floats
-    tail_s: Floats
+    station: Int64Array
+    service_s: FloatArray
+    tail_s: FloatArray
     """From the end of the last service of a job to its end."""
-    due_s: Floats
-    weight: Floats
-    late_weight: Floats
-    late_cost: Floats
+    due_s: FloatArray
+    weight: FloatArray
+    late_weight: FloatArray
+    late_cost: FloatArray
     makespan_weight: float
-    class_of: Integers
-    extra: Floats
+    class_of: Int64Array
+    extra: FloatArray
     """What each pair adds to the objective, inf = not allowed, shape (n_vehicles, n_jobs)."""
 
 
-class Books(NamedTuple):
-    """Where everybody is while a timetable is filled in."""
+class PartialSchedule(NamedTuple):
+    """The timetable of the jobs that are put in so far: memory of one evaluation."""
 
-    at: Integers
+    at: Int64Array
     """Place of each vehicle."""
-    ready_s: Floats
+    ready_s: FloatArray
     """When it is there."""
-    begin_s: Floats
+    begin_s: FloatArray
     """Start of each service, by station, rising, shape (n_stations, n_bookings + 1); the first is what was before."""
-    end_s: Floats
+    end_s: FloatArray
     """End of it."""
-    booked_n: Integers
+    booked_n: Int64Array
     """Services booked, by station."""
 
 
-def empty_books(shop: Arrays) -> Books:
+class JobPlan(NamedTuple):
+    """Which jobs are done in which order, and by whom."""
+
+    order: Int64Array
+    """Jobs that are planned, in order, shape (n,)."""
+    vehicle: Int64Array
+    """Vehicle of each job, shape (n_jobs,)."""
+
+
+class Cooling(NamedTuple):
+    """How the temperature falls."""
+
+    iterations: int
+    """Changes to try."""
+    hot: float
+    """First temperature, in units of the objective, > 0."""
+    cold: float
+    """Last temperature, > 0."""
+
+
+def empty_schedule(shop: Arrays) -> PartialSchedule:
     """Memory for one timetable."""
     shape = (len(shop.free_s), len(shop.station) + 1)
-    return Books(
+    return PartialSchedule(
         at=np.empty_like(shop.start),
         ready_s=np.empty_like(shop.ready_s),
         begin_s=np.empty(shape),
@@ -89,20 +106,20 @@ def empty_books(shop: Arrays) -> Books:
 
 
 @njit(**_OPTIONS)
-def _clear(shop: Arrays, books: Books) -> None:
+def _clear(shop: Arrays, schedule: PartialSchedule) -> None:
     for v in range(len(shop.start)):
-        books.at[v] = shop.start[v]
-        books.ready_s[v] = shop.ready_s[v]
+        schedule.at[v] = shop.start[v]
+        schedule.ready_s[v] = shop.ready_s[v]
     for m in range(len(shop.free_s)):
-        books.begin_s[m, 0] = -np.inf
-        books.end_s[m, 0] = shop.free_s[m]
-        books.booked_n[m] = 1
+        schedule.begin_s[m, 0] = -np.inf
+        schedule.end_s[m, 0] = shop.free_s[m]
+        schedule.booked_n[m] = 1
 
 
 @njit(**_OPTIONS)
-def _job_end(shop: Arrays, books: Books, job: Int, vehicle: Int, book: bool) -> Number:
-    """When a job would end at the end of a vehicle's list, inf = no way; `book` puts it into the books."""
-    now_s: Number = books.ready_s[vehicle] + shop.travel_s[books.at[vehicle], shop.first_place[job]]
+def _job_end(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int, book: bool) -> Number:
+    """When a job would end at the end of a vehicle's list, inf = no way; `book` puts it into the schedule."""
+    now_s: Number = schedule.ready_s[vehicle] + shop.travel_s[schedule.at[vehicle], shop.first_place[job]]
     now_s = max(now_s, shop.release_s[job])
     if now_s == np.inf:
         return now_s
@@ -111,46 +128,46 @@ def _job_end(shop: Arrays, books: Books, job: Int, vehicle: Int, book: bool) -> 
         if now_s == np.inf:
             return now_s
         m, service_s = shop.station[booking], shop.service_s[booking]
-        n = books.booked_n[m]
+        n = schedule.booked_n[m]
         i = n
-        while i > 1 and books.end_s[m, i - 1] > now_s:
+        while i > 1 and schedule.end_s[m, i - 1] > now_s:
             i -= 1
-        now_s = max(now_s, books.end_s[m, i - 1])
-        while i < n and books.begin_s[m, i] < now_s + service_s:
-            now_s = books.end_s[m, i]
+        now_s = max(now_s, schedule.end_s[m, i - 1])
+        while i < n and schedule.begin_s[m, i] < now_s + service_s:
+            now_s = schedule.end_s[m, i]
             i += 1
         if book:
             for k in range(n, i, -1):
-                books.begin_s[m, k] = books.begin_s[m, k - 1]
-                books.end_s[m, k] = books.end_s[m, k - 1]
-            books.begin_s[m, i] = now_s
-            books.end_s[m, i] = now_s + service_s
-            books.booked_n[m] = n + 1
+                schedule.begin_s[m, k] = schedule.begin_s[m, k - 1]
+                schedule.end_s[m, k] = schedule.end_s[m, k - 1]
+            schedule.begin_s[m, i] = now_s
+            schedule.end_s[m, i] = now_s + service_s
+            schedule.booked_n[m] = n + 1
         now_s += service_s
     now_s += shop.tail_s[job]
     if book:
-        books.at[vehicle] = shop.last_place[job]
-        books.ready_s[vehicle] = now_s
+        schedule.at[vehicle] = shop.last_place[job]
+        schedule.ready_s[vehicle] = now_s
     return now_s
 
 
 @njit(**_OPTIONS)
-def evaluate(shop: Arrays, books: Books, order: Integers, vehicle: Integers, bound: Number) -> Number:
+def evaluate(shop: Arrays, schedule: PartialSchedule, order: Int64Array, vehicle: Int64Array, bound: Number) -> Number:
     """The objective of a plan; inf as soon as it is certain to be above `bound`.
 
     Args:
         shop: The shop.
-        books: Memory; afterwards the stations' timetable, if the result is finite.
+        schedule: Memory; afterwards the stations' timetable, if the result is finite.
         order: Jobs that are planned, in order, shape (n,).
         vehicle: Vehicle of each job, shape (n_jobs,).
         bound: See above.
     """
-    _clear(shop, books)
+    _clear(shop, schedule)
     total, last_s = 0.0, 0.0
     for k in range(len(order)):
         job = order[k]
         v = vehicle[job]
-        end_s = _job_end(shop, books, job, v, True)
+        end_s = _job_end(shop, schedule, job, v, True)
         total += shop.extra[v, job] + shop.weight[job] * end_s
         if end_s > shop.due_s[job]:
             total += shop.late_cost[job] + shop.late_weight[job] * (end_s - shop.due_s[job])
@@ -161,7 +178,7 @@ def evaluate(shop: Arrays, books: Books, order: Integers, vehicle: Integers, bou
 
 
 @njit(**_OPTIONS)
-def dispatch(shop: Arrays, books: Books, regret: Number, order: Integers, vehicle: Integers) -> int:
+def dispatch(shop: Arrays, schedule: PartialSchedule, regret: Number, order: Int64Array, vehicle: Int64Array) -> int:
     """Make a plan job by job, each at the end of a vehicle's list, class by class.
 
     Next is the job with the least of: its end by the vehicle that ends it first, less `regret` x how much later the
@@ -169,7 +186,7 @@ def dispatch(shop: Arrays, books: Books, regret: Number, order: Integers, vehicl
 
     Args:
         shop: The shop.
-        books: Memory.
+        schedule: Memory.
         regret: See above, >= 0.
         order: In: jobs to plan, shape (n,); out: in order, those nobody can do at the end.
         vehicle: Out: vehicle of each job of `order`, shape (n_jobs,).
@@ -177,7 +194,7 @@ def dispatch(shop: Arrays, books: Books, regret: Number, order: Integers, vehicl
     Returns:
         How many were planned.
     """
-    _clear(shop, books)
+    _clear(shop, schedule)
     for done in range(len(order)):
         chosen_k, chosen_v, chosen_class, least = -1, -1, 0, np.inf
         for k in range(done, len(order)):
@@ -188,7 +205,7 @@ def dispatch(shop: Arrays, books: Books, regret: Number, order: Integers, vehicl
             for v in range(len(shop.start)):
                 if shop.extra[v, job] == np.inf:
                     continue
-                end_s = _job_end(shop, books, job, v, False)
+                end_s = _job_end(shop, schedule, job, v, False)
                 if end_s < best:
                     best, second, best_v = end_s, best, v
                 elif end_s < second:
@@ -205,17 +222,17 @@ def dispatch(shop: Arrays, books: Books, regret: Number, order: Integers, vehicl
         job = order[chosen_k]
         _move(order, chosen_k, done)
         vehicle[job] = chosen_v
-        _job_end(shop, books, job, chosen_v, True)
+        _job_end(shop, schedule, job, chosen_v, True)
     return len(order)
 
 
 @njit(**_OPTIONS)
-def append(shop: Arrays, books: Books, planned_n: int, order: Integers, vehicle: Integers) -> int:
+def append(shop: Arrays, schedule: PartialSchedule, planned_n: int, order: Int64Array, vehicle: Int64Array) -> int:
     """Complete a plan: the jobs it does not have yet are put to its end in their order, each where it ends first.
 
     Args:
         shop: The shop.
-        books: Memory.
+        schedule: Memory.
         planned_n: How many jobs the plan has.
         order: In: its jobs in order, then the others, shape (n,); out: in order, those nobody can do at the end.
         vehicle: In: vehicle of each job that is planned; out: of each job of `order`, shape (n_jobs,).
@@ -223,7 +240,7 @@ def append(shop: Arrays, books: Books, planned_n: int, order: Integers, vehicle:
     Returns:
         How many are planned then; fewer than before if somebody has no way to a job any more.
     """
-    _clear(shop, books)
+    _clear(shop, schedule)
     done = 0
     for k in range(len(order)):
         # What nobody can do has been moved behind the end.
@@ -233,20 +250,20 @@ def append(shop: Arrays, books: Books, planned_n: int, order: Integers, vehicle:
         for v in range(first, last):
             if shop.extra[v, job] == np.inf:
                 continue
-            end_s = _job_end(shop, books, job, v, False)
+            end_s = _job_end(shop, schedule, job, v, False)
             if end_s < best:
                 best, best_v = end_s, v
         if best_v < 0:
             _move(order, done, len(order) - 1)
             continue
         vehicle[job] = best_v
-        _job_end(shop, books, job, best_v, True)
+        _job_end(shop, schedule, job, best_v, True)
         done += 1
     return done
 
 
 @njit(**_OPTIONS)
-def _move(order: Integers, source: Int, target: Int) -> None:
+def _move(order: Int64Array, source: Int, target: Int) -> None:
     """Take the job at one position out of the order and put it in at another."""
     job = order[source]
     for k in range(source, target):
@@ -257,7 +274,7 @@ def _move(order: Integers, source: Int, target: Int) -> None:
 
 
 @njit(**_OPTIONS)
-def _swap_tails(order: Integers, vehicle: Integers, position: Int, a: Int, b: Int) -> None:
+def _swap_tails(order: Int64Array, vehicle: Int64Array, position: Int, a: Int, b: Int) -> None:
     """Two vehicles swap all their jobs from a position on."""
     for k in range(position, len(order)):
         if vehicle[order[k]] == a:
@@ -267,13 +284,13 @@ def _swap_tails(order: Integers, vehicle: Integers, position: Int, a: Int, b: In
 
 
 @njit(**_OPTIONS)
-def _copy(source: Integers, target: Integers) -> None:
+def _copy(source: Int64Array, target: Int64Array) -> None:
     for k in range(len(source)):
         target[k] = source[k]
 
 
 @njit(**_OPTIONS)
-def _swap(values: Integers, a: Int, b: Int) -> None:
+def _swap(values: Int64Array, a: Int, b: Int) -> None:
     values[a], values[b] = values[b], values[a]
 
 
@@ -296,14 +313,10 @@ def _below(state: npt.NDArray[np.uint64], n: Int) -> int:
 @njit(**_OPTIONS)
 def anneal(
     shop: Arrays,
-    books: Books,
-    order: Integers,
-    vehicle: Integers,
-    best_order: Integers,
-    best_vehicle: Integers,
-    iterations: int,
-    hot: float,
-    cold: float,
+    schedule: PartialSchedule,
+    plan: JobPlan,
+    best_plan: JobPlan,
+    cooling: Cooling,
     state: npt.NDArray[np.uint64],
 ) -> Number:
     """Improve a plan by random changes, taken by the rule of Metropolis while the temperature falls.
@@ -314,27 +327,24 @@ def anneal(
 
     Args:
         shop: The shop.
-        books: Memory.
-        order: Jobs that are planned, in order, shape (n,), n >= 1; changed.
-        vehicle: Vehicle of each job, shape (n_jobs,); changed.
-        best_order: Out: the best order met, shape (n,).
-        best_vehicle: Out: its vehicles, shape (n_jobs,).
-        iterations: Changes to try.
-        hot: First temperature, in units of the objective, > 0.
-        cold: Last temperature, > 0.
+        schedule: Memory.
+        plan: The plan, of at least one job; changed.
+        best_plan: Out: the best plan met, arrays of the same shapes.
+        cooling: How long, and from which temperature to which.
         state: State of the random numbers, not 0, shape (1,); changed.
 
     Returns:
         The objective of the best plan, never above that of the first.
     """
+    order, vehicle = plan.order, plan.vehicle
     n, n_vehicles = len(order), len(shop.start)
-    current = evaluate(shop, books, order, vehicle, np.inf)
+    current = evaluate(shop, schedule, order, vehicle, np.inf)
     best: Number = current
-    _copy(order, best_order)
-    _copy(vehicle, best_vehicle)
-    temperature, cooling = hot, (cold / hot) ** (1.0 / max(iterations, 1))
-    for _ in range(iterations):
-        temperature *= cooling
+    _copy(order, best_plan.order)
+    _copy(vehicle, best_plan.vehicle)
+    temperature, factor = cooling.hot, (cooling.cold / cooling.hot) ** (1.0 / max(cooling.iterations, 1))
+    for _ in range(cooling.iterations):
+        temperature *= factor
         bound = current - temperature * np.log(1.0 - _random(state))
         kind = _random(state)
         source = _below(state, n)
@@ -348,7 +358,7 @@ def anneal(
             if _random(state) < 0.5:
                 vehicle[job] = _below(state, n_vehicles)
             _move(order, source, target)
-            changed = evaluate(shop, books, order, vehicle, bound)
+            changed = evaluate(shop, schedule, order, vehicle, bound)
             if changed == np.inf:
                 _move(order, target, source)
                 vehicle[job] = before
@@ -359,7 +369,7 @@ def anneal(
             _swap(order, source, target)
             if with_vehicles:
                 _swap(vehicle, a, b)
-            changed = evaluate(shop, books, order, vehicle, bound)
+            changed = evaluate(shop, schedule, order, vehicle, bound)
             if changed == np.inf:
                 _swap(order, source, target)
                 if with_vehicles:
@@ -367,13 +377,13 @@ def anneal(
         elif kind < MOVE_SHARES[2]:
             a, b = _below(state, n_vehicles), _below(state, n_vehicles)
             _swap_tails(order, vehicle, source, a, b)
-            changed = evaluate(shop, books, order, vehicle, bound)
+            changed = evaluate(shop, schedule, order, vehicle, bound)
             if changed == np.inf:
                 _swap_tails(order, vehicle, source, a, b)
         else:
             a, b = order[source], order[_below(state, n)]
             _swap(vehicle, a, b)
-            changed = evaluate(shop, books, order, vehicle, bound)
+            changed = evaluate(shop, schedule, order, vehicle, bound)
             if changed == np.inf:
                 _swap(vehicle, a, b)
         if changed == np.inf:
@@ -381,6 +391,6 @@ def anneal(
         current = changed
         if current < best:
             best = current
-            _copy(order, best_order)
-            _copy(vehicle, best_vehicle)
+            _copy(order, best_plan.order)
+            _copy(vehicle, best_plan.vehicle)
     return best

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.allocation.job_shop.shop_kernel import Arrays, Integers
+from planners.allocation.arrays import Int64Array
+from planners.allocation.job_shop.shop_kernel import Arrays
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
 from planners.allocation.shop import NO_STATION, Shop, Timetable
 from planners.status import Status
@@ -79,7 +80,7 @@ def _extra(problem: AllocationProblem, weight: np.ndarray) -> np.ndarray:
     return extra
 
 
-def planned(problem: AllocationProblem, shop: Shop, order: Integers, vehicle: Integers) -> Assignment:
+def planned(problem: AllocationProblem, shop: Shop, order: Int64Array, vehicle: Int64Array) -> Assignment:
     """The assignment that a plan comes to.
 
     Args:
@@ -101,7 +102,7 @@ def planned(problem: AllocationProblem, shop: Shop, order: Integers, vehicle: In
     )
 
 
-def timetable(shop: Shop, order: Integers, vehicle: Integers) -> Timetable:
+def timetable(shop: Shop, order: Int64Array, vehicle: Int64Array) -> Timetable:
     """When everything happens if jobs are put into the timetable in an order, as the kernels do it.
 
     Args:

@@ -13,11 +13,12 @@ from numba import njit
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf.arrays import IntArray
 from planners.mapf.cbs.decision_diagram import ENTER, STAND, SWEEP, Diagram, Fact, Seeker, draw
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.one_shot import hopeless, plan_of_paths, start_only, tables_for
 from planners.mapf.options import open_moves
-from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
+from planners.mapf.problem import NO_GOAL, Instance, Plan
 from planners.mapf.roads import closed_cells
 from planners.status import Status
 

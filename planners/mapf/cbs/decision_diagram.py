@@ -12,8 +12,10 @@ import numpy.typing as npt
 from numba import njit
 
 from maps.lane_graph import LaneGraph
+from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.distance_table import UNREACHABLE
-from planners.mapf.problem import BoolArray, IntArray
+from planners.mapf.kernel import kernel
+from planners.mapf.lanes import Lanes, lanes_of
 
 
 class Does(IntEnum):
@@ -40,8 +42,7 @@ class Fact(NamedTuple):
     """-1 unless it enters one."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Seeker:
+class Seeker(NamedTuple):
     """One agent of an instance, as the search for its paths sees it."""
 
     start: int
@@ -55,6 +56,30 @@ class Seeker:
     """Timesteps to the goal from every state, shape (S,); not read without a goal."""
     farthest: int
     """The greatest of them that is finite."""
+
+
+class Bans(NamedTuple):
+    """What an agent must not do, by timestep."""
+
+    fact: IntArray
+    """Facts, shape (k, 4)."""
+    first: IntArray
+    """Bans of timestep t: fact[first[t]:first[t + 1]], shape (t_max + 2,); none after the last entry."""
+
+
+class Search(NamedTuple):
+    """Memory of a search for paths of one cost."""
+
+    alive: BoolArray
+    """States that paths pass at each timestep, shape (cost + 1, S)."""
+    via: IntArray
+    """Move that leads there, -1 = wait, on the path that meets fewest others, same shape; and on that path:"""
+    origin: IntArray
+    """the state before,"""
+    meets: IntArray
+    """how many others it has met."""
+    free_from: IntArray
+    """First timestep from which nothing bans standing in each cell, shape (n_cells,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,57 +151,30 @@ def draw(
     if least >= UNREACHABLE or (table[:, :3] == (STAND, 0, graph.state_cell[seeker.start])).all(axis=1).any():
         return None
     # Once no ban is left in force, the goal is at most the farthest state away.
-    for cost in range(least, last + seeker.farthest + 1):
-        found, states, moves, layers = _layers(
-            graph.out_ptr,
-            graph.out_move,
-            graph.move_to,
-            graph.state_cell,
-            graph.swept_ptr,
-            graph.swept_cell,
-            seeker.may_move,
-            seeker.distance,
-            table,
-            first_ban,
-            met,
-            graph.n_cells,
-            seeker.start,
-            seeker.goal,
-            seeker.stay,
-            cost,
-        )
-        if found:
-            return Diagram(cost=cost, states=states, moves=moves, layers=layers)
-    return None
+    most = last + seeker.farthest
+    lanes = lanes_of(graph, seeker.may_move)
+    cost, states, moves, layers = _cheapest(lanes, seeker, Bans(table, first_ban), met, graph.n_cells, least, most)
+    return Diagram(cost=cost, states=states, moves=moves, layers=layers) if cost <= most else None
 
 
-@njit(cache=True, nogil=True)
-def _banned(
-    move: int,
-    here: int,
-    there: int,
-    t: int,
-    swept_ptr: IntArray,
-    swept_cell: IntArray,
-    bans: IntArray,
-    first_ban: IntArray,
-) -> bool:  # pragma: no cover - compiled
+@kernel
+def _banned(lanes: Lanes, bans: Bans, move: int, here: int, there: int, t: int) -> bool:  # pragma: no cover - compiled
     """Whether a step between t and t + 1 is banned; move -1 = wait."""
-    last = len(first_ban) - 1
-    for k in range(first_ban[min(t, last)], first_ban[min(t + 1, last)]):
-        if bans[k, 0] == ENTER and bans[k, 2] == here and bans[k, 3] == there:
+    last = len(bans.first) - 1
+    for k in range(bans.first[min(t, last)], bans.first[min(t + 1, last)]):
+        if bans.fact[k, 0] == ENTER and bans.fact[k, 2] == here and bans.fact[k, 3] == there:
             return True
-        if bans[k, 0] == SWEEP and move >= 0 and bans[k, 2] != here and bans[k, 2] != there:
-            for i in range(swept_ptr[move], swept_ptr[move + 1]):
-                if swept_cell[i] == bans[k, 2]:
+        if bans.fact[k, 0] == SWEEP and move >= 0 and bans.fact[k, 2] != here and bans.fact[k, 2] != there:
+            for i in range(lanes.swept_ptr[move], lanes.swept_ptr[move + 1]):
+                if lanes.swept_cell[i] == bans.fact[k, 2]:
                     return True
-    for k in range(first_ban[min(t + 1, last)], first_ban[min(t + 2, last)]):
-        if bans[k, 0] == STAND and bans[k, 2] == there:
+    for k in range(bans.first[min(t + 1, last)], bans.first[min(t + 2, last)]):
+        if bans.fact[k, 0] == STAND and bans.fact[k, 2] == there:
             return True
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _meetings(here: int, there: int, t: int, met: IntArray) -> int:  # pragma: no cover - compiled
     """Other agents that a step between t and t + 1 runs into or swaps with."""
     if len(met) == 0:
@@ -190,53 +188,57 @@ def _meetings(here: int, there: int, t: int, met: IntArray) -> int:  # pragma: n
 
 
 @njit(cache=True, nogil=True)
+def _cheapest(
+    lanes: Lanes, seeker: Seeker, bans: Bans, met: IntArray, n_cells: int, least: int, most: int
+) -> tuple[int, IntArray, IntArray, BoolArray]:  # pragma: no cover - compiled
+    """The least cost for which there are paths, above `most` for none; one of the paths, its moves, and the layers."""
+    n_states = len(lanes.state_cell)
+    cost = least
+    while True:
+        search = Search(
+            np.zeros((cost + 1, n_states), dtype=np.bool_),
+            np.empty((cost + 1, n_states), dtype=np.int32),
+            np.empty((cost + 1, n_states), dtype=np.int32),
+            np.zeros((cost + 1, n_states), dtype=np.int32),
+            np.zeros(n_cells, dtype=np.int32),
+        )
+        states, moves = np.empty(cost + 1, dtype=np.int32), np.empty(cost, dtype=np.int32)
+        if _layers(lanes, seeker, bans, met, search, states, moves):
+            return cost, states, moves, search.alive
+        if cost >= most:
+            return most + 1, states, moves, search.alive
+        cost += 1
+
+
+@kernel
 def _layers(
-    out_ptr: IntArray,
-    out_move: IntArray,
-    move_to: IntArray,
-    state_cell: IntArray,
-    swept_ptr: IntArray,
-    swept_cell: IntArray,
-    may_move: BoolArray,
-    distance: npt.NDArray[np.integer],
-    bans: IntArray,
-    first_ban: IntArray,
-    met: IntArray,
-    n_cells: int,
-    start: int,
-    goal: int,
-    stay: bool,
-    cost: int,
-) -> tuple[bool, IntArray, IntArray, BoolArray]:  # pragma: no cover - compiled
-    """All paths that stand still for good after exactly `cost` timesteps.
+    lanes: Lanes, seeker: Seeker, bans: Bans, met: IntArray, search: Search, states: IntArray, moves: IntArray
+) -> bool:  # pragma: no cover - compiled
+    """Find all paths that stand still for good after exactly as many timesteps as there are moves.
 
     This is what A* in space and time expands with f <= cost: forward, whatever can still arrive in time, with the
     path that meets fewest others; backward, whatever does arrive.
     """
-    n_states = len(state_cell)
-    alive = np.zeros((cost + 1, n_states), dtype=np.bool_)
-    via = np.empty((cost + 1, n_states), dtype=np.int32)
-    origin = np.empty((cost + 1, n_states), dtype=np.int32)
-    meets = np.zeros((cost + 1, n_states), dtype=np.int32)
-    states = np.empty(cost + 1, dtype=np.int32)
-    moves = np.empty(cost, dtype=np.int32)
+    state_cell, start, goal, stay = lanes.state_cell, seeker.start, seeker.goal, seeker.stay
+    alive, via, origin, meets, free_from = search.alive, search.via, search.origin, search.meets, search.free_from
+    cost, n_states = len(moves), len(state_cell)
     alive[0, start] = True
     for t in range(cost):
         for s in range(n_states):
             if not alive[t, s] or (stay and s == goal):
                 continue
             here = state_cell[s]
-            for k in range(out_ptr[s] - 1, out_ptr[s + 1]):
+            for k in range(lanes.out_ptr[s] - 1, lanes.out_ptr[s + 1]):
                 move, after = -1, s
-                if k >= out_ptr[s]:
-                    move = out_move[k]
-                    after = move_to[move]
-                    if not may_move[move]:
+                if k >= lanes.out_ptr[s]:
+                    move = lanes.out_move[k]
+                    after = lanes.move_to[move]
+                    if not lanes.is_open[move]:
                         continue
                 there = state_cell[after]
-                if goal >= 0 and t + 1 + distance[after] > cost:
+                if goal >= 0 and t + 1 + seeker.distance[after] > cost:
                     continue
-                if _banned(move, here, there, t, swept_ptr, swept_cell, bans, first_ban):
+                if _banned(lanes, bans, move, here, there, t):
                     continue
                 meetings = meets[t, s] + _meetings(here, there, t, met)
                 if not alive[t + 1, after] or meetings < meets[t + 1, after]:
@@ -246,10 +248,9 @@ def _layers(
                     meets[t + 1, after] = meetings
 
     # The last layer keeps what may stand still from now on.
-    free_from = np.zeros(n_cells, dtype=np.int32)
-    for k in range(len(bans)):
-        if bans[k, 0] == STAND:
-            free_from[bans[k, 2]] = max(free_from[bans[k, 2]], bans[k, 1] + 1)
+    for k in range(len(bans.fact)):
+        if bans.fact[k, 0] == STAND:
+            free_from[bans.fact[k, 2]] = max(free_from[bans.fact[k, 2]], bans.fact[k, 1] + 1)
     best = -1
     for s in range(n_states):
         if alive[cost, s]:
@@ -257,48 +258,36 @@ def _layers(
             if alive[cost, s] and (best < 0 or meets[cost, s] < meets[cost, best]):
                 best = s
     if best < 0:
-        return False, states, moves, alive
+        return False
     states[cost] = best
     for t in range(cost, 0, -1):
         moves[t - 1] = via[t, states[t]]
         states[t - 1] = origin[t, states[t]]
 
-    _trim(out_ptr, out_move, move_to, state_cell, swept_ptr, swept_cell, may_move, bans, first_ban, goal, stay, alive)
-    return True, states, moves, alive
+    _trim(lanes, seeker, bans, alive)
+    return True
 
 
-@njit(cache=True, nogil=True)
-def _trim(
-    out_ptr: IntArray,
-    out_move: IntArray,
-    move_to: IntArray,
-    state_cell: IntArray,
-    swept_ptr: IntArray,
-    swept_cell: IntArray,
-    may_move: BoolArray,
-    bans: IntArray,
-    first_ban: IntArray,
-    goal: int,
-    stay: bool,
-    alive: BoolArray,
-) -> None:  # pragma: no cover - compiled
+@kernel
+def _trim(lanes: Lanes, seeker: Seeker, bans: Bans, alive: BoolArray) -> None:  # pragma: no cover - compiled
     """Take out of the layers whatever does not lead to the last one."""
+    state_cell, goal, stay = lanes.state_cell, seeker.goal, seeker.stay
     for t in range(len(alive) - 2, -1, -1):
         for s in range(len(state_cell)):
             if not alive[t, s]:
                 continue
             here = state_cell[s]
             arrives = False
-            for k in range(out_ptr[s] - 1, out_ptr[s + 1]):
+            for k in range(lanes.out_ptr[s] - 1, lanes.out_ptr[s + 1]):
                 move, after = -1, s
-                if k >= out_ptr[s]:
-                    move = out_move[k]
-                    after = move_to[move]
-                    if not may_move[move]:
+                if k >= lanes.out_ptr[s]:
+                    move = lanes.out_move[k]
+                    after = lanes.move_to[move]
+                    if not lanes.is_open[move]:
                         continue
                 if alive[t + 1, after] and not (stay and s == goal):
                     there = state_cell[after]
-                    if not _banned(move, here, there, t, swept_ptr, swept_cell, bans, first_ban):
+                    if not _banned(lanes, bans, move, here, there, t):
                         arrives = True
                         break
             alive[t, s] = arrives

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planners.mapf.arrays import BoolArray, Int64Array, IntArray
 from planners.mapf.chance import Chance, chance_of, draw, mixed
 from planners.mapf.inheritance import clear
 from planners.mapf.kernel import Int, kernel
 from planners.mapf.lacam.successors import Board, Guide, board_of, complete, constrain, set_out
-from planners.mapf.problem import BoolArray, IntArray
 from planners.mapf.roads import Roads
 
 _FAR = 2**60
@@ -20,8 +20,6 @@ _RESTART_SHARE = 0.001
 
 _EXHAUSTED, _SPENT, _FULL, _IMPROVED = range(4)
 _N_NODES, _N_PARTS, _N_EDGES, _N_OPEN, _GOAL = range(5)
-
-Int64Array = npt.NDArray[np.int64]
 
 
 class _Memory(NamedTuple):
@@ -343,7 +341,10 @@ def _link(memory: _Memory, node: Int, to: Int) -> None:  # pragma: no cover - co
 
 @kernel
 def _rewire(guide: Guide, memory: _Memory, node: Int, bound: Int) -> None:  # pragma: no cover - compiled
-    """Pass on a way that got shorter to all configurations beyond; they are worth another look."""
+    """Pass on a way that got shorter to all configurations beyond; they are worth another look.
+
+    The paper's update by Dijkstra over *neigh*, with a queue in place of a heap: whose g falls again comes again.
+    """
     n_nodes = memory.counts[_N_NODES]
     queue, reopened = memory.queue, memory.reopened
     for k in range(n_nodes):
@@ -386,12 +387,18 @@ def _search(
     iterations: Int,
     bound: Int,
 ) -> tuple[Int, Int]:  # pragma: no cover - compiled
-    """Expand nodes; returns how many, and why it stopped."""
+    """Expand nodes; returns how many, and why it stopped.
+
+    The names of the phases, in capitals below, are those of LaCAM*: *Open* is the stack `open`, *Explored* the hash
+    table `slots`, a node's *tree* of constraints its `parts`, its *neigh* its edges, and g and h are `cost` and `left`.
+    """
     counts = memory.counts
     n = memory.states.shape[1]
     widest = board.keys.shape[1]
     after, best = memory.drawn[0], memory.drawn[1]
     for done in range(iterations):
+        # SELECT: the top of Open. A node leaves it when its tree is used up, or when it cannot lead to anything better
+        # than the best solution: f = g + h is not below that (branch and bound).
         if counts[_GOAL] >= 0:
             bound = min(bound, memory.cost[counts[_GOAL]])
         while counts[_N_OPEN] > 0:
@@ -401,6 +408,7 @@ def _search(
             counts[_N_OPEN] -= 1
         if counts[_N_OPEN] == 0:
             return done, _EXHAUSTED
+        # Not of the paper: an expansion that would not fit into the pools is not begun.
         if (
             counts[_N_NODES] == len(memory.cost)
             or counts[_N_PARTS] + widest >= len(memory.part_next)
@@ -409,12 +417,15 @@ def _search(
         ):
             return done, _FULL
 
+        # LOW-LEVEL NODE: the next constraint of the node's tree, breadth first.
         node = np.int64(memory.open[counts[_N_OPEN] - 1])
         now = memory.states[node]
         part = np.int64(memory.first_part[node])
         memory.first_part[node] = memory.part_next[part]
         order = memory.order[node]
 
+        # CONFIGURATION GENERATOR: PIBT completes what the constraint and its parents leave open; of several samples the
+        # one with the least f is taken. On the way LOW-LEVEL EXPANSION: the constraints of the next agent are queued.
         least = _FAR
         depth = 0
         for sample in range(samples):
@@ -442,12 +453,13 @@ def _search(
         if least == _FAR:
             continue
 
+        # EXPLORED?
         cost = memory.cost[node] + _loss_of(guide, now, best)
         known = memory.slots[_slot_of(memory.states, memory.slots, best)]
-        if known < 0:
+        if known < 0:  # HIGH-LEVEL EXPANSION: a new node
             to = _add(guide, memory, best, node, cost)
             _link(memory, node, to)
-        else:
+        else:  # LINK: a new edge to a known one, and REWIRE, if it is a shorter way; then go on there, or at the start
             to = np.int64(known)
             if to != node:
                 _link(memory, node, to)
@@ -467,7 +479,7 @@ def _search(
 def _split(
     roads: Roads, memory: _Memory, node: Int, part: Int, agent: Int, now: IntArray
 ) -> None:  # pragma: no cover - compiled
-    """Queue the parts that constrain one more agent, one for each of its next states."""
+    """Low-level expansion: queue the parts that constrain one more agent, one for each of its next states."""
     first, last = roads.ptr[now[agent]], roads.ptr[now[agent] + 1]
     for move in range(first - 1, last):
         child = memory.counts[_N_PARTS]

@@ -9,13 +9,14 @@ import numpy.typing as npt
 
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf.arrays import IntArray
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.lacam.configuration_tree import ConfigurationTree
 from planners.mapf.lacam.lns import LargeNeighbourhoodSearch
 from planners.mapf.lacam.successors import Guide, guide_of
 from planners.mapf.lacam.turning import can_forget_headings, with_headings, without_headings
 from planners.mapf.one_shot import tables_for
-from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
+from planners.mapf.problem import NO_GOAL, Instance, Plan
 from planners.mapf.roads import Roads, closed_cells, roads_of
 from planners.status import Status
 

@@ -6,21 +6,18 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf.arrays import BoolArray, FloatArray, Int64Array, IntArray
 from planners.mapf.chance import Chance, chance_of, draw, draw_below
 from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.kernel import Int, kernel
 from planners.mapf.lacam.successors import Guide, guide_of
 from planners.mapf.lacam.timetable import Frontier, Timetable, enter, frontier_of, reroute, timetable_of, withdraw
-from planners.mapf.problem import BoolArray, Instance, IntArray, Plan
+from planners.mapf.problem import Instance, Plan
 from planners.mapf.roads import Roads, closed_cells, roads_of
 from planners.status import Status
-
-Int64Array = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 
 _SIZES = np.array([1, 2, 3, 4, 6, 8], dtype=np.int64)
 """Sizes of a neighbourhood."""
@@ -45,9 +42,9 @@ class _Choice(NamedTuple):
     starts: IntArray
     least: Int64Array
     """Distance of each agent from its start to its goal."""
-    saved: Floats
+    saved: FloatArray
     """Loss saved by each way and size, fading, shape (3 * n_sizes,)."""
-    work: Floats
+    work: FloatArray
     """What that took, in expanded nodes."""
     picked: IntArray
     is_picked: BoolArray

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planners.mapf.arrays import BoolArray, Distances, IntArray
 from planners.mapf.chance import Chance, draw
-from planners.mapf.distance_table import Distances, DistanceTable
+from planners.mapf.distance_table import DistanceTable
 from planners.mapf.inheritance import (
-    NOBODY,
     PUSHED,
     STUCK,
     UNDECIDED,
@@ -24,7 +24,7 @@ from planners.mapf.inheritance import (
 )
 from planners.mapf.kernel import Int, kernel
 from planners.mapf.options import Options
-from planners.mapf.problem import BoolArray, Instance, IntArray
+from planners.mapf.problem import NOBODY, Instance
 from planners.mapf.roads import Roads, options_of_roads
 
 _WAIT_KEY = 0.4

@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from planners.mapf.arrays import Int64Array, IntArray
 from planners.mapf.chance import Chance, draw_below
 from planners.mapf.kernel import Int, kernel
 from planners.mapf.lacam.successors import Guide
-from planners.mapf.problem import IntArray
 from planners.mapf.roads import Roads
-
-Int64Array = npt.NDArray[np.int64]
 
 _POOL = 2**17
 """Nodes of one search; one that needs more is given up."""

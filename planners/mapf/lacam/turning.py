@@ -3,15 +3,54 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph, MoveKind
+from planners.mapf.arrays import IntArray
 from planners.mapf.kernel import Int, kernel
-from planners.mapf.problem import NO_GOAL, Instance, IntArray
+from planners.mapf.lanes import Lanes, lanes_of
+from planners.mapf.problem import NO_GOAL, Instance
 
 _UNKNOWN, _ASKED, _GOES, _WAITS = range(4)
+_ROWS = 64
+"""Timesteps that are driven between two looks at the memory."""
+
+
+class Visits(NamedTuple):
+    """The cells that agents visit, agent by agent."""
+
+    ptr: IntArray
+    """Visits of agent a: ptr[a] .. ptr[a + 1] - 1, shape (n + 1,)."""
+    cell: IntArray
+    rank: IntArray
+    """Visitors of the cell before."""
+
+
+class Drive(NamedTuple):
+    """How far everybody is; n agents."""
+
+    now: IntArray
+    """State of each agent, shape (n,)."""
+    visit: IntArray
+    """Its visit, shape (n,)."""
+    left: IntArray
+    """Visitors that have left each cell, shape (n_cells,)."""
+    occupant: IntArray
+    """Who is in each cell, -1 = nobody, shape (n_cells,)."""
+    verdict: npt.NDArray[np.int8]
+    """Whether each agent goes on in this timestep, shape (n,)."""
+
+
+class Headings(NamedTuple):
+    """Between states and headings."""
+
+    of_state: npt.NDArray[np.int8]
+    """Heading of each state, shape (S,)."""
+    state: IntArray
+    """State of each cell in each heading, -1 = none, shape (n_cells, 4)."""
 
 
 def can_forget_headings(instance: Instance) -> bool:
@@ -90,73 +129,76 @@ def with_headings(instance: Instance, cells: IntArray) -> IntArray:
     rank = np.empty(len(when), dtype=np.int32)
     rank[order] = np.arange(len(when)) - np.searchsorted(by_cell, by_cell)
     by_agent = np.argsort(who, kind="stable")
-    visit_ptr = np.searchsorted(who[by_agent], np.arange(n + 1)).astype(np.int32)
-    visit_cell = place[cells[when, who][by_agent]].astype(np.int32)
-    visit_rank = rank[by_agent]
-
-    now = np.array(instance.starts)
-    visit = visit_ptr[:-1].copy()
-    left = np.zeros(graph.n_cells, dtype=np.int32)
-    occupant = np.full(graph.n_cells, -1, dtype=np.int32)
-    occupant[graph.state_cell[now]] = np.arange(n)
-    verdict = np.zeros(n, dtype=np.int8)
-    rows = [now.copy()]
-    while _drive(
-        graph.out_ptr, graph.out_move, graph.move_to, graph.state_cell, graph.state_heading, graph.state_index,
-        instance.goals, visit_ptr, visit_cell, visit_rank, visit, left, occupant, verdict, now,
-    ):  # fmt: skip
-        rows.append(now.copy())
-    return np.array(rows, dtype=np.int32)
+    visits = Visits(
+        ptr=np.searchsorted(who[by_agent], np.arange(n + 1)).astype(np.int32),
+        cell=place[cells[when, who][by_agent]].astype(np.int32),
+        rank=rank[by_agent],
+    )
+    drive = Drive(
+        now=np.array(instance.starts),
+        visit=visits.ptr[:-1].copy(),
+        left=np.zeros(graph.n_cells, dtype=np.int32),
+        occupant=np.full(graph.n_cells, -1, dtype=np.int32),
+        verdict=np.zeros(n, dtype=np.int8),
+    )
+    drive.occupant[graph.state_cell[drive.now]] = np.arange(n)
+    lanes = lanes_of(graph, np.ones(graph.n_moves, dtype=np.bool_))
+    headings = Headings(of_state=graph.state_heading, state=graph.state_index)
+    rows = [drive.now[None].copy()]
+    made = _ROWS
+    while made == _ROWS:
+        more = np.empty((_ROWS, n), dtype=np.int32)
+        made = _drive(lanes, headings, instance.goals, visits, drive, more)
+        rows.append(more[:made])
+    return np.concatenate(rows)
 
 
 @kernel
 def _drive(
-    out_ptr: IntArray,
-    out_move: IntArray,
-    move_to: IntArray,
-    state_cell: IntArray,
-    state_heading: npt.NDArray[np.int8],
-    state_index: IntArray,
-    goals: IntArray,
-    visit_ptr: IntArray,
-    visit_cell: IntArray,
-    visit_rank: IntArray,
-    visit: IntArray,
-    left: IntArray,
-    occupant: IntArray,
-    verdict: npt.NDArray[np.int8],
-    now: IntArray,
+    lanes: Lanes, headings: Headings, goals: IntArray, visits: Visits, drive: Drive, rows: IntArray
+) -> int:  # pragma: no cover - compiled
+    """Fill rows with the states after each timestep; how many, fewer than there are when everybody is there."""
+    for row in range(len(rows)):
+        if not _advance(lanes, headings, goals, visits, drive):
+            return row
+        for agent in range(len(drive.now)):
+            rows[row, agent] = drive.now[agent]
+    return len(rows)
+
+
+@kernel
+def _advance(
+    lanes: Lanes, headings: Headings, goals: IntArray, visits: Visits, drive: Drive
 ) -> bool:  # pragma: no cover - compiled
     """Make one timestep; False when everybody is where it should be."""
+    now, visit, verdict, occupant = drive.now, drive.visit, drive.verdict, drive.occupant
+    state_cell, state_heading, state_index = lanes.state_cell, headings.of_state, headings.state
     n = len(now)
     moved = False
     for agent in range(n):
         verdict[agent] = _UNKNOWN
     for agent in range(n):
         if verdict[agent] == _UNKNOWN:
-            _judge(
-                out_ptr, out_move, move_to, state_cell, visit_ptr, visit_cell, visit_rank, visit, left, occupant,
-                verdict, now, agent,
-            )  # fmt: skip
+            _judge(lanes, visits, drive, agent)
     for agent in range(n):
         if verdict[agent] == _GOES:
             cell = state_cell[now[agent]]
-            left[cell] += 1
+            drive.left[cell] += 1
             if occupant[cell] == agent:
                 occupant[cell] = -1
-            ahead = np.int64(visit_cell[visit[agent] + 1])
-            now[agent] = _ahead(out_ptr, out_move, move_to, state_cell, np.int64(now[agent]), ahead)
+            ahead = np.int64(visits.cell[visit[agent] + 1])
+            now[agent] = _ahead(lanes, np.int64(now[agent]), ahead)
             visit[agent] += 1
             occupant[state_cell[now[agent]]] = agent
             moved = True
             continue
         wanted = np.int64(-1)
         home, facing = state_cell[now[agent]], np.int64(state_heading[now[agent]])
-        if visit[agent] + 1 < visit_ptr[agent + 1]:
-            ahead = np.int64(visit_cell[visit[agent] + 1])
+        if visit[agent] + 1 < visits.ptr[agent + 1]:
+            ahead = np.int64(visits.cell[visit[agent] + 1])
             for k in range(4):
                 state = np.int64(state_index[home, k])
-                if state >= 0 and _ahead(out_ptr, out_move, move_to, state_cell, state, ahead) >= 0:
+                if state >= 0 and _ahead(lanes, state, ahead) >= 0:
                     wanted = np.int64(k)
         elif goals[agent] >= 0:
             wanted = np.int64(state_heading[goals[agent]])
@@ -168,45 +210,30 @@ def _drive(
 
 
 @kernel
-def _ahead(
-    out_ptr: IntArray, out_move: IntArray, move_to: IntArray, state_cell: IntArray, state: Int, cell: Int
-) -> Int:  # pragma: no cover - compiled
+def _ahead(lanes: Lanes, state: Int, cell: Int) -> Int:  # pragma: no cover - compiled
     """State in a cell that is one move ahead of a state, -1 = none."""
-    for k in range(out_ptr[state], out_ptr[state + 1]):
-        to = move_to[out_move[k]]
-        if state_cell[to] == cell:
+    for k in range(lanes.out_ptr[state], lanes.out_ptr[state + 1]):
+        to = lanes.move_to[lanes.out_move[k]]
+        if lanes.state_cell[to] == cell:
             return np.int64(to)
     return np.int64(-1)
 
 
 @kernel
-def _judge(
-    out_ptr: IntArray,
-    out_move: IntArray,
-    move_to: IntArray,
-    state_cell: IntArray,
-    visit_ptr: IntArray,
-    visit_cell: IntArray,
-    visit_rank: IntArray,
-    visit: IntArray,
-    left: IntArray,
-    occupant: IntArray,
-    verdict: npt.NDArray[np.int8],
-    now: IntArray,
-    first: Int,
-) -> None:  # pragma: no cover - compiled
+def _judge(lanes: Lanes, visits: Visits, drive: Drive, first: Int) -> None:  # pragma: no cover - compiled
     """Say for an agent, and for all it follows, whether they go to their next cell now."""
+    now, visit, verdict, occupant = drive.now, drive.visit, drive.verdict, drive.occupant
     agent = np.int64(first)
     end = _WAITS
     while True:
         verdict[agent] = _ASKED
         following = visit[agent] + 1
-        if following >= visit_ptr[agent + 1]:
+        if following >= visits.ptr[agent + 1]:
             break
-        cell = visit_cell[following]
-        if _ahead(out_ptr, out_move, move_to, state_cell, np.int64(now[agent]), np.int64(cell)) < 0:
+        cell = visits.cell[following]
+        if _ahead(lanes, np.int64(now[agent]), np.int64(cell)) < 0:
             break
-        before = visit_rank[following] - left[cell]
+        before = visits.rank[following] - drive.left[cell]
         if before == 0:
             end = _GOES
             break
@@ -222,9 +249,9 @@ def _judge(
     while verdict[agent] == _ASKED:
         verdict[agent] = end
         following = visit[agent] + 1
-        if following >= visit_ptr[agent + 1]:
+        if following >= visits.ptr[agent + 1]:
             break
-        other = np.int64(occupant[visit_cell[following]])
+        other = np.int64(occupant[visits.cell[following]])
         if other < 0:
             break
         agent = other

@@ -7,20 +7,18 @@ import numpy as np
 from maps.lane_graph import TURN, LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
-from planners.mapf.distance_table import DistanceTable
+from planners.mapf.arrays import Distances, IntArray
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.kernel import kernel
 from planners.mapf.multi_step import multi_step_kernel
-from planners.mapf.multi_step.multi_step_kernel import Costs, Look, Table
+from planners.mapf.multi_step.multi_step_kernel import Costs, Look
 from planners.mapf.multi_step.multi_step_pibt import look_of_states
-from planners.mapf.problem import IntArray
 
 EXACT_BYTES = 64 * 2**20
 """Floors whose costs between all states and cells take no more are kept whole, with weighted moves and turns."""
 COARSE_UNIT = 2
 """Cost of a move or a wait on a large floor, twice that of a turn ahead: only the first turn is seen, and a move that
 ends before the next one must still be worth more than waiting."""
-UNREACHABLE = 65_535
-"""Cost of a state that has no way to the goal."""
 
 
 class GoalCosts:
@@ -48,7 +46,7 @@ class GoalCosts:
             if self.exact
             else DistanceTable(pebble, np.zeros(pebble.n_cells, dtype=np.bool_), memory_cap=memory_cap)
         )
-        self._table: Table = np.empty((0, 0), dtype=np.uint16)
+        self._table: Distances = np.empty((0, 0), dtype=np.uint16)
         self.look = look_of_states(rotating.n_states) if self.exact else _look_ahead(rotating, pebble)
         """Where to look costs up."""
         self.unit = 1 if self.exact else COARSE_UNIT
@@ -151,7 +149,7 @@ def _fill_all(
     in_move: IntArray,
     move_from: IntArray,
     move_cost: IntArray,
-    table: Table,
+    table: Distances,
     heads: IntArray,
     pool: IntArray,
 ) -> None:  # pragma: no cover - compiled

@@ -12,13 +12,11 @@ import numpy.typing as npt
 from maps.lane_graph import TURN, LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf.arrays import FloatArray, IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.multi_step_kernel import Wishes
 from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
 from planners.mapf.multi_step.priorities import pocket_depth
-from planners.mapf.problem import IntArray
-
-Floats = npt.NDArray[np.float64]
 
 UNIT = 8
 """Cost of a wait, a turn or an unhindered move; a whole number, so that hindrance counts in eighths."""
@@ -67,9 +65,9 @@ class Errands:
 class _Seen(NamedTuple):
     """What was seen while the fleet drove."""
 
-    made: Floats
+    made: FloatArray
     """How often each move was made, shape (n_moves,)."""
-    waited: Floats
+    waited: FloatArray
     """Timesteps somebody spent in each cell without a move, shape (n_cells,)."""
     n_done: int
     """Errands done."""

@@ -5,18 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from planners.mapf.arrays import BoolArray, Distances, FloatArray, IntArray, SmallIntArray
 from planners.mapf.chance import Chance, draw_below
 from planners.mapf.kernel import Int, kernel
-from planners.mapf.multi_step.operations import Operations, SmallInts
-from planners.mapf.problem import BoolArray, IntArray
+from planners.mapf.multi_step.operations import Operations
+from planners.mapf.problem import NOBODY
 
-Floats = npt.NDArray[np.float64]
-Table = npt.NDArray[np.uint16]
-
-NOBODY = -1
 SEVERAL = -2
+"""More than one agent, which nobody can push at once."""
 FAR = 2**20
 """More than any operation costs."""
 UNRANKED = -1
@@ -44,7 +41,7 @@ class Look(NamedTuple):
 class Costs(NamedTuple):
     """What is left to do from each state, for many goals."""
 
-    table: Table
+    table: Distances
     """Shape (goals, keys)."""
     look: Look
 
@@ -65,7 +62,7 @@ class Wishes(NamedTuple):
 class Aims(NamedTuple):
     """What makes one operation better than another."""
 
-    table: Table
+    table: Distances
     """What is left to do, shape (goals, keys)."""
     rested: Look
     """Where to look after a rest in which the robot may turn: entry r * S + s for r timesteps in state s."""
@@ -86,13 +83,13 @@ class Choices(NamedTuple):
     """Agent in each cell at each timestep, or `NOBODY`, shape (T + 1, n_cells)."""
     key: IntArray
     """Keys of an agent's operations, smallest best, shape (n, W)."""
-    order: SmallInts
+    order: SmallIntArray
     """Its operations, best first as far as `n_sorted` tells, shape (n, W)."""
     n_sorted: IntArray
     """Operations of each agent that are sorted, `UNRANKED` if it has no keys yet, shape (n,)."""
     place: IntArray
     """Place of each agent in the order of priority, 0 = first, shape (n,)."""
-    weight: Floats
+    weight: FloatArray
     """What a unit of cost of each agent counts, shape (n,)."""
     locked: BoolArray
     """Agents that only stay, shape (n,)."""
@@ -103,7 +100,7 @@ class Choices(NamedTuple):
     tried: IntArray
     before: IntArray
     """its operation before,"""
-    spent: Floats
+    spent: FloatArray
     """the weighted cost of those who pushed it."""
     mark: IntArray
     """Number of the chain an agent is in, shape (n,)."""

@@ -11,13 +11,14 @@ import numpy.typing as npt
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.chance import chance_of
 from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.multi_step import multi_step_kernel as kernels
 from planners.mapf.multi_step.multi_step_kernel import Aims, Choices, Costs, Look, Wishes
 from planners.mapf.multi_step.operations import LONGEST, Operations, operations_of
 from planners.mapf.options import open_moves
-from planners.mapf.problem import BoolArray, Instance, IntArray, Plan
+from planners.mapf.problem import Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
 
 _ROUND = 2000

@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
-from planners.mapf.problem import BoolArray, IntArray
+from planners.mapf.arrays import BoolArray, IntArray, SmallIntArray
+from planners.mapf.lanes import Lanes, lanes_of
 
 LONGEST = 6
 """Most timesteps of an operation; beyond it their number grows out of hand."""
-
-SmallInts = npt.NDArray[np.int8]
 
 
 class Operations(NamedTuple):
@@ -39,7 +37,7 @@ class Operations(NamedTuple):
     turn_ptr: IntArray
     """States that state s can turn into without leaving its cell: turn_ptr[s] .. turn_ptr[s + 1] - 1, itself first."""
     turn_state: IntArray
-    turn_steps: SmallInts
+    turn_steps: SmallIntArray
     """Timesteps that the turn takes."""
     turn_first: IntArray
     """State after the turn's first timestep."""
@@ -48,6 +46,15 @@ class Operations(NamedTuple):
     beside_cell: IntArray
     beside_time: IntArray
     """Timestep at whose beginning the sweep begins."""
+
+
+class Turns(NamedTuple):
+    """Turns on the spot, state by state; see `Operations`."""
+
+    ptr: IntArray
+    state: IntArray
+    steps: SmallIntArray
+    first: IntArray
 
 
 def operations_of(graph: LaneGraph, length: int, is_open: BoolArray) -> Operations:
@@ -65,12 +72,10 @@ def operations_of(graph: LaneGraph, length: int, is_open: BoolArray) -> Operatio
     """
     if not 1 <= length <= LONGEST:
         raise PlanningError(f"operations: length = {length}; valid: 1 to {LONGEST}")
-    turn_ptr, turn_state, turn_steps, turn_first = _turns(
-        graph.out_ptr, graph.out_move, graph.move_to, graph.state_cell, is_open, length
-    )
-    arrays = (graph.out_ptr, graph.out_move, graph.move_to, graph.state_cell, is_open, turn_ptr, turn_state, turn_steps)
-    ptr = _count(*arrays, length)
-    cell, entry, rest, first, then, trunk, last = _list(ptr, *arrays, turn_first, length)
+    lanes = lanes_of(graph, is_open)
+    turns = Turns(*_turns(lanes, length))
+    ptr = _count(lanes, turns, length)
+    cell, entry, rest, first, then, trunk, last = _list(lanes, turns, ptr, length)
     beside_ptr, beside_cell, beside_time = _beside(graph, trunk, last, length - rest)
     return Operations(
         ptr=ptr,
@@ -78,10 +83,10 @@ def operations_of(graph: LaneGraph, length: int, is_open: BoolArray) -> Operatio
         ending=np.column_stack((entry, rest)).astype(np.int32),
         first=first,
         then=then,
-        turn_ptr=turn_ptr,
-        turn_state=turn_state,
-        turn_steps=turn_steps,
-        turn_first=turn_first,
+        turn_ptr=turns.ptr,
+        turn_state=turns.state,
+        turn_steps=turns.steps,
+        turn_first=turns.first,
         beside_ptr=beside_ptr,
         beside_cell=beside_cell,
         beside_time=beside_time,
@@ -90,10 +95,10 @@ def operations_of(graph: LaneGraph, length: int, is_open: BoolArray) -> Operatio
 
 @njit(cache=True)
 def _turns(
-    out_ptr: IntArray, out_move: IntArray, move_to: IntArray, state_cell: IntArray, is_open: BoolArray, length: int
-) -> tuple[IntArray, IntArray, SmallInts, IntArray]:  # pragma: no cover - compiled
+    lanes: Lanes, length: int
+) -> tuple[IntArray, IntArray, SmallIntArray, IntArray]:  # pragma: no cover - compiled
     """Breadth-first search from every state over the moves that stay in its cell."""
-    n_states = len(out_ptr) - 1
+    n_states = len(lanes.out_ptr) - 1
     ptr = np.zeros(n_states + 1, dtype=np.int32)
     reached = np.empty(64, dtype=np.int32)
     steps = np.empty(64, dtype=np.int8)
@@ -111,9 +116,13 @@ def _turns(
             while head < count:
                 at = reached[head]
                 if steps[head] < length:
-                    for k in range(out_ptr[at], out_ptr[at + 1]):
-                        to = move_to[out_move[k]]
-                        if not is_open[out_move[k]] or state_cell[to] != state_cell[state] or count == 64:
+                    for k in range(lanes.out_ptr[at], lanes.out_ptr[at + 1]):
+                        to = lanes.move_to[lanes.out_move[k]]
+                        if (
+                            not lanes.is_open[lanes.out_move[k]]
+                            or lanes.state_cell[to] != lanes.state_cell[state]
+                            or count == 64
+                        ):
                             continue
                         known = False
                         for other in range(count):
@@ -134,30 +143,20 @@ def _turns(
 
 
 @njit(cache=True)
-def _count(
-    out_ptr: IntArray,
-    out_move: IntArray,
-    move_to: IntArray,
-    state_cell: IntArray,
-    is_open: BoolArray,
-    turn_ptr: IntArray,
-    turn_state: IntArray,
-    turn_steps: SmallInts,
-    length: int,
-) -> IntArray:  # pragma: no cover - compiled
+def _count(lanes: Lanes, turns: Turns, length: int) -> IntArray:  # pragma: no cover - compiled
     """Number of operations per state as running sum: ways[left][s] = operations of `left` timesteps from s."""
-    n_states = len(out_ptr) - 1
+    n_states = len(lanes.out_ptr) - 1
     ways = np.ones((length + 1, n_states), dtype=np.int64)
     for left in range(1, length + 1):
         for state in range(n_states):
             total = 1
-            for turn in range(turn_ptr[state], turn_ptr[state + 1]):
-                turned = turn_state[turn]
-                for k in range(out_ptr[turned], out_ptr[turned + 1]):
-                    move = out_move[k]
-                    if is_open[move] and state_cell[move_to[move]] != state_cell[state]:
-                        for after in range(left - turn_steps[turn]):
-                            total += ways[after, move_to[move]]
+            for turn in range(turns.ptr[state], turns.ptr[state + 1]):
+                turned = turns.state[turn]
+                for k in range(lanes.out_ptr[turned], lanes.out_ptr[turned + 1]):
+                    move = lanes.out_move[k]
+                    if lanes.is_open[move] and lanes.state_cell[lanes.move_to[move]] != lanes.state_cell[state]:
+                        for after in range(left - turns.steps[turn]):
+                            total += ways[after, lanes.move_to[move]]
             ways[left, state] = total
     ptr = np.zeros(n_states + 1, dtype=np.int32)
     for state in range(n_states):
@@ -167,23 +166,13 @@ def _count(
 
 @njit(cache=True)
 def _list(
-    ptr: IntArray,
-    out_ptr: IntArray,
-    out_move: IntArray,
-    move_to: IntArray,
-    state_cell: IntArray,
-    is_open: BoolArray,
-    turn_ptr: IntArray,
-    turn_state: IntArray,
-    turn_steps: SmallInts,
-    turn_first: IntArray,
-    length: int,
-) -> tuple[IntArray, IntArray, SmallInts, IntArray, IntArray, IntArray, IntArray]:  # pragma: no cover - compiled
+    lanes: Lanes, turns: Turns, ptr: IntArray, length: int
+) -> tuple[IntArray, IntArray, SmallIntArray, IntArray, IntArray, IntArray, IntArray]:  # pragma: no cover - compiled
     """Fill the arrays of `Operations`; a state's list is its own queue, each entry followed by its continuations.
 
     The last two arrays tell which operation each one continues, and by which move; -1 for staying.
     """
-    n_states = len(out_ptr) - 1
+    n_states = len(lanes.out_ptr) - 1
     n_ops = ptr[n_states]
     cell = np.empty((n_ops, length), dtype=np.int32)
     entry = np.empty(n_ops, dtype=np.int32)
@@ -194,26 +183,26 @@ def _list(
     last = np.full(n_ops, -1, dtype=np.int32)
     for state in range(n_states):
         op = ptr[state]
-        cell[op, :] = state_cell[state]
+        cell[op, :] = lanes.state_cell[state]
         entry[op], rest[op], first[op] = state, length, -1
         count = op + 1
         while op < count:
             at, begun = entry[op], length - rest[op]
-            for turn in range(turn_ptr[at], turn_ptr[at + 1]):
-                turned, steps = turn_state[turn], turn_steps[turn]
-                for k in range(out_ptr[turned], out_ptr[turned + 1]):
-                    move = out_move[k]
-                    to = move_to[move]
-                    if not is_open[move] or state_cell[to] == state_cell[at]:
+            for turn in range(turns.ptr[at], turns.ptr[at + 1]):
+                turned, steps = turns.state[turn], turns.steps[turn]
+                for k in range(lanes.out_ptr[turned], lanes.out_ptr[turned + 1]):
+                    move = lanes.out_move[k]
+                    to = lanes.move_to[move]
+                    if not lanes.is_open[move] or lanes.state_cell[to] == lanes.state_cell[at]:
                         continue
                     for arrive in range(begun + steps + 1, length + 1):
                         for t in range(length):
                             if t < begun:
                                 cell[count, t] = cell[op, t]
                             elif t < arrive - 1:
-                                cell[count, t] = state_cell[at]
+                                cell[count, t] = lanes.state_cell[at]
                             else:
-                                cell[count, t] = state_cell[to]
+                                cell[count, t] = lanes.state_cell[to]
                         entry[count], rest[count] = to, length - arrive
                         trunk[count], last[count] = op, move
                         if begun > 0:
@@ -221,7 +210,7 @@ def _list(
                         elif arrive == 1:
                             first[count] = to
                         else:
-                            first[count] = turn_first[turn]
+                            first[count] = turns.first[turn]
                         count += 1
             op += 1
     for state in range(n_states):
@@ -237,7 +226,7 @@ def _list(
 
 
 def _beside(
-    graph: LaneGraph, trunk: IntArray, last: IntArray, arrive: SmallInts
+    graph: LaneGraph, trunk: IntArray, last: IntArray, arrive: SmallIntArray
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Cells swept on the way that are neither left nor entered; the motion models of `maps` have none."""
     beside = {}

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
-from planners.mapf.problem import IntArray
-
-Floats = npt.NDArray[np.float64]
+from planners.mapf.arrays import FloatArray, IntArray
 
 _PER_BOTTLENECK = 10.0
 """Times that waiting counts more behind a bottleneck. With 3 some full floors froze, with 100 they worked less."""
@@ -44,7 +41,7 @@ class Priorities:
         self._weight = _PER_BOTTLENECK ** np.minimum(pocket_depth(graph), _DEEPEST)
         self._fraction = np.random.default_rng(seed).random(n)
         self._waited = self._fraction.copy()
-        self.values: Floats = self._fraction.copy()
+        self.values: FloatArray = self._fraction.copy()
         """Larger goes first, shape (n,)."""
 
     def order(self) -> IntArray:

@@ -8,11 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
+from planners.mapf.arrays import BoolArray, Int64Array, IntArray
 from planners.mapf.distance_table import UNREACHABLE
 from planners.mapf.kernel import kernel
-from planners.mapf.problem import BoolArray, IntArray
-
-Int64Array = npt.NDArray[np.int64]
+from planners.mapf.lanes import Lanes, lanes_of
 
 FOREVER = 2**30
 """End of a reservation that is never given back: later than any timestep of a path."""
@@ -20,21 +19,6 @@ FIRST_ROOM = 1024
 """Nodes of a search that memory is kept for at first."""
 _NONE = -1
 _FULL = -2
-
-
-class Lanes(NamedTuple):
-    """The arrays of a lane graph that a search reads."""
-
-    out_ptr: IntArray
-    out_move: IntArray
-    move_to: IntArray
-    state_cell: IntArray
-    swept_ptr: IntArray
-    swept_cell: IntArray
-    is_open: BoolArray
-    """Moves that may be used, shape (M,)."""
-    slot: IntArray
-    """Number of each state among the states of its cell, shape (S,)."""
 
 
 class Book(NamedTuple):
@@ -70,6 +54,43 @@ class Nodes(NamedTuple):
     """Their keys."""
 
 
+class Arrivals(NamedTuple):
+    """The best arrival of a search in each state and safe interval."""
+
+    slot: IntArray
+    """Number of each state among the states of its cell, shape (S,)."""
+    n_slots: int
+    """Most states of a cell."""
+    soonest: IntArray
+    """By entry before the interval and slot: entry * n_slots + slot; `FOREVER` = none, as everywhere before and after a
+    search."""
+
+
+class Rules(NamedTuple):
+    """What binds a path beside the reservations."""
+
+    waiting: BoolArray
+    """Cells of agents that are not planned yet, shape (n_cells,)."""
+    grace: int
+    """Timesteps for which these cells are left to them."""
+    latest: int
+    """No reservation of a move ends later."""
+    allow_rotation: bool
+    """Whether a closed ring of followers is legal."""
+
+
+class Trip(NamedTuple):
+    """Whose path is looked for."""
+
+    start: int
+    goal: int
+    """Negative = anywhere."""
+    distance: npt.NDArray[np.integer]
+    """Timesteps to the goal from every state, shape (S,); not read without a goal."""
+    stay: bool
+    """The goal is never left again once it is entered."""
+
+
 class Reservations:
     """The paths of the agents that are planned already.
 
@@ -86,16 +107,8 @@ class Reservations:
         cells = graph.state_cell[order]
         slot = np.empty(graph.n_states, dtype=np.int32)
         slot[order] = np.arange(graph.n_states) - np.searchsorted(cells, cells)
-        self._lanes = Lanes(
-            graph.out_ptr,
-            graph.out_move,
-            graph.move_to,
-            graph.state_cell,
-            graph.swept_ptr,
-            graph.swept_cell,
-            is_open,
-            slot,
-        )
+        self._lanes = lanes_of(graph, is_open)
+        self._slot = slot
         self._n_slots = int(slot.max(initial=0)) + 1
         self._n_cells = graph.n_cells
         self._start_cells = graph.state_cell[starts]
@@ -145,22 +158,13 @@ class Reservations:
             States at timesteps 0..T, shape (T + 1,), and moves, shape (T,), -1 = wait; None if there is no path.
         """
         self._waiting[self._lanes.state_cell[start]] = False
+        trip = Trip(start=start, goal=goal, distance=distance, stay=stay)
+        rules = Rules(
+            waiting=self._waiting, grace=self._grace, latest=self._latest, allow_rotation=self._allow_rotation
+        )
         while True:
-            node = _search(
-                self._lanes,
-                self._book,
-                self._soonest,
-                self._nodes,
-                self._n_slots,
-                self._waiting,
-                self._grace,
-                self._allow_rotation,
-                self._latest,
-                start,
-                goal,
-                distance,
-                stay,
-            )
+            arrivals = Arrivals(slot=self._slot, n_slots=self._n_slots, soonest=self._soonest)
+            node = _search(self._lanes, self._book, arrivals, self._nodes, rules, trip)
             if node != _FULL:
                 return None if node < 0 else self._trace(node)
             self._nodes = _empty_nodes(2 * len(self._nodes.state))
@@ -272,14 +276,14 @@ def _ring(book: Book, home: int, cell: int, t: int) -> int:  # pragma: no cover 
 
 @kernel
 def _may_cross(
-    lanes: Lanes, book: Book, waiting: BoolArray, grace: int, move: int, home: int, to: int, t: int
+    lanes: Lanes, book: Book, rules: Rules, move: int, home: int, to: int, t: int
 ) -> bool:  # pragma: no cover - compiled
     """Whether nobody uses the cells that a move sweeps on its way, in the timestep after t."""
     for k in range(lanes.swept_ptr[move], lanes.swept_ptr[move + 1]):
         cell = lanes.swept_cell[k]
         if cell in (home, to):
             continue
-        if waiting[cell] and t <= grace:
+        if rules.waiting[cell] and t <= rules.grace:
             return False
         entry = book.following[cell]
         while entry >= 0 and book.begin[entry] <= t + 1:
@@ -322,27 +326,16 @@ def _pop(keys: Int64Array, heap: IntArray, size: int) -> int:  # pragma: no cove
 
 @kernel
 def _search(
-    lanes: Lanes,
-    book: Book,
-    soonest: IntArray,
-    nodes: Nodes,
-    n_slots: int,
-    waiting: BoolArray,
-    grace: int,
-    allow_rotation: bool,
-    latest: int,
-    start: int,
-    goal: int,
-    distance: npt.NDArray[np.integer],
-    stay: bool,
+    lanes: Lanes, book: Book, arrivals: Arrivals, nodes: Nodes, rules: Rules, trip: Trip
 ) -> int:  # pragma: no cover - compiled
     """A* over (state, safe interval); returns the node at the goal, -1 for none, -2 for not enough memory.
 
     An interval is named by the entry before it. Within it the earliest arrival is the best one: whatever can be done
     later can be waited for. Keys order nodes by arrival at the goal, no earlier than it is free for good, and equal
-    ones by what is left. `soonest` holds the best arrival per (entry, slot of the state), FOREVER where there is none,
-    as everywhere before and after a search.
+    ones by what is left.
     """
+    start, goal, distance = trip.start, trip.goal, trip.distance
+    soonest, n_slots, slot = arrivals.soonest, arrivals.n_slots, arrivals.slot
     goal_from = 0  # first timestep from which the goal is free for good
     if goal >= 0:
         if distance[start] >= UNREACHABLE:
@@ -356,20 +349,20 @@ def _search(
 
     nodes.state[0], nodes.gap[0], nodes.time[0] = start, lanes.state_cell[start], 0
     nodes.via[0], nodes.parent[0] = _NONE, _NONE
-    soonest[nodes.gap[0] * n_slots + lanes.slot[start]] = 0
+    soonest[nodes.gap[0] * n_slots + slot[start]] = 0
     n_nodes, size, found = 1, 1, _NONE
     nodes.keys[0], nodes.heap[0] = 0, 0
     while size > 0 and found == _NONE:
         node = _pop(nodes.keys, nodes.heap, size)
         size -= 1
         s, p, t0 = nodes.state[node], nodes.gap[node], nodes.time[node]
-        if soonest[p * n_slots + lanes.slot[s]] < t0:
+        if soonest[p * n_slots + slot[s]] < t0:
             continue
         free_until = FOREVER if book.following[p] < 0 else book.begin[book.following[p]] - 1
         if free_until == FOREVER and (goal < 0 or s == goal):
             found = node
             continue
-        if stay and s == goal:
+        if trip.stay and s == goal:
             continue
         home = lanes.state_cell[s]
         for k in range(lanes.out_ptr[s], lanes.out_ptr[s + 1]):
@@ -383,16 +376,16 @@ def _search(
                 next_entry = book.following[before]
                 opens = book.end[before] + 1
                 shuts = FOREVER if next_entry < 0 else book.begin[next_entry] - 1
-                t = max(t0, opens - 1, grace if waiting[to] else 0)
-                until = min(free_until, shuts - 1, max(t0, latest, grace) + 1)
+                t = max(t0, opens - 1, rules.grace if rules.waiting[to] else 0)
+                until = min(free_until, shuts - 1, max(t0, rules.latest, rules.grace) + 1)
                 if to != home and t <= until and t == free_until and t == opens - 1:
                     # Somebody comes in as this agent leaves, and somebody leaves as it comes in.
                     ring = _ring(book, home, to, t)
-                    if ring == 2 or (ring > 2 and not allow_rotation):
+                    if ring == 2 or (ring > 2 and not rules.allow_rotation):
                         t += 1
-                while t <= until and not _may_cross(lanes, book, waiting, grace, move, home, to, t):
+                while t <= until and not _may_cross(lanes, book, rules, move, home, to, t):
                     t += 1
-                place = before * n_slots + lanes.slot[after]
+                place = before * n_slots + slot[after]
                 if opens <= shuts and t <= until and t + 1 < soonest[place]:
                     if n_nodes == len(nodes.state):
                         found = _FULL
@@ -408,5 +401,5 @@ def _search(
                 before = next_entry
 
     for node in range(n_nodes):
-        soonest[nodes.gap[node] * n_slots + lanes.slot[nodes.state[node]]] = FOREVER
+        soonest[nodes.gap[node] * n_slots + slot[nodes.state[node]]] = FOREVER
     return found

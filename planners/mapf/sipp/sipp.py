@@ -9,15 +9,14 @@ import numpy.typing as npt
 
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf.arrays import Int64Array, IntArray
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.one_shot import hopeless, plan_of_paths, start_only, tables_for
 from planners.mapf.options import open_moves
-from planners.mapf.problem import NO_GOAL, Instance, IntArray, Plan
+from planners.mapf.problem import NO_GOAL, Instance, Plan
 from planners.mapf.roads import closed_cells
 from planners.mapf.sipp.safe_intervals import Reservations
 from planners.status import Status
-
-Order = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +99,7 @@ class Sipp:
             tried.add(order.tobytes())
             order = self._next_order(order, agent, n_fixed, tried)
 
-    def _next_order(self, order: Order, failed: int, n_fixed: int, tried: set[bytes]) -> Order:
+    def _next_order(self, order: Int64Array, failed: int, n_fixed: int, tried: set[bytes]) -> Int64Array:
         """Put the agent that found no way first, right after those that never move; shuffle if that was tried."""
         place = int(np.flatnonzero(order == failed)[0])
         raised = np.concatenate((order[:n_fixed], [failed], order[n_fixed:place], order[place + 1 :]))
@@ -109,12 +108,12 @@ class Sipp:
         return raised
 
 
-def _first_order(instance: Instance, distances: npt.NDArray[np.integer], row: IntArray) -> Order:
+def _first_order(instance: Instance, distances: npt.NDArray[np.integer], row: IntArray) -> Int64Array:
     """Immovable agents, then by priority and the longest way, agents without a goal last."""
     seeks = instance.goals != NO_GOAL
     way = np.zeros(instance.n_agents, dtype=np.int64)
     way[seeks] = distances[row[seeks], instance.starts[seeks]]
-    order: Order = np.lexsort((-way, -instance.priorities, ~seeks, ~instance.fixed)).astype(np.int64)
+    order: Int64Array = np.lexsort((-way, -instance.priorities, ~seeks, ~instance.fixed)).astype(np.int64)
     return order
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +14,7 @@ from ompl import util as ou
 
 from planners.errors import PlanningError
 from planners.motion.arrays import BoolArray, FloatArray
+from planners.motion.status import MotionStatus
 
 Validity = Callable[[FloatArray], BoolArray]
 
@@ -25,16 +25,6 @@ _SHORTCUTS = 40
 _REACH_RADII = 4.0  # room for manoeuvres around both poses, in turning radii
 
 
-class RejoinStatus(Enum):
-    """How a manoeuvre query ended."""
-
-    SOLVED = "solved"
-    NO_SOLUTION = "no_solution"
-    """The iteration budget is used up."""
-    INVALID_START = "invalid_start"
-    INVALID_GOAL = "invalid_goal"
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RejoinResult:
     """A manoeuvre of a car."""
@@ -43,14 +33,14 @@ class RejoinResult:
     """Rear axle x, y [m] and yaw [rad, continuous] at most 0.05 m apart, every cusp included, shape (k, 3)."""
     directions: npt.NDArray[np.int8]
     """+1 forwards, -1 backwards: the travel from each pose to the next (the last repeats), shape (k,)."""
-    status: RejoinStatus
+    status: MotionStatus
     iterations: int
     """Tree extensions used; 0 when the direct curve was valid."""
 
     @property
     def solved(self) -> bool:
         """Whether there is a manoeuvre."""
-        return self.status is RejoinStatus.SOLVED
+        return self.status is MotionStatus.SOLVED
 
     @property
     def length_m(self) -> float:
@@ -155,9 +145,9 @@ def plan_rejoin(
     if not 0 <= seed < 2**32 - 1 or max_iterations < 0:
         raise PlanningError(f"plan_rejoin: seed {seed}, max_iterations {max_iterations}; valid: >= 0")
     if not np.all(valid(a[None])):
-        return _unsolved(RejoinStatus.INVALID_START, 0)
+        return _unsolved(MotionStatus.INVALID_START, 0)
     if not np.all(valid(b[None])):
-        return _unsolved(RejoinStatus.INVALID_GOAL, 0)
+        return _unsolved(MotionStatus.INVALID_GOAL, 0)
     room = _REACH_RADII * turning_radius_m
     curves = _Curves(turning_radius_m, np.minimum(a, b)[:2] - room, np.maximum(a, b)[:2] + room)
     direct = _finished(curves, np.stack([a, b]), 0)
@@ -169,7 +159,7 @@ def plan_rejoin(
             result = _finished(curves, candidate, iterations)
             if np.all(valid(result.poses)):  # the result has poses, at cusps, that the search did not look at
                 return result
-    return _unsolved(RejoinStatus.NO_SOLUTION, iterations)
+    return _unsolved(MotionStatus.NO_SOLUTION, iterations)
 
 
 def _search(
@@ -240,7 +230,7 @@ def _finished(curves: _Curves, corners: FloatArray, iterations: int) -> RejoinRe
     return RejoinResult(
         poses=poses,
         directions=np.concatenate([directions, last]).astype(np.int8),
-        status=RejoinStatus.SOLVED,
+        status=MotionStatus.SOLVED,
         iterations=iterations,
     )
 
@@ -287,7 +277,7 @@ def _travel(poses: FloatArray) -> npt.NDArray[np.int8]:
     return np.where(step[:, 0] * np.cos(yaw) + step[:, 1] * np.sin(yaw) >= 0.0, 1, -1).astype(np.int8)
 
 
-def _unsolved(status: RejoinStatus, iterations: int) -> RejoinResult:
+def _unsolved(status: MotionStatus, iterations: int) -> RejoinResult:
     return RejoinResult(
         poses=np.empty((0, 3)), directions=np.empty(0, dtype=np.int8), status=status, iterations=iterations
     )

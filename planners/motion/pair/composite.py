@@ -15,7 +15,8 @@ from planners.motion.kernel import kernel
 from planners.motion.pair.diagram import MARGIN_M, clearance
 from planners.motion.pair.swept import ArmInWorld, place_spheres
 from planners.motion.path.trajectory import Trajectory, retime
-from planners.motion.problem import MotionResult, MotionStatus
+from planners.motion.problem import MotionResult
+from planners.motion.status import MotionStatus
 
 _RANGE_RAD = 1.0  # longest tree edge
 _FINEST = 1.0 / 4096  # a part of an edge below this that is still in doubt is refused

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from planners.motion.kernel import kernel
 from planners.motion.pair.diagram import MARGIN_M, free_cells
 from planners.motion.pair.swept import ArmInWorld, swept
 from planners.motion.path.timed_path import TimedPath
+from planners.motion.status import MotionStatus
 
 MAX_CELLS = 20_000_000
 """Largest diagram that is searched: 0.2 GB, seconds."""
@@ -28,23 +28,11 @@ _STEP_COST = 1 << 32  # one step of everybody; the steps of single arms count be
 _NEVER = np.iinfo(np.int64).max
 
 
-class ScheduleStatus(Enum):
-    """How a scheduling query ended."""
-
-    SOLVED = "solved"
-    INVALID_START = "invalid_start"
-    """Two arms are too near each other at the start."""
-    INVALID_GOAL = "invalid_goal"
-    """Two arms are too near each other when both are done."""
-    NO_SOLUTION = "no_solution"
-    """These paths cannot be gone whoever waits for whom."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Schedule:
     """Who is where when."""
 
-    status: ScheduleStatus
+    status: MotionStatus
     index: IntArray
     """Sample of each arm's path at the beginning of each step, shape (T+1, n_arms); (0, n_arms) if not solved."""
     step_s: float
@@ -52,7 +40,7 @@ class Schedule:
     @property
     def solved(self) -> bool:
         """Whether there is a schedule."""
-        return self.status is ScheduleStatus.SOLVED
+        return self.status is MotionStatus.SOLVED
 
     @property
     def makespan_s(self) -> float:
@@ -112,13 +100,13 @@ def schedule_in(free: Sequence[BoolArray], rests: Sequence[BoolArray], step_s: f
             f"schedule_in: {' x '.join(map(str, size))} cells; valid: at most {MAX_CELLS}; lengthen the step"
         )
 
-    def failed(status: ScheduleStatus) -> Schedule:
+    def failed(status: MotionStatus) -> Schedule:
         return Schedule(status=status, index=np.empty((0, len(size)), dtype=np.int64), step_s=step_s)
 
     if not all(table[0, 0] for table in free):
-        return failed(ScheduleStatus.INVALID_START)
+        return failed(MotionStatus.INVALID_START)
     if not all(table[-1, -1] for table in free):
-        return failed(ScheduleStatus.INVALID_GOAL)
+        return failed(MotionStatus.INVALID_GOAL)
     together = np.concatenate(rests)
     if len(size) == 2:
         cost = _costs_of_two(free[0], rests[0], rests[1]).ravel()
@@ -126,10 +114,10 @@ def schedule_in(free: Sequence[BoolArray], rests: Sequence[BoolArray], step_s: f
         cost = np.full(int(np.prod(size)), _NEVER)
         _costs_of_arms(np.concatenate([table.ravel() for table in free]), together, size, cost)
     if cost[0] == _NEVER:
-        return failed(ScheduleStatus.NO_SOLUTION)
+        return failed(MotionStatus.NO_SOLUTION)
     index = np.zeros((int(cost[0] // _STEP_COST) + 1, len(size)), dtype=np.int64)
     _follow(cost, together, size, index)
-    return Schedule(status=ScheduleStatus.SOLVED, index=index, step_s=step_s)
+    return Schedule(status=MotionStatus.SOLVED, index=index, step_s=step_s)
 
 
 @kernel

@@ -17,9 +17,10 @@ from planners.motion.arm.kinematics import link_frames_into
 from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.kernel import kernel
 from planners.motion.pair.diagram import MARGIN_M
-from planners.motion.pair.schedule import Schedule, ScheduleStatus
+from planners.motion.pair.schedule import Schedule
 from planners.motion.pair.swept import ArmInWorld
 from planners.motion.path.timed_path import TimedPath
+from planners.motion.status import MotionStatus
 
 _TOUCH_M = 1e-6  # without any distance no direction could be told from none
 
@@ -65,11 +66,11 @@ def in_turn(
     first, second = (_moving(arm, path) for arm, path in zip(arms, paths, strict=True))
     delay = _least_delay(first, second, delays.start, delays.stop, max(float(margin_m), _TOUCH_M))
     if delay < 0:
-        return Schedule(status=ScheduleStatus.NO_SOLUTION, index=np.empty((0, 2), dtype=np.int64), step_s=step_s)
+        return Schedule(status=MotionStatus.NO_SOLUTION, index=np.empty((0, 2), dtype=np.int64), step_s=step_s)
     k, m = len(paths[0].q), len(paths[1].q)
     number = np.arange(max(k, m + delay))
     index = np.stack([np.minimum(number, k - 1), np.clip(number - delay, 0, m - 1)], axis=1)
-    return Schedule(status=ScheduleStatus.SOLVED, index=index, step_s=step_s)
+    return Schedule(status=MotionStatus.SOLVED, index=index, step_s=step_s)
 
 
 def _moving(arm: ArmInWorld, path: TimedPath) -> _Moving:

@@ -17,7 +17,8 @@ from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.path.lines import straight_line, tip_pose
 from planners.motion.path.trajectory import Trajectory, retime
-from planners.motion.problem import MotionPlanner, MotionProblem, MotionResult, MotionStatus
+from planners.motion.problem import MotionPlanner, MotionProblem, MotionResult
+from planners.motion.status import MotionStatus
 
 _SPEED_SHARE, _ACCELERATION_SHARE = 0.995, 0.98
 """Parts of the limits that are planned with: `retime` keeps its limits up to 0.3 % and 1 %."""

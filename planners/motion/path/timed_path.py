@@ -53,12 +53,15 @@ class TimedPath:
 
     def at(self, along_s: float) -> FloatArray:
         """Configuration when `along_s` of the motion is done [s], shape (n,)."""
+        return self.state(along_s)[0]
+
+    def state(self, along_s: float) -> tuple[FloatArray, FloatArray]:
+        """Configuration [rad] and velocity [rad/s] when `along_s` of the motion is done [s], each shape (n,)."""
         number = max(0, bisect_right(self.starts, along_s / self.step_s + 1e-9) - 1)
         leg, start = self.legs[number], self.starts[number]
         if isinstance(leg, Dwell):
-            rest: FloatArray = self.q[start].copy()
-            return rest
-        return leg.sample(along_s - start * self.step_s)[0]
+            return self.q[start].copy(), np.zeros(self.q.shape[1])
+        return leg.sample(along_s - start * self.step_s)
 
 
 def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:

@@ -14,10 +14,11 @@ from ompl import util as ou
 from planners.errors import PlanningError
 from planners.motion.arrays import FloatArray
 from planners.motion.collision.collision import CollisionChecker
-from planners.motion.problem import MotionProblem, MotionResult, MotionStatus, settle_early
+from planners.motion.problem import MotionProblem, MotionResult, settle_early
 from planners.motion.search.rrt_connect_config import RrtConnectConfig
 from planners.motion.search.search_tree import SearchTree
 from planners.motion.search.shortcut import shorten
+from planners.motion.status import MotionStatus
 
 _WAITS = "asks its termination condition in a second thread, which waits for Python's lock for ever"
 REFUSED = MappingProxyType({"PRM": _WAITS, "PRMstar": _WAITS})

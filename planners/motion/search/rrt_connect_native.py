@@ -8,9 +8,10 @@ from planners.motion.arrays import Chance, FloatArray, Int, IntArray
 from planners.motion.chance import uniform
 from planners.motion.collision.scene_kernel import Scene, edge_free
 from planners.motion.kernel import kernel
-from planners.motion.problem import MotionProblem, MotionResult, MotionStatus, settle_early
+from planners.motion.problem import MotionProblem, MotionResult, settle_early
 from planners.motion.search.rrt_connect_config import RrtConnectConfig
 from planners.motion.search.shortcut import shorten
+from planners.motion.status import MotionStatus
 
 
 @kernel

@@ -7,7 +7,7 @@ import pytest
 from maps.grid import EAST, NORTH, SOUTH, WEST, GridMap
 from maps.lane_graph import MotionError, MoveKind, build_lane_graph, grid_lane_graph
 from maps.site import load_site, site_from_plan
-from maps.vehicle import BODY_FRONT_M, BODY_HALF_WIDTH_M, BODY_REAR_M
+from maps.vehicle import BODY_FRONT_M
 
 ARC_M = 0.4 * math.pi / 2
 
@@ -90,9 +90,8 @@ def test_paths_run_from_pose_to_pose_in_small_steps(small):
 
 def test_body_stays_in_the_swept_cells(small):
     site, graph = small
-    outline = np.array(
-        [(x, y) for x in np.linspace(-BODY_REAR_M, BODY_FRONT_M, 11) for y in (-BODY_HALF_WIDTH_M, BODY_HALF_WIDTH_M)]
-    )
+    # The racecar reaches 0.09 m behind its rear axle and 0.14 m to each side.
+    outline = np.array([(x, y) for x in np.linspace(-0.09, BODY_FRONT_M, 11) for y in (-0.14, 0.14)])
     for move in range(graph.n_moves):
         points, _ = points_of(graph, move)
         cos, sin = np.cos(points[:, 2:]), np.sin(points[:, 2:])

@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.errors import FleetError
 from fleet.world.bullet.engine.client import Client, PhysicsError, quiet
 from fleet.world.bullet.engine.urdf_text import urdf_fault
@@ -22,9 +23,6 @@ from planners.motion.arm.arm_model import ArmModel, assemble
 from planners.motion.arm.inverse import InverseKinematics, inverse_kinematics
 from planners.motion.arm.kinematics import jacobian, link_frames
 from planners.motion.arm.spheres import box_spheres, fit_spheres_cached, sphere_count
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 KINDS = (".urdf", ".sdf", ".xml", ".mjcf")
 """Endings of the files that can be read; the last two are MJCF."""

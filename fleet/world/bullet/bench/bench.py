@@ -16,8 +16,6 @@ from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion
 from fleet.world.bullet.engine.touch import TouchPoints, contacts, nearest
 
-FloatArray = npt.NDArray[np.float64]
-
 SUBSTEP_S = 1.0 / 240.0
 _FINGER_FORCE_N = 100.0
 _CONTACT_BREAKING_M = 0.02

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.control import ControlError, JointLimits
 from fleet.control.errors import checked
 from fleet.world.bullet.bench.dynamics import BodyDynamics
 from fleet.world.bullet.engine.client import Client
-
-FloatArray = npt.NDArray[np.float64]
 
 POSITION_GAIN = 0.3
 """Share of the position error that the motors take back in one physics step, as those of the shared world."""

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.world.bullet.bench.arm_file import ArmFile, ArmFileError, load
 from fleet.world.bullet.engine.client import Client
-
-FloatArray = npt.NDArray[np.float64]
 
 GRAVITY_MPS2 = 9.81
 

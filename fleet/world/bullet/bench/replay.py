@@ -6,15 +6,13 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.control import ControlError, JointLimits, gains_from_mass, pd_torque
 from fleet.control.joint_file import JointRecording
 from fleet.robots.arm_kinds import ARM_NAMES, arm_kind
 from fleet.world.bullet.bench.arm_file import ArmFileError, read_arm
 from fleet.world.bullet.bench.bench import ArmBench
-
-FloatArray = npt.NDArray[np.float64]
 
 FREQUENCY_RADPS = 20.0
 """Natural frequency of the joint control that is taken for the real arm's, unless said otherwise."""

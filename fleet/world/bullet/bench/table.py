@@ -6,9 +6,9 @@ import os
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from fleet.arrays import BoolArray, FloatArray
 from fleet.config import Connect, Grip
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import Tool
@@ -19,8 +19,6 @@ from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
 from fleet.world.protocol import ParcelBody
 from fleet.world.tabletop import TableObject, TableScene
-
-FloatArray = npt.NDArray[np.float64]
 
 SUBSTEP_S = 1.0 / 240.0
 SUBSTEPS_N = 4
@@ -174,7 +172,7 @@ class TableWorld:
         """Number of arms."""
         return len(self._arms.bodies)
 
-    def step(self, q: FloatArray, qd: FloatArray, grip: npt.NDArray[np.bool_]) -> None:
+    def step(self, q: FloatArray, qd: FloatArray, grip: BoolArray) -> None:
         """Advance one tick.
 
         Args:

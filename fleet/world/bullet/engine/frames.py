@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
+from fleet.arrays import FloatArray
 
 
 def rotation(quat_xyzw: FloatArray) -> FloatArray:
@@ -25,13 +24,13 @@ def rotation(quat_xyzw: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
-def _rotations(quats, turns):
+def _rotations(quats: FloatArray, turns: FloatArray) -> None:
     for k in range(len(quats)):
         rotation_into(quats[k], turns[k])
 
 
 @njit(cache=True)
-def rotation_into(quat, turn):
+def rotation_into(quat: FloatArray, turn: FloatArray) -> None:
     """Fill in the matrix of a unit quaternion x, y, z, w, shape (3, 3)."""
     x, y, z, w = quat[0], quat[1], quat[2], quat[3]
     turn[0, 0] = 1 - 2 * (y * y + z * z)

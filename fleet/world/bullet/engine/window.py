@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-import numpy as np
-import numpy.typing as npt
-
+from fleet.arrays import FloatArray
 from fleet.config import Connect
 from fleet.world.bullet.engine.client import Client
 
@@ -72,12 +70,12 @@ class Window:
         for body, name in zip(self._cars, names, strict=True):
             self._write(name, (0.0, 0.0, height_m), parentObjectUniqueId=body)
 
-    def name_places(self, names: Sequence[str], points: npt.NDArray[np.float64]) -> None:
+    def name_places(self, names: Sequence[str], points: FloatArray) -> None:
         """Write names at points x, y, z [m], shape (k, 3)."""
         for name, point in zip(names, points.tolist(), strict=True):
             self._write(name, tuple(point))
 
-    def dots(self, key: str, points: npt.NDArray[np.float64], rgb: npt.NDArray[np.float64], size: float) -> None:
+    def dots(self, key: str, points: FloatArray, rgb: FloatArray, size: float) -> None:
         """Draw dots in place of those of the same key.
 
         Args:

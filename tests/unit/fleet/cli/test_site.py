@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import networkx as nx
 import pytest
 
 from fleet.cli.main import main
@@ -83,3 +84,10 @@ def test_a_converted_map_is_a_site(tmp_path: Path, capsys: pytest.CaptureFixture
     assert said(words, capsys) == f"{path}: 24 x 11 m, 2 stations\n"
     assert len(load_site(path).parking) == 3
     assert "floor" in said(["check", str(path)], capsys)
+
+
+def test_the_lane_graph_is_written_for_graph_tools(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "cell.graphml"
+    output = said(["check", "cell", "--no-draw", "--graphml", str(file)], capsys)
+    graph = nx.read_graphml(file)
+    assert f"{file}: {graph.number_of_nodes()} states, {graph.number_of_edges()} moves" in output

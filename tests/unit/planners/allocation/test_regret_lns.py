@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planners.allocation.job_shop.shop_kernel import dispatch, empty_books, evaluate
+from planners.allocation.job_shop.shop_kernel import dispatch, empty_schedule, evaluate
 from planners.allocation.job_shop.shop_plan import arrays_of, timetable
 from planners.allocation.problem import AllocationProblem
 from planners.allocation.regret_lns import RegretLns, RegretLnsConfig
@@ -52,7 +52,7 @@ def test_it_is_never_worse_than_greedy_and_better_with_more_work(seed: int) -> N
     assert problem.shop is not None
     arrays = arrays_of(problem, problem.shop)
     order, vehicle = np.arange(12), np.full(12, -1)
-    assert dispatch(arrays, empty_books(arrays), 0.0, order, vehicle) == 12
+    assert dispatch(arrays, empty_schedule(arrays), 0.0, order, vehicle) == 12
     greedy = timetable(problem.shop, order, vehicle).objective
     assert objective_of(problem, 0) <= greedy
     assert objective_of(problem, 5000) < greedy
@@ -74,7 +74,7 @@ def test_the_kernel_and_the_timetable_agree(seed: int) -> None:
     rng = np.random.default_rng(seed)
     order, vehicle = rng.permutation(20), rng.integers(0, 3, 20)
     arrays = arrays_of(problem, problem.shop)
-    from_zero = evaluate(arrays, empty_books(arrays), order, vehicle, np.inf)
+    from_zero = evaluate(arrays, empty_schedule(arrays), order, vehicle, np.inf)
     since_ready_s = 50.0 * (20 + 20)  # each end, and the last one twenty times over
     assert timetable(problem.shop, order, vehicle).objective == from_zero + since_ready_s
 
@@ -126,13 +126,13 @@ def test_a_plan_that_is_proposed_is_not_lost() -> None:
     assert problem.shop is not None
     order, vehicle = RegretLns(RegretLnsConfig(iterations=20_000)).plan(problem, problem.shop)
     arrays = arrays_of(problem, problem.shop)
-    known = evaluate(arrays, empty_books(arrays), order, vehicle, np.inf)
+    known = evaluate(arrays, empty_schedule(arrays), order, vehicle, np.inf)
     found, by = RegretLns(RegretLnsConfig(iterations=0)).plan(problem, problem.shop)
-    assert known < evaluate(arrays, empty_books(arrays), found, by, np.inf)
+    assert known < evaluate(arrays, empty_schedule(arrays), found, by, np.inf)
     # A job that is new since then comes last.
     proposed = replace(problem.shop, first_order=order[:-1].astype(np.int32), first_vehicle=vehicle.astype(np.int32))
     found, by = RegretLns(RegretLnsConfig(iterations=0)).plan(replace(problem, shop=proposed), proposed)
-    assert evaluate(arrays, empty_books(arrays), found, by, np.inf) <= known
+    assert evaluate(arrays, empty_schedule(arrays), found, by, np.inf) <= known
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from maps.lane_graph import LaneGraph
-from planners.mapf.inheritance import NOBODY, PUSHED, SETTLED, STUCK, Claims, claims_of, clear, enter, push, stay
+from planners.mapf.inheritance import PUSHED, SETTLED, STUCK, Claims, claims_of, clear, enter, push, stay
 from planners.mapf.options import Options, options_of
+from planners.mapf.problem import NOBODY
 from tests.unit.planners.mapf.lanes import graph_of, one_way_loop, open_grid
 
 USED_UP = 2**62

@@ -12,9 +12,10 @@ from maps.grid import EAST, NORTH, GridMap
 from maps.lane_graph import TURN, LaneGraph, grid_lane_graph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf.arrays import IntArray
+from planners.mapf.distance_table import UNREACHABLE
 from planners.mapf.multi_step import goal_costs
-from planners.mapf.multi_step.goal_costs import COARSE_UNIT, UNREACHABLE, GoalCosts, left
-from planners.mapf.problem import IntArray
+from planners.mapf.multi_step.goal_costs import COARSE_UNIT, GoalCosts, left
 
 FLOOR = GridMap(np.random.default_rng(4).random((5, 6)) > 0.25)
 

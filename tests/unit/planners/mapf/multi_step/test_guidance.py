@@ -11,10 +11,10 @@ from maps.grid import EAST, GridMap
 from maps.lane_graph import TURN, LaneGraph, grid_lane_graph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
+from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step import guidance
 from planners.mapf.multi_step.goal_costs import GoalCosts
 from planners.mapf.multi_step.guidance import UNIT, Errands, GuidanceConfig, learn_guidance
-from planners.mapf.problem import IntArray
 
 ROUND_ABOUT = GridMap(
     np.array([[letter == "." for letter in row] for row in ("..........", ".@@@@@@@@.", "..........")], dtype=np.bool_)

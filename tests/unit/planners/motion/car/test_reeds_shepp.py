@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from planners.errors import PlanningError
-from planners.motion.car.reeds_shepp import RejoinStatus, plan_rejoin
+from planners.motion.car.reeds_shepp import plan_rejoin
+from planners.motion.status import MotionStatus
 
 RADIUS = 0.45
 
@@ -30,7 +31,7 @@ def _beside_a_wall(poses):  # type: ignore[no-untyped-def]
 
 def _check_drivable(result, start, goal):  # type: ignore[no-untyped-def]
     poses, directions = result.poses, result.directions
-    assert result.status is RejoinStatus.SOLVED
+    assert result.status is MotionStatus.SOLVED
     assert len(directions) == len(poses)
     np.testing.assert_allclose(poses[0], start, atol=1e-9)
     np.testing.assert_allclose(poses[-1, :2], goal[:2], atol=1e-6)
@@ -86,10 +87,10 @@ def test_around_a_wall():
 
 
 def test_statuses():
-    assert plan_rejoin((1, 0, 0), (2, 0, 0), RADIUS, _beside_a_wall).status is RejoinStatus.INVALID_START
-    assert plan_rejoin((0, 0, 0), (1, 0, 0), RADIUS, _beside_a_wall).status is RejoinStatus.INVALID_GOAL
+    assert plan_rejoin((1, 0, 0), (2, 0, 0), RADIUS, _beside_a_wall).status is MotionStatus.INVALID_START
+    assert plan_rejoin((0, 0, 0), (1, 0, 0), RADIUS, _beside_a_wall).status is MotionStatus.INVALID_GOAL
     none = plan_rejoin((0, 0, 0), (2, 0, 0), RADIUS, _beside_a_wall, max_iterations=0)
-    assert none.status is RejoinStatus.NO_SOLUTION
+    assert none.status is MotionStatus.NO_SOLUTION
     assert none.poses.shape == (0, 3)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -150,11 +153,29 @@ def test_malformed_input_is_named(iiwa):  # type: ignore[no-untyped-def]
         CollisionChecker(iiwa, Boxes(), margin=-0.1)
     with pytest.raises(PlanningError, match="held spheres"):
         CollisionChecker(iiwa, Boxes(), (np.zeros((2, 3)), np.zeros(1)))
-    with pytest.raises(PlanningError, match="positive"):
+    with pytest.raises(PlanningError, match="half > 0"):
         Boxes.one((0, 0, 0), (0.1, 0.0, 0.1))
     with pytest.raises(PlanningError, match=r"valid: \(7,\)"):
         CollisionChecker(iiwa, Boxes()).free(np.zeros(6))
-    with pytest.raises(PlanningError, match="radii"):
+    with pytest.raises(PlanningError, match="radius > 0"):
         Capsules.one((0, 0, 0), (0, 0, 1), 0.0)
     with pytest.raises(PlanningError, match="finite"):
         Boxes.one((0, 0, np.nan), (1, 1, 1))
+
+
+def test_a_check_takes_numbers_however_they_lie_in_memory_and_copies_of_a_checker_agree(iiwa):  # type: ignore[no-untyped-def]
+    """Checks are compiled for contiguous float64 and do not ask for types: what differs is made so before."""
+    checker = CollisionChecker(iiwa, Boxes.one((0.5, 0.0, 0.4), (0.2, 0.2, 0.2)), margin=0.0)
+    rng = np.random.default_rng(3)
+    q = rng.uniform(iiwa.lower, iiwa.upper, (60, 7)).astype(np.float32).astype(np.float64)
+    free = checker.batch(q)
+    assert 5 < free.sum() < 55
+    wide = np.repeat(q, 2, axis=1)
+    still = q.copy()
+    still.flags.writeable = False
+    others = copy.deepcopy(checker), pickle.loads(pickle.dumps(checker))
+    for k in range(len(q)):
+        forms = wide[k, ::2], q[k].astype(np.float32), q[k].astype(">f8"), q[k].tolist(), tuple(q[k]), still[k]
+        assert [checker.free(form) for form in forms] == [free[k]] * len(forms)
+        assert [other.free(q[k]) for other in others] == [free[k]] * 2
+        assert checker.edge(q[k].tolist(), wide[k, ::2]) == free[k]

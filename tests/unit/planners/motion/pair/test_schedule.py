@@ -13,13 +13,13 @@ from planners.motion.arm.kinematics import link_frames
 from planners.motion.collision.collision import Boxes, CollisionChecker
 from planners.motion.pair.composite import CompositePlanner, CompositeProblem
 from planners.motion.pair.diagram import free_cells
-from planners.motion.pair.schedule import ScheduleStatus, schedule, schedule_in
+from planners.motion.pair.schedule import schedule, schedule_in
 from planners.motion.pair.swept import ArmInWorld, swept
 from planners.motion.pair.together import Together, Trip, Way, plan_together
 from planners.motion.path.timed_path import Dwell, TimedPath, timed_path
 from planners.motion.path.trajectory import Trajectory, retime
-from planners.motion.problem import MotionStatus
 from planners.motion.search.rrt_connect_native import RrtConnectNative
+from planners.motion.status import MotionStatus
 from tests.unit.planners.motion.pair_scene import MAX_ACCELERATION, MAX_VELOCITY, Referee, bases
 
 STEP_S = 0.02
@@ -156,7 +156,7 @@ def test_schedules_are_the_shortest_there_are(sizes):  # type: ignore[no-untyped
         found, expected = schedule_in(free, rests, STEP_S), _brute_force(free, rests)
         assert found.solved == (expected is not None)
         if expected is None:
-            assert found.status is ScheduleStatus.NO_SOLUTION
+            assert found.status is MotionStatus.NO_SOLUTION
             continue
         solved += 1
         assert len(found.index) - 1 == expected
@@ -200,10 +200,10 @@ def test_equal_queries_give_equal_bytes(arms, paths):  # type: ignore[no-untyped
 def test_arms_that_meet_at_an_end_or_cannot_pass_are_told_apart(arms, paths):  # type: ignore[no-untyped-def]
     out, in_ = _motion(OVER_TRAY, REST), _motion(REST, OVER_TRAY)
     leaves, comes = (timed_path(legs, STEP_S) for legs in ([out], [in_]))
-    assert schedule(arms, (leaves, leaves)).status is ScheduleStatus.INVALID_START
-    assert schedule(arms, (comes, comes)).status is ScheduleStatus.INVALID_GOAL
+    assert schedule(arms, (leaves, leaves)).status is MotionStatus.INVALID_START
+    assert schedule(arms, (comes, comes)).status is MotionStatus.INVALID_GOAL
     assert schedule(arms, (leaves, comes)).solved
-    assert schedule(arms, _exchange()).status is ScheduleStatus.NO_SOLUTION
+    assert schedule(arms, _exchange()).status is MotionStatus.NO_SOLUTION
 
 
 def _exchange() -> tuple[TimedPath, TimedPath]:
