@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from fleet.config import BatteryConfig
-from fleet.dispatch.dispatcher import Dispatcher, Rules
+from fleet.dispatch.dispatcher import Dispatcher, DispatchRules
 from fleet.missions.phases import CarPhase
 from fleet.tasks.board import TaskState
 from tests.unit.fleet.missions.floor import TICK_S, Floor, delivery, fake
@@ -55,7 +55,9 @@ def dispatcher_of(
         clear_left=lambda: names.called.append("clear_left"),
     )
     rules: Any = {name: names.rule(name) for name in OTHERS}
-    return Dispatcher(Rules(missions=missions, charging=names.rule("charging") if charges else None, **rules), TICK_S)
+    return Dispatcher(
+        DispatchRules(missions=missions, charging=names.rule("charging") if charges else None, **rules), TICK_S
+    )
 
 
 def test_most_ticks_only_slots_docks_and_visits_are_looked_at() -> None:
@@ -105,7 +107,7 @@ def test_due_dates_are_checked_when_orders_are_released() -> None:
 
 
 def real(floor: Floor) -> Dispatcher:
-    rules = Rules(
+    rules = DispatchRules(
         missions=floor.missions,
         due_dates=floor.due_dates,
         slots=floor.slots,

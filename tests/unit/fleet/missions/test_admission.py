@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fleet.missions.admission import Queues, _give_turns
+from fleet.missions.admission import StationQueues, _give_turns
 from fleet.missions.phases import CarPhase
 from fleet.missions.ways import MOVE_S
 from fleet.tasks.order import Priority
@@ -153,7 +153,7 @@ def test_a_booking_changes_the_turns_of_those_behind() -> None:
     assert [facts["car"] for kind, facts in floor.log.events if kind == "called"] == ["car_0", "car_3"]
 
 
-def early_naively(queues: Queues, moves: np.ndarray, booked: np.ndarray) -> list[float]:
+def early_naively(queues: StationQueues, moves: np.ndarray, booked: np.ndarray) -> list[float]:
     """How long before its turn each car would come: who has booked first, as they come, then as they were bound; each
     takes the first moment at which the arm is free for a whole service."""
     early = [0.0] * len(queues.cars)
@@ -179,7 +179,7 @@ def test_turns_are_the_first_gaps_that_are_long_enough(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n, n_stations = int(rng.integers(1, 9)), 2
     cut = int(rng.integers(0, n + 1))
-    queues = Queues(
+    queues = StationQueues(
         cars=rng.permutation(n).astype(np.int64),
         first=np.array([0, cut, n]),
         served=rng.choice([-1, *range(n)], n_stations).astype(np.int64),

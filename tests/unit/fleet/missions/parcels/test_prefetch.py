@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fleet.missions.perception import Sighting
+from fleet.missions.parcels.perception import Sighting
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.tasks.board import TaskState
 from maps.site import load_site

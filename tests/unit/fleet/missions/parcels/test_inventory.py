@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fleet.missions.inventory import ASKEW_M, DROP_M, _half_height
+from fleet.missions.parcels.inventory import ASKEW_M, DROP_M, _half_height
 from fleet.tasks.board import TaskState
 from tests.unit.fleet.missions.floor import CAR, SIZE_M, Floor, delivery
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fleet.missions.perception import Sighting
+from fleet.missions.parcels.perception import Sighting
 from fleet.stations.arms.transfer import LOOSE, TRAY
 from fleet.tasks.board import Task, TaskState
 from tests.unit.fleet.missions.floor import SIZE_M, Floor, delivery, fake

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fleet.missions.perception import SeenPoses, TruePoses
+from fleet.missions.parcels.perception import SeenPoses, TruePoses
 from fleet.sensors.camera import Camera
 from fleet.sensors.station_camera import station_camera
 from fleet.tasks.board import Task
