@@ -31,6 +31,7 @@ KNOWN = {
     "maps.smart.read_paths": TESTS,
     "maps.vehicle.BODY_HALF_WIDTH_M": TESTS,
     "maps.vehicle.BODY_REAR_M": TESTS,
+    "planners.allocation.arrays.Distances": BENCHMARKS,
     "planners.allocation.matching.prune.Distances": BENCHMARKS,
     "planners.allocation.matching.prune.UNREACHABLE": BENCHMARKS,
     "planners.allocation.matching.prune._BLOCK_N": BENCHMARKS,
