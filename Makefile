@@ -26,6 +26,7 @@ help: ## List the targets.
 
 setup: $(STAMP) ## Create .venv and install the project with all its extras.
 
+# Kernels that were kept by an older source are thrown away: some cannot be read after a rename.
 $(STAMP): pyproject.toml
 	@set -e; \
 	python="$(PYTHON)"; \
@@ -48,6 +49,7 @@ $(STAMP): pyproject.toml
 	fi; \
 	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes."; \
 	if ! $(BIN)/python -c '' >/dev/null 2>&1; then "$$python" -m venv --clear $(VENV); fi; \
+	find fleet maps planners -name "*.nb[ic]" -delete; \
 	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,notebook]'; \
 	echo "Compiling the kernels once, about half a minute."; \
 	out=$$(mktemp -d); \

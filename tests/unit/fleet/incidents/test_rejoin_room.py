@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fleet.config import ArmConfig, Fidelity, RunConfig
-from fleet.incidents.recovery import MARGIN_M, Room
+from fleet.incidents.rejoin_room import MARGIN_M, RejoinRoom
 from fleet.simulation import Simulation
 
 # On the cell site: the open row 7 (from below: y 1..2) with walls below y = 1 and shelves above x 3..5, y 2..3.
@@ -20,13 +20,13 @@ def simulation() -> Simulation:
         return simulation
 
 
-def valid(room: Room, *pose: float) -> bool:
+def valid(room: RejoinRoom, *pose: float) -> bool:
     return bool(room.valid(np.array([pose]))[0])
 
 
-def room_of(simulation: Simulation, start: tuple[float, float, float] = OPEN) -> Room:
+def room_of(simulation: Simulation, start: tuple[float, float, float] = OPEN) -> RejoinRoom:
     grid = simulation.site.grid
-    return Room(simulation, 0, np.array(start), grid.free.copy())
+    return RejoinRoom(simulation.view, 0, np.array(start), grid.free.copy())
 
 
 def test_the_body_and_its_margin_keep_off_walls(simulation: Simulation) -> None:
@@ -65,11 +65,11 @@ def test_cells_that_others_hold_are_kept_off_except_where_it_stands_already(simu
     grid = simulation.site.grid
     usable = grid.free.copy()
     usable[grid.cell_at(3.5, 1.5)] = False
-    room = Room(simulation, 0, np.array(OPEN), usable)
+    room = RejoinRoom(simulation.view, 0, np.array(OPEN), usable)
     assert valid(room, *OPEN)
     assert valid(room, 2.55, 1.5, 0.0)
     assert not valid(room, 2.65, 1.5, 0.0), "its nose enters the cell"
-    standing = Room(simulation, 0, np.array([2.8, 1.5, 0.0]), usable)
+    standing = RejoinRoom(simulation.view, 0, np.array([2.8, 1.5, 0.0]), usable)
     assert valid(standing, 2.8, 1.5, 0.0)
     assert valid(standing, 2.65, 1.5, 0.0)
 
