@@ -1,4 +1,4 @@
-"""MultiStepController: plays the League with multi-step PIBT, learnt guidance and a schedule made anew every timestep."""
+"""MultiStepController: plays the League with multi-step PIBT, learnt guidance and a schedule made anew each step."""
 
 from __future__ import annotations
 
