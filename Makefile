@@ -19,7 +19,7 @@ BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-all test-bounds test-stacks check format bench hooks hooks-check clean
+.PHONY: help setup demo test test-all test-rules test-bounds test-stacks check format bench hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -64,6 +64,10 @@ test: $(STAMP) ## All tests but the slow ones.
 test-all: $(STAMP) ## All tests.
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile $(ARGS)
 
+test-rules: $(STAMP) ## Line coverage of the dispatch rules by their unit tests alone.
+	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/unit/fleet/missions tests/unit/fleet/dispatch \
+	  --cov=fleet.missions --cov=fleet.dispatch --cov-fail-under=85 $(ARGS)
+
 test-bounds: $(STAMP) ## With the indices of all kernels checked: their tests and a run of every site; slow.
 	@set -e; mkdir -p $(BOUNDS_DIR); export NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR="$(CURDIR)/$(BOUNDS_DIR)/kernels"; \
 	$(BIN)/python -m pytest -q -m "not slow" -n $(JOBS) --dist loadfile $(BOUNDS_TESTS) $(ARGS); \
@@ -103,5 +107,5 @@ hooks-check: $(STAMP) ## Run the pre-commit hooks on all files.
 	@$(BIN)/pre-commit run --all-files
 
 clean: ## Remove .venv, caches and the output of runs.
-	@rm -rf $(VENV) .stacks .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
+	@rm -rf $(VENV) .stacks .coverage .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

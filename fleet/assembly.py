@@ -12,7 +12,7 @@ from fleet.config import CarConfig, Perception, RunConfig, require
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
 from fleet.dispatch.costs import CostModel
-from fleet.dispatch.dispatcher import Dispatcher, Rules
+from fleet.dispatch.dispatcher import Dispatcher, DispatchRules
 from fleet.dispatch.due_dates import DueDates
 from fleet.dispatch.horizon import RollingHorizon
 from fleet.dispatch.interventions import Interventions
@@ -21,15 +21,15 @@ from fleet.dispatch.solver import Solver
 from fleet.missions.admission import Admission
 from fleet.missions.charging import Charging
 from fleet.missions.docks import Docks
-from fleet.missions.inventory import Inventory
+from fleet.missions.parcels.inventory import Inventory
+from fleet.missions.parcels.perception import SeenPoses, TruePoses
+from fleet.missions.parcels.prefetch import Prefetch
+from fleet.missions.parcels.slots import Slots
+from fleet.missions.parcels.transfers import Transfers
 from fleet.missions.parking import Parking
-from fleet.missions.perception import SeenPoses, TruePoses
 from fleet.missions.places import Places
-from fleet.missions.prefetch import Prefetch
 from fleet.missions.services import Services
-from fleet.missions.slots import Slots
 from fleet.missions.state import Missions
-from fleet.missions.transfers import Transfers
 from fleet.missions.visit_queue import VisitQueue
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.visits import Visits
@@ -192,7 +192,7 @@ def assemble(
     docks = Docks(missions, ways, services, transfers, admission, inventory, log)
     visits = Visits(missions, places, routes, ways, charging, world, log)
     fastest_move_s = site.grid.cell_m / scene.car.max_speed_mps
-    rules = Rules(
+    rules = DispatchRules(
         missions=missions,
         due_dates=DueDates(cost_model, reasons, fastest_move_s),
         slots=Slots(board, stations, inventory, backlog, reasons, cost_model.source_cost, filling.turn_s),

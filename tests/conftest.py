@@ -22,7 +22,10 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 @pytest.fixture(autouse=True)
 def ledger_of_every_run(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Check, whatever else a test is about, that the ledger of each of its runs adds up to robots x duration."""
+    """Check, whatever else a test is about, what holds at the end of each of its runs.
+
+    The ledger adds up to robots x duration, and phases and tasks of cars go together.
+    """
     if (module := sys.modules.get("fleet.simulation")) is None:
         yield
         return
@@ -37,6 +40,9 @@ def ledger_of_every_run(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     monkeypatch.setattr(module.Simulation, "__init__", keep)
     yield
+    for simulation in made:
+        if hasattr(simulation, "missions"):  # else its making was refused
+            assert simulation.missions.faults() == [], "a car's phase and its task do not go together"
     for simulation in filter(lambda simulation: simulation.counts_figures, made):
         time_accounts, ticks = simulation.metrics.time_accounts, simulation.now
         assert (time_accounts.robots.sum(axis=0) == ticks).all(), "a robot has more or less time than the run"

@@ -12,9 +12,9 @@ from benchmarks.harness import Kind, Row, Trial
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.allocation.hungarian import Hungarian
+from planners.allocation.matching.prune import UNREACHABLE, nearest, travel_cost
+from planners.allocation.matching.sparse_matching import match
 from planners.allocation.problem import AllocationProblem
-from planners.allocation.prune import UNREACHABLE, nearest, travel_cost
-from planners.allocation.sparse_matching import match
 from planners.allocation.validate import faults
 from planners.mapf.distance_table import DistanceTable
 from planners.status import Status

@@ -76,7 +76,10 @@ class CostModel:
         self._stations = missions.stations
         self._ways = ways
         self._routes = routes
-        self._abilities = abilities
+        self._most_kg = np.array([ability.max_payload_kg for ability in abilities])
+        self._capabilities = list(dict.fromkeys(ability.capabilities for ability in abilities))
+        kinds = {capabilities: kind for kind, capabilities in enumerate(self._capabilities)}
+        self._kind_of = np.array([kinds[ability.capabilities] for ability in abilities])
         self._charging = charging
         self._unfit: dict[int, Codes | None] = {}
 
@@ -120,21 +123,24 @@ class CostModel:
         at docks or places, shape (n_tasks,) each."""
         moves = np.empty((len(states), len(tasks)), order="F")
         rest_n, service_s = np.empty(len(tasks)), np.empty(len(tasks))
-        # Many tasks share few ways.
-        to_pick: dict[str, FloatArray] = {}
-        onwards: dict[tuple[str, str], tuple[int, float]] = {}
+        named, docks, mean_s = self._stations.named, self._stations.dock_states, self._stations.mean_s()
+        to_pick: dict[int, FloatArray] = {}  # many tasks begin at few stations
+        deliveries, picks, drops = [], [], []
         for k, task in enumerate(tasks):
             if task.visit is not None:
                 moves[:, k] = self._routes.to_stop(task, states)
                 rest_n[k], service_s[k] = self._routes.rest(task)
                 continue
-            pick, drop = task.pick, task.delivery.drop
+            pick = named(task.pick).arm
             if pick not in to_pick:
-                to_pick[pick] = self._ways.moves(states, self._stations.named(pick).dock_state).astype(np.float64)
-            if (pick, drop) not in onwards:
-                onwards[pick, drop] = self._moves(pick, drop), self._service_s(pick, drop)
+                to_pick[pick] = self._ways.moves(states, int(docks[pick])).astype(np.float64)
             moves[:, k] = to_pick[pick]
-            rest_n[k], service_s[k] = onwards[pick, drop]
+            deliveries.append(k)
+            picks.append(pick)
+            drops.append(named(task.delivery.drop).arm)
+        if deliveries:
+            rest_n[deliveries] = self._ways.moves_each(docks[picks], docks[drops])
+            service_s[deliveries] = mean_s[picks] + mean_s[drops]
         return moves, rest_n, service_s
 
     def source_cost(self, pick: str, task: Task) -> float:
@@ -189,14 +195,11 @@ class CostModel:
     def _unfit_for(self, task: Task) -> Codes | None:
         """Why cars can never do a task; None if all can."""
         if task.index not in self._unfit:
-            heavy, lacks = _CODE[PairReason.TOO_HEAVY], _CODE[PairReason.LACKS_CAPABILITY]
-            order = task.order
-            codes = [
-                CAN_TAKE if a.fits(order) else heavy if order.payload_kg > a.max_payload_kg else lacks
-                for a in self._abilities
-            ]
-            fits_all = all(code == CAN_TAKE for code in codes)
-            self._unfit[task.index] = None if fits_all else np.array(codes, dtype=np.int8)
+            heavy = task.order.payload_kg > self._most_kg
+            lacks = np.array([not able.issuperset(task.order.needs) for able in self._capabilities])[self._kind_of]
+            codes = np.where(heavy, _CODE[PairReason.TOO_HEAVY], _CODE[PairReason.LACKS_CAPABILITY])
+            unfit = heavy | lacks
+            self._unfit[task.index] = np.where(unfit, codes, CAN_TAKE).astype(np.int8) if unfit.any() else None
         return self._unfit[task.index]
 
     def _refuse_low(self, charging: Charging, codes: Codes, task: Task, moves: FloatArray) -> None:

@@ -10,9 +10,9 @@ from fleet.dispatch.interventions import Interventions
 from fleet.missions.admission import Admission
 from fleet.missions.charging import Charging
 from fleet.missions.docks import Docks
+from fleet.missions.parcels.prefetch import Prefetch
+from fleet.missions.parcels.slots import Slots
 from fleet.missions.parking import Parking
-from fleet.missions.prefetch import Prefetch
-from fleet.missions.slots import Slots
 from fleet.missions.state import Missions
 from fleet.missions.visit_queue import VisitQueue
 from fleet.missions.visits import Visits
@@ -26,7 +26,7 @@ CALL_S = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rules:
+class DispatchRules:
     """The rules that missions go by."""
 
     missions: Missions
@@ -52,7 +52,7 @@ class Dispatcher:
         tick_s: Length of a tick [s].
     """
 
-    def __init__(self, rules: Rules, tick_s: float) -> None:
+    def __init__(self, rules: DispatchRules, tick_s: float) -> None:
         self.rules = rules
         self._call_period = max(1, round(CALL_S / tick_s))
         self._period = max(1, round(REVIEW_S / tick_s))

@@ -6,7 +6,7 @@ from fleet.config import TimeoutConfig
 from fleet.errors import FleetError
 from fleet.missions.admission import Admission
 from fleet.missions.docks import Docks
-from fleet.missions.inventory import Inventory
+from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.phases import CarPhase
 from fleet.missions.state import Missions
 from fleet.missions.visits import Visits

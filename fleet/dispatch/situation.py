@@ -106,7 +106,7 @@ def _when_free(
     if not cars.size:
         return state, free_s
     pick, drop, task_state = missions.pick_of[cars], missions.drop_of[cars], missions.task_state[cars]
-    mean_s = np.array([stations.time(station).mean_s for station in stations])
+    mean_s = stations.mean_s()
     left_s = np.array([stations.times.left_s(station.arm, now_s) for station in stations])
     carried = task_state == _CARRIED
     unloading = task_state == _UNLOADING

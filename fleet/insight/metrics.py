@@ -15,7 +15,7 @@ from fleet.insight.codebook import Codebook
 from fleet.insight.slip import Slip
 from fleet.insight.time_accounts import STANDING_MPS, ArmTime, CarTime, TimeAccounts, percentages
 from fleet.insight.time_table import Blame, blame_of
-from fleet.missions.perception import Perception
+from fleet.missions.parcels.perception import PoseSource
 from fleet.run.view import RunView
 from fleet.tasks.batches import Batches
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
@@ -236,7 +236,7 @@ class Metrics:
         )
 
 
-def _seen(perception: Perception) -> dict[str, Any]:
+def _seen(perception: PoseSource) -> dict[str, Any]:
     """Figures of what cameras located."""
     apart_mm = [1000.0 * error.distance_m for error in perception.errors]
     turn_deg = [math.degrees(error.turn_rad) for error in perception.errors]

@@ -1,4 +1,4 @@
-"""MultiStepController: plays the League with multi-step PIBT, learnt guidance and a schedule made anew each step."""
+"""MultiStepController: plays the League with multi-step PIBT, learnt guidance, and a new schedule each timestep."""
 
 from __future__ import annotations
 

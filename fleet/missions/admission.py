@@ -75,7 +75,7 @@ class Admission:
             part = slice(first[arm], first[arm + 1])
             self._call_at(stations[arm], cars[part], arrivals.of(part), tick, now_s)
 
-    def _call_at(self, station: Station, cars: Cars, arrivals: Arrivals, tick: int, now_s: float) -> None:
+    def _call_at(self, station: Station, cars: Cars, arrivals: StationArrivals, tick: int, now_s: float) -> None:
         """Do `call` for the cars that are bound for one station, in the order in which they were bound."""
         missions, bookings = self._missions, self._missions.bookings
         changes_n = bookings.changes_n
@@ -123,7 +123,7 @@ class Admission:
         """Where a car with a task goes next."""
         return self._missions.stations.named(task.delivery.drop if task.state is TaskState.CARRIED else task.pick)
 
-    def _arrivals(self, cars: Cars, first: Cars, stations: Iterable[Station], now_s: float) -> Arrivals:
+    def _arrivals(self, cars: Cars, first: Cars, stations: Iterable[Station], now_s: float) -> StationArrivals:
         """When cars could come to the stations they are bound for, and how long before their turns.
 
         Args:
@@ -133,7 +133,7 @@ class Admission:
             now_s: Simulated time [s].
         """
         times, missions = self._missions.stations.times, self._missions
-        queues = Queues(
+        queues = StationQueues(
             cars=cars,
             first=first,
             served=np.array([missions.served[station.arm] for station in stations]),
@@ -144,10 +144,10 @@ class Admission:
         moves = self._ways.moves_each(self._ways.tails[cars], goals)
         early_s = np.zeros(len(cars))
         _give_turns(queues, moves, missions.bookings.booked, early_s)
-        return Arrivals(moves=moves, early_s=early_s)
+        return StationArrivals(moves=moves, early_s=early_s)
 
 
-class Queues(NamedTuple):
+class StationQueues(NamedTuple):
     """Cars bound for some stations."""
 
     cars: Cars
@@ -162,7 +162,7 @@ class Queues(NamedTuple):
     """Time until the arm is free, shape (n_stations,) [s]."""
 
 
-class Arrivals(NamedTuple):
+class StationArrivals(NamedTuple):
     """How near cars are to the stations they are bound for."""
 
     moves: npt.NDArray[np.uint16]
@@ -170,12 +170,12 @@ class Arrivals(NamedTuple):
     early_s: Floats
     """How long before its turn each would come if it went now, and found no traffic, shape (n,) [s]."""
 
-    def of(self, part: slice) -> Arrivals:
+    def of(self, part: slice) -> StationArrivals:
         """Those of a part of the cars."""
-        return Arrivals(self.moves[part], self.early_s[part])
+        return StationArrivals(self.moves[part], self.early_s[part])
 
 
-def _concerned(phase: Cars, booked: npt.NDArray[np.bool_], arrivals: Arrivals) -> npt.NDArray[np.bool_]:
+def _concerned(phase: Cars, booked: npt.NDArray[np.bool_], arrivals: StationArrivals) -> npt.NDArray[np.bool_]:
     """Cars that may set off, or have come near without a booking, shape (n,)."""
     due = (phase == _HELD) & (arrivals.early_s <= EARLY_S)
     near = ((phase == _TO_PICK) | (phase == _TO_DROP)) & (arrivals.moves <= NEAR_N) & ~booked
@@ -184,7 +184,7 @@ def _concerned(phase: Cars, booked: npt.NDArray[np.bool_], arrivals: Arrivals) -
 
 @njit(cache=True)
 def _give_turns(
-    queues: Queues, moves: npt.NDArray[np.uint16], booked: npt.NDArray[np.bool_], early_s: Floats
+    queues: StationQueues, moves: npt.NDArray[np.uint16], booked: npt.NDArray[np.bool_], early_s: Floats
 ) -> None:  # pragma: no cover - compiled
     """Fill in how long before its turn each car would come; 0 for a car that is being served."""
     for station in range(len(queues.service_s)):

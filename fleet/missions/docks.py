@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fleet.missions.admission import Admission
-from fleet.missions.inventory import Inventory
+from fleet.missions.parcels.inventory import Inventory
+from fleet.missions.parcels.transfers import Transfers
 from fleet.missions.phases import AT_DOCK, CarPhase
 from fleet.missions.services import Services
 from fleet.missions.state import Missions
-from fleet.missions.transfers import Transfers
 from fleet.missions.ways import Ways
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.service_time import Direction

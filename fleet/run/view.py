@@ -9,8 +9,8 @@ from fleet.config import RunConfig
 from fleet.dispatch.assignments import Assignments
 from fleet.dispatch.dispatcher import Dispatcher
 from fleet.missions.charging import Charging
-from fleet.missions.inventory import Inventory
-from fleet.missions.perception import Perception
+from fleet.missions.parcels.inventory import Inventory
+from fleet.missions.parcels.perception import PoseSource
 from fleet.missions.places import Places
 from fleet.missions.services import Services
 from fleet.missions.state import Missions
@@ -39,7 +39,7 @@ class Knowledge:
 
     places: Places
     inventory: Inventory
-    perception: Perception
+    perception: PoseSource
     reasons: ReasonBook
 
 
@@ -144,7 +144,7 @@ class RunView:
         return self.knowledge.inventory
 
     @property
-    def perception(self) -> Perception:
+    def perception(self) -> PoseSource:
         """Where parcels are believed to be."""
         return self.knowledge.perception
 

@@ -21,21 +21,15 @@ class Station:
         self.arm = arm
         self.place = place
         self.dock_state = dock_state
+        self.name = place.name
+        """Name in the site file."""
+        self.direction = Direction.TO_CAR if place.kind == "pick" else Direction.FROM_CAR
+        """Which way its parcels go: onto cars at a pick station, off them at a drop station."""
         self.contents: list[int | None] = [None] * len(place.slots)
         """Task whose parcel lies on, or is promised to, each slot."""
         self.free_n = len(self.contents)
         """Slots that are neither taken nor promised."""
         self._leaving: deque[tuple[float, int]] = deque()
-
-    @property
-    def name(self) -> str:
-        """Name in the site file."""
-        return self.place.name
-
-    @property
-    def direction(self) -> Direction:
-        """Which way its parcels go: onto cars at a pick station, off them at a drop station."""
-        return Direction.TO_CAR if self.place.kind == "pick" else Direction.FROM_CAR
 
     def take_slot(self, task: int) -> int | None:
         """Promise the first free slot to a task; None when all are taken."""

@@ -23,6 +23,7 @@ class Stations:
         self._by_name = {station.name: station for station in stations}
         self.times = ServiceTimes(len(stations))
         """How long each arm takes for a transfer."""
+        self._time_of = [self.times.of(station.arm, station.direction) for station in stations]
         self.dock_states: npt.NDArray[np.int32] = np.array([s.dock_state for s in stations], dtype=np.int32)
         """Lane-graph state of a car at each dock, shape (n_stations,)."""
 
@@ -42,7 +43,11 @@ class Stations:
 
     def time(self, station: Station) -> ServiceTime:
         """How long a station's arm takes for what the station does."""
-        return self.times.of(station.arm, station.direction)
+        return self._time_of[station.arm]
+
+    def mean_s(self) -> npt.NDArray[np.float64]:
+        """Mean time of a transfer at each station, shape (n_stations,) [s]."""
+        return np.array([time.mean_s for time in self._time_of])
 
     def loading(self) -> list[Station]:
         """Pick stations, in the order of their arms."""

@@ -9,9 +9,9 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from planners.allocation.arrays import FloatArray, IntArray
+from planners.allocation.matching.prune import prune
+from planners.allocation.matching.sparse_matching import match
 from planners.allocation.problem import AllocationProblem, Assignment, assignment
-from planners.allocation.prune import prune
-from planners.allocation.sparse_matching import match
 from planners.errors import PlanningError
 from planners.status import Status
 

@@ -90,7 +90,7 @@ class Pibt:
         return plan_window(instance, step, deadline, impatience=self.config.impatience, reachable=reachable)
 
 
-class Wishes(NamedTuple):
+class NextWishes(NamedTuple):
     """What is asked of one timestep; n agents."""
 
     distances: npt.NDArray[np.uint16]
@@ -180,7 +180,7 @@ def _step(
     after: IntArray,
 ) -> None:  # pragma: no cover - compiled
     """Fill `after`, shape (n,), from `now`, shape (n,)."""
-    options, wishes, claims = Options(*option_arrays), Wishes(*wish_arrays), Claims(*claim_arrays)
+    options, wishes, claims = Options(*option_arrays), NextWishes(*wish_arrays), Claims(*claim_arrays)
     for agent in range(len(now)):
         enter(claims, agent, state_cell[now[agent]])
         if wishes.locked[agent]:
@@ -200,7 +200,7 @@ def _step(
 
 @kernel
 def _rank(
-    options: Options, wishes: Wishes, claims: Claims, keys: Int64Array, salt: int, now: IntArray
+    options: Options, wishes: NextWishes, claims: Claims, keys: Int64Array, salt: int, now: IntArray
 ) -> None:  # pragma: no cover - compiled
     """Give every option of every agent its key; option 0 is to wait.
 

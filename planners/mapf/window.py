@@ -14,7 +14,7 @@ from planners.mapf.problem import NO_GOAL, Instance, Plan
 from planners.status import Status
 
 
-class Step(Protocol):
+class WindowStep(Protocol):
     """Decides one timestep of all agents."""
 
     def __call__(self, now: IntArray, after: IntArray, *, order: IntArray, locked: BoolArray) -> None:
@@ -28,7 +28,9 @@ class Step(Protocol):
         """
 
 
-def plan_window(instance: Instance, step: Step, deadline: Deadline, *, impatience: float, reachable: BoolArray) -> Plan:
+def plan_window(
+    instance: Instance, step: WindowStep, deadline: Deadline, *, impatience: float, reachable: BoolArray
+) -> Plan:
     """Plan a window.
 
     Those who have no goal, or have been at theirs, choose last; the others in the order of their priorities.

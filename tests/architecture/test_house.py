@@ -20,17 +20,14 @@ MOST_PARAMETERS = 7
 MOST_PARTS = 12
 """Fields of a dataclass or tuple that holds parts of a run."""
 
-FULL_FOLDERS = {"fleet/missions": 17}
+FULL_FOLDERS: dict[str, int] = {}
 
 LONG_CONSTRUCTORS: dict[str, int] = {}
 
 BIG_BUNDLES: dict[str, int] = {}
 
 SHARED_NAMES = {
-    "Perception": 2,
     "Plan": 2,
-    "Queues": 2,
-    "Stations": 2,
     "Timetable": 2,
     "Visit": 2,
 }

@@ -35,8 +35,9 @@ FAMILIES = [
     Family(
         package="planners.allocation",
         tables=("ALLOCATORS",),
-        support=frozenset({"arrays", "checked", "costs", "job_shop", "problem", "prune", "reasons", "shop"})
-        | {"sparse_matching", "validate"},
+        support=frozenset(
+            {"arrays", "checked", "costs", "job_shop", "matching", "problem", "reasons", "shop", "validate"}
+        ),
     ),
     Family(
         package="planners.motion.search",

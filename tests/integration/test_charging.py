@@ -102,16 +102,15 @@ def test_a_car_gives_a_task_back_when_its_battery_becomes_critical() -> None:
     with Simulation(
         RunConfig(battery=SMALL_PACK, fidelity=Fidelity.GRID, robots=2, tasks=4, arms=ArmConfig(workers_n=0))
     ) as simulation:
-        dispatcher = simulation.dispatcher
-        while CarPhase.TO_PICK not in dispatcher.roster.phase:
+        while CarPhase.TO_PICK not in simulation.missions.phase:
             simulation.tick()
-        car = dispatcher.roster.phase.index(CarPhase.TO_PICK)
+        car = simulation.missions.phase.index(CarPhase.TO_PICK)
         assert simulation.batteries is not None
         simulation.batteries.charge[car] = 0.1
         for _ in range(round(1.5 / simulation.tick_s)):
             simulation.tick()
-        assert dispatcher.roster.phase[car] is CarPhase.TO_CHARGER
-        assert dispatcher.roster.task_of[car] is None
+        assert simulation.missions.phase[car] is CarPhase.TO_CHARGER
+        assert simulation.missions.task_of[car] is None
 
 
 def test_cars_make_room_for_those_that_need_the_charger_more() -> None:

@@ -67,7 +67,7 @@ class Bans(NamedTuple):
     """Bans of timestep t: fact[first[t]:first[t + 1]], shape (t_max + 2,); none after the last entry."""
 
 
-class Search(NamedTuple):
+class LayerSearch(NamedTuple):
     """Memory of a search for paths of one cost."""
 
     alive: BoolArray
@@ -195,7 +195,7 @@ def _cheapest(
     n_states = len(lanes.state_cell)
     cost = least
     while True:
-        search = Search(
+        search = LayerSearch(
             np.zeros((cost + 1, n_states), dtype=np.bool_),
             np.empty((cost + 1, n_states), dtype=np.int32),
             np.empty((cost + 1, n_states), dtype=np.int32),
@@ -212,7 +212,7 @@ def _cheapest(
 
 @kernel
 def _layers(
-    lanes: Lanes, seeker: Seeker, bans: Bans, met: IntArray, search: Search, states: IntArray, moves: IntArray
+    lanes: Lanes, seeker: Seeker, bans: Bans, met: IntArray, search: LayerSearch, states: IntArray, moves: IntArray
 ) -> bool:  # pragma: no cover - compiled
     """Find all paths that stand still for good after exactly as many timesteps as there are moves.
 

@@ -19,7 +19,7 @@ _ROWS = 64
 """Timesteps that are driven between two looks at the memory."""
 
 
-class Visits(NamedTuple):
+class CellVisits(NamedTuple):
     """The cells that agents visit, agent by agent."""
 
     ptr: IntArray
@@ -29,7 +29,7 @@ class Visits(NamedTuple):
     """Visitors of the cell before."""
 
 
-class Drive(NamedTuple):
+class TurnDrive(NamedTuple):
     """How far everybody is; n agents."""
 
     now: IntArray
@@ -129,12 +129,12 @@ def with_headings(instance: Instance, cells: IntArray) -> IntArray:
     rank = np.empty(len(when), dtype=np.int32)
     rank[order] = np.arange(len(when)) - np.searchsorted(by_cell, by_cell)
     by_agent = np.argsort(who, kind="stable")
-    visits = Visits(
+    visits = CellVisits(
         ptr=np.searchsorted(who[by_agent], np.arange(n + 1)).astype(np.int32),
         cell=place[cells[when, who][by_agent]].astype(np.int32),
         rank=rank[by_agent],
     )
-    drive = Drive(
+    drive = TurnDrive(
         now=np.array(instance.starts),
         visit=visits.ptr[:-1].copy(),
         left=np.zeros(graph.n_cells, dtype=np.int32),
@@ -155,7 +155,7 @@ def with_headings(instance: Instance, cells: IntArray) -> IntArray:
 
 @kernel
 def _drive(
-    lanes: Lanes, headings: Headings, goals: IntArray, visits: Visits, drive: Drive, rows: IntArray
+    lanes: Lanes, headings: Headings, goals: IntArray, visits: CellVisits, drive: TurnDrive, rows: IntArray
 ) -> int:  # pragma: no cover - compiled
     """Fill rows with the states after each timestep; how many, fewer than there are when everybody is there."""
     for row in range(len(rows)):
@@ -168,7 +168,7 @@ def _drive(
 
 @kernel
 def _advance(
-    lanes: Lanes, headings: Headings, goals: IntArray, visits: Visits, drive: Drive
+    lanes: Lanes, headings: Headings, goals: IntArray, visits: CellVisits, drive: TurnDrive
 ) -> bool:  # pragma: no cover - compiled
     """Make one timestep; False when everybody is where it should be."""
     now, visit, verdict, occupant = drive.now, drive.visit, drive.verdict, drive.occupant
@@ -220,7 +220,7 @@ def _ahead(lanes: Lanes, state: Int, cell: Int) -> Int:  # pragma: no cover - co
 
 
 @kernel
-def _judge(lanes: Lanes, visits: Visits, drive: Drive, first: Int) -> None:  # pragma: no cover - compiled
+def _judge(lanes: Lanes, visits: CellVisits, drive: TurnDrive, first: Int) -> None:  # pragma: no cover - compiled
     """Say for an agent, and for all it follows, whether they go to their next cell now."""
     now, visit, verdict, occupant = drive.now, drive.visit, drive.verdict, drive.occupant
     agent = np.int64(first)

@@ -79,7 +79,7 @@ class Rules(NamedTuple):
     """Whether a closed ring of followers is legal."""
 
 
-class Trip(NamedTuple):
+class AgentTrip(NamedTuple):
     """Whose path is looked for."""
 
     start: int
@@ -158,7 +158,7 @@ class Reservations:
             States at timesteps 0..T, shape (T + 1,), and moves, shape (T,), -1 = wait; None if there is no path.
         """
         self._waiting[self._lanes.state_cell[start]] = False
-        trip = Trip(start=start, goal=goal, distance=distance, stay=stay)
+        trip = AgentTrip(start=start, goal=goal, distance=distance, stay=stay)
         rules = Rules(
             waiting=self._waiting, grace=self._grace, latest=self._latest, allow_rotation=self._allow_rotation
         )
@@ -326,7 +326,7 @@ def _pop(keys: Int64Array, heap: IntArray, size: int) -> int:  # pragma: no cove
 
 @kernel
 def _search(
-    lanes: Lanes, book: Book, arrivals: Arrivals, nodes: Nodes, rules: Rules, trip: Trip
+    lanes: Lanes, book: Book, arrivals: Arrivals, nodes: Nodes, rules: Rules, trip: AgentTrip
 ) -> int:  # pragma: no cover - compiled
     """A* over (state, safe interval); returns the node at the goal, -1 for none, -2 for not enough memory.
 

@@ -141,7 +141,7 @@ def _farthest(hulls: Hulls, at: Int, frame: FloatArray, x: float, y: float, z: f
     return at, most + frame[0, 3] * x + frame[1, 3] * y + frame[2, 3] * z
 
 
-class Step(NamedTuple):
+class ArmStep(NamedTuple):
     """One body during a step."""
 
     hulls: Hulls
@@ -154,7 +154,7 @@ class Step(NamedTuple):
 
 
 @kernel
-def step_apart(one: Step, other: Step, distance: float, way: FloatArray, at: IntArray) -> bool:
+def step_apart(one: ArmStep, other: ArmStep, distance: float, way: FloatArray, at: IntArray) -> bool:
     """Whether one direction keeps two bodies apart at both ends of a step.
 
     Args:

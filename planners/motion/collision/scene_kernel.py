@@ -50,7 +50,7 @@ class Scratch(NamedTuple):
     """What has to be tested in each, as in `todo`, shape (`_QUEUE`, 2)."""
 
 
-class Scene(NamedTuple):
+class SceneArrays(NamedTuple):
     """An arm of n joints in m rigid parts, what it holds, and b obstacles."""
 
     joints: FloatArray
@@ -91,25 +91,25 @@ def make_scene(
     boxes: FloatArray,
     lever: FloatArray,
     margin: float,
-) -> Scene:
+) -> SceneArrays:
     """Lay a scene out for the kernels; everything is copied, as they take on trust how it lies in memory.
 
     Args:
-        joints: As in `Scene`.
-        spheres: As in `Scene`.
-        hulls: As in `Scene`.
+        joints: As in `SceneArrays`.
+        spheres: As in `SceneArrays`.
+        hulls: As in `SceneArrays`.
         parts: Frame, first and end sphere of each part, shape (m, 3).
         near_boxes: Rows of the boxes that each part can reach.
-        groups: As in `Scene`.
-        runs: As in `Scene`.
-        partners: As in `Scene`.
-        boxes: As in `Scene`.
-        lever: As in `Scene`.
-        margin: As in `Scene`.
+        groups: As in `SceneArrays`.
+        runs: As in `SceneArrays`.
+        partners: As in `SceneArrays`.
+        boxes: As in `SceneArrays`.
+        lever: As in `SceneArrays`.
+        margin: As in `SceneArrays`.
     """
     n, k, m = len(joints), len(spheres), len(hulls)
     ends = np.cumsum([0] + [len(rows) for rows in near_boxes])
-    return Scene(
+    return SceneArrays(
         joints=_numbers(joints),
         spheres=_numbers(spheres),
         hulls=_numbers(hulls),
@@ -147,8 +147,8 @@ def _rows(values: IntArray) -> RowArray:
 class Checks(NamedTuple):
     """Checks as Python calls them, of contiguous arrays of floats; see `entry_point`."""
 
-    state_free: Callable[[FloatArray, Scene], bool]
-    edge_free: Callable[[FloatArray, FloatArray, Scene], bool]
+    state_free: Callable[[FloatArray, SceneArrays], bool]
+    edge_free: Callable[[FloatArray, FloatArray, SceneArrays], bool]
 
 
 @cache
@@ -253,7 +253,7 @@ def _box_gap(x: float, y: float, z: float, wide: float, boxes: FloatArray, b: In
 
 
 @borrowing
-def _state(q: FloatArray, moving: bool, scene: Scene) -> float:  # noqa: PLR0912, PLR0915 - one pass over parts and groups
+def _state(q: FloatArray, moving: bool, scene: SceneArrays) -> float:  # noqa: PLR0912, PLR0915 - one pass over parts and groups
     """COLLISION, or the share of the motion within `reach` that is free for sure; without `moving`, reach is zero.
 
     `scratch.reach` bounds how far a sphere of part p moves while joints f..n-1 make their allowed motion. Only when the
@@ -361,7 +361,7 @@ def _usable(q: FloatArray) -> bool:
 
 
 @borrowing
-def state_free(q: FloatArray, scene: Scene) -> bool:
+def state_free(q: FloatArray, scene: SceneArrays) -> bool:
     """Whether one configuration is free, with the margin; one that is not finite is not."""
     if not _usable(q):
         return False
@@ -370,7 +370,7 @@ def state_free(q: FloatArray, scene: Scene) -> bool:
 
 
 @borrowing
-def states_free(q: FloatArray, out: BoolArray, scene: Scene) -> None:
+def states_free(q: FloatArray, out: BoolArray, scene: SceneArrays) -> None:
     """`state_free` for many configurations (m, n)."""
     for i in range(q.shape[0]):
         if not _usable(q[i]):
@@ -381,7 +381,7 @@ def states_free(q: FloatArray, out: BoolArray, scene: Scene) -> None:
 
 
 @borrowing
-def edge_free(a: FloatArray, b: FloatArray, scene: Scene) -> bool:
+def edge_free(a: FloatArray, b: FloatArray, scene: SceneArrays) -> bool:
     """Whether the straight joint-space motion from a to b is free; a is taken as free, and edges beyond 40 rad are not.
 
     Breadth first: the middle of an interval is tested, motion bounds prove a part around it free, and the rest on both
@@ -443,7 +443,7 @@ def edge_free(a: FloatArray, b: FloatArray, scene: Scene) -> bool:
 
 
 @borrowing
-def path_free(path: FloatArray, scene: Scene) -> bool:
+def path_free(path: FloatArray, scene: SceneArrays) -> bool:
     """Whether a piecewise straight path (m, n), m >= 1, is free, its first configuration included."""
     if not state_free(path[0], scene):
         return False
@@ -467,7 +467,7 @@ def straight_goal(
     goals: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
-    scene: Scene,
+    scene: SceneArrays,
     order: IntArray,
     distance: FloatArray,
 ) -> tuple[int, int]:
@@ -503,7 +503,7 @@ def straight_goal(
 
 
 @borrowing
-def spheres_at(q: FloatArray, scene: Scene, out: FloatArray) -> None:
+def spheres_at(q: FloatArray, scene: SceneArrays, out: FloatArray) -> None:
     """Sphere centres in the base frame (k, 3)."""
     frames = scene.scratch.frames
     _frames_into(scene.joints, q, scene.scratch.turns, frames)
@@ -512,7 +512,7 @@ def spheres_at(q: FloatArray, scene: Scene, out: FloatArray) -> None:
 
 
 @borrowing
-def clearance(q: FloatArray, scene: Scene) -> float:
+def clearance(q: FloatArray, scene: SceneArrays) -> float:
     """Smallest distance from a sphere to an obstacle; negative when they overlap."""
     spheres, boxes, parts = scene.spheres, scene.boxes, scene.parts
     frames, points = scene.scratch.frames, scene.scratch.points

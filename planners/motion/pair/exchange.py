@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.motion.arm.hulls import Bodies, Step, step_apart
+from planners.motion.arm.hulls import ArmStep, Bodies, step_apart
 from planners.motion.arm.kinematics import link_frames_into
 from planners.motion.arrays import FloatArray, Int, IntArray
 from planners.motion.collision.collision import CollisionChecker
-from planners.motion.collision.scene_kernel import Scene, path_free
+from planners.motion.collision.scene_kernel import SceneArrays, path_free
 from planners.motion.kernel import inlined, kernel
 from planners.motion.pair.asynchronous import SMOOTHING_S, asynchronous, smoothed, soonest, steps_into
 from planners.motion.pair.swept import ArmInWorld
@@ -89,7 +89,7 @@ class _Side(NamedTuple):
     parts: IntArray
     """As of `SweptArm`."""
     bodies: Bodies
-    scene: Scene
+    scene: SceneArrays
     limits: FloatArray
     """Speed, acceleration, lowest and highest angle of each joint, shape (4, n)."""
     start: FloatArray
@@ -577,8 +577,8 @@ def _met(
                     s_end, t_end = _moment(min(k + 1, last), gap, samples)
                     f, g = one.bodies.frame[p], other.bodies.frame[r]
                     distance = margin + one.bodies.radius[p] + other.bodies.radius[r]
-                    mine = Step(one.bodies.hulls, p, frames[0, s, f], frames[0, s_end, f])
-                    others = Step(other.bodies.hulls, r, frames[1, t, g], frames[1, t_end, g])
+                    mine = ArmStep(one.bodies.hulls, p, frames[0, s, f], frames[0, s_end, f])
+                    others = ArmStep(other.bodies.hulls, r, frames[1, t, g], frames[1, t_end, g])
                     if not step_apart(mine, others, distance, way[p, r], at[p, r]):
                         return int(k)
     return -1

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.errors import PlanningError
-from planners.motion.arm.hulls import Bodies, Step, step_apart
+from planners.motion.arm.hulls import ArmStep, Bodies, step_apart
 from planners.motion.arm.kinematics import link_frames_into
 from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.kernel import kernel
@@ -146,8 +146,8 @@ def _met(one: _Moving, other: _Moving, delay: int, margin: float, way: FloatArra
                 if x * x + y * y + z * z < size * size:
                     f, g = one.bodies.frame[p], other.bodies.frame[r]
                     distance = margin + one.bow[i, p] + other.bow[j, r]
-                    mine = Step(one.bodies.hulls, p, one.frames[i, f], one.frames[end, f])
-                    theirs = Step(other.bodies.hulls, r, other.frames[j, g], other.frames[their_end, g])
+                    mine = ArmStep(one.bodies.hulls, p, one.frames[i, f], one.frames[end, f])
+                    theirs = ArmStep(other.bodies.hulls, r, other.frames[j, g], other.frames[their_end, g])
                     if not step_apart(mine, theirs, distance, way[p, r], at[p, r]):
                         return int(step)
     return -1

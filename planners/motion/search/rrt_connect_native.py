@@ -6,7 +6,7 @@ import numpy as np
 
 from planners.motion.arrays import Chance, FloatArray, Int, IntArray
 from planners.motion.chance import uniform
-from planners.motion.collision.scene_kernel import Scene, edge_free
+from planners.motion.collision.scene_kernel import SceneArrays, edge_free
 from planners.motion.kernel import kernel
 from planners.motion.problem import MotionProblem, MotionResult, settle_early
 from planners.motion.search.rrt_connect_config import RrtConnectConfig
@@ -44,7 +44,7 @@ def _search(
     budget: int,
     reach: float,
     random: Chance,
-    scene: Scene,
+    scene: SceneArrays,
 ) -> tuple[FloatArray, int]:
     """Grow trees from start (0) and goals (1) until they meet; returns the path (k, n) and the iterations used."""
     n = start.shape[0]

@@ -9,7 +9,7 @@ from planners.motion import checks
 from planners.motion.arrays import Chance, FloatArray, Int
 from planners.motion.chance import uniform
 from planners.motion.collision.collision import CollisionChecker
-from planners.motion.collision.scene_kernel import Scene, edge_free
+from planners.motion.collision.scene_kernel import SceneArrays, edge_free
 from planners.motion.kernel import kernel
 
 _IDLE_ROUNDS = 4
@@ -37,7 +37,7 @@ def _move(path: FloatArray, first: Int, end: Int, by: Int) -> None:
 
 
 @kernel
-def _shorten(path: FloatArray, n: int, rounds: int, random: Chance, scene: Scene) -> int:
+def _shorten(path: FloatArray, n: int, rounds: int, random: Chance, scene: SceneArrays) -> int:
     """Shorten `path` (capacity, dof) of n corners in place; returns the new number of corners."""
     along = np.empty(path.shape[0])
     a = np.empty(path.shape[1])

@@ -1,57 +1,191 @@
-"""Allotment: an allocator of one's own is checked, and what an allocator has to say is heard."""
+"""TaskAllocation and Assignments: who gets which task, who loses one, and why the others did not get it."""
 
-import sys
-from types import ModuleType
+from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 import pytest
 
-from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig
-from fleet.run.events import Event
-from fleet.simulation import Simulation
-from planners.allocation.checked import AllocationFault
-from planners.allocation.greedy import Greedy
-from planners.allocation.problem import AllocationProblem, Assignment, assignment
+from fleet.config import AllocationConfig, BatteryConfig
+from fleet.missions.phases import CarPhase
+from fleet.tasks.board import TaskState
+from fleet.tasks.order import Ability
+from fleet.tasks.reasons import PairReason, TaskReason
+from planners.allocation.problem import assignment
 from planners.status import Status
+from tests.unit.fleet.missions.floor import Floor, delivery, fake, visit
+
+GREEDY = AllocationConfig(allocator="greedy")
+AHEAD = AllocationConfig(allocator="auction")
 
 
-class AllToOne:
-    """Gives every vehicle the first task."""
-
-    def allocate(self, problem: AllocationProblem) -> Assignment:
-        pairs = [(vehicle, 0) for vehicle in range(len(problem.cost))]
-        return assignment(problem, np.array(pairs), Status.FEASIBLE)
+def give_out(floor: Floor, now_s: float = 0.0, *, plan_filling: bool = False) -> None:
+    floor.assignments.give_out(0, now_s, plan_filling=plan_filling)
+    assert floor.missions.faults() == []
 
 
-class Talker:
-    """Greedy, with a remark."""
-
-    def allocate(self, problem: AllocationProblem) -> Assignment:
-        found = Greedy().allocate(problem)
-        return Assignment(pairs=found.pairs, cost=found.cost, status=found.status, note="a remark")
+def reasons_of(floor: Floor, name: str) -> list[PairReason]:
+    """What became of each car for a task."""
+    return [verdict.reason for verdict in floor.reasons.report(floor.task(name)).pairs]
 
 
-def run(monkeypatch: pytest.MonkeyPatch, kind: type, log: list[Event]) -> Simulation:
-    module = ModuleType("own_allocators")
-    setattr(module, kind.__name__, kind)
-    monkeypatch.setitem(sys.modules, "own_allocators", module)
-    allocation = AllocationConfig(allocator=f"own_allocators.{kind.__name__}")
-    config = RunConfig(fidelity=Fidelity.GRID, tasks=6, allocation=allocation, arms=ArmConfig(workers_n=0))
-    return Simulation(config, on_event=log.append)
+def test_the_nearest_car_gets_the_task() -> None:
+    floor = Floor(orders=[delivery("a")])
+    floor.ready("a")
+    give_out(floor)
+    assert floor.task("a").car == 0
+    assert floor.missions.phase == [CarPhase.TO_PICK, CarPhase.IDLE]
+    assert reasons_of(floor, "a") == [PairReason.CHOSEN, PairReason.TASK_GOT_BETTER]
+    assert floor.assignments.allocations_n == 1
+    assert not floor.missions.changed
 
 
-def test_an_answer_that_is_not_legal_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    with (
-        run(monkeypatch, AllToOne, []) as simulation,
-        pytest.raises(AllocationFault, match=r"allocator 'own_allocators.AllToOne': its answer has task_twice for"),
-    ):
-        simulation.tick()
+def test_two_tasks_go_to_two_cars_so_that_their_sum_is_small() -> None:
+    """To pick_1 and pick_2 car 0 has 5 and 8 moves, and car 1 has 10 and 7."""
+    floor = Floor(orders=[delivery("a", "pick_2"), delivery("b", "pick_1")])
+    for name in "ab":
+        floor.ready(name)
+    give_out(floor)
+    assert [floor.task(name).car for name in "ab"] == [1, 0]
 
 
-def test_a_remark_is_logged_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    log: list[Event] = []
-    with run(monkeypatch, Talker, log) as simulation:
-        simulation.run()
-        assert simulation.summary().tasks_done == 6
-    (event,) = [event for event in log if event.kind == "allocator_note"]
-    assert event.facts == {"allocator": "own_allocators.Talker", "note": "a remark"}
+def test_without_tasks_nothing_is_given_out() -> None:
+    floor = Floor(orders=[delivery("a")])
+    assert floor.allocation.choose(floor.situation(), 0.0).given == []
+    floor.assigned("a", car=1)  # alone, it cannot change hands
+    assert floor.allocation.choose(floor.situation(), 0.0).taken == []
+
+
+def test_tasks_change_hands_where_much_is_gained() -> None:
+    """Each car has the task that is nearer to the other: 8 and 10 moves instead of 5 and 7."""
+    config = AllocationConfig(keep_gain_s=0.0, keep_share=0.0)
+    floor = Floor(orders=[delivery("a", "pick_2"), delivery("b", "pick_1")], allocation_config=config)
+    floor.assigned("a", car=0)
+    floor.assigned("b", car=1)
+    give_out(floor)
+    assert [floor.task(name).car for name in "ab"] == [1, 0]
+    causes = [step.cause for step in floor.task("a").history if step.state is TaskState.READY]
+    assert causes[-1] == "re-assigned: cost car_0 8.0 s, costs car_1 7.0 s, car_0 takes b"
+
+
+def test_tasks_do_not_change_hands_for_little() -> None:
+    floor = Floor(orders=[delivery("a", "pick_2"), delivery("b", "pick_1")])
+    floor.assigned("a", car=0)
+    floor.assigned("b", car=1)
+    give_out(floor)
+    assert [floor.task(name).car for name in "ab"] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("what", "reason"),
+    [
+        ("busy", TaskReason.NO_FREE_CAR),
+        ("out", TaskReason.NO_CAPABLE_CAR),
+        ("walled in", TaskReason.UNREACHABLE),
+        ("low", TaskReason.CARS_CHARGE),
+        ("full", TaskReason.STATION_FULL),
+    ],
+)
+def test_a_task_that_nobody_gets_says_why(what: str, reason: TaskReason) -> None:
+    battery = BatteryConfig(enabled=True) if what == "low" else None
+    floor = Floor(orders=[delivery("a"), delivery("b")], n_cars=1, battery_config=battery, allocation_config=GREEDY)
+    floor.ready("a")
+    if what == "busy":
+        floor.carried("b", car=0)
+    elif what == "out":
+        floor.missions.enter(0, CarPhase.DEAD)
+    elif what == "walled in":
+        floor.wall_in(0)
+    elif what == "low":
+        floor.chargers.batteries.charge[:] = 0.1
+    elif what == "full":
+        floor.stations.time(floor.stations[0]).add(60.0)
+        for car in (0, 0, 0):
+            floor.bookings.bind(car, 0)
+    give_out(floor)
+    assert floor.task("a").state is TaskState.READY
+    assert floor.reasons.present(floor.task("a")) is reason
+
+
+def test_a_leg_waits_for_its_car() -> None:
+    floor = Floor(orders=[delivery("a"), delivery("b", after=("a",), same_car_as="a")], allocation_config=GREEDY)
+    first = floor.carried("a", car=1)
+    for state in (TaskState.UNLOADING, TaskState.DELIVERED):
+        floor.board.move(first, state, 0.0, "by hand")
+    floor.missions.release(1, CarPhase.RECOVERING)
+    floor.missions.enter(1, CarPhase.RECOVERING)
+    floor.ready("b")
+    give_out(floor)
+    assert floor.reasons.present(floor.task("b")) is TaskReason.WAITS_FOR_ITS_CAR
+
+
+def test_a_task_without_a_capable_car_in_service_is_said_to_be_so() -> None:
+    abilities = [Ability(max_payload_kg=0.1), Ability(max_payload_kg=2.0)]
+    floor = Floor(orders=[delivery("a")], abilities=abilities)
+    floor.missions.enter(1, CarPhase.RETIRED)
+    floor.ready("a")
+    give_out(floor)
+    assert reasons_of(floor, "a") == [PairReason.TOO_HEAVY, PairReason.CAR_OUT]
+    assert floor.reasons.present(floor.task("a")) is TaskReason.NO_CAPABLE_CAR
+
+
+def test_the_allocator_may_leave_a_task_over() -> None:
+    floor = Floor(orders=[delivery("a")])
+    floor.ready("a")
+    solver: Any = floor.solver
+    solver._allocator = fake(allocate=lambda problem: assignment(problem, [], Status.FEASIBLE))
+    give_out(floor)
+    assert floor.reasons.present(floor.task("a")) is TaskReason.LEFT_OVER
+
+
+def test_a_busy_car_is_planned_for_a_task_that_it_can_take_soon() -> None:
+    """Car 0 is unloaded in 7 s at drop_1, and the other car is out: the task is kept for it."""
+    floor = Floor(orders=[delivery("a"), delivery("b", "pick_2", "drop_1")], allocation_config=AHEAD)
+    floor.carried("a", car=0)
+    floor.missions.enter(1, CarPhase.RETIRED)
+    floor.ready("b")
+    give_out(floor)
+    assert floor.task("b").state is TaskState.READY
+    report = floor.reasons.report(floor.task("b"))
+    assert report.reason is TaskReason.PLANNED
+    assert report.cause == "car_0 is to take it, and will be free in 19 s"
+    assert reasons_of(floor, "b") == [PairReason.PLANNED_LATER, PairReason.CAR_OUT]
+
+
+def test_who_plans_ahead_gives_one_car_several_tasks_and_plans_what_waits_for_slots() -> None:
+    floor = Floor(orders=[delivery("a"), delivery("b"), delivery("c")], n_cars=1, allocation_config=AHEAD)
+    for name in "ab":
+        floor.ready(name)
+    give_out(floor, plan_filling=True)
+    assert floor.board.count(TaskState.ASSIGNED) == 1
+    turns = [floor.filling.turn_s(floor.task(name)) for name in "abc"]
+    assert all(turn < float("inf") for turn in turns)
+    assert floor.horizon.turn_s(floor.task("c")) == float("inf")  # is not given out yet
+
+
+def test_nothing_is_planned_when_nothing_waits() -> None:
+    floor = Floor(orders=[delivery("a")], n_cars=1, allocation_config=AHEAD)
+    floor.ready("a")
+    give_out(floor, plan_filling=True)
+    assert floor.filling.turn_s(floor.task("a")) == float("inf")
+
+
+def test_a_visit_is_sent_to_its_place() -> None:
+    floor = Floor(orders=[visit("v", "parking_3")])
+    floor.ready("v")
+    give_out(floor)
+    assert floor.task("v").car == 1
+    assert floor.missions.phase == [CarPhase.IDLE, CarPhase.TO_PLACE]
+
+
+def test_of_two_visits_that_want_one_place_the_second_waits() -> None:
+    """Offers see room for both, as either could go to another place; when one has it, no way leads to the other."""
+    floor = Floor(orders=[visit("u", ("charger_1", "charger_2")), visit("v", ("charger_1", "charger_2"))])
+    floor.block(floor.places.cells[5])
+    for name in "uv":
+        floor.ready(name)
+    give_out(floor)
+    assert floor.board.count(TaskState.ASSIGNED) == 1
+    (task,) = floor.board.in_state(TaskState.READY)
+    assert floor.reasons.present(task) is TaskReason.STATION_FULL
+    assert floor.missions.changed

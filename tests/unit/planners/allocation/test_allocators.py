@@ -10,8 +10,8 @@ from planners.allocation.cbba import Cbba
 from planners.allocation.fifo import Fifo
 from planners.allocation.greedy import Greedy
 from planners.allocation.hungarian import Hungarian, HungarianConfig
+from planners.allocation.matching.prune import UNREACHABLE, nearest, travel_cost
 from planners.allocation.problem import AllocationProblem
-from planners.allocation.prune import UNREACHABLE, nearest, travel_cost
 from planners.allocation.shop import Shop
 from planners.status import Status
 

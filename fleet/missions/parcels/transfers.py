@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fleet.missions.inventory import Inventory
-from fleet.missions.perception import Perception
+from fleet.missions.parcels.inventory import Inventory
+from fleet.missions.parcels.perception import PoseSource
 from fleet.stations.arms.arm_manager import ArmManager
 from fleet.stations.arms.transfer import LOOSE, TRAY, TransferRequest
 from fleet.stations.station import Station
@@ -27,7 +27,7 @@ class Transfers:
     """
 
     def __init__(
-        self, inventory: Inventory, perception: Perception, arm_manager: ArmManager, driver: Driver, world: World
+        self, inventory: Inventory, perception: PoseSource, arm_manager: ArmManager, driver: Driver, world: World
     ) -> None:
         self.arm_manager = arm_manager
         self._inventory = inventory

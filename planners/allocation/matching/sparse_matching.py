@@ -9,7 +9,7 @@ import numpy.typing as npt
 from numba import njit
 
 from planners.allocation.arrays import FloatArray, Int, IntArray
-from planners.allocation.prune import Candidates
+from planners.allocation.matching.prune import Candidates
 
 
 def match(candidates: Candidates, forbidden: float) -> tuple[IntArray, FloatArray]:

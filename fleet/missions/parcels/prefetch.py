@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from fleet.missions.perception import Perception
+from fleet.missions.parcels.perception import PoseSource
 from fleet.missions.phases import CarPhase
 from fleet.missions.state import Missions
 from fleet.missions.ways import Ways
@@ -45,7 +45,7 @@ class Prefetch:
         missions: Missions,
         ways: Ways,
         arm_manager: ArmManager,
-        perception: Perception,
+        perception: PoseSource,
         tick_s: float,
         log: Callable[..., None],
     ) -> None:

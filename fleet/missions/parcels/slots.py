@@ -6,7 +6,7 @@ import heapq
 from collections import Counter
 from collections.abc import Callable, Iterable
 
-from fleet.missions.inventory import Inventory
+from fleet.missions.parcels.inventory import Inventory
 from fleet.stations.stations import Stations
 from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import Task, TaskBoard, TaskState

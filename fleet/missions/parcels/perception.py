@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fleet.missions.inventory import Inventory
+from fleet.missions.parcels.inventory import Inventory
 from fleet.robots.spec import CarSpec
 from fleet.sensors.boxes import LocateStatus, SeenBox, locate_boxes
 from fleet.sensors.camera import CameraImage
@@ -47,7 +47,7 @@ class PoseError:
     """Smallest turn that brings the located edges onto the true ones."""
 
 
-class Perception(Protocol):
+class PoseSource(Protocol):
     """Tells where parcels lie."""
 
     errors: list[PoseError]
@@ -75,7 +75,7 @@ class TruePoses:
         self.looks: dict[str, CameraImage] = {}
 
     def find(self, task: Task, station: Station) -> Sighting:
-        """See `Perception`; never fails."""
+        """See `PoseSource`; never fails."""
         return Sighting(pose=self._inventory.pose(task), size_m=task.delivery.size_m)
 
 
@@ -112,7 +112,7 @@ class SeenPoses:
         self.looks: dict[str, CameraImage] = {}
 
     def find(self, task: Task, station: Station) -> Sighting:
-        """See `Perception`; a parcel that the arm holds already is where the tool is, no look is needed."""
+        """See `PoseSource`; a parcel that the arm holds already is where the tool is, no look is needed."""
         true_pose = self._inventory.pose(task)
         if self._world.held()[station.arm] == task.parcel:
             return Sighting(pose=true_pose, size_m=task.delivery.size_m)

@@ -1,0 +1,1 @@
+"""Matching of few cheap pairs out of many, with proof that the others could not be cheaper."""
