@@ -445,6 +445,16 @@ def test_a_path_is_confirmed_or_refused_with_its_first_bad_state() -> None:
     confirmer.close()
 
 
+def test_the_arm_that_confirms_is_the_one_of_the_model() -> None:
+    tool = TOOLS["suction"]
+    spec = iiwa_spec(tool)
+    other = dataclasses.replace(spec, description=spec.description.replace("lbr_iiwa", "other"))
+    confirmer = PathConfirmer.of_spec(other, tool)
+    confirmer.set_boxes(np.zeros((1, 3)), np.array([[0.9, 0.9, 0.2]]))
+    assert confirmer.confirm(spec.home_rad[None]).what == "other_link_1 - box"
+    confirmer.close()
+
+
 def test_arms_that_meet_are_told() -> None:
     spec, tool = iiwa_spec(TOOLS["suction"]), TOOLS["suction"]
     confirmer = PathConfirmer.of_spec(spec, tool)
