@@ -188,3 +188,10 @@ def test_the_weights_are_those_of_the_configuration() -> None:
     # Car 0 ends at 50 s, 10 s late; a turn later at 80 s, 40 s late.
     assert costs.pressure_s.tolist() == [80.0]
     assert costs.cost_s[0, 0] == 5.0 + 20.0 - 80.0
+
+
+def test_that_a_car_is_out_of_service_counts_before_that_it_has_no_way() -> None:
+    floor = Floor(orders=[delivery("a")])
+    floor.wall_in(0)
+    floor.missions.enter(0, CarPhase.DEAD)
+    assert verdicts(priced(floor, "a")) == [PairReason.CAR_OUT, None]

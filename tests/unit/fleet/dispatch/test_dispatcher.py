@@ -157,3 +157,11 @@ def test_a_floor_delivers_all_by_its_rules_alone(battery: BatteryConfig | None) 
     assert floor.missions.phase == [CarPhase.IDLE] * 3
     assert floor.services.under_way == []
     assert not floor.executor.closed.any()
+
+
+def test_a_task_that_has_got_a_slot_is_given_out_at_the_next_review() -> None:
+    floor = Floor(orders=[delivery("a", release_s=0.5)])
+    dispatcher = real(floor)
+    floor.missions.changed = False
+    dispatcher.tick(5, 0.5)
+    assert floor.task("a").state is TaskState.ASSIGNED

@@ -141,6 +141,7 @@ def test_a_released_car_that_recovers_goes_on_recovering() -> None:
 def test_a_car_is_kept_for_the_next_leg_of_its_order() -> None:
     floor = Floor(orders=[delivery("a"), delivery("b", after=("a",), same_car_as="a")])
     first = floor.carried("a", car=1)
+    assert floor.task("b").state is TaskState.BACKLOG
     assert floor.missions.kept() == {}
     floor.board.move(first, TaskState.UNLOADING, 1.0, "by hand")
     floor.board.move(first, TaskState.DELIVERED, 1.0, "by hand")
