@@ -282,7 +282,7 @@ class Floor:
     def charging(self) -> Charging | None:
         if self.battery_config is None:
             return None
-        batteries = Batteries(self.battery_config, self.n_cars, TICK_S)
+        batteries = Batteries(self.battery_config, racecar_spec().mass_kg, self.n_cars, TICK_S)
         in_use = self.places.chargers[: self.battery_config.chargers_n]
         return Charging(batteries, in_use, len(self.stations), self.missions, self.ways, self.admission, self.log)
 
