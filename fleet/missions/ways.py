@@ -117,7 +117,7 @@ class Ways:
 
     def has_come(self, car: int) -> bool:
         """Whether a car stands where it was sent."""
-        return bool(self._executor.tail_states()[car] == self._traffic.goals[car]) and self._executor.idle(car)
+        return self.stands_at(car, int(self._traffic.goals[car]))
 
     def stands_at(self, car: int, state: int) -> bool:
         """Whether a car stands in a state, with no move left."""
