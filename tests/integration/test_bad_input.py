@@ -95,7 +95,7 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--planner-setting", "impatience=x"], ["setting 'impatience' of planner 'pibt' is 'x'", "a number"]),
         (["--planner-setting", "impatience=-1"], ["pibt: impatience = -1", "a number >= 0"]),
         (["--planner", f"{OWN}.PlainPlanner", "--planner-setting", "x=1"], ["'x'", "PlainPlanner'", "no settings"]),
-        (["--allocator-setting", "soon=1"], ["'soon' of allocator 'hungarian'", "prune_from_n, nearest_n, dense_work"]),
+        (["--allocator-setting", "soon=1"], ["'soon' of allocator 'hungarian'", "dense_work, nearest_n"]),
         (["--allocator", "regret_lns", "--allocator-setting", "iterations=2.5"], ["iterations", "2.5", "an integer"]),
         (["--allocator", "fifo", "--allocator-setting", "x=1"], ["'fifo'", "this allocator has no settings"]),
         (["--settings", "nope.toml"], ["nope.toml", "No such file", "a TOML file"]),

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import linear_sum_assignment
 
 from planners.allocation.auction import Auction
 from planners.allocation.cbba import Cbba
 from planners.allocation.fifo import Fifo
 from planners.allocation.greedy import Greedy
 from planners.allocation.hungarian import Hungarian, HungarianConfig
+from planners.allocation.matching.dense_matching import match_all
 from planners.allocation.matching.prune import UNREACHABLE, nearest, travel_cost
 from planners.allocation.problem import AllocationProblem
 from planners.allocation.shop import Shop
@@ -49,7 +51,7 @@ def test_fifo_serves_the_oldest_first_by_the_nearest_vehicle() -> None:
 
 def test_classes_are_strict_and_do_not_cost_pairs() -> None:
     cost = np.array([[1.0, 50.0, 2.0], [1.0, INF, 90.0]])
-    for allocator in (Hungarian(), Hungarian(HungarianConfig(prune_from_n=0))):
+    for allocator in (Hungarian(), Hungarian(HungarianConfig(dense_work=0.0))):
         pairs = allocator.allocate(AllocationProblem(cost=cost, class_of=np.array([2, 0, 1], dtype=np.int32))).pairs
         assert pairs.tolist() == [[0, 1], [1, 2]], "the urgent task is served, then the next class, at any cost"
 
@@ -65,16 +67,33 @@ def test_a_pruned_matching_that_calls_itself_optimal_is(
     cost[rng.random(shape) < forbidden] = INF
     problem = AllocationProblem(cost=cost)
     exact = Hungarian().allocate(problem)
-    pruned = Hungarian(HungarianConfig(prune_from_n=0, nearest_n=nearest_n, dense_work=0.0)).allocate(problem)
+    pruned = Hungarian(HungarianConfig(nearest_n=nearest_n, dense_work=0.0)).allocate(problem)
     assert len(pruned.pairs) <= len(exact.pairs)
     if pruned.status is Status.OPTIMAL:
         assert pruned.cost == pytest.approx(exact.cost)
     elif len(pruned.pairs) == len(exact.pairs):
         assert pruned.cost >= exact.cost - 1e-9
     assert (pruned.status is Status.OPTIMAL) or nearest_n < 60 or forbidden
-    assert Hungarian(HungarianConfig(prune_from_n=0, nearest_n=nearest_n)).allocate(problem).cost == pytest.approx(
-        exact.cost
-    )
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (30, 30), (40, 60), (90, 400)])
+@pytest.mark.parametrize("different_n", [3, 50, 100_000])
+def test_a_whole_matrix_is_matched_at_the_least_cost(shape: tuple[int, int], different_n: int) -> None:
+    cost = np.random.default_rng(different_n).integers(-different_n, different_n, shape).astype(float)
+    column_of = match_all(cost)
+    assert len(set(column_of.tolist())) == len(cost)
+    rows, columns = linear_sum_assignment(cost)
+    assert cost[np.arange(len(cost)), column_of].sum() == cost[rows, columns].sum()
+
+
+def test_small_and_large_matrices_are_matched_at_the_same_cost() -> None:
+    cost = np.random.default_rng(3).uniform(0.0, 100.0, (120, 90))
+    cost[np.random.default_rng(4).random(cost.shape) < 0.97] = INF
+    found = Hungarian().allocate(AllocationProblem(cost=cost))
+    rows, columns = linear_sum_assignment(np.where(np.isfinite(cost), cost, 1e5))
+    taken = cost[rows, columns]
+    assert len(found.pairs) == np.isfinite(taken).sum()
+    assert found.cost == pytest.approx(taken[np.isfinite(taken)].sum())
 
 
 @pytest.mark.parametrize("allocator", [Auction(), Cbba()])
