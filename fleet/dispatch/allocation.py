@@ -8,33 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.dispatch.allocation_round import AllocationRound, Answer
 from fleet.dispatch.costs import CostMatrix, CostModel
 from fleet.dispatch.horizon import RollingHorizon
 from fleet.dispatch.offers import Offers
-from fleet.dispatch.situation import CAN_TAKE, Situation
+from fleet.dispatch.situation import Situation
 from fleet.dispatch.solver import Solver
 from fleet.missions.state import Missions
 from fleet.tasks.board import Task, TaskState
-from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, Decision, PairReason, ReasonBook, TaskReason
+from fleet.tasks.reasons import PAIR_REASONS, PairReason, ReasonBook, TaskReason
 from planners.allocation.problem import Assignment
-from planners.allocation.reasons import Reason, reasons
 
-_PAIR_REASON = {
-    Reason.CHOSEN: PairReason.CHOSEN,
-    Reason.NOT_ALLOWED: PairReason.NO_WAY,
-    Reason.PLANNED_LATER: PairReason.PLANNED_LATER,
-    Reason.CLASS_FIRST: PairReason.CLASS_FIRST,
-    Reason.KEPT: PairReason.KEPT,
-    Reason.TASK_GOT_NEARER: PairReason.TASK_GOT_BETTER,
-    Reason.VEHICLE_GOT_BETTER: PairReason.CAR_GOT_BETTER,
-    Reason.BETTER_FOR_ALL: PairReason.BETTER_FOR_ALL,
-    Reason.LEFT_FOR_LATER: PairReason.LEFT_OVER,
-}
 PLAN_N = 100
 """Tasks at most that are planned before their parcels lie on slots."""
-_CODE = CODE_OF_REASON
-_CODE_OF = np.array([_CODE[_PAIR_REASON[reason]] for reason in Reason], dtype=np.int8)
-"""What the planners' reasons are called here, by their value."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,9 +77,10 @@ class TaskAllocation:
         soon_s = self._solver.soon_s
         costs = self._cost_model.of([*ready, *held.values()], situation, soon_s, now_s)
         offered, full = self._offers.of(costs, len(ready), sequences=self._solver.plans_ahead)
-        soon = frozenset(situation.soon(soon_s).nonzero()[0].tolist())
-        column_of, later = self._allocate(costs, [*offered, *range(len(ready), len(costs.tasks))], held, soon)
-        self._keep_reasons(costs, full, column_of, later)
+        soon = situation.soon(soon_s)
+        columns = [*offered, *range(len(ready), len(costs.tasks))]
+        column_of, later, answer = self._allocate(costs, columns, held, soon)
+        self._keep_reasons(costs, answer, full, soon, column_of, later)
         taken, given = [], []
         for car, task in held.items():
             if column_of[car] < 0 or costs.tasks[column_of[car]] is not task:
@@ -115,7 +102,7 @@ class TaskAllocation:
         tasks = [*self._board.in_state(TaskState.READY), *situation.held.values(), *waiting]
         costs = self._cost_model.of(tasks, situation, np.inf, now_s)
         columns = [column for column in range(len(tasks)) if costs.offers(column)]
-        cars = np.flatnonzero(np.isfinite(costs.cost_s).any(axis=1))
+        cars = costs.cars_for(columns)
         if columns and len(cars):
             problem = self._solver.problem(costs, columns, cars, situation.held, self._filling)
             self._filling.keep(costs, problem, self._solver.solve(problem), columns, cars)
@@ -127,38 +114,31 @@ class TaskAllocation:
         return sorted(free, key=lambda task: (task.order.priority.rank, task.index))[:PLAN_N]
 
     def _allocate(
-        self, costs: CostMatrix, columns: list[int], held: Mapping[int, Task], soon: frozenset[int]
-    ) -> tuple[npt.NDArray[np.int64], dict[int, int]]:
-        """Pose the problem; fills the codes of `costs`.
+        self, costs: CostMatrix, columns: list[int], held: Mapping[int, Task], soon: npt.NDArray[np.bool_]
+    ) -> tuple[npt.NDArray[np.int64], dict[int, int], Answer | None]:
+        """Pose the problem.
 
         Returns:
-            The column of the task that each car has then, -1 for none, shape (n_cars,), and by column the car that is
-            to take a task when it is free.
+            The column of the task that each car has then, -1 for none, shape (n_cars,); by column the car that is to
+            take a task when it is free; and the answer of the allocator, None if there was nothing to ask.
         """
         column_of = np.full(len(costs.cost_s), -1, dtype=np.int64)
         later: dict[int, int] = {}
-        cars = np.flatnonzero(np.isfinite(costs.cost_s[:, columns]).any(axis=1))
+        cars = costs.cars_for(columns)
         if not columns or not len(cars):
-            return column_of, later
+            return column_of, later, None
         horizon = self._horizon if self._solver.plans_ahead else None
         problem = self._solver.problem(costs, columns, cars, held, horizon)
         assignment = self._solver.solve(problem)
         if horizon is not None:
             horizon.keep(costs, problem, assignment, columns, cars)
-        pairs = np.ix_(cars, np.array(columns))
-        told = _CODE_OF[reasons(problem, assignment)]
-        costs.codes[pairs] = np.where(np.isfinite(problem.cost), told, costs.codes[pairs])
-        busy = costs.codes[list(soon)]
-        costs.codes[list(soon)] = np.where(busy == _CODE[PairReason.NO_WAY], busy, np.int8(_CODE[PairReason.CAR_BUSY]))
         for row, k in _in_turn(assignment):
             car, column = int(cars[row]), columns[k]
-            if car in soon:
+            if soon[car]:
                 later[column] = car
-                costs.codes[car, column] = _CODE[PairReason.PLANNED_LATER]
             elif column_of[car] < 0:
                 column_of[car] = column
-                costs.codes[car, column] = _CODE[PairReason.CHOSEN]
-        return column_of, later
+        return column_of, later, Answer(problem=problem, assignment=assignment, cars=cars, columns=columns)
 
     def _why_taken(self, costs: CostMatrix, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
         """Why a car loses a task, in words."""
@@ -172,7 +152,13 @@ class TaskAllocation:
         return "re-assigned: " + ", ".join(words)
 
     def _keep_reasons(
-        self, costs: CostMatrix, full: set[int], column_of: npt.NDArray[np.int64], later: Mapping[int, int]
+        self,
+        costs: CostMatrix,
+        answer: Answer | None,
+        full: set[int],
+        soon: npt.NDArray[np.bool_],
+        column_of: npt.NDArray[np.int64],
+        later: Mapping[int, int],
     ) -> None:
         """Keep how the cars were judged for each task, and say why those tasks wait that nobody got."""
         takers = np.flatnonzero(column_of >= 0)
@@ -180,26 +166,26 @@ class TaskAllocation:
         taker_of[column_of[takers]] = takers
         took = self._missions.under_way()
         took[takers] = [costs.tasks[column].index for column in column_of[takers].tolist()]
-        for k, (task, taker) in enumerate(zip(costs.tasks, taker_of.tolist(), strict=True)):
-            codes = costs.codes[:, k].copy()
-            if k in full:
-                codes[codes == CAN_TAKE] = _CODE[PairReason.NOT_OFFERED]
-            self._reasons.decide(
-                task,
-                Decision(
-                    time_s=costs.now_s,
-                    codes=codes,
-                    cost_s=costs.cost_s[:, k].copy(),
-                    took=took,
-                    name_of=self._board.name_of,
-                    taker=taker,
-                ),
-            )
-            if k in later:
-                text = f"car_{later[k]} is to take it, and will be free in {costs.free_s[later[k]]:.0f} s"
+        judged = AllocationRound(
+            costs=costs,
+            answer=answer,
+            full=frozenset(full),
+            soon=soon,
+            taker_of=taker_of,
+            later=later,
+            took=took,
+            name_of=self._board.name_of,
+        )
+        self._reasons.keep(judged)
+        for column in np.flatnonzero(taker_of < 0).tolist():
+            task = costs.tasks[column]
+            if column in later:
+                car = later[column]
+                text = f"car_{car} is to take it, and will be free in {costs.free_s[car]:.0f} s"
                 self._reasons.note(task, TaskReason.PLANNED, text, costs.now_s)
-            elif taker < 0:
-                self._reasons.note(task, *self._why_open(task, codes, k in full), costs.now_s)
+            else:
+                why = self._why_open(task, judged.codes(column), column in full)
+                self._reasons.note(task, *why, costs.now_s)
 
     def _why_open(self, task: Task, codes: npt.NDArray[np.int8], full: bool) -> tuple[TaskReason, str]:
         """Why nobody got a ready task; what lasts longest counts first."""

@@ -48,7 +48,15 @@ class CostMatrix:
 
     def offers(self, column: int) -> bool:
         """Whether any car may have a task."""
-        return bool(np.isfinite(self.cost_s[:, column]).any())
+        return bool(self.cost_s[:, column].min() < np.inf)
+
+    def cars_for(self, columns: list[int]) -> npt.NDArray[np.intp]:
+        """Cars that may have any of some tasks, ascending."""
+        # Tasks are contiguous, so that whole columns are compared.
+        least_s = np.full(len(self.cost_s), np.inf)
+        for column in columns:
+            np.minimum(least_s, self.cost_s[:, column], out=least_s)
+        return np.flatnonzero(least_s < np.inf)
 
 
 class CostModel:
@@ -113,7 +121,7 @@ class CostModel:
         for k, task in enumerate(tasks):
             if task.visit is not None and task.visit.until_full and self._charging is not None:
                 cost_s[:, k] += FULL_S * self._charging.batteries.charge
-        cost_s[codes != CAN_TAKE] = np.inf
+        np.copyto(cost_s, np.inf, where=codes != CAN_TAKE)
         return CostMatrix(
             now_s=now_s, tasks=tasks, cost_s=cost_s, codes=codes, pressure_s=pressure_s, states=states, free_s=free_s
         )
@@ -121,27 +129,27 @@ class CostModel:
     def _work(self, tasks: Sequence[Task], states: npt.NDArray[np.int32]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Moves of each car to each task, shape (n_cars, n_tasks), moves of each task from there on and time it takes
         at docks or places, shape (n_tasks,) each."""
-        moves = np.empty((len(states), len(tasks)), order="F")
+        moves = np.empty((len(tasks), len(states)))
         rest_n, service_s = np.empty(len(tasks)), np.empty(len(tasks))
         named, docks, mean_s = self._stations.named, self._stations.dock_states, self._stations.mean_s()
         to_pick: dict[int, FloatArray] = {}  # many tasks begin at few stations
         deliveries, picks, drops = [], [], []
         for k, task in enumerate(tasks):
             if task.visit is not None:
-                moves[:, k] = self._routes.to_stop(task, states)
+                moves[k] = self._routes.to_stop(task, states)
                 rest_n[k], service_s[k] = self._routes.rest(task)
                 continue
             pick = named(task.pick).arm
             if pick not in to_pick:
                 to_pick[pick] = self._ways.moves(states, int(docks[pick])).astype(np.float64)
-            moves[:, k] = to_pick[pick]
+            moves[k] = to_pick[pick]
             deliveries.append(k)
             picks.append(pick)
             drops.append(named(task.delivery.drop).arm)
         if deliveries:
             rest_n[deliveries] = self._ways.moves_each(docks[picks], docks[drops])
             service_s[deliveries] = mean_s[picks] + mean_s[drops]
-        return moves, rest_n, service_s
+        return moves.T, rest_n, service_s
 
     def source_cost(self, pick: str, task: Task) -> float:
         """Moves from the nearest car to a pick station and on to the task's drop station."""

@@ -57,7 +57,7 @@ class Solver:
             if row < len(cars) and cars[row] == car:
                 has[row] = at.get(task.index, NO_TASK)
         return AllocationProblem(
-            cost=costs.cost_s[np.ix_(cars, np.array(columns))],
+            cost=costs.cost_s.T[columns][:, cars].T,  # in this order it is copied along tasks, which are contiguous
             class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
             held=has,

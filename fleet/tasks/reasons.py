@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -150,6 +151,17 @@ class Decision:
         return tuple(found)
 
 
+class DecisionRound(Protocol):
+    """One look of the allocator at several tasks."""
+
+    @property
+    def tasks(self) -> Sequence[Task]:
+        """The tasks that it considered."""
+
+    def decision(self, column: int) -> Decision:
+        """How the cars were judged for one of the tasks, by its place among them."""
+
+
 PAIR_REASONS = tuple(PairReason)
 CODE_OF_REASON = {reason: code for code, reason in enumerate(PAIR_REASONS)}
 """Index of each reason in `PAIR_REASONS`."""
@@ -186,7 +198,11 @@ class ReasonBook:
     def __init__(self, log: Callable[..., None]) -> None:
         self._log = log
         self._reason: dict[int, tuple[TaskReason, str, float]] = {}
+        self._round: DecisionRound | None = None
+        self._column_of: dict[int, int] = {}
+        """Where the tasks of the last round stand in it."""
         self._decision: dict[int, Decision] = {}
+        """Of the tasks of the last round those that were asked about."""
         self._told: dict[int, set[TaskReason]] = {}
         self._warning: dict[int, str] = {}
 
@@ -207,11 +223,20 @@ class ReasonBook:
 
     def decision(self, task: Task) -> Decision | None:
         """How the cars were judged for a task when the allocator last considered it."""
+        if task.index not in self._decision and self._round is not None and task.index in self._column_of:
+            self._decision[task.index] = self._round.decision(self._column_of[task.index])
         return self._decision.get(task.index)
 
-    def decide(self, task: Task, decision: Decision) -> None:
-        """Keep how the cars were judged for a task."""
-        self._decision[task.index] = decision
+    def keep(self, latest: DecisionRound) -> None:
+        """Keep how the cars were judged for tasks; of the round before, what this one does not tell anew."""
+        column_of = {task.index: column for column, task in enumerate(latest.tasks)}
+        if self._round is not None:
+            for index, column in self._column_of.items():
+                if index not in column_of and index not in self._decision:
+                    self._decision[index] = self._round.decision(column)
+        for index in column_of:
+            self._decision.pop(index, None)
+        self._round, self._column_of = latest, column_of
 
     def assigned(self, task: Task) -> None:
         """Forget why a task had no car."""
@@ -225,7 +250,7 @@ class ReasonBook:
 
     def report(self, task: Task) -> AssignmentReport:
         """All that is known about a task."""
-        decision = self._decision.get(task.index)
+        decision = self.decision(task)
         reason, cause, since_s = self._present_cause(task)
         return AssignmentReport(
             task=task.order.name,

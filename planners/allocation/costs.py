@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
+
+from planners.allocation.arrays import FloatArray
 
 
 class CostWeights(NamedTuple):
@@ -57,9 +60,26 @@ def task_costs(
         now_s: The time, on the clock of `since_s` and `due_s`.
         weights: What each second is worth.
     """
-    end_s = now_s + travel_s + rest_s + service_s
-    late_s = np.maximum(0.0, end_s - due_s)
-    best_s = end_s.min(axis=0)
+    by_task = np.ascontiguousarray(travel_s.T)
+    cost_s, best_s = np.empty_like(by_task), np.empty(len(by_task))
+    work_s = np.array([rest_s, service_s, due_s])
+    _late_costs(by_task, work_s, now_s, weights.lateness, cost_s, best_s)
     late_next_turn_s = np.maximum(0.0, best_s + (best_s - now_s) - due_s)
     pressure_s = weights.ageing * (now_s - since_s) + weights.next_turn * late_next_turn_s
-    return TaskCosts(cost_s=travel_s + weights.lateness * late_s - pressure_s, pressure_s=pressure_s)
+    cost_s -= pressure_s[:, None]
+    return TaskCosts(cost_s=cost_s.T, pressure_s=pressure_s)
+
+
+@njit(cache=True, nogil=True)
+def _late_costs(
+    travel_s: FloatArray, work_s: FloatArray, now_s: float, lateness: float, cost_s: FloatArray, best_s: FloatArray
+) -> None:
+    """Travel and lateness of each task (row) with each vehicle (column), and the soonest end of each task."""
+    for task in range(travel_s.shape[0]):
+        rest_s, service_s, due_s = work_s[0, task], work_s[1, task], work_s[2, task]
+        best = np.inf
+        for vehicle in range(travel_s.shape[1]):
+            end_s = now_s + travel_s[task, vehicle] + rest_s + service_s
+            best = min(best, end_s)
+            cost_s[task, vehicle] = travel_s[task, vehicle] + lateness * max(0.0, end_s - due_s)
+        best_s[task] = best

@@ -54,8 +54,8 @@ class Hungarian:
     bipartite graph), so the best set by any falling weights of the classes is the lexicographic best (Edmonds,
     "Matroids and the greedy algorithm", Mathematical Programming 1, 1971), and numbers stay small.
 
-    Source of the solver of small matrices: Crouse, "On implementing 2D rectangular assignment algorithms", IEEE Transactions on
-    Aerospace and Electronic Systems 52(4), 2016, which scipy implements.
+    Source of the solver of small matrices: Crouse, "On implementing 2D rectangular assignment algorithms", IEEE
+    Transactions on Aerospace and Electronic Systems 52(4), 2016, which scipy implements.
 
     Args:
         config: Settings.

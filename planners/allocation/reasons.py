@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum, unique
 from typing import NamedTuple
 
@@ -49,36 +50,40 @@ _SENTENCES = {
 }
 
 
-def reasons(problem: AllocationProblem, assignment: Assignment) -> npt.NDArray[np.int8]:
+def reasons(
+    problem: AllocationProblem, assignment: Assignment, tasks: Sequence[int] | None = None
+) -> npt.NDArray[np.int8]:
     """Reason of every pair.
 
     Args:
         problem: The problem.
         assignment: A legal assignment of it.
+        tasks: The tasks that are asked about; None = all.
 
     Returns:
-        Values of `Reason`, shape (n_vehicles, n_tasks).
+        Values of `Reason`, shape (n_vehicles, n_tasks) with the tasks that are asked about.
     """
     n_vehicles, n_tasks = problem.cost.shape
-    if not problem.cost.size:
-        return np.zeros((n_vehicles, n_tasks), dtype=np.int8)
-    vehicles, tasks = assignment.pairs.T
+    asked = np.arange(n_tasks) if tasks is None else np.array(tasks, dtype=np.int64)
+    found = np.zeros((n_vehicles, len(asked)), dtype=np.int8)
+    if not found.size:
+        return found
+    vehicles, taken = assignment.pairs.T
     task_of, vehicle_of = np.full(n_vehicles, NO_TASK), np.full(n_tasks, -1)
-    task_of[vehicles], vehicle_of[tasks] = tasks, vehicles
+    task_of[vehicles], vehicle_of[taken] = taken, vehicles
     # What each vehicle pays, and what is paid for each task; inf if it has none, nobody takes it.
     pays, paid = np.full(n_vehicles, np.inf), np.full(n_tasks, np.inf)
-    pays[vehicles] = paid[tasks] = problem.cost[vehicles, tasks]
+    pays[vehicles] = paid[taken] = problem.cost[vehicles, taken]
 
-    later, pair = np.zeros(problem.cost.shape, dtype=np.bool_), np.zeros(problem.cost.shape, dtype=np.bool_)
+    later_for = np.full(n_tasks, -1)
     for vehicle, sequence in enumerate(assignment.sequence):
-        later[vehicle, list(sequence[1:])] = True
-    pair[vehicles, tasks] = True
+        later_for[list(sequence[1:])] = vehicle
     same = np.zeros(n_tasks, dtype=np.int32)
     nothing = np.full(n_vehicles, NO_TASK - 1, dtype=np.int32)
-    found = np.empty(problem.cost.shape, dtype=np.int8)
     _tell(
         problem.cost,
-        _Outcome(pair, later, task_of, vehicle_of, pays, paid),
+        asked,
+        _Outcome(later_for, task_of, vehicle_of, pays, paid),
         same if problem.class_of is None else problem.class_of,
         nothing if problem.held is None else problem.held,
         found,
@@ -89,10 +94,8 @@ def reasons(problem: AllocationProblem, assignment: Assignment) -> npt.NDArray[n
 class _Outcome(NamedTuple):
     """What became of vehicles and tasks."""
 
-    pair: npt.NDArray[np.bool_]
-    """Pairs that were chosen, shape (n_vehicles, n_tasks)."""
-    later: npt.NDArray[np.bool_]
-    """Pairs that come after a vehicle's first task, same shape."""
+    later_for: npt.NDArray[np.int64]
+    """The vehicle that does a task after its first one, -1 for none, shape (n_tasks,)."""
     task_of: npt.NDArray[np.int64]
     """First task of each vehicle, `NO_TASK` for none, shape (n_vehicles,)."""
     vehicle_of: npt.NDArray[np.int64]
@@ -106,28 +109,29 @@ class _Outcome(NamedTuple):
 @njit(cache=True)
 def _tell(
     cost: npt.NDArray[np.float64],
+    asked: npt.NDArray[np.int64],
     outcome: _Outcome,
     class_of: npt.NDArray[np.int32],
     held: npt.NDArray[np.int32],
     found: npt.NDArray[np.int8],
 ) -> None:  # pragma: no cover - compiled
-    """Fill in the reason of every pair, the first of `Reason` that holds."""
+    """Fill in the reason of every pair that is asked about, the first of `Reason` that holds."""
     for vehicle in range(cost.shape[0]):
         first = outcome.task_of[vehicle]
         has_task = first != NO_TASK
         keeps = has_task and held[vehicle] == first
-        for task in range(cost.shape[1]):
+        for k, task in enumerate(asked):
             taker = outcome.vehicle_of[task]
             taken = taker >= 0
             stays = taken and held[taker] == task
             cheaper_for_vehicle = cost[vehicle, task] < outcome.pays[vehicle]
             cheaper_for_task = cost[vehicle, task] < outcome.paid[task]
             taken_for_less = taken and not cheaper_for_task
-            if outcome.pair[vehicle, task]:
+            if first == task:
                 reason = _CHOSEN
             elif not np.isfinite(cost[vehicle, task]):
                 reason = _NOT_ALLOWED
-            elif outcome.later[vehicle, task]:
+            elif outcome.later_for[task] == vehicle:
                 reason = _PLANNED_LATER
             elif has_task and class_of[first] < class_of[task]:
                 reason = _CLASS_FIRST
@@ -141,4 +145,4 @@ def _tell(
                 reason = _BETTER_FOR_ALL
             else:
                 reason = _LEFT_FOR_LATER
-            found[vehicle, task] = reason
+            found[vehicle, k] = reason

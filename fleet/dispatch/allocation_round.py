@@ -1,0 +1,113 @@
+"""AllocationRound: how one allocation judged the cars for each task, told when somebody asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.dispatch.costs import CostMatrix
+from fleet.dispatch.situation import CAN_TAKE
+from fleet.tasks.board import Task
+from fleet.tasks.reasons import CODE_OF_REASON, Decision, PairReason
+from planners.allocation.problem import AllocationProblem, Assignment
+from planners.allocation.reasons import Reason, reasons
+
+_PAIR_REASON = {
+    Reason.CHOSEN: PairReason.CHOSEN,
+    Reason.NOT_ALLOWED: PairReason.NO_WAY,
+    Reason.PLANNED_LATER: PairReason.PLANNED_LATER,
+    Reason.CLASS_FIRST: PairReason.CLASS_FIRST,
+    Reason.KEPT: PairReason.KEPT,
+    Reason.TASK_GOT_NEARER: PairReason.TASK_GOT_BETTER,
+    Reason.VEHICLE_GOT_BETTER: PairReason.CAR_GOT_BETTER,
+    Reason.BETTER_FOR_ALL: PairReason.BETTER_FOR_ALL,
+    Reason.LEFT_FOR_LATER: PairReason.LEFT_OVER,
+}
+_CODE = CODE_OF_REASON
+_CODE_OF = np.array([_CODE[_PAIR_REASON[reason]] for reason in Reason], dtype=np.int8)
+"""What the planners' reasons are called here, by their value."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Answer:
+    """What the allocator was asked, and what it said."""
+
+    problem: AllocationProblem
+    assignment: Assignment
+    cars: npt.NDArray[np.intp]
+    """Car of each row of the problem, ascending."""
+    columns: list[int]
+    """Column of each of its tasks among all tasks of the round."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AllocationRound:
+    """One allocation.
+
+    Most rounds are never asked about most tasks, so that pairs are judged when they are asked for.
+    """
+
+    costs: CostMatrix
+    answer: Answer | None
+    """None = no car could take any task."""
+    full: frozenset[int]
+    """Columns of tasks that had to wait for room."""
+    soon: npt.NDArray[np.bool_]
+    """Cars that were still busy with another task, shape (n_cars,)."""
+    taker_of: npt.NDArray[np.int64]
+    """The car that got each task, -1 = none, shape (n_tasks,)."""
+    later: Mapping[int, int]
+    """By column, the car that is to take a task when it is free."""
+    took: npt.NDArray[np.int64]
+    """Task that each car has after it, -1 = none, shape (n_cars,)."""
+    name_of: Callable[[int], str]
+    """Names a task."""
+
+    @property
+    def tasks(self) -> list[Task]:
+        """The tasks that were considered."""
+        return self.costs.tasks
+
+    def decision(self, column: int) -> Decision:
+        """How the cars were judged for the task in a column."""
+        return Decision(
+            time_s=self.costs.now_s,
+            codes=self.codes(column),
+            cost_s=self.costs.cost_s[:, column].copy(),
+            took=self.took,
+            name_of=self.name_of,
+            taker=int(self.taker_of[column]),
+        )
+
+    def codes(self, column: int) -> npt.NDArray[np.int8]:
+        """Index into `PAIR_REASONS` for each car, shape (n_cars,)."""
+        codes = self.costs.codes[:, column].copy()
+        if self.answer is not None:
+            k = self._task_at.get(column)
+            if k is not None:
+                _tell(codes, self.answer, k)
+            busy = codes[self.soon]
+            codes[self.soon] = np.where(busy == _CODE[PairReason.NO_WAY], busy, np.int8(_CODE[PairReason.CAR_BUSY]))
+        if self.taker_of[column] >= 0:
+            codes[self.taker_of[column]] = _CODE[PairReason.CHOSEN]
+        if column in self.later:
+            codes[self.later[column]] = _CODE[PairReason.PLANNED_LATER]
+        if column in self.full:
+            codes[codes == CAN_TAKE] = _CODE[PairReason.NOT_OFFERED]
+        return codes
+
+    @cached_property
+    def _task_at(self) -> dict[int, int]:
+        """Number of a column's task in the problem."""
+        return {} if self.answer is None else {column: k for k, column in enumerate(self.answer.columns)}
+
+
+def _tell(codes: npt.NDArray[np.int8], answer: Answer, task: int) -> None:
+    """Write down what the allocator's answer means for one of its tasks."""
+    allowed = np.isfinite(answer.problem.cost[:, task])
+    told = _CODE_OF[reasons(answer.problem, answer.assignment, [task])[:, 0]]
+    codes[answer.cars[allowed]] = told[allowed]

@@ -1,0 +1,49 @@
+"""How the cars were judged for a task is told when it is asked for, also after later rounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.tasks.board import Task
+from fleet.tasks.reasons import CODE_OF_REASON, Decision, PairReason, ReasonBook
+from tests.unit.fleet.missions.floor import Floor, delivery
+
+
+@dataclass
+class Round:
+    """A round in which every car was judged alike."""
+
+    tasks: list[Task]
+    time_s: float
+    asked_n: int = 0
+
+    def decision(self, column: int) -> Decision:
+        """The verdict on one car, told apart by its cost."""
+        self.asked_n += 1
+        return Decision(
+            time_s=self.time_s,
+            codes=np.array([CODE_OF_REASON[PairReason.CHOSEN]], dtype=np.int8),
+            cost_s=np.array([10.0 * self.time_s + column]),
+            took=np.array([self.tasks[column].index]),
+            name_of=str,
+            taker=0,
+        )
+
+
+def test_the_last_round_that_considered_a_task_tells() -> None:
+    floor = Floor(orders=[delivery(name) for name in "abc"])
+    a, b, c = (floor.task(name) for name in "abc")
+    book = ReasonBook(lambda *args, **facts: None)
+    first, second = Round([a, b], 1.0), Round([b, c], 2.0)
+    assert book.report(a).pairs == ()
+    book.keep(first)
+    assert first.asked_n == 0
+    assert [book.report(b).pairs[0].cost_s for _ in range(2)] == [11.0, 11.0]
+    assert first.asked_n == 1, "told once"
+    book.keep(second)
+    assert [book.report(task).pairs[0].cost_s for task in (a, b, c)] == [10.0, 20.0, 21.0]
+    book.keep(Round([a], 3.0))
+    assert [book.report(task).pairs[0].cost_s for task in (a, b, c)] == [30.0, 20.0, 21.0]
+    assert book.report(b).decided_s == 2.0
