@@ -41,11 +41,6 @@ class SiteReport:
     """One line each; empty for a site that is good for traffic."""
 
 
-def path_ratio(site: Site) -> float:
-    """Mean one-way path over mean two-way path between the drivable cells of a site."""
-    return path_lengths(site.lanes, site.grid).ratio
-
-
 def check_site(site: Site) -> SiteReport:
     """Measure a site and list what may slow its traffic; what cannot work at all was refused when it was loaded."""
     graph = build_lane_graph(site)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fleet.charts.statistics import share
+from scipy.special import ndtri
+
+from fleet.charts.statistics import CONFIDENCE
 from fleet.envs.policies.policy import Random
 from fleet.training.evaluation import evaluate
 from fleet.training.recipes import RECIPES
@@ -86,3 +89,21 @@ def write_shares(path: Path, folders: Mapping[tuple[str, str], Sequence[Path]], 
             for policy, (won, n) in successes(played, figure).items():
                 low, high = share(won, n)
                 table.writerow([trained, fidelity, policy, n, *(f"{x:.4f}" for x in (won / n, low, high))])
+
+
+def share(successes_n: int, n: int) -> tuple[float, float]:
+    """Interval in which the true share of successes lies; honest also where all of them succeeded.
+
+    Args:
+        successes_n: Successes, from 0 to `n`.
+        n: Independent trials, >= 1.
+
+    Returns:
+        Lower and upper end, within [0, 1].
+
+    Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22(158), 1927.
+    """
+    square = float(ndtri(0.5 + CONFIDENCE / 2.0)) ** 2
+    middle = (successes_n + square / 2.0) / (n + square)
+    half = math.sqrt(square * (successes_n * (n - successes_n) / n + square / 4.0)) / (n + square)
+    return max(0.0, middle - half), min(1.0, middle + half)

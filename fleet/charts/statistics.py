@@ -1,4 +1,4 @@
-"""Statistics: means over seeds and shares of successes, with the interval in which the true value lies."""
+"""Statistics: means over seeds, with the interval in which the true value lies."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
 
 CONFIDENCE = 0.95
 
@@ -61,21 +61,3 @@ def paired(values: Sequence[float], reference: Sequence[float]) -> Estimate | No
     Source: common random numbers, e.g. A. M. Law, "Simulation Modeling and Analysis", 5th ed., 2015, section 11.2.
     """
     return estimate([value - base for value, base in zip(values, reference, strict=True)])
-
-
-def share(successes_n: int, n: int) -> tuple[float, float]:
-    """Interval in which the true share of successes lies; honest also where all of them succeeded.
-
-    Args:
-        successes_n: Successes, from 0 to `n`.
-        n: Independent trials, >= 1.
-
-    Returns:
-        Lower and upper end, within [0, 1].
-
-    Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22(158), 1927.
-    """
-    square = float(ndtri(0.5 + CONFIDENCE / 2.0)) ** 2
-    middle = (successes_n + square / 2.0) / (n + square)
-    half = math.sqrt(square * (successes_n * (n - successes_n) / n + square / 4.0)) / (n + square)
-    return max(0.0, middle - half), min(1.0, middle + half)

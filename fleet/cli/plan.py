@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from maps.grid import GridMap
     from maps.lane_graph import LaneGraph
     from planners.mapf.distance_table import DistanceTable
     from planners.mapf.planner import MapfPlanner
@@ -65,6 +66,9 @@ class Plan:
     """Time to plan [s]; files are read and kernels loaded before it begins."""
     seed: int = 0
     """Seed of everything random."""
+    begin_with: Path | None = None
+    """A path file of any planner that is checked, and improved until the budget ends, in place of planning; for
+    --motion pebble."""
     output: Path = Path("paths.txt")
     """The path file to write."""
 
@@ -78,11 +82,13 @@ class Plan:
         from maps.smart import write_paths
         from planners.deadline import Deadline
         from planners.mapf.distance_table import DistanceTable
+        from planners.mapf.lacam.lns import improve
         from planners.mapf.validate import breaches
 
         require(self.agents is None or self.agents >= 1, "--agents", self.agents, "an integer >= 1")
         require(math.isfinite(self.budget_s) and self.budget_s > 0, "--budget-s", self.budget_s, "a number > 0")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        require(self.begin_with is None or self.motion == "pebble", "--motion", self.motion, "pebble with --begin-with")
         warm, planner = self._planner(), self._planner()
         grid = read_map(self.map)
         starts, goals = starts_and_goals(self.scen, grid, agents=self.agents)
@@ -91,12 +97,18 @@ class Plan:
         instance = _instance(graph, starts, goals, allow_rotation=not self.no_rings)
         console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
         what = f"{len(starts)} robots on {self.map.name}, {grid.free.sum()} free cells"
-        console.print(f"{what}: {self.planner}, {self.budget_s:g} s", soft_wrap=True)
+        how = self.planner if self.begin_with is None else f"{self.begin_with} improved"
+        first = None if self.begin_with is None else _plan_of(self.begin_with, grid, instance)
+        console.print(f"{what}: {how}, {self.budget_s:g} s", soft_wrap=True)
         warm.plan(_crossing(self.motion), None, Deadline(64))  # loads the kernels
         with _progress(console, self.budget_s):
             begin = time.perf_counter()
             tables = DistanceTable(graph, instance.blocked)
-            decision = planner.plan(instance, tables, Deadline(wall_s=self.budget_s))
+            deadline = Deadline(wall_s=self.budget_s)
+            if first is None:
+                decision = planner.plan(instance, tables, deadline)
+            else:
+                decision = improve(instance, first, tables, deadline)
             elapsed_s = time.perf_counter() - begin
         wrong = breaches(instance, decision)
         cells = np.stack(grid.row_col(graph.state_cell[decision.states]), axis=-1)
@@ -177,6 +189,33 @@ def _crossing(motion: Literal["pebble", "rotating"]) -> Instance:
 
     graph = grid_lane_graph(GridMap(np.ones((3, 3), dtype=np.bool_)), motion)
     return _instance(graph, np.array([1, 3]), np.array([7, 5]), allow_rotation=True)
+
+
+def _plan_of(path: Path, grid: GridMap, instance: Instance) -> Decision:
+    """The plan in a path file, which must be a legal one of the instance."""
+    import numpy as np
+
+    from maps.grid import EAST
+    from maps.smart import read_paths
+    from planners.mapf.problem import Plan as Decision
+    from planners.mapf.validate import breaches
+    from planners.status import Status
+
+    what, cells = f"--begin-with {path}", read_paths(path)
+    n = instance.n_agents
+    require(len(cells) > 0 and cells.shape[1] == n, what, f"paths of {cells.shape[1]} robots", f"paths of {n} robots")
+    row, col = cells[..., 0], cells[..., 1]
+    inside = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)
+    require(bool(inside.all()), what, "a path that leaves the map", f"{grid.rows} rows and {grid.cols} columns")
+    states = instance.graph.state_index[grid.index(row, col), EAST]
+    require(bool((states >= 0).all()), what, "a path through an obstacle", "free cells")
+    decision = Decision(states=states.astype(np.int32), status=Status.FEASIBLE, iterations=0)
+    for wrong in breaches(instance, decision)[:1]:
+        robots = ", ".join(map(str, wrong.agents))
+        found = f"{wrong.kind} conflict of robots {robots} at timestep {wrong.timestep}"
+        require(False, what, found, "paths without conflicts from the scenario's starts")
+    at_goals = bool((decision.states[-1] == instance.goals).all())
+    return decision if at_goals else replace(decision, status=Status.TIMEOUT)
 
 
 def _table(instance: Instance, decision: Decision, tables: DistanceTable, elapsed_s: float, verdict: str) -> Table:

@@ -19,7 +19,7 @@ from planners.mapf.multi_step.guidance import Errands, GuidanceConfig, learn_gui
 from planners.mapf.multi_step.multi_step_kernel import Wishes
 from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
 from planners.mapf.multi_step.operations import LONGEST
-from planners.mapf.multi_step.priorities import pocket_depth
+from planners.mapf.multi_step.pockets import pocket_depth
 
 _ROOMY = 0.25
 """Share of the floor that may be full of robots while all of them push on."""

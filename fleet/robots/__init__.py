@@ -1,4 +1,4 @@
-"""Robot models of the fleet; a new robot is one file here and one line in `ROBOTS`."""
+"""Robot models of the fleet; a new robot is one file here and one line in `CARS` or `ARMS`."""
 
 from fleet.robots.iiwa import iiwa_spec as iiwa_spec
 from fleet.robots.iiwa import iiwa_urdf as iiwa_urdf
@@ -12,7 +12,5 @@ from fleet.robots.spec import Visual as Visual
 from fleet.robots.tools import TOOLS as TOOLS
 from fleet.robots.tools import Tool as Tool
 
-ROBOTS: dict[str, CarEntry | ArmEntry] = {
-    "racecar": CarEntry(spec=racecar_spec, urdf=racecar_urdf),
-    "iiwa14": ArmEntry(spec=iiwa_spec),
-}
+CARS: dict[str, CarEntry] = {"racecar": CarEntry(spec=racecar_spec, urdf=racecar_urdf)}
+ARMS: dict[str, ArmEntry] = {"iiwa14": ArmEntry(spec=iiwa_spec)}

@@ -1,4 +1,4 @@
-"""Entries of the `ROBOTS` table: where the specification of a robot comes from, and a car's description."""
+"""Entries of the tables `CARS` and `ARMS`: where the specification of a robot comes from, and a car's description."""
 
 from __future__ import annotations
 

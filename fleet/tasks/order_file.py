@@ -6,13 +6,13 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fleet.tasks import TASK_TYPES
 from fleet.tasks.fields import Fields, OrdersError
-from fleet.tasks.order import Ability, Delivery, Order, Priority, misfit
+from fleet.tasks.order import Ability, Order, Priority, misfit
 from fleet.tasks.place_names import PlaceNames
 from fleet.tasks.precedence import broken
 from fleet.tasks.types.task_type import Setting
@@ -135,20 +135,6 @@ def read_orders(
         raise OrdersError(f"{refused[0]}{more}; no order is left")
     kept = sorted((order for orders in parts.values() for order in orders), key=lambda order: order.release_s)
     return OrderBook(orders=tuple(kept), refused=refused)
-
-
-def write_orders(path: Path, orders: Iterable[Delivery]) -> None:
-    """Write deliveries as a CSV file that `read_orders` reads; what binds those of a multi-stop order is left out."""
-    required, optional = TASK_TYPES[DEFAULT_TYPE].required, ("due_s", "priority", "after", "picks", "needs", "batch")
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow((*REQUIRED, *required, *optional))
-        for order in orders:
-            size = "x".join(str(edge) for edge in order.size_m)
-            due = "" if math.isinf(order.due_s) else order.due_s
-            lists = [";".join(words) for words in (order.after, order.picks[1:], order.needs)]
-            own = (order.pick, order.drop, order.mass_kg, size)
-            table.writerow([order.name, order.release_s, *own, due, order.priority, *lists, order.batch])
 
 
 def _csv_rows(path: Path, text: str) -> list[_Row]:

@@ -6,13 +6,14 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ArmConfig, Grip
-from fleet.robots.iiwa import iiwa_spec
-from fleet.robots.racecar import racecar_spec
+from fleet.robots import ARMS, CARS
 from fleet.robots.tools import TOOLS
 from fleet.world.scene import Scene, StaticBox
 from maps.grid import GridMap
 from maps.site import Site
 
+CAR, ARM = "racecar", "iiwa14"
+"""Robots of a site, as in `fleet.robots`."""
 WALL_HEIGHT_M = 0.6
 """Low, so that a viewer looks over the walls; higher than a loaded car."""
 SHELF_HEIGHT_M = 1.2
@@ -42,13 +43,13 @@ def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | No
         for x, y, z in station.slots:
             half = (PEDESTAL_HALF_M, PEDESTAL_HALF_M, z / 2)
             boxes.append(StaticBox(kind="pedestal", centre_m=(float(x), float(y), z / 2), half_m=half))
-    arm = iiwa_spec(TOOLS[grip])
+    arm = ARMS[ARM].spec(TOOLS[grip])
     if arms is not None:
         arm = arm.with_limits(arms.velocity_radps, arms.acceleration_radps2)
     return Scene(
         size_m=(site.grid.cols * site.grid.cell_m, site.grid.rows * site.grid.cell_m),
         boxes=tuple(boxes),
-        car=racecar_spec(),
+        car=CARS[CAR].spec(),
         car_start=car_start,
         arm=arm,
         arm_base=np.array([station.arm.pose for station in site.stations]).reshape(-1, 4),

@@ -93,10 +93,3 @@ class Plan:
     """`feasible`: the whole horizon; `timeout`: a legal prefix; `infeasible`: an agent cannot reach its goal."""
     iterations: int
     """Work done, in the solver's own unit."""
-
-
-def reached(instance: Instance, plan: Plan) -> BoolArray:
-    """Which agents stand at their goal in some row of the plan, shape (n,); agents without a goal count as there."""
-    at_goal = (plan.states == instance.goals).any(axis=0)
-    done: BoolArray = at_goal | (instance.goals == NO_GOAL)
-    return done

@@ -15,19 +15,6 @@ VERSIONS = ("env", "parallel_env", "raw_env")
 BENCHMARKS, TESTS, NOBODY = "only benchmarks use it", "only tests use it", "nothing uses it"
 
 KNOWN = {
-    "fleet.charts.statistics.share": BENCHMARKS,
-    "fleet.envs.grid.kernel.ORDERED": NOBODY,
-    "fleet.robots.ROBOTS": TESTS,
-    "fleet.robots.model.ArmEntry": TESTS,
-    "fleet.robots.model.CarEntry": TESTS,
-    "fleet.tasks.order_file.write_orders": TESTS,
-    "fleet.training.ppo.trainer.load_policy": BENCHMARKS,
-    "maps.report.path_ratio": NOBODY,
-    "maps.smart.Cells": TESTS,
-    "maps.smart._STOP": TESTS,
-    "maps.smart._WITH_TIME": TESTS,
-    "maps.smart._agent": TESTS,
-    "maps.smart.read_paths": TESTS,
     "planners.allocation.arrays.Distances": BENCHMARKS,
     "planners.allocation.matching.prune.UNREACHABLE": BENCHMARKS,
     "planners.allocation.matching.prune._BLOCK_N": BENCHMARKS,
@@ -36,15 +23,6 @@ KNOWN = {
     "planners.allocation.matching.prune._travel_cost": BENCHMARKS,
     "planners.allocation.matching.prune.nearest": BENCHMARKS,
     "planners.allocation.matching.prune.travel_cost": BENCHMARKS,
-    "planners.mapf.lacam.lns._ANYWHERE": TESTS,
-    "planners.mapf.lacam.lns.improve": TESTS,
-    "planners.mapf.multi_step.priorities.Priorities": BENCHMARKS,
-    "planners.mapf.multi_step.priorities._DEEPEST": BENCHMARKS,
-    "planners.mapf.multi_step.priorities._KEPT": BENCHMARKS,
-    "planners.mapf.multi_step.priorities._LONGEST": BENCHMARKS,
-    "planners.mapf.multi_step.priorities._PER_BOTTLENECK": BENCHMARKS,
-    "planners.mapf.problem.reached": TESTS,
-    "planners.motion.path.trajectory._MOST_S": NOBODY,
 }
 """What is reached by no product path yet, with a word on why it is there. What is mended leaves the list."""
 

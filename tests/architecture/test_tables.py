@@ -47,7 +47,7 @@ FAMILIES = [
     ),
     Family(
         package="fleet.robots",
-        tables=("ROBOTS",),
+        tables=("CARS", "ARMS"),
         support=frozenset(
             {"arm_kinds", "battery", "description", "estimator", "model", "panda", "pursuit", "spec", "tools"}
         ),

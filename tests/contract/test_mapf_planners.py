@@ -13,7 +13,7 @@ import pytest
 from planners.deadline import Deadline
 from planners.mapf import PLANNERS
 from planners.mapf.distance_table import DistanceTable
-from planners.mapf.problem import Instance, Plan, reached
+from planners.mapf.problem import Instance, Plan
 from planners.mapf.validate import breaches
 from planners.status import Status
 from tests.unit.planners.mapf.lanes import (
@@ -24,6 +24,7 @@ from tests.unit.planners.mapf.lanes import (
     one_way_loop,
     open_grid,
     random_starts,
+    reached,
     rotating_grid,
 )
 

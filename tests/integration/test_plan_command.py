@@ -85,9 +85,38 @@ def test_a_problem_without_a_solution_leaves_a_legal_beginning(
     assert read_paths(out)[0].tolist() == [[0, 0], [0, 3]]
 
 
+def test_a_plan_of_another_planner_is_checked_and_improved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two robots pass each other in the open; the second one has waited for no reason."""
+    floor, given, out = map_of(tmp_path, ["...", "..."]), tmp_path / "given.txt", tmp_path / "paths.txt"
+    scen = scenario_of(tmp_path, [(0, 0, 2, 0), (2, 1, 0, 1)], width=3, height=2)
+    words = ["--map", str(floor), "--scen", str(scen), "--budget-s", "0.3", "--begin-with", str(given)]
+    waits = "Agent 1:(2,1,0)->(1,1,5)->(0,1,6)->\n"
+    given.write_text("Agent 0:(0,0,0)->(1,0,1)->(2,0,2)->\n" + waits)
+    code, said, _ = plan([*words, "--output", str(out)], capsys)
+    assert (code, read_paths(out).shape) == (0, (3, 2, 2))
+    assert "optimal" in said
+    wrong = {
+        "Agent 0:(0,0,0)->(1,0,1)->(2,0,2)->\n": "paths of 1 robots",
+        "Agent 0:(0,0,0)->(1,0,1)->\nAgent 1:(2,1,0)->(2,0,1)->(1,0,2)->\n": "vertex conflict of robots 0, 1",
+        "Agent 0:(1,0,0)->(2,0,1)->\n" + waits: "start conflict of robots 0",
+        "Agent 0:(0,0,0)->(0,-1,1)->\n" + waits: "leaves the map",
+    }
+    for text, expected in wrong.items():
+        given.write_text(text)
+        code, _, complaint = plan([*words, "--output", str(out)], capsys)
+        assert code == 2
+        assert expected in complaint
+        assert len(complaint.splitlines()) == 1
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
+        (["--begin-with", "FOLDER/none.txt"], ["none.txt", "cannot be read"]),
+        (
+            ["--begin-with", "FOLDER/x.txt", "--motion", "rotating"],
+            ["--motion is 'rotating'", "pebble with --begin-with"],
+        ),
         (["--planner", "pibt"], ["--planner is 'pibt'", "lacam, sipp, cbs"]),
         (["--agents", "0"], ["--agents is 0", "an integer >= 1"]),
         (["--agents", "5"], ["floor.scen", "5 agents asked for", "1 to 4"]),

@@ -48,7 +48,7 @@ class Stage(IntEnum):
 
 # numba reads plain integers faster than members of an enum.
 FREE, TO_PICK, LOADING, TO_DROP, UNLOADING = (int(phase) for phase in list(Phase)[:5])
-ORDERED, BACKLOG, READY, ASSIGNED, CARRIED, DELIVERED = (int(stage) for stage in Stage)
+BACKLOG, READY, ASSIGNED, CARRIED, DELIVERED = (int(stage) for stage in list(Stage)[1:])
 
 
 class Floor(NamedTuple):

@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
+from fleet.robots import CARS
 from fleet.robots.model import WheelShape
-from fleet.robots.racecar import HINGES, racecar_urdf
+from fleet.robots.racecar import HINGES
 from fleet.robots.spec import WHEELS, CarSpec
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
@@ -114,7 +115,7 @@ class Cars:
         self._drive_nm, self._brake_nm = ([limit * limit_share] * len(WHEELS) for limit in (_DRIVE_NM, _BRAKE_NM))
         self._steer_nm = _STEER_NM * limit_share
         self.bodies: list[int] = []
-        urdf = racecar_urdf(wheels)
+        urdf = CARS[spec.name].urdf(wheels)
         for x, y, yaw in start:
             body = client.load_urdf(
                 urdf,

@@ -22,8 +22,8 @@ from planners.status import Status
 _SIZES = np.array([1, 2, 3, 4, 6, 8], dtype=np.int64)
 """Sizes of a neighbourhood."""
 _WAYS = 3
-_ALONG, _AROUND, _ANYWHERE = range(_WAYS)
 """Ways to pick one: who is in the way of a delayed agent, who passes a busy place, anybody."""
+_ALONG, _AROUND = 0, 1
 _MEMORY = 0.995
 """Share of what a kind of neighbourhood has yielded that still counts when it is tried once more."""
 _CURIOSITY = 0.1

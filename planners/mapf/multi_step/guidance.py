@@ -16,7 +16,7 @@ from planners.mapf.arrays import FloatArray, IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.multi_step_kernel import Wishes
 from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
-from planners.mapf.multi_step.priorities import pocket_depth
+from planners.mapf.multi_step.pockets import pocket_depth
 
 UNIT = 8
 """Cost of a wait, a turn or an unhindered move; a whole number, so that hindrance counts in eighths."""

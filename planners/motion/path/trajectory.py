@@ -14,7 +14,6 @@ from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.kernel import kernel
 
 _SAME_RAD = 1e-9
-_MOST_S = 1e5
 _UNEQUAL = 1e-3
 _LONGEST_RAD = 1e4
 MOST_SAMPLES = 10_000_000

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fleet.charts.statistics import estimate, paired, share
+from fleet.charts.statistics import estimate, paired
 
 
 def test_the_interval_of_known_values() -> None:
@@ -45,10 +45,3 @@ def test_pairing_cancels_what_both_share() -> None:
 def test_a_pair_that_lacks_its_partner_is_an_error() -> None:
     with pytest.raises(ValueError, match="zip"):
         paired([1.0], [1.0, 2.0])
-
-
-def test_a_share_of_successes_has_an_interval_even_where_all_succeed() -> None:
-    # By hand, z = 1.96: 20 of 20 gives 20 / (20 + z^2); 1 of 2 lies evenly about one half.
-    assert share(20, 20) == pytest.approx((0.8389, 1.0), abs=1e-4)
-    assert share(0, 20) == pytest.approx((0.0, 0.1611), abs=1e-4)
-    assert share(1, 2) == pytest.approx((0.0945, 0.9055), abs=1e-4)

@@ -3,17 +3,13 @@
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from fleet.config import StreamConfig
-from fleet.tasks.order import Ability, Priority
-from fleet.tasks.order_file import OrderBook, OrdersError, read_orders, write_orders
+from fleet.tasks.order import Ability, Delivery, Priority
+from fleet.tasks.order_file import OrderBook, OrdersError, read_orders
 from fleet.tasks.precedence import broken
-from fleet.tasks.stream import stream_orders
 from maps.site import Site
 
 HEADER = "id,release_s,pick,drop,mass_kg,size_m\n"
@@ -200,9 +196,12 @@ def test_a_header_that_is_not_understood(read: Read, header: str) -> None:
         read(header + GOOD)
 
 
-def test_written_orders_are_read_as_they_were(small_site: Site, tmp_path: Path) -> None:
-    stream = stream_orders(small_site, StreamConfig(), 3600.0, 30, np.random.default_rng(3))
-    special = replace(stream[-1], name="x", after=(stream[0].name,), picks=("pick_2", "pick_1"), pick="pick_2")
-    orders = (*stream, replace(special, needs=("cold", "fragile")))
-    write_orders(tmp_path / "orders.csv", orders)
-    assert read_orders(tmp_path / "orders.csv", small_site, CARS) == OrderBook(orders=orders)
+def test_every_column_of_a_delivery_is_read(read: Read) -> None:
+    header = "id,release_s,pick,drop,mass_kg,size_m,due_s,priority,after,picks,needs,batch\n"
+    line = "b,5.5,pick_2,drop_1,0.5,0.06x0.07x0.08,90,emergency,a,pick_1,fragile,x\n"
+    book = read(header + GOOD.strip() + ",,,,,,\n" + line)
+    last = book.orders[-1]
+    assert isinstance(last, Delivery)
+    assert (last.name, last.release_s, last.pick, last.drop) == ("b", 5.5, "pick_2", "drop_1")
+    assert (last.mass_kg, last.size_m, last.due_s, last.priority) == (0.5, (0.06, 0.07, 0.08), 90.0, Priority.EMERGENCY)
+    assert (last.after, last.picks, last.needs, last.batch) == (("a",), ("pick_2", "pick_1"), ("fragile",), "x")

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from maps.grid import DCOL, DROW, EAST, NORTH, SOUTH, WEST, GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
-from planners.mapf.problem import NO_GOAL, Instance
+from planners.mapf.problem import NO_GOAL, Instance, Plan
 
 
 def graph_of(
@@ -150,3 +150,9 @@ def random_starts(graph: LaneGraph, n: int, rng: np.random.Generator) -> list[in
             taken.add(cell)
             starts.append(state)
     return starts
+
+
+def reached(instance: Instance, plan: Plan) -> npt.NDArray[np.bool_]:
+    """Which agents stand at their goal in some row of the plan, shape (n,); agents without a goal count as there."""
+    there: npt.NDArray[np.bool_] = (plan.states == instance.goals).any(axis=0) | (instance.goals == NO_GOAL)
+    return there

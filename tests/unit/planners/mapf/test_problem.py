@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planners.mapf.problem import Instance, InstanceError, Plan, reached
-from planners.status import Status
+from planners.mapf.problem import Instance, InstanceError
 from tests.unit.planners.mapf.lanes import graph_of, instance_of, open_grid
 
 
@@ -44,9 +43,3 @@ def test_a_negative_horizon_is_refused() -> None:
 def test_a_priority_that_is_no_number_is_refused() -> None:
     with pytest.raises(InstanceError, match=r"priorities\[1\] = nan"):
         instance_of(open_grid(1, 4), [0, 1], priorities=[1.0, float("nan")])
-
-
-def test_reached_looks_at_every_row() -> None:
-    instance = instance_of(open_grid(1, 4), [0, 3, 2], [1, 0, -1])
-    plan = Plan(states=np.array([[0, 3, 2], [1, 3, 2], [0, 3, 2]]), status=Status.FEASIBLE, iterations=2)
-    assert reached(instance, plan).tolist() == [True, False, True]

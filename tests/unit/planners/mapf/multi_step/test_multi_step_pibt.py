@@ -16,7 +16,7 @@ from planners.mapf.distance_table import DistanceTable
 from planners.mapf.multi_step import multi_step_kernel
 from planners.mapf.multi_step.multi_step_pibt import MultiStepConfig, MultiStepPibt, rank_weights
 from planners.mapf.options import open_moves
-from planners.mapf.problem import NO_GOAL, Instance, reached
+from planners.mapf.problem import NO_GOAL, Instance
 from planners.mapf.validate import breaches
 from planners.status import Status
 from tests.unit.planners.mapf.lanes import (
@@ -27,6 +27,7 @@ from tests.unit.planners.mapf.lanes import (
     one_way_loop,
     open_grid,
     random_starts,
+    reached,
     rotating_grid,
 )
 

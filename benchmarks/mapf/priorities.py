@@ -6,6 +6,7 @@ import numpy as np
 
 from maps.lane_graph import LaneGraph
 from planners.mapf.arrays import FloatArray, IntArray
+from planners.mapf.multi_step.pockets import pocket_depth
 
 _PER_BOTTLENECK = 10.0
 """Times that waiting counts more behind a bottleneck. With 3 some full floors froze, with 100 they worked less."""
@@ -54,25 +55,3 @@ class Priorities:
         self._waited = np.where(there, self._fraction, self._waited + 1.0)
         here = self._waited / (1.0 + self._waited / _LONGEST) * self._weight[self._state_cell[states]]
         self.values = np.where(there, self._fraction, np.maximum(here, _KEPT * self.values + (1.0 - _KEPT) * here))
-
-
-def pocket_depth(graph: LaneGraph) -> IntArray:
-    """Bottlenecks between each cell and the open floor, shape (n_cells,).
-
-    A bottleneck is a cell without which the floor falls apart. The open floor is the largest part that holds together
-    without any one of its cells, and every part beyond a bottleneck is a pocket, such as a dead end or a bay with one
-    entrance. The bottleneck itself belongs to the outer side. Directions of lanes do not matter.
-    """
-    import networkx as nx
-
-    ends = np.column_stack((graph.state_cell[graph.move_from], graph.state_cell[graph.move_to]))
-    blocks = list(nx.biconnected_components(nx.Graph(np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0).tolist())))
-    # Blocks, as numbers below zero, and the cells they consist of: a tree for each connected part of the floor.
-    tree = nx.Graph((~k, cell) for k, block in enumerate(blocks) for cell in block)
-    depth = np.zeros(graph.n_cells, dtype=np.int32)
-    for part in list(nx.connected_components(tree)):
-        core = max((node for node in part if node < 0), key=lambda node: len(blocks[~node]))
-        for node, steps in nx.single_source_shortest_path_length(tree, core).items():
-            if node >= 0:
-                depth[node] = (steps - 1) // 2
-    return depth
