@@ -135,17 +135,16 @@ class Executor:
         commands = self.driver.commands(world)
         self._still_s += world.tick_s
         finished = self.driver.finished()
-        if finished:
+        if len(finished):
             self.dependencies.finish_all(finished)
-            for car in finished:
-                self._still_s[car] = 0.0
+            self._still_s[finished] = 0.0
             self._dirty = True
         self._reorder(world.tick_s)
         if self._dirty:
             cars, moves = self.dependencies.grant_all(self._config.grant_moves_n, self._closed)
-            for car, move in zip(cars, moves, strict=True):
-                self.driver.append(car, move)
-                self._still_s[car] = 0.0
+            if len(cars):
+                self.driver.append(cars, moves)
+                self._still_s[cars] = 0.0
             self._dirty = False
         return commands
 
