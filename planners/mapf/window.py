@@ -125,7 +125,8 @@ def reachable_goals(instance: Instance, distances: npt.NDArray[np.uint16], row: 
         distances: Timesteps to goals, shape (n_rows, n_states).
         row: Row of each agent's goal, negative = none, shape (n,).
     """
-    has_goal = row >= 0
+    # Who is at its goal has been there: nothing is looked up in the far memory of the distances.
+    away = ((row >= 0) & (instance.starts != instance.goals)).nonzero()[0]
     reachable = np.ones(len(row), dtype=np.bool_)
-    reachable[has_goal] = distances[row[has_goal], instance.starts[has_goal]] < UNREACHABLE
+    reachable[away] = distances[row[away], instance.starts[away]] < UNREACHABLE
     return reachable
