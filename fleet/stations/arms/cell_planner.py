@@ -119,6 +119,7 @@ class CellPlanner:
         self._retrieval = Retrieval(arm, self._motions, search, Margins(travel_m=MARGIN_M, line_m=LINE_MARGIN_M))
         self._known = known if known is not None else KnownWays()
         self._known.vias[HOME] = spec.home_rad
+        self._via_tips: dict[int, FloatArray] = {}
         self._admissions: Recent[FloatArray] = Recent(RECENT_N)
         self._descents: Recent[tuple[Trajectory, Trajectory]] = Recent(RECENT_N)
         self._way_trees: dict[tuple[int, int, bool], list[SearchTree]] = {}
@@ -379,7 +380,12 @@ class CellPlanner:
         return vias[place]
 
     def _via_tip(self, place: int) -> FloatArray:
-        return self._motions.tip(self._via(place))
+        """Pose of the tool's tip at a via point, shape (4, 4), read-only."""
+        if place not in self._via_tips:
+            tip = self._motions.tip(self._via(place))
+            tip.flags.writeable = False
+            self._via_tips[place] = tip
+        return self._via_tips[place]
 
     def _find_via(self, place: int) -> FloatArray:
         """The configuration above a place from which parcels around it can be reached, nearest to rest and tray."""
