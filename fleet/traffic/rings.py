@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,8 @@ from fleet.arrays import CellArray, IntArray
 FIRST_WIDTH = 4
 """Numbers a queue has room for at first, a power of two; it doubles when one needs more."""
 
-Numbers = npt.NDArray[np.float64] | npt.NDArray[np.int64]
+Numbers: TypeAlias = npt.NDArray[Any]
+"""Of the type that the queues are made with."""
 
 
 class RingArrays(NamedTuple):

@@ -111,10 +111,10 @@ def _sort(order: IntArray, content: BoolArray, priority: FloatArray) -> None:  #
 def _before(a: Int, b: Int, content: BoolArray, priority: FloatArray) -> bool:  # pragma: no cover - compiled
     """Whether agent `a` chooses before agent `b`."""
     if content[a] != content[b]:
-        return not content[a]
+        return bool(content[b])
     if priority[a] != priority[b]:
-        return priority[a] > priority[b]
-    return a < b
+        return bool(priority[a] > priority[b])
+    return bool(a < b)
 
 
 def reachable_goals(instance: Instance, distances: npt.NDArray[np.uint16], row: IntArray) -> BoolArray:
