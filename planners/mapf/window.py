@@ -29,7 +29,7 @@ class WindowStep(Protocol):
         """
 
 
-class Turns(NamedTuple):
+class WindowTurns(NamedTuple):
     """Who chooses first in a timestep; n agents."""
 
     order: IntArray
@@ -60,7 +60,7 @@ def plan_window(
     states[0] = instance.starts
     content = (instance.goals == NO_GOAL) | (instance.goals == instance.starts)
     priority = np.array(instance.priorities, dtype=np.float64)
-    turns = Turns(
+    turns = WindowTurns(
         order=np.lexsort((-priority, content)).astype(np.int32),
         content=content,
         priority=priority,
@@ -79,7 +79,7 @@ def plan_window(
 
 @kernel
 def _take_turns(
-    turns: Turns, now: IntArray, goals: IntArray, stay: BoolArray, fixed: BoolArray, impatience: float
+    turns: WindowTurns, now: IntArray, goals: IntArray, stay: BoolArray, fixed: BoolArray, impatience: float
 ) -> None:  # pragma: no cover - compiled
     """Begin a timestep: whoever is not content has become more impatient, and may be content now."""
     order, content, priority, locked = turns
