@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from itertools import chain
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +50,7 @@ class Admission:
         station = self._station(task)
         self._missions.bind(car, station.arm)
         cars = np.array(self._missions.bookings.bound(station.arm))
-        arrivals = self._arrivals(cars, np.array([0, len(cars)]), [station], now_s)
+        arrivals = self._arrivals(cars, np.array([0, len(cars)]), [station.arm], now_s)
         # Who has just been bound is the last.
         self._begin(car, task, float(arrivals.early_s[-1]), int(arrivals.moves[-1]), tick)
 
@@ -63,12 +62,10 @@ class Admission:
     def call(self, tick: int, now_s: float) -> None:
         """Let cars that are held back go when their time has come, and those that come near only if there is room."""
         missions, stations = self._missions, self._missions.stations
-        queues = [missions.bookings.bound(arm) for arm in range(len(stations))]
-        first = np.cumsum([0, *map(len, queues)])
-        if not first[-1]:
+        cars, first = missions.bookings.in_line(len(stations))
+        if not len(cars):
             return
-        cars = np.fromiter(chain.from_iterable(queues), np.int64, first[-1])
-        arrivals = self._arrivals(cars, first, stations, now_s)
+        arrivals = self._arrivals(cars, first, slice(None), now_s)
         # Most cars are on their way and have their booking, or wait for a time that has not come.
         concerned = _concerned(missions.phase_index[cars], missions.bookings.booked[cars], arrivals)
         for arm in np.unique(np.searchsorted(first, concerned.nonzero()[0], side="right") - 1).tolist():
@@ -86,7 +83,7 @@ class Admission:
             if bookings.changes_n != changes_n:
                 # Who has just booked takes its turn before the others.
                 changes_n = bookings.changes_n
-                arrivals = self._arrivals(cars, np.array([0, len(cars)]), [station], now_s)
+                arrivals = self._arrivals(cars, np.array([0, len(cars)]), [station.arm], now_s)
             if missions.phase[car] is CarPhase.HELD:
                 self._begin(car, task, float(arrivals.early_s[k]), int(arrivals.moves[k]), tick)
             elif missions.phase[car] in TO_STATION and arrivals.moves[k] <= NEAR_N and not bookings.book(car):
@@ -123,24 +120,24 @@ class Admission:
         """Where a car with a task goes next."""
         return self._missions.stations.named(task.delivery.drop if task.state is TaskState.CARRIED else task.pick)
 
-    def _arrivals(self, cars: Cars, first: Cars, stations: Iterable[Station], now_s: float) -> StationArrivals:
+    def _arrivals(self, cars: Cars, first: Cars, arms: list[int] | slice, now_s: float) -> StationArrivals:
         """When cars could come to the stations they are bound for, and how long before their turns.
 
         Args:
             cars: The cars bound for each station, one station after the other, shape (n,).
             first: Where those of each station begin, and the end, shape (n_stations + 1,).
-            stations: The stations.
+            arms: Arms of the stations.
             now_s: Simulated time [s].
         """
-        times, missions = self._missions.stations.times, self._missions
+        missions, stations = self._missions, self._missions.stations
         queues = StationQueues(
             cars=cars,
             first=first,
-            served=np.array([missions.served[station.arm] for station in stations]),
-            service_s=np.array([missions.stations.time(station).recent_s for station in stations]),
-            free_s=np.array([times.left_s(station.arm, now_s) for station in stations]),
+            served=missions.served[arms],
+            service_s=stations.recent_s()[arms],
+            free_s=stations.times.all_left_s(now_s)[arms],
         )
-        goals = np.repeat(np.array([station.dock_state for station in stations], dtype=np.int32), np.diff(first))
+        goals = np.repeat(stations.dock_states[arms], np.diff(first))
         moves = self._ways.moves_each(self._ways.tails[cars], goals)
         early_s = np.zeros(len(cars))
         _give_turns(queues, moves, missions.bookings.booked, early_s)

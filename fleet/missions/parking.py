@@ -24,6 +24,10 @@ class Parking:
         self._missions = missions
         self._ways = ways
         self._sorted = np.sort(np.array(states, dtype=np.int32))
+        # By state; the entry behind the last state is for cars that were sent nowhere.
+        self._nowhere = np.zeros(ways.n_states + 1, dtype=np.bool_)
+        self._is_place = self._nowhere.copy()
+        self._is_place[self._sorted] = True
 
     def send(self, tick: int) -> None:
         """Send every car that waits to the nearest parking place that no other such car has, or visits."""
@@ -31,15 +35,18 @@ class Parking:
         if not waiting.size:
             return
         goals, tails = self._ways.goals[waiting], self._ways.tails[waiting]
-        visited = self._ways.goals[self._missions.cars_in(*ON_VISIT)]
-        has_place = np.isin(goals, self._sorted) & ~np.isin(goals, visited)
-        has_place[has_place] = self._ways.moves_each(tails[has_place], goals[has_place]) < UNREACHABLE
+        taken = self._nowhere.copy()
+        taken[self._ways.goals[self._missions.cars_in(*ON_VISIT)]] = True
+        has_place = self._is_place[goals] & ~taken[goals]
+        bound = (has_place & (tails != goals)).nonzero()[0]
+        has_place[bound] = self._ways.moves_each(tails[bound], goals[bound]) < UNREACHABLE
         # After a visit to its place a car stays no longer than it likes.
         self._ways.let_push(waiting[has_place])
         without = np.flatnonzero(~has_place)
         if not without.size:
             return
-        free = self._sorted[~np.isin(self._sorted, np.concatenate((goals, visited)))]
+        taken[goals] = True
+        free = self._sorted[~taken[self._sorted]]
         for k in without.tolist():
             moves = self._ways.moves_each(np.full(len(free), tails[k], dtype=np.int32), free)
             if not free.size or moves.min() >= UNREACHABLE:

@@ -37,6 +37,11 @@ class Ways:
         self._traffic = traffic
         self._executor = traffic.executor
 
+    @property
+    def n_states(self) -> int:
+        """States of the lane graph."""
+        return self._traffic.graph.n_states
+
     # --- how far
 
     @property

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from fleet.arrays import BoolArray, FloatArray, IntArray, SignArray
+from fleet.arrays import BoolArray, CellArray, FloatArray, IntArray, SignArray
 from fleet.errors import FleetError
 from fleet.robots.spec import CarSpec
 
@@ -36,6 +36,19 @@ class PathArrays(NamedTuple):
     n_points: IntArray
     cursor: IntArray
     progress: FloatArray
+
+
+class Pieces(NamedTuple):
+    """Pieces of path that cars are sent along again and again; each is as `PathBuffer.append` takes it."""
+
+    bounds: IntArray
+    """Where the points of each piece begin, and the end, shape (n_pieces + 1,)."""
+    points: FloatArray
+    """Poses x, y, yaw, one piece after the other, shape (k, 3)."""
+    s_m: FloatArray
+    """Arc length from the first point of the piece [m], shape (k,)."""
+    direction: SignArray
+    """+1 forward, -1 reverse, shape (n_pieces,)."""
 
 
 class PathBuffer:
@@ -104,6 +117,31 @@ class PathBuffer:
                 f"path of car {car} ends at ({end[0]:.3f}, {end[1]:.3f}) m but its next piece begins {gap:.3f} m away; "
                 f"valid: at most {JOIN_TOLERANCE_M} m"
             )
+
+    def append_all(self, cars: CellArray, pieces: Pieces, numbers: CellArray) -> FloatArray:
+        """Extend paths by known pieces, each in turn, and drop what these cars have left well behind.
+
+        Args:
+            cars: Indices of the cars, shape (n,); one may stand there more than once.
+            pieces: The known pieces.
+            numbers: Which piece each of them gets, shape (n,).
+
+        Returns:
+            Arc length at the end of the path behind each new piece [m], shape (n,).
+
+        Raises:
+            PathError: As in `append`; the pieces before are appended.
+        """
+        ends = np.empty(len(cars))
+        done = _append_all(self.arrays(), cars, pieces, numbers, 0, ends)
+        while done < len(cars):
+            # One that does not fit is appended by itself: that makes room, or says what is wrong.
+            car, number = int(cars[done]), int(numbers[done])
+            part = slice(pieces.bounds[number], pieces.bounds[number + 1])
+            self.append(car, pieces.points[part], pieces.s_m[part], int(pieces.direction[number]))
+            ends[done] = self.end_s(car)
+            done = _append_all(self.arrays(), cars, pieces, numbers, done + 1, ends)
+        return ends
 
     def trim(self, car: int) -> None:
         """Drop the points a car has left well behind; `append` does so by itself when it needs the room."""
@@ -304,6 +342,23 @@ def _append(path: PathArrays, car: int, new_points: FloatArray, new_s: FloatArra
         direction[car, last + k] = new_direction
     count[car] = last + len(new_points)
     return _FITS
+
+
+@njit(cache=True)
+def _append_all(
+    path: PathArrays, cars: CellArray, pieces: Pieces, numbers: CellArray, begin: int, ends: FloatArray
+) -> int:
+    """Trim and extend paths from entry `begin` on, and fill in where they end; returns the first that does not fit."""
+    for k in range(begin, len(cars)):
+        car, number = cars[k], numbers[k]
+        first, end = pieces.bounds[number], pieces.bounds[number + 1]
+        _trim(path, car)
+        if path.n_points[car] + end - first - 1 > path.s.shape[1]:
+            return k
+        if _append(path, car, pieces.points[first:end], pieces.s_m[first:end], pieces.direction[number]) != _FITS:
+            return k
+        ends[k] = path.s[car, path.n_points[car] - 1]
+    return len(cars)
 
 
 @njit(cache=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -41,6 +42,18 @@ class Bookings:
     def bound(self, place: int) -> tuple[int, ...]:
         """Cars bound for a place or booked there, in the order in which they set out to go."""
         return tuple(self._bound[place])
+
+    def in_line(self, places_n: int) -> tuple[IntArray, IntArray]:
+        """What `bound` says of each of the first places.
+
+        Returns:
+            The cars of one place after the other, shape (n,), and where those of each begin, and the end, shape
+            (places_n + 1,).
+        """
+        queues = self._bound[:places_n]
+        first = np.zeros(places_n + 1, dtype=np.int64)
+        np.cumsum([len(queue) for queue in queues], out=first[1:])
+        return np.fromiter(chain.from_iterable(queues), np.int64, first[-1]), first
 
     def cars(self, place: int) -> list[int]:
         """Cars that have booked a place, or still stand there."""

@@ -8,6 +8,9 @@ from collections import deque
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+import numpy.typing as npt
+
 WINDOW_N = 32
 """Transfers that count: few enough to notice within minutes that an arm has become slow."""
 RECENT_N = 4
@@ -73,6 +76,7 @@ class ServiceTimes:
     """
 
     def __init__(self, n_arms: int) -> None:
+        self._n_arms = n_arms
         self._learnt = [{direction: ServiceTime() for direction in Direction} for _ in range(n_arms)]
         self._running: dict[int, _Running] = {}
 
@@ -101,3 +105,10 @@ class ServiceTimes:
         if running is None:
             return 0.0
         return max(0.0, self.of(arm, running.direction).recent_s - (now_s - running.since_s))
+
+    def all_left_s(self, now_s: float) -> npt.NDArray[np.float64]:
+        """What `left_s` says of each arm, shape (n_arms,) [s]."""
+        left_s = np.zeros(self._n_arms)
+        for arm in self._running:
+            left_s[arm] = self.left_s(arm, now_s)
+        return left_s

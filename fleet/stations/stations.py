@@ -49,6 +49,10 @@ class Stations:
         """Mean time of a transfer at each station, shape (n_stations,) [s]."""
         return np.array([time.mean_s for time in self._time_of])
 
+    def recent_s(self) -> npt.NDArray[np.float64]:
+        """How long each station's arm is likely to take now, shape (n_stations,) [s]."""
+        return np.array([time.recent_s for time in self._time_of])
+
     def loading(self) -> list[Station]:
         """Pick stations, in the order of their arms."""
         return [station for station in self._stations if station.direction is Direction.TO_CAR]

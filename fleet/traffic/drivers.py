@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
+from fleet.arrays import BoolArray, CellArray, IntArray
 from fleet.config import EstimateConfig
 from fleet.robots.estimator import PoseEstimator
-from fleet.robots.pursuit import Follower, PathBuffer, any_beyond
+from fleet.robots.pursuit import Follower, PathBuffer, Pieces, any_beyond
 from fleet.robots.spec import CarSpec
+from fleet.traffic.rings import RingArrays, Rings, front
 from fleet.world.protocol import FloatArray, World
-from maps.lane_graph import LaneGraph, MoveKind
+from maps.lane_graph import REVERSE, LaneGraph
 
 RELEASE_M = 0.05
 """A move counts as done, and what it swept is released, this far before its end [m] (docs/conventions.md)."""
@@ -22,8 +24,6 @@ AT_REST_M, AT_REST_MPS = 0.02, 0.02
 """A car stands at its stop when it is this close and this slow."""
 OFF_LANE_M, OFF_LANE_RAD = 0.20, 0.6
 """Beyond this cross-track or heading error a car has left its lane; normal following stays below 0.05 m."""
-NOWHERE = -1
-"""No state, in arrays."""
 PASS_SPEED_MPS = 1.0
 """Travel speed in aisles."""
 
@@ -38,14 +38,19 @@ class Driver(Protocol):
     def paths(self) -> PathDriver | None:
         """The driver, if its cars follow paths and can leave their lanes; else None."""
 
-    def append(self, car: int, move: int) -> None:
-        """Extend a car's path by a granted move of the lane graph."""
+    def append(self, cars: CellArray, moves: CellArray) -> None:
+        """Extend cars' paths by granted moves of the lane graph, in this order; a car may stand there more than once.
+
+        Args:
+            cars: The cars, shape (k,).
+            moves: The move of each, shape (k,).
+        """
 
     def commands(self, world: World) -> FloatArray:
         """Sense, and say what every car does this tick; shape (n_cars, 2)."""
 
-    def finished(self) -> list[int]:
-        """Cars whose oldest granted move ended since the last call; a car may stand in it more than once."""
+    def finished(self) -> CellArray:
+        """Cars whose oldest granted move ended since the last call, shape (k,); one may stand there more than once."""
 
     def at_rest(self, car: int) -> bool:
         """True when a car stands at the end of what it was granted."""
@@ -98,8 +103,13 @@ class PathDriver:
             latency_ticks=config.latency_ticks,
             rng=rng,
         )
-        self._ends: list[deque[float]] = [deque() for _ in range(n_cars)]
-        self._next_release = np.full(n_cars, np.inf)
+        self._pieces = Pieces(
+            bounds=graph.path_ptr.astype(np.int64),
+            points=graph.path_points,
+            s_m=graph.path_s,
+            direction=np.where(graph.move_kind == REVERSE, -1, 1).astype(np.int8),
+        )
+        self._ends = Rings(n_cars, np.float64)  # of granted moves, as arc lengths
         self._stop_s = np.zeros(n_cars)
         self._speed_cap = np.full(n_cars, PASS_SPEED_MPS)
         self._speeds = np.zeros(n_cars)
@@ -110,14 +120,11 @@ class PathDriver:
         """See `Driver`."""
         return self
 
-    def append(self, car: int, move: int) -> None:
+    def append(self, cars: CellArray, moves: CellArray) -> None:
         """See `Driver`."""
-        graph = self._graph
-        a, b = graph.path_ptr[move], graph.path_ptr[move + 1]
-        direction = -1 if graph.move_kind[move] == MoveKind.REVERSE else 1
-        self.append_points(car, graph.path_points[a:b], graph.path_s[a:b], direction)
-        self._ends[car].append(self._stop_s[car])
-        self._next_release[car] = self._ends[car][0] - RELEASE_M
+        ends = self.buffer.append_all(cars, self._pieces, moves)
+        self._stop_s[cars] = ends  # of a car's moves the last one counts
+        self._ends.put(cars, ends)
 
     def append_points(self, car: int, points: FloatArray, s_m: FloatArray, direction: int) -> None:
         """Extend a car's path by free points (a manoeuvre), without a move of the lane graph."""
@@ -129,8 +136,7 @@ class PathDriver:
         """Forget a car's path and begin anew at a pose x, y, yaw; by default where it is believed to stand."""
         self.buffer.reset(car, self.estimate[car] if pose is None else pose)
         self.follower.reset(car)
-        self._ends[car].clear()
-        self._next_release[car] = np.inf
+        self._ends.clear(car)
         self._stop_s[car] = self.buffer.end_s(car)
         self._speed_cap[car] = PASS_SPEED_MPS
 
@@ -144,16 +150,9 @@ class PathDriver:
         self._speeds = world.car_speeds()
         self.estimate = self.estimator.update(world.car_poses(), self._speeds, world.car_steering())
 
-    def finished(self) -> list[int]:
+    def finished(self) -> CellArray:
         """See `Driver`."""
-        out = []
-        for car in (self.follower.progress >= self._next_release).nonzero()[0].tolist():
-            ends = self._ends[car]
-            while ends and self.follower.progress[car] >= ends[0] - RELEASE_M:
-                ends.popleft()
-                out.append(car)
-            self._next_release[car] = ends[0] - RELEASE_M if ends else np.inf
-        return out
+        return _passed(self._ends.arrays(), self.follower.progress)
 
     def at_rest(self, car: int) -> bool:
         """See `Driver`."""
@@ -206,10 +205,8 @@ class StateDriver:
         self._reached = states
         self._state = start_states.astype(np.int64)
         self.estimate = graph.state_pose[start_states]
-        self._targets: list[deque[int]] = [deque() for _ in start_states]
-        self._next = np.full(len(start_states), NOWHERE, dtype=np.int64)
-        """First target of each car, -1 for none."""
-        self._done: list[int] = []
+        self._targets = Rings(len(start_states), np.int64)  # states at the ends of granted moves
+        self._done = np.empty(0, dtype=np.int32)
         self._stopped = np.zeros(len(start_states), dtype=np.bool_)
 
     @property
@@ -217,37 +214,32 @@ class StateDriver:
         """See `Driver`."""
         return None
 
-    def append(self, car: int, move: int) -> None:
+    def append(self, cars: CellArray, moves: CellArray) -> None:
         """See `Driver`."""
-        self._targets[car].append(int(self._graph.move_to[move]))
-        self._next[car] = self._targets[car][0]
+        self._targets.put(cars, self._graph.move_to[moves])
 
     def commands(self, world: World) -> FloatArray:
         """See `Driver`."""
         self.estimate = world.car_poses()
-        there = (self._next == self._reached()) & (self._next != NOWHERE)
-        for car in there.nonzero()[0].tolist():
-            targets = self._targets[car]
-            self._state[car] = targets.popleft()
-            self._next[car] = targets[0] if targets else NOWHERE
-            self._done.append(car)
-        go = (self._next != NOWHERE) & ~self._stopped
+        done = _arrived(self._targets.arrays(), self._reached(), self._state)
+        if len(done):
+            self._done = np.concatenate((self._done, done))
         commands = np.zeros((len(self._state), 2))
-        commands[:, 0] = np.where(go, self._next, self._state)
+        _aim(self._targets.arrays(), self._state, self._stopped, commands)
         return commands
 
-    def finished(self) -> list[int]:
+    def finished(self) -> CellArray:
         """See `Driver`."""
-        done, self._done = self._done, []
+        done, self._done = self._done, self._done[:0]
         return done
 
     def at_rest(self, car: int) -> bool:
         """See `Driver`."""
-        return not self._targets[car]
+        return self._targets.is_empty(car)
 
     def remaining(self, car: int) -> FloatArray:
         """See `Driver`."""
-        return self._graph.state_pose[[int(self._state[car]), *self._targets[car]], :2]
+        return self._graph.state_pose[[int(self._state[car]), *self._targets.of(car)], :2]
 
     def off_lane(self) -> list[int]:
         """See `Driver`."""
@@ -259,6 +251,42 @@ class StateDriver:
 
     def give_up(self, car: int) -> None:
         """See `Driver`."""
-        self._targets[car].clear()
-        self._next[car] = NOWHERE
+        self._targets.clear(car)
         self.stop(car)
+
+
+@njit(cache=True)
+def _passed(ends: RingArrays, progress: FloatArray) -> CellArray:  # pragma: no cover - compiled
+    """Take the moves that have ended from their queues; their cars, ascending, shape (k,)."""
+    cars = np.empty((ends.end - ends.first).sum(), np.int32)
+    n = 0
+    for car in range(len(progress)):
+        while ends.first[car] < ends.end[car] and progress[car] >= front(ends, car) - RELEASE_M:
+            ends.first[car] += 1
+            cars[n] = car
+            n += 1
+    return cars[:n]
+
+
+@njit(cache=True)
+def _arrived(targets: RingArrays, reached: IntArray, state: IntArray) -> CellArray:  # pragma: no cover - compiled
+    """Move the cars on that have reached their first target; those cars, ascending, shape (k,)."""
+    cars = np.empty(len(state), np.int32)
+    n = 0
+    for car in range(len(state)):
+        if targets.first[car] < targets.end[car] and front(targets, car) == reached[car]:
+            state[car] = reached[car]
+            targets.first[car] += 1
+            cars[n] = car
+            n += 1
+    return cars[:n]
+
+
+@njit(cache=True)
+def _aim(
+    targets: RingArrays, state: IntArray, stopped: BoolArray, commands: FloatArray
+) -> None:  # pragma: no cover - compiled
+    """Fill in the state each car is to be in: its first target, or where it is."""
+    for car in range(len(state)):
+        goes = targets.first[car] < targets.end[car] and not stopped[car]
+        commands[car, 0] = front(targets, car) if goes else state[car]

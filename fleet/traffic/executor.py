@@ -14,7 +14,7 @@ from fleet.config import TrafficConfig
 from fleet.traffic.drivers import Driver
 from fleet.world.protocol import FloatArray, World
 from maps.lane_graph import LaneGraph
-from planners.execution.arrays import Int64Array
+from planners.execution.arrays import BoolArray, Int64Array
 from planners.execution.dependency_graph import DependencyGraph
 from planners.execution.errors import UnexecutablePlanError
 from planners.execution.queues import Queues, move_at
@@ -135,17 +135,16 @@ class Executor:
         commands = self.driver.commands(world)
         self._still_s += world.tick_s
         finished = self.driver.finished()
-        if finished:
+        if len(finished):
             self.dependencies.finish_all(finished)
-            for car in finished:
-                self._still_s[car] = 0.0
+            self._still_s[finished] = 0.0
             self._dirty = True
         self._reorder(world.tick_s)
         if self._dirty:
             cars, moves = self.dependencies.grant_all(self._config.grant_moves_n, self._closed)
-            for car, move in zip(cars, moves, strict=True):
-                self.driver.append(car, move)
-                self._still_s[car] = 0.0
+            if len(cars):
+                self.driver.append(cars, moves)
+                self._still_s[cars] = 0.0
             self._dirty = False
         return commands
 
@@ -155,15 +154,23 @@ class Executor:
         if not self.dependencies.anyone_held_up:
             self._waited_s[:] = 0.0
             return
-        held_up = self.dependencies.held_up()
-        self._waited_s += tick_s
-        self._waited_s *= held_up
-        car = int(self._waited_s.argmax())
+        car = _wait(self._waited_s, self.dependencies.held_up(), tick_s)
         if self._waited_s[car] >= after_s:
             self._waited_s[car] -= RETRY_S
             if self.dependencies.go_first(car, self._still_s >= after_s):
                 self.reordered_n += 1
                 self._dirty = True
+
+
+@njit(cache=True)
+def _wait(waited_s: FloatArray, held_up: BoolArray, tick_s: float) -> int:  # pragma: no cover - compiled
+    """Let time pass for the cars that are held up, and start anew for the others; returns who has waited longest."""
+    longest = 0
+    for car in range(len(waited_s)):
+        waited_s[car] = waited_s[car] + tick_s if held_up[car] else 0.0
+        if waited_s[car] > waited_s[longest]:
+            longest = car
+    return longest
 
 
 @njit(cache=True)

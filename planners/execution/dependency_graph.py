@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Protocol
 
 import numpy as np
@@ -28,6 +28,7 @@ from planners.execution.queues import (
     run_through,
     start,
     start_all,
+    tails,
     take_places,
     with_room,
 )
@@ -113,10 +114,7 @@ class DependencyGraph:
     def tail_states(self) -> IntArray:
         """State each agent stands in when all its moves are done, shape (n,), read-only."""
         if self._tails is None:
-            q = self._q
-            agents = np.arange(self.n_agents)
-            last = q.moves[agents, (q.queued - 1) % q.moves.shape[1]]
-            self._tails = np.where(q.queued > q.finished, q.move_to[last], q.state)
+            self._tails = tails(self._q)
             self._tails.flags.writeable = False
         return self._tails
 
@@ -205,7 +203,7 @@ class DependencyGraph:
         self._held_up = None
         return int(start(self._q, agent))
 
-    def grant_all(self, most: int, closed: BoolArray) -> tuple[list[int], list[int]]:
+    def grant_all(self, most: int, closed: BoolArray) -> tuple[IntArray, IntArray]:
         """Grant everything that is grantable, agent by agent.
 
         Args:
@@ -213,13 +211,13 @@ class DependencyGraph:
             closed: Cells into which nobody is let, shape (n_cells,).
 
         Returns:
-            Agents and their moves, in the order of the grants.
+            Agents and their moves, in the order of the grants, shape (k,).
         """
         agents = np.empty(self.n_agents * most, dtype=np.int32)
         moves = np.empty_like(agents)
         count = start_all(self._q, most, closed, agents, moves)
         self._held_up = None
-        return agents[:count].tolist(), moves[:count].tolist()
+        return agents[:count], moves[:count]
 
     def finish(self, agent: int) -> int:
         """Take note that the agent's oldest granted move has reached its end, and free what it left.
@@ -235,16 +233,17 @@ class DependencyGraph:
         self._held_up = None
         return int(end(self._q, agent))
 
-    def finish_all(self, agents: Sequence[int]) -> None:
+    def finish_all(self, agents: npt.ArrayLike) -> None:
         """Do `finish` for each agent in turn; one may stand there more than once.
 
         Raises:
             ExecutionError: No move is granted; the agents before are done.
         """
         self._held_up = None
-        done = end_all(self._q, np.array(agents, dtype=np.int32))
-        if done < len(agents):
-            self.finish(agents[done])
+        in_turn = np.asarray(agents, dtype=np.int32)
+        done = end_all(self._q, in_turn)
+        if done < len(in_turn):
+            self.finish(int(in_turn[done]))
 
     def blockers(self, agent: int) -> list[tuple[int, int]]:
         """What the agent's next move waits for: pairs (agent, cell) of whoever holds the cell or comes before."""

@@ -69,7 +69,7 @@ def _refusal(fault: int, graph: LaneGraph, states: IntArray, t: int, agent: int)
 
 
 def _check_rings(graph: LaneGraph, states: IntArray, steps: Steps) -> None:
-    t, first = _ring(states, graph.state_cell, graph.n_cells)
+    t, first = _ring(states, graph.state_cell, graph.n_cells, steps.timestep, steps.agent)
     if t < 0:
         return
     before, after = graph.state_cell[states[t]], graph.state_cell[states[t + 1]]
@@ -97,14 +97,21 @@ def _read(  # pragma: no cover - compiled
         for k in range(n):
             if states[t, k] < 0 or states[t, k] >= len(state_cell):
                 return _NO_STATE, t * n + k
-    last_in = np.full(n_cells, -1)
+    agents_in = np.zeros(n_cells, np.int32)
     for t in range(rows):
+        # Most agents wait: only the cells of those that have moved are looked at.
+        if t > 0:
+            for k in range(n):
+                if states[t, k] != states[t - 1, k]:
+                    agents_in[state_cell[states[t - 1, k]]] -= 1
         shared = -1
         for k in range(n):
+            if t > 0 and states[t, k] == states[t - 1, k]:
+                continue
             cell = state_cell[states[t, k]]
-            if last_in[cell] == t and (shared < 0 or cell < state_cell[states[t, shared]]):
+            agents_in[cell] += 1
+            if agents_in[cell] > 1 and (shared < 0 or cell < state_cell[states[t, shared]]):
                 shared = k
-            last_in[cell] = t
         if shared >= 0:
             return _ONE_CELL, t * n + shared
     count = 0
@@ -125,19 +132,32 @@ def _read(  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _ring(states: IntArray, state_cell: IntArray, n_cells: int) -> tuple[int, int]:  # pragma: no cover - compiled
+def _ring(
+    states: IntArray, state_cell: IntArray, n_cells: int, timestep: IndexArray, agent: IndexArray
+) -> tuple[int, int]:  # pragma: no cover - compiled
     """Find the first closed ring: its timestep and lowest agent, or -1, -1. No two agents share a cell.
 
     Who enters a cell follows the one that leaves it; turning on the spot follows nobody, and leads nobody.
+
+    Args:
+        states: The plan, shape (T + 1, n).
+        state_cell: Cell of each state.
+        n_cells: Number of cells.
+        timestep: Of each step of the plan, ascending.
+        agent: Of each step, ascending in each timestep.
     """
-    rows, n = states.shape
-    leaver = np.full(n_cells, -1)  # the agent that leaves each cell, in the timestep that is looked at
-    seen = np.full(n, -1)
-    for t in range(rows - 1):
-        for k in range(n):
-            before, after = state_cell[states[t, k]], state_cell[states[t + 1, k]]
-            leaver[before] = k if after != before else -1
-        for first in range(n):
+    leaver = np.full(n_cells, -1, np.int32)  # the agent that leaves each cell, in the timestep that is looked at
+    seen = np.full(states.shape[1], -1, np.int32)
+    begin = 0
+    while begin < len(agent):
+        t, end = timestep[begin], begin
+        while end < len(agent) and timestep[end] == t:
+            k = agent[end]
+            before = state_cell[states[t, k]]
+            if state_cell[states[t + 1, k]] != before:
+                leaver[before] = k
+            end += 1
+        for first in agent[begin:end]:
             k = first
             while seen[k] != t:
                 seen[k] = t
@@ -149,6 +169,7 @@ def _ring(states: IntArray, state_cell: IntArray, n_cells: int) -> tuple[int, in
                     return t, first
                 if k < 0:
                     break
-        for k in range(n):
+        for k in agent[begin:end]:
             leaver[state_cell[states[t, k]]] = -1
+        begin = end
     return -1, -1

@@ -135,16 +135,15 @@ class DistanceTable:
             DistanceTableFull: The distinct goals of this call alone need more memory than the cap.
             DistanceTooLong: A way to a goal takes more than 65,534 timesteps.
         """
-        if goals.size and goals.max() >= self.graph.n_states:
-            raise PlanningError(f"distance table: goal {goals.max()}; valid: states 0..{self.graph.n_states - 1}")
+        index: IntArray = np.empty(len(goals), dtype=np.int32)
+        greatest, missing_n = _look_up(goals, self._row_of, index)
+        if greatest >= self.graph.n_states:
+            raise PlanningError(f"distance table: goal {greatest}; valid: states 0..{self.graph.n_states - 1}")
         self._call += 1
-        has_goal = goals >= 0
-        index: IntArray = np.where(has_goal, self._row_of[goals], np.int32(-1))
-        self._asked[index[index >= 0]] = self._call
-        missing = has_goal & (index < 0)
-        if missing.any():
-            self._search(np.unique(goals[missing]))
-            index = np.where(has_goal, self._row_of[goals], np.int32(-1))
+        _note(index, self._asked, self._call)
+        if missing_n:
+            self._search(np.unique(goals[(goals >= 0) & (index < 0)]))
+            _look_up(goals, self._row_of, index)
         return self._rows, index
 
     def _search(self, goals: IntArray) -> None:
@@ -239,6 +238,27 @@ def _states_before(graph: LaneGraph, is_open: BoolArray) -> npt.NDArray[np.uint3
     before = np.repeat(np.arange(graph.n_states, dtype=np.uint32)[:, None], max(counts.max(initial=0), 1), axis=1)
     before[to, place] = graph.move_from[move]
     return before
+
+
+@njit(cache=True, nogil=True)
+def _look_up(goals: IntArray, row_of: IntArray, index: IntArray) -> tuple[int, int]:  # pragma: no cover - compiled
+    """Fill in the row of each goal, -1 for none; returns the greatest goal and how many have no row yet."""
+    greatest, missing_n = -1, 0
+    for k in range(len(goals)):
+        goal = goals[k]
+        greatest = max(greatest, goal)
+        index[k] = row_of[goal] if 0 <= goal < len(row_of) else -1
+        if goal >= 0 and index[k] < 0:
+            missing_n += 1
+    return greatest, missing_n
+
+
+@njit(cache=True, nogil=True)
+def _note(index: IntArray, asked: npt.NDArray[np.int64], call: int) -> None:  # pragma: no cover - compiled
+    """Note that some rows were asked for in a call."""
+    for row in index:
+        if row >= 0:
+            asked[row] = call
 
 
 @njit(cache=True, nogil=True)

@@ -15,7 +15,7 @@ from planners.errors import PlanningError
 from planners.mapf.arrays import BoolArray, Int64Array, IntArray
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable, tables_of
 from planners.mapf.inheritance import PUSHED, UNDECIDED, Claims, claims_of, clear, enter, push, stay
-from planners.mapf.kernel import kernel
+from planners.mapf.kernel import Int, inlined, kernel
 from planners.mapf.options import Options, options_of
 from planners.mapf.problem import NOBODY, Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
@@ -29,6 +29,8 @@ _OCCUPIED = 2 << _CLASS_BIT
 _TURN = 3 << _CLASS_BIT
 _CHANCE = (1 << _CLASS_BIT) - (1 << _NUMBER_BITS)
 _USED_UP = 2**62
+_UNRANKED = -1
+"""In place of the key of waiting: an agent that wants to stay where it is, whose options nobody has asked for yet."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,13 +188,20 @@ def _step(
         if wishes.locked[agent]:
             stay(claims, now, after, agent)
     _rank(options, wishes, claims, keys, salt, now)
-    # The main loop of algorithm 1: by priority, whoever is undecided; all candidates are sorted beforehand.
+    # The main loop of algorithm 1: by priority, whoever is undecided.
     for leader in wishes.order:
-        if claims.goes[leader] == UNDECIDED:
-            claims.stack[0] = leader
-            end, depth = PUSHED, np.int64(0)
-            while end == PUSHED:  # everybody is ranked already
-                end, depth = push(options, claims, keys, _USED_UP, now, after, depth, wishes.allow_rotation)
+        if claims.goes[leader] != UNDECIDED:
+            continue
+        if keys[leader, 0] == _UNRANKED and claims.cells[claims.home[leader], 1] == NOBODY:
+            stay(claims, now, after, leader)
+            continue
+        claims.stack[0] = leader
+        end, depth = PUSHED, np.int64(0)
+        while end == PUSHED:
+            pushed = claims.stack[depth]
+            if keys[pushed, 0] == _UNRANKED:
+                _rank_options(options, wishes, claims, keys, salt, now, pushed)
+            end, depth = push(options, claims, keys, _USED_UP, now, after, depth, wishes.allow_rotation)
     if options.has_turns:
         _hold_back(claims, state_cell, now, after)
     clear(options, claims, now)
@@ -202,42 +211,55 @@ def _step(
 def _rank(
     options: Options, wishes: NextWishes, claims: Claims, keys: Int64Array, salt: int, now: IntArray
 ) -> None:  # pragma: no cover - compiled
-    """Give every option of every agent its key; option 0 is to wait.
+    """Give every option of every agent its key.
 
     All agents in one loop, before any of them decides: the far memory that the distances lie in is then read for many
-    agents at a time.
+    agents at a time. Those that have no goal, or are at theirs, want nothing better than to wait: their options are
+    ranked when they are pushed, which most never are.
     """
     for agent in range(len(now)):
         if wishes.locked[agent]:
             continue
-        state, here, goal_row = now[agent], claims.home[agent], wishes.row[agent]
-        noise = (salt ^ (agent * 0x9E3779B97F4A7C1)) * 0x2545F4914F6CDD1D
-        noise ^= noise >> 29
-        keys[agent, 0] = 0
-        own = np.int64(0)
+        goal_row = wishes.row[agent]
+        if goal_row < 0 or wishes.distances[goal_row, now[agent]] == 0:
+            keys[agent, 0] = _UNRANKED
+        else:
+            _rank_options(options, wishes, claims, keys, salt, now, agent)
+
+
+@inlined
+def _rank_options(
+    options: Options, wishes: NextWishes, claims: Claims, keys: Int64Array, salt: int, now: IntArray, agent: Int
+) -> None:  # pragma: no cover - compiled
+    """Give every option of an agent its key; option 0 is to wait."""
+    state, here, goal_row = now[agent], claims.home[agent], wishes.row[agent]
+    noise = (salt ^ (agent * 0x9E3779B97F4A7C1)) * 0x2545F4914F6CDD1D
+    noise ^= noise >> 29
+    keys[agent, 0] = 0
+    own = np.int64(0)
+    if goal_row >= 0:
+        own = np.int64(wishes.distances[goal_row, state]) + 1
+        if own <= UNREACHABLE:
+            keys[agent, 0] = (own << _DISTANCE_BIT) | _WAIT
+    for option in range(options.aim.shape[1]):
+        target, to = options.aim[state, option, 0], options.aim[state, option, 1]
+        if target < 0:
+            keys[agent, option + 1 :] = _USED_UP
+            break
+        noise ^= noise << 13
+        noise ^= noise >> 7
+        noise ^= noise << 17
+        key = (noise & _CHANCE) | (option + 1)
+        left = np.int64(1)
+        if options.has_turns:
+            left += options.start[state, option, 1]
         if goal_row >= 0:
-            own = np.int64(wishes.distances[goal_row, state]) + 1
-            if own <= UNREACHABLE:
-                keys[agent, 0] = (own << _DISTANCE_BIT) | _WAIT
-        for option in range(options.aim.shape[1]):
-            target, to = options.aim[state, option, 0], options.aim[state, option, 1]
-            if target < 0:
-                keys[agent, option + 1 :] = _USED_UP
-                break
-            noise ^= noise << 13
-            noise ^= noise >> 7
-            noise ^= noise << 17
-            key = (noise & _CHANCE) | (option + 1)
-            left = np.int64(1)
-            if options.has_turns:
-                left += options.start[state, option, 1]
-            if goal_row >= 0:
-                left += np.int64(wishes.distances[goal_row, target])
-            if to == here:
-                key |= _TURN
-            elif left == own and claims.cells[to, 0] != NOBODY:
-                key |= _OCCUPIED
-            keys[agent, option + 1] = key | (left << _DISTANCE_BIT)
+            left += np.int64(wishes.distances[goal_row, target])
+        if to == here:
+            key |= _TURN
+        elif left == own and claims.cells[to, 0] != NOBODY:
+            key |= _OCCUPIED
+        keys[agent, option + 1] = key | (left << _DISTANCE_BIT)
 
 
 @kernel

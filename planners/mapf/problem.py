@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
@@ -61,6 +62,8 @@ class Instance:
             raise InstanceError(f"instance: blocked has shape {np.shape(self.blocked)}; valid: ({graph.n_cells},)")
         if self.horizon < 0:
             raise InstanceError(f"instance: horizon = {self.horizon}; valid: an integer >= 0")
+        if _is_sound(self.starts, self.goals, self.priorities, graph.state_cell, graph.n_cells):
+            return
         for name, states, least in (("starts", self.starts, 0), ("goals", self.goals, NO_GOAL)):
             bad = np.flatnonzero((states < least) | (states >= graph.n_states))
             if bad.size:
@@ -81,6 +84,23 @@ class Instance:
     def n_agents(self) -> int:
         """Number of agents."""
         return len(self.starts)
+
+
+@njit(cache=True, nogil=True)
+def _is_sound(
+    starts: IntArray, goals: IntArray, priorities: npt.NDArray[np.float64], state_cell: IntArray, n_cells: int
+) -> bool:  # pragma: no cover - compiled
+    """Whether all states exist, no priority is nan, and no two agents start in one cell."""
+    n_states = len(state_cell)
+    taken = np.zeros(n_cells, np.bool_)
+    for agent in range(len(starts)):
+        if not 0 <= starts[agent] < n_states or not NO_GOAL <= goals[agent] < n_states:
+            return False
+        cell = state_cell[starts[agent]]
+        if taken[cell] or np.isnan(priorities[agent]):
+            return False
+        taken[cell] = True
+    return True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

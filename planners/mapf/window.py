@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from planners.deadline import Deadline
-from planners.mapf.arrays import BoolArray, IntArray
+from planners.mapf.arrays import BoolArray, FloatArray, IntArray
 from planners.mapf.distance_table import UNREACHABLE
+from planners.mapf.kernel import Int, kernel
 from planners.mapf.problem import NO_GOAL, Instance, Plan
 from planners.status import Status
 
@@ -28,6 +29,19 @@ class WindowStep(Protocol):
         """
 
 
+class WindowTurns(NamedTuple):
+    """Who chooses first in a timestep; n agents."""
+
+    order: IntArray
+    """Agents: those that are not content before those that are, among them the greater priority first, shape (n,)."""
+    content: BoolArray
+    """Agents that have no goal, or have been at theirs, shape (n,)."""
+    priority: FloatArray
+    """Shape (n,)."""
+    locked: BoolArray
+    """Agents that do not move, shape (n,)."""
+
+
 def plan_window(
     instance: Instance, step: WindowStep, deadline: Deadline, *, impatience: float, reachable: BoolArray
 ) -> Plan:
@@ -44,22 +58,63 @@ def plan_window(
     """
     states = np.empty((instance.horizon + 1, instance.n_agents), dtype=np.int32)
     states[0] = instance.starts
-    content = instance.goals == NO_GOAL
+    content = (instance.goals == NO_GOAL) | (instance.goals == instance.starts)
     priority = np.array(instance.priorities, dtype=np.float64)
-    order = np.lexsort((-priority, content)).astype(np.int32)
+    turns = WindowTurns(
+        order=np.lexsort((-priority, content)).astype(np.int32),
+        content=content,
+        priority=priority,
+        locked=np.empty(instance.n_agents, dtype=np.bool_),
+    )
     done = 0
     while done < instance.horizon and deadline.spend():
-        at_goal = states[done] == instance.goals
-        if (at_goal & ~content).any():  # the order of the others does not change while all gain alike
-            content |= at_goal
-            order = np.lexsort((-priority, content)).astype(np.int32)
-        step(states[done], states[done + 1], order=order, locked=instance.fixed | (instance.stay & at_goal))
+        _take_turns(turns, states[done], instance.goals, instance.stay, instance.fixed, impatience if done else 0.0)
+        step(states[done], states[done + 1], order=turns.order, locked=turns.locked)
         done += 1
-        priority += impatience * ~content
     status = Status.FEASIBLE if done == instance.horizon else Status.TIMEOUT
     if not reachable.all():
         status = Status.INFEASIBLE
     return Plan(states=states[: done + 1], status=status, iterations=done)
+
+
+@kernel
+def _take_turns(
+    turns: WindowTurns, now: IntArray, goals: IntArray, stay: BoolArray, fixed: BoolArray, impatience: float
+) -> None:  # pragma: no cover - compiled
+    """Begin a timestep: whoever is not content has become more impatient, and may be content now."""
+    order, content, priority, locked = turns
+    some = False
+    for agent in range(len(now)):
+        if not content[agent]:
+            priority[agent] += impatience
+        at_goal = now[agent] == goals[agent]
+        locked[agent] = fixed[agent] or (stay[agent] and at_goal)
+        if at_goal and not content[agent]:
+            content[agent] = True
+            some = True
+    if some:  # the order of the others does not change while all gain alike
+        _sort(order, content, priority)
+
+
+@kernel
+def _sort(order: IntArray, content: BoolArray, priority: FloatArray) -> None:  # pragma: no cover - compiled
+    """Put agents in order again, of whom few have changed: by insertion."""
+    for end in range(1, len(order)):
+        agent, at = order[end], end
+        while at > 0 and _before(agent, order[at - 1], content, priority):
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = agent
+
+
+@kernel
+def _before(a: Int, b: Int, content: BoolArray, priority: FloatArray) -> bool:  # pragma: no cover - compiled
+    """Whether agent `a` chooses before agent `b`."""
+    if content[a] != content[b]:
+        return bool(content[b])
+    if priority[a] != priority[b]:
+        return bool(priority[a] > priority[b])
+    return bool(a < b)
 
 
 def reachable_goals(instance: Instance, distances: npt.NDArray[np.uint16], row: IntArray) -> BoolArray:
@@ -70,7 +125,8 @@ def reachable_goals(instance: Instance, distances: npt.NDArray[np.uint16], row: 
         distances: Timesteps to goals, shape (n_rows, n_states).
         row: Row of each agent's goal, negative = none, shape (n,).
     """
-    has_goal = row >= 0
+    # Who is at its goal has been there: nothing is looked up in the far memory of the distances.
+    away = ((row >= 0) & (instance.starts != instance.goals)).nonzero()[0]
     reachable = np.ones(len(row), dtype=np.bool_)
-    reachable[has_goal] = distances[row[has_goal], instance.starts[has_goal]] < UNREACHABLE
+    reachable[away] = distances[row[away], instance.starts[away]] < UNREACHABLE
     return reachable

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import CellArray
 from fleet.config import EstimateConfig
 from fleet.robots.spec import CarSpec
 from fleet.traffic.drivers import AT_REST_MPS, OFF_LANE_M, OFF_LANE_RAD, RELEASE_M, PathDriver
@@ -68,13 +69,13 @@ class AgentDriver(PathDriver):
         self.stale: set[int] = set(range(n_cars))
         """Cars whose granted moves have changed since whoever draws their routes looked last, and took them out."""
 
-    def append(self, car: int, move: int) -> None:
+    def append(self, cars: CellArray, moves: CellArray) -> None:
         """See `Driver`."""
-        if self._is_agent[car]:
+        by_agent = self._by_agent[cars]
+        for car, move in zip(cars[by_agent].tolist(), moves[by_agent].tolist(), strict=True):
             self._moves[car].append(move)
             self._set_gates(car)
-        else:
-            super().append(car, move)
+        super().append(cars[~by_agent], moves[~by_agent])
 
     def commands(self, world: World) -> FloatArray:
         """See `Driver`; the car of an agent that says nothing stands."""
@@ -85,9 +86,9 @@ class AgentDriver(PathDriver):
         commands[self._by_agent] = 0.0
         return commands
 
-    def finished(self) -> list[int]:
+    def finished(self) -> CellArray:
         """See `Driver`."""
-        done = [] if self._all_agents else super().finished()
+        done: list[int] = [] if self._all_agents else super().finished().tolist()
         if _count_passed(self.estimate, self._gates, self._gates_n, self._passed):
             for car in np.flatnonzero(self._passed).tolist():
                 moves = self._moves[car]
@@ -95,7 +96,7 @@ class AgentDriver(PathDriver):
                     self._reached[car] = int(self._graph.move_to[moves.popleft()])
                     done.append(car)
                 self._set_gates(car)
-        return done
+        return np.array(done, dtype=np.int32)
 
     def at_rest(self, car: int) -> bool:
         """See `Driver`."""

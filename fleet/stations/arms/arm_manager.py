@@ -149,8 +149,9 @@ class ArmManager:
             if due_tick <= tick:
                 del self._due[arm]
                 self._land(arm, answer if isinstance(answer, Transfer) else self._planner.result(answer))
+        idle = ArmPhase.IDLE  # looked up once, not for every arm of a site
         for service in self.services:
-            if service.state is ArmPhase.IDLE:
+            if service.state is idle:
                 continue
             service.tick(self._tick_s, int(held[service.arm]))
             self.q[service.arm], self.qd[service.arm] = service.q, service.qd

@@ -12,6 +12,7 @@ from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import LINE_SPEED, ArmMotions, Confirm, Held, UnreachableError, backwards
 from fleet.stations.arms.arm_spheres import PlannedArm
 from fleet.stations.arms.loose import LooseGrips, UngrippableError, loose_grips
+from fleet.stations.arms.recent import Recent
 from fleet.stations.arms.retrieval import Margins, Retrieval
 from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import (
@@ -59,6 +60,9 @@ NEAR_VIA_M = 0.3
 """Parcels that are nearer than this to a slot or the tray are tried to be reached over its via point first [m]."""
 NEIGHBOUR_M = 0.2
 """Slots that are nearer than this to such a parcel are taken for empty: it may lie on them [m]."""
+
+RECENT_N = 16
+"""Ways down that an arm remembers, a few for each slot: equal parcels lie at the same places of a slot."""
 
 
 @dataclass(kw_only=True)
@@ -115,6 +119,9 @@ class CellPlanner:
         self._retrieval = Retrieval(arm, self._motions, search, Margins(travel_m=MARGIN_M, line_m=LINE_MARGIN_M))
         self._known = known if known is not None else KnownWays()
         self._known.vias[HOME] = spec.home_rad
+        self._via_tips: dict[int, FloatArray] = {}
+        self._admissions: Recent[FloatArray] = Recent(RECENT_N)
+        self._descents: Recent[tuple[Trajectory, Trajectory]] = Recent(RECENT_N)
         self._way_trees: dict[tuple[int, int, bool], list[SearchTree]] = {}
 
     def keep_trees(self) -> None:
@@ -267,11 +274,15 @@ class CellPlanner:
 
     def _lines(self, down: FloatArray, before: Held | None, after: Held | None) -> tuple[Trajectory, Trajectory]:
         """The motions down a line and up again, with what is in the grip on each."""
-        lower, lift = (
-            self._motions.confirmed(self._motions.timed(path, LINE_SPEED, self._line), self._line_boxes, load)
-            for path, load in ((down, before), (down[::-1], after))
-        )
-        return lower, lift
+
+        def timed() -> tuple[Trajectory, Trajectory]:
+            lower, lift = (
+                self._motions.confirmed(self._motions.timed(path, LINE_SPEED, self._line), self._line_boxes, load)
+                for path, load in ((down, before), (down[::-1], after))
+            )
+            return lower, lift
+
+        return self._descents.of((down.tobytes(), before, after), timed)
 
     def _grasp(self, request: TransferRequest | FetchRequest) -> tuple[FloatArray, float]:
         """The way down to the first grip that can be reached, and the tip's height over the parcel's underside."""
@@ -332,17 +343,21 @@ class CellPlanner:
 
     def _admission(self, via: int, tip: FloatArray) -> FloatArray:
         """Straight lines from a via point to above a tip pose and down to it, shape (k, n)."""
-        start = self._via(via)
-        above = tip.copy()
-        above[2, 3] = self._via_tip(via)[2, 3]
-        path = start[None]
-        for target in (above, tip):
-            line = self._straight(path[-1], target)
-            if line is None:
-                x, y, z = np.round(target[:3, 3], 3)
-                raise UnreachableError(f"no straight line to ({x}, {y}, {z}) in the arm's base frame")
-            path = np.concatenate((path, line[1:]))
-        return path
+
+        def found() -> FloatArray:
+            start = self._via(via)
+            above = tip.copy()
+            above[2, 3] = self._via_tip(via)[2, 3]
+            path = start[None]
+            for target in (above, tip):
+                line = self._straight(path[-1], target)
+                if line is None:
+                    x, y, z = np.round(target[:3, 3], 3)
+                    raise UnreachableError(f"no straight line to ({x}, {y}, {z}) in the arm's base frame")
+                path = np.concatenate((path, line[1:]))
+            return path
+
+        return self._admissions.of((via, tip.tobytes()), found)
 
     def _straight(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
         line = self._motions.line(q, tip)
@@ -365,7 +380,12 @@ class CellPlanner:
         return vias[place]
 
     def _via_tip(self, place: int) -> FloatArray:
-        return self._motions.tip(self._via(place))
+        """Pose of the tool's tip at a via point, shape (4, 4), read-only."""
+        if place not in self._via_tips:
+            tip = self._motions.tip(self._via(place))
+            tip.flags.writeable = False
+            self._via_tips[place] = tip
+        return self._via_tips[place]
 
     def _find_via(self, place: int) -> FloatArray:
         """The configuration above a place from which parcels around it can be reached, nearest to rest and tray."""

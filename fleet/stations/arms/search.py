@@ -19,6 +19,7 @@ class Search:
 
     def __init__(self, planner: str, iterations_n: int) -> None:
         self._planner = motion_planner(planner)
+        self._grower = self._planner if isinstance(self._planner, GrowsTrees) else None
         self._iterations_n = iterations_n
 
     def way(self, checker: CollisionChecker, start: FloatArray, goals: FloatArray) -> MotionResult:
@@ -35,21 +36,21 @@ class Search:
     @property
     def keeps_trees(self) -> bool:
         """Whether the trees of searches are kept until they are taken."""
-        return isinstance(self._planner, GrowsTrees) and self._planner.trees is not None
+        return self._grower is not None and self._grower.trees is not None
 
     def keep_trees(self) -> None:
         """Keep the trees of searches from now on, if the planner grows any."""
-        if isinstance(self._planner, GrowsTrees):
-            self._planner.trees = []
+        if self._grower is not None:
+            self._grower.trees = []
 
     def take_trees(self) -> list[SearchTree]:
         """The trees since the last call; empty while none are kept."""
-        if not isinstance(self._planner, GrowsTrees) or self._planner.trees is None:
+        if self._grower is None or self._grower.trees is None:
             return []
-        trees, self._planner.trees = self._planner.trees, []
+        trees, self._grower.trees = self._grower.trees, []
         return trees
 
     def add_trees(self, trees: list[SearchTree]) -> None:
         """Put trees of earlier searches behind those that are kept."""
-        if isinstance(self._planner, GrowsTrees) and self._planner.trees is not None:
-            self._planner.trees += trees
+        if self._grower is not None and self._grower.trees is not None:
+            self._grower.trees += trees

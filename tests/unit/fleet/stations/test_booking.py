@@ -72,3 +72,12 @@ def test_any_sequence_keeps_the_cap(seed: int) -> None:
             assert len(bookings.cars(k)) <= cap
             assert set(bookings.bound(k)) == set(np.flatnonzero(bookings.place_of == k).tolist())
             assert all(bookings.has(car) != (car in bookings.waiting(k)) for car in bookings.bound(k))
+
+
+def test_cars_in_line_are_those_that_are_bound_place_by_place() -> None:
+    bookings = Bookings([1, 1, 1, 1], n_cars=5)
+    for car, place in ((3, 2), (0, 0), (4, 2), (1, 3)):
+        bookings.bind(car, place)
+    cars, first = bookings.in_line(3)
+    assert cars.tolist() == [0, 3, 4]
+    assert first.tolist() == [0, 1, 1, 3]

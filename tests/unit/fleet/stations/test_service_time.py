@@ -57,3 +57,10 @@ def test_the_time_left_runs_down_to_zero() -> None:
     times.begin(0, Direction.TO_CAR, 5.0)
     assert times.left_s(0, 7.0) == PRIOR_MEAN_S - 2.0
     assert times.left_s(0, 99.0) == 0.0
+
+
+def test_the_time_that_is_left_is_told_of_all_arms() -> None:
+    times = ServiceTimes(3)
+    times.begin(1, Direction.TO_CAR, 10.0)
+    assert times.all_left_s(12.0).tolist() == [times.left_s(arm, 12.0) for arm in range(3)]
+    assert times.left_s(1, 12.0) == PRIOR_MEAN_S - 2.0

@@ -13,15 +13,15 @@ class Drivers:
         self.driven: list[tuple[int, int]] = []
         self._doing: list[int] = []
 
-    def append(self, car: int, move: int) -> None:
-        self.driven.append((car, move))
-        self._doing.append(car)
+    def append(self, cars: np.ndarray, moves: np.ndarray) -> None:
+        self.driven += zip(cars.tolist(), moves.tolist(), strict=True)
+        self._doing += cars.tolist()
 
     def commands(self, world: object) -> np.ndarray:
         del world
         return np.zeros((0, 2))
 
-    def finished(self) -> list[int]:
+    def finished(self) -> np.ndarray:
         done = [car for car in self._doing if car not in self.late]
         self._doing = [car for car in self._doing if car in self.late]
-        return done
+        return np.array(done, dtype=np.int32)
