@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from fleet.arrays import BoolArray, CellArray, FloatArray, IntArray
 from fleet.insight.cause_log import CauseLog
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
 from fleet.insight.time_accounts import STANDING_MPS
@@ -14,8 +16,7 @@ from fleet.insight.why_idle import WhyIdle
 from fleet.missions.phases import NUMBER_OF_PHASE, PHASES, CarPhase
 from fleet.run.view import RunView
 from fleet.stations.arms.arm_controller import ArmPhase
-from fleet.world.protocol import FloatArray
-from planners.execution.queues import NOBODY, move_at
+from planners.execution.queues import NOBODY, Queues, move_at
 
 _BOUND, _IDLE, _REST = 0, 1, 2
 _UNDER_WAY = (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE, CarPhase.HELD)
@@ -36,12 +37,35 @@ _RESTS = np.array(
 # Kernels know plain numbers only.
 _DRIVES, _SETS_OFF, _CELL, _TURN = int(Cause.DRIVES), int(Cause.SETS_OFF), int(Cause.CELL), int(Cause.TURN)
 _CLOSED, _BLOCKED, _HALTED = int(Cause.CLOSED), int(Cause.BLOCKED), int(Cause.HALTED)
+_YIELDS, _PLAN_LATE = int(Cause.YIELDS), int(Cause.PLAN_LATE)
 _AWAITS, _NO_TASK = int(Cause.AWAITS), int(Cause.NO_TASK)
 _CAUSE, _BY, _AT, _PLACE, _UNTIL, _TASK, _DETAIL = map(int, Column)
 _AT_DOCK = (CarPhase.LOADING, CarPhase.UNLOADING)
 _FREE = (ArmPhase.IDLE, ArmPhase.HOLDING)
 _REMEMBERED_N = 4096
 _LOOK_UP = -2  # on its way without a move
+
+
+class _Cars(NamedTuple):
+    """What is known of the cars, shape (n_cars,)."""
+
+    phase: IntArray
+    """Index into `PHASES`."""
+    speeds: FloatArray
+    place_of: IntArray
+    without_task: CauseRows
+    halted_by: CellArray
+    parked: BoolArray
+
+
+class _Cells(NamedTuple):
+    """What is known of the cells, shape (n_cells,)."""
+
+    closed: BoolArray
+    blocked: BoolArray
+    wreck_of: CellArray
+    dock_at: CellArray
+    """The arm over each dock, -1 elsewhere."""
 
 
 class CauseWatch:
@@ -78,6 +102,8 @@ class CauseWatch:
         self._gated = any(service.gate is not None for service in run.arm_manager.services)
         self._arm_changes: list[object] = [None] * run.world.n_arms
         self._arm_bookings_n = -1
+        self._arm_served = np.full(run.world.n_arms, NONE, dtype=np.int64)
+        """The car that each arm served when its row was filled, shape (n_arms,)."""
         self._arms_due: float = 0.0
         self._arm_until = [NONE] * run.world.n_arms
         self._clear_tick = [NONE] * run.world.n_arms
@@ -102,22 +128,11 @@ class CauseWatch:
             self._halted_by[car] = by
         executor, traffic = run.executor, run.traffic
         roster = run.missions
-        without_move = _look_at_bound(
-            self.rows,
-            _RULES,
-            roster.phase_index,
-            speeds,
-            executor.dependencies.queues,
-            executor.closed,
-            traffic.blocked,
-            traffic.wreck_of,
-            self._dock_at,
-            run.bookings.place_of,
-            self._without_task,
-            self._halted_by,
-            self._parked,
-            self._n_cars,
+        cars = _Cars(
+            roster.phase_index, speeds, run.bookings.place_of, self._without_task, self._halted_by, self._parked
         )
+        cells = _Cells(executor.closed, traffic.blocked, traffic.wreck_of, self._dock_at)
+        without_move = _look_at_bound(self.rows, _RULES, executor.dependencies.queues, cars, cells)
         if without_move:
             self._look_at_without_move(tick)
         _leave_out_free_arms(self.rows, self._n_cars)
@@ -126,13 +141,18 @@ class CauseWatch:
     def _look_at_without_move(self, tick: int) -> None:
         """Cars on their way that stand and have no move left: they are there, or nothing is planned for them."""
         run = self._run
-        traffic, phases = run.traffic, run.missions.phase
+        traffic, phases = run.traffic, run.missions.phase_index
         tails = run.executor.tail_states()
-        for car in (self.rows[:, _CAUSE] == _LOOK_UP).nonzero()[0].tolist():
-            tail, goal, place = int(tails[car]), int(traffic.goals[car]), int(self.rows[car, _PLACE])
+        waiting: list[tuple[int, int]] = []
+        cars = (self.rows[:, _CAUSE] == _LOOK_UP).nonzero()[0]
+        places = self.rows[cars, _PLACE].tolist()
+        for car, tail, goal, place in zip(
+            cars.tolist(), tails[cars].tolist(), traffic.goals[cars].tolist(), places, strict=True
+        ):
             if tail == goal or goal < 0:
-                self._parked[car] = phases[car] in (CarPhase.HELD, CarPhase.IDLE)
-                if phases[car] is CarPhase.IDLE:
+                phase = phases[car]
+                self._parked[car] = phase in (_HELD_PHASE, _IDLE_PHASE)
+                if phase == _IDLE_PHASE:
                     self.rows[car] = self._without_task[car]
                 elif self._parked[car]:
                     self._set_held(car)
@@ -142,7 +162,9 @@ class CauseWatch:
                 cell = traffic.obstacle(tail, goal)
                 self._set(car, Cause.BLOCKED, by=self._wreck(cell), cell=cell, place=place)
             else:
-                self._set_next_cell(car, cell, place, tick)
+                waiting.append((car, cell))
+        if waiting:
+            self._set_next_cells(np.array(waiting, dtype=np.int64), tick)
 
     def _next_cell(self, state: int, goal: int) -> int:
         """See `Traffic.next_cell`; remembered, because a car that waits asks again in every tick."""
@@ -159,17 +181,18 @@ class CauseWatch:
         """The dead car that blocks a cell."""
         return int(self._run.traffic.wreck_of[cell]) if cell >= 0 else NONE
 
-    def _set_next_cell(self, car: int, cell: int, place: int, tick: int) -> None:
-        """A car that a plan has left standing before a cell: somebody has it, or comes first, or the plan is late."""
-        traffic, q = self._run.traffic, self._run.executor.dependencies.queues
-        holder = int(q.holder[cell])
-        first = int(q.visit_agent[q.line_first[cell]]) if q.line_first[cell] >= 0 else NOBODY
-        if holder not in (NOBODY, car):
-            self._set(car, Cause.CELL, by=holder, cell=cell, place=place)
-        elif first not in (NOBODY, car) and traffic.landed_goals[car] == traffic.goals[car]:
-            self._set(car, Cause.YIELDS, by=first, cell=cell, place=place)
-        else:
-            self._set(car, Cause.PLAN_LATE, place=place, until=traffic.next_plan_tick(car, tick))
+    def _set_next_cells(self, waiting: IntArray, tick: int) -> None:
+        """Cars that a plan has left standing before a cell: somebody has it, or comes first, or the plan is late.
+
+        Args:
+            waiting: Cars and their next cells, shape (k, 2).
+            tick: The present tick.
+        """
+        traffic, queues = self._run.traffic, self._run.executor.dependencies.queues
+        known = traffic.landed_goals == traffic.goals
+        late = _look_at_next_cells(self.rows, waiting, queues.holder, queues.line_first, queues.visit_agent, known)
+        for car in waiting[late, 0].tolist():
+            self.rows[car, _UNTIL] = traffic.next_plan_tick(car, tick)
 
     def _look_at_goal(self, car: int, place: int) -> None:
         """A car that has come to where it was sent."""
@@ -205,8 +228,8 @@ class CauseWatch:
         for car in (concerned & _RESTS[phases_now] & (~held | self._parked)).nonzero()[0].tolist():
             self._set_at_rest(car, roster.phase[car], tick)
         self._seen = phases_now.copy()
-        idle = (phases_now == _IDLE_PHASE).nonzero()[0].tolist()
-        if idle and (given != self._given or phases != self._phases or tables is not self._tables):
+        idle = (phases_now == _IDLE_PHASE).nonzero()[0]
+        if len(idle) and (given != self._given or phases != self._phases or tables is not self._tables):
             self._why_idle.fill(self._without_task, idle)
         self._given, self._booked, self._phases, self._tables = given, booked, phases, tables
 
@@ -274,8 +297,12 @@ class CauseWatch:
         bookings_n = self._run.bookings.changes_n
         if changes == self._arm_changes and bookings_n == self._arm_bookings_n and tick < self._arms_due:
             return
+        # Who is bound for an arm is told of one that is free; one that serves a car is looked at anew in any case.
+        served, changed_at = self._run.missions.served, self._run.bookings.changed_at[: len(services)]
+        differ = (served >= 0) | (served != self._arm_served) | (changed_at > self._arm_bookings_n)
+        bound_differs = differ.tolist() if bookings_n != self._arm_bookings_n else [False] * len(services)
         for arm, change in enumerate(changes):
-            bound_differ = bookings_n != self._arm_bookings_n and services[arm].state in _FREE
+            bound_differ = bound_differs[arm] and services[arm].state in _FREE
             if change != self._arm_changes[arm] or bound_differ or NONE < self._arm_until[arm] <= tick:
                 self._set_arm(arm, tick)
         self._arm_changes, self._arm_bookings_n = changes, bookings_n
@@ -289,6 +316,7 @@ class CauseWatch:
         robot = self._n_cars + arm
         task = run.missions.task_of[served] if served >= 0 else None
         self.rows[robot, _TASK] = NONE if task is None else task.index
+        self._arm_served[arm] = served
         clear = until = NONE
         if service.state in _FREE and served >= 0 and run.missions.phase[served] in _AT_DOCK:
             # Between two attempts: it is about to say that the parcel is there, or to plan again.
@@ -330,17 +358,19 @@ class CauseWatch:
 
 
 @njit(cache=True)
-def _look_at_bound(
-    rows, rules, phase, speeds, q, closed, blocked, wreck_of, dock_at, place_of, without_task, halted_by, parked, n_cars
-):
+def _look_at_bound(rows: CauseRows, rules: IntArray, q: Queues, cars: _Cars, cells: _Cells) -> int:
     """Fill the rows of cars on their way; returns how many of them stand without a move."""
+    phase, speeds, place_of, without_task, halted_by, parked = cars
+    closed, blocked, wreck_of, dock_at = cells
+    n_cars = len(phase)
     without_move = 0
     for car in range(n_cars):
         rule = rules[phase[car]]
         if rule == _REST:
             continue
         if rule == _IDLE:
-            rows[car] = without_task[car]
+            for column in range(rows.shape[1]):
+                rows[car, column] = without_task[car, column]
         if parked[car]:
             if q.queued[car] == q.finished[car]:
                 continue
@@ -387,7 +417,36 @@ def _look_at_bound(
 
 
 @njit(cache=True)
-def _leave_out_free_arms(rows, n_cars):
+def _look_at_next_cells(
+    rows: CauseRows,
+    waiting: IntArray,
+    holder: CellArray,
+    line_first: CellArray,
+    visit_agent: CellArray,
+    known: BoolArray,
+) -> BoolArray:
+    """Fill the rows of cars before their next cells, but for their tasks and places; returns which await a plan."""
+    late = np.zeros(len(waiting), dtype=np.bool_)
+    for k in range(len(waiting)):
+        car, cell = waiting[k]
+        first = visit_agent[line_first[cell]] if line_first[cell] >= 0 else NOBODY
+        if holder[cell] >= 0 and holder[cell] != car:
+            cause, by = _CELL, holder[cell]
+        elif first >= 0 and first != car and known[car]:
+            cause, by = _YIELDS, first
+        else:
+            cause, by, cell = _PLAN_LATE, NONE, NONE
+            late[k] = True
+        rows[car, _CAUSE] = cause
+        rows[car, _BY] = by
+        rows[car, _AT] = cell
+        rows[car, _UNTIL] = NONE
+        rows[car, _DETAIL] = 0
+    return late
+
+
+@njit(cache=True)
+def _leave_out_free_arms(rows: CauseRows, n_cars: int) -> None:
     """Nothing keeps a car from an arm that is free and awaits it, or that has a dock closed: in a moment it is open."""
     for car in range(n_cars):
         arm = rows[car, _BY]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -76,6 +77,7 @@ _ARM_RULES = np.array([_ARM_RULE.get(cause, Account.IDLE) for cause in Cause], d
 _HAS_PLACE = np.array([cause not in NOT_KEPT_BY_PLACE for cause in Cause])
 _ENDS_CHAIN = np.array([cause in WITHOUT_TASK for cause in Cause])
 _PLAN_LATE, _CHARGER = int(Cause.PLAN_LATE), int(Cause.CHARGER)  # kernels know plain numbers only
+_NOT_KNOWN = -2
 _CAUSE, _BY, _CELL, _PLACE = (int(c) for c in (Column.CAUSE, Column.BY, Column.CELL, Column.PLACE))
 
 
@@ -120,6 +122,41 @@ class StationTime:
     """Ticks that cars waited for it while it was busy, all cars together."""
 
 
+class _Ledger(NamedTuple):
+    """What is booked, as in `TimeAccounts`."""
+
+    robots: Ticks
+    stations: Ticks
+    by_robot: Ticks
+    by_cell: Ticks
+    by_place: Ticks
+
+
+class _Rules(NamedTuple):
+    """What decides about a tick besides the tick itself."""
+
+    cars: Ticks
+    """Rule of each phase, shape (n_phases,)."""
+    arms: Ticks
+    """Account of each cause, shape (n_causes,)."""
+    has_place: npt.NDArray[np.bool_]
+    ends_chain: npt.NDArray[np.bool_]
+    """Shape (n_causes,)."""
+    dock_xy: FloatArray
+
+
+class _Tick(NamedTuple):
+    """What is booked from, as in `TimeAccounts.tick`."""
+
+    causes: CauseRows
+    phase: Ticks
+    loaded: Ticks
+    place: Ticks
+    served: Ticks
+    speeds: FloatArray
+    xy: FloatArray
+
+
 class TimeAccounts:
     """Accounts of all robots and stations, in ticks, and whom and what each tick is put down to.
 
@@ -148,7 +185,9 @@ class TimeAccounts:
         self.by_place: Ticks = np.zeros((len(Account), n_places + 1), dtype=np.int64)
         """The same for stations, chargers and parking places, shape (n_accounts, n_places + 1)."""
         self._n_cars = n_cars
-        self._dock_xy = np.ascontiguousarray(dock_xy, dtype=np.float64)
+        self._ledger = _Ledger(self.robots, self.stations, self.by_robot, self.by_cell, self.by_place)
+        docks = np.ascontiguousarray(dock_xy, dtype=np.float64)
+        self._rules = _Rules(_RULES, _ARM_RULES, _HAS_PLACE, _ENDS_CHAIN, docks)
 
     @property
     def cars(self) -> Ticks:
@@ -176,25 +215,7 @@ class TimeAccounts:
             speeds: Signed speeds [m/s], shape (n_cars,).
             xy: Rear axles, x, y first [m], shape (n_cars, 2 or more).
         """
-        _book(
-            self.robots,
-            self.stations,
-            self.by_robot,
-            self.by_cell,
-            self.by_place,
-            _RULES,
-            _ARM_RULES,
-            _HAS_PLACE,
-            _ENDS_CHAIN,
-            self._dock_xy,
-            causes,
-            phase,
-            loaded,
-            place,
-            served,
-            speeds,
-            xy,
-        )
+        _book(self._ledger, self._rules, _Tick(causes, phase, loaded, place, served, speeds, xy))
 
     def car_time(self, car: int) -> CarTime:
         """Accounts of one car."""
@@ -242,85 +263,97 @@ def _car_time(ticks: Ticks) -> CarTime:
     return CarTime(**{field.name: int(ticks[Account[field.name.upper()]]) for field in fields(CarTime)})
 
 
+# Each kernel has a loop of its own: bundles of arrays are slow to hand on, robot by robot.
+
+
 @njit(cache=True)
-def _book(
-    robots,
-    stations,
-    by_robot,
-    by_cell,
-    by_place,
-    rules,
-    arm_rules,
-    has_place,
-    ends_chain,
-    dock_xy,
-    causes,
-    phase,
-    loaded,
-    place,
-    served,
-    speeds,
-    xy,
-):  # one kernel, on flat arrays
-    n_cars, n_stations = len(phase), len(dock_xy)
-    waiting = np.zeros(n_stations, dtype=np.int64)
-    for robot in range(len(causes)):
-        if robot >= n_cars:
-            account = arm_rules[causes[robot, _CAUSE]]
+def _book(ledger: _Ledger, rules: _Rules, tick: _Tick) -> None:
+    n_robots = len(tick.causes)
+    accounts, ends = np.empty(n_robots, dtype=np.int64), np.full(n_robots, _NOT_KNOWN, dtype=np.int64)
+    _find_accounts(rules, tick, accounts)
+    _find_ends(tick.causes, rules.ends_chain, ends)
+    _put_down(ledger, rules.has_place, tick.causes, accounts, ends)
+    _count_waiting(ledger.stations, tick, accounts)
+
+
+@njit(cache=True)
+def _find_accounts(rules: _Rules, tick: _Tick, accounts: Ticks) -> None:
+    """The account that a tick of each robot belongs to."""
+    car_rules, arm_rules, _, _, dock_xy = rules
+    causes, phase, loaded, place, served, speeds, xy = tick
+    n_cars = len(phase)
+    for robot in range(n_cars, len(causes)):
+        accounts[robot] = arm_rules[causes[robot, _CAUSE]]
+    for car in range(n_cars):
+        rule, cause, station = car_rules[phase[car]], causes[car, _CAUSE], place[car]
+        if rule >= 0:
+            accounts[car] = rule
+        elif abs(speeds[car]) >= STANDING_MPS:
+            accounts[car] = 0 if loaded[car] else 1
+        elif rule == _IDLE:
+            accounts[car] = 3 if cause == _CHARGER else 7
+        elif cause == _PLAN_LATE:
+            accounts[car] = 9
+        elif rule == _HELD:
+            accounts[car] = 3
+        elif 0 <= station < len(dock_xy):
+            away_m = math.hypot(xy[car, 0] - dock_xy[station, 0], xy[car, 1] - dock_xy[station, 1])
+            # Nobody else is served when a car at the dock waits for a slot, or for an arm on its way home from it.
+            accounts[car] = 3 if away_m < 1.0 or (away_m < QUEUE_M and served[station] >= 0) else 2
         else:
-            car = robot
-            account = _account(car, rules, dock_xy, causes, phase, loaded, place, served, speeds, xy)
-            if account == 3 and 0 <= place[car] < n_stations:
-                waiting[place[car]] += 1
+            accounts[car] = 2
+
+
+@njit(cache=True)
+def _find_ends(causes: CauseRows, ends_chain: npt.NDArray[np.bool_], ends: Ticks) -> None:
+    """Where the chain ends that leads on from each robot, `NONE` if in a circle; `ends` comes as `_NOT_KNOWN`."""
+    for first in range(len(causes)):
+        robot = first
+        while ends[robot] == _NOT_KNOWN:
+            if causes[robot, _BY] == NONE or ends_chain[causes[robot, _CAUSE]]:
+                ends[robot] = robot
+            else:
+                ends[robot] = NONE  # as it stays if the walk comes back here
+                robot = causes[robot, _BY]
+        end, robot = ends[robot], first
+        while ends[robot] != end:
+            ends[robot] = end
+            robot = causes[robot, _BY]
+
+
+@njit(cache=True)
+def _put_down(
+    ledger: _Ledger, has_place: npt.NDArray[np.bool_], causes: CauseRows, accounts: Ticks, ends: Ticks
+) -> None:
+    """Put one tick of each robot down to a robot, a cell and a place; the last of each stands for none."""
+    robots, _, by_robot, by_cell, by_place = ledger
+    for robot in range(len(causes)):
+        account = accounts[robot]
+        root, cell, at = len(causes), NONE, NONE
+        if account > 1:
+            root, by = robot, causes[robot, _BY]
+            if by != NONE:
+                root = ends[by] if ends[by] != NONE else by
+            cell = causes[robot, _CELL]
+            at = causes[root, _PLACE] if has_place[causes[root, _CAUSE]] else NONE
+            if at == NONE and has_place[causes[robot, _CAUSE]]:
+                at = causes[robot, _PLACE]
         robots[account, robot] += 1
-        _put_down(robot, account, by_robot, by_cell, by_place, has_place, ends_chain, causes)
-    for station in range(n_stations):
+        by_robot[account, root] += 1
+        by_cell[account, cell] += 1
+        by_place[account, at] += 1
+
+
+@njit(cache=True)
+def _count_waiting(stations: Ticks, tick: _Tick, accounts: Ticks) -> None:
+    """Count the ticks in which stations were busy, and what cars waited for them meanwhile."""
+    place, served = tick.place, tick.served
+    waiting = np.zeros(stations.shape[1], dtype=np.int64)
+    for car in range(len(place)):
+        if accounts[car] == 3 and 0 <= place[car] < len(waiting):
+            waiting[place[car]] += 1
+    for station in range(len(waiting)):
         if served[station] >= 0:
             stations[0, station] += 1
             stations[1, station] += waiting[station] > 0
             stations[2, station] += waiting[station]
-
-
-@njit(cache=True)
-def _account(car, rules, dock_xy, causes, phase, loaded, place, served, speeds, xy):
-    """The account that a tick of a car belongs to."""
-    rule = rules[phase[car]]
-    if rule >= 0:
-        return rule
-    if abs(speeds[car]) >= STANDING_MPS:
-        return 0 if loaded[car] else 1
-    cause = causes[car, _CAUSE]
-    if rule == _IDLE:
-        return 3 if cause == _CHARGER else 7
-    if cause == _PLAN_LATE:
-        return 9
-    station = place[car]
-    queues = rule == _HELD
-    if not queues and 0 <= station < len(dock_xy):
-        dx, dy = xy[car, 0] - dock_xy[station, 0], xy[car, 1] - dock_xy[station, 1]
-        away_m = math.hypot(dx, dy)
-        # Nobody else is served when a car at the dock waits for a slot, or for an arm on its way home from it.
-        queues = away_m < 1.0 or (away_m < QUEUE_M and served[station] >= 0)
-    return 3 if queues else 2
-
-
-@njit(cache=True)
-def _put_down(robot, account, by_robot, by_cell, by_place, has_place, ends_chain, causes):
-    """Put one tick down to a robot, a cell and a place; the last of each stands for none."""
-    n_robots = len(causes)
-    root, cell, at = n_robots, NONE, NONE
-    if account > 1:
-        root = robot
-        for k in range(n_robots):
-            if causes[root, _BY] == NONE or (k > 0 and ends_chain[causes[root, _CAUSE]]):
-                break
-            root = causes[root, _BY]
-        else:  # a circle
-            root = causes[robot, _BY]
-        cell = causes[robot, _CELL]
-        at = causes[root, _PLACE] if has_place[causes[root, _CAUSE]] else NONE
-        if at == NONE and has_place[causes[robot, _CAUSE]]:
-            at = causes[robot, _PLACE]
-    by_robot[account, root] += 1
-    by_cell[account, cell] += 1
-    by_place[account, at] += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
 from fleet.run.view import RunView
@@ -29,8 +30,9 @@ class WhyIdle:
 
     def __init__(self, run: RunView) -> None:
         self._run = run
+        self._arms = {station.name: station.arm for station in run.stations}
 
-    def fill(self, rows: CauseRows, cars: list[int]) -> None:
+    def fill(self, rows: CauseRows, cars: npt.NDArray[np.intp]) -> None:
         """Fill the rows of idle cars."""
         board = self._run.board
         first = next(filter(None, map(board.first_in, (TaskState.READY, TaskState.BACKLOG, TaskState.ORDERED))), None)
@@ -42,11 +44,12 @@ class WhyIdle:
         elif first is not None and first.state is TaskState.ORDERED:
             row[Column.DETAIL] = DETAIL_OF[TaskReason.NOT_RELEASED]
             row[Column.UNTIL] = round(first.order.release_s / self._run.tick_s)
-        rows[cars] = row
         if first is not None and first.state is TaskState.READY:
-            self._ready(rows, cars, first)
+            self._ready(rows, cars, row, first)
+        else:
+            rows[cars] = row
         if self._run.charging is not None:
-            for car in filter(self._must_charge, cars):
+            for car in filter(self._must_charge, cars.tolist()):
                 self._charger(rows[car], car)
 
     def _must_charge(self, car: int) -> bool:
@@ -64,20 +67,23 @@ class WhyIdle:
         if taken:
             row[Column.BY], row[Column.PLACE] = max(taken, key=lambda pair: float(batteries.charge[pair[0]]))
 
-    def _ready(self, rows: CauseRows, cars: list[int], task: Task) -> None:
+    def _ready(self, rows: CauseRows, cars: npt.NDArray[np.intp], row: CauseRows, task: Task) -> None:
         """A car that is free could begin with the task."""
         reasons = self._run.reasons
         decision, present = reasons.decision(task), reasons.present(task)
         if decision is None:
-            rows[cars, Column.DETAIL] = DETAIL_OF["next_round"]
+            row[Column.DETAIL] = DETAIL_OF["next_round"]
+            rows[cars] = row
             return
-        codes = decision.codes[cars]
-        rows[cars, Column.DETAIL] = _DETAIL_OF_CODE[codes]
+        row_of_code = np.tile(row, (len(_DETAIL_OF_CODE), 1))
+        row_of_code[:, Column.DETAIL] = _DETAIL_OF_CODE
         if present is TaskReason.STATION_FULL:
-            full = np.array(cars)[codes == _NOT_OFFERED]
-            rows[full, Column.DETAIL] = DETAIL_OF[present]
-            rows[full, Column.PLACE], rows[full, Column.BY] = self._full(task)
-        cut_off = np.array(cars) if present is TaskReason.UNREACHABLE else np.array(cars)[codes == _NO_WAY]
+            full = row_of_code[_NOT_OFFERED]
+            full[Column.DETAIL] = DETAIL_OF[present]
+            full[Column.PLACE], full[Column.BY] = self._full(task)
+        codes = decision.codes[cars]
+        rows[cars] = row_of_code[codes]
+        cut_off = cars if present is TaskReason.UNREACHABLE else cars[codes == _NO_WAY]
         for car in cut_off.tolist():
             self._no_way(rows[car], car, task)
 
@@ -122,4 +128,4 @@ class WhyIdle:
         return arm, run.world.n_cars + arm
 
     def _arm_of(self, name: str) -> int:
-        return next((station.arm for station in self._run.stations if station.name == name), NONE)
+        return self._arms.get(name, NONE)

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.robots.angle import wrapped
 from fleet.robots.spec import CarSpec
 
 ODOMETRY_M = 0.008
@@ -74,7 +75,7 @@ class PoseEstimator:
         rng: np.random.Generator,
     ) -> None:
         self._rng = rng
-        self._noises = np.zeros((0, n_cars, 3))
+        self._noises = np.zeros((BLOCK_N, n_cars, 3))
         self._tick = 0
         self._filter = _Filter(
             tick_s=tick_s,
@@ -107,7 +108,8 @@ class PoseEstimator:
             known.motion[:, 0], known.motion[:, 1] = speeds, steering
         if self._tick % BLOCK_N == 0:
             # Drawing for many ticks at once gives the same numbers as drawing tick by tick.
-            self._noises = self._rng.standard_normal((BLOCK_N, len(true_poses), 3)) * known.sigma
+            self._rng.standard_normal(out=self._noises)
+            self._noises *= known.sigma
         if self._tick == 0:
             self._noises[0] = 0.0
         estimate = np.empty_like(known.past)
@@ -117,11 +119,13 @@ class PoseEstimator:
 
 
 @njit(cache=True)
-def _advance(pose: FloatArray, distance: float, turn: float) -> None:
-    middle = pose[2] + 0.5 * turn
-    pose[0] += distance * math.cos(middle)
-    pose[1] += distance * math.sin(middle)
-    pose[2] += turn
+def _advance(poses: FloatArray, car: int, distance: float, turn: float) -> None:
+    if distance == 0.0 and turn == 0.0:  # most cars stand
+        return
+    middle = poses[car, 2] + 0.5 * turn
+    poses[car, 0] += distance * math.cos(middle)
+    poses[car, 1] += distance * math.sin(middle)
+    poses[car, 2] += turn
 
 
 @njit(cache=True)
@@ -144,19 +148,19 @@ def _estimate(
         # Odometry of the tick that just ended: speed and steering change linearly inside it.
         distance = 0.5 * (motion[i, 0] + speeds[i]) * tick_s
         odometry[now, i, 0] = distance
-        odometry[now, i, 1] = distance * math.tan(0.5 * (motion[i, 1] + steering[i])) / wheelbase
+        odometry[now, i, 1] = 0.0
+        if distance != 0.0:
+            odometry[now, i, 1] = distance * math.tan(0.5 * (motion[i, 1] + steering[i])) / wheelbase
         motion[i, 0], motion[i, 1] = speeds[i], steering[i]
 
-        pose = past[i]
         driven = abs(odometry[oldest, i, 0])
-        _advance(pose, odometry[oldest, i, 0], odometry[oldest, i, 1])
+        _advance(past, i, odometry[oldest, i, 0], odometry[oldest, i, 1])
         variance[i, 0] += ODOMETRY_M**2 * driven + STANDING_M**2 * tick_s
         variance[i, 1] += ODOMETRY_RAD**2 * driven + STANDING_RAD**2 * tick_s
 
-        dx = truth[oldest, i, 0] + noise[i, 0] - pose[0]
-        dy = truth[oldest, i, 1] + noise[i, 1] - pose[1]
-        turn = truth[oldest, i, 2] + noise[i, 2] - pose[2]
-        turn = (turn + math.pi) % (2.0 * math.pi) - math.pi
+        dx = truth[oldest, i, 0] + noise[i, 0] - past[i, 0]
+        dy = truth[oldest, i, 1] + noise[i, 1] - past[i, 1]
+        turn = wrapped(truth[oldest, i, 2] + noise[i, 2] - past[i, 2])
         if dx * dx + dy * dy > SURPRISE**2 * (variance[i, 0] + sigma[0] ** 2):
             variance[i, 0] += dx * dx + dy * dy
         if turn * turn > SURPRISE**2 * (variance[i, 1] + sigma[2] ** 2):
@@ -164,19 +168,19 @@ def _estimate(
         if sigma[0] > 0.0:
             gain = variance[i, 0] / (variance[i, 0] + sigma[0] ** 2)
             variance[i, 0] *= 1.0 - gain
-            pose[0] += gain * dx
-            pose[1] += gain * dy
+            past[i, 0] += gain * dx
+            past[i, 1] += gain * dy
         else:
-            pose[0], pose[1] = truth[oldest, i, 0], truth[oldest, i, 1]
+            past[i, 0], past[i, 1] = truth[oldest, i, 0], truth[oldest, i, 1]
         if sigma[2] > 0.0:
             gain = variance[i, 1] / (variance[i, 1] + sigma[2] ** 2)
             variance[i, 1] *= 1.0 - gain
-            pose[2] += gain * turn
+            past[i, 2] += gain * turn
         else:
-            pose[2] = truth[oldest, i, 2]
+            past[i, 2] = truth[oldest, i, 2]
 
-        ahead = estimate[i]
-        ahead[0], ahead[1], ahead[2] = pose[0], pose[1], pose[2]
+        for axis in range(3):
+            estimate[i, axis] = past[i, axis]
         for age in range(1, n_slots):
             slot = (oldest + age) % n_slots
-            _advance(ahead, odometry[slot, i, 0], odometry[slot, i, 1])
+            _advance(estimate, i, odometry[slot, i, 0], odometry[slot, i, 1])

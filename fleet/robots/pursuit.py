@@ -11,6 +11,7 @@ from numba import njit
 
 from fleet.arrays import BoolArray, CellArray, FloatArray, IntArray, SignArray
 from fleet.errors import FleetError
+from fleet.robots.angle import wrapped
 from fleet.robots.spec import CarSpec
 
 FIRST_CAPACITY = 192
@@ -27,6 +28,25 @@ class PathError(FleetError):
     """A piece of path does not begin where the path ends, or its arc length does not grow."""
 
 
+class Segments(NamedTuple):
+    """The segment that each car is on, copied out of its path: most cars stand, and points are far apart in memory."""
+
+    loaded: BoolArray
+    """False where the path has changed since, shape (n_cars,)."""
+    start: FloatArray
+    """x, y, yaw and arc length of its first point, shape (n_cars, 4)."""
+    step: FloatArray
+    """The same from there to its last point; 0 at the end of the path, shape (n_cars, 4)."""
+    ahead: FloatArray
+    """cos and sin of the first point's yaw, and the square of the segment's length, shape (n_cars, 3)."""
+    sign: FloatArray
+    """+1 forward, -1 reverse, shape (n_cars,)."""
+    piece: IntArray
+    """Point that ends the piece of path up to the next cusp, or to the end, shape (n_cars,)."""
+    piece_s: FloatArray
+    """Its arc length, shape (n_cars,)."""
+
+
 class PathArrays(NamedTuple):
     """The arrays of a `PathBuffer`, as kernels take them."""
 
@@ -36,6 +56,7 @@ class PathArrays(NamedTuple):
     n_points: IntArray
     cursor: IntArray
     progress: FloatArray
+    segments: Segments
 
 
 class Pieces(NamedTuple):
@@ -76,10 +97,19 @@ class PathBuffer:
         self.count = np.ones(n_cars, dtype=np.int64)
         self.cursor = np.zeros(n_cars, dtype=np.int64)
         self.progress = np.zeros(n_cars)
+        self._segments = Segments(
+            loaded=np.zeros(n_cars, dtype=np.bool_),
+            start=np.zeros((n_cars, 4)),
+            step=np.zeros((n_cars, 4)),
+            ahead=np.zeros((n_cars, 3)),
+            sign=np.zeros(n_cars),
+            piece=np.zeros(n_cars, dtype=np.int64),
+            piece_s=np.zeros(n_cars),
+        )
 
     def arrays(self) -> PathArrays:
         """All arrays as they are now; `append` may replace them."""
-        return PathArrays(self.points, self.s, self.direction, self.count, self.cursor, self.progress)
+        return PathArrays(self.points, self.s, self.direction, self.count, self.cursor, self.progress, self._segments)
 
     def reset(self, car: int, pose: FloatArray) -> None:
         """Forget a car's path; the new one is the single pose x, y, yaw at the arc length reached so far."""
@@ -88,6 +118,7 @@ class PathBuffer:
         self.direction[car, 0] = 1
         self.count[car] = 1
         self.cursor[car] = 0
+        self._segments.loaded[car] = False
 
     def append(self, car: int, points: FloatArray, s_m: FloatArray, direction: int = 1) -> None:
         """Extend a car's path.
@@ -325,7 +356,7 @@ def any_beyond(first: FloatArray, first_limit: float, second: FloatArray, second
 @njit(cache=True)
 def _append(path: PathArrays, car: int, new_points: FloatArray, new_s: FloatArray, new_direction: int) -> int:
     """Write a piece behind a car's path, which has room for it; a piece that does not fit changes nothing."""
-    points, s, direction, count, _, _ = path
+    points, s, direction, count, _, _, segments = path
     last = count[car] - 1
     if new_s[0] != 0.0:
         return _NOT_ASCENDING
@@ -341,6 +372,7 @@ def _append(path: PathArrays, car: int, new_points: FloatArray, new_s: FloatArra
         s[car, last + k] = s[car, last] + new_s[k]
         direction[car, last + k] = new_direction
     count[car] = last + len(new_points)
+    segments.loaded[car] = False
     return _FITS
 
 
@@ -364,7 +396,7 @@ def _append_all(
 @njit(cache=True)
 def _trim(path: PathArrays, car: int) -> None:
     """Move a car's points to the front of its buffer, without those it has left well behind."""
-    points, s, direction, count, cursor, progress = path
+    points, s, direction, count, cursor, progress, segments = path
     first = 0
     while first < cursor[car] and s[car, first + 1] <= progress[car] - BEHIND_M:
         first += 1
@@ -377,11 +409,38 @@ def _trim(path: PathArrays, car: int) -> None:
         direction[car, k - first] = direction[car, k]
     count[car] -= first
     cursor[car] -= first
+    segments.loaded[car] = False
 
 
 @njit(cache=True)
-def _wrap(angle: float) -> float:
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+def _load_segment(path: PathArrays, car: int) -> None:
+    """Copy the segment that a car is on out of its path."""
+    points, s, direction, count, cursor, _, segments = path
+    start, step, ahead = segments.start, segments.step, segments.ahead
+    k = cursor[car]
+    to = min(k + 1, count[car] - 1)
+    for axis in range(3):
+        start[car, axis] = points[car, k, axis]
+        step[car, axis] = points[car, to, axis] - points[car, k, axis]
+    start[car, 3] = s[car, k]
+    step[car, 2] = wrapped(step[car, 2])
+    step[car, 3] = s[car, to] - s[car, k]
+    ahead[car, 0], ahead[car, 1] = math.cos(start[car, 2]), math.sin(start[car, 2])
+    ahead[car, 2] = max(step[car, 0] * step[car, 0] + step[car, 1] * step[car, 1], 1e-12)
+    segments.sign[car] = direction[car, to]
+
+
+@njit(cache=True)
+def _load_piece(path: PathArrays, car: int) -> None:
+    """Find where the piece of path ends that a car is on, and copy its segment."""
+    _, s, direction, count, cursor, _, segments = path
+    end = count[car] - 1
+    piece = min(cursor[car] + 1, end)
+    while piece < end and direction[car, piece + 1] == direction[car, piece]:
+        piece += 1
+    segments.piece[car], segments.piece_s[car] = piece, s[car, piece]
+    _load_segment(path, car)
+    segments.loaded[car] = True
 
 
 @njit(cache=True)
@@ -407,7 +466,7 @@ def _yaw_at(points: FloatArray, s: FloatArray, first: int, last: int, k: int, s_
         k -= 1
     while s[k + 1] < s_at:
         k += 1
-    return points[k, 2] + (s_at - s[k]) / (s[k + 1] - s[k]) * _wrap(points[k + 1, 2] - points[k, 2])
+    return points[k, 2] + (s_at - s[k]) / (s[k + 1] - s[k]) * wrapped(points[k + 1, 2] - points[k, 2])
 
 
 @njit(cache=True)
@@ -434,7 +493,7 @@ def _curve_speed(
     for j in range(k, last):
         if s[j] > horizon:
             break
-        curvature = _wrap(points[j + 1, 2] - points[j, 2]) / (s[j + 1] - s[j])
+        curvature = wrapped(points[j + 1, 2] - points[j, 2]) / (s[j + 1] - s[j])
         limit = g.max_speed_mps
         if abs(curvature) > ANGLE_EPS_RAD:
             limit = math.sqrt(g.max_lateral_mps2 / abs(curvature))
@@ -459,40 +518,40 @@ def _follow(
     g: _Gains,
 ) -> None:
     """Move cursor and progress of every car on its path, and fill in its command."""
-    points, s, direction, count, cursor, progress = path
+    points, s, direction, count, cursor, progress, segments = path
+    start, step, ahead = segments.start, segments.step, segments.ahead
     last_command, cross_track, heading_error, standing = following
     for i in range(len(poses)):
+        if not segments.loaded[i]:
+            _load_piece(path, i)
         x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
-        k, end = cursor[i], count[i] - 1
-        sign = float(direction[i, min(k + 1, end)])
+        sign, piece, piece_s = segments.sign[i], segments.piece[i], segments.piece_s[i]
 
         # Where is the car on its path? Segments are left only forwards, and never across a cusp.
         along = 0.0
-        while k < end:
-            dx, dy = points[i, k + 1, 0] - points[i, k, 0], points[i, k + 1, 1] - points[i, k, 1]
-            along = ((x - points[i, k, 0]) * dx + (y - points[i, k, 1]) * dy) / max(dx * dx + dy * dy, 1e-12)
-            if along <= 1.0 or k + 1 == end or direction[i, k + 2] != direction[i, k + 1]:
+        while cursor[i] < piece:
+            along = ((x - start[i, 0]) * step[i, 0] + (y - start[i, 1]) * step[i, 1]) / ahead[i, 2]
+            if along <= 1.0 or cursor[i] + 1 == piece:
                 break
-            k += 1
-        cursor[i] = k
-        if k < end:
-            s_here = s[i, k] + along * (s[i, k + 1] - s[i, k])
+            cursor[i] += 1
+            _load_segment(path, i)
+        k = cursor[i]
+        path_x, path_y, path_yaw, cos, sin = start[i, 0], start[i, 1], start[i, 2], ahead[i, 0], ahead[i, 1]
+        if k < piece:
+            s_here = start[i, 3] + along * step[i, 3]
             t = min(max(along, 0.0), 1.0)
-            path_yaw = points[i, k, 2] + t * _wrap(points[i, k + 1, 2] - points[i, k, 2])
-            path_x = points[i, k, 0] + t * (points[i, k + 1, 0] - points[i, k, 0])
-            path_y = points[i, k, 1] + t * (points[i, k + 1, 1] - points[i, k, 1])
+            path_x += t * step[i, 0]
+            path_y += t * step[i, 1]
+            if step[i, 2] != 0.0:
+                path_yaw += t * step[i, 2]
+                cos, sin = math.cos(path_yaw), math.sin(path_yaw)
         else:
-            path_x, path_y, path_yaw = points[i, k, 0], points[i, k, 1], points[i, k, 2]
-            s_here = s[i, k] + sign * ((x - path_x) * math.cos(path_yaw) + (y - path_y) * math.sin(path_yaw))
-        cross_track[i] = -(x - path_x) * math.sin(path_yaw) + (y - path_y) * math.cos(path_yaw)
-        heading_error[i] = _wrap(yaw - path_yaw)
+            s_here = start[i, 3] + sign * ((x - path_x) * cos + (y - path_y) * sin)
+        cross_track[i] = -(x - path_x) * sin + (y - path_y) * cos
+        heading_error[i] = wrapped(yaw - path_yaw)
 
-        # The piece up to the next cusp, or to the end.
-        piece = min(k + 1, end)
-        while piece < end and direction[i, piece + 1] == direction[i, piece]:
-            piece += 1
-        progress[i] = max(progress[i], min(s_here, s[i, piece]))
-        stop = min(stop_s[i], s[i, piece])
+        progress[i] = max(progress[i], min(s_here, piece_s))
+        stop = min(stop_s[i], piece_s)
         left = stop - s_here
         speed = sign * speeds[i]
 
@@ -501,9 +560,10 @@ def _follow(
             standing[i] = left < g.restart_m
         elif left <= g.stop_tolerance_m and abs(speed) < SLOW_MPS:
             standing[i] = True
-        if standing[i] and piece < end and stop_s[i] > s[i, piece] and left <= g.restart_m:
+        if standing[i] and piece < count[i] - 1 and stop_s[i] > piece_s and left <= g.restart_m:
             cursor[i] = piece
-            progress[i] = s[i, piece]
+            progress[i] = piece_s
+            segments.loaded[i] = False
             standing[i] = False
             last_command[i, 1] = 0.0
             continue
@@ -512,8 +572,9 @@ def _follow(
             continue
 
         # Speed along the path: the most that cap, curves, the stop and the drive allow.
+        line, line_s = points[i], s[i]
         brake = g.brake_fraction * g.max_brake_mps2
-        allowed = _curve_speed(points[i], s[i], piece, k, s_here, min(speed_cap[i], g.max_speed_mps), brake, g)
+        allowed = _curve_speed(line, line_s, piece, k, s_here, min(speed_cap[i], g.max_speed_mps), brake, g)
         # Distance still free when this command has worked for a tick: v^2 / 2b + (v + now) tick / 2 = left.
         free = left - max(speed, 0.0) * (0.5 * g.tick_s + g.actuator_lag_s)
         reserve = 0.5 * brake * g.tick_s
@@ -534,10 +595,10 @@ def _follow(
             first -= 1
         half = max(0.5 * g.steering_ramp_s * abs(speed), 0.02)
         middle = s_here + abs(speed) * (g.feedforward_lag_s + 0.5 * g.tick_s)
-        curvature = _yaw_at(points[i], s[i], first, piece, k, middle + half)
-        curvature = _wrap(curvature - _yaw_at(points[i], s[i], first, piece, k, middle - half)) / (2.0 * half * sign)
+        curvature = _yaw_at(line, line_s, first, piece, k, middle + half)
+        curvature = wrapped(curvature - _yaw_at(line, line_s, first, piece, k, middle - half)) / (2.0 * half * sign)
         reach = max(g.lookahead_min_m, g.lookahead_base_m + g.lookahead_per_speed_s * abs(speed))
-        aim_x, aim_y = _aim(points[i], s[i], sign, piece, k, s_here + reach)
+        aim_x, aim_y = _aim(line, line_s, sign, piece, k, s_here + reach)
         curvature += _pursuit(x, y, yaw, aim_x, aim_y) - _pursuit(path_x, path_y, path_yaw, aim_x, aim_y)
         steering = math.atan(g.wheelbase_m * curvature)
         steering = min(max(steering, -g.max_steering_rad), g.max_steering_rad)

@@ -32,6 +32,8 @@ class Bookings:
         """Whether each car has booked the place it is bound for, shape (n_cars,)."""
         self.changes_n = 0
         """Grows whenever a car is bound for a place, books it, leaves it or has gone."""
+        self.changed_at: IntArray = np.zeros(len(caps), dtype=np.int64)
+        """What `changes_n` was when last a car was bound for each place, booked it or left it, shape (n_places,)."""
         self.most = [0] * len(caps)
         """Most cars each place ever had at once."""
         self._bound: list[list[int]] = [[] for _ in caps]
@@ -77,7 +79,7 @@ class Bookings:
 
     def bind(self, car: int, place: int) -> None:
         """Let a car be bound for a place, after all others; what it was bound for before must have been left."""
-        self.changes_n += 1
+        self._count(place)
         self._bound[place].append(car)
         self.place_of[car] = place
 
@@ -88,7 +90,7 @@ class Bookings:
             return True
         if self.room(place) <= 0:
             return False
-        self.changes_n += 1
+        self._count(place)
         self._booked[place].append(car)
         self.booked[car] = True
         self.most[place] = max(self.most[place], self.caps[place] - self.room(place))
@@ -99,7 +101,7 @@ class Bookings:
         place = int(self.place_of[car])
         if place < 0:
             return
-        self.changes_n += 1
+        self._count(place)
         self.place_of[car] = -1
         self._bound[place].remove(car)
         if self.booked[car]:
@@ -130,3 +132,7 @@ class Bookings:
         self.changes_n += 1
         self._leaving = staying
         return True
+
+    def _count(self, place: int) -> None:
+        self.changes_n += 1
+        self.changed_at[place] = self.changes_n

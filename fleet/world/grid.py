@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from fleet.arrays import FloatArray, IntArray
 from fleet.errors import ConfigError, FleetError
@@ -44,6 +46,16 @@ class GridConfig:
         return round(self.timestep_s / self.tick_s)
 
 
+class _Moves(NamedTuple):
+    """Moves as compressed rows: those from state k are `ptr[k]` to before `ptr[k + 1]`."""
+
+    ptr: IntArray
+    to: IntArray
+    """States that they lead to, ascending in each row."""
+    speed: FloatArray
+    """Mean speed, negative in reverse [m/s]."""
+
+
 class GridCars:
     """Cars that are always in one state of the lane graph.
 
@@ -67,15 +79,20 @@ class GridCars:
         self._state_pose = np.asarray(graph.state_pose, dtype=np.float64)
         self._n_states = len(self._state_pose)
         codes = graph.move_from.astype(np.int64) * self._n_states + graph.move_to
-        self._moves, first = np.unique(codes, return_index=True)
+        codes, first = np.unique(codes, return_index=True)
         direction = np.where(graph.move_kind[first] == MoveKind.REVERSE, -1.0, 1.0)
-        self._move_speeds = direction * graph.move_length[first] / config.timestep_s
+        self._moves = _Moves(
+            ptr=np.searchsorted(codes, np.arange(self._n_states + 1) * self._n_states),
+            to=codes % self._n_states,
+            speed=direction * graph.move_length[first] / config.timestep_s,
+        )
         self._ticks_n = config.ticks_n
         self._tick = np.zeros(1, dtype=np.int64)
         self.states = np.array([self._state_at(car, pose) for car, pose in enumerate(start)], dtype=np.int64)
         self.poses = self._state_pose[self.states]
         self.speeds = np.zeros(len(start))
         self.steering = np.zeros(len(start))
+        self._found = np.zeros(len(start), dtype=np.int64)
 
     def step(self, commands: FloatArray) -> None:
         """See `CarMotion`; the first column of `commands` names each car's next state.
@@ -83,23 +100,14 @@ class GridCars:
         Raises:
             CommandError: A car is sent to a state that no move leads to.
         """
-        target = commands[:, 0].astype(np.int64)
-        move = target != self.states
-        codes = (self.states * self._n_states + target)[move]
-        at = np.minimum(np.searchsorted(self._moves, codes), len(self._moves) - 1)
-        legal = (target >= 0) & (target < self._n_states)
-        legal[move] &= self._moves[at] == codes
-        if not legal.all():
-            car = int(np.argmin(legal))
-            here = int(self.states[car])
-            valid = [here, *(self._moves[self._moves // self._n_states == here] % self._n_states).tolist()]
-            raise CommandError(f"car {car} in state {here} is sent to state {target[car]}; valid: {valid}")
-        self.speeds[:] = 0.0
-        self.speeds[move] = self._move_speeds[at]
+        refused = _find_moves(self._moves, commands, self.states, self._found)
+        if refused >= 0:
+            here, target = int(self.states[refused]), int(commands[refused, 0])
+            valid = [here, *self._moves.to[self._moves.ptr[here] : self._moves.ptr[here + 1]].tolist()]
+            raise CommandError(f"car {refused} in state {here} is sent to state {target}; valid: {valid}")
         self._tick += 1
-        if self._tick[0] % self._ticks_n == 0 and move.any():
-            self.states[move] = target[move]
-            self.poses[move] = self._state_pose[target[move]]
+        ends = self._tick[0] % self._ticks_n == 0
+        _move(self._moves, self._found, ends, self._state_pose, self.states, self.poses, self.speeds)
 
     def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """See `CarMotion`; the car keeps its state, so its next move takes it back to the lane."""
@@ -149,3 +157,46 @@ class GridWorld(PlanarWorld):
     def car_states(self) -> IntArray:
         """State of each car, shape (n_cars,); a push does not change it."""
         return self._grid_cars.states.copy()
+
+
+_STAYS = -1
+
+
+@njit(cache=True)
+def _find_moves(moves: _Moves, commands: FloatArray, states: IntArray, found: IntArray) -> int:
+    """Fill in the move that each car is told to make; returns the first car that no such move is open to, or -1."""
+    ptr, to, _ = moves
+    for car in range(len(states)):
+        target = int(commands[car, 0])
+        found[car] = _STAYS
+        if target == states[car]:
+            continue
+        for move in range(ptr[states[car]], ptr[states[car] + 1]):
+            if to[move] == target:
+                found[car] = move
+        if found[car] == _STAYS:
+            return car
+    return -1
+
+
+@njit(cache=True)
+def _move(
+    moves: _Moves,
+    found: IntArray,
+    ends: bool,
+    state_pose: FloatArray,
+    states: IntArray,
+    poses: FloatArray,
+    speeds: FloatArray,
+) -> None:
+    """Give cars the speeds of their moves, and when the timestep ends the states that these lead to."""
+    _, to, speed = moves
+    for car in range(len(found)):
+        speeds[car] = 0.0
+        if found[car] == _STAYS:
+            continue
+        speeds[car] = speed[found[car]]
+        if ends:
+            states[car] = to[found[car]]
+            for axis in range(3):
+                poses[car, axis] = state_pose[states[car], axis]

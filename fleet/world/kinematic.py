@@ -12,6 +12,7 @@ from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import ConfigError, FleetError
+from fleet.robots.angle import wrapped
 from fleet.robots.spec import CarSpec
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.sensors.errors import SensorError
@@ -324,6 +325,9 @@ def _drive(  # flat: bundled, it would take 2 us instead of 0.7, as often as the
         speeds[i] = min(max(goal_speed, old_speed - rate * tick), old_speed + rate * tick)
         turned = steering_rate * tick
         steering[i] = min(max(goal_steering, old_steering - turned), old_steering + turned)
+        if old_speed == 0.0 and speeds[i] == 0.0:  # most cars stand
+            poses[i, 2] = wrapped(poses[i, 2])
+            continue
         for step in range(n_substeps):
             part = (step + 0.5) / n_substeps
             way = (old_speed + part * (speeds[i] - old_speed)) * dt
@@ -332,4 +336,4 @@ def _drive(  # flat: bundled, it would take 2 us instead of 0.7, as often as the
             poses[i, 0] += way * math.cos(middle)
             poses[i, 1] += way * math.sin(middle)
             poses[i, 2] += turn
-        poses[i, 2] = (poses[i, 2] + math.pi) % (2.0 * math.pi) - math.pi
+        poses[i, 2] = wrapped(poses[i, 2])

@@ -33,6 +33,12 @@ class ArmPhase(StrEnum):
     """A held parcel was lost."""
 
 
+# Members of an enumeration are slow to look up, and every arm is asked in every tick.
+_MOVING = ArmPhase.MOVING
+_CLEAR, _GRIP, _RELEASE = Signal.CLEAR, Signal.GRIP, Signal.RELEASE
+_BUSY, _MAY_CARRY = (ArmPhase.PLANNING, ArmPhase.MOVING), (ArmPhase.MOVING, ArmPhase.HOLDING)
+
+
 class Gate(Protocol):
     """Who has a say in when an arm moves."""
 
@@ -135,8 +141,8 @@ class ArmController:
     @property
     def dock_is_clear(self) -> bool:
         """True when the arm no longer needs the car to stand still."""
-        if self.state in (ArmPhase.PLANNING, ArmPhase.MOVING):
-            return self.state is ArmPhase.MOVING and Signal.CLEAR in self._steps[: self._at + 1]
+        if self.state in _BUSY:
+            return self.state is _MOVING and Signal.CLEAR in self._steps[: self._at + 1]
         return True
 
     def request(self) -> None:
@@ -180,23 +186,23 @@ class ArmController:
             held: Parcel in the arm's grip now, -1 for none.
         """
         self.qd[:] = 0.0
-        if self.state in (ArmPhase.PLANNING, ArmPhase.MOVING):
+        if self.state in _BUSY:
             self.busy_s += tick_s
-        if self._carrying and held != self.parcel and self.state in (ArmPhase.MOVING, ArmPhase.HOLDING):
+        if self._carrying and held != self.parcel and self.state in _MAY_CARRY:
             if self.gate is None or self.under_way is None:
                 self._end(ArmPhase.DROPPED)
                 return
             # Another arm counts on this motion: it is ended first.
             self._lost = True
-        if self.state is not ArmPhase.MOVING or not self._may_move():
+        if self.state is not _MOVING or not self._may_move():
             return
         left_s = tick_s * self.speed
-        while left_s > 0.0 and self.state is ArmPhase.MOVING:
+        while left_s > 0.0 and self.state is _MOVING:
             left_s = self._advance(self._steps[self._at], left_s, held)
 
     def _advance(self, step: Step, left_s: float, held: int) -> float:
         """Spend up to `left_s` on a step; returns what is left."""
-        if step is Signal.CLEAR:
+        if step is _CLEAR:
             self._next()
             return left_s
         if isinstance(step, Trajectory):
@@ -216,7 +222,7 @@ class ArmController:
             self._next()
             return over_s
         # A grip or release is a command to the world: it takes effect with this tick, so the rest of the tick is spent.
-        self.grip = step is Signal.GRIP
+        self.grip = step is _GRIP
         self._elapsed_s += left_s
         if self.grip and held == self.parcel and self._elapsed_s >= SETTLE_S:
             self._carrying = True
@@ -224,7 +230,7 @@ class ArmController:
         elif self.grip and self._elapsed_s >= GRIP_TIMEOUT_S:
             self.grip = False
             self._end(ArmPhase.MISSED)
-        elif step is Signal.RELEASE:
+        elif step is _RELEASE:
             self._carrying = False
             if self._elapsed_s >= SETTLE_S and held != self.parcel:
                 self._next()

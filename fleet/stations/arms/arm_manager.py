@@ -20,6 +20,9 @@ from fleet.stations.arms.transfer import (
     TransferRequest,
 )
 
+# Members of an enumeration are slow to look up, and every arm is asked in every tick.
+_IDLE, _HOLDING, _DONE, _DROPPED = ArmPhase.IDLE, ArmPhase.HOLDING, ArmPhase.DONE, ArmPhase.DROPPED
+_FAILED = (ArmPhase.MISSED, ArmPhase.DROPPED)
 LOOK_AGAIN_S = 1.0
 """Time from a look that did not find a parcel to the next: what hid it may have moved [s]."""
 
@@ -88,12 +91,12 @@ class ArmManager:
 
     def is_idle(self, arm: int) -> bool:
         """True when an arm is home and has nothing to do."""
-        return self.services[arm].state is ArmPhase.IDLE
+        return self.services[arm].state is _IDLE
 
     def is_ready(self, arm: int, parcel: int) -> bool:
         """True when an arm could begin to serve a car with a parcel: it is home, or holds just that parcel."""
         service = self.services[arm]
-        return self.is_idle(arm) or (service.state is ArmPhase.HOLDING and service.parcel == parcel)
+        return self.is_idle(arm) or (service.state is _HOLDING and service.parcel == parcel)
 
     def fetch(self, request: FetchRequest, tick: int) -> None:
         """Ask for a parcel to be fetched ahead, by an arm that is idle."""
@@ -117,7 +120,7 @@ class ArmManager:
         self._reasons[request.arm] = ""
         service = self.services[request.arm]
         question: ArmRequest = request
-        if service.state is ArmPhase.HOLDING:
+        if service.state is _HOLDING:
             question = DeliverRequest(
                 arm=request.arm,
                 parcel=request.parcel,
@@ -149,18 +152,17 @@ class ArmManager:
             if due_tick <= tick:
                 del self._due[arm]
                 self._land(arm, answer if isinstance(answer, Transfer) else self._planner.result(answer))
-        idle = ArmPhase.IDLE  # looked up once, not for every arm of a site
         for service in self.services:
-            if service.state is idle:
+            if service.state is _IDLE:
                 continue
             service.tick(self._tick_s, int(held[service.arm]))
             self.q[service.arm], self.qd[service.arm] = service.q, service.qd
             self.grip[service.arm] = service.grip
-            if service.state is ArmPhase.DONE:
+            if service.state is _DONE:
                 service.reset()
-            elif service.state in (ArmPhase.MISSED, ArmPhase.DROPPED):
+            elif service.state in _FAILED:
                 self._reasons[service.arm] = f"arm_{service.arm} {service.state} the parcel"
-                cause = self._lost(service.arm, service.parcel) if service.state is ArmPhase.DROPPED else ""
+                cause = self._lost(service.arm, service.parcel) if service.state is _DROPPED else ""
                 if cause:
                     self.dropped_n += 1
                     self._reasons[service.arm] += f" ({cause})"
