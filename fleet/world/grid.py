@@ -106,7 +106,7 @@ class GridCars:
             valid = [here, *self._moves.to[self._moves.ptr[here] : self._moves.ptr[here + 1]].tolist()]
             raise CommandError(f"car {refused} in state {here} is sent to state {target}; valid: {valid}")
         self._tick += 1
-        ends = self._tick[0] % self._ticks_n == 0
+        ends = int(self._tick[0]) % self._ticks_n == 0
         _move(self._moves, self._found, ends, self._state_pose, self.states, self.poses, self.speeds)
 
     def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:

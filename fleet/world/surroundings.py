@@ -12,7 +12,7 @@ from fleet.arrays import FloatArray, IntArray
 from fleet.errors import FleetError
 from fleet.world.arms import ServoArms
 from fleet.world.scene import Scene
-from fleet.world.touches import BIN_M, KIND_SHIFT, STATIC, ArmBalls, Body, Boxes, Touches
+from fleet.world.touches import BIN_M, KIND_SHIFT, STATIC, ArmBalls, BinnedBoxes, Body, Touches
 
 _ADDED_KEY = 1 << 18
 """Keys of run-time boxes begin here, so that they do not depend on how many there are."""
@@ -159,7 +159,7 @@ class Surroundings:
             for ix in range(x0, x1 + 1)
         ]
         entries = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
-        self._boxes = Boxes(
+        self._boxes = BinnedBoxes(
             rows=boxes,
             keys=np.array([*range(len(self._fixed)), *(_ADDED_KEY + key for key in sorted(self._added))], np.int64),
             ptr=np.searchsorted(entries[:, 0], np.arange(n_x * n_y + 1)),
@@ -202,7 +202,7 @@ def _cast(
     ends: FloatArray,
     cars: FloatArray,
     body: Body,
-    bins: Boxes,
+    bins: BinnedBoxes,
     feet: FloatArray,
     foot: float,
     out: FloatArray,

@@ -32,7 +32,7 @@ class Body(NamedTuple):
     height: float
 
 
-class Boxes(NamedTuple):
+class BinnedBoxes(NamedTuple):
     """Boxes in bins, as compressed rows: those of bin (ix, iy) are ``box[ptr[b]:ptr[b + 1]]``, b = iy n_x + ix."""
 
     rows: FloatArray
@@ -102,7 +102,7 @@ class Touches:
         """Look at everything anew: boxes have changed, or robots are elsewhere."""
         self._seen = None
 
-    def look(self, car_poses: FloatArray, held: FloatArray, boxes: Boxes) -> None:
+    def look(self, car_poses: FloatArray, held: FloatArray, boxes: BinnedBoxes) -> None:
         """Find out what touches now.
 
         Args:
@@ -260,7 +260,7 @@ def _look_around(
 
 @njit(cache=True)
 def _touches(
-    seen: _Seen, body: Body, boxes: Boxes, arms: ArmBalls, clearance: float, before: IntArray, codes: IntArray
+    seen: _Seen, body: Body, boxes: BinnedBoxes, arms: ArmBalls, clearance: float, before: IntArray, codes: IntArray
 ) -> tuple[int, float]:
     """Fill in codes of all pairs that touch now; returns how many, room or not, and the smallest clearance so far."""
     n_codes = _keep(seen, before, codes)
@@ -319,7 +319,7 @@ def _cars_near_cars(seen: _Seen, body: Body, clearance: float, codes: IntArray, 
 
 
 @njit(cache=True)
-def _cars_in_boxes(seen: _Seen, body: Body, bins: Boxes, codes: IntArray, n_codes: int) -> int:
+def _cars_in_boxes(seen: _Seen, body: Body, bins: BinnedBoxes, codes: IntArray, n_codes: int) -> int:
     """Compare each car that has moved with the boxes in its bins."""
     _, frame, _, moved, _, _, _ = seen
     _, length, width, _ = body
@@ -378,7 +378,9 @@ def _arms_in_arms(seen: _Seen, arms: ArmBalls, codes: IntArray, n_codes: int) ->
     """Compare each arm that has moved with those in its reach."""
     spheres, arm_xy, _, reach = arms
     moved = seen.arm_moved
-    for a in moved.nonzero()[0]:
+    for a in range(len(spheres)):
+        if not moved[a]:
+            continue
         for b in range(len(spheres)):
             if b == a or (b < a and moved[b]):
                 continue

@@ -49,7 +49,7 @@ FAMILIES = [
         package="fleet.robots",
         tables=("CARS", "ARMS"),
         support=frozenset(
-            {"arm_kinds", "battery", "description", "estimator", "model", "panda", "pursuit", "spec", "tools"}
+            {"angle", "arm_kinds", "battery", "description", "estimator", "model", "panda", "pursuit", "spec", "tools"}
         ),
         maker="spec",
     ),
