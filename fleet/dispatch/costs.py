@@ -15,7 +15,7 @@ from fleet.missions.state import Missions
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.ways import STEP_S, Ways
 from fleet.tasks.board import Task, TaskState
-from fleet.tasks.order import Ability
+from fleet.tasks.order import Ability, Delivery
 from fleet.tasks.reasons import CODE_OF_REASON, PairReason
 from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
@@ -131,22 +131,19 @@ class CostModel:
         at docks or places, shape (n_tasks,) each."""
         moves = np.empty((len(tasks), len(states)))
         rest_n, service_s = np.empty(len(tasks)), np.empty(len(tasks))
-        named, docks, mean_s = self._stations.named, self._stations.dock_states, self._stations.mean_s()
-        to_pick: dict[int, FloatArray] = {}  # many tasks begin at few stations
-        deliveries, picks, drops = [], [], []
+        deliveries, ends = [], []
         for k, task in enumerate(tasks):
-            if task.visit is not None:
+            if isinstance(task.order, Delivery):
+                deliveries.append(k)
+                ends.append((task.pick, task.order.drop))
+            else:
                 moves[k] = self._routes.to_stop(task, states)
                 rest_n[k], service_s[k] = self._routes.rest(task)
-                continue
-            pick = named(task.pick).arm
-            if pick not in to_pick:
-                to_pick[pick] = self._ways.moves(states, int(docks[pick])).astype(np.float64)
-            moves[k] = to_pick[pick]
-            deliveries.append(k)
-            picks.append(pick)
-            drops.append(named(task.delivery.drop).arm)
         if deliveries:
+            docks, mean_s = self._stations.dock_states, self._stations.mean_s()
+            picks, drops = self._stations.arms_of(ends).T
+            used, which = np.unique(picks, return_inverse=True)  # many tasks begin at few stations
+            moves[deliveries] = self._ways.moves_to(states, docks[used])[which]
             rest_n[deliveries] = self._ways.moves_each(docks[picks], docks[drops])
             service_s[deliveries] = mean_s[picks] + mean_s[drops]
         return moves.T, rest_n, service_s

@@ -51,16 +51,13 @@ class Solver:
         """
         tasks = [costs.tasks[column] for column in columns]
         at = {task.index: k for k, task in enumerate(tasks)}
-        has = np.full(len(cars), NO_TASK, dtype=np.int32)
-        for car, task in held.items():
-            row = int(np.searchsorted(cars, car))
-            if row < len(cars) and cars[row] == car:
-                has[row] = at.get(task.index, NO_TASK)
+        has_of = np.full(len(costs.cost_s), NO_TASK, dtype=np.int32)
+        has_of[list(held)] = [at.get(task.index, NO_TASK) for task in held.values()]
         return AllocationProblem(
-            cost=costs.cost_s.T[columns][:, cars].T,  # in this order it is copied along tasks, which are contiguous
+            cost=costs.cost_s.T[columns].take(cars, axis=1).T,  # tasks are contiguous, and stay so
             class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
-            held=has,
+            held=has_of[cars],
             keep_gain=self._config.keep_gain_s,
             keep_share=self._config.keep_share,
             shop=horizon.shop(costs, tasks, cars, held) if horizon is not None else None,

@@ -41,6 +41,10 @@ class Stations:
         """The station of a name that exists."""
         return self._by_name[name]
 
+    def arms_of(self, names: Sequence[Sequence[str]]) -> npt.NDArray[np.int64]:
+        """Arms of the stations of some names, in the same shape."""
+        return np.array([[self._by_name[name].arm for name in row] for row in names], dtype=np.int64)
+
     def time(self, station: Station) -> ServiceTime:
         """How long a station's arm takes for what the station does."""
         return self._time_of[station.arm]
