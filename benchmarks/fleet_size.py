@@ -18,7 +18,7 @@ from fleet.tasks.board import OPEN_STATES
 from maps.site import Site, save_site
 from maps.warehouse import generate_warehouse
 
-CARS_N, TASKS_N = 1_000, 2_000
+N_CARS, N_TASKS = 1_000, 2_000
 WARM_S, QUICK_WARM_S = 120.0, 10.0
 """Simulated time before anything is measured: kernels are compiled, the first cars come to the first docks [s]."""
 SIM_S, QUICK_SIM_S = 60.0, 10.0
@@ -32,7 +32,7 @@ SHARE = {Fidelity.KINEMATIC: 1 / 4, Fidelity.GRID: 1 / 6}
 
 def big_site() -> Site:
     """The generated site of 110 x 180 cells: 34 pick and 34 drop stations, parking for every car."""
-    return generate_warehouse(rows=110, cols=180, pick=34, drop=34, parking=CARS_N)
+    return generate_warehouse(rows=110, cols=180, pick=34, drop=34, parking=N_CARS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,9 +47,9 @@ class Stretch:
     """CPU time of the measured ticks [s]."""
     sim_s: float
     """Simulated time of the measured ticks [s]."""
-    open_n: tuple[int, int]
+    n_open: tuple[int, int]
     """Open tasks when they began and when they had ended."""
-    delivered_n: int
+    n_delivered: int
     """Tasks delivered in all."""
 
 
@@ -62,15 +62,15 @@ def _measure(fidelity: Fidelity) -> Callable[[Trial], Iterable[Row]]:
             _write_orders(orders, trial.seeds[0])
             config = RunConfig(
                 site=str(site),
-                robots=CARS_N,
+                robots=N_CARS,
                 orders=orders,
                 fidelity=fidelity,
                 seed=trial.seeds[0],
                 arms=ArmConfig(workers_n=0),
             )
             seen = _run(trial, config, warm_s, sim_s)
-        where = f"{CARS_N:,} cars, {fidelity}"
-        trial.check(seen.open_n[1] > 0.8 * TASKS_N, f"{where}: only {seen.open_n[1]} tasks are open at the end")
+        where = f"{N_CARS:,} cars, {fidelity}"
+        trial.check(seen.n_open[1] > 0.8 * N_TASKS, f"{where}: only {seen.n_open[1]} tasks are open at the end")
         target = "" if trial.quick else f"<= {BEFORE_S[fidelity] * SHARE[fidelity]:.3g}"
         yield Row(
             name=f"{where}: a simulated second",
@@ -81,8 +81,8 @@ def _measure(fidelity: Fidelity) -> Callable[[Trial], Iterable[Row]]:
         )
         yield Row(name="  start-up", value=seen.start_s, unit="s CPU", kind=Kind.TIME)
         yield Row(name=f"  the {warm_s:g} simulated seconds before", value=seen.warm_s, unit="s CPU", kind=Kind.TIME)
-        yield Row(name="  tasks open, at the end", value=seen.open_n[1], unit="")
-        yield Row(name="  tasks delivered", value=seen.delivered_n, unit="")
+        yield Row(name="  tasks open, at the end", value=seen.n_open[1], unit="")
+        yield Row(name="  tasks delivered", value=seen.n_delivered, unit="")
 
     return measure
 
@@ -93,7 +93,7 @@ def _write_orders(path: Path, seed: int) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
         table.writerow(["id", "release_s", "pick", "drop", "mass_kg", "size_m"])
-        for k in range(TASKS_N):
+        for k in range(N_TASKS):
             pick, drop = rng.integers(1, 35, 2)
             table.writerow([f"o{k}", 0, f"pick_{pick}", f"drop_{drop}", f"{rng.uniform(0.1, 1.4):.3f}", "0.06"])
 
@@ -104,7 +104,7 @@ def _run(trial: Trial, config: RunConfig, warm_s: float, sim_s: float) -> Stretc
         made_s = time.process_time()
         while simulation.sim_s < warm_s:
             simulation.tick()
-        open_n = len(simulation.board.in_state(*OPEN_STATES))
+        n_open = len(simulation.board.in_state(*OPEN_STATES))
         since, warmed_s = simulation.sim_s, time.process_time()
         with trial.profiled(f"{config.fidelity}, {sim_s:g} simulated seconds"):
             while simulation.sim_s < since + sim_s:
@@ -115,8 +115,8 @@ def _run(trial: Trial, config: RunConfig, warm_s: float, sim_s: float) -> Stretc
             warm_s=warmed_s - made_s,
             cpu_s=cpu_s,
             sim_s=simulation.sim_s - since,
-            open_n=(open_n, len(simulation.board.in_state(*OPEN_STATES))),
-            delivered_n=simulation.summary().tasks_done,
+            n_open=(n_open, len(simulation.board.in_state(*OPEN_STATES))),
+            n_delivered=simulation.summary().tasks_done,
         )
 
 
@@ -124,7 +124,7 @@ GROUPS = {str(fidelity): _measure(fidelity) for fidelity in BEFORE_S}
 
 BENCHMARK = Benchmark(
     name="fleet_size",
-    summary=f"{CARS_N:,} cars and {TASKS_N:,} open tasks on 110 x 180 cells: what a simulated second costs",
+    summary=f"{N_CARS:,} cars and {N_TASKS:,} open tasks on 110 x 180 cells: what a simulated second costs",
     measure=in_groups(GROUPS),
     groups=tuple(GROUPS),
     profiles=True,

@@ -24,13 +24,13 @@ from planners.mapf.validate import conflicts
 from planners.status import Status
 
 TIMESTEPS, QUICK_TIMESTEPS = 10_000, 2_500
-WINDOW_N = 5
+WINDOW_TIMESTEPS = 5
 """Timesteps planned, and driven, at a time."""
-SERVICE_N = 5
+SERVICE_TIMESTEPS = 5
 """Timesteps a car stands at a dock."""
 LOADED_RANK = 30.0
 """Head start of a loaded car in the right of way [timesteps]."""
-DRAIN_N = 1_000
+DRAIN_TIMESTEPS = 1_000
 """Timesteps at the end of a run in which no new task is given."""
 
 
@@ -40,9 +40,9 @@ def rows(trial: Trial) -> Iterator[Row]:
     seed = trial.seeds[0]
     yield from _planned(trial, medium, 40, seed)
     yield from _planned(trial, large, 200, seed)
-    yield from _driven(trial, medium, 40, Fidelity.KINEMATIC, seed, tasks=200, station_cap_n=4)
-    yield from _driven(trial, large, 200, Fidelity.KINEMATIC, seed, tasks=600, station_cap_n=6)
-    yield from _driven(trial, medium, 40, Fidelity.PHYSICS, seed, tasks=400, station_cap_n=4, duration_s=300.0)
+    yield from _driven(trial, medium, 40, Fidelity.KINEMATIC, seed, tasks=200, station_cap=4)
+    yield from _driven(trial, large, 200, Fidelity.KINEMATIC, seed, tasks=600, station_cap=6)
+    yield from _driven(trial, medium, 40, Fidelity.PHYSICS, seed, tasks=400, station_cap=4, duration_s=300.0)
 
 
 def large_site() -> Site:
@@ -67,13 +67,13 @@ class PlannedRun:
 def plan_lifelong(graph: LaneGraph, site: Site, n_cars: int, timesteps: int, seed: int) -> PlannedRun:
     """Send every car from a pick dock to a drop dock, again and again, and at last to its parking place.
 
-    No executor and no arms: windows follow each other, and a car stands `SERVICE_N` timesteps at each dock.
+    No executor and no arms: windows follow each other, and a car stands `SERVICE_TIMESTEPS` timesteps at each dock.
 
     Args:
         graph: Lane graph of the site.
         site: Gives docks and parking.
         n_cars: Cars, at most as many as parking places.
-        timesteps: Length of the run, a multiple of `WINDOW_N`.
+        timesteps: Length of the run, a multiple of `WINDOW_TIMESTEPS`.
         seed: Draws the docks and the planner's ties.
     """
     rng = np.random.default_rng(seed)
@@ -85,43 +85,43 @@ def plan_lifelong(graph: LaneGraph, site: Site, n_cars: int, timesteps: int, see
     nobody = np.zeros(graph.n_cells, dtype=np.bool_)
     tables, planner = DistanceTable(graph, nobody), Pibt(seed=seed)
 
-    last_task = max(timesteps - DRAIN_N, 1)
+    last_task = max(timesteps - DRAIN_TIMESTEPS, 1)
     goals = rng.choice(docks[0], n_cars).astype(np.int32)
-    leg = np.zeros(n_cars, dtype=np.int64)  # 0: to a pick dock, 1: to a drop dock, 2: home
+    errand = np.zeros(n_cars, dtype=np.int64)  # 0: to a pick dock, 1: to a drop dock, 2: home
     since = np.zeros(n_cars)
     service_end = np.full(n_cars, -1)
     now, windows, done_at, given, cpu_s = home, [home[None]], [], n_cars, 0.0
-    for t in range(0, timesteps, WINDOW_N):
+    for t in range(0, timesteps, WINDOW_TIMESTEPS):
         instance = Instance(
             graph=graph,
             starts=now,
             goals=goals.copy(),
-            priorities=t - since + LOADED_RANK * (leg == 1) + np.arange(n_cars) * 1e-6,
-            stay=leg < 2,
+            priorities=t - since + LOADED_RANK * (errand == 1) + np.arange(n_cars) * 1e-6,
+            stay=errand < 2,
             fixed=service_end > t,
             blocked=nobody,
             allow_rotation=False,
-            horizon=WINDOW_N,
+            horizon=WINDOW_TIMESTEPS,
         )
         begin = time.process_time()
         plan = planner.plan(instance, tables)
         cpu_s += time.process_time() - begin
         windows.append(plan.states[1:])
-        now, after = plan.states[-1].copy(), t + WINDOW_N
-        for car in np.flatnonzero((now == goals) & (leg < 2)).tolist():
+        now, after = plan.states[-1].copy(), t + WINDOW_TIMESTEPS
+        for car in np.flatnonzero((now == goals) & (errand < 2)).tolist():
             if service_end[car] < 0:
-                service_end[car] = after + SERVICE_N
+                service_end[car] = after + SERVICE_TIMESTEPS
             elif service_end[car] <= after:
                 service_end[car], since[car] = -1, after
-                if leg[car] == 0:
-                    leg[car], goals[car] = 1, rng.choice(docks[1])
+                if errand[car] == 0:
+                    errand[car], goals[car] = 1, rng.choice(docks[1])
                     continue
                 done_at.append(after)
                 if after < last_task:
                     given += 1
-                    leg[car], goals[car] = 0, rng.choice(docks[0])
+                    errand[car], goals[car] = 0, rng.choice(docks[0])
                 else:
-                    leg[car], goals[car] = 2, home[car]
+                    errand[car], goals[car] = 2, home[car]
     counts, _ = np.histogram(done_at, bins=4, range=(0, last_task))
     return PlannedRun(
         states=np.concatenate(windows),
@@ -134,7 +134,7 @@ def plan_lifelong(graph: LaneGraph, site: Site, n_cars: int, timesteps: int, see
 
 def _planned(trial: Trial, site: Site, n_cars: int, seed: int) -> list[Row]:
     graph = build_lane_graph(site)
-    plan_lifelong(graph, site, n_cars, WINDOW_N, seed)  # compiles
+    plan_lifelong(graph, site, n_cars, WINDOW_TIMESTEPS, seed)  # compiles
     run = plan_lifelong(graph, site, n_cars, QUICK_TIMESTEPS if trial.quick else TIMESTEPS, seed)
     wrong = conflicts(graph, Plan(states=run.states, status=Status.FEASIBLE, iterations=0), allow_rotation=False)
     where = f"{site.name}, {n_cars} cars, planner alone"
@@ -157,7 +157,7 @@ def _driven(
     seed: int,
     *,
     tasks: int,
-    station_cap_n: int,
+    station_cap: int,
     duration_s: float = 7200.0,
 ) -> list[Row]:
     """Run the whole fleet, arms included, until every task is done or for `duration_s`."""
@@ -172,7 +172,7 @@ def _driven(
             fidelity=fidelity,
             duration_s=30.0 if trial.quick and fidelity is Fidelity.PHYSICS else duration_s,
             arms=ArmConfig(workers_n=0),
-            allocation=AllocationConfig(station_cap_n=station_cap_n),
+            allocation=AllocationConfig(station_cap_n=station_cap),
         )
         with Simulation(config) as simulation:
             begin = time.process_time()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.harness import Benchmark, Kind, Row, Trial, main
+from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, RunConfig
 from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
 from fleet.traffic.drivers import PathDriver
-from fleet.world.protocol import FloatArray
 
 
 def measure(trial: Trial) -> list[Row]:

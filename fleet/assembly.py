@@ -25,7 +25,7 @@ from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.perception import SeenPoses, TruePoses
 from fleet.missions.parcels.prefetch import Prefetch
 from fleet.missions.parcels.slots import Slots
-from fleet.missions.parcels.transfers import Transfers
+from fleet.missions.parcels.transfer_requests import Transfers
 from fleet.missions.parking import Parking
 from fleet.missions.places import Places
 from fleet.missions.services import Services
@@ -247,9 +247,9 @@ class _Losses:
 
 
 def _check(config: RunConfig, setup: RunSetup) -> None:
-    chargers_n, known, site = config.battery.chargers_n or 1, len(setup.site.chargers), setup.site.name
+    n_chargers, known, site = config.battery.chargers_n or 1, len(setup.site.chargers), setup.site.name
     require(
-        not config.battery.enabled or chargers_n <= known,
+        not config.battery.enabled or n_chargers <= known,
         "battery.chargers_n",
         config.battery.chargers_n,
         f"1 to {known} (chargers of site {site})" if known else "no batteries: the site has no charger",
@@ -278,8 +278,8 @@ def _orders(
     site, battery = setup.site, config.battery
     grip_kg = TOOLS[config.grip].payload_kg(config.grip_force_n)
     if config.orders is not None:
-        chargers_n = len(site.chargers[: battery.chargers_n]) if battery.enabled else 0
-        return read_orders(config.orders, site, abilities, chargers_n=chargers_n, grip_kg=grip_kg)
+        n_chargers = len(site.chargers[: battery.chargers_n]) if battery.enabled else 0
+        return read_orders(config.orders, site, abilities, n_chargers=n_chargers, grip_kg=grip_kg)
     require(
         grip_kg >= MAX_GENERATED_KG,
         "--grip-force",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.assembly import Parts, assemble
 from fleet.config import RunConfig
 from fleet.errors import FleetError
@@ -26,7 +27,6 @@ from fleet.run.setup import RunSetup
 from fleet.tasks.batches import Batches
 from fleet.tasks.board import Task, TaskState
 from fleet.tasks.reasons import AssignmentReport
-from fleet.world.protocol import FloatArray
 
 STALL_S = 300.0
 """A run whose tasks have not changed for this long has come to a stand [s]."""

@@ -21,10 +21,10 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(autouse=True)
-def ledger_of_every_run(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def accounts_of_every_run(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Check, whatever else a test is about, what holds at the end of each of its runs.
 
-    The ledger adds up to robots x duration, and phases and tasks of cars go together.
+    The time accounts add up to robots x duration, and phases and tasks of cars go together.
     """
     if (module := sys.modules.get("fleet.simulation")) is None:
         yield

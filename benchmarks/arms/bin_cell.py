@@ -46,7 +46,7 @@ CUP_GAP_M, RELEASE_M, LIFT_M = 0.003, 0.004, 0.16
 """Cup above the parcel when it sticks, parcel above the table when it is let go, straight way of every pick [m]."""
 ASIDE_M = 0.006
 """If there is no way to the middle of a face, as near a wall, the cup may stick so far beside it [m]."""
-YAWS_N = 8
+N_YAWS = 8
 """Turns of the tool about its axis that are tried."""
 LINE_SPEED = 0.6
 """Share of the limits used on straight ways."""
@@ -114,12 +114,12 @@ class BinCell:
         )
         self.world = BulletWorld(scene)
         self.q = spec.home_rad.copy()
-        self.ticks_n = 0
+        self.n_ticks = 0
         self._sizes: dict[int, tuple[float, float, float]] = {}
         over = self._tips(np.array([*TABLE_M, FLOOR_Z_M + 0.25]), np.array([0.0, 0.0, 1.0]))
         route = self._to_bin.plan(RouteProblem(start=self.q, tips=over, leave=np.zeros(3), arrive=np.zeros(3)))
-        for leg in route.legs:
-            self._play(leg, grip=False)
+        for segment in route.segments:
+            self._play(segment, grip=False)
 
     def fill(self, rng: np.random.Generator, n: int) -> None:
         """Take all parcels out and drop new ones into the bin, anyhow; they may touch, lean and lie on each other."""
@@ -166,7 +166,7 @@ class BinCell:
             box: Where the camera sees it.
             seed: Of the searches.
         """
-        begin = self.ticks_n
+        begin = self.n_ticks
         reason = self._attempt(box, seed)
         if not reason:
             self._wait(0.3)
@@ -175,7 +175,7 @@ class BinCell:
             reason = "" if on_table else "the parcel is not on the table"
             if on_table:
                 self.world.remove_parcel(box.label)
-        return Pick(picked=not reason, reason=reason, sim_s=(self.ticks_n - begin) * self.world.tick_s)
+        return Pick(picked=not reason, reason=reason, sim_s=(self.n_ticks - begin) * self.world.tick_s)
 
     def close(self) -> None:
         """Free the world."""
@@ -194,13 +194,13 @@ class BinCell:
                 break
         if not there.solved:
             return f"no route to the parcel ({there.status.value})"
-        for leg in there.legs:
-            self._play(leg, grip=False)
+        for segment in there.segments:
+            self._play(segment, grip=False)
         self._wait(GRIP_S, grip=True)
         if self.world.held()[0] != box.label:
-            self._play(_reversed(there.legs[-1]), grip=False)
+            self._play(_reversed(there.segments[-1]), grip=False)
             return "the cup holds nothing" if self.world.held()[0] < 0 else "the cup holds another parcel"
-        self._play(_reversed(there.legs[-1]), grip=True)
+        self._play(_reversed(there.segments[-1]), grip=True)
         # The tool points down on the table, whatever the parcel leaned like: its own tilt stays in the grip.
         height_m = min(box.size_m[2], math.sqrt(3) * EDGE_M[1]) + CUP_GAP_M + RELEASE_M
         down = self._tips(np.array([*TABLE_M, FLOOR_Z_M + height_m]), np.array([0.0, 0.0, 1.0]))
@@ -209,8 +209,8 @@ class BinCell:
         if not back.solved:
             self._wait(0.2)
             return f"no route to the table ({back.status.value})"
-        for leg in back.legs:
-            self._play(leg, grip=True)
+        for segment in back.segments:
+            self._play(segment, grip=True)
         lower = self._straight(-up)
         if lower is None:
             self._wait(0.2)
@@ -222,11 +222,11 @@ class BinCell:
         return "the parcel was dropped on the way" if dropped else ""
 
     def _tips(self, at_m: FloatArray, normal: FloatArray) -> FloatArray:
-        """Tool poses that look against a normal, turned about it, shape (YAWS_N, 4, 4)."""
+        """Tool poses that look against a normal, turned about it, shape (N_YAWS, 4, 4)."""
         first = np.cross(normal, (0.0, 1.0, 0.0))
         first /= np.linalg.norm(first)
-        tips = np.tile(np.eye(4), (YAWS_N, 1, 1))
-        for tip, yaw in zip(tips, np.linspace(0, 2 * math.pi, YAWS_N, endpoint=False), strict=True):
+        tips = np.tile(np.eye(4), (N_YAWS, 1, 1))
+        for tip, yaw in zip(tips, np.linspace(0, 2 * math.pi, N_YAWS, endpoint=False), strict=True):
             x = math.cos(yaw) * first + math.sin(yaw) * np.cross(normal, first)
             tip[:3, 0], tip[:3, 1], tip[:3, 2], tip[:3, 3] = x, np.cross(-normal, x), -normal, at_m
         return tips
@@ -241,11 +241,11 @@ class BinCell:
         velocity, acceleration = self._limits
         return retime(path, LINE_SPEED * velocity, LINE_SPEED * acceleration, 0.01, max_deviation_rad=0.01)
 
-    def _play(self, leg: Trajectory, *, grip: bool) -> None:
-        for tick in range(1, math.ceil(leg.duration_s / self.world.tick_s) + 1):
-            q, qd = leg.sample(min(tick * self.world.tick_s, leg.duration_s))
+    def _play(self, segment: Trajectory, *, grip: bool) -> None:
+        for tick in range(1, math.ceil(segment.duration_s / self.world.tick_s) + 1):
+            q, qd = segment.sample(min(tick * self.world.tick_s, segment.duration_s))
             self._step(q, qd, grip)
-        self.q = leg.q[-1].copy()
+        self.q = segment.q[-1].copy()
 
     def _wait(self, time_s: float, *, grip: bool = False) -> None:
         for _ in range(round(time_s / self.world.tick_s)):
@@ -253,7 +253,7 @@ class BinCell:
 
     def _step(self, q: FloatArray, qd: FloatArray, grip: bool) -> None:
         self.world.step(np.zeros((0, 2)), q[None], qd[None], np.array([grip]))
-        self.ticks_n += 1
+        self.n_ticks += 1
 
 
 def _boxes() -> list[StaticBox]:
@@ -284,9 +284,9 @@ def _within(pose: FloatArray, centre: tuple[float, float], half: tuple[float, fl
     return bool(inside.all() and pose[2] > FLOOR_Z_M)
 
 
-def _reversed(leg: Trajectory) -> Trajectory:
+def _reversed(segment: Trajectory) -> Trajectory:
     """The same motion backwards."""
-    return Trajectory(t=leg.t, q=leg.q[::-1].copy(), qd=-leg.qd[::-1])
+    return Trajectory(t=segment.t, q=segment.q[::-1].copy(), qd=-segment.qd[::-1])
 
 
 def _matrix(quat_xyzw: list[float]) -> FloatArray:

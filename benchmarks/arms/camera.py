@@ -15,9 +15,9 @@ from benchmarks.harness import Kind, Row, Trial
 from fleet.sensors.boxes import LocateStatus, locate_boxes
 
 N_BINS, QUICK_BINS = 100, 2
-PARCELS_N = (4, 7)
+N_PARCELS = (4, 7)
 """Fewest and most parcels of a bin."""
-TRIES_N = 3
+N_TRIES = 3
 """A parcel whose pick failed so often is left to the tally of what was not picked."""
 WRONG_M = 0.05
 """A located parcel that is not even this near is a wrong answer, not an inexact one [m]."""
@@ -93,7 +93,7 @@ def measure_camera(trial: Trial) -> Iterable[Row]:
 
 def _empty(trial: Trial, cell: BinCell, rng: np.random.Generator, tally: _Tally) -> None:
     """One bin, until it is empty or nothing in it can be picked any more."""
-    n = int(rng.integers(*PARCELS_N, endpoint=True))
+    n = int(rng.integers(*N_PARCELS, endpoint=True))
     cell.fill(rng, n)
     inside = set(cell.in_bin())
     tally.parcels += len(inside)
@@ -107,7 +107,7 @@ def _empty(trial: Trial, cell: BinCell, rng: np.random.Generator, tally: _Tally)
         tally.render_s.append(looked_s - begin_s)
         tally.locate_s.append(time.process_time() - looked_s)
         located.update(box.label for box in search.boxes if not box.obstructed)
-        wanted = [box for box in search.boxes if not box.obstructed and tries[box.label] < TRIES_N]
+        wanted = [box for box in search.boxes if not box.obstructed and tries[box.label] < N_TRIES]
         if not wanted:
             if search.status is not LocateStatus.NOTHING_SEEN:
                 tally.reasons[f"nothing left to pick ({search.status.value})"] += 1

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from planners.motion.pair.asynchronous import least_times_s
-from planners.motion.pair.diagram import MARGIN_M
-from planners.motion.pair.swept import SweptArm, cover
-from planners.motion.pair.together import Trip
+from planners.motion.two_arms.asynchronous import least_times_s
+from planners.motion.two_arms.diagram import MARGIN_M
+from planners.motion.two_arms.swept import SweptArm, cover
+from planners.motion.two_arms.together import Trip
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from fleet.simulation import Simulation
 from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.service_time import Direction
 
-SITE, CARS_N = "cell", 3
-RUNS_N, FAST_RUNS_N = 10, 2
+SITE, N_CARS = "cell", 3
+N_RUNS, N_FAST_RUNS = 10, 2
 """Runs of one seed each; those with faster arms are there for the cycle."""
-PARCELS_N, QUICK_PARCELS = 20, 1
+N_PARCELS, QUICK_PARCELS = 20, 1
 """Parcels of one run."""
 FAST_RADPS, FAST_RADPS2 = 3.0, 12.0
 """Limits of the faster arms: those that the targets of their cycle were measured with."""
@@ -45,10 +45,10 @@ def measure_grasp(trial: Trial) -> Iterable[Row]:
     """Random parcels of 5 to 8 cm and 0.1 to 0.5 kg, with each grip; fast arms once more for their cycle."""
     for grip in Grip:
         usual, quick = Delivered(), Delivered()
-        for run in range(1 if trial.quick else RUNS_N):
+        for run in range(1 if trial.quick else N_RUNS):
             deliver(trial, grip, trial.seeds[0] + run, ArmConfig(), usual)
         fast = ArmConfig(velocity_radps=FAST_RADPS, acceleration_radps2=FAST_RADPS2)
-        for run in range(1 if trial.quick else FAST_RUNS_N):
+        for run in range(1 if trial.quick else N_FAST_RUNS):
             deliver(trial, grip, trial.seeds[0] + run, fast, quick)
         slip_mm = [1e3 * slip.slip_m for slip in usual.slips]
         share = 100 * usual.done / usual.total
@@ -85,15 +85,15 @@ def measure_grasp(trial: Trial) -> Iterable[Row]:
 
 def deliver(trial: Trial, grip: Grip, seed: int, arms: ArmConfig, found: Delivered) -> None:
     """Run a site until its parcels are delivered, check what must hold for every parcel, and add to what was found."""
-    parcels_n = QUICK_PARCELS if trial.quick else PARCELS_N
+    n_parcels = QUICK_PARCELS if trial.quick else N_PARCELS
     config = RunConfig(
         site=SITE,
-        robots=CARS_N,
-        tasks=parcels_n,
+        robots=N_CARS,
+        tasks=n_parcels,
         seed=seed,
         grip=grip,
         arms=arms,
-        duration_s=100.0 * parcels_n,
+        duration_s=100.0 * n_parcels,
     )
     repeated: list[object] = []
     with Simulation(
@@ -107,7 +107,7 @@ def deliver(trial: Trial, grip: Grip, seed: int, arms: ArmConfig, found: Deliver
         summary = simulation.summary()
         meter = simulation.figures.slip_meter
         slips = list(meter.slips) if meter is not None else []
-    found.total += parcels_n
+    found.total += n_parcels
     found.done += summary.tasks_done
     found.dropped += summary.parcels_dropped
     found.repeated += len(repeated)

@@ -20,14 +20,14 @@ from benchmarks.arms.exclusion import least_makespans_s
 from benchmarks.harness import Kind, Row, Trial
 from fleet.robots.iiwa import iiwa_urdf
 from fleet.tabletop.exchange import SharedTray
-from planners.motion.pair.schedule import Schedule
-from planners.motion.pair.together import Way, plan_together
 from planners.motion.path.timed_path import Dwell, TimedPath
+from planners.motion.two_arms.schedule import Schedule
+from planners.motion.two_arms.together import Way, plan_together
 
 FloatArray = npt.NDArray[np.float64]
 
-INSTANCES_N, QUICK_INSTANCES_N = 200, 10
-AGAIN_N = 10
+N_INSTANCES, N_QUICK_INSTANCES = 200, 10
+N_AGAIN = 10
 """Instances that are solved again, in this process and in another."""
 REFEREE_S = 0.01
 TARGET_MS = 15.0
@@ -49,7 +49,7 @@ class Cell(SharedTray):
     """The arms and their tray, timed."""
 
     def solve(self, places: Sequence[Sequence[FloatArray]], seed: int) -> Outcome | None:
-        """Plan every leg, then the schedule; None if nothing was found."""
+        """Plan every segment, then the schedule; None if nothing was found."""
         trips = self.trips(places)
         begin = time.process_time()
         both = plan_together(trips, self.planner, seed=seed)
@@ -92,15 +92,15 @@ class Referee:
 
 
 def digests(seed: int, cell: Cell | None = None) -> list[str]:
-    """Digests of the first `AGAIN_N` instances' paths and schedules, to be compared across processes."""
+    """Digests of the first `N_AGAIN` instances' paths and schedules, to be compared across processes."""
     cell = cell or Cell()
-    places = [cell.places(np.random.default_rng((seed, number)), 1) for number in range(AGAIN_N)]
+    places = [cell.places(np.random.default_rng((seed, number)), 1) for number in range(N_AGAIN)]
     return [_digest(cell.solve(own, number)) for number, own in enumerate(places)]
 
 
 def measure_pair(trial: Trial) -> Iterable[Row]:
     """Solve instances with one delivery each, and with three, and let the referee judge them."""
-    cell, n = Cell(), QUICK_INSTANCES_N if trial.quick else INSTANCES_N
+    cell, n = Cell(), N_QUICK_INSTANCES if trial.quick else N_INSTANCES
     referee = Referee(cell)
     try:
         yield from _one_each(trial, cell, referee, n)
@@ -118,7 +118,7 @@ def _one_each(trial: Trial, cell: Cell, referee: Referee, n: int) -> Iterator[Ro
     for distance_m in distances:
         trial.check(distance_m > 0.0, f"pair: arms overlap by {-distance_m * 1e3:.1f} mm in a schedule")
     blind = sum(referee.least_m(_unscheduled(outcome)) <= 0.0 for outcome in solved)
-    first = [_digest(outcome) for outcome in outcomes[:AGAIN_N]]
+    first = [_digest(outcome) for outcome in outcomes[:N_AGAIN]]
     trial.check(digests(trial.seeds[0], cell) == first, "pair: schedules differ when solved again")
     command = f"from benchmarks.arms.pair import digests; print(*digests({trial.seeds[0]}))"
     other = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
@@ -194,14 +194,16 @@ def _densely(path: TimedPath, along_s: FloatArray) -> FloatArray:
     """Configurations at times of an arm's own motion, interpolated by SciPy, shape (t, 7)."""
     out = np.empty((len(along_s), 7))
     begin_s, rest = 0.0, np.zeros(7)
-    for leg in path.legs:
-        steps_s = np.ceil((leg.duration_s / path.step_s) - 1e-9) * path.step_s
+    for segment in path.segments:
+        steps_s = np.ceil((segment.duration_s / path.step_s) - 1e-9) * path.step_s
         now = along_s >= begin_s - 1e-9
-        if isinstance(leg, Dwell):
+        if isinstance(segment, Dwell):
             out[now] = rest
         else:
-            rest = leg.q[-1]
-            out[now] = CubicHermiteSpline(leg.t, leg.q, leg.qd)(np.clip(along_s[now] - begin_s, 0.0, leg.duration_s))
+            rest = segment.q[-1]
+            out[now] = CubicHermiteSpline(segment.t, segment.q, segment.qd)(
+                np.clip(along_s[now] - begin_s, 0.0, segment.duration_s)
+            )
         begin_s += steps_s
     return out
 

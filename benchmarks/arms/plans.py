@@ -26,7 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 N_PROBLEMS, QUICK_PROBLEMS = 1_000, 12
 N_COMPARED, QUICK_COMPARED = 60, 2
 REFERENCE_S, QUICK_REFERENCE_S = 1.0, 0.2
-AGAIN_N = 20
+N_AGAIN = 20
 """Problems that are solved again, in this process and in another."""
 PARCEL_M = 0.08
 """Edge of the parcel in the grip; its upper third is between the fingers."""
@@ -51,7 +51,7 @@ class Bench:
     router: RoutePlanner
 
 
-def digests(seed: int, n: int = AGAIN_N) -> list[str]:
+def digests(seed: int, n: int = N_AGAIN) -> list[str]:
     """Digests of the routes of the first problems, to be compared across processes."""
     bench = _bench()
     return [_digest(bench.router.plan(problem)) for problem in _problems(bench, np.random.default_rng(seed), n)]
@@ -74,7 +74,7 @@ def measure_plans(trial: Trial) -> Iterable[Row]:
             _check(trial, bench, k, problem, route)
         else:
             trial.notes.append(f"plan {k}: {route.status.value}")
-    first = [_digest(route) for route in routes[:AGAIN_N]]
+    first = [_digest(route) for route in routes[:N_AGAIN]]
     again = digests(trial.seeds[0], len(first))
     trial.check(again == first, "plans: the same seeds gave other paths")
     command = f"from benchmarks.arms.plans import digests; print(*digests({trial.seeds[0]}, {len(first)}))"
@@ -168,14 +168,14 @@ def _check(trial: Trial, bench: Bench, k: int, problem: RouteProblem, route: Rou
     ends = route.out[0], route.out[-1], route.travel[-1]
     starts = problem.start, route.travel[0], route.into[0]
     for a, b in zip(ends, starts, strict=True):
-        trial.check(np.abs(a - b).max() < 1e-9, f"plan {k}: the legs do not meet")
+        trial.check(np.abs(a - b).max() < 1e-9, f"plan {k}: the segments do not meet")
     reached = bench.router.tip(route.into[-1])
     apart = np.abs(problem.tips - reached).max(axis=(1, 2)).min()
     trial.check(apart < 1e-3, f"plan {k}: ends {apart} off every wanted pose")
-    for leg in route.legs:
-        dt_s = leg.t[1] - leg.t[0]
+    for segment in route.segments:
+        dt_s = segment.t[1] - segment.t[0]
         for order, limit in ((1, spec.max_velocity_radps), (2, spec.max_acceleration_radps2)):
-            still = np.concatenate([leg.q[:1], leg.q, leg.q[-1:]])
+            still = np.concatenate([segment.q[:1], segment.q, segment.q[-1:]])
             share = float((np.abs(np.diff(still, order, axis=0)) / dt_s**order / limit).max())
             trial.check(share <= 1.0, f"plan {k}: difference {order} of a joint is {share:.4f} times its limit")
 
@@ -183,7 +183,7 @@ def _check(trial: Trial, bench: Bench, k: int, problem: RouteProblem, route: Rou
 def _digest(route: Route) -> str:
     """Of every path, and of what it becomes in time."""
     paths = [route.out, route.travel, route.into]
-    timed = [array for leg in route.legs for array in (leg.t, leg.q, leg.qd)]
+    timed = [array for segment in route.segments for array in (segment.t, segment.q, segment.qd)]
     return hashlib.sha256(b"".join(array.tobytes() for array in [*paths, *timed])).hexdigest()
 
 

@@ -720,9 +720,9 @@ def warehouse_kinematic() -> Played:
     return played
 
 
-def _further(env: Any, state: Any, seed: int, steps_n: int = 30) -> list[str]:
+def _further(env: Any, state: Any, seed: int, n_steps: int = 30) -> list[str]:
     """What comes after a saved moment."""
-    return go_on(env, env.load_state(state), chance(env, seed), steps_n)
+    return go_on(env, env.load_state(state), chance(env, seed), n_steps)
 
 
 @case
@@ -783,28 +783,28 @@ def traffic_grid() -> Played:
 def layers_simulated() -> Played:
     """Cars choose their tasks, or their moves, in fleets that are simulated."""
     teams = {"kinematic": {"site": "small", "n_cars": 4}, "physics": {"site": "small", "n_cars": 2}}
-    steps_n = {"dispatch": {"kinematic": 20, "physics": 5}, "traffic": {"kinematic": 80, "physics": 25}}
+    n_steps = {"dispatch": {"kinematic": 20, "physics": 5}, "traffic": {"kinematic": 80, "physics": 25}}
     played = Played()
     for layer, policy in (("dispatch", "hungarian"), ("traffic", "pibt")):
         for fidelity, team in teams.items():
-            one = _layer(layer, (policy,), steps_n[layer][fidelity], fidelity=fidelity, **team)
+            one = _layer(layer, (policy,), n_steps[layer][fidelity], fidelity=fidelity, **team)
             played.parts |= {f"{layer}_{fidelity}_{name}": lines for name, lines in one.parts.items()}
             played.figures |= {f"{layer}_{fidelity}_{name}": figure for name, figure in one.figures.items()}
     return played
 
 
-def _layer(layer: str, policies: Sequence[str], steps_n: int, **arguments: Any) -> Played:
+def _layer(layer: str, policies: Sequence[str], n_steps: int, **arguments: Any) -> Played:
     """An environment of a layer, by chance from its spaces, and by policies; a moment is saved, and comes back."""
     from fleet.envs import dispatch_v0, traffic_v0
 
     env = {"dispatch": dispatch_v0, "traffic": traffic_v0}[layer].parallel_env(max_cycles=1000, **arguments)
-    played = Played(parts={"chance": episode(env, chance(env, 1), steps_n, seed=1)})
+    played = Played(parts={"chance": episode(env, chance(env, 1), n_steps, seed=1)})
     state = env.save_state()
-    played.parts["after_saving"] = _further(env, state, 2, min(steps_n, 30))
-    played.parts["again"] = _further(env, state, 2, min(steps_n, 30))
+    played.parts["after_saving"] = _further(env, state, 2, min(n_steps, 30))
+    played.parts["again"] = _further(env, state, 2, min(n_steps, 30))
     for name in policies:
-        played.parts[name] = episode(env, scripted(env, layer, name), steps_n, seed=2)
-        played.figures[f"{name}_delivered"] = env.delivered_n
+        played.parts[name] = episode(env, scripted(env, layer, name), n_steps, seed=2)
+        played.figures[f"{name}_delivered"] = env.n_delivered
     env.close()
     return played
 
@@ -815,17 +815,17 @@ def navigate() -> Played:
     from fleet.envs import navigate_v0
 
     played = Played()
-    for fidelity, cars_n, steps_n in (("kinematic", 6, 400), ("physics", 3, 60)):
-        env = navigate_v0.parallel_env(site="small", n_cars=cars_n, fidelity=fidelity)
-        played.parts[fidelity] = episode(env, chance(env, 1), steps_n, seed=3)
+    for fidelity, n_cars, n_steps in (("kinematic", 6, 400), ("physics", 3, 60)):
+        env = navigate_v0.parallel_env(site="small", n_cars=n_cars, fidelity=fidelity)
+        played.parts[fidelity] = episode(env, chance(env, 1), n_steps, seed=3)
         env.close()
-    for fidelity, steps_n in (("kinematic", 300), ("physics", 40)):
-        played.parts[f"alone_{fidelity}"] = single("CarNavigate-v0", steps_n, seed=4, fidelity=fidelity, n_others=3)
+    for fidelity, n_steps in (("kinematic", 300), ("physics", 40)):
+        played.parts[f"alone_{fidelity}"] = single("CarNavigate-v0", n_steps, seed=4, fidelity=fidelity, n_others=3)
     return played
 
 
 @case
 def reach() -> Played:
     """A Kuka that reaches for points, kinematic and in physics."""
-    steps_n = {"kinematic": 400, "physics": 150}
-    return Played(parts={name: single("KukaReach-v0", n, seed=5, fidelity=name) for name, n in steps_n.items()})
+    n_steps = {"kinematic": 400, "physics": 150}
+    return Played(parts={name: single("KukaReach-v0", n, seed=5, fidelity=name) for name, n in n_steps.items()})

@@ -125,11 +125,11 @@ def simulate(config: RunConfig, look: Callable[[Simulation, int], Iterator[str]]
         events.append({"tick": event.tick, "sim_s": event.sim_s, "kind": event.kind, **event.facts})
 
     with Simulation(config, on_event=note) as simulation:
-        calls_n = 0
+        n_calls = 0
         while not simulation.finished:
-            if simulation.sim_s >= calls_n * every_s:
-                said += (f"{simulation.sim_s:.3f} s: {line}" for line in look(simulation, calls_n))
-                calls_n += 1
+            if simulation.sim_s >= n_calls * every_s:
+                said += (f"{simulation.sim_s:.3f} s: {line}" for line in look(simulation, n_calls))
+                n_calls += 1
             simulation.tick()
         summary = dict(vars(simulation.summary()))
     played = _logged(events)
@@ -197,21 +197,21 @@ def _trace_lines(content: bytes) -> list[str]:
     """A trace after its head: the digest of each tick, the mark of each robot, and what has changed."""
     head, _, rest = content.partition(b"\n")
     about = json.loads(head)
-    robots_n = about["cars"] + about["arms"]
+    n_robots = about["cars"] + about["arms"]
     lines: list[str] = []
     tick = at = 0
     while at < len(rest):
-        ticks_n, changes_n = struct.unpack_from("<II", rest, at)
+        n_ticks, n_changes = struct.unpack_from("<II", rest, at)
         at += 8
-        digests = np.frombuffer(rest, "<u8", ticks_n, at)
+        digests = np.frombuffer(rest, "<u8", n_ticks, at)
         at += digests.nbytes
-        marks = np.frombuffer(rest, "<u2", ticks_n * robots_n, at).reshape(ticks_n, robots_n)
+        marks = np.frombuffer(rest, "<u2", n_ticks * n_robots, at).reshape(n_ticks, n_robots)
         at += marks.nbytes
         changes: dict[int, list[str]] = {}
-        for of, robot, quantity, value in struct.iter_unpack("<iHBi", rest[at : at + 11 * changes_n]):
+        for of, robot, quantity, value in struct.iter_unpack("<iHBi", rest[at : at + 11 * n_changes]):
             changes.setdefault(of, []).append(f"{robot}.{quantity}={value}")
-        at += 11 * changes_n
-        for k in range(ticks_n):
+        at += 11 * n_changes
+        for k in range(n_ticks):
             changed = " ".join(changes.get(tick, ()))
             shown = " ".join(f"{mark:04x}" for mark in marks[k])
             lines.append(f"tick {tick}: {digests[k]:016x} [{shown}] {changed}".rstrip())
@@ -282,11 +282,11 @@ def _without_machine(text: str) -> list[str]:
 # --- Environments
 
 
-def episode(env: Any, act: Callable[[Mapping[str, Any]], dict[str, Any]], steps_n: int, *, seed: int) -> list[str]:
+def episode(env: Any, act: Callable[[Mapping[str, Any]], dict[str, Any]], n_steps: int, *, seed: int) -> list[str]:
     """Play some steps of a PettingZoo environment from its reset on; returns a line for each step."""
     observations, infos = env.reset(seed=seed)
     lines = [f"reset {seed}: {_marked(observations=observations, infos=infos, state=env.state())}"]
-    for step in range(steps_n):
+    for step in range(n_steps):
         if not env.agents:
             lines.append(f"step {step}: the episode has ended")
             break
@@ -295,10 +295,10 @@ def episode(env: Any, act: Callable[[Mapping[str, Any]], dict[str, Any]], steps_
     return lines
 
 
-def go_on(env: Any, observations: Mapping[str, Any], act: Callable[..., dict[str, Any]], steps_n: int) -> list[str]:
+def go_on(env: Any, observations: Mapping[str, Any], act: Callable[..., dict[str, Any]], n_steps: int) -> list[str]:
     """Play some more steps of an episode that is under way; returns a line for each step."""
     lines = []
-    for step in range(steps_n):
+    for step in range(n_steps):
         observations, line = _step(env, act(observations))
         lines.append(f"further step {step}: {line}")
     return lines
@@ -334,7 +334,7 @@ def scripted(env: Any, layer: str, name: str) -> Callable[[Mapping[str, Any]], d
     return act
 
 
-def single(name: str, steps_n: int, *, seed: int, **arguments: Any) -> list[str]:
+def single(name: str, n_steps: int, *, seed: int, **arguments: Any) -> list[str]:
     """Play some steps of a gymnasium environment with actions by chance, episode after episode; a line for each."""
     import gymnasium
 
@@ -342,7 +342,7 @@ def single(name: str, steps_n: int, *, seed: int, **arguments: Any) -> list[str]
     env.action_space.seed(seed)
     observation, info = env.reset(seed=seed)
     lines = [f"reset: {_marked(observation=observation, info=info)}"]
-    for step in range(steps_n):
+    for step in range(n_steps):
         observation, reward, ended, cut, info = env.step(env.action_space.sample())
         told = _marked(observation=observation, end=(bool(ended), bool(cut)), info=info)
         lines.append(f"step {step}: reward {float(reward):.6g} {_marked(reward=reward)} {told}")

@@ -1,4 +1,4 @@
-"""Group `explain`: true roots of staged waits, a ledger that adds up, and the cost of watching."""
+"""Group `explain`: true roots of staged waits, time accounts that add up, and the cost of watching."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from pathlib import Path
 
 from benchmarks.harness import Row, Trial
 from benchmarks.insight.situations import SITUATIONS, play
+from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.insight.cause_file import CauseWriter
 from fleet.simulation import Simulation
-from fleet.world.protocol import FloatArray
 
 SIZES = ((3, "small"), (20, "medium"))
 DURATION_S, QUICK_S = 120.0, 30.0
-WARM_N = 100
+WARM_TICKS = 100
 """Ticks before anything is timed: kernels are loaded in the first ones."""
 
 
 def measure_explain(trial: Trial) -> Iterable[Row]:
     """Situations first, then runs of a fleet at work."""
-    named_n = 0
+    n_named = 0
     for name, situation in SITUATIONS.items():
         with tempfile.TemporaryDirectory() as folder:
             verdict = play(situation, Path(folder))
-        trial.check(verdict.held_n > 0, f"{name}: never came about")
+        trial.check(verdict.n_held > 0, f"{name}: never came about")
         for missed in verdict.missed:
             trial.check(False, f"{name}: {missed}")
-        named = verdict.named_n == verdict.held_n and not verdict.early_n and not verdict.late_n
-        named_n += named
-        yield Row(name=f"{name}: root named", value=100.0 * verdict.named_n / max(verdict.held_n, 1), unit="% of ticks")
-        yield Row(name="  named before or after", value=verdict.early_n + verdict.late_n, unit="ticks", target="<= 0")
-    yield Row(name="situations explained", value=named_n, unit=f"of {len(SITUATIONS)}", target=f">= {len(SITUATIONS)}")
+        named = verdict.n_named == verdict.n_held and not verdict.n_early and not verdict.n_late
+        n_named += named
+        yield Row(name=f"{name}: root named", value=100.0 * verdict.n_named / max(verdict.n_held, 1), unit="% of ticks")
+        yield Row(name="  named before or after", value=verdict.n_early + verdict.n_late, unit="ticks", target="<= 0")
+    yield Row(name="situations explained", value=n_named, unit=f"of {len(SITUATIONS)}", target=f">= {len(SITUATIONS)}")
     for fidelity in (Fidelity.KINEMATIC, Fidelity.PHYSICS):
         for robots, site in SIZES:
             yield from _fleet(trial, robots, site, fidelity)
@@ -51,7 +51,7 @@ def _fleet(trial: Trial, robots: int, site: str, fidelity: Fidelity) -> Iterable
     )
     where = f"{robots} cars, {fidelity}"
     with Simulation(config) as simulation:
-        for _ in range(WARM_N):
+        for _ in range(WARM_TICKS):
             simulation.tick()
         watch, spent_s = simulation.causes, 0.0
         look = watch.tick
@@ -68,7 +68,9 @@ def _fleet(trial: Trial, robots: int, site: str, fidelity: Fidelity) -> Iterable
             simulation.tick()
         whole_s = time.process_time() - begin
         time_accounts = simulation.metrics.time_accounts
-        trial.check((time_accounts.robots.sum(axis=0) == simulation.now).all(), f"{where}: the ledger does not add up")
+        trial.check(
+            (time_accounts.robots.sum(axis=0) == simulation.now).all(), f"{where}: the time accounts do not add up"
+        )
         writer = CauseWriter(watch.log, simulation.codebook)
         size = sum(len(str(facts)) for _, facts in writer.lines())
         minutes = simulation.sim_s / 60.0

@@ -49,7 +49,7 @@ class _Run:
     open_s: float
     """Computing time of opening the recording, which writes meshes and layout [s]."""
     size_mb: float
-    frames_n: int
+    n_frames: int
 
 
 def measure_recording(trial: Trial) -> Iterable[Row]:
@@ -72,11 +72,11 @@ def measure_recording(trial: Trial) -> Iterable[Row]:
                 share = min(run.rest_s / run.ticks_s for run in full) - idle
                 ticks_s = min(run.ticks_s for run in (*bare, *full))
                 where = f"{robots} cars, {fidelity}"
-                trial.check(full[0].frames_n > 0, f"{where}: the recording has no frames")
+                trial.check(full[0].n_frames > 0, f"{where}: the recording has no frames")
                 yield Row(name=f"recording, {where}", value=100 * share, unit="% of CPU", target=target)
                 yield Row(
                     name=f"recording, {where}, a frame",
-                    value=1000 * share * ticks_s / full[0].frames_n,
+                    value=1000 * share * ticks_s / full[0].n_frames,
                     unit="ms",
                     kind=Kind.TIME,
                 )
@@ -103,7 +103,7 @@ def measure_recording(trial: Trial) -> Iterable[Row]:
 
 def _run(config: RunConfig, path: Path | None) -> _Run:
     # Loading rerun is no part of the run.
-    import fleet.recording.stream.stream  # noqa: F401
+    import fleet.recording.rerun_stream.stream  # noqa: F401
 
     with Simulation(config) as simulation:
         begin_s = _cpu_s()
@@ -120,10 +120,10 @@ def _run(config: RunConfig, path: Path | None) -> _Run:
         recorder.close()
         rest_s = _cpu_s() - begin_s - ticks_s
     if path is None:
-        return _Run(ticks_s=ticks_s, rest_s=rest_s, open_s=open_s, size_mb=0.0, frames_n=0)
-    frames_n = verify_recording(path).frames
+        return _Run(ticks_s=ticks_s, rest_s=rest_s, open_s=open_s, size_mb=0.0, n_frames=0)
+    n_frames = verify_recording(path).frames
     size_mb = path.stat().st_size / 1e6
-    return _Run(ticks_s=ticks_s, rest_s=rest_s, open_s=open_s, size_mb=size_mb, frames_n=frames_n)
+    return _Run(ticks_s=ticks_s, rest_s=rest_s, open_s=open_s, size_mb=size_mb, n_frames=n_frames)
 
 
 def _cpu_s() -> float:

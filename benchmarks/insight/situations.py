@@ -93,13 +93,13 @@ class Situation:
 class Verdict:
     """How well explanations have named the root of a situation."""
 
-    held_n: int = 0
+    n_held: int = 0
     """Pairs of a robot and a tick in which a robot had stood for `STILL_S` and its situation held."""
-    named_n: int = 0
+    n_named: int = 0
     """Those of them that were explained by the true root."""
-    early_n: int = 0
+    n_early: int = 0
     """Explanations by this root before the situation had begun for the robot."""
-    late_n: int = 0
+    n_late: int = 0
     """The same more than `AFTER_S` after it was over."""
     over: bool = False
     """Whether it was over before the run was, for some robot."""
@@ -134,11 +134,11 @@ def _judge(verdict: Verdict, situation: Situation, said: Explanation, still_s: f
     named = situation.is_root(said)
     if named:
         verdict.said[said.robot] = str(said)
-        verdict.early_n += last_s is None
-        verdict.late_n += last_s is not None and said.time_s > last_s + AFTER_S
+        verdict.n_early += last_s is None
+        verdict.n_late += last_s is not None and said.time_s > last_s + AFTER_S
     if still_s >= STILL_S:
-        verdict.held_n += 1
-        verdict.named_n += named
+        verdict.n_held += 1
+        verdict.n_named += named
         if not named and len(verdict.missed) < 5:
             verdict.missed.append(f"{said.time_s:.2f} s: {said}")
 
@@ -264,7 +264,7 @@ SITUATIONS: dict[str, Situation] = {
         robots=("car_1", "car_2"),
         holds=lambda simulation, car: (
             _phase(simulation, car) is CarPhase.TO_DROP
-            and simulation.stations[1].free_n == 0
+            and simulation.stations[1].n_free == 0
             and any(_is_ready_to_drop(simulation, other) for other in range(3))
         ),
         is_root=lambda said: said.root.cause is Cause.SLOT and said.root.place == "drop_1",

@@ -23,19 +23,19 @@ CASES = ((6, 3, 1, 1566.0), (10, 4, 2, 3263.0), (20, 5, 2, 10515.0), (40, 8, 3, 
 """Jobs, cars, arms, best objective known before: of greedy with local search and of CP-SAT, 10 s each, 2 cores."""
 WITHIN = 1.01
 BUDGET_S, QUICK_BUDGET_S = 10.0, 1.0
-CALIBRATION_N = 50_000
+N_CALIBRATION_PLANS = 50_000
 """Plans by which it is told how many fit into the budget."""
-FLOOR_N = 30
-BUFFER_N = 2
+FLOOR_CELLS = 30
+N_BUFFER_PLACES = 2
 
 
 def coupled_problem(n_jobs: int, n_cars: int, n_arms: int, seed: int) -> AllocationProblem:
     """The instance of a size and seed; the draws, in this order, are part of the benchmark."""
     rng = np.random.default_rng(seed)
-    pick = rng.integers(0, FLOOR_N, (n_jobs, 2))
-    arm_place = np.stack([rng.integers(0, FLOOR_N, n_arms), np.zeros(n_arms, dtype=np.int64)], axis=1)
-    drop = rng.integers(0, FLOOR_N, (n_jobs, 2))
-    start = rng.integers(0, FLOOR_N, (n_cars, 2))
+    pick = rng.integers(0, FLOOR_CELLS, (n_jobs, 2))
+    arm_place = np.stack([rng.integers(0, FLOOR_CELLS, n_arms), np.zeros(n_arms, dtype=np.int64)], axis=1)
+    drop = rng.integers(0, FLOOR_CELLS, (n_jobs, 2))
+    start = rng.integers(0, FLOOR_CELLS, (n_cars, 2))
     service_s = rng.integers(8, 16, n_jobs)
     arm = rng.integers(0, n_arms, n_jobs)
 
@@ -46,12 +46,12 @@ def coupled_problem(n_jobs: int, n_cars: int, n_arms: int, seed: int) -> Allocat
         travel_s=travel_s,
         start=(2 * n_jobs + n_arms + np.arange(n_cars)).astype(np.int32),
         ready_s=np.zeros(n_cars),
-        first_stop=(3 * np.arange(n_jobs + 1)).astype(np.int32),
+        first_errand=(3 * np.arange(n_jobs + 1)).astype(np.int32),
         place=np.stack((jobs, 2 * n_jobs + arm, n_jobs + jobs), axis=1).ravel().astype(np.int32),
         station=np.stack((nowhere, arm, nowhere), axis=1).ravel().astype(np.int32),
         service_s=np.stack((0 * jobs, service_s, 0 * jobs), axis=1).ravel().astype(np.float64),
         free_s=np.zeros(n_arms),
-        buffer_n=np.full(n_arms, BUFFER_N, dtype=np.int32),
+        n_buffer_places=np.full(n_arms, N_BUFFER_PLACES, dtype=np.int32),
         makespan_weight=float(n_jobs),
     )
     return AllocationProblem(cost=travel_s[shop.start][:, :n_jobs], shop=shop)
@@ -65,8 +65,8 @@ def measure_coupled(trial: Trial) -> Iterable[Row]:
         problem = coupled_problem(n_jobs, n_cars, n_arms, 0)
         size = f"{n_jobs}/{n_cars}/{n_arms}"
         greedy = _objective(trial, problem, _greedy(problem), size)
-        _, spent_s = _search(trial, problem, CALIBRATION_N, 0, size)
-        iterations = round(CALIBRATION_N * budget_s / spent_s)
+        _, spent_s = _search(trial, problem, N_CALIBRATION_PLANS, 0, size)
+        iterations = round(N_CALIBRATION_PLANS * budget_s / spent_s)
         found, spent = zip(*(_search(trial, problem, iterations, seed, size) for seed in trial.seeds), strict=True)
         trial.check(max(found) <= greedy, f"{size}: {max(found)} is worse than greedy, {greedy}")
         yield Row(

@@ -30,7 +30,7 @@ class Day:
     """What was seen while it ran."""
 
     simulation: Simulation
-    over_cap_n: int
+    n_over_cap: int
     """Most cars that a station or charger ever had beyond its cap."""
     longest_open_s: float
     """Longest time from release to delivery, or to the end of the day [s]."""
@@ -67,7 +67,7 @@ def measure_day(trial: Trial) -> Iterable[Row]:
             name="  longest open", value=day.longest_open_s, unit="s", kind=Kind.PLAIN, target=f"<= {STARVED_S:g}"
         )
         yield Row(name="  cars stranded", value=stranded, unit="", target="<= 0")
-        yield Row(name="  cars beyond a cap", value=day.over_cap_n, unit="", target="<= 0")
+        yield Row(name="  cars beyond a cap", value=day.n_over_cap, unit="", target="<= 0")
         yield Row(name="  robot contacts", value=summary.robot_contacts, unit="", target="<= 0")
         yield Row(
             name="  time accounted for",
@@ -94,4 +94,4 @@ def _run(simulation: Simulation) -> Day:
         for task in simulation.board.tasks
         if task.state not in (TaskState.ORDERED, TaskState.DELIVERED, TaskState.FAILED)
     ]
-    return Day(simulation=simulation, over_cap_n=over, longest_open_s=float(np.max(ages, initial=0.0)), cpu_s=cpu_s)
+    return Day(simulation=simulation, n_over_cap=over, longest_open_s=float(np.max(ages, initial=0.0)), cpu_s=cpu_s)

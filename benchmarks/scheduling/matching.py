@@ -28,7 +28,7 @@ CASES = ((200, 5000, "<= 30"), (1000, 20_000, "<= 300"))
 N_STATIONS = 100
 PRUNED = 10_000
 """Vehicles and tasks of the largest case, each at a place of its own."""
-NEAREST_N = 16
+N_NEAREST = 16
 PRUNED_TARGET = "<= 4"
 MOST_MS_PER_CELL = 3.0
 """Ageing: a task gets cheaper by up to so many cells."""
@@ -85,7 +85,7 @@ def _match_ms(
 def _pruned(trial: Trial, distances: npt.NDArray[np.uint16], row: Integers, state: Integers) -> Iterable[Row]:
     match(nearest(distances, row[:8], state[:8], 2), 1.0)  # compiles
     begin_s = time.process_time()
-    candidates = nearest(distances, row, state, NEAREST_N)
+    candidates = nearest(distances, row, state, N_NEAREST)
     task_of, _ = match(candidates, float(UNREACHABLE) * PRUNED)
     spent_s = time.process_time() - begin_s
     served = np.flatnonzero(task_of >= 0)
@@ -96,7 +96,7 @@ def _pruned(trial: Trial, distances: npt.NDArray[np.uint16], row: Integers, stat
         trial.check(len(np.unique(pairs[:, axis])) == len(pairs), f"{size}: a {what} is in two pairs")
     trial.check(bool((taken < UNREACHABLE).all()), f"{size}: a pair has no way")
     yield Row(
-        name=f"{size}, {NEAREST_N} nearest tasks each",
+        name=f"{size}, {N_NEAREST} nearest tasks each",
         value=spent_s,
         unit="s CPU",
         kind=Kind.TIME,

@@ -16,7 +16,7 @@ from fleet.study.table import Row as Run
 
 SITE, CARS = "medium", 16
 REFERENCE, ALLOCATOR = "greedy", "regret_lns"
-SEEDS_N, QUICK_SEEDS_N = 20, 2
+N_SEEDS, N_QUICK_SEEDS = 20, 2
 HOURS, QUICK_HOURS = 2.0, 0.1
 RATE_PER_H = 540.0
 """More than the fleet can do, so that the allocator decides how much is delivered, not only when."""
@@ -24,11 +24,11 @@ RATE_PER_H = 540.0
 
 def measure_on_time(trial: Trial) -> Iterable[Row]:
     """On-time share and throughput, and what the allocator gains on greedy seed by seed, with 95 % intervals."""
-    seeds_n, hours = (QUICK_SEEDS_N, QUICK_HOURS) if trial.quick else (SEEDS_N, HOURS)
+    n_seeds, hours = (N_QUICK_SEEDS, QUICK_HOURS) if trial.quick else (N_SEEDS, HOURS)
     design = Design(
         allocators=(REFERENCE, ALLOCATOR),
         robots=(CARS,),
-        seeds=tuple(range(seeds_n)),
+        seeds=tuple(range(n_seeds)),
         site=SITE,
         fidelity=Fidelity.KINEMATIC,
         duration_s=3600.0 * hours,
@@ -46,13 +46,13 @@ def measure_on_time(trial: Trial) -> Iterable[Row]:
         )
     runs = {allocator: [run for run in outcome.rows if run.allocator == allocator] for allocator in design.allocators}
     for allocator, mine in runs.items():
-        trial.check(len(mine) == seeds_n, f"{allocator}: {len(mine)} of {seeds_n} runs")
+        trial.check(len(mine) == n_seeds, f"{allocator}: {len(mine)} of {n_seeds} runs")
         trial.check(not any(run.stalled for run in mine), f"{allocator}: a run came to a stand")
         trial.check(not any(run.failed for run in mine), f"{allocator}: {sum(run.failed for run in mine)} tasks failed")
     base, other = runs[REFERENCE], runs[ALLOCATOR]
     released = [(run.seed, run.released) for run in base]
     trial.check(released == [(run.seed, run.released) for run in other], "the streams of the allocators differ")
-    yield Row(name=f"{CARS} cars on {SITE}, {hours:g} h: seeds", value=seeds_n, unit="")
+    yield Row(name=f"{CARS} cars on {SITE}, {hours:g} h: seeds", value=n_seeds, unit="")
     for name, unit, scale, figure in FIGURES:
         for allocator, mine in runs.items():
             yield from _rows(f"{name}, {allocator}", unit, estimate([scale * figure(run) for run in mine]))

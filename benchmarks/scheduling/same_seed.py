@@ -31,7 +31,7 @@ def measure_same_seed(trial: Trial) -> Iterable[Row]:
             allocation=AllocationConfig(allocator=allocator),
             battery=BatteryConfig(enabled=True),
         )
-        alone, events_n, alone_s = _digest(config)
+        alone, n_events, alone_s = _digest(config)
         context = multiprocessing.get_context("spawn")
         burners = [context.Process(target=_burn, daemon=True) for _ in range(BURNERS_PER_CORE * (os.cpu_count() or 1))]
         for burner in burners:
@@ -43,7 +43,7 @@ def measure_same_seed(trial: Trial) -> Iterable[Row]:
                 burner.kill()
                 burner.join()
         trial.check(alone == beside, f"{allocator}: {alone[:12]} alone, {beside[:12]} beside {len(burners)} others")
-        yield Row(name=f"{allocator}: events compared", value=events_n, unit="", target=">= 1")
+        yield Row(name=f"{allocator}: events compared", value=n_events, unit="", target=">= 1")
         yield Row(name="  differing", value=int(alone != beside), unit="runs", target="<= 0")
         yield Row(name="  wall time beside others / alone", value=beside_s / alone_s, unit="")
 

@@ -31,19 +31,19 @@ class BareLoop:
 
     Args:
         scene: Robots and boxes.
-        parcels_n: Parcels on the slots of the site.
-        rays_n: Rays of each car's lidar.
-        steps_n: Physics steps per control step.
+        n_parcels: Parcels on the slots of the site.
+        n_rays: Rays of each car's lidar.
+        n_steps: Physics steps per control step.
         like_fleet: The floor is as rough as in the fleet's world; else as the engine makes it by itself.
     """
 
-    def __init__(self, scene: Scene, parcels_n: int, rays_n: int, steps_n: int, *, like_fleet: bool = False) -> None:
+    def __init__(self, scene: Scene, n_parcels: int, n_rays: int, n_steps: int, *, like_fleet: bool = False) -> None:
         self._client = client = Client()
-        config = BulletConfig(tick_s=exact_tick_s(steps_n, PHYSICS_HZ), at_once_n=steps_n)
+        config = BulletConfig(tick_s=exact_tick_s(n_steps, PHYSICS_HZ), n_steps_per_call=n_steps)
         client.setGravity(0.0, 0.0, -9.81)
         client.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / PHYSICS_HZ,
-            numSolverIterations=config.iterations_n,
+            numSolverIterations=config.n_iterations,
             solverResidualThreshold=config.residual,
             contactBreakingThreshold=config.contact_breaking_m,
             deterministicOverlappingPairs=1,
@@ -87,16 +87,16 @@ class BareLoop:
         for box in scene.boxes:
             shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=[float(x) for x in box.half_m])
             client.createMultiBody(baseCollisionShapeIndex=shape, basePosition=[float(x) for x in box.centre_m])
-        slots = [box for box in scene.boxes if box.kind == "pedestal"][:parcels_n]
+        slots = [box for box in scene.boxes if box.kind == "pedestal"][:n_parcels]
         cube = client.createCollisionShape(client.GEOM_BOX, halfExtents=[0.03] * 3)
         for box in slots:
             x, y, z = (float(a) for a in box.centre_m)
             client.createMultiBody(0.3, cube, basePosition=(x, y, z + float(box.half_m[2]) + 0.03))
-        self._steps_n = steps_n
+        self._n_steps = n_steps
         self._forces = scene.arm.max_torque_nm.tolist()
         self._drive_nm, self._steer_nm = [0.6] * 4, [10.0] * 2
         model = scene.car
-        self._ring = LidarRing(Lidar(rays_n=rays_n, noise_m=0.0), model.front_m, model.rear_m, model.half_width_m)
+        self._ring = LidarRing(Lidar(n_rays=n_rays, noise_m=0.0), model.front_m, model.rear_m, model.half_width_m)
         self._state = client.saveState()
 
     def reset(self) -> None:
@@ -126,7 +126,7 @@ class BareLoop:
             client.setJointMotorControlArray(
                 body, self._joints, client.VELOCITY_CONTROL, targetVelocities=speeds, forces=self._forces
             )
-        for _ in range(self._steps_n):
+        for _ in range(self._n_steps):
             client.stepSimulation()
         read: list[object] = []
         poses = np.empty((len(self._cars), 3))

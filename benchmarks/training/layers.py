@@ -26,12 +26,12 @@ from maps.site import Site, load_site
 from maps.warehouse import generate_warehouse
 
 LOAD = 1.5
-CYCLES_N = 300
+N_CYCLES = 300
 """Steps of an episode whose speed is measured; its reset counts."""
-ACTIONS_N = 50
+N_ACTIONS = 50
 TARGET = ">= 200000"
 TEAMS, QUICK_TEAMS = (4, 8, 16, 32), (4, 16)
-SEEDS_N, QUICK_SEEDS_N = 10, 2
+N_SEEDS, N_QUICK_SEEDS = 10, 2
 OUT = Path("runs/dispatch_table")
 LEARNED = "DISPATCH_POLICY"
 """Environment variable: folder of a training run of `fleet.train --env dispatch`, whose policy joins the table."""
@@ -39,11 +39,11 @@ LEARNED = "DISPATCH_POLICY"
 
 def measure_grid(trial: Trial) -> Iterator[Row]:
     """Agent steps per second of CPU time, resets included; the fastest of several rounds."""
-    rounds_n = 3 if trial.quick else 7
+    n_rounds = 3 if trial.quick else 7
     for n_cars, site in _floors():
-        env = traffic_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=CYCLES_N)
+        env = traffic_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=N_CYCLES)
         _check_traffic(trial, env)
-        rate = max(_rate(env, seed) for seed in range(rounds_n))
+        rate = max(_rate(env, seed) for seed in range(n_rounds))
         target = TARGET if n_cars >= 256 else ""
         yield Row(
             name=f"traffic_v0, {n_cars} cars, {site.name}",
@@ -52,13 +52,13 @@ def measure_grid(trial: Trial) -> Iterator[Row]:
             kind=Kind.RATE,
             target=target,
         )
-        dispatch = dispatch_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=CYCLES_N // 5)
-        rate = max(_rate(dispatch, seed) for seed in range(rounds_n))
+        dispatch = dispatch_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=N_CYCLES // 5)
+        rate = max(_rate(dispatch, seed) for seed in range(n_rounds))
         yield Row(name="  dispatch_v0", value=rate, unit="agent steps/s", kind=Kind.RATE)
-        rate = max(_engine_rate(env.place, n_cars, seed) for seed in range(rounds_n))
+        rate = max(_engine_rate(env.place, n_cars, seed) for seed in range(n_rounds))
         yield Row(name="  the fleet alone, with PIBT", value=rate, unit="agent steps/s", kind=Kind.RATE)
     trial.notes.append(
-        f"Per second of CPU time of one process: {CYCLES_N} steps (dispatch: a fifth, of five timesteps each) of "
+        f"Per second of CPU time of one process: {N_CYCLES} steps (dispatch: a fifth, of five timesteps each) of "
         "random actions and a reset, dictionaries of PettingZoo included; the actions are drawn before."
     )
 
@@ -66,7 +66,7 @@ def measure_grid(trial: Trial) -> Iterator[Row]:
 def measure_table(trial: Trial) -> Iterator[Row]:
     """Deliveries of every policy of dispatch against team size, and how late they were."""
     teams = QUICK_TEAMS if trial.quick else TEAMS
-    seeds_n = QUICK_SEEDS_N if trial.quick else SEEDS_N
+    n_seeds = N_QUICK_SEEDS if trial.quick else N_SEEDS
     minds: dict[str, Callable[[int], Policy]] = {**POLICIES["dispatch"], **_learned(trial)}
     OUT.mkdir(parents=True, exist_ok=True)
     table: list[tuple[object, ...]] = []
@@ -75,7 +75,7 @@ def measure_table(trial: Trial) -> Iterator[Row]:
         for n_cars in teams:
             env = dispatch_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD)
             for name, make in minds.items():
-                told = [_played(env, make(seed), seed) for seed in range(seeds_n)]
+                told = [_played(env, make(seed), seed) for seed in range(n_seeds)]
                 rate, late = (estimate([one[k] for one in told]) for k in range(2))
                 if rate is None or late is None:
                     continue
@@ -99,7 +99,7 @@ def measure_table(trial: Trial) -> Iterator[Row]:
         writer.writerow(("site", "cars", "policy", "deliveries_per_h", "half_width", "tardiness_s", "half_width"))
         writer.writerows(table)
     trial.notes.append(
-        f"dispatch_v0, fidelity grid, {LOAD:g} times the orders that the cars could carry without traffic, {seeds_n} "
+        f"dispatch_v0, fidelity grid, {LOAD:g} times the orders that the cars could carry without traffic, {n_seeds} "
         "episodes of 20 minutes, the same orders for all policies; right of way by PIBT; 95 % intervals. Plots and "
         f"table: {OUT}"
     )
@@ -123,24 +123,24 @@ def _rate(env: LayerEnv, seed: int) -> float:
     rng, n = np.random.default_rng(seed), len(env.possible_agents)
     n_actions = int(env.action_space("car_0").n)  # type: ignore[attr-defined]
     plays = [
-        dict(zip(env.possible_agents, rng.integers(n_actions, size=n).tolist(), strict=True)) for _ in range(ACTIONS_N)
+        dict(zip(env.possible_agents, rng.integers(n_actions, size=n).tolist(), strict=True)) for _ in range(N_ACTIONS)
     ]
-    began, steps_n = time.process_time(), 0
+    began, n_steps = time.process_time(), 0
     env.reset(seed=seed)
     while env.agents:
-        env.step(plays[steps_n % ACTIONS_N])
-        steps_n += 1
-    return steps_n * n / (time.process_time() - began)
+        env.step(plays[n_steps % N_ACTIONS])
+        n_steps += 1
+    return n_steps * n / (time.process_time() - began)
 
 
 def _engine_rate(place: FleetSite, n_cars: int, seed: int) -> float:
     rng = np.random.default_rng(seed)
-    grid = GridFleet(place, n_cars, episode_orders(place, n_cars, LOAD, CYCLES_N * TIMESTEP_S, rng), seed)
+    grid = GridFleet(place, n_cars, episode_orders(place, n_cars, LOAD, N_CYCLES * TIMESTEP_S, rng), seed)
     began = time.process_time()
-    for _ in range(CYCLES_N):
+    for _ in range(N_CYCLES):
         grid.assign_nearest()
         grid.move(grid.planned())
-    return CYCLES_N * n_cars / (time.process_time() - began)
+    return N_CYCLES * n_cars / (time.process_time() - began)
 
 
 def _check_traffic(trial: Trial, env: TrafficEnv) -> None:
@@ -149,7 +149,7 @@ def _check_traffic(trial: Trial, env: TrafficEnv) -> None:
     for name in ("pibt", "random"):
         mind = make_policy("traffic", name)
         observations, _ = env.reset(seed=0)
-        for _ in range(CYCLES_N if n <= 256 else 60):
+        for _ in range(N_CYCLES if n <= 256 else 60):
             wild = dict(zip(env.possible_agents, rng.integers(-1, 6, size=n).tolist(), strict=True))
             actions = mind.act(env, observations) if name == "pibt" else wild
             observations, *_, infos = env.step(actions)
@@ -157,18 +157,18 @@ def _check_traffic(trial: Trial, env: TrafficEnv) -> None:
             trial.check(len(np.unique(cells)) == n, f"{n} cars, {name}: two cars in one cell")
             refused = name == "pibt" and any(info["waits"] for info in infos.values())
             trial.check(not refused, f"{n} cars: a move of PIBT was not granted")
-        trial.check(name != "pibt" or n > 256 or env.delivered_n > 0, f"{n} cars, {name}: nothing delivered")
+        trial.check(name != "pibt" or n > 256 or env.n_delivered > 0, f"{n} cars, {name}: nothing delivered")
 
 
 def _played(env: DispatchEnv, mind: Any, seed: int) -> tuple[float, float]:
     """Deliveries per hour, and their mean tardiness [s]."""
     observations, _ = env.reset(seed=seed)
-    steps_n = 0
+    n_steps = 0
     while env.agents:
         observations, *_ = env.step(mind.act(env, observations))
-        steps_n += 1
-    hours = steps_n * 5.0 / 3600.0
-    return env.delivered_n / hours, env.late_s / max(1, env.delivered_n)
+        n_steps += 1
+    hours = n_steps * 5.0 / 3600.0
+    return env.n_delivered / hours, env.late_s / max(1, env.n_delivered)
 
 
 def _learned(trial: Trial) -> dict[str, Callable[[int], Policy]]:

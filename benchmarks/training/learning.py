@@ -29,14 +29,14 @@ from fleet.training.recipes import RECIPES
 from fleet.training.results import EPISODES, EVALUATION, LEARNED, PROGRESS, SCRIPTED
 
 LEARNED_RECIPES = ("navigate", "dispatch", "reach")
-AT_ONCE_N = 2
-EPISODES_N, QUICK_EPISODES_N = {"navigate": 40, "dispatch": 40, "reach": 100}, 2
-QUICK_STEPS_N = 20_000
+N_AT_ONCE = 2
+N_EPISODES, N_QUICK_EPISODES = {"navigate": 40, "dispatch": 40, "reach": 100}, 2
+N_QUICK_STEPS = 20_000
 QUICK_ARGUMENTS = {"navigate": "kinematic", "dispatch": "grid", "reach": "kinematic"}
 """Fidelities of a quick run."""
 MINUTES = {"navigate": 30, "dispatch": 30, "reach": 15}
 """Longest time of a seed on one core."""
-POINTS_N = 60
+N_POINTS = 60
 """Points of a curve in the documents."""
 
 _REPOSITORY = Path(__file__).resolve().parents[2]
@@ -52,7 +52,7 @@ def measure_learning(trial: Trial) -> Iterable[Row]:
     with tempfile.TemporaryDirectory() as quick:
         folder = Path(quick) if trial.quick else FOLDER
         jobs = [(recipe, seed) for recipe in LEARNED_RECIPES for seed in trial.seeds]
-        with ThreadPoolExecutor(AT_ONCE_N) as pool:
+        with ThreadPoolExecutor(N_AT_ONCE) as pool:
             problems = list(pool.map(lambda job: _train(folder, *job, quick=trial.quick), jobs))
         for (recipe, seed), problem in zip(jobs, problems, strict=True):
             trial.check(problem is None, f"{recipe}, seed {seed}: {problem}")
@@ -77,9 +77,9 @@ def _train(folder: Path, recipe: str, seed: int, *, quick: bool) -> str | None:
         return None
     out.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "fleet", "train", "--env", recipe, "--seed", str(seed), "--out", str(out)]
-    command += ["--resume", "--episodes", str(QUICK_EPISODES_N if quick else EPISODES_N[recipe])]
+    command += ["--resume", "--episodes", str(N_QUICK_EPISODES if quick else N_EPISODES[recipe])]
     if quick:
-        command += ["--steps", str(QUICK_STEPS_N), "--fidelity", QUICK_ARGUMENTS[recipe]]
+        command += ["--steps", str(N_QUICK_STEPS), "--fidelity", QUICK_ARGUMENTS[recipe]]
     # One core each: the numerical libraries would else fight for both.
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     with (out / "log.txt").open("a", encoding="utf-8") as log:
@@ -173,9 +173,9 @@ def _on_a_grid(
         for table in tables
     ]
     end = min(curve[-1, 0] for curve in known)
-    width = end / POINTS_N
-    steps = (np.arange(POINTS_N) + 1.0) * width
-    curves = np.empty((len(known), POINTS_N))
+    width = end / N_POINTS
+    steps = (np.arange(N_POINTS) + 1.0) * width
+    curves = np.empty((len(known), N_POINTS))
     for row, curve in zip(curves, known, strict=True):
         for k, step in enumerate(steps):
             near = np.abs(curve[:, 0] - step) <= width

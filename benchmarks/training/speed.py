@@ -17,8 +17,8 @@ from fleet.run.setup import RunSetup
 from fleet.world.scene import Scene
 
 CONTROL_HZ = 30.0
-RAYS_N = 36
-ACTIONS_N = 64
+N_RAYS = 36
+N_ACTIONS = 64
 """Sets of actions drawn in advance, used in turn."""
 
 
@@ -27,68 +27,68 @@ class Team:
     """Robots of one row."""
 
     site: str
-    cars_n: int
-    arms_n: int
+    n_cars: int
+    n_arms: int
     target: str = ""
     bare_target: str = ""
 
     @property
-    def agents_n(self) -> int:
+    def n_agents(self) -> int:
         """Agents of the team."""
-        return self.cars_n + self.arms_n
+        return self.n_cars + self.n_arms
 
     def __str__(self) -> str:
-        return f"{self.agents_n} agents ({self.cars_n} cars, {self.arms_n} arms, {self.site})"
+        return f"{self.n_agents} agents ({self.n_cars} cars, {self.n_arms} arms, {self.site})"
 
 
 PHYSICS = (
-    Team(site="cell", cars_n=2, arms_n=1, target=">= 500", bare_target=">= 80"),
-    Team(site="small", cars_n=8, arms_n=4, target=">= 130"),
-    Team(site="small", cars_n=16, arms_n=4, target=">= 75"),
+    Team(site="cell", n_cars=2, n_arms=1, target=">= 500", bare_target=">= 80"),
+    Team(site="small", n_cars=8, n_arms=4, target=">= 130"),
+    Team(site="small", n_cars=16, n_arms=4, target=">= 75"),
 )
 KINEMATIC = (
-    Team(site="small", cars_n=12, arms_n=4, target=">= 10000"),
-    Team(site="medium", cars_n=28, arms_n=4, target=">= 10000"),
-    Team(site="medium", cars_n=40, arms_n=12, target=">= 10000"),
+    Team(site="small", n_cars=12, n_arms=4, target=">= 10000"),
+    Team(site="medium", n_cars=28, n_arms=4, target=">= 10000"),
+    Team(site="medium", n_cars=40, n_arms=12, target=">= 10000"),
 )
 
 
 def measure_speed(trial: Trial) -> Iterator[Row]:
     """Environment steps and resets."""
-    rounds_n, seconds = (8, 0.25) if trial.quick else (24, 0.5)
+    n_rounds, seconds = (8, 0.25) if trial.quick else (24, 0.5)
     for team in PHYSICS:
         env = _env(team, "physics")
-        bare = BareLoop(_scene(team), team.cars_n, RAYS_N, _steps_n(), like_fleet=True)
-        loose = BareLoop(_scene(team), team.cars_n, RAYS_N, _steps_n())
+        bare = BareLoop(_scene(team), team.n_cars, N_RAYS, _n_steps(), like_fleet=True)
+        loose = BareLoop(_scene(team), team.n_cars, N_RAYS, _n_steps())
         # In turns, so that all meet the same load; the fastest round is the least disturbed one.
         players = [_player(env), _bare_player(bare, team), _bare_player(loose, team)]
-        rates = np.array([[_rate(player, seconds) for player in players] for _ in range(rounds_n)])
+        rates = np.array([[_rate(player, seconds) for player in players] for _ in range(n_rounds)])
         ours, theirs, looses = rates.max(axis=0).tolist()
         share, loose_share = (100.0 * float(np.median(rates[:, 0] / rates[:, k])) for k in (1, 2))
         yield Row(name=f"physics, {team}", value=ours, unit="steps/s", kind=Kind.RATE, target=team.target)
-        yield Row(name=f"bare PyBullet, {team.cars_n} cars, {team.site}", value=theirs, unit="steps/s", kind=Kind.RATE)
+        yield Row(name=f"bare PyBullet, {team.n_cars} cars, {team.site}", value=theirs, unit="steps/s", kind=Kind.RATE)
         yield Row(name="  share of the bare loop", value=share, unit="%", target=team.bare_target)
         yield Row(name="  bare PyBullet, smoother floor", value=looses, unit="steps/s", kind=Kind.RATE)
         yield Row(name="  share of that loop", value=loose_share, unit="%")
         bare.close()
         loose.close()
-        yield from _resets(trial, env, f"physics, {team}", rounds_n)
+        yield from _resets(trial, env, f"physics, {team}", n_rounds)
         env.close()
     for team in KINEMATIC:
         env = _env(team, "kinematic")
         played = _player(env)
-        rate = max(_rate(played, seconds) for _ in range(rounds_n))
+        rate = max(_rate(played, seconds) for _ in range(n_rounds))
         yield Row(
             name=f"kinematic, {team}",
-            value=rate * team.agents_n,
+            value=rate * team.n_agents,
             unit="agent steps/s",
             kind=Kind.RATE,
             target=team.target,
         )
-        yield from _resets(trial, env, f"kinematic, {team}", rounds_n)
+        yield from _resets(trial, env, f"kinematic, {team}", n_rounds)
         env.close()
     trial.notes.append(
-        f"{CONTROL_HZ:.0f} Hz control, {PHYSICS_HZ:.0f} Hz physics, {RAYS_N} rays per car, per second of CPU time of "
+        f"{CONTROL_HZ:.0f} Hz control, {PHYSICS_HZ:.0f} Hz physics, {N_RAYS} rays per car, per second of CPU time of "
         "one process, the fastest of several rounds; shares are medians. The bare loop has the same scene, robots, "
         "parcels, floor, motors, solver, rays and kind of actions; the engine casts all of its rays (decision 34), and "
         "it has no contacts to judge, no orders, traffic and rewards. The second one has the floor that the engine "
@@ -96,19 +96,19 @@ def measure_speed(trial: Trial) -> Iterator[Row]:
     )
 
 
-def _steps_n() -> int:
+def _n_steps() -> int:
     return round(PHYSICS_HZ / CONTROL_HZ)
 
 
 def _scene(team: Team) -> Scene:
-    return RunSetup.of(RunConfig(site=team.site, robots=team.cars_n)).scene
+    return RunSetup.of(RunConfig(site=team.site, robots=team.n_cars)).scene
 
 
 def _env(team: Team, fidelity: str) -> WarehouseEnv:
     return warehouse_v0.parallel_env(
         site=team.site,
-        n_cars=team.cars_n,
-        n_arms=team.arms_n,
+        n_cars=team.n_cars,
+        n_arms=team.n_arms,
         fidelity=fidelity,
         control_hz=CONTROL_HZ,
         physics_hz=PHYSICS_HZ,
@@ -123,7 +123,7 @@ def _player(env: WarehouseEnv) -> Callable[[], None]:
     spaces = env.action_spaces.items()
     actions = [
         {agent: rng.uniform(-1.0, 1.0, space.shape).astype(np.float32) for agent, space in spaces}
-        for _ in range(ACTIONS_N)
+        for _ in range(N_ACTIONS)
     ]
     turn = 0
 
@@ -131,7 +131,7 @@ def _player(env: WarehouseEnv) -> Callable[[], None]:
         nonlocal turn
         if not env.agents:
             env.reset()
-        env.step(actions[turn % ACTIONS_N])
+        env.step(actions[turn % N_ACTIONS])
         turn += 1
 
     for _ in range(50):
@@ -143,18 +143,18 @@ def _bare_player(bare: BareLoop, team: Team) -> Callable[[], None]:
     """One step of the same kind of actions."""
     rng = np.random.default_rng(0)
     scene = _scene(team)
-    car, arms_n = scene.car, len(scene.arm_base)
+    car, n_arms = scene.car, len(scene.arm_base)
     limits = (car.max_steering_rad, car.max_speed_mps / car.wheel_radius_m)
-    cars = rng.uniform(-1.0, 1.0, (ACTIONS_N, team.cars_n, 2)) * limits
-    arms = rng.uniform(-1.0, 1.0, (ACTIONS_N, arms_n, 7)) * scene.arm.max_velocity_radps
-    arms[:, team.arms_n :] = 0.0
+    cars = rng.uniform(-1.0, 1.0, (N_ACTIONS, team.n_cars, 2)) * limits
+    arms = rng.uniform(-1.0, 1.0, (N_ACTIONS, n_arms, 7)) * scene.arm.max_velocity_radps
+    arms[:, team.n_arms :] = 0.0
     turn = 0
 
     def step() -> None:
         nonlocal turn
         if turn % 300 == 0:
             bare.reset()
-        bare.step(cars[turn % ACTIONS_N], arms[turn % ACTIONS_N])
+        bare.step(cars[turn % N_ACTIONS], arms[turn % N_ACTIONS])
         turn += 1
 
     for _ in range(50):
@@ -164,21 +164,21 @@ def _bare_player(bare: BareLoop, team: Team) -> Callable[[], None]:
 
 def _rate(step: Callable[[], None], seconds: float) -> float:
     """Steps per second of CPU time."""
-    began, steps_n = time.process_time(), 0
+    began, n_steps = time.process_time(), 0
     while (spent := time.process_time() - began) < seconds:
         for _ in range(5):
             step()
-        steps_n += 5
-    return steps_n / spent
+        n_steps += 5
+    return n_steps / spent
 
 
-def _resets(trial: Trial, env: WarehouseEnv, name: str, rounds_n: int) -> Iterator[Row]:
+def _resets(trial: Trial, env: WarehouseEnv, name: str, n_rounds: int) -> Iterator[Row]:
     """Resets in mid-episode; the first step after it is the same every time."""
     took: list[float] = []
     stands = np.zeros(2, dtype=np.float32)
     first = None
     env.reset(seed=1)  # the episode before may have come to its end
-    for _ in range(4 * rounds_n):
+    for _ in range(4 * n_rounds):
         for _ in range(20):
             env.step({agent: env.action_space(agent).sample() for agent in env.agents})
         began = time.process_time()

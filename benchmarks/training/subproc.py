@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
 
 ROBOTS = {"CarNavigate": "fleet.envs:fleet/CarNavigate-v0", "KukaReach": "fleet.envs:fleet/KukaReach-v0"}
-PROCESSES_N = 2
+N_PROCESSES = 2
 TARGET = ">= 1.6"
-ACTIONS_N = 64
+N_ACTIONS = 64
 """Sets of actions drawn in advance, used in turn."""
-WARM_N = 60
+WARM_STEPS = 60
 """Steps before anything is measured: kernels are compiled in each process."""
-CHECKED_N = 20
+N_CHECKED = 20
 """First steps, which must be the same wherever an environment is stepped."""
 SECONDS = (0.5, 2.0)
 """Length of a round, of a quick run and of a full one [s]."""
@@ -42,12 +42,12 @@ def measure_subproc(trial: Trial) -> Iterator[Row]:
         return
     from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
-    rounds_n, seconds = (4, SECONDS[0]) if trial.quick else (12, SECONDS[1])
+    n_rounds, seconds = (4, SECONDS[0]) if trial.quick else (12, SECONDS[1])
     busy = os.getloadavg()[0]
     for name, known in ROBOTS.items():
         make = partial(gymnasium.make, known, fidelity="physics")
         vectors: list[VecEnv] = [
-            SubprocVecEnv([make] * PROCESSES_N),
+            SubprocVecEnv([make] * N_PROCESSES),
             SubprocVecEnv([make]),
             DummyVecEnv([make]),
         ]
@@ -55,16 +55,16 @@ def measure_subproc(trial: Trial) -> Iterator[Row]:
         trial.check(all(np.array_equal(first[0], one) for one in first), f"{name}: processes play differently")
         players = [_player(vector) for vector in vectors]
         # In turns, so that all meet the same load.
-        rates = np.array([[_rate(player, seconds) for player in players] for _ in range(rounds_n)])
+        rates = np.array([[_rate(player, seconds) for player in players] for _ in range(n_rounds)])
         for vector in vectors:
             vector.close()
-        many, one, none = np.median(rates, axis=0) * [PROCESSES_N, 1, 1]
-        gain, gain_over_none = (float(np.median(PROCESSES_N * rates[:, 0] / rates[:, k])) for k in (1, 2))
-        yield Row(name=f"{name}, physics, {PROCESSES_N} processes", value=many, unit="steps/s", kind=Kind.RATE)
+        many, one, none = np.median(rates, axis=0) * [N_PROCESSES, 1, 1]
+        gain, gain_over_none = (float(np.median(N_PROCESSES * rates[:, 0] / rates[:, k])) for k in (1, 2))
+        yield Row(name=f"{name}, physics, {N_PROCESSES} processes", value=many, unit="steps/s", kind=Kind.RATE)
         yield Row(name="  one process", value=one, unit="steps/s", kind=Kind.RATE)
         yield Row(name="  none: stepped where it is asked", value=none, unit="steps/s", kind=Kind.RATE)
-        yield Row(name=f"  {PROCESSES_N} processes against one", value=gain, unit="times", target=TARGET)
-        yield Row(name=f"  {PROCESSES_N} processes against none", value=gain_over_none, unit="times")
+        yield Row(name=f"  {N_PROCESSES} processes against one", value=gain, unit="times", target=TARGET)
+        yield Row(name=f"  {N_PROCESSES} processes against none", value=gain_over_none, unit="times")
     trial.notes.append(
         "Steps of robots per second of wall time, one environment in a process, random actions, resets included; "
         f"medians of rounds in turns, gains round by round. When it began, {busy:.1f} processes ran or waited on "
@@ -77,7 +77,7 @@ def _begun(vector: VecEnv) -> npt.NDArray[Any]:
     vector.seed(0)
     rows = [np.asarray(vector.reset())[0]]
     rng = np.random.default_rng(0)
-    for _ in range(CHECKED_N):
+    for _ in range(N_CHECKED):
         action = rng.uniform(-1.0, 1.0, vector.action_space.shape or ()).astype(np.float32)
         rows.append(np.asarray(vector.step(np.tile(action, (vector.num_envs, 1)))[0])[0])
     return np.stack(rows)
@@ -85,25 +85,25 @@ def _begun(vector: VecEnv) -> npt.NDArray[Any]:
 
 def _player(vector: VecEnv) -> Callable[[], None]:
     """One step of random actions in every environment."""
-    shape = (ACTIONS_N, vector.num_envs, *(vector.action_space.shape or ()))
+    shape = (N_ACTIONS, vector.num_envs, *(vector.action_space.shape or ()))
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
     turn = 0
 
     def step() -> None:
         nonlocal turn
-        vector.step(actions[turn % ACTIONS_N])
+        vector.step(actions[turn % N_ACTIONS])
         turn += 1
 
-    for _ in range(WARM_N):
+    for _ in range(WARM_STEPS):
         step()
     return step
 
 
 def _rate(step: Callable[[], None], seconds: float) -> float:
     """Steps of the vector per second of wall time."""
-    began, steps_n = time.perf_counter(), 0
+    began, n_steps = time.perf_counter(), 0
     while (spent := time.perf_counter() - began) < seconds:
         for _ in range(5):
             step()
-        steps_n += 5
-    return steps_n / spent
+        n_steps += 5
+    return n_steps / spent

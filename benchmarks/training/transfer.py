@@ -91,11 +91,11 @@ def write_shares(path: Path, folders: Mapping[tuple[str, str], Sequence[Path]], 
                 table.writerow([trained, fidelity, policy, n, *(f"{x:.4f}" for x in (won / n, low, high))])
 
 
-def share(successes_n: int, n: int) -> tuple[float, float]:
+def share(n_successes: int, n: int) -> tuple[float, float]:
     """Interval in which the true share of successes lies; honest also where all of them succeeded.
 
     Args:
-        successes_n: Successes, from 0 to `n`.
+        n_successes: Successes, from 0 to `n`.
         n: Independent trials, >= 1.
 
     Returns:
@@ -104,6 +104,6 @@ def share(successes_n: int, n: int) -> tuple[float, float]:
     Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22(158), 1927.
     """
     square = float(ndtri(0.5 + CONFIDENCE / 2.0)) ** 2
-    middle = (successes_n + square / 2.0) / (n + square)
-    half = math.sqrt(square * (successes_n * (n - successes_n) / n + square / 4.0)) / (n + square)
+    middle = (n_successes + square / 2.0) / (n + square)
+    half = math.sqrt(square * (n_successes * (n - n_successes) / n + square / 4.0)) / (n + square)
     return max(0.0, middle - half), min(1.0, middle + half)

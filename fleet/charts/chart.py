@@ -14,7 +14,7 @@ LEFT, RIGHT, TOP, BOTTOM = 64, 20, 58, 44
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 """Told apart by colour-blind people too. Source: M. Okabe, K. Ito, "Color Universal Design", 2008."""
 AXIS, GRID = "#333333", "#e4e4e4"
-TICKS_N = 6
+N_LABELS = 6
 """About as many labels on an axis."""
 
 
@@ -109,8 +109,8 @@ def _top(y: Estimate) -> float:
 
 
 def _step(top: float) -> float:
-    """A round step that divides 0..`top` into about `TICKS_N` parts."""
-    rough = top / TICKS_N
+    """A round step that divides 0..`top` into about `N_LABELS` parts."""
+    rough = top / N_LABELS
     unit = 10.0 ** math.floor(math.log10(rough))
     return next(unit * k for k in (1.0, 2.0, 2.5, 5.0, 10.0) if unit * k >= rough * (1 - 1e-9))
 

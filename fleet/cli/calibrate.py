@@ -151,5 +151,5 @@ def _figures(command: Calibrate, fit: FrictionFit, drive: Drive) -> dict[str, ob
         "damping_sigma": numbers(fit.damping_sigma),
         "friction_nm": numbers(fit.friction),
         "friction_sigma": numbers(fit.friction_sigma),
-        "replays": fit.replays_n,
+        "replays": fit.n_replays,
     }

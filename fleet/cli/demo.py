@@ -149,12 +149,12 @@ class Demo:
         if result.interrupted:
             console.print("interrupted: the files hold the run up to here")
             return INTERRUPTED
-        open_n = result.tasks_total - result.tasks_done - result.tasks_failed - result.tasks_cancelled
+        n_open = result.tasks_total - result.tasks_done - result.tasks_failed - result.tasks_cancelled
         timely = result.sim_s >= self.duration
-        if open_n:
+        if n_open:
             why = "the time was up" if timely else "nothing went on any more"
-            console.print(f"{open_n} tasks were left open: {why}")
-        return TASKS_FAILED if result.tasks_failed or (open_n and not timely) else ALL_DONE
+            console.print(f"{n_open} tasks were left open: {why}")
+        return TASKS_FAILED if result.tasks_failed or (n_open and not timely) else ALL_DONE
 
     def _check(self) -> None:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 SAME, DIFFERENT = 0, 1
 PLAIN_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""
-_LEDGER = ("car_ticks.", "arm_ticks.", "blame.")
+_ACCOUNTS = ("car_ticks.", "arm_ticks.", "blame.")
 """Figures of single robots and cells, which are too many to print."""
-_BESIDE_N, _SPREAD_N = 6, 8
+_MOST_BESIDE, _MOST_SPREAD = 6, 8
 """Most lines and robots that are told; the rest is counted."""
 
 
@@ -43,7 +43,7 @@ class Diff:
         """Compare and print; returns the exit status."""
         from fleet.recording.run_file import RECORDING
         from fleet.report.difference import difference
-        from fleet.report.run import load_run
+        from fleet.report.loaded_run import load_run
 
         for option, path in (("A", self.a), ("B", self.b)):
             require(path.is_dir(), option, str(path), "the --out directory of a run")
@@ -96,12 +96,12 @@ def sentences(found: Difference, tick_s: float) -> list[str]:
     lines.append(
         f"first difference, tick {first.tick} ({first.sim_s:.2f} s), {first.kind.replace('_', ' ')}: {first.text}"
     )
-    lines += [f"    also: {text}" for text in first.beside[:_BESIDE_N]]
-    if len(first.beside) > _BESIDE_N:
-        lines.append(f"    and {len(first.beside) - _BESIDE_N} more at this tick")
+    lines += [f"    also: {text}" for text in first.beside[:_MOST_BESIDE]]
+    if len(first.beside) > _MOST_BESIDE:
+        lines.append(f"    and {len(first.beside) - _MOST_BESIDE} more at this tick")
     if found.spread:
-        robots = ", ".join(f"{robot} from {since_s:.2f} s" for robot, since_s in found.spread[:_SPREAD_N])
-        more = len(found.spread) - _SPREAD_N
+        robots = ", ".join(f"{robot} from {since_s:.2f} s" for robot, since_s in found.spread[:_MOST_SPREAD])
+        more = len(found.spread) - _MOST_SPREAD
         lines.append(f"robots that differ: {robots}" + (f", and {more} more" if more > 0 else ""))
     return lines
 
@@ -111,7 +111,7 @@ def _table(figures: tuple[Pair, ...]) -> Table:
     for name in ("figure", "A", "B", "B - A"):
         table.add_column(name, justify="left" if name == "figure" else "right", no_wrap=name == "figure")
     for pair in figures:
-        if not pair.name.startswith(_LEDGER):
+        if not pair.name.startswith(_ACCOUNTS):
             table.add_row(pair.name, _value(pair.a), _value(pair.b), _change(pair))
     return table
 

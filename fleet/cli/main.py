@@ -167,7 +167,7 @@ def _choose(words: list[str], prog: str) -> tuple[Command, str, list[str]]:
 
 def _read(chosen: Command, name: str, words: list[str]) -> Any:
     """The command with its options."""
-    from fleet.cli.words import explain, read_words
+    from fleet.cli.arguments import explain, read_words
 
     if "-h" in words or "--help" in words:
         explain(chosen.load(), name)

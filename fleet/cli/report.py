@@ -25,8 +25,8 @@ class Report:
     def run(self) -> int:
         """Write and say where; returns the exit status."""
         from fleet.recording.errors import OutputError
+        from fleet.report.loaded_run import load_run
         from fleet.report.page import PAGE, write_page
-        from fleet.report.run import load_run
         from fleet.report.tables import tables_of
 
         run = load_run(self.of)

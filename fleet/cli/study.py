@@ -135,8 +135,8 @@ class Study:
         console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
         if outcome.rows:
             self._show(console, outcome)
-        if outcome.open_n:
-            console.print(f"interrupted: {outcome.open_n} runs are missing; --resume does them", soft_wrap=True)
+        if outcome.n_open:
+            console.print(f"interrupted: {outcome.n_open} runs are missing; --resume does them", soft_wrap=True)
             return INTERRUPTED
         return COMPLETE
 
@@ -154,8 +154,8 @@ class Study:
         return " ".join(said)
 
     def _show(self, console: Console, outcome: Outcome) -> None:
+        from fleet.study.conclusions import sentences
         from fleet.study.page import PAGE, charts, write_page
-        from fleet.study.words import sentences
 
         findings = outcome.findings
         plots = charts(findings)
@@ -172,7 +172,7 @@ class Study:
 
 
 def _table(outcome: Outcome, title: str) -> Table:
-    from fleet.study.words import between
+    from fleet.study.conclusions import between
 
     findings = outcome.findings
     table = Table(title=title)

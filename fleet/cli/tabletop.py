@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from fleet.recording.stream.shapes import ShapeRecorder
+    from fleet.recording.rerun_stream.shapes import ShapeRecorder
     from fleet.robots.spec import ArmSpec
     from fleet.robots.tools import Tool
     from fleet.tabletop.job import Tally
@@ -75,11 +75,11 @@ class _Tabletop:
         tally, state = self._played(layout.scene, model.spec, model.tool, start, work)
         figures = {
             "objects": objects,
-            "sorted": tally.sorted_n,
-            "rounds": tally.rounds_n,
-            "rounds_together": tally.together_n,
-            "missed": tally.missed_n,
-            "paths_refused": tally.refused_n,
+            "sorted": tally.n_sorted,
+            "rounds": tally.n_rounds,
+            "rounds_together": tally.n_together,
+            "missed": tally.n_missed,
+            "paths_refused": tally.n_refused,
             "robot_contacts": tally.robot_contacts,
             "sim_s": round(tally.sim_s, 3),
             "state_hash": state,
@@ -220,7 +220,7 @@ class _Film:
     """Keeps the poses of everything drawn."""
 
     def __init__(self, path: Path, title: str, world: TableWorld) -> None:
-        from fleet.recording.stream.shapes import ShapeRecorder
+        from fleet.recording.rerun_stream.shapes import ShapeRecorder
 
         self._world = world
         self._shapes: list[DrawnShape] = world.drawn_shapes()

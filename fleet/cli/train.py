@@ -75,13 +75,13 @@ class Train:
         if self.fidelity is not None:
             arguments["fidelity"] = self.fidelity
         ppo = dataclasses.replace(recipe.ppo, **told.pop("ppo", {}))
-        settings = {"steps_n": recipe.steps_n, **told}
+        settings = {"steps_n": recipe.n_steps, **told}
         if self.steps is not None:
             settings["steps_n"] = self.steps
         return TrainConfig(env=self.env, seed=self.seed, arguments=arguments, ppo=ppo, **settings)
 
     def _train(self, config: TrainConfig, recipe: Recipe) -> int:
-        from fleet.recording.stream.curves import write_curves
+        from fleet.recording.rerun_stream.curves import write_curves
         from fleet.training.ppo.trainer import Trainer
         from fleet.training.results import CHECKPOINT, RECORDING, write_config, write_progress
 
@@ -90,7 +90,7 @@ class Train:
         write_config(self.out, config)  # not before the trainer has agreed to go on from what is there
         curves = _tensorboard(self.out, trainer.rows)
         try:
-            with interrupts() as interrupted, Bar(trainer.updates_n, "updates", shown=True) as bar:
+            with interrupts() as interrupted, Bar(trainer.n_updates, "updates", shown=True) as bar:
 
                 def progress(row: Mapping[str, float]) -> None:
                     curves(row)

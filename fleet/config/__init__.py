@@ -13,8 +13,8 @@ from fleet.config.choices import Perception as Perception
 from fleet.config.choices import StreamKind as StreamKind
 from fleet.config.events import EVENT_PARAMETERS as EVENT_PARAMETERS
 from fleet.config.events import ScenarioEvent as ScenarioEvent
-from fleet.config.run import MOST_TASKS_N as MOST_TASKS_N
-from fleet.config.run import RunConfig as RunConfig
+from fleet.config.run_config import MOST_TASKS as MOST_TASKS
+from fleet.config.run_config import RunConfig as RunConfig
 from fleet.config.settings import SettingValue as SettingValue
 from fleet.config.settings import require as require
 from fleet.config.stream import RATES_PER_H as RATES_PER_H

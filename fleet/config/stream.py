@@ -38,8 +38,13 @@ class StreamConfig(Settings):
         super().__post_init__()
         require(self.kind in list(StreamKind), "--stream", self.kind, ", ".join(StreamKind))
         object.__setattr__(self, "kind", StreamKind(self.kind))
-        low_n, high_n = RATES_PER_H
-        require(low_n <= self.rate_per_h <= high_n, "--rate", self.rate_per_h, f"a number from {low_n:g} to {high_n:g}")
+        least_per_h, most_per_h = RATES_PER_H
+        require(
+            least_per_h <= self.rate_per_h <= most_per_h,
+            "--rate",
+            self.rate_per_h,
+            f"a number from {least_per_h:g} to {most_per_h:g}",
+        )
         positive("stream.wave_s", self.wave_s)
         not_negative("stream.zipf", self.zipf)
         require(0 < self.wave_share <= 1, "stream.wave_share", self.wave_share, "a number > 0, at most 1")

@@ -42,7 +42,7 @@ class FrictionFit:
     """Standard deviation of the damping, if the rest is noise; infinite where the motion does not tell, shape (n,)."""
     friction_sigma: FloatArray
     """The same of the friction, shape (n,)."""
-    replays_n: int
+    n_replays: int
     """Replays made."""
 
 
@@ -121,7 +121,7 @@ def fit_friction(
         rms_rad=rms(error),
         damping_sigma=sigma[:n],
         friction_sigma=sigma[n:],
-        replays_n=replays,
+        n_replays=replays,
     )
 
 

@@ -19,7 +19,7 @@ from fleet.tasks.board import Task, TaskState
 from fleet.tasks.reasons import PAIR_REASONS, PairReason, ReasonBook, TaskReason
 from planners.allocation.problem import Assignment
 
-PLAN_N = 100
+MOST_PLANNED = 100
 """Tasks at most that are planned before their parcels lie on slots."""
 
 
@@ -111,7 +111,7 @@ class TaskAllocation:
         """Deliveries whose parcels do not lie on slots yet, the most urgent class first, then the oldest."""
         waiting = [task for task in self._board.in_state(TaskState.BACKLOG) if task.visit is None]
         free = [task for task in waiting if self._board.waits_for(task) is None]
-        return sorted(free, key=lambda task: (task.order.priority.rank, task.index))[:PLAN_N]
+        return sorted(free, key=lambda task: (task.order.priority.rank, task.index))[:MOST_PLANNED]
 
     def _allocate(
         self, costs: CostMatrix, columns: list[int], held: Mapping[int, Task], soon: npt.NDArray[np.bool_]

@@ -37,7 +37,7 @@ class Assignments:
         reasons: ReasonBook,
     ) -> None:
         self.allocation = allocation
-        self.allocations_n = 0
+        self.n_allocations = 0
         """How often tasks were given out."""
         self._missions = missions
         self._ways = ways
@@ -56,7 +56,7 @@ class Assignments:
         """
         missions = self._missions
         missions.changed = False
-        self.allocations_n += 1
+        self.n_allocations += 1
         situation = situation_of(missions, self._ways, self._charging, now_s)
         if plan_filling:
             self.allocation.plan_filling(situation, now_s)

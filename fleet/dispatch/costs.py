@@ -104,14 +104,14 @@ class CostModel:
         states = np.where(soon, situation.state, self._ways.tails).astype(np.int32)
         free_s = np.where(soon, situation.free_s, 0.0)
         out = np.where(soon, CAN_TAKE, situation.standing)
-        moves, rest_n, service_s = self._work(tasks, states)
-        codes = self._codes(tasks, out, (moves >= UNREACHABLE) | (rest_n >= UNREACHABLE), situation.kept)
+        moves, n_rest_moves, service_s = self._work(tasks, states)
+        codes = self._codes(tasks, out, (moves >= UNREACHABLE) | (n_rest_moves >= UNREACHABLE), situation.kept)
         if self._charging is not None:
             for k, task in enumerate(tasks):
                 self._refuse_low(self._charging, codes[:, k], task, moves[:, k])
         cost_s, pressure_s = task_costs(
             travel_s=free_s[:, None] + moves * STEP_S,
-            rest_s=rest_n * STEP_S,
+            rest_s=n_rest_moves * STEP_S,
             service_s=service_s,
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
             due_s=np.array([task.order.due_s for task in tasks]),
@@ -130,23 +130,23 @@ class CostModel:
         """Moves of each car to each task, shape (n_cars, n_tasks), moves of each task from there on and time it takes
         at docks or places, shape (n_tasks,) each."""
         moves = np.empty((len(tasks), len(states)))
-        rest_n, service_s = np.empty(len(tasks)), np.empty(len(tasks))
+        n_rest_moves, service_s = np.empty(len(tasks)), np.empty(len(tasks))
         deliveries, ends = [], []
         for k, task in enumerate(tasks):
             if isinstance(task.order, Delivery):
                 deliveries.append(k)
                 ends.append((task.pick, task.order.drop))
             else:
-                moves[k] = self._routes.to_stop(task, states)
-                rest_n[k], service_s[k] = self._routes.rest(task)
+                moves[k] = self._routes.to_errand(task, states)
+                n_rest_moves[k], service_s[k] = self._routes.rest(task)
         if deliveries:
             docks, mean_s = self._stations.dock_states, self._stations.mean_s()
             picks, drops = self._stations.arms_of(ends).T
             used, which = np.unique(picks, return_inverse=True)  # many tasks begin at few stations
             moves[deliveries] = self._ways.moves_to(states, docks[used])[which]
-            rest_n[deliveries] = self._ways.moves_each(docks[picks], docks[drops])
+            n_rest_moves[deliveries] = self._ways.moves_each(docks[picks], docks[drops])
             service_s[deliveries] = mean_s[picks] + mean_s[drops]
-        return moves.T, rest_n, service_s
+        return moves.T, n_rest_moves, service_s
 
     def source_cost(self, pick: str, task: Task) -> float:
         """Moves from the nearest car to a pick station and on to the task's drop station."""
@@ -163,8 +163,8 @@ class CostModel:
             move_s: Time of one move at full speed [s].
         """
         if task.visit is not None:
-            rest_n, stand_s = self._routes.rest(task)
-            return rest_n * move_s + stand_s if rest_n < UNREACHABLE else np.inf
+            n_rest_moves, stand_s = self._routes.rest(task)
+            return n_rest_moves * move_s + stand_s if n_rest_moves < UNREACHABLE else np.inf
         order = task.delivery
         moves = min(self._moves(pick, order.drop) for pick in order.picks)
         return moves * move_s + self._service_s(task.pick, order.drop) if moves < UNREACHABLE else np.inf
@@ -217,10 +217,10 @@ class CostModel:
         elif task.visit.until_full:
             return
         else:
-            stops = self._routes.stops(task)
-            rest_n, stand_s = self._routes.rest(task)
-            home_n = float(charging.moves_home(np.array(stops[-1][0].states[:1]))[0])
-            allowed = charging.allows_way(cars.tolist(), moves[cars] + rest_n + home_n, stand_s)
+            errands = self._routes.errands(task)
+            n_rest_moves, stand_s = self._routes.rest(task)
+            n_home_moves = float(charging.moves_home(np.array(errands[-1][0].states[:1]))[0])
+            allowed = charging.allows_way(cars.tolist(), moves[cars] + n_rest_moves + n_home_moves, stand_s)
         codes[cars[~allowed]] = _CODE[PairReason.LOW_CHARGE]
 
 

@@ -58,7 +58,7 @@ class RollingHorizon:
         self._plan, self._turn_s = [], {}
         if assignment.timetable is None or problem.shop is None:
             return
-        start_s = assignment.timetable.start_s[problem.shop.first_stop[:-1]].tolist()
+        start_s = assignment.timetable.start_s[problem.shop.first_errand[:-1]].tolist()
         car_of = {k: int(cars[row]) for row, sequence in enumerate(assignment.sequence) for k in sequence}
         for k in sorted(car_of, key=lambda k: (start_s[k], k)):
             task = costs.tasks[columns[k]]
@@ -76,45 +76,45 @@ class RollingHorizon:
         """
         now_s, n_stations = costs.now_s, len(self._stations)
         visited = list(
-            dict.fromkeys(stop for task in tasks if task.visit is not None for stop in self._routes.stops(task))
+            dict.fromkeys(errand for task in tasks if task.visit is not None for errand in self._routes.errands(task))
         )
         n_known = n_stations + len(cars)
         # Stations in their order, then where each car is, then what is visited; nobody drives to where a car was.
         docks = [station.dock_state for station in self._stations]
-        stops = [stop[0].states[0] for stop in visited]
-        states = np.concatenate((docks, costs.states[cars], stops)).astype(np.int32)
+        errands = [errand[0].states[0] for errand in visited]
+        states = np.concatenate((docks, costs.states[cars], errands)).astype(np.int32)
         travel_s = np.full((len(states), len(states)), np.inf)
         for k, dock_state in enumerate(docks):
             moves = self._ways.moves(states, dock_state).astype(np.float64)
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
-        for k, stop in enumerate(visited, start=n_known):
-            moves = self._routes.moves_from(stop, states)
+        for k, errand in enumerate(visited, start=n_known):
+            moves = self._routes.moves_from(errand, states)
             travel_s[:, k] = np.where(moves >= UNREACHABLE, np.inf, moves * STEP_S)
         np.fill_diagonal(travel_s, 0.0)
         service_s = np.array([self._stations.time(station).mean_s for station in self._stations])
-        number_of = {stop: k for k, stop in enumerate(visited, start=n_known)}
+        number_of = {errand: k for k, errand in enumerate(visited, start=n_known)}
         jobs = [
             [self._stations.named(task.pick).arm, self._stations.named(task.delivery.drop).arm]
             if task.visit is None
-            else [number_of[stop] for stop in self._routes.stops(task)]
+            else [number_of[errand] for errand in self._routes.errands(task)]
             for task in tasks
         ]
-        stops_n = np.array([len(job) for job in jobs])
+        n_errands = np.array([len(job) for job in jobs])
         place = np.concatenate(jobs).astype(np.int32)
-        served = np.repeat([task.visit is None for task in tasks], stops_n)
-        stand_s = np.repeat([self._routes.stand_s(task) for task in tasks], stops_n)
+        served = np.repeat([task.visit is None for task in tasks], n_errands)
+        stand_s = np.repeat([self._routes.stand_s(task) for task in tasks], n_errands)
         age_s = np.array([now_s - task.since_s[TaskState.BACKLOG] for task in tasks])
         order, vehicle = self._proposal(tasks, cars)
         return Shop(
             travel_s=travel_s,
             start=np.arange(n_stations, n_known, dtype=np.int32),
             ready_s=costs.free_s[cars],
-            first_stop=np.concatenate(([0], np.cumsum(stops_n))).astype(np.int32),
+            first_errand=np.concatenate(([0], np.cumsum(n_errands))).astype(np.int32),
             place=place,
             station=np.where(served, place, NO_STATION).astype(np.int32),
             service_s=np.where(served, service_s[np.where(served, place, 0)], stand_s),
             free_s=np.array([self._stations.times.left_s(k, now_s) for k in range(n_stations)]),
-            buffer_n=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
+            n_buffer_places=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
             release_s=self._release_s(tasks, cars, held, travel_s),
             due_s=np.array([task.order.due_s - now_s for task in tasks]),
             weight=1.0 + self._config.ageing * age_s / AGED_S,

@@ -33,6 +33,7 @@ from gymnasium.spaces import Box
 from gymnasium.utils import EzPickle
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.config import Fidelity, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.choices import row_of
@@ -40,7 +41,7 @@ from fleet.robots.iiwa import iiwa_spec
 from fleet.robots.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.world.kinematic import KinematicConfig, KinematicWorld
-from fleet.world.protocol import FloatArray, World
+from fleet.world.protocol import World
 from fleet.world.scene import Scene
 from planners.motion.arm.kinematics import joint_rows, last_link_pose
 

@@ -9,16 +9,16 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.incidents.rejoin_room import SEARCH_M, RejoinRoom, cell_of, outline
 from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
 from fleet.traffic.drivers import PathDriver
-from fleet.world.protocol import FloatArray
 from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
 TURNING_RADIUS_M = 0.45
 """A little wider than the lanes' arcs, so that the follower has room to correct."""
-STATES_N, SEARCHED_N = 12, 3
+N_STATES, N_SEARCHED = 12, 3
 """States that direct curves are tried to, and how many of them a search is tried to if none is free."""
 ITERATIONS = 300
 """Budget of one search; it ends in 0.2 s."""
@@ -219,7 +219,7 @@ class Recovery:
         start = driver.estimate[car]
         room = RejoinRoom(run, car, start, self._usable_cells(car))
         states = self._near_states(start, room.usable)
-        for iterations, tried in ((0, states), (ITERATIONS, states[:SEARCHED_N])):
+        for iterations, tried in ((0, states), (ITERATIONS, states[:N_SEARCHED])):
             for state in tried:
                 way = plan_rejoin(
                     start,
@@ -282,7 +282,7 @@ class Recovery:
         turn = np.abs(np.arctan2(np.sin(offset[:, 2]), np.cos(offset[:, 2])))
         near = np.nonzero((distance < SEARCH_M) & usable.ravel()[graph.state_cell])[0]
         order = np.lexsort((near, distance[near] + 0.5 * turn[near]))
-        return near[order][:STATES_N].tolist()
+        return near[order][:N_STATES].tolist()
 
     def _cells_of(self, poses: FloatArray) -> list[int]:
         """Cells under the body at any of the poses."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.robots.spec import CarSpec
 from fleet.run.view import RunView
-from fleet.world.protocol import FloatArray
 
 SEARCH_M = 2.2
 """How far from the car a state to rejoin may be."""

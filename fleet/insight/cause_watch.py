@@ -16,7 +16,7 @@ from fleet.insight.why_idle import WhyIdle
 from fleet.missions.phases import NUMBER_OF_PHASE, PHASES, CarPhase
 from fleet.run.view import RunView
 from fleet.stations.arms.arm_controller import ArmPhase
-from planners.execution.queues import NOBODY, Queues, move_at
+from planners.precedence.queues import NOBODY, Queues, move_at
 
 _BOUND, _IDLE, _REST = 0, 1, 2
 _UNDER_WAY = (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE, CarPhase.HELD)
@@ -42,7 +42,7 @@ _AWAITS, _NO_TASK = int(Cause.AWAITS), int(Cause.NO_TASK)
 _CAUSE, _BY, _AT, _PLACE, _UNTIL, _TASK, _DETAIL = map(int, Column)
 _AT_DOCK = (CarPhase.LOADING, CarPhase.UNLOADING)
 _FREE = (ArmPhase.IDLE, ArmPhase.HOLDING)
-_REMEMBERED_N = 4096
+_MOST_REMEMBERED = 4096
 _LOOK_UP = -2  # on its way without a move
 
 
@@ -101,7 +101,7 @@ class CauseWatch:
         self._next_ways: object = None
         self._gated = any(service.gate is not None for service in run.arm_manager.services)
         self._arm_changes: list[object] = [None] * run.world.n_arms
-        self._arm_bookings_n = -1
+        self._n_arm_bookings = -1
         self._arm_served = np.full(run.world.n_arms, NONE, dtype=np.int64)
         """The car that each arm served when its row was filled, shape (n_arms,)."""
         self._arms_due: float = 0.0
@@ -169,7 +169,7 @@ class CauseWatch:
     def _next_cell(self, state: int, goal: int) -> int:
         """See `Traffic.next_cell`; remembered, because a car that waits asks again in every tick."""
         traffic = self._run.traffic
-        if self._next_ways is not traffic.ways or len(self._next) > _REMEMBERED_N:
+        if self._next_ways is not traffic.ways or len(self._next) > _MOST_REMEMBERED:
             self._next_ways = traffic.ways
             self._next.clear()
         cell = self._next.get((state, goal))
@@ -203,7 +203,7 @@ class CauseWatch:
             station = run.stations[place]
             if not run.arm_manager.is_ready(station.arm, task.parcel):
                 cause, by = Cause.ARM, self._n_cars + station.arm
-            elif phase is CarPhase.TO_DROP and task.drop_slot is None and station.free_n == 0:
+            elif phase is CarPhase.TO_DROP and task.drop_slot is None and station.n_free == 0:
                 cause, leaves_s = Cause.SLOT, station.next_collect_s
                 until = NONE if leaves_s is None else round(leaves_s / run.tick_s)
         self._set(car, cause, by=by, place=place, until=until)
@@ -212,8 +212,8 @@ class CauseWatch:
         """Cars that are not on their way; each only if something was decided that may concern it."""
         run = self._run
         roster = run.missions
-        given = (run.assignments.allocations_n, run.board.moves_n)
-        booked, phases = run.bookings.changes_n, roster.changes_n
+        given = (run.assignments.n_allocations, run.board.n_moves)
+        booked, phases = run.bookings.n_changes, roster.n_changes
         tables = run.traffic.tables
         if (given, booked, phases) == (self._given, self._booked, self._phases) and tables is self._tables:
             return
@@ -291,21 +291,21 @@ class CauseWatch:
     def _look_at_arms(self, tick: int) -> None:
         """Arms, when what one does or who is bound for it changes, or it takes longer than was said."""
         services = self._run.arm_manager.services
-        changes: list[object] = [service.changes_n for service in services]
+        changes: list[object] = [service.n_changes for service in services]
         if self._gated:
-            changes = [(service.changes_n, service.waits_for) for service in services]
-        bookings_n = self._run.bookings.changes_n
-        if changes == self._arm_changes and bookings_n == self._arm_bookings_n and tick < self._arms_due:
+            changes = [(service.n_changes, service.waits_for) for service in services]
+        n_bookings = self._run.bookings.n_changes
+        if changes == self._arm_changes and n_bookings == self._n_arm_bookings and tick < self._arms_due:
             return
         # Who is bound for an arm is told of one that is free; one that serves a car is looked at anew in any case.
         served, changed_at = self._run.missions.served, self._run.bookings.changed_at[: len(services)]
-        differ = (served >= 0) | (served != self._arm_served) | (changed_at > self._arm_bookings_n)
-        bound_differs = differ.tolist() if bookings_n != self._arm_bookings_n else [False] * len(services)
+        differ = (served >= 0) | (served != self._arm_served) | (changed_at > self._n_arm_bookings)
+        bound_differs = differ.tolist() if n_bookings != self._n_arm_bookings else [False] * len(services)
         for arm, change in enumerate(changes):
             bound_differ = bound_differs[arm] and services[arm].state in _FREE
             if change != self._arm_changes[arm] or bound_differ or NONE < self._arm_until[arm] <= tick:
                 self._set_arm(arm, tick)
-        self._arm_changes, self._arm_bookings_n = changes, bookings_n
+        self._arm_changes, self._n_arm_bookings = changes, n_bookings
         self._arms_due = min((until for until in self._arm_until if until != NONE), default=np.inf)
 
     def _set_arm(self, arm: int, tick: int) -> None:

@@ -8,7 +8,7 @@ from fleet.insight.cause_log import TICK, CauseLog
 from fleet.insight.causes import DETAILS, NO_WAIT, NONE, OWN, WITHOUT_TASK, Cause, Column
 from fleet.insight.codebook import Codebook, OutsideRun
 from fleet.insight.link import Link
-from fleet.insight.words import in_the_way, predicate, reason, release
+from fleet.insight.phrases import in_the_way, predicate, reason, release
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cached_property
 
+from fleet.arrays import FloatArray
 from fleet.config import Fidelity
 from fleet.insight.cause_watch import CauseWatch
 from fleet.insight.codebook import Codebook, codebook_of
@@ -13,7 +14,6 @@ from fleet.insight.slip import SlipMeter
 from fleet.insight.time_accounts import TimeAccounts
 from fleet.run.view import RunView
 from fleet.tasks.batches import Batches
-from fleet.world.protocol import FloatArray
 
 
 class Figures:
@@ -30,8 +30,8 @@ class Figures:
         self._batches = batches
         self._halted_by = halted_by
         docks = [station.place.dock.cell for station in run.stations]
-        places_n = len(run.places.cells)
-        time_accounts = TimeAccounts(run.world.n_cars, run.site.grid.cell_xy(docks), run.graph.n_cells, places_n)
+        n_places = len(run.places.cells)
+        time_accounts = TimeAccounts(run.world.n_cars, run.site.grid.cell_xy(docks), run.graph.n_cells, n_places)
         self.metrics = Metrics(run.world.n_cars, run.tick_s, time_accounts)
 
     # Built when first asked for: environments seldom ask.

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.insight.codebook import Codebook
 from fleet.insight.slip import Slip
 from fleet.insight.time_accounts import STANDING_MPS, ArmTime, CarTime, TimeAccounts, percentages
@@ -19,7 +20,6 @@ from fleet.missions.parcels.perception import PoseSource
 from fleet.run.view import RunView
 from fleet.tasks.batches import Batches
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
-from fleet.world.protocol import FloatArray
 
 _WAITING = (TaskState.BACKLOG, TaskState.READY, *UNDER_WAY)
 
@@ -190,13 +190,13 @@ class Metrics:
             min_clearance_m=round(clearance, 4) if np.isfinite(clearance) else None,
             parcel_balance=run.inventory.balance(),
             parcels_misplaced=len(run.inventory.misplaced()),
-            parcels_dropped=run.arm_manager.dropped_n,
+            parcels_dropped=run.arm_manager.n_dropped,
             slip_median_m=round(float(np.median(slips_m)), 6) if slips_m else None,
             slip_max_m=round(max(slips_m), 6) if slips_m else None,
             slip_turn_max_rad=round(max(slip.turn_rad for slip in slips), 5) if slips else None,
             **_seen(run.perception),
             lowest_charge=round(batteries.lowest, 4) if batteries is not None else None,
-            charging_sessions=charging.sessions_n if charging is not None else 0,
+            charging_sessions=charging.n_sessions if charging is not None else 0,
             cars_stranded=int((batteries.charge <= 0.0).sum()) if batteries is not None else 0,
             stations=self._stations(run),
             bottleneck=self._bottleneck(run),
@@ -242,7 +242,7 @@ def _seen(perception: PoseSource) -> dict[str, Any]:
     turn_deg = [math.degrees(error.turn_rad) for error in perception.errors]
     return {
         "parcels_located": len(apart_mm),
-        "looks_failed": perception.blind_n,
+        "looks_failed": perception.n_blind,
         "pose_error_median_mm": round(float(np.median(apart_mm)), 3) if apart_mm else None,
         "pose_error_max_mm": round(max(apart_mm), 3) if apart_mm else None,
         "turn_error_median_deg": round(float(np.median(turn_deg)), 3) if turn_deg else None,

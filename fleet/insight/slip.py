@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fleet.arrays import FloatArray
 from fleet.robots.spec import ArmSpec
 from fleet.stations.arms.arm_controller import ArmController
-from fleet.world.protocol import FloatArray, World
+from fleet.world.protocol import World
 from planners.motion.arm.kinematics import link_frames
 
 

@@ -1,4 +1,4 @@
-"""Ledger: where the time of every robot and station went; each tick of a robot is in exactly one account."""
+"""TimeAccounts: where the time of every robot and station went; each tick of a robot is in exactly one account."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, WITHOUT_TASK, Cause, CauseRows, Column
 from fleet.missions.phases import PHASES, CarPhase
-from fleet.world.protocol import FloatArray
 
 STANDING_MPS = 0.05
 """Below this speed a car stands."""

@@ -1,4 +1,4 @@
-"""Time table: the ledger of a run as columns, for data frames and CSV files."""
+"""Time table: the time accounts of a run as columns, for data frames and CSV files."""
 
 from __future__ import annotations
 

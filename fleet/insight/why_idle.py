@@ -101,10 +101,10 @@ class WhyIdle:
             row[Column.PLACE], row[Column.BY] = arm, NONE if arm == NONE else run.world.n_cars + arm
 
     def _no_way(self, row: CauseRows, car: int, task: Task) -> None:
-        """The first blocked cell on the way to a task, or on from its first stop, and the dead car in it."""
+        """The first blocked cell on the way to a task, or on from its first errand, and the dead car in it."""
         run = self._run
         traffic, places = run.traffic, run.places
-        names = task.next_stop if task.visit is not None else (task.pick, task.delivery.drop)
+        names = task.next_errand if task.visit is not None else (task.pick, task.delivery.drop)
         start = int(run.executor.tail_states()[car])
         for name in names:
             goal = places.named(name).states[0]
@@ -121,7 +121,7 @@ class WhyIdle:
         run = self._run
         bookings = run.bookings
         if task.visit is not None:
-            numbers = [run.places.named(name).number for name in task.next_stop]
+            numbers = [run.places.named(name).number for name in task.next_errand]
             taken = [number for number in numbers if number >= 0 and bookings.cars(number)]
             return (taken[0], bookings.cars(taken[0])[0]) if taken else (NONE, NONE)
         arm = max((self._arm_of(task.pick), self._arm_of(task.delivery.drop)), key=lambda k: len(bookings.bound(k)))

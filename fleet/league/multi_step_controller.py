@@ -148,7 +148,7 @@ class MultiStepController:
             row=rows[:n].copy(),
             cell=cell.astype(np.int32),
             next_row=rows[n:].copy(),
-            leg=np.where(further, self._schedule.leg_of[place], np.int32(0)).astype(np.int32),
+            onward=np.where(further, self._schedule.onward_of[place], np.int32(0)).astype(np.int32),
         )
         to_go = left(costs, arena.states, wishes.row) + np.where(busy, self._schedule.rest_of[place], _LARGE)
         here = arena.graph.state_cell[arena.states]

@@ -42,8 +42,8 @@ class TaskSchedule:
 
     def __init__(self, arena: Arena, costs: GoalCosts) -> None:
         self._costs = costs
-        self._leg = np.full(len(arena.errand_cell), -1, dtype=np.int32)
-        self.leg_of: IntArray = self._leg
+        self._onward = np.full(len(arena.errand_cell), -1, dtype=np.int32)
+        self.onward_of: IntArray = self._onward
         """Cost from each errand to the next one of its task, 0 behind the last, -1 where not known yet."""
         self.rest_of: IntArray = np.zeros(len(arena.errand_cell), dtype=np.int32)
         """Cost from each errand to the end of its task."""
@@ -52,7 +52,7 @@ class TaskSchedule:
     def learn(self, arena: Arena, tasks: Tasks) -> None:
         """Compute how long tasks are that are seen for the first time."""
         row = np.unique(tasks % arena.problem.n_tasks)
-        row = row[self._leg[arena.errand_ptr[row]] < 0]
+        row = row[self._onward[arena.errand_ptr[row]] < 0]
         if not row.size:
             return
         begin, end = arena.errand_ptr[row].astype(np.int64), arena.errand_ptr[row + 1].astype(np.int64)
@@ -61,9 +61,9 @@ class TaskSchedule:
         last = np.repeat(end - 1, counts) == place
         follower = np.where(last, place, place + 1)
         rows = self._costs.rows(arena.errand_cell[follower])
-        self._leg[place] = np.where(last, 0, self._costs.between(rows, arena.errand_cell[place]))
+        self._onward[place] = np.where(last, 0, self._costs.between(rows, arena.errand_cell[place]))
         backwards = place[::-1]
-        _add_up(backwards, last[::-1].copy(), self._leg, self.rest_of)
+        _add_up(backwards, last[::-1].copy(), self._onward, self.rest_of)
 
     def assign(self, arena: Arena, *, everybody: bool = False) -> Tasks:
         """Decide who does what.
@@ -121,12 +121,12 @@ class TaskSchedule:
 
 @njit(cache=True, nogil=True)
 def _add_up(
-    backwards: Int64Array, last: BoolArray, leg: IntArray, rest: IntArray
+    backwards: Int64Array, last: BoolArray, onward: IntArray, rest: IntArray
 ) -> None:  # pragma: no cover - compiled
-    """Sum up legs from the end of each task to its begin."""
+    """Sum up the costs between errands from the end of each task to its begin."""
     total = 0
     for k in range(len(backwards)):
-        total = 0 if last[k] else total + leg[backwards[k]]
+        total = 0 if last[k] else total + onward[backwards[k]]
         rest[backwards[k]] = total
 
 

@@ -18,7 +18,7 @@ from fleet.tasks.order import Priority
 
 EARLY_S = 4.0
 """A car should come to its station this long before the arm is free, so that traffic does not let the arm wait [s]."""
-NEAR_N = 10
+NEAR_MOVES = 10
 """A car that has so many moves left to its station needs a booking to go on: the way back is not longer yet, and two
 cars within it keep an arm busy that takes 7 s."""
 _HELD = NUMBER_OF_PHASE[CarPhase.HELD]
@@ -75,18 +75,18 @@ class Admission:
     def _call_at(self, station: Station, cars: Cars, arrivals: StationArrivals, tick: int, now_s: float) -> None:
         """Do `call` for the cars that are bound for one station, in the order in which they were bound."""
         missions, bookings = self._missions, self._missions.bookings
-        changes_n = bookings.changes_n
+        n_changes = bookings.n_changes
         for k, car in enumerate(cars.tolist()):
             task = missions.task_of[car]
             if task is None or task.visit is not None:
                 continue
-            if bookings.changes_n != changes_n:
+            if bookings.n_changes != n_changes:
                 # Who has just booked takes its turn before the others.
-                changes_n = bookings.changes_n
+                n_changes = bookings.n_changes
                 arrivals = self._arrivals(cars, np.array([0, len(cars)]), [station.arm], now_s)
             if missions.phase[car] is CarPhase.HELD:
                 self._begin(car, task, float(arrivals.early_s[k]), int(arrivals.moves[k]), tick)
-            elif missions.phase[car] in TO_STATION and arrivals.moves[k] <= NEAR_N and not bookings.book(car):
+            elif missions.phase[car] in TO_STATION and arrivals.moves[k] <= NEAR_MOVES and not bookings.book(car):
                 self._hold(car, task, bookings.full_words(station.arm, station.name))
 
     def _begin(self, car: int, task: Task, early_s: float, moves: int, tick: int) -> None:
@@ -95,7 +95,7 @@ class Admission:
         held = missions.phase[car] is CarPhase.HELD
         full = False
         if early_s <= EARLY_S:
-            full = moves <= NEAR_N and not missions.bookings.book(car)
+            full = moves <= NEAR_MOVES and not missions.bookings.book(car)
         if early_s > EARLY_S or full:
             if not held:
                 busy = f"{station.name} is busy and it would come {early_s:.0f} s too early"
@@ -175,7 +175,7 @@ class StationArrivals(NamedTuple):
 def _concerned(phase: Cars, booked: npt.NDArray[np.bool_], arrivals: StationArrivals) -> npt.NDArray[np.bool_]:
     """Cars that may set off, or have come near without a booking, shape (n,)."""
     due = (phase == _HELD) & (arrivals.early_s <= EARLY_S)
-    near = ((phase == _TO_PICK) | (phase == _TO_DROP)) & (arrivals.moves <= NEAR_N) & ~booked
+    near = ((phase == _TO_PICK) | (phase == _TO_DROP)) & (arrivals.moves <= NEAR_MOVES) & ~booked
     return due | near
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Set
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.missions.admission import Admission
 from fleet.missions.phases import AT_CHARGER, ON_VISIT, CarPhase
 from fleet.missions.state import Missions
@@ -15,7 +16,6 @@ from fleet.robots.battery import Batteries
 from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
-from fleet.world.protocol import FloatArray
 from planners.mapf.distance_table import UNREACHABLE
 
 _MAY_BREAK_OFF = ON_VISIT | {CarPhase.TO_PICK, CarPhase.HELD}
@@ -48,7 +48,7 @@ class Charging:
     ) -> None:
         self.batteries = batteries
         self.states = states
-        self.sessions_n = 0
+        self.n_sessions = 0
         """How often a car began to charge."""
         self._first = first_place
         self._missions = missions
@@ -84,7 +84,7 @@ class Charging:
     def begin(self, car: int) -> None:
         """Begin to charge a car that stands at a charger."""
         self._missions.enter(car, CarPhase.CHARGING)
-        self.sessions_n += 1
+        self.n_sessions += 1
 
     def is_full(self, car: int) -> bool:
         """Whether there is nothing more to wait for at the charger."""
@@ -146,16 +146,16 @@ class Charging:
         Returns:
             The verdict on each car, shape (k,).
         """
-        loaded_n = self._moves(pick, drop)
+        n_loaded_moves = self._moves(pick, drop)
         served_s = self._missions.stations.times.of(pick.arm, Direction.TO_CAR).p90_s
         # At the drop station those before it are served first.
         served_s += (
             self._missions.bookings.caps[drop.arm]
             * self._missions.stations.times.of(drop.arm, Direction.FROM_CAR).p90_s
         )
-        loaded = self.batteries.share(MOVE_M * loaded_n, SLOW_MOVE_S * loaded_n + served_s, load_kg)
-        home_n = float(self.moves_home(np.array([drop.dock_state]))[0])
-        return self.allows_way(cars, to_pick + home_n, 0.0, loaded)
+        loaded = self.batteries.share(MOVE_M * n_loaded_moves, SLOW_MOVE_S * n_loaded_moves + served_s, load_kg)
+        n_home_moves = float(self.moves_home(np.array([drop.dock_state]))[0])
+        return self.allows_way(cars, to_pick + n_home_moves, 0.0, loaded)
 
     def allows_way(
         self, cars: list[int], moves: FloatArray, stand_s: float, more: FloatArray | float = 0.0
@@ -219,13 +219,13 @@ class Charging:
 
     def _free_charger(self, car: int, wanted: Set[int]) -> int | None:
         """The nearest charger that is free and that a car can come to, as a place; None if there is none."""
-        best, best_n = None, UNREACHABLE
+        best, fewest = None, UNREACHABLE
         for number in self.places:
             if number in wanted or self._missions.bookings.room(number) <= 0:
                 continue
-            moves_n = self._ways.of_car(car, self._state_of(number))
-            if moves_n < best_n:
-                best, best_n = number, moves_n
+            n_moves = self._ways.of_car(car, self._state_of(number))
+            if n_moves < fewest:
+                best, fewest = number, n_moves
         return best
 
     def _state_of(self, place: int) -> int:
@@ -237,8 +237,8 @@ class Charging:
         return sorted(cars, key=lambda car: (float(self.batteries.charge[car]), car))
 
     def _moves(self, start: Station, goal: Station) -> float:
-        moves_n = self._ways.between(start.dock_state, goal.dock_state)
-        return float("inf") if moves_n >= UNREACHABLE else float(moves_n)
+        n_moves = self._ways.between(start.dock_state, goal.dock_state)
+        return float("inf") if n_moves >= UNREACHABLE else float(n_moves)
 
 
 def _can_wait(task: Task) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from fleet.missions.admission import Admission
 from fleet.missions.parcels.inventory import Inventory
-from fleet.missions.parcels.transfers import Transfers
+from fleet.missions.parcels.transfer_requests import Transfers
 from fleet.missions.phases import AT_DOCK, CarPhase
 from fleet.missions.services import Services
 from fleet.missions.state import Missions

@@ -81,7 +81,7 @@ class Missions:
         """True for a car on its way to a station, charger or place, shape (n_cars,)."""
         self.served = np.full(len(stations), NOBODY, dtype=np.int64)
         """The car each arm is at work on, or on its way home from, -1 for none, shape (n_stations,)."""
-        self.changes_n = 0
+        self.n_changes = 0
         """How often a car has begun a phase."""
         self.changed = True
         """Whether a car or a task has become free since tasks were last given out."""
@@ -144,7 +144,7 @@ class Missions:
 
     def enter(self, car: int, phase: CarPhase) -> None:
         """Let a car begin a phase; one in which it needs no place gives up what it has booked."""
-        self.changes_n += 1
+        self.n_changes += 1
         number = NUMBER_OF_PHASE[phase]
         self.phase[car] = phase
         self.phase_index[car] = number

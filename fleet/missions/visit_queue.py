@@ -35,7 +35,7 @@ class VisitQueue:
         if not self._any:
             return
         board = self._missions.board
-        counts = board.released_n, board.closed_n
+        counts = board.n_released, board.n_closed
         if counts == self._counts:
             return  # nobody's turn has come
         self._counts = counts
@@ -52,7 +52,7 @@ class VisitQueue:
         chargers = [n for n in self._places.charger_numbers if not self._ways.blocked[self._places.cells[n]]]
         for task in self._missions.board.in_state(TaskState.READY):
             if task.visit is not None and self._reasons.present(task) is TaskReason.STATION_FULL:
-                numbers = [self._places.named(name).number for name in task.next_stop]
+                numbers = [self._places.named(name).number for name in task.next_errand]
                 free = [number for number in numbers if number in chargers and number not in wanted]
                 wanted.update(free[:1])
         # Who is held with a visit waits there already.

@@ -13,12 +13,12 @@ from fleet.stations.booking import Bookings
 from fleet.tasks.board import Task
 from planners.mapf.distance_table import UNREACHABLE
 
-Stop = tuple[Place, ...]
+Errand = tuple[Place, ...]
 """Places of which the nearest will do."""
 
 
 class VisitRoutes:
-    """Ways of visits. The way on from a stop for which several places will do is counted from the first of them.
+    """Ways of visits. The way on from an errand for which several places will do is counted from the first of them.
 
     Args:
         places: Where cars can be sent.
@@ -31,35 +31,35 @@ class VisitRoutes:
         self._ways = ways
         self._bookings = bookings
 
-    def to_stop(self, task: Task, tails: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+    def to_errand(self, task: Task, tails: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
         """Moves of each car to where a visit goes on, `UNREACHABLE` where there is no way, shape (n_cars,)."""
-        return self.moves_from(self.stops(task)[0], tails)
+        return self.moves_from(self.errands(task)[0], tails)
 
     def rest(self, task: Task) -> tuple[float, float]:
         """Moves of a visit from where it goes on to its end, at most `UNREACHABLE`, and how long it stands [s]."""
-        stops = self.stops(task)
-        moves = sum(self.moves(here, there) for here, there in pairwise(stops))
-        return min(moves, float(UNREACHABLE)), self.stand_s(task) * len(stops)
+        errands = self.errands(task)
+        moves = sum(self.moves(here, there) for here, there in pairwise(errands))
+        return min(moves, float(UNREACHABLE)), self.stand_s(task) * len(errands)
 
-    def stops(self, task: Task) -> list[Stop]:
-        """The stops that a visit has before it, at least one; of the next those places that have room, if any has."""
-        stops = task.visit.stops[task.stops_n :] if task.visit is not None else ()
-        first, *rest = [tuple(map(self._places.named, stop)) for stop in stops]
+    def errands(self, task: Task) -> list[Errand]:
+        """The errands that a visit has before it, at least one; of the next those places that have room, if any has."""
+        errands = task.visit.errands[task.n_errands_done :] if task.visit is not None else ()
+        first, *rest = [tuple(map(self._places.named, errand)) for errand in errands]
         # Its car, if it has one, has room there already.
         free = tuple(place for place in first if place.name == task.place or self.room(place) > 0)
         return [free or first, *rest]
 
     def stand_s(self, task: Task) -> float:
-        """How long a visit stands at each stop [s]."""
+        """How long a visit stands at each errand [s]."""
         return task.visit.stand_s if task.visit is not None else 0.0
 
-    def moves(self, here: Stop, there: Stop) -> float:
-        """Moves from one stop to another, `UNREACHABLE` if there is no way."""
+    def moves(self, here: Errand, there: Errand) -> float:
+        """Moves from one errand to another, `UNREACHABLE` if there is no way."""
         return float(self.moves_from(there, np.array(here[0].states[:1], dtype=np.int32))[0])
 
-    def moves_from(self, stop: Stop, states: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-        """Moves from each of some states to a stop, `UNREACHABLE` where there is no way, shape of `states`."""
-        return np.asarray(np.minimum.reduce([self._ways.to_place(place, states) for place in stop]))
+    def moves_from(self, errand: Errand, states: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+        """Moves from each of some states to an errand, `UNREACHABLE` where there is no way, shape of `states`."""
+        return np.asarray(np.minimum.reduce([self._ways.to_place(place, states) for place in errand]))
 
     def room(self, place: Place) -> int:
         """Cars a place still takes, at least 1 in a lane, where nobody books."""
@@ -72,7 +72,7 @@ class VisitRoutes:
             task: The visit.
             rooms: Room left at places, by number; filled in for places that are asked for the first time.
         """
-        for place in map(self._places.named, task.next_stop):
+        for place in map(self._places.named, task.next_errand):
             if place.number == NOT_BOOKED:
                 return True
             if rooms.setdefault(place.number, self.room(place)) > 0:

@@ -23,7 +23,7 @@ class Visits:
 
     A dock, charger or parking place is booked before a car sets off, so that nobody queues for it in the lanes; where
     a place further on has no room, the car waits in a parking place until there is. A visit that changes hands goes on
-    at the stop that had not been made.
+    at the errand that had not been done.
 
     Args:
         missions: What cars are about.
@@ -32,7 +32,8 @@ class Visits:
         ways: How far cars are from places.
         charging: Fills batteries; None = cars have none.
         world: Where cars really stand.
-        log: Called as ``log(kind, **facts)`` when a stop is made, when a car is held, and when something is inspected.
+        log: Called as ``log(kind, **facts)`` when an errand is done, when a car is held, and when something is
+            inspected.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class Visits:
         log: Callable[..., None],
     ) -> None:
         self.progress_s = 0.0
-        """When a stop was last made [s]."""
+        """When an errand was last done [s]."""
         self._missions = missions
         self._places = places
         self._routes = routes
@@ -114,7 +115,7 @@ class Visits:
                 self._arrive(car, task, now_s)
         for car, task in self._visiting(CarPhase.STANDING, CarPhase.CHARGING):
             if self._has_stood(car, task, now_s):
-                self._end_stop(car, task, tick, now_s)
+                self._end_errand(car, task, tick, now_s)
 
     def _visiting(self, *phases: CarPhase) -> list[tuple[int, Task]]:
         """Cars on visits in some phases, and their tasks."""
@@ -123,11 +124,11 @@ class Visits:
 
     def _nearest(self, car: int, task: Task) -> Place | None:
         tail = self._ways.tails[[car]]
-        best, best_n = None, float(UNREACHABLE)
-        for place in map(self._places.named, task.next_stop):
-            moves_n = float(self._ways.to_place(place, tail)[0])
-            if moves_n < best_n and self._routes.room(place) > 0:
-                best, best_n = place, moves_n
+        best, fewest = None, float(UNREACHABLE)
+        for place in map(self._places.named, task.next_errand):
+            n_moves = float(self._ways.to_place(place, tail)[0])
+            if n_moves < fewest and self._routes.room(place) > 0:
+                best, fewest = place, n_moves
         return best
 
     def _arrive(self, car: int, task: Task, now_s: float) -> None:
@@ -145,15 +146,15 @@ class Visits:
             return self._charging.is_full(car)
         return bool(now_s - self._came_s[car] >= visit.stand_s)
 
-    def _end_stop(self, car: int, task: Task, tick: int, now_s: float) -> None:
+    def _end_errand(self, car: int, task: Task, tick: int, now_s: float) -> None:
         visit = _visit(task)
         self.progress_s = now_s
         x, y, yaw = (round(float(v), 3) for v in self._world.car_poses()[car])
         pose = {"x": x, "y": y, "yaw": yaw} if visit.inspects else {}
         kind = "inspected" if visit.inspects else "visited"
         self._log(kind, task=task.order.name, car=f"car_{car}", place=task.place, **pose)
-        task.stops_n += 1
-        if task.stops_n == len(visit.stops):
+        task.n_errands_done += 1
+        if task.n_errands_done == len(visit.errands):
             self._missions.board.move(task, TaskState.DONE, now_s, f"car_{car} was at {task.place}")
             self._missions.release(car)
         elif self.book(car, task):
@@ -164,7 +165,7 @@ class Visits:
     def _hold(self, car: int, task: Task, now_s: float) -> None:
         """Let a car wait in a parking place until there is room where it goes next; give up if there is no way."""
         missions = self._missions
-        places = [place for place in map(self._places.named, task.next_stop) if self._ways.reaches_place(car, place)]
+        places = [place for place in map(self._places.named, task.next_errand) if self._ways.reaches_place(car, place)]
         if not places:
             missions.unassign(task, now_s, f"car_{car} has no way to {task.next_words}")
             missions.release(car)

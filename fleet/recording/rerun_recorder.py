@@ -16,15 +16,15 @@ from fleet.recording.header import Header
 from fleet.recording.rerun_cli import compact
 
 if TYPE_CHECKING:
-    from fleet.recording.stream.stream import Stream
+    from fleet.recording.rerun_stream.stream import Stream
 
-_BATCH_N = 240
+_BATCH_FRAMES = 240
 """Frames that are written at once, whatever their age."""
 _BATCH_S = 0.45
 """Wall time after which the oldest frame is written [s]: what a killed process loses, but for the time of writing."""
-_QUEUE_N = 960
+_QUEUE_FRAMES = 960
 """Frames that may wait while serving; more are dropped."""
-_COMPACT_N = 100
+_COMPACT_BATCHES = 100
 """Batches from which on a finished recording is worth compacting, which takes as long as writing thirty of them."""
 _JOIN_S = 60.0
 """Wall time that `close` gives the other thread to finish its batch [s]."""
@@ -55,7 +55,7 @@ class RerunRecorder:
         self, path: Path, header: Header, *, tick_s: float, rate_hz: float = 30.0, port: int | None = None
     ) -> None:
         # rerun takes a second to load and is needed by recorded runs only
-        from fleet.recording.stream.stream import Stream
+        from fleet.recording.rerun_stream.stream import Stream
 
         self._path = path
         self._every = max(1, round(1.0 / (rate_hz * tick_s)))
@@ -68,10 +68,10 @@ class RerunRecorder:
         self._failure: Exception | None = None
         self._due_s = math.inf
         self._seen_s = 0.0
-        self._batches_n = 0
-        self.dropped_n = 0
+        self._n_batches = 0
+        self.n_dropped = 0
         """Frames that were dropped to keep a live run going."""
-        self.written_n = 0
+        self.n_written = 0
         """Frames written so far."""
         try:
             if port is not None:
@@ -97,13 +97,13 @@ class RerunRecorder:
         """Take a frame; nobody else may change its arrays from now on."""
         now_s = time.perf_counter()
         with self._lock:
-            if self._live and len(self._frames) >= _QUEUE_N:
-                self.dropped_n += 1
+            if self._live and len(self._frames) >= _QUEUE_FRAMES:
+                self.n_dropped += 1
                 return
             self._frames.append(frame)
             self._due_s = min(self._due_s, now_s + _BATCH_S)
         # The next frame comes after as long a time as this one.
-        due = 2.0 * now_s - self._seen_s >= self._due_s or len(self._frames) >= _BATCH_N
+        due = 2.0 * now_s - self._seen_s >= self._due_s or len(self._frames) >= _BATCH_FRAMES
         self._seen_s = now_s
         if due and self._live:
             self._wake.set()
@@ -136,7 +136,7 @@ class RerunRecorder:
             self._failure = self._failure or error
         if self._failure is not None:
             raise RecordingError(f"recording {self._path} is incomplete: {self._failure}") from self._failure
-        if self._batches_n >= _COMPACT_N:
+        if self._n_batches >= _COMPACT_BATCHES:
             compact(self._path)
 
     def __enter__(self) -> Self:
@@ -159,10 +159,10 @@ class RerunRecorder:
                 frames, lines = list(self._frames), list(self._lines)
                 self._due_s = math.inf
             if self._failure is None and (frames or lines):
-                self._batches_n += 1
+                self._n_batches += 1
                 try:
                     self._stream.write(frames, lines)
-                    self.written_n += len(frames)
+                    self.n_written += len(frames)
                 except Exception as error:  # told by `close`: a broken recording must not end the run
                     self._failure = error
             # Not earlier: an interrupt leaves them here, to be written once more. Better twice than in part.

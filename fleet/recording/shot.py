@@ -27,7 +27,7 @@ _LOAD_S = 120.0
 """Wall time given to it to read the recording [s]."""
 _SETTLE_S = 6.5
 """Messages of the viewer stay about 5 s of painted time; plots and labels settle within it [s]."""
-_PAINTED_N = 20
+_N_PAINTED = 20
 """Paintings by which everything has loaded, on a machine that paints slowly."""
 _SOFTWARE_VULKAN = Path("/usr/share/vulkan/icd.d")
 
@@ -74,10 +74,10 @@ def screenshot(
         if time_s is not None:
             _patiently(lambda: client.set_time("sim_time", duration=time_s, play_state="paused"))
         deadline = time.monotonic() + _SETTLE_S
-        painted_n = 0
-        while time.monotonic() < deadline or painted_n < _PAINTED_N:
+        n_painted = 0
+        while time.monotonic() < deadline or n_painted < _N_PAINTED:
             _patiently(lambda: client.take_screenshot(max_size=64))
-            painted_n += 1
+            n_painted += 1
             time.sleep(0.05)
         state = _patiently(client.get_state)
         ids = {v.name: v.view_id for v in state.views}

@@ -12,9 +12,9 @@ from rerun.chunk import Chunk, RrdReader
 
 from fleet.recording.check import repaired
 from fleet.recording.errors import RecordingError
-from fleet.recording.stream.coordination import CONGESTION
-from fleet.recording.stream.scenery import CAMERA, PIXELS_PER_M
-from fleet.recording.stream.views import VIEWS
+from fleet.recording.rerun_stream.coordination import CONGESTION
+from fleet.recording.rerun_stream.scenery import CAMERA, PIXELS_PER_M
+from fleet.recording.rerun_stream.views import VIEWS
 
 ROOTS = ("a", "b")
 _MARGIN_M = 0.6

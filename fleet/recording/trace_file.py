@@ -91,9 +91,9 @@ class TraceFile(OutputFile):
         digests = np.zeros(n_ticks, dtype=_DIGEST)
         marks = np.zeros((n_ticks, n_robots), dtype=_MARK)
         changes = np.zeros(n_ticks * n_quantities * n_robots, dtype=CHANGE)
-        changes_n = _digest(tick, values, motion, self._known, digests, marks, changes)
-        sizes = _SIZES.pack(n_ticks, changes_n)
-        self._append(sizes + digests.tobytes() + marks.tobytes() + changes[:changes_n].tobytes())
+        n_changes = _digest(tick, values, motion, self._known, digests, marks, changes)
+        sizes = _SIZES.pack(n_ticks, n_changes)
+        self._append(sizes + digests.tobytes() + marks.tobytes() + changes[:n_changes].tobytes())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -242,14 +242,20 @@ def _blocks(content: bytes, n_robots: int) -> tuple[npt.NDArray[Any], npt.NDArra
     digests, marks, changes = [np.zeros(0, _DIGEST)], [np.zeros((0, n_robots), _MARK)], [np.zeros(0, CHANGE)]
     at = 0
     while len(content) - at >= _SIZES.size:
-        ticks_n, changes_n = _SIZES.unpack_from(content, at)
-        sizes = (ticks_n * _DIGEST.itemsize, ticks_n * n_robots * _MARK.itemsize, changes_n * CHANGE.itemsize)
+        n_block_ticks, n_changes = _SIZES.unpack_from(content, at)
+        sizes = (
+            n_block_ticks * _DIGEST.itemsize,
+            n_block_ticks * n_robots * _MARK.itemsize,
+            n_changes * CHANGE.itemsize,
+        )
         at += _SIZES.size
         if len(content) - at < sum(sizes):
             break
-        digests.append(np.frombuffer(content, _DIGEST, ticks_n, at))
-        marks.append(np.frombuffer(content, _MARK, ticks_n * n_robots, at + sizes[0]).reshape(ticks_n, n_robots))
-        changes.append(np.frombuffer(content, CHANGE, changes_n, at + sizes[0] + sizes[1]))
+        digests.append(np.frombuffer(content, _DIGEST, n_block_ticks, at))
+        marks.append(
+            np.frombuffer(content, _MARK, n_block_ticks * n_robots, at + sizes[0]).reshape(n_block_ticks, n_robots)
+        )
+        changes.append(np.frombuffer(content, CHANGE, n_changes, at + sizes[0] + sizes[1]))
         at += sum(sizes)
     table = np.concatenate(changes)
     n_ticks = sum(map(len, digests))

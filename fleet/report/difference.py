@@ -10,7 +10,7 @@ import numpy as np
 
 from fleet.insight.cause_file import CAUSES, LEGEND
 from fleet.recording.trace_file import UNKNOWN, Quantity, Trace
-from fleet.report.run import Run, flat
+from fleet.report.loaded_run import Run, flat
 
 NOT_FIGURES = frozenset({"wall_s", "real_time_factor", "first_move_s", "run", "seed", "site", "robots", "fidelity"})
 """What a result holds that says how fast the machine was, or what was run."""

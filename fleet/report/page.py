@@ -12,16 +12,16 @@ import numpy as np
 
 from fleet.insight.time_accounts import percentages
 from fleet.insight.time_table import NOBODY
+from fleet.report.loaded_run import Run
 from fleet.report.plots import columns, dots, heat_map, stacked_bars, steps
-from fleet.report.run import Run
 from fleet.report.style import STYLE
 from fleet.report.table import Table
 from fleet.report.tables import FAULTS
 
 PAGE = "report.html"
-_OPEN_N = 8
+_MOST_OPEN = 8
 """Most robots whose table is open from the start."""
-_EVENTS_N, _WAITS_N, _TOP_N = 60, 25, 10
+_MOST_EVENTS, _MOST_WAITS, _N_TOP = 60, 25, 10
 """Most rows of the lists; all of them are in the CSV files."""
 
 ACCOUNTS = {
@@ -37,7 +37,7 @@ ACCOUNTS = {
     "awaiting": ("waits for a car", "var(--b2)"),
     "idle": ("no task", "var(--b0)"),
 }
-"""Accounts of the ledger in the order of the bars: what they are called, and their colour."""
+"""Time accounts in the order of the bars: what they are called, and their colour."""
 WAITING = ("traffic", "queue", "plan_late")
 """Those of them in which a robot waits."""
 
@@ -129,11 +129,11 @@ def _time_accounts(run: Run, tables: Mapping[str, Table]) -> str:
         plot = stacked_bars(["all", *names], bars, colors)
         heads = ["robot", *(f"{ACCOUNTS[name[:-2]][0]} [%]" for name in used), "sum [%]", "time [s]"]
         lines = [
-            _ledger_row(name, dict(zip(accounts, column, strict=True)), used)
+            _account_row(name, dict(zip(accounts, column, strict=True)), used)
             for name, column in zip(["all", *names], seconds.T.tolist(), strict=True)
         ]
         listing = _table(heads, lines, left=1, sums=1)
-        opened = " open" if len(names) <= _OPEN_N else ""
+        opened = " open" if len(names) <= _MOST_OPEN else ""
         parts.append(
             f"<h3>{title}</h3>{_legend(colors)}<figure>{plot.svg()}</figure>"
             f"<details{opened}><summary>as a table</summary>{listing}</details>"
@@ -143,7 +143,7 @@ def _time_accounts(run: Run, tables: Mapping[str, Table]) -> str:
 {"".join(parts)}"""
 
 
-def _ledger_row(name: str, seconds: Mapping[str, float], used: Sequence[str]) -> list[str]:
+def _account_row(name: str, seconds: Mapping[str, float], used: Sequence[str]) -> list[str]:
     """Shares that add up to 100.0, from whole milliseconds."""
     shares = percentages([round(1000 * value) for value in seconds.values()])
     by_name = dict(zip(seconds, shares, strict=True))
@@ -233,7 +233,7 @@ def _blame(run: Run, tables: Mapping[str, Table]) -> str:
     parts = []
     for kind, title in (("cell", "Cells"), ("robot", "Robots"), ("place", "Stations and other places")):
         sums = {name: sum(by.values()) for (of, name), by in seconds.items() if of == kind}
-        top = sorted(sums, key=lambda name: (-sums[name], name))[:_TOP_N]
+        top = sorted(sums, key=lambda name: (-sums[name], name))[:_N_TOP]
         lines = ""
         for name in top:
             bars = "".join(
@@ -283,7 +283,7 @@ def _waits(run: Run, tables: Mapping[str, Table]) -> str:
     waits = [row for row in tables["waits"].rows() if row["robot"] in run.codebook.robots[: run.codebook.n_cars]]
     if not waits:
         return ""
-    longest = sorted(waits, key=lambda row: (-row["seconds"], row["from_s"], row["robot"]))[:_WAITS_N]
+    longest = sorted(waits, key=lambda row: (-row["seconds"], row["from_s"], row["robot"]))[:_MOST_WAITS]
     rows = [
         [row["robot"], f"{row['from_s']:.1f}", f"{row['to_s']:.1f}", f"{row['seconds']:.1f}", _why(row["explanation"])]
         for row in longest
@@ -306,7 +306,7 @@ def _events(run: Run, tables: Mapping[str, Table]) -> str:
     events = tables["events"]
     if not len(events):
         return '<h2>Faults and events</h2>\n<p class="quiet">None: no fault, no disturbance, and no task failed.</p>'
-    shown = list(events.rows())[:_EVENTS_N]
+    shown = list(events.rows())[:_MOST_EVENTS]
     rows = [[f"{row['time_s']:.1f}", row["kind"], row["text"]] for row in shown]
     return f"""<h2>Faults and events</h2>
 <p class="quiet">{_counted(len(shown), len(events), "events")}.</p>

@@ -15,10 +15,10 @@ INK, QUIET, GRID, WALL, SHELF = "var(--ink)", "var(--quiet)", "var(--grid)", "va
 WIDTH = 1080
 """Of a plot over the whole page [px]."""
 HALF = 520
-_TICKS_N = 5
+_N_TICKS = 5
 _NUMBERS_PX = 18.0
 """Room for the numbers of rows and columns."""
-_MANY_N = 30
+_MANY_BARS = 30
 """More bars than this are drawn thin."""
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
@@ -31,7 +31,7 @@ def stacked_bars(names: Sequence[str], parts: Mapping[str, FloatArray], colors: 
         parts: Name -> its share in each bar, 0 to 1, shape (n,); shares of a bar add up to 1.
         colors: Of the parts.
     """
-    thin = len(names) > _MANY_N
+    thin = len(names) > _MANY_BARS
     step, size = (11.0, 8.0) if thin else (22.0, 12.0)
     left, top = 64.0, 8.0
     across = WIDTH - left - 16
@@ -145,10 +145,10 @@ def heat_map(plan: Sequence[str], values: FloatArray, *, color: str, unit: str, 
         at = (left + col * step, top + row * step)
         sheet.marks.append(Box(at=at, size=(step, step), color=color, opacity=_shade(value, most), title=said))
     y = top + step * rows + 10
-    for k in range(_TICKS_N + 1):
-        opacity = _shade(most * k / _TICKS_N, most)
+    for k in range(_N_TICKS + 1):
+        opacity = _shade(most * k / _N_TICKS, most)
         sheet.marks.append(Box(at=(left + 18.0 * k, y), size=(18.0, 12.0), color=color, opacity=opacity))
-    at = (left + 18.0 * (_TICKS_N + 1) + 8, y + 10)
+    at = (left + 18.0 * (_N_TICKS + 1) + 8, y + 10)
     sheet.marks.append(Words(at=at, text=f"0 to {most:.4g} {unit}", size=11, color=QUIET))
     return sheet
 
@@ -207,7 +207,7 @@ def _axes(sheet: Drawing, x: tuple[float, float], y_most: float, x_label: str, *
 
 
 def _round_step(most: float) -> float:
-    """A round step that divides 0..`most` into about `_TICKS_N` parts."""
-    rough = max(most, 1e-9) / _TICKS_N
+    """A round step that divides 0..`most` into about `_N_TICKS` parts."""
+    rough = max(most, 1e-9) / _N_TICKS
     unit = 10.0 ** math.floor(math.log10(rough))
     return next(unit * k for k in _STEPS if unit * k >= rough * (1 - 1e-9))

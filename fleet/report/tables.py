@@ -10,11 +10,11 @@ import numpy as np
 
 from fleet.insight.time_table import NOBODY
 from fleet.recording.trace_file import Quantity
-from fleet.report.run import Run, flat
+from fleet.report.loaded_run import Run, flat
 from fleet.report.table import Table, table
 from fleet.report.waits import standing_of, waits_of
 
-BINS_N = 40
+N_BINS = 40
 """About so many bars over the time of a run."""
 BIN_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)
 """Widths that a person can count in [s]."""
@@ -72,7 +72,7 @@ def figures_of(run: Run) -> Table:
 
 
 def robots_of(run: Run) -> Table:
-    """Time of each robot in each account of the ledger [s], cars first; a row adds up to the time of the run."""
+    """Time of each robot in each of its accounts [s], cars first; a row adds up to the time of the run."""
     result = run.record.result or {}
     time_accounts: dict[str, Mapping[str, int]] = result.get("car_ticks", {}) | result.get("arm_ticks", {})
     accounts = list(dict.fromkeys(account for ticks in time_accounts.values() for account in ticks))
@@ -158,15 +158,15 @@ def tasks_of(run: Run) -> Table:
 def progress_of(run: Run, tasks: Table) -> Table:
     """Tasks over time: done in each stretch, the rate of it, and how many are open at its end."""
     total_s = run.trace.n_ticks * run.trace.tick_s
-    width_s = next((width for width in BIN_S if total_s / width <= BINS_N), BIN_S[-1])
+    width_s = next((width for width in BIN_S if total_s / width <= N_BINS), BIN_S[-1])
     edges = np.arange(0.0, total_s + width_s * (1 - 1e-9), width_s)
     done = np.histogram(tasks["done_s"], bins=edges)[0] if len(tasks) else np.zeros(len(edges) - 1, dtype=int)
     ended = np.sort([event["sim_s"] for event in run.record.events if _ends(event)])
     released = np.sort(tasks["released_s"]) if len(tasks) else np.zeros(0)
-    open_n = np.searchsorted(released, edges[1:], side="right") - np.searchsorted(ended, edges[1:], side="right")
+    n_open = np.searchsorted(released, edges[1:], side="right") - np.searchsorted(ended, edges[1:], side="right")
     # The last stretch may be cut short by the end of the run.
     lasts_s = np.minimum(edges[1:], total_s) - edges[:-1]
-    rows = list(zip(edges[:-1], edges[:-1] + lasts_s, done, done * 3600.0 / lasts_s, open_n, strict=True))
+    rows = list(zip(edges[:-1], edges[:-1] + lasts_s, done, done * 3600.0 / lasts_s, n_open, strict=True))
     return table("progress", ("from_s", "to_s", "done_n", "per_h", "open_n"), rows)
 
 

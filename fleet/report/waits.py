@@ -11,7 +11,7 @@ from fleet.insight.cause_log import ROBOT, TICK
 from fleet.insight.causes import NONE, OWN, Cause, CauseRows, Column
 from fleet.insight.explain import explain
 from fleet.recording.trace_file import Quantity
-from fleet.report.run import Run
+from fleet.report.loaded_run import Run
 from fleet.report.table import Table, table
 
 LEAST_S = 1.0

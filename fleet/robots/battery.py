@@ -30,9 +30,9 @@ class _Rates(NamedTuple):
     awake_w: float
     asleep_w: float
     charge_w: float
-    empty_n: float
+    empty_force_n: float
     """Energy that a metre takes without a load [J/m]."""
-    kg_n: float
+    force_n_per_kg: float
     """What each kilogram of load adds [J/m/kg]."""
     per_w: float
     """Share of the capacity that a watt takes in a tick [1/W]."""
@@ -62,8 +62,8 @@ class Batteries:
             awake_w=float(config.awake_w),
             asleep_w=float(config.asleep_w),
             charge_w=float(config.charge_w),
-            empty_n=force_n(car_kg),
-            kg_n=force_n(car_kg + 1.0) - force_n(car_kg),
+            empty_force_n=force_n(car_kg),
+            force_n_per_kg=force_n(car_kg + 1.0) - force_n(car_kg),
             per_w=tick_s / self._capacity_j,
         )
 
@@ -98,7 +98,7 @@ def _spend(
     rates: _Rates,
 ) -> float:
     """Spend and charge one tick; returns the least charge there is, at most 1."""
-    awake_w, asleep_w, charge_w, empty_n, kg_n, per_w = rates
+    awake_w, asleep_w, charge_w, empty_force_n, force_n_per_kg, per_w = rates
     lowest = 1.0
     for car in range(len(charge)):
         if charging[car]:
@@ -107,7 +107,7 @@ def _spend(
         else:
             speed = abs(speeds[car])
             power_w = awake_w if awake[car] or speed > 0.05 else asleep_w
-            power_w += speed * (empty_n + kg_n * load_kg[car])
+            power_w += speed * (empty_force_n + force_n_per_kg * load_kg[car])
             charge[car] = max(0.0, charge[car] - power_w * per_w)
         lowest = min(lowest, charge[car])
     return lowest

@@ -21,7 +21,7 @@ STANDING_M, STANDING_RAD = 0.0005, math.radians(0.02)
 SURPRISE = 5.0
 """An innovation beyond this many standard deviations means that the car was moved; the filter then starts over."""
 
-BLOCK_N = 64
+BLOCK_TICKS = 64
 """Ticks whose noise is drawn at once."""
 
 
@@ -75,7 +75,7 @@ class PoseEstimator:
         rng: np.random.Generator,
     ) -> None:
         self._rng = rng
-        self._noises = np.zeros((BLOCK_N, n_cars, 3))
+        self._noises = np.zeros((BLOCK_TICKS, n_cars, 3))
         self._tick = 0
         self._filter = _Filter(
             tick_s=tick_s,
@@ -106,14 +106,14 @@ class PoseEstimator:
             known.truth[:] = true_poses
             known.past[:] = true_poses
             known.motion[:, 0], known.motion[:, 1] = speeds, steering
-        if self._tick % BLOCK_N == 0:
+        if self._tick % BLOCK_TICKS == 0:
             # Drawing for many ticks at once gives the same numbers as drawing tick by tick.
             self._rng.standard_normal(out=self._noises)
             self._noises *= known.sigma
         if self._tick == 0:
             self._noises[0] = 0.0
         estimate = np.empty_like(known.past)
-        _estimate(known, self._tick, true_poses, speeds, steering, self._noises[self._tick % BLOCK_N], estimate)
+        _estimate(known, self._tick, true_poses, speeds, steering, self._noises[self._tick % BLOCK_TICKS], estimate)
         self._tick += 1
         return estimate
 

@@ -32,7 +32,7 @@ _OUTLINE = ArmOutline(
     # The collision mesh of the base at a height of 7 cm, but for its plug.
     foot_m=0.107,
     # The links up to the elbow cannot come nearer to the floor than 8 cm.
-    standing_links_n=3,
+    n_standing_links=3,
 )
 
 

@@ -35,7 +35,7 @@ PANDA_OUTLINE = ArmOutline(
     # Half the width of the base's mesh.
     foot_m=0.1,
     # With the shoulder at its limit the elbow is 0.27 m high.
-    standing_links_n=3,
+    n_standing_links=3,
 )
 
 PANDA_HAND_BOXES_M = (

@@ -78,7 +78,7 @@ class ArmOutline:
     """Radius of the balls at each joint and half-way to it, which hold the links to about 2 cm [m], base to tip."""
     foot_m: float
     """Radius of the foot at the height of a car's lidar [m]."""
-    standing_links_n: int
+    n_standing_links: int
     """Links above the base that cannot come down to the floor it stands on."""
 
 

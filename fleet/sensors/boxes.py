@@ -27,7 +27,7 @@ Mask = BoolArray
 
 LEAST_PX = 40
 """A face with fewer pixels than this is not measured."""
-SAMPLES_N = 48
+N_SAMPLES = 48
 """Pixels of a body through which planes are tried."""
 ON_PLANE_M = 0.002
 """Points this near a plane belong to it [m]."""
@@ -72,7 +72,7 @@ class SeenBox:
     """Longer side, shorter side, and height over the support below the centre."""
     obstructed: bool
     """Whether something hides a part of the upper face, or the edge of the image cuts it off."""
-    pixels_n: int
+    n_pixels: int
     """Pixels of the upper face."""
 
     @property
@@ -178,17 +178,17 @@ class _Scan:
         world_from_top[:3, 1] = np.cross(normal, world_from_top[:3, 0])
         world_from_top[:3, 2] = normal
         world_from_top[:3, 3] = centre + basis @ middle
-        pixels_n = int(face.sum())
+        n_pixels = int(face.sum())
         # A pixel covers (z / f)^2 across the optical axis, more on a face that looks aside.
         slant = abs(float(rays[face].mean(axis=0) @ normal))
-        seen_m2 = pixels_n * (depth_m / self.camera.focal_px) ** 2 / slant
+        seen_m2 = n_pixels * (depth_m / self.camera.focal_px) ** 2 / slant
         whole = seen_m2 >= WHOLE_SHARE * length * width
         return SeenBox(
             label=label,
             world_from_top=world_from_top,
             size_m=(length, width, max(0.0, float(world_from_top[2, 3]) - support_z_m)),
             obstructed=not whole or self._hidden_share(window, face, body) > HIDDEN_SHARE,
-            pixels_n=pixels_n,
+            n_pixels=n_pixels,
         )
 
     def _window(self, label: int) -> tuple[slice, slice]:
@@ -253,7 +253,7 @@ def _upper_plane(points: FloatArray, body: Mask) -> tuple[FloatArray, FloatArray
     cloud = points[body]
     if len(chosen) == 0 or len(cloud) < LEAST_PX:
         return None
-    chosen = chosen[np.linspace(0, len(chosen) - 1, min(SAMPLES_N, len(chosen))).round().astype(np.int64)]
+    chosen = chosen[np.linspace(0, len(chosen) - 1, min(N_SAMPLES, len(chosen))).round().astype(np.int64)]
     tried = normals.reshape(-1, 3)[chosen] / length.ravel()[chosen][:, None]
     # Which way round they came out depends on the camera: all are turned to look up.
     tried *= np.where(tried[:, 2:] < 0.0, -1.0, 1.0)

@@ -23,14 +23,14 @@ _CLEAR_M = 0.002
 class Lidar:
     """Rays at even angles, the first one straight ahead, then to the left."""
 
-    rays_n: int = 36
+    n_rays: int = 36
     range_m: float = 5.0
     """Distance from the lidar at which the rays end [m]."""
     noise_m: float = 0.01
     """Standard deviation of a distance [m]; a ray that meets nothing has none."""
 
     def __post_init__(self) -> None:
-        _require(36 <= self.rays_n <= 360, "rays_n", self.rays_n, "an integer from 36 to 360")
+        _require(36 <= self.n_rays <= 360, "n_rays", self.n_rays, "an integer from 36 to 360")
         _require(1.0 <= self.range_m <= 100.0, "range_m", self.range_m, "a number from 1 to 100")
         _require(0.0 <= self.noise_m <= 1.0, "noise_m", self.noise_m, "a number from 0 to 1")
 
@@ -48,7 +48,7 @@ class LidarRing:
     def __init__(self, lidar: Lidar, front_m: float, rear_m: float, half_width_m: float) -> None:
         self.lidar = lidar
         self._ahead_m = (front_m - rear_m) / 2
-        angles = 2.0 * math.pi * np.arange(lidar.rays_n) / lidar.rays_n
+        angles = 2.0 * math.pi * np.arange(lidar.n_rays) / lidar.n_rays
         self._angles = angles
         along = np.abs(np.cos(angles)) / ((front_m + rear_m) / 2 + _CLEAR_M)
         across = np.abs(np.sin(angles)) / (half_width_m + _CLEAR_M)
@@ -61,9 +61,9 @@ class LidarRing:
             poses: Rear-axle poses x, y, yaw, shape (n, 3).
 
         Returns:
-            World points, each shape (n * rays_n, 3), car by car.
+            World points, each shape (n * n_rays, 3), car by car.
         """
-        n = len(poses) * self.lidar.rays_n
+        n = len(poses) * self.lidar.n_rays
         origins, ends = np.empty((n, 3)), np.empty((n, 3))
         _aim(poses, self._ahead_m, self._angles, self._body_m, self.lidar.range_m, HEIGHT_M, origins, ends)
         return origins, ends
@@ -89,13 +89,13 @@ class LidarRing:
         """Measured distances over the range, 1 for nothing met.
 
         Args:
-            fractions: Hit fractions of the rays, shape (n * rays_n,).
+            fractions: Hit fractions of the rays, shape (n * n_rays,).
             rng: Source of the noise.
 
         Returns:
-            Shape (n, rays_n), in [0, 1].
+            Shape (n, n_rays), in [0, 1].
         """
-        out = np.empty((len(fractions) // self.lidar.rays_n, self.lidar.rays_n))
+        out = np.empty((len(fractions) // self.lidar.n_rays, self.lidar.n_rays))
         self.measure(fractions, rng.standard_normal(out.shape), out)
         return out
 
@@ -103,9 +103,9 @@ class LidarRing:
         """Do `distances` with noise that is drawn already.
 
         Args:
-            fractions: Hit fractions of the rays, shape (n * rays_n,).
-            noise: Drawn from the standard normal distribution, shape (n, rays_n).
-            out: Filled with what `distances` returns, shape (n, rays_n).
+            fractions: Hit fractions of the rays, shape (n * n_rays,).
+            noise: Drawn from the standard normal distribution, shape (n, n_rays).
+            out: Filled with what `distances` returns, shape (n, n_rays).
         """
         _measure(fractions, noise, self.lidar.noise_m, self._body_m, self.lidar.range_m, out)
 

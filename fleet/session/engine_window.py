@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from fleet.recording.stream.palette import identity_colour
+from fleet.recording.rerun_stream.palette import identity_colour
 from fleet.run.view import RunView
 from fleet.terminal.pacing import NAP_S, Pace
 

@@ -269,7 +269,7 @@ class Watch:
         """Ways that are granted, and ways that are planned beyond."""
         run = self._run
         cars = range(run.world.n_cars)
-        self._epoch = frame.plan_epoch = run.traffic.plans_n
+        self._epoch = frame.plan_epoch = run.traffic.n_plans
         frame.paths = tuple(run.driver.remaining(car) for car in cars)
         frame.plans = run.executor.planned_lines()
         if self._internals:

@@ -14,7 +14,7 @@ from fleet.recording.trace_file import UNKNOWN, TraceFile
 from fleet.run.view import RunView
 from fleet.stations.arms.arm_controller import ArmPhase
 
-BLOCK_N = 60
+BLOCK_TICKS = 60
 """Ticks that are written at once; a killed run loses as many at most."""
 _ARM_STATES = tuple(ArmPhase)
 _STATE_CODES = {state: code for code, state in enumerate(_ARM_STATES)}
@@ -54,10 +54,10 @@ class Tracer:
         self._floor = (site.grid.cell_m, site.grid.rows, site.grid.cols)
         n_cars, n_arms, n_joints = world.n_cars, world.n_arms, run.scene.arm.n_joints
         # One row for each tick: they are looked through together, which costs a fraction of doing it tick by tick.
-        self._cars = np.zeros((BLOCK_N, 5, n_cars), dtype=np.int64)
-        self._poses, self._speeds = np.zeros((BLOCK_N, n_cars, 3)), np.zeros((BLOCK_N, n_cars))
-        self._arms = np.zeros((BLOCK_N, 2, n_arms), dtype=np.int64)
-        self._joints = np.zeros((BLOCK_N, n_arms, n_joints))
+        self._cars = np.zeros((BLOCK_TICKS, 5, n_cars), dtype=np.int64)
+        self._poses, self._speeds = np.zeros((BLOCK_TICKS, n_cars, 3)), np.zeros((BLOCK_TICKS, n_cars))
+        self._arms = np.zeros((BLOCK_TICKS, 2, n_arms), dtype=np.int64)
+        self._joints = np.zeros((BLOCK_TICKS, n_arms, n_joints))
         self._first = self._rows = 0
 
     def tick(self) -> None:
@@ -71,7 +71,7 @@ class Tracer:
         cars[1] = run.bookings.place_of
         cars[2] = run.traffic.goals
         cars[3] = dependencies.tail_states()
-        cars[4] = dependencies.granted_n()
+        cars[4] = dependencies.n_granted_so_far()
         self._poses[row] = world.car_poses()
         self._speeds[row] = world.car_speeds()
         if world.n_arms:
@@ -79,7 +79,7 @@ class Tracer:
             self._arms[row, 1] = run.missions.served
             self._joints[row] = world.arm_positions()
         self._rows += 1
-        if self._rows == BLOCK_N:
+        if self._rows == BLOCK_TICKS:
             self._write()
 
     def close(self) -> None:

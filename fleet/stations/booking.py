@@ -30,30 +30,30 @@ class Bookings:
         """Place each car is bound for or at, -1 for none, shape (n_cars,)."""
         self.booked: BoolArray = np.zeros(n_cars, dtype=np.bool_)
         """Whether each car has booked the place it is bound for, shape (n_cars,)."""
-        self.changes_n = 0
+        self.n_changes = 0
         """Grows whenever a car is bound for a place, books it, leaves it or has gone."""
         self.changed_at: IntArray = np.zeros(len(caps), dtype=np.int64)
-        """What `changes_n` was when last a car was bound for each place, booked it or left it, shape (n_places,)."""
+        """What `n_changes` was when last a car was bound for each place, booked it or left it, shape (n_places,)."""
         self.most = [0] * len(caps)
         """Most cars each place ever had at once."""
         self._bound: list[list[int]] = [[] for _ in caps]
         self._booked: list[list[int]] = [[] for _ in caps]
         self._leaving: list[tuple[int, int]] = []
-        self._leaving_n = [0] * len(caps)
+        self._n_leaving = [0] * len(caps)
 
     def bound(self, place: int) -> tuple[int, ...]:
         """Cars bound for a place or booked there, in the order in which they set out to go."""
         return tuple(self._bound[place])
 
-    def in_line(self, places_n: int) -> tuple[IntArray, IntArray]:
+    def in_line(self, n_places: int) -> tuple[IntArray, IntArray]:
         """What `bound` says of each of the first places.
 
         Returns:
             The cars of one place after the other, shape (n,), and where those of each begin, and the end, shape
-            (places_n + 1,).
+            (n_places + 1,).
         """
-        queues = self._bound[:places_n]
-        first = np.zeros(places_n + 1, dtype=np.int64)
+        queues = self._bound[:n_places]
+        first = np.zeros(n_places + 1, dtype=np.int64)
         np.cumsum([len(queue) for queue in queues], out=first[1:])
         return np.fromiter(chain.from_iterable(queues), np.int64, first[-1]), first
 
@@ -63,7 +63,7 @@ class Bookings:
 
     def room(self, place: int) -> int:
         """Cars a place still takes."""
-        return self.caps[place] - len(self._booked[place]) - self._leaving_n[place]
+        return self.caps[place] - len(self._booked[place]) - self._n_leaving[place]
 
     def full_words(self, place: int, name: str) -> str:
         """What to say to a car that finds no room at a place of a name."""
@@ -109,7 +109,7 @@ class Bookings:
             self.booked[car] = False
             if stands_there:
                 self._leaving.append((car, place))
-                self._leaving_n[place] += 1
+                self._n_leaving[place] += 1
 
     def clear(self, stands_at: Callable[[int, int], bool]) -> bool:
         """Free the places of cars that have gone.
@@ -126,13 +126,13 @@ class Bookings:
         if len(staying) == len(self._leaving):
             return False
         for _, place in self._leaving:
-            self._leaving_n[place] = 0
+            self._n_leaving[place] = 0
         for _, place in staying:
-            self._leaving_n[place] += 1
-        self.changes_n += 1
+            self._n_leaving[place] += 1
+        self.n_changes += 1
         self._leaving = staying
         return True
 
     def _count(self, place: int) -> None:
-        self.changes_n += 1
-        self.changed_at[place] = self.changes_n
+        self.n_changes += 1
+        self.changed_at[place] = self.n_changes

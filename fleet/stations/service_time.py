@@ -11,9 +11,9 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-WINDOW_N = 32
+N_RECENT_TRANSFERS = 32
 """Transfers that count: few enough to notice within minutes that an arm has become slow."""
-RECENT_N = 4
+N_LAST_TRANSFERS = 4
 """Transfers that tell how long the one under way will take."""
 PRIOR_MEAN_S, PRIOR_P90_S = 7.0, 8.0
 """Before the first transfer [s]: on shipped sites with suction means were 6.5 to 7.1 s, percentiles at most 7.6 s."""
@@ -28,7 +28,7 @@ class Direction(StrEnum):
 
 @dataclass
 class ServiceTime:
-    """Mean and 90th percentile of the last `WINDOW_N` samples.
+    """Mean and 90th percentile of the last `N_RECENT_TRANSFERS` samples.
 
     The window bounds the memory, and old samples leave it in the order they came, so equal runs learn the same. The
     percentile is the nearest rank: the smallest sample that at least 90 % of the window do not exceed.
@@ -41,7 +41,7 @@ class ServiceTime:
     p90_s: float = PRIOR_P90_S
     """90th percentile [s]; the prior before the first sample."""
     recent_s: float = PRIOR_MEAN_S
-    """Mean of the last `RECENT_N` samples [s]: what an arm does that has just become slow, or quick again."""
+    """Mean of the last `N_LAST_TRANSFERS` samples [s]: what an arm does that has just become slow, or quick again."""
     _window: deque[float] = field(default_factory=deque)
     _sorted: list[float] = field(default_factory=list)
 
@@ -50,9 +50,9 @@ class ServiceTime:
         self.n += 1
         self._window.append(took_s)
         insort(self._sorted, took_s)
-        if len(self._window) > WINDOW_N:
+        if len(self._window) > N_RECENT_TRANSFERS:
             del self._sorted[bisect_left(self._sorted, self._window.popleft())]
-        recent = list(self._window)[-RECENT_N:]
+        recent = list(self._window)[-N_LAST_TRANSFERS:]
         self.mean_s = math.fsum(self._sorted) / len(self._sorted)
         self.p90_s = self._sorted[math.ceil(0.9 * len(self._sorted)) - 1]
         self.recent_s = math.fsum(recent) / len(recent)

@@ -27,7 +27,7 @@ class Station:
         """Which way its parcels go: onto cars at a pick station, off them at a drop station."""
         self.contents: list[int | None] = [None] * len(place.slots)
         """Task whose parcel lies on, or is promised to, each slot."""
-        self.free_n = len(self.contents)
+        self.n_free = len(self.contents)
         """Slots that are neither taken nor promised."""
         self._leaving: deque[tuple[float, int]] = deque()
 
@@ -36,13 +36,13 @@ class Station:
         for slot, content in enumerate(self.contents):
             if content is None:
                 self.contents[slot] = task
-                self.free_n -= 1
+                self.n_free -= 1
                 return slot
         return None
 
     def free_slot(self, slot: int) -> None:
         """Give a slot back; giving it back twice is harmless."""
-        self.free_n += self.contents[slot] is not None
+        self.n_free += self.contents[slot] is not None
         self.contents[slot] = None
 
     def collect_at(self, time_s: float, slot: int) -> None:

@@ -62,9 +62,9 @@ class Point:
     gain_per_h: Estimate | None
     """Throughput less that of the reference allocator, on the same seeds; None for the reference itself."""
     bottleneck: Bottleneck
-    open_n: float
+    n_open: float
     """Orders that were open at the end, mean over seeds."""
-    stalled_n: int
+    n_stalled: int
     """Runs that came to a stand."""
 
 
@@ -160,8 +160,8 @@ def _point(rows: list[Row], reference: dict[int, Row], has_due_dates: bool) -> P
         on_time_share=_mean(rows, lambda row: row.on_time_share),
         gain_per_h=None if is_reference else gain,
         bottleneck=bottleneck(rows),
-        open_n=float(np.mean([row.released - row.done - row.failed for row in rows])),
-        stalled_n=sum(row.stalled for row in rows),
+        n_open=float(np.mean([row.released - row.done - row.failed for row in rows])),
+        n_stalled=sum(row.stalled for row in rows),
     )
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from fleet.charts.chart import Series, draw
 from fleet.charts.drawing import Drawing
 from fleet.charts.statistics import Estimate
+from fleet.study.conclusions import between, sentences
 from fleet.study.findings import Findings, Point
-from fleet.study.words import between, sentences
 
 PAGE = "study.html"
 
@@ -112,8 +112,8 @@ def _table(findings: Findings) -> str:
                 between(point.gain_per_h, sign=True),
                 between(point.lateness_s),
                 between(point.waiting_share, scale=100.0),
-                f"{point.open_n:.0f}",
-                str(point.bottleneck) + (f"; {point.stalled_n} runs came to a stand" if point.stalled_n else ""),
+                f"{point.n_open:.0f}",
+                str(point.bottleneck) + (f"; {point.n_stalled} runs came to a stand" if point.n_stalled else ""),
             ]
             kind = ' class="knee"' if point.robots == curve.knee else ""
             lines.append(f"<tr{kind}>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")

@@ -75,7 +75,7 @@ def run_all(configs: Sequence[RunConfig], jobs: int, interrupted: Sequence[int])
 
 def _measure(config: RunConfig) -> Row:
     # Planners and kernels are loaded here, in the process that needs them, after `_begin`.
-    from fleet.study.run import measure
+    from fleet.study.measurement import measure
 
     return measure(config)
 

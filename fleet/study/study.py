@@ -28,7 +28,7 @@ class Outcome:
 
     rows: tuple[Row, ...]
     findings: Findings
-    open_n: int
+    n_open: int
     """Runs that an interrupt left out."""
 
 
@@ -51,7 +51,7 @@ def check(design: Design) -> None:
         payload_kg = racecar_spec().max_payload_kg
         # What the smallest fleet can do all can.
         cars = [ability_of(car, payload_kg) for car in range(min(design.robots))]
-        read_orders(design.orders, site, cars, chargers_n=len(site.chargers) if design.battery else 0)
+        read_orders(design.orders, site, cars, n_chargers=len(site.chargers) if design.battery else 0)
 
 
 def run_study(
@@ -91,7 +91,7 @@ def run_study(
     return Outcome(
         rows=tuple(table.rows),
         findings=find(table.rows, design.allocators),
-        open_n=len(design.variants) - len(table.rows),
+        n_open=len(design.variants) - len(table.rows),
     )
 
 

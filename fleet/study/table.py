@@ -34,7 +34,7 @@ class Row:
     on_time_share: float | None
     """Done by their due date, of the tasks whose due date came within the run."""
     driving_loaded: float
-    """This and the following nine: share of the cars' time, as the ledger counts it."""
+    """This and the following nine: share of the cars' time, as the time accounts have it."""
     driving_empty: float
     traffic: float
     queue: float

@@ -25,10 +25,10 @@ from planners.motion.arm.inverse import inverse_kinematics
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes, Capsules
-from planners.motion.pair.swept import ArmInWorld, at_rest
 from planners.motion.path.route import Route, RoutePlanner, RouteProblem
 from planners.motion.path.timed_path import Dwell
 from planners.motion.path.trajectory import Trajectory
+from planners.motion.two_arms.swept import ArmInWorld, at_rest
 
 if TYPE_CHECKING:
     from fleet.world.bullet.bench.arm_file import ArmFile
@@ -45,14 +45,14 @@ _FEET_FRAME = 2
 _OFF_TABLE_M = 0.002
 _SQUARE_SIDE = 0.74
 """Half the side of the square whose four spheres cover a circle of radius 1."""
-_GRASPS_N = 3
+_N_GRASPS = 3
 """Grasps of a thing that are tried."""
 _TOUCH_M = 0.003
 """Depth of a touch that the engine lets pass: things rest on the table, and on each other."""
 
 _PANDA_HOME = np.array([0.0, -0.6, 0.0, -2.4, 0.0, 1.8, 0.785])
 _MODELS = (("iiwa", "suction"), ("iiwa", "friction"), ("panda", "friction"))
-Leg = Trajectory | Dwell
+Segment = Trajectory | Dwell
 NOBODY = Capsules()
 """No other arm."""
 
@@ -120,11 +120,11 @@ class Chore:
     """One thing brought to one spot, as motions with rests for gripping and letting go."""
 
     thing: int
-    legs: tuple[Leg, ...]
+    segments: tuple[Segment, ...]
     grips_at: int
-    """Leg that is the rest for gripping."""
+    """Segment that is the rest for gripping."""
     frees_at: int
-    """Leg that is the rest for letting go."""
+    """Segment that is the rest for letting go."""
     reach_m: tuple[float, float]
     """Reach of the thing below the tool's tip, and to the side."""
 
@@ -141,7 +141,7 @@ class TableArm:
     """One arm on its place; the physics engine has the last word on its paths, beside the moving world.
 
     Attributes:
-        refused_n: Paths that the engine did not let pass.
+        n_refused: Paths that the engine did not let pass.
 
     Args:
         model: The arm.
@@ -165,7 +165,7 @@ class TableArm:
         )
         self._confirmer = PathConfirmer.of_spec(spec, model.tool)
         self._confirmer.set_boxes(self._fixed.centre, self._fixed.half, self._fixed.yaw, self._fixed.min_frame)
-        self.refused_n = 0
+        self.n_refused = 0
 
     def meet(self, other: TableArm) -> None:
         """Let the engine know an arm that stands beside this one."""
@@ -175,7 +175,7 @@ class TableArm:
     def touches(self, own: FloatArray, theirs: FloatArray) -> str:
         """Where this arm touches the one it has met in motions (k, n) of the same moments; empty if nowhere."""
         verdict = self._confirmer.confirm_beside(own, theirs)
-        self.refused_n += not verdict.free
+        self.n_refused += not verdict.free
         return verdict.what
 
     def close(self) -> None:
@@ -196,8 +196,8 @@ class TableArm:
     def resting(self, q: FloatArray) -> Capsules:
         """The room that the arm takes at q (n,), spheres in the world."""
         own = at_rest(self.in_world(None), q)
-        spheres_n = own.parts[:, 2].max()
-        return Capsules.spheres(own.centre[0, :spheres_n], own.radius[0, :spheres_n])
+        n_spheres = own.parts[:, 2].max()
+        return Capsules.spheres(own.centre[0, :n_spheres], own.radius[0, :n_spheres])
 
     def bring(
         self,
@@ -228,12 +228,12 @@ class TableArm:
         around = self._around(corners, other, thing)
         self._confirmer.set_things(corner - self._base[:3] for corner in others)
         why = "nothing to take hold of it by"
-        for grasp in self._grasps(pose, own, others)[:_GRASPS_N]:
+        for grasp in self._grasps(pose, own, others)[:_N_GRASPS]:
             pick = self._route(start, grasp.tips, around, None, seed)
             if not pick.solved:
                 why = f"way to it: {pick.status.value}"
                 continue
-            wrong = self._refused(pick.legs)
+            wrong = self._refused(pick.segments)
             if wrong:
                 why = f"way to it: the physics engine refuses it: {wrong}"
                 continue
@@ -244,28 +244,28 @@ class TableArm:
                     for yaw in np.linspace(-np.pi, np.pi, 8, endpoint=False)
                 ]
             )
-            lift = backwards(pick.legs[-1])
+            lift = backwards(pick.segments[-1])
             place = self._route(lift.q[-1], tips, around, held, seed + 1)
             if not place.solved:
                 why = f"way from it: {place.status.value}"
                 continue
-            back = backwards(place.legs[-1])
-            wrong = self._refused((lift, *place.legs), self._in_hand(own, lift.q[0])) or self._refused((back,))
+            back = backwards(place.segments[-1])
+            wrong = self._refused((lift, *place.segments), self._in_hand(own, lift.q[0])) or self._refused((back,))
             if wrong:
                 why = f"way from it: the physics engine refuses it: {wrong}"
                 continue
             return Chore(
                 thing=thing,
-                legs=(
-                    *pick.legs,
+                segments=(
+                    *pick.segments,
                     Dwell(duration_s=GRIP_S),
                     lift,
-                    *place.legs,
+                    *place.segments,
                     Dwell(duration_s=RELEASE_S),
                     back,
                 ),
-                grips_at=len(pick.legs),
-                frees_at=len(pick.legs) + 2 + len(place.legs),
+                grips_at=len(pick.segments),
+                frees_at=len(pick.segments) + 2 + len(place.segments),
                 reach_m=(grasp.below_m, grasp.half_width_m),
             )
         return why
@@ -278,13 +278,15 @@ class TableArm:
         if not route.solved:
             return f"way home: {route.status.value}"
         self._confirmer.set_things(own - self._base[:3] for own in corners)
-        wrong = self._refused(route.legs)
-        return f"way home: the physics engine refuses it: {wrong}" if wrong else route.legs
+        wrong = self._refused(route.segments)
+        return f"way home: the physics engine refuses it: {wrong}" if wrong else route.segments
 
-    def _refused(self, legs: tuple[Trajectory, ...], held: FloatArray | None = None) -> str:
+    def _refused(self, segments: tuple[Trajectory, ...], held: FloatArray | None = None) -> str:
         """What the engine has against motions, empty if nothing; `held` are a thing's corners in the last link."""
-        verdict = self._confirmer.confirm(np.concatenate([shown(leg) for leg in legs]), held, allowance_m=_TOUCH_M)
-        self.refused_n += not verdict.free
+        verdict = self._confirmer.confirm(
+            np.concatenate([shown(segment) for segment in segments]), held, allowance_m=_TOUCH_M
+        )
+        self.n_refused += not verdict.free
         return verdict.what
 
     def _in_hand(self, corners: FloatArray, q: FloatArray) -> FloatArray:

@@ -18,9 +18,9 @@ from planners.motion.arm.ik import SrsGeometry
 from planners.motion.arm.kinematics import flange_from_tip
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
-from planners.motion.pair.swept import ArmInWorld
-from planners.motion.pair.together import Together, Trip, alone_s, plan_together
 from planners.motion.search.rrt_connect_native import RrtConnectNative
+from planners.motion.two_arms.swept import ArmInWorld
+from planners.motion.two_arms.together import Together, Trip, alone_s, plan_together
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,15 +65,15 @@ class SharedTray:
             pose[:3, 3] = base
             self.arms.append(ArmInWorld(model, pose))
 
-    def places(self, rng: np.random.Generator, deliveries_n: int) -> list[list[FloatArray]]:
+    def places(self, rng: np.random.Generator, n_deliveries: int) -> list[list[FloatArray]]:
         """Goal sets of both arms: over its table, over the tray, over its table, ...; each shape (k, 7).
 
         Raises:
             TabletopError: Not 1 to 3 deliveries.
         """
-        if not 1 <= deliveries_n <= MOST_DELIVERIES:
-            raise TabletopError(f"--deliveries is {deliveries_n}; valid: an integer from 1 to {MOST_DELIVERIES}")
-        return [[self._goals(rng, arm, over_tray=k % 2 == 1) for k in range(2 * deliveries_n + 1)] for arm in range(2)]
+        if not 1 <= n_deliveries <= MOST_DELIVERIES:
+            raise TabletopError(f"--deliveries is {n_deliveries}; valid: an integer from 1 to {MOST_DELIVERIES}")
+        return [[self._goals(rng, arm, over_tray=k % 2 == 1) for k in range(2 * n_deliveries + 1)] for arm in range(2)]
 
     def trips(self, places: Sequence[Sequence[FloatArray]]) -> tuple[Trip, Trip]:
         """What both arms are to do, from `places`."""

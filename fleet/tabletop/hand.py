@@ -8,13 +8,13 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 
-YAWS_N = 8
+N_YAWS = 8
 """Turns about the vertical that a cup may stand in."""
 CUP_GAP_M = 0.003
 """Distance that a cup comes to a top face with: it takes hold from 10 mm."""
 _FINGER_HALF_M = (0.012, 0.012)
 """Half the thickness and half the width of a finger, with a margin."""
-_GRIP_YAWS_N = 16
+_N_GRIP_YAWS = 16
 _INTO_M = 0.024
 """The tip goes at most so far below the top of a thing: the hand, which is wide, then stays above its neighbours."""
 _FLOOR_M = 0.014
@@ -55,7 +55,7 @@ def cup_grasps(pose: FloatArray, corners: FloatArray) -> list[Grasp]:
     """
     top, bottom = float(corners[:, 2].max()), float(corners[:, 2].min())
     point = np.array([pose[0], pose[1], top + CUP_GAP_M])
-    tips = np.stack([down(yaw, point) for yaw in np.linspace(-np.pi, np.pi, YAWS_N, endpoint=False)])
+    tips = np.stack([down(yaw, point) for yaw in np.linspace(-np.pi, np.pi, N_YAWS, endpoint=False)])
     reach = float(np.linalg.norm(corners[:, :2] - pose[:2], axis=1).max())
     return [Grasp(tips=tips, top_m=-CUP_GAP_M, below_m=point[2] - bottom, half_width_m=reach)]
 
@@ -75,7 +75,7 @@ def finger_grasps(corners: FloatArray, others: list[FloatArray], opening_m: floa
     top, bottom = float(corners[:, 2].max()), float(corners[:, 2].min())
     tip_z = max(top - _INTO_M, bottom + _FLOOR_M, (top + bottom) / 2 - 0.01 if top - bottom < 2 * _INTO_M else -np.inf)
     found = []
-    for yaw in np.linspace(0.0, np.pi, _GRIP_YAWS_N, endpoint=False):
+    for yaw in np.linspace(0.0, np.pi, _N_GRIP_YAWS, endpoint=False):
         along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
         middle = np.array([(corners[:, :2] @ a).max() + (corners[:, :2] @ a).min() for a in (along, across)]) / 2
         width = float(np.ptp(corners[:, :2] @ along))

@@ -14,18 +14,18 @@ from fleet.tabletop.arm import NOBODY, Chore, TableArm
 from fleet.tabletop.layout import Layout
 from fleet.world.bullet.bench.table import TICK_S, TableWorld
 from planners.motion.collision.obstacles import Capsules
-from planners.motion.pair.schedule import Schedule, schedule
 from planners.motion.path.timed_path import TimedPath, timed_path
 from planners.motion.path.trajectory import Trajectory
+from planners.motion.two_arms.schedule import Schedule, schedule
 
 STEP_S = 0.02
 """Step of the schedule of two arms."""
 _SETTLE_S = 0.6
 _CONFIRM_S = 0.05
 """Moments of a schedule that the physics engine is shown are so far apart."""
-_TRIES_N = 3
+_N_TRIES = 3
 """Times that a thing is tried before it is given up."""
-_CHOICES_N = 3
+_N_CHOICES = 3
 """Things among which an arm chooses one that goes together with the other arm's."""
 _SPARE_ROUNDS = 2
 _DROP_GAP_M = 0.004
@@ -36,14 +36,14 @@ _DROP_GAP_M = 0.004
 class Tally:
     """What came of a job."""
 
-    sorted_n: int = 0
-    objects_n: int = 0
-    rounds_n: int = 0
-    together_n: int = 0
+    n_sorted: int = 0
+    n_objects: int = 0
+    n_rounds: int = 0
+    n_together: int = 0
     """Rounds in which two arms worked at the same time."""
-    missed_n: int = 0
+    n_missed: int = 0
     """Times that a tool did not get hold of a thing, or lost it."""
-    refused_n: int = 0
+    n_refused: int = 0
     """Paths that the physics engine did not let pass."""
     robot_contacts: int = 0
     """Ticks in which arms touched each other."""
@@ -54,7 +54,7 @@ class Tally:
     @property
     def done(self) -> bool:
         """Whether everything is sorted."""
-        return self.sorted_n == self.objects_n
+        return self.n_sorted == self.n_objects
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,7 +93,7 @@ class Job:
         self._grip = np.zeros(len(self._arms), dtype=np.bool_)
         self._tries: Counter[int] = Counter()
         self._used: list[set[int]] = [set() for _ in layout.places]
-        self.tally = Tally(objects_n=len(layout.scene.objects))
+        self.tally = Tally(n_objects=len(layout.scene.objects))
 
     def close(self) -> None:
         """Free what paths are confirmed with; calling twice is harmless."""
@@ -103,12 +103,12 @@ class Job:
     def run(self) -> Tally:
         """Work until everything is sorted, or nothing that is left can be brought."""
         self._rest(_SETTLE_S)
-        most = _TRIES_N * len(self._layout.scene.objects) + _SPARE_ROUNDS
-        while self.tally.rounds_n < most:
+        most = _N_TRIES * len(self._layout.scene.objects) + _SPARE_ROUNDS
+        while self.tally.n_rounds < most:
             parts = self._round()
             if not any(part is not None and part.chore is not None for part in parts):
                 break
-            self.tally.rounds_n += 1
+            self.tally.n_rounds += 1
         self._all_home()
         self._rest(_SETTLE_S)
         self._count()
@@ -116,8 +116,8 @@ class Job:
 
     def _round(self) -> list[_Part | None]:
         """Plan and play one chore of each arm that has one; arms that have none go home."""
-        corners = [self._world.object_corners(k) for k in range(self.tally.objects_n)]
-        seed = self._seed + 100 * self.tally.rounds_n
+        corners = [self._world.object_corners(k) for k in range(self.tally.n_objects)]
+        seed = self._seed + 100 * self.tally.n_rounds
         options = [self._chores(number, corners, seed) for number in range(len(self._arms))]
         if len(self._arms) == 1:
             parts: list[_Part | None] = [options[0][0] if options[0] else None]
@@ -137,7 +137,7 @@ class Job:
         feet = layout.scene.arm_base[number, :2]
         # Of things that lie on each other, the upper one goes first.
         mine.sort(key=lambda k: (-round(float(corners[k][:, 2].max()), 2), float(np.linalg.norm(poses[k, :2] - feet))))
-        wanted = 1 if len(self._arms) == 1 else _CHOICES_N
+        wanted = 1 if len(self._arms) == 1 else _N_CHOICES
         chores: list[_Part] = []
         for k in mine:
             spot = self._spot(layout.place_of[k], corners)
@@ -146,7 +146,7 @@ class Job:
                 self.tally.reasons[k] = chore
                 self._tries[k] += 1
                 continue
-            chores.append(_Part(path=timed_path(chore.legs, STEP_S), chore=chore))
+            chores.append(_Part(path=timed_path(chore.segments, STEP_S), chore=chore))
             if len(chores) == wanted:
                 break
         return chores
@@ -154,7 +154,7 @@ class Job:
     def _open(self, thing: int, poses: FloatArray) -> bool:
         """Whether a thing is still to be brought, and worth another try."""
         place = self._layout.places[self._layout.place_of[thing]]
-        return not place.holds(poses[thing, :3]) and self._tries[thing] < _TRIES_N
+        return not place.holds(poses[thing, :3]) and self._tries[thing] < _N_TRIES
 
     def _spot(self, place: int, corners: list[FloatArray]) -> FloatArray:
         """The slot of a place that is farthest from everything that lies there: x, y, height of the underside."""
@@ -172,7 +172,7 @@ class Job:
         for first, second in self._pairs(options, corners, seed):
             found = self._scheduled(first, second)
             if found.solved and self._confirmed(first, second, found):
-                self.tally.together_n += first.chore is not None and second.chore is not None
+                self.tally.n_together += first.chore is not None and second.chore is not None
                 return [first, second], found
         for part in [part for own in options for part in own]:
             if part.chore is not None:
@@ -212,15 +212,15 @@ class Job:
     def _way_home(
         self, number: int, corners: list[FloatArray], seed: int, other_q: FloatArray | None = None
     ) -> _Part | None:
-        legs = self._arms[number].go_home(self._q[number], corners, seed, self._beside(number, other_q))
-        if isinstance(legs, str):
+        segments = self._arms[number].go_home(self._q[number], corners, seed, self._beside(number, other_q))
+        if isinstance(segments, str):
             return None
         still = Trajectory(t=np.zeros(1), q=self._q[number][None], qd=np.zeros((1, self._q.shape[1])))
-        return _Part(path=timed_path(legs or (still,), STEP_S), chore=None)
+        return _Part(path=timed_path(segments or (still,), STEP_S), chore=None)
 
     def _all_home(self) -> None:
         """Both arms, as far as they can; the second does not count on the first one's resting where it is now."""
-        corners = [self._world.object_corners(k) for k in range(self.tally.objects_n)]
+        corners = [self._world.object_corners(k) for k in range(self.tally.n_objects)]
         if len(self._arms) == 1:
             self._play([self._way_home(0, corners, self._seed)], None)
             return
@@ -253,7 +253,7 @@ class Job:
                     qd[number] = 0.0
                 if part.chore is not None:
                     starts = part.path.starts
-                    begins, ends = (starts[leg] * STEP_S for leg in (part.chore.grips_at, part.chore.frees_at))
+                    begins, ends = (starts[segment] * STEP_S for segment in (part.chore.grips_at, part.chore.frees_at))
                     self._grip[number] = begins <= at[1] < ends
             self._step(q, qd)
             for number, thing in enumerate(self._world.held()):
@@ -266,7 +266,7 @@ class Job:
                 self._tries[part.chore.thing] += 1
                 place = self._layout.places[self._layout.place_of[part.chore.thing]]
                 if not place.holds(self._world.object_poses()[part.chore.thing, :3]):
-                    self.tally.missed_n += 1
+                    self.tally.n_missed += 1
                     got = holding[number] == part.chore.thing
                     self.tally.reasons[part.chore.thing] = (
                         "the tool lost it" if got else "the tool did not get hold of it"
@@ -282,9 +282,9 @@ class Job:
 
     def _count(self) -> None:
         layout, tally, poses = self._layout, self.tally, self._world.object_poses()
-        inside = [layout.places[layout.place_of[k]].holds(poses[k, :3]) for k in range(tally.objects_n)]
-        tally.sorted_n = sum(inside)
+        inside = [layout.places[layout.place_of[k]].holds(poses[k, :3]) for k in range(tally.n_objects)]
+        tally.n_sorted = sum(inside)
         tally.reasons = {k: tally.reasons.get(k, "not tried") for k, good in enumerate(inside) if not good}
         tally.sim_s = self._world.ticks * TICK_S
         tally.robot_contacts = self._world.robot_contacts
-        tally.refused_n = sum(arm.refused_n for arm in self._arms)
+        tally.n_refused = sum(arm.n_refused for arm in self._arms)

@@ -28,7 +28,7 @@ _RIM_M = 0.02
 _RIM_HALF_M = 0.006
 _FILE_SCALE, _FILE_EDGE_M = 0.6, 0.055
 """They are 90 mm wide, more than the Panda's hand opens: at this scale, most are 55 mm wide."""
-_FILES_N = 900
+_N_FILES = 900
 """`random_urdfs` has a thousand objects; the first of them are used, as in pybullet_data's own training sets."""
 
 
@@ -115,7 +115,7 @@ def tray_layout(seed: int, objects: int = 6) -> Layout:
     spots = _scattered(rng, objects, (0.38, 0.62), (-0.20, 0.20))
     data = Path(pybullet_data.getDataPath()) / "random_urdfs"
     things = []
-    for number, spot in zip(rng.choice(_FILES_N, objects, replace=False), spots, strict=True):
+    for number, spot in zip(rng.choice(_N_FILES, objects, replace=False), spots, strict=True):
         path = data / f"{number:03d}" / f"{number:03d}.urdf"
         if not path.is_file():
             raise TabletopError(f"{path}: no such file; valid: an installation of pybullet with its data")

@@ -13,7 +13,7 @@ _ENDED = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
 @dataclass(kw_only=True)
 class _Batch:
     tasks: list[Task]
-    open_n: int
+    n_open: int
 
 
 class Batches:
@@ -31,9 +31,9 @@ class Batches:
         self._batches: dict[str, _Batch] = {}
         for task in board.tasks:
             if task.order.batch:
-                batch = self._batches.setdefault(task.order.batch, _Batch(tasks=[], open_n=0))
+                batch = self._batches.setdefault(task.order.batch, _Batch(tasks=[], n_open=0))
                 batch.tasks.append(task)
-                batch.open_n += 1
+                batch.n_open += 1
         board.subscribe(self._moved)
 
     @property
@@ -46,11 +46,11 @@ class Batches:
         if not task.order.batch or before in DONE_STATES or task.state not in _ENDED:
             return
         batch = self._batches[task.order.batch]
-        batch.open_n -= 1
-        if batch.open_n:
+        batch.n_open -= 1
+        if batch.n_open:
             return
-        done_n = sum(other.done_s is not None for other in batch.tasks)
+        n_done = sum(other.done_s is not None for other in batch.tasks)
         span_s = now_s - task.order.release_s
-        if done_n == len(batch.tasks):
+        if n_done == len(batch.tasks):
             self.spans_s.append(span_s)
-        self._log("batch_ended", batch=task.order.batch, done=done_n, of=len(batch.tasks), span_s=round(span_s, 2))
+        self._log("batch_ended", batch=task.order.batch, done=n_done, of=len(batch.tasks), span_s=round(span_s, 2))

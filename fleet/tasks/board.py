@@ -105,8 +105,8 @@ class Task:
     """The pick station its parcel comes from: the preferred one until it lies on a slot; empty for a visit."""
     place: str = ""
     """The place that the car of a visit goes to, stands at, or waits for."""
-    stops_n: int = 0
-    """Stops of a visit that have been made, by whatever car."""
+    n_errands_done: int = 0
+    """Errands of a visit that have been done, by whatever car."""
     shunned: set[int] = field(default_factory=set)
     """Cars it was taken from because they did not get there, which come last."""
     pick_slot: int | None = None
@@ -136,16 +136,16 @@ class Task:
         return self.order
 
     @property
-    def next_stop(self) -> tuple[str, ...]:
+    def next_errand(self) -> tuple[str, ...]:
         """Places of which its car has to go to one next: a station, or what a visit names."""
         if isinstance(self.order, Visit):
-            return self.order.stops[self.stops_n]
+            return self.order.errands[self.n_errands_done]
         return (self.delivery.drop if self.state is TaskState.CARRIED else self.pick,)
 
     @property
     def next_words(self) -> str:
         """The same in words."""
-        names = self.next_stop
+        names = self.next_errand
         return " or ".join(names) if len(names) <= 3 else f"one of {names[0]} to {names[-1]}"
 
     @property
@@ -174,7 +174,7 @@ class TaskBoard:
         self._by_name = {task.order.name: task for task in self.tasks}
         self._unreleased = deque(self.tasks)
         self._open = len(self.tasks)
-        self.moves_n = 0
+        self.n_moves = 0
         """Transitions of all tasks so far."""
         self._listeners: list[Listener] = []
         self.legs = [task for task in self.tasks if task.order.same_car_as]
@@ -194,12 +194,12 @@ class TaskBoard:
         return self._open == 0
 
     @property
-    def released_n(self) -> int:
+    def n_released(self) -> int:
         """Number of tasks whose release time has come."""
         return len(self.tasks) - len(self._unreleased)
 
     @property
-    def closed_n(self) -> int:
+    def n_closed(self) -> int:
         """Number of tasks that nobody has to wait for any more: done, failed or cancelled."""
         return sum(len(self._by_state[state]) for state in _CLOSED)
 
@@ -284,7 +284,7 @@ class TaskBoard:
         if state not in _NEXT[task.state]:
             valid = ", ".join(sorted(_NEXT[task.state])) or "none"
             raise IllegalTransition(f"task {task.order.name}: {task.state} -> {state}; valid next states: {valid}")
-        self.moves_n += 1
+        self.n_moves += 1
         before = task.state
         del self._by_state[before][task.index]
         self._by_state[state][task.index] = task

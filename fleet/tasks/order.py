@@ -90,8 +90,8 @@ class Visit(Order):
 
     kind: str
     """Name of its task type."""
-    stops: tuple[tuple[str, ...], ...]
-    """Names of places, in order; of several at one stop the nearest free one will do."""
+    errands: tuple[tuple[str, ...], ...]
+    """Names of places, in order; of several at one errand the nearest free one will do."""
     stand_s: float = 0.0
     """How long the car stands at each [s]."""
     until_full: bool = False

@@ -64,7 +64,7 @@ class OrderBook:
 
 
 def read_orders(
-    path: Path, site: Site, abilities: Sequence[Ability], *, chargers_n: int = 0, grip_kg: float = math.inf
+    path: Path, site: Site, abilities: Sequence[Ability], *, n_chargers: int = 0, grip_kg: float = math.inf
 ) -> OrderBook:
     """Read orders from a CSV file, or from a JSON file if its name ends in ``.json``.
 
@@ -81,7 +81,7 @@ def read_orders(
         path: The file.
         site: Gives the valid names of stations and places.
         abilities: What each car can carry.
-        chargers_n: Chargers in use; 0 = cars have no batteries.
+        n_chargers: Chargers in use; 0 = cars have no batteries.
         grip_kg: Heaviest parcel that the arms' tools hold [kg].
 
     Returns:
@@ -101,7 +101,7 @@ def read_orders(
             f"orders file {path}: is not text in UTF-8 ({error.reason}); valid: a CSV or JSON file"
         ) from error
     rows = _json_rows(path, text) if path.suffix.lower() == ".json" else _csv_rows(path, text)
-    setting = Setting(site=site, places=PlaceNames(site), chargers_n=chargers_n)
+    setting = Setting(site=site, places=PlaceNames(site), n_chargers=n_chargers)
     accepted: dict[str, tuple[str, tuple[Order, ...]]] = {}
     refusals: dict[str, Refusal] = {}
     taken: dict[str, str] = {}

@@ -60,14 +60,14 @@ class PlaceNames:
             raise OrdersError(f"{name} is {fields.text(name)!r}; valid: one place")
         return places[0]
 
-    def stand_s(self, fields: Fields, stops: tuple[str, ...], default: float) -> float:
+    def stand_s(self, fields: Fields, errands: tuple[str, ...], default: float) -> float:
         """How long a car is to stand at each of some places [s].
 
         Raises:
             OrdersError: No number, or too long for one of the places.
         """
         stand_s = fields.number("stand_s", 0.0, BAY_STAND_S, default)
-        lane = next((stop for stop in stops if not self.is_bay(stop)), None)
+        lane = next((errand for errand in errands if not self.is_bay(errand)), None)
         if lane is not None and stand_s > LANE_STAND_S:
             valid = f"at most {LANE_STAND_S:g}, because {lane} is in a lane"
             raise OrdersError(f"stand_s is {fields.text('stand_s')!r}; valid: {valid}")

@@ -11,7 +11,7 @@ from fleet.config import StreamConfig, StreamKind, require
 from fleet.tasks.order import Delivery, Priority, between, draw_edges, draw_mass
 from maps.site import Site
 
-MAX_ORDERS_N = 1_000_000
+MAX_ORDERS = 1_000_000
 """More are not drawn: they take minutes and gigabytes before the run begins."""
 
 
@@ -34,9 +34,9 @@ def stream_orders(
         Orders, ascending in release time.
 
     Raises:
-        ConfigError: So long a stream at such a rate has more than `MAX_ORDERS_N` orders.
+        ConfigError: So long a stream at such a rate has more than `MAX_ORDERS` orders.
     """
-    longest_s = 3600.0 * MAX_ORDERS_N / config.rate_per_h
+    longest_s = 3600.0 * MAX_ORDERS / config.rate_per_h
     valid = f"at most {longest_s:g} with --rate {config.rate_per_h:g} and without --tasks"
     require(n_orders is not None or duration_s <= longest_s, "--duration", duration_s, valid)
     arrivals, places, parcels, terms = rng.spawn(4)

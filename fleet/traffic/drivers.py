@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.arrays import BoolArray, CellArray, IntArray
+from fleet.arrays import BoolArray, CellArray, FloatArray, IntArray
 from fleet.config import EstimateConfig
 from fleet.robots.estimator import PoseEstimator
 from fleet.robots.pursuit import Follower, PathBuffer, Pieces, any_beyond
 from fleet.robots.spec import CarSpec
 from fleet.traffic.rings import RingArrays, Rings, front
-from fleet.world.protocol import FloatArray, World
+from fleet.world.protocol import World
 from maps.lane_graph import REVERSE, LaneGraph
 
 RELEASE_M = 0.05

@@ -10,15 +10,16 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.config import TrafficConfig
 from fleet.traffic.drivers import Driver
-from fleet.world.protocol import FloatArray, World
+from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
-from planners.execution.arrays import BoolArray, Int64Array
-from planners.execution.dependency_graph import DependencyGraph
-from planners.execution.errors import UnexecutablePlanError
-from planners.execution.queues import Queues, move_at
 from planners.mapf.problem import Plan
+from planners.precedence.arrays import BoolArray, Int64Array
+from planners.precedence.dependency_graph import DependencyGraph
+from planners.precedence.errors import UnexecutablePlanError
+from planners.precedence.queues import Queues, move_at
 
 RETRY_S = 0.5
 """Time after which a car that could not go first asks again [s]."""
@@ -46,14 +47,14 @@ class Executor:
         self.graph = graph
         self.driver = driver
         self.dependencies = DependencyGraph(graph, start_states)
-        self.reordered_n = 0
+        self.n_reordered = 0
         """How often a car went before one that was late."""
         self._config = config
         self._log = log
         self._n_cars = len(start_states)
         self._waited_s = np.zeros(self._n_cars)  # held up by nothing but the order
         self._still_s = np.zeros(self._n_cars)  # since the last grant or finish
-        self._closed_n = np.zeros(graph.n_cells, dtype=np.int64)
+        self._n_closings = np.zeros(graph.n_cells, dtype=np.int64)
         self._closed = np.zeros(graph.n_cells, dtype=np.bool_)
         self._dirty = True
 
@@ -88,13 +89,13 @@ class Executor:
 
     def close(self, cell: int) -> None:
         """Grant nobody entry to a cell until as many calls of `open`; cars that hold it keep it."""
-        self._closed_n[cell] += 1
+        self._n_closings[cell] += 1
         self._closed[cell] = True
 
     def open(self, cell: int) -> None:
         """End a `close`; the cell stays closed while there are others."""
-        self._closed_n[cell] -= 1
-        self._closed[cell] = self._closed_n[cell] > 0
+        self._n_closings[cell] -= 1
+        self._closed[cell] = self._n_closings[cell] > 0
         self._dirty = True
 
     def close_if_free(self, cell: int) -> bool:
@@ -158,7 +159,7 @@ class Executor:
         if self._waited_s[car] >= after_s:
             self._waited_s[car] -= RETRY_S
             if self.dependencies.go_first(car, self._still_s >= after_s):
-                self.reordered_n += 1
+                self.n_reordered += 1
                 self._dirty = True
 
 

@@ -62,7 +62,7 @@ class Traffic:
         """Added to a car's priority: loaded cars go first."""
         self.blocked = np.zeros(graph.n_cells, dtype=np.bool_)
         """Cells nobody may be sent into."""
-        self._blocked_n = np.zeros(graph.n_cells, dtype=np.int64)
+        self._n_blocks = np.zeros(graph.n_cells, dtype=np.int64)
         self._dead_cells: dict[int, list[int]] = {}
         self._avoided = np.zeros(graph.n_cells, dtype=np.bool_)
         self.wreck_of = np.full(graph.n_cells, NO_CAR, dtype=np.int32)
@@ -73,7 +73,7 @@ class Traffic:
         self.tables = self._free_tables
         """Exact distances past all that is blocked."""
         self._ways = self.tables
-        self.plans_n = 0
+        self.n_plans = 0
         self.priorities = np.zeros(n_cars)
         """What the last request ranked the cars by, the greatest first to go."""
         self._planner = config.make_planner(seed)
@@ -116,7 +116,7 @@ class Traffic:
     @property
     def blocked_for_good(self) -> bool:
         """True when nothing but dead cars blocks cells."""
-        return int(self._blocked_n.sum()) == sum(map(len, self._dead_cells.values()))
+        return int(self._n_blocks.sum()) == sum(map(len, self._dead_cells.values()))
 
     def reachable(self, state: int, goal: int) -> bool:
         """Whether there is a way from a state to another past all that is blocked."""
@@ -156,8 +156,8 @@ class Traffic:
         return int(graph.state_cell[best]), best
 
     def _count_blocked(self, cells: list[int], change: int) -> None:
-        self._blocked_n[cells] += change
-        self.blocked = self._blocked_n > 0
+        self._n_blocks[cells] += change
+        self.blocked = self._n_blocks > 0
         self._set_tables()
         self.discard()
 
@@ -194,7 +194,7 @@ class Traffic:
             self.executor.accept(self._pending.plan)
             self.landed_goals = self._pending.goals
             self._pending = None
-            self.plans_n += 1
+            self.n_plans += 1
             landed = True
         return landed
 

@@ -12,7 +12,7 @@ from fleet.charts.drawing import Area, Drawing, Line, Words
 WIDTH, HEIGHT = 760, 360
 LEFT, RIGHT, TOP, BOTTOM = 64, 20, 58, 44
 AXIS, GRID = "#333333", "#e4e4e4"
-_LABELS_N = 6
+_N_LABELS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +81,8 @@ def draw_curves(title: str, y_label: str, curves: Sequence[LearningCurve]) -> Dr
 
 
 def _round_step(span: float) -> float:
-    """A round step that divides a span into about `_LABELS_N` parts."""
-    rough = max(span, 1e-9) / _LABELS_N
+    """A round step that divides a span into about `_N_LABELS` parts."""
+    rough = max(span, 1e-9) / _N_LABELS
     unit = 10.0 ** math.floor(math.log10(rough))
     return next(unit * k for k in (1.0, 2.0, 2.5, 5.0, 10.0) if unit * k >= rough * (1 - 1e-9))
 

@@ -13,7 +13,7 @@ from fleet.training.batch import type_of
 from fleet.training.recipes import Recipe
 
 CONFIDENCE = 0.95
-RESAMPLES_N = 10_000
+N_RESAMPLES = 10_000
 RETURN = "return"
 """Name of the mean return of an agent, summed over the types."""
 
@@ -95,7 +95,7 @@ def interval(values: Sequence[float]) -> Interval:
     Source: B. Efron, R. J. Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 13.
     """
     array = np.asarray(values, dtype=np.float64)
-    picks = np.random.default_rng(0).integers(len(array), size=(RESAMPLES_N, len(array)))
+    picks = np.random.default_rng(0).integers(len(array), size=(N_RESAMPLES, len(array)))
     tail = (1.0 - CONFIDENCE) / 2.0
     low, high = np.quantile(array[picks].mean(axis=1), (tail, 1.0 - tail))
     return Interval(mean=float(array.mean()), low=float(low), high=float(high))

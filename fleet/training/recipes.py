@@ -29,7 +29,7 @@ class Recipe:
     """What that one does, in words."""
     figures: tuple[str, ...]
     """Names in `infos` whose sums over an episode are reported; the first is what it is all about."""
-    steps_n: int
+    n_steps: int
     """Steps of agents."""
     ppo: PpoConfig
     choice: ChoiceLayout | None = None
@@ -101,7 +101,7 @@ RECIPES: dict[str, Recipe] = {
         scripted=_pursuit,
         script="pure pursuit that brakes for what is ahead",
         figures=("places", "touch", "towed"),
-        steps_n=1_500_000,
+        n_steps=1_500_000,
         ppo=PpoConfig(learning_rate=1e-3),
     ),
     "car": Recipe(
@@ -110,7 +110,7 @@ RECIPES: dict[str, Recipe] = {
         scripted=_pursuit,
         script="pure pursuit that brakes for what is ahead",
         figures=("places", "touch", "towed"),
-        steps_n=1_000_000,
+        n_steps=1_000_000,
         ppo=PpoConfig(envs_n=16, horizon_n=256),
     ),
     "reach": Recipe(
@@ -119,7 +119,7 @@ RECIPES: dict[str, Recipe] = {
         scripted=_straight,
         script="straight to the goal, by damped least squares",
         figures=("is_success",),
-        steps_n=400_000,
+        n_steps=400_000,
         ppo=PpoConfig(
             envs_n=32,
             horizon_n=64,
@@ -138,9 +138,9 @@ RECIPES: dict[str, Recipe] = {
         scripted=_nearest,
         script="every free car takes the nearest task",
         figures=("delivered", "late", "waiting"),
-        steps_n=2_000_000,
+        n_steps=2_000_000,
         ppo=PpoConfig(horizon_n=240, minibatch_n=4096, entropy=0.003, discount=0.98, learning_rate=1e-3),
-        choice=ChoiceLayout(n_own=12, n_each=11),  # fleet.envs.dispatch.view: OWN_N, CANDIDATE_N
+        choice=ChoiceLayout(n_own=12, n_each=11),  # fleet.envs.dispatch.view: N_OWN, N_PER_CANDIDATE
         # A car that pays for the lateness of what it delivers leaves late tasks to the others, which do the same.
         arguments={"site": "small", "n_cars": 6, "weights": {"late": -0.02, "empty": -0.03}},
     ),

@@ -37,11 +37,11 @@ class GridConfig:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ConfigError(f"grid world: {name} is {value!r}; valid: a number > 0")
-        if self.ticks_n < 1 or abs(self.ticks_n * self.tick_s - self.timestep_s) > 1e-6:
+        if self.n_ticks < 1 or abs(self.n_ticks * self.tick_s - self.timestep_s) > 1e-6:
             raise ConfigError(f"grid world: timestep_s is {self.timestep_s!r}; valid: a multiple of {self.tick_s} s")
 
     @property
-    def ticks_n(self) -> int:
+    def n_ticks(self) -> int:
         """Ticks in a timestep."""
         return round(self.timestep_s / self.tick_s)
 
@@ -86,7 +86,7 @@ class GridCars:
             to=codes % self._n_states,
             speed=direction * graph.move_length[first] / config.timestep_s,
         )
-        self._ticks_n = config.ticks_n
+        self._n_ticks = config.n_ticks
         self._tick = np.zeros(1, dtype=np.int64)
         self.states = np.array([self._state_at(car, pose) for car, pose in enumerate(start)], dtype=np.int64)
         self.poses = self._state_pose[self.states]
@@ -106,7 +106,7 @@ class GridCars:
             valid = [here, *self._moves.to[self._moves.ptr[here] : self._moves.ptr[here + 1]].tolist()]
             raise CommandError(f"car {refused} in state {here} is sent to state {target}; valid: {valid}")
         self._tick += 1
-        ends = int(self._tick[0]) % self._ticks_n == 0
+        ends = int(self._tick[0]) % self._n_ticks == 0
         _move(self._moves, self._found, ends, self._state_pose, self.states, self.poses, self.speeds)
 
     def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:

@@ -215,7 +215,7 @@ class PlanarWorld:
 
     def contacts(self) -> Contacts:
         """See `World`."""
-        return Contacts(robot=self._surroundings.robot_contacts_n, static=self._surroundings.static_contacts_n)
+        return Contacts(robot=self._surroundings.n_robot_contacts, static=self._surroundings.n_static_contacts)
 
     def min_clearance_m(self) -> float:
         """See `World`; arms are spheres here, so theirs is a coarse figure."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from fleet.arrays import BoolArray
-from fleet.arrays import FloatArray as FloatArray  # noqa: PLC0414 - other rooms still import it from here
-from fleet.arrays import IntArray as IntArray  # noqa: PLC0414 - the same
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.sensors.camera import Camera, CameraImage
 
 TOOL_FAILED = "its tool has failed"

@@ -23,8 +23,8 @@ class SurroundingsSnapshot:
     """State of `Surroundings` at one instant."""
 
     serving: IntArray
-    robot_contacts_n: int
-    static_contacts_n: int
+    n_robot_contacts: int
+    n_static_contacts: int
     min_clearance_m: float
     touching: frozenset[int]
     added: dict[int, tuple[float, float, float, float]]
@@ -37,8 +37,8 @@ class Surroundings:
     the parcels they hold are spheres. Arms are not judged against boxes, nor against the car they serve.
 
     Attributes:
-        robot_contacts_n: Touches between robots so far; one that lasts counts once.
-        static_contacts_n: Touches of cars with boxes so far.
+        n_robot_contacts: Touches between robots so far; one that lasts counts once.
+        n_static_contacts: Touches of cars with boxes so far.
 
     Args:
         scene: Boxes, floor and models.
@@ -67,8 +67,8 @@ class Surroundings:
             reach=arms.reach_m,
         )
         self._balls.spheres[:, :-1, 3] = arms.radii
-        self.robot_contacts_n = 0
-        self.static_contacts_n = 0
+        self.n_robot_contacts = 0
+        self.n_static_contacts = 0
         self._touches = Touches(self._body, arms, self._balls)
         self._touching: frozenset[int] = frozenset()
         self._sort_boxes()
@@ -107,8 +107,8 @@ class Surroundings:
             now = frozenset(codes.tolist())
             new = now - self._touching
             static = sum(code >> KIND_SHIFT == STATIC for code in new)
-            self.robot_contacts_n += len(new) - static
-            self.static_contacts_n += static
+            self.n_robot_contacts += len(new) - static
+            self.n_static_contacts += static
             self._touching = now
 
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
@@ -124,8 +124,8 @@ class Surroundings:
         """Copy of everything that changes."""
         return SurroundingsSnapshot(
             serving=self.serving.copy(),
-            robot_contacts_n=self.robot_contacts_n,
-            static_contacts_n=self.static_contacts_n,
+            n_robot_contacts=self.n_robot_contacts,
+            n_static_contacts=self.n_static_contacts,
             min_clearance_m=self.min_clearance_m,
             touching=self._touching,
             added=self._added.copy(),
@@ -134,8 +134,8 @@ class Surroundings:
     def load(self, snapshot: SurroundingsSnapshot) -> None:
         """Return to a saved state."""
         self.serving[:] = snapshot.serving
-        self.robot_contacts_n = snapshot.robot_contacts_n
-        self.static_contacts_n = snapshot.static_contacts_n
+        self.n_robot_contacts = snapshot.n_robot_contacts
+        self.n_static_contacts = snapshot.n_static_contacts
         self._touches.clearance_m = snapshot.min_clearance_m
         self._touches.forget()
         self._touching = snapshot.touching

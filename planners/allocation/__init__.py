@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from planners.named import NO_SETTINGS, Family
+from planners.registry import NO_SETTINGS, Family
 
 if TYPE_CHECKING:
     from planners.allocation.problem import Allocator

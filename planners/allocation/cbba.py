@@ -57,10 +57,10 @@ class Cbba:
         return planned_tours(problem, problem.shop, _agree(problem, problem.shop, self.config.bundle_n))
 
 
-def _agree(problem: AllocationProblem, shop: Shop | None, bundle_n: int) -> list[list[int]]:
+def _agree(problem: AllocationProblem, shop: Shop | None, n_bundle: int) -> list[list[int]]:
     """Rounds of bidding and comparing until nobody changes anything; returns the tour of each vehicle."""
     tours = None if shop is None else Tours(problem, shop)
-    bidders = [_Bidder(v, problem, tours, bundle_n) for v in range(problem.cost.shape[0])]
+    bidders = [_Bidder(v, problem, tours, n_bundle) for v in range(problem.cost.shape[0])]
     best: list[Bid] = [NO_BID] * problem.cost.shape[1]
     talking = True
     while talking:
@@ -82,18 +82,18 @@ def _agree(problem: AllocationProblem, shop: Shop | None, bundle_n: int) -> list
 class _Bidder:
     """One vehicle: its bids in the order in which it added them to its bundle, and its tour in the order of driving."""
 
-    def __init__(self, vehicle: int, problem: AllocationProblem, tours: Tours | None, bundle_n: int) -> None:
+    def __init__(self, vehicle: int, problem: AllocationProblem, tours: Tours | None, n_bundle: int) -> None:
         self._vehicle = vehicle
         self._cost = problem.choice_cost()[vehicle].tolist()
         self._class_of = [0] * len(self._cost) if problem.class_of is None else problem.class_of.tolist()
         self._tours = tours
-        self._bundle_n = bundle_n
+        self._n_bundle = n_bundle
         self.bids: dict[int, Bid] = {}
         self.tour: list[int] = [] if tours is None else tours.tasks[vehicle]
 
     def fill(self, best: list[Bid]) -> None:
         """Add tasks whose best bid it beats, the most urgent class first, then the least bid."""
-        while len(self.bids) < self._bundle_n:
+        while len(self.bids) < self._n_bundle:
             last = next(reversed(self.bids), None)
             chosen: tuple[int, Bid, int] | None = None
             for task, urgency in enumerate(self._class_of):

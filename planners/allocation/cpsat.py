@@ -107,7 +107,7 @@ class _Model:
         self._shop = shop
         self._jobs = [int(job) for job in jobs]
         self._horizon = self._one_after_the_other()
-        self._begin: list[Any] = []  # arrival at the first stop, by position in `jobs`
+        self._begin: list[Any] = []  # arrival at the first errand, by position in `jobs`
         self._key: list[Any] = []  # start at the first station, or that arrival
         self._end: list[Any] = []
         self._done_by: list[Any] = []
@@ -142,10 +142,10 @@ class _Model:
         for job in self._jobs:
             begin = now = model.new_int_var(_ticks(shop.release_s[job]), self._horizon, "")
             key = None
-            for booking in range(int(shop.first_booking[job]), int(shop.first_booking[job + 1])):
-                station, service = int(shop.station[booking]), _ticks(shop.service_s[booking])
+            for number in range(int(shop.first_service[job]), int(shop.first_service[job + 1])):
+                station, service = int(shop.station[number]), _ticks(shop.service_s[number])
                 start = model.new_int_var(_ticks(shop.free_s[station]), self._horizon, "")
-                model.add(start >= now + _ticks(shop.lead_s[booking]))
+                model.add(start >= now + _ticks(shop.lead_s[number]))
                 served.setdefault(station, []).append(model.new_fixed_size_interval_var(start, service, ""))
                 now = start + service
                 key = start if key is None else key

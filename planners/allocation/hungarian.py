@@ -18,7 +18,7 @@ from planners.status import Status
 
 SOON_S = 10.0
 """Vehicles that are free so soon are matched as well: they may do better than a far one that is free now [s]."""
-SMALL_N = 10_000
+N_SMALL = 10_000
 """Fewer pairs than that are solved sooner than a compiled kernel is loaded."""
 MORE = 4
 """How many times as many of the cheapest are matched when the first ones are not enough."""
@@ -83,8 +83,8 @@ class Hungarian:
         """Pairs of rows and columns, of which there are as many or more."""
         if len(cost) * cost.size <= self.config.dense_work:
             return _dense(cost), Status.OPTIMAL
-        for nearest_n in (self.config.nearest_n, MORE * self.config.nearest_n):
-            candidates = prune(cost, nearest_n)
+        for n_nearest in (self.config.nearest_n, MORE * self.config.nearest_n):
+            candidates = prune(cost, n_nearest)
             most, least = candidates.cost.max(initial=0.0), candidates.cost.min(initial=0.0)
             column_of, pays = match(candidates, most + (most - least + 1.0) * (len(cost) + 1))
             rows = np.flatnonzero(column_of >= 0)
@@ -118,7 +118,7 @@ def _dense(cost: FloatArray) -> IntArray:
     if cost.size and cost.max() == np.inf:
         least, most, step = _range(cost)
         finite = np.minimum(cost - least, most - least + step)
-    if cost.size < SMALL_N:
+    if cost.size < N_SMALL:
         rows, columns = linear_sum_assignment(finite)
     else:
         rows, columns = np.arange(len(cost)), match_all(np.ascontiguousarray(finite))

@@ -129,9 +129,9 @@ def _first_plan(arrays: Arrays, jobs: Int64Array, shop: Shop) -> tuple[Int64Arra
     schedule = empty_schedule(arrays)
     plans: list[tuple[int, float, int, Int64Array, Int64Array]] = []
 
-    def keep(planned_n: int, order: Int64Array, vehicle: Int64Array) -> None:
-        order = order[:planned_n]
-        plans.append((-planned_n, evaluate(arrays, schedule, order, vehicle, np.inf), len(plans), order, vehicle))
+    def keep(n_planned: int, order: Int64Array, vehicle: Int64Array) -> None:
+        order = order[:n_planned]
+        plans.append((-n_planned, evaluate(arrays, schedule, order, vehicle, np.inf), len(plans), order, vehicle))
 
     for regret in REGRETS if shop.first_order is None else REGRETS[:1]:
         order, vehicle = jobs.copy(), np.full(len(arrays.weight), -1, dtype=np.int64)
@@ -150,7 +150,7 @@ def _first_plan(arrays: Arrays, jobs: Int64Array, shop: Shop) -> tuple[Int64Arra
     return order, vehicle
 
 
-def _window(problem: AllocationProblem, window_n: int) -> Int64Array:
+def _window(problem: AllocationProblem, n_window: int) -> Int64Array:
     """The tasks to plan, by index: those held, then by class and age."""
     n = problem.cost.shape[1]
     held = np.zeros(n, dtype=np.bool_)
@@ -158,4 +158,4 @@ def _window(problem: AllocationProblem, window_n: int) -> Int64Array:
         held[problem.held[problem.held >= 0]] = True
     class_of = np.zeros(n) if problem.class_of is None else problem.class_of
     since_s = np.zeros(n) if problem.since_s is None else problem.since_s
-    return np.sort(np.lexsort((since_s, class_of, ~held))[:window_n]).astype(np.int64)
+    return np.sort(np.lexsort((since_s, class_of, ~held))[:n_window]).astype(np.int64)

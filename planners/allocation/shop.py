@@ -10,7 +10,7 @@ from planners.allocation.arrays import FloatArray, IntArray
 from planners.errors import PlanningError
 
 NO_STATION = -1
-"""Station of a stop at which nothing has to be booked."""
+"""Station of an errand at which none serves."""
 
 
 class ShopError(PlanningError):
@@ -19,11 +19,12 @@ class ShopError(PlanningError):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shop:
-    """Jobs of one or more stops, done whole by one vehicle, one after the other; all times on one clock [s].
+    """Jobs of one or more errands, done whole by one vehicle, one after the other; all times on one clock [s].
 
-    A vehicle drives to the stops of a job in order. At a stop with a station it waits until the station is free, is
-    served, and drives on; at a stop without one it stands for the service time. Jobs are the tasks of the allocation
-    problem and vehicles its vehicles, by index; whether a vehicle may do a job is said there, by an infinite cost.
+    A vehicle drives to the errands of a job in order. At an errand with a station it waits until the station is free,
+    is served, and drives on; at an errand without one it stands for the service time. Jobs are the tasks of the
+    allocation problem and vehicles its vehicles, by index; whether a vehicle may do a job is said there, by an
+    infinite cost.
 
     What is to be small: `makespan_weight` x the end of the last job, plus `weight` x the end of each job, plus
     `late_weight` x the time it ends after its due date, plus `late_cost` if it ends after its due date at all.
@@ -38,20 +39,20 @@ class Shop:
     """Place at which each vehicle is free, shape (n_vehicles,)."""
     ready_s: FloatArray
     """When it is, shape (n_vehicles,)."""
-    first_stop: IntArray
-    """Stops of job j are first_stop[j] .. first_stop[j + 1] - 1, shape (n_jobs + 1,)."""
+    first_errand: IntArray
+    """Errands of job j are first_errand[j] .. first_errand[j + 1] - 1, shape (n_jobs + 1,)."""
     place: IntArray
-    """Place of each stop, shape (n_stops,)."""
+    """Place of each errand, shape (n_errands,)."""
     station: IntArray
-    """Station that serves at each stop, or `NO_STATION`, shape (n_stops,)."""
+    """Station that serves at each errand, or `NO_STATION`, shape (n_errands,)."""
     service_s: FloatArray
-    """Time at each stop, shape (n_stops,)."""
+    """Time at each errand, shape (n_errands,)."""
     free_s: FloatArray = field(default_factory=lambda: np.zeros(0))
     """When each station has served those that are there or on their way already, shape (n_stations,)."""
-    buffer_n: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    n_buffer_places: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     """Vehicles that stand at each station at most, the one it serves included, >= 1, shape (n_stations,)."""
     release_s: FloatArray | None = None
-    """Its first stop is not served sooner, shape (n_jobs,); None = at any time."""
+    """Its first errand is not served sooner, shape (n_jobs,); None = at any time."""
     due_s: FloatArray | None = None
     """When each job should have ended, inf = at any time, shape (n_jobs,); None = all at any time."""
     weight: FloatArray | None = None
@@ -70,8 +71,8 @@ class Shop:
     def __post_init__(self) -> None:
         if self.travel_s.ndim != 2 or self.travel_s.shape[0] != self.travel_s.shape[1]:
             raise ShopError(f"shop: travel_s has shape {self.travel_s.shape}; valid: (n_places, n_places)")
-        if self.first_stop.ndim != 1 or not len(self.first_stop):
-            raise ShopError(f"shop: first_stop has shape {self.first_stop.shape}; valid: (n_jobs + 1,)")
+        if self.first_errand.ndim != 1 or not len(self.first_errand):
+            raise ShopError(f"shop: first_errand has shape {self.first_errand.shape}; valid: (n_jobs + 1,)")
         self._check_lengths()
         self._check_indices()
         self._check_numbers()
@@ -79,7 +80,7 @@ class Shop:
     @property
     def n_jobs(self) -> int:
         """Number of jobs."""
-        return len(self.first_stop) - 1
+        return len(self.first_errand) - 1
 
     @property
     def n_vehicles(self) -> int:
@@ -92,21 +93,21 @@ class Shop:
         return len(self.free_s)
 
     def _check_lengths(self) -> None:
-        jobs, stops = self.n_jobs, len(self.place)
+        jobs, errands = self.n_jobs, len(self.place)
         for name, n in (
             *(("start", self.n_vehicles), ("ready_s", self.n_vehicles)),
-            *(("place", stops), ("station", stops), ("service_s", stops)),
-            *(("free_s", self.n_stations), ("buffer_n", self.n_stations)),
+            *(("place", errands), ("station", errands), ("service_s", errands)),
+            *(("free_s", self.n_stations), ("n_buffer_places", self.n_stations)),
             *(("release_s", jobs), ("due_s", jobs), ("weight", jobs), ("late_weight", jobs), ("late_cost", jobs)),
             ("first_vehicle", jobs),
         ):
             value = getattr(self, name)
             if value is not None and value.shape != (n,):
                 raise ShopError(f"shop: {name} has shape {value.shape}; valid: ({n},)")
-        first = self.first_stop
-        if first[0] != 0 or first[-1] != stops or (np.diff(first) < 1).any():
+        first = self.first_errand
+        if first[0] != 0 or first[-1] != errands or (np.diff(first) < 1).any():
             raise ShopError(
-                f"shop: first_stop = {first.tolist()[:8]}; valid: 0 < ... < {stops}, a stop or more per job"
+                f"shop: first_errand = {first.tolist()[:8]}; valid: 0 < ... < {errands}, an errand or more per job"
             )
 
     def _check_indices(self) -> None:
@@ -114,7 +115,7 @@ class Shop:
             ("start", 0, len(self.travel_s)),
             ("place", 0, len(self.travel_s)),
             ("station", NO_STATION, self.n_stations),
-            ("buffer_n", 1, None),
+            ("n_buffer_places", 1, None),
             ("first_order", 0, self.n_jobs),
         ):
             value = getattr(self, name)
@@ -169,12 +170,12 @@ class Timetable:
     vehicle: IntArray
     """Vehicle of each job, -1 = nobody, shape (n_jobs,)."""
     arrive_s: FloatArray
-    """When it is in front of each stop, shape (n_stops,); nan where nobody goes, as below."""
+    """When it is in front of each errand, shape (n_errands,); nan where nobody goes, as below."""
     enter_s: FloatArray
-    """When the station has room for it, shape (n_stops,)."""
+    """When the station has room for it, shape (n_errands,)."""
     start_s: FloatArray
-    """When service starts, shape (n_stops,)."""
+    """When service starts, shape (n_errands,)."""
     end_s: FloatArray
-    """When service ends and the vehicle drives on, shape (n_stops,)."""
+    """When service ends and the vehicle drives on, shape (n_errands,)."""
     objective: float
     """What the shop wants small, summed over the jobs that are done."""

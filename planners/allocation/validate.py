@@ -80,26 +80,27 @@ def _timetable_faults(shop: Shop, times: Timetable, sequence: tuple[tuple[int, .
     """Replay a timetable: drivers cannot be in two places, stations serve one at a time and have room for so many."""
     found = []
     objective, last_s = 0.0, -math.inf
-    visits: list[tuple[int, int, int]] = []  # (stop, vehicle, task) at a station
+    visits: list[tuple[int, int, int]] = []  # (errand, vehicle, task) at a station
     for vehicle, tasks in enumerate(sequence):
         at, now_s = int(shop.start[vehicle]), float(shop.ready_s[vehicle])
         for task in tasks:
             pair = (vehicle, task)
             if times.vehicle[task] != vehicle:
                 found.append(Fault(kind="unknown", pair=pair))
-            for stop in range(int(shop.first_stop[task]), int(shop.first_stop[task + 1])):
+            for errand in range(int(shop.first_errand[task]), int(shop.first_errand[task + 1])):
                 # Written so that a time that is not a number is a fault.
-                if not times.arrive_s[stop] >= now_s + shop.travel_s[at, shop.place[stop]] - TOLERANCE_S:
+                if not times.arrive_s[errand] >= now_s + shop.travel_s[at, shop.place[errand]] - TOLERANCE_S:
                     found.append(Fault(kind="travel", pair=pair))
-                in_order = times.arrive_s[stop] <= times.enter_s[stop] <= times.start_s[stop]
+                in_order = times.arrive_s[errand] <= times.enter_s[errand] <= times.start_s[errand]
                 if not (
-                    in_order and abs(times.start_s[stop] + shop.service_s[stop] - times.end_s[stop]) <= TOLERANCE_S
+                    in_order
+                    and abs(times.start_s[errand] + shop.service_s[errand] - times.end_s[errand]) <= TOLERANCE_S
                 ):
                     found.append(Fault(kind="service", pair=pair))
-                if shop.station[stop] >= 0:
-                    visits.append((stop, vehicle, task))
-                at, now_s = int(shop.place[stop]), float(times.end_s[stop])
-            first = int(shop.first_stop[task])
+                if shop.station[errand] >= 0:
+                    visits.append((errand, vehicle, task))
+                at, now_s = int(shop.place[errand]), float(times.end_s[errand])
+            first = int(shop.first_errand[task])
             if shop.release_s is not None and times.start_s[first] < shop.release_s[task] - TOLERANCE_S:
                 found.append(Fault(kind="release", pair=pair))
             objective += now_s * (1.0 if shop.weight is None else float(shop.weight[task]))
@@ -120,15 +121,15 @@ def _station_faults(shop: Shop, times: Timetable, visits: list[tuple[int, int, i
     found = []
     for station in range(shop.n_stations):
         here = [visit for visit in visits if shop.station[visit[0]] == station]
-        for stop, vehicle, task in here:
+        for errand, vehicle, task in here:
             pair = (vehicle, task)
-            begin_s, end_s, enter_s = times.start_s[stop], times.end_s[stop], times.enter_s[stop]
-            others = [other for other, _, _ in here if other != stop]
+            begin_s, end_s, enter_s = times.start_s[errand], times.end_s[errand], times.enter_s[errand]
+            others = [other for other, _, _ in here if other != errand]
             if begin_s < shop.free_s[station] - TOLERANCE_S:
                 found.append(Fault(kind="closed", pair=pair))
             if any(times.start_s[o] < end_s - TOLERANCE_S and begin_s < times.end_s[o] - TOLERANCE_S for o in others):
                 found.append(Fault(kind="overlap", pair=pair))
             inside = sum(bool(times.enter_s[o] <= enter_s < times.end_s[o] - TOLERANCE_S) for o in others)
-            if inside >= shop.buffer_n[station]:
+            if inside >= shop.n_buffer_places[station]:
                 found.append(Fault(kind="buffer", pair=pair))
     return found

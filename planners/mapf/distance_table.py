@@ -19,9 +19,9 @@ UNREACHABLE = 65_535
 """Distance of a state that has no way to the goal; every real distance is smaller."""
 MEMORY_CAP_BYTES = 2 * 2**30
 """What a table may hold unless it is told otherwise."""
-DETOUR_N = 30
+DETOUR_TIMESTEPS = 30
 """Timesteps of detour that an avoided cell is worth."""
-NO_OTHER_WAY_N = 10_000
+NO_OTHER_WAY = 10_000
 """Added to the distance of a state whose only ways lead through avoided cells, to tell it from the others."""
 _EVICTED_AT_ONCE = 16
 """A full table gives up one part in so many of its rows, so that not every new goal looks for the oldest row."""
@@ -48,8 +48,8 @@ class DistanceTable:
         blocked: Cells nobody may enter, shape (n_cells,).
         memory_cap: Memory for distances [bytes]; a goal costs two per state.
         avoid: Cells that are not to be passed through where there is another way, shape (n_cells,); None = none. Ways
-            may begin and end in them. Their states count `DETOUR_N` more than they are away, so that nobody enters
-            them on his way; distances are then no longer exact there, and where there is no other way.
+            may begin and end in them. Their states count `DETOUR_TIMESTEPS` more than they are away, so that nobody
+            enters them on his way; distances are then no longer exact there, and where there is no other way.
 
     Raises:
         PlanningError: `blocked` has the wrong length or `memory_cap` does not hold one goal.
@@ -136,12 +136,12 @@ class DistanceTable:
             DistanceTooLong: A way to a goal takes more than 65,534 timesteps.
         """
         index: IntArray = np.empty(len(goals), dtype=np.int32)
-        greatest, missing_n = _look_up(goals, self._row_of, index)
+        greatest, n_missing = _look_up(goals, self._row_of, index)
         if greatest >= self.graph.n_states:
             raise PlanningError(f"distance table: goal {greatest}; valid: states 0..{self.graph.n_states - 1}")
         self._call += 1
         _note(index, self._asked, self._call)
-        if missing_n:
+        if n_missing:
             self._search(np.unique(goals[(goals >= 0) & (index < 0)]))
             _look_up(goals, self._row_of, index)
         return self._rows, index
@@ -191,9 +191,9 @@ class DistanceTable:
         _fill(goals, rows, self._before, self._rows, self._queues[0])
         self._before[goal] = before
         around = self._rows[row].astype(np.int64)
-        around[avoided] += np.where(around[avoided] < UNREACHABLE, DETOUR_N, 0)
+        around[avoided] += np.where(around[avoided] < UNREACHABLE, DETOUR_TIMESTEPS, 0)
         around[goal] = 0
-        around = np.where((around >= UNREACHABLE) & (exact < UNREACHABLE), exact + NO_OTHER_WAY_N, around)
+        around = np.where((around >= UNREACHABLE) & (exact < UNREACHABLE), exact + NO_OTHER_WAY, around)
         furthest = int(around[exact < UNREACHABLE].max())
         self._rows[row] = np.minimum(around, UNREACHABLE)
         return furthest
@@ -243,14 +243,14 @@ def _states_before(graph: LaneGraph, is_open: BoolArray) -> npt.NDArray[np.uint3
 @njit(cache=True, nogil=True)
 def _look_up(goals: IntArray, row_of: IntArray, index: IntArray) -> tuple[int, int]:  # pragma: no cover - compiled
     """Fill in the row of each goal, -1 for none; returns the greatest goal and how many have no row yet."""
-    greatest, missing_n = -1, 0
+    greatest, n_missing = -1, 0
     for k in range(len(goals)):
         goal = goals[k]
         greatest = max(greatest, goal)
         index[k] = row_of[goal] if 0 <= goal < len(row_of) else -1
         if goal >= 0 and index[k] < 0:
-            missing_n += 1
-    return greatest, missing_n
+            n_missing += 1
+    return greatest, n_missing
 
 
 @njit(cache=True, nogil=True)

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 import tyro
 
+from fleet.cli.arguments import OPTIONS, read_words
 from fleet.cli.demo import Demo
 from fleet.cli.main import COMMANDS, GROUPS, SITE_COMMANDS, main
-from fleet.cli.words import OPTIONS, read_words
 from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, Perception, RunConfig, StreamKind
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS

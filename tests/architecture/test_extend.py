@@ -187,8 +187,8 @@ class ToyType:
 
     def orders(self, shared, fields, setting):
         """Make the visit."""
-        stops = tuple((setting.places.one(fields, name),) for name in self.required)
-        return (Visit.of(shared, kind="toy", stops=stops),)
+        errands = tuple((setting.places.one(fields, name),) for name in self.required)
+        return (Visit.of(shared, kind="toy", errands=errands),)
 '''
 
 SITE = """name = "toy"

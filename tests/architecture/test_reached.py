@@ -17,7 +17,7 @@ BENCHMARKS, TESTS, NOBODY = "only benchmarks use it", "only tests use it", "noth
 KNOWN = {
     "planners.allocation.arrays.Distances": BENCHMARKS,
     "planners.allocation.matching.prune.UNREACHABLE": BENCHMARKS,
-    "planners.allocation.matching.prune._BLOCK_N": BENCHMARKS,
+    "planners.allocation.matching.prune._BLOCK_ROWS": BENCHMARKS,
     "planners.allocation.matching.prune._FEW": BENCHMARKS,
     "planners.allocation.matching.prune._nearest": BENCHMARKS,
     "planners.allocation.matching.prune._travel_cost": BENCHMARKS,

@@ -134,19 +134,19 @@ def shop_problem(seed: int, n_vehicles: int = 4, n_jobs: int = 9, n_stations: in
     """Jobs with a pick at one station and a drop at another or at none, and everything else a shop may have."""
     rng = np.random.default_rng(seed)
     places = rng.uniform(0.0, 30.0, (12, 2))
-    n_stops = rng.integers(1, 4, n_jobs)
-    first_stop = np.concatenate(([0], np.cumsum(n_stops)))
-    total = int(first_stop[-1])
+    n_errands = rng.integers(1, 4, n_jobs)
+    first_errand = np.concatenate(([0], np.cumsum(n_errands)))
+    total = int(first_errand[-1])
     shop = Shop(
         travel_s=np.linalg.norm(places[:, None] - places[None], axis=2),
         start=rng.integers(0, 12, n_vehicles),
         ready_s=rng.uniform(100.0, 120.0, n_vehicles),
-        first_stop=first_stop,
+        first_errand=first_errand,
         place=rng.integers(0, 12, total),
         station=rng.integers(-1, n_stations, total),
         service_s=rng.uniform(0.0, 15.0, total),
         free_s=rng.uniform(90.0, 130.0, n_stations),
-        buffer_n=rng.integers(1, 3, n_stations),
+        n_buffer_places=rng.integers(1, 3, n_stations),
         release_s=rng.uniform(90.0, 150.0, n_jobs),
         due_s=np.where(rng.random(n_jobs) < 0.5, np.inf, rng.uniform(100.0, 300.0, n_jobs)),
         weight=rng.uniform(0.0, 2.0, n_jobs),
@@ -154,7 +154,7 @@ def shop_problem(seed: int, n_vehicles: int = 4, n_jobs: int = 9, n_stations: in
         late_cost=rng.uniform(0.0, 100.0, n_jobs),
         makespan_weight=float(n_jobs),
     )
-    cost = shop.travel_s[shop.start][:, shop.place[first_stop[:-1]]]
+    cost = shop.travel_s[shop.start][:, shop.place[first_errand[:-1]]]
     cost[rng.random(cost.shape) < 0.2] = INF
     held = np.full(n_vehicles, -1, dtype=np.int32)
     held[0] = 3

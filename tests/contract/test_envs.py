@@ -19,7 +19,7 @@ from fleet.envs import warehouse_v0
 from fleet.envs.core.base import ActionError, EnvState, EpisodeError, StateError
 from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.envs.warehouse.rewards import TERMS, RewardWeights
-from fleet.envs.warehouse.rows import CAR_N, NEAR_M
+from fleet.envs.warehouse.rows import N_CAR_NUMBERS, NEAR_M
 from fleet.errors import ConfigError
 from fleet.missions.phases import CarPhase
 from fleet.sensors.lidar import Lidar, LidarRing
@@ -152,7 +152,7 @@ def test_later_episodes_begin_with_what_the_lidar_meets_there(make: Callable[...
     ring = LidarRing(lidar, car.front_m, car.rear_m, car.half_width_m)
     met = ring.distances(world.rays(*ring.rays(world.car_poses())), np.random.default_rng(0))
     for agent, distances in zip(("car_0", "car_1"), met, strict=True):
-        assert np.array_equal(observations[agent][CAR_N:], distances.astype(np.float32))
+        assert np.array_equal(observations[agent][N_CAR_NUMBERS:], distances.astype(np.float32))
 
 
 def test_every_look_of_the_lidar_has_noise_of_its_own(make: Callable[..., WarehouseEnv]) -> None:
@@ -164,13 +164,13 @@ def test_every_look_of_the_lidar_has_noise_of_its_own(make: Callable[..., Wareho
     car = simulation.scene.car
     ring = LidarRing(lidar, car.front_m, car.rear_m, car.half_width_m)
     rng = np.random.default_rng(int(np.random.SeedSequence(env._seed).generate_state(2)[1]))
-    ring.distances(np.ones(2 * lidar.rays_n), rng)  # the look of the reset
+    ring.distances(np.ones(2 * lidar.n_rays), rng)  # the look of the reset
     state = None
     for n in range(40):
         observations = env.step({agent: np.array([0.3, 0.4]) for agent in env.agents})[0]
         world = env.simulation.world
         met = ring.distances(world.rays(*ring.rays(world.car_poses())), rng).astype(np.float32)
-        assert np.array_equal([observations[f"car_{k}"][CAR_N:] for k in range(2)], met), f"look {n}"
+        assert np.array_equal([observations[f"car_{k}"][N_CAR_NUMBERS:] for k in range(2)], met), f"look {n}"
         if n == 20:
             state, kept = env.save_state(), rng.bit_generator.state
     env.load_state(state)
@@ -178,7 +178,7 @@ def test_every_look_of_the_lidar_has_noise_of_its_own(make: Callable[..., Wareho
     observations = env.step({agent: np.array([0.3, 0.4]) for agent in env.agents})[0]
     world = env.simulation.world
     met = ring.distances(world.rays(*ring.rays(world.car_poses())), rng).astype(np.float32)
-    assert np.array_equal([observations[f"car_{k}"][CAR_N:] for k in range(2)], met)
+    assert np.array_equal([observations[f"car_{k}"][N_CAR_NUMBERS:] for k in range(2)], met)
 
 
 SHOW_HASH = """
@@ -210,7 +210,7 @@ def test_same_seed_same_episodes_in_another_process(repository: Path, fidelity: 
 
 
 def test_copies_are_made_by_the_arguments(make: Callable[..., WarehouseEnv]) -> None:
-    env = make(n_cars=2, tasks=3, max_cycles=20, weights=RewardWeights(contact=-7.0), lidar=Lidar(rays_n=72))
+    env = make(n_cars=2, tasks=3, max_cycles=20, weights=RewardWeights(contact=-7.0), lidar=Lidar(n_rays=72))
     said = episode(env, 6)
     for twin in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
         assert twin.agents == []
@@ -241,7 +241,7 @@ def test_a_state_comes_back_exactly(
     assert (state.quick is not None) == (fidelity == "kinematic")
     expected = [played(env, 2), episode(env, None, 30)]  # to the end, and the next episode
     for _ in range(2):
-        np.testing.assert_equal(env.load_state(state)["car_0"][:CAR_N], expected_row(env))
+        np.testing.assert_equal(env.load_state(state)["car_0"][:N_CAR_NUMBERS], expected_row(env))
         np.testing.assert_equal([played(env, 2), episode(env, None, 30)], expected)
     state.write(tmp_path / "state")
     other = make(fidelity=fidelity, n_arms=n_arms, max_cycles=120)
@@ -287,7 +287,7 @@ def test_later_episodes_and_saved_moments_are_exact_whatever_touched(
 
 def expected_row(env: WarehouseEnv) -> npt.NDArray[np.float32]:
     """Return the first agent's row as `state()` has it."""
-    row: npt.NDArray[np.float32] = env.state()[:CAR_N]
+    row: npt.NDArray[np.float32] = env.state()[:N_CAR_NUMBERS]
     return row
 
 
@@ -462,7 +462,7 @@ class PlannedArms:
         scene = simulation.scene
         self._simulation = simulation
         self._arm_manager = ArmManager(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)
-        self._ticks_n = round(0.1 / simulation.tick_s)
+        self._n_ticks = round(0.1 / simulation.tick_s)
         self._tick = 0
         self._asked: dict[int, object] = {}
 
@@ -475,7 +475,7 @@ class PlannedArms:
             if transfer is not None and transfer is not self._asked.get(arm) and arm_manager.is_idle(arm):
                 self._asked[arm] = transfer
                 arm_manager.submit(transfer, self._tick)
-        for _ in range(self._ticks_n):
+        for _ in range(self._n_ticks):
             arm_manager.tick(self._tick, held)
             self._tick += 1
         speeds = (arm_manager.q - before) / 0.1 / simulation.scene.arm.max_velocity_radps
@@ -512,10 +512,10 @@ def delivered(env: WarehouseEnv, n_steps: int, *, cars: bool, arms: bool, seed: 
 def test_agents_that_know_their_work_finish_the_tasks(
     make: Callable[..., WarehouseEnv], who: str, fidelity: str
 ) -> None:
-    cars_n = 0 if who == "arms" else 1
+    n_cars = 0 if who == "arms" else 1
     env = make(
-        n_cars=cars_n,
-        classical_cars=1 - cars_n,
+        n_cars=n_cars,
+        classical_cars=1 - n_cars,
         n_arms=0 if who == "cars" else None,
         fidelity=fidelity,
         max_cycles=2000,
@@ -567,7 +567,7 @@ def test_tips_go_where_they_are_told(make: Callable[..., WarehouseEnv]) -> None:
 
 @pytest.mark.bullet
 def test_lidar_sees_the_same_in_both_worlds(make: Callable[..., WarehouseEnv]) -> None:
-    lidar = Lidar(rays_n=180, range_m=6.0, noise_m=0.0)
+    lidar = Lidar(n_rays=180, range_m=6.0, noise_m=0.0)
     envs = [make(fidelity=name, n_cars=3, n_arms=0, lidar=lidar, control_hz=20.0) for name in ("kinematic", "physics")]
     for env in envs:
         env.reset(seed=0)
@@ -580,7 +580,7 @@ def test_lidar_sees_the_same_in_both_worlds(make: Callable[..., WarehouseEnv]) -
         world._cars.poses[:] = poses[1]
         origins, ends = ring.rays(poses[1])
         flat = ring.distances(world.rays(origins, ends), np.random.default_rng(0))
-        gaps.append(np.abs(flat - np.array([seen[1][f"car_{k}"][CAR_N:] for k in range(3)])))
+        gaps.append(np.abs(flat - np.array([seen[1][f"car_{k}"][N_CAR_NUMBERS:] for k in range(3)])))
     # A ray past a corner may meet it in one world only; a parked car's body dips by a millimetre.
     assert np.mean(np.array(gaps) * 6.0 > 0.02) < 0.01
     assert np.min(flat) < 0.2

@@ -204,4 +204,4 @@ def test_the_list_of_kernels_is_whole() -> None:
 
 
 def test_stations_have_the_room_of_runs() -> None:
-    assert grid_fleet.CAP_N == AllocationConfig().station_cap_n == SMALL.floor.station_cap
+    assert grid_fleet.STATION_CAP == AllocationConfig().station_cap_n == SMALL.floor.station_cap

@@ -27,7 +27,7 @@ from maps.warehouse import generate_warehouse
 
 ENVS = {"dispatch": dispatch_v0, "traffic": traffic_v0}
 TERMS = {"dispatch": DISPATCH_TERMS, "traffic": TRAFFIC_TERMS}
-CYCLES_N = {"dispatch": 60, "traffic": 120}
+N_CYCLES = {"dispatch": 60, "traffic": 120}
 Maker = Callable[..., LayerEnv]
 
 
@@ -43,7 +43,7 @@ def make(layer: str) -> Iterator[Maker]:
     made: list[LayerEnv] = []
 
     def one(**arguments: Any) -> LayerEnv:
-        arguments = {"site": "small", "n_cars": 4, "max_cycles": CYCLES_N[layer]} | arguments
+        arguments = {"site": "small", "n_cars": 4, "max_cycles": N_CYCLES[layer]} | arguments
         made.append(ENVS[layer].parallel_env(**arguments))
         return made[-1]
 
@@ -156,10 +156,10 @@ def test_copies_are_made_by_the_arguments(make: Maker) -> None:
         twin.close()
 
 
-@pytest.mark.parametrize(("fidelity", "before_n"), [("grid", 40), ("kinematic", 15)])
-def test_a_saved_moment_comes_back_exactly(make: Maker, tmp_path: Path, fidelity: str, before_n: int) -> None:
+@pytest.mark.parametrize(("fidelity", "n_before"), [("grid", 40), ("kinematic", 15)])
+def test_a_saved_moment_comes_back_exactly(make: Maker, tmp_path: Path, fidelity: str, n_before: int) -> None:
     env = make(fidelity=fidelity)
-    said = episode(env, 2, before_n)
+    said = episode(env, 2, n_before)
     state = env.save_state()
     rng = np.random.default_rng(5)
     observations, plays, told = said[-1][0], [], []
@@ -234,7 +234,7 @@ def test_the_shortest_episodes_have_an_order_for_each_car(make: Maker, max_cycle
         env.reset(seed=seed)
         while env.agents:
             env.step({})
-        assert env.steps_n == max_cycles
+        assert env.n_steps == max_cycles
 
 
 def test_calls_that_mean_nothing_are_refused_and_the_episode_goes_on(make: Maker, tmp_path: Path) -> None:
@@ -322,7 +322,7 @@ def played(env: LayerEnv, layer: str, policy: str, seed: int = 0) -> tuple[int, 
     while env.agents:
         observations, rewards, *_ = env.step(mind.act(env, observations))
         total += sum(rewards.values())
-    return env.delivered_n, total
+    return env.n_delivered, total
 
 
 @pytest.mark.parametrize("name", [name for name in POLICIES["dispatch"] if name != "random"])
@@ -349,9 +349,9 @@ def test_pibt_as_a_policy_is_always_granted() -> None:
 
 @pytest.mark.parametrize(("layer", "policy"), [("dispatch", "hungarian"), ("traffic", "pibt")])
 def test_the_grid_tells_what_the_whole_fleet_does(layer: str, policy: str) -> None:
-    cycles_n = {"dispatch": 60, "traffic": 300}[layer]  # five minutes
+    n_cycles = {"dispatch": 60, "traffic": 300}[layer]  # five minutes
     delivered = [
-        played(ENVS[layer].parallel_env(site="small", n_cars=4, fidelity=fidelity, max_cycles=cycles_n), layer, policy)
+        played(ENVS[layer].parallel_env(site="small", n_cars=4, fidelity=fidelity, max_cycles=n_cycles), layer, policy)
         for fidelity in ("grid", "kinematic")
     ]
     assert abs(delivered[0][0] - delivered[1][0]) <= 3

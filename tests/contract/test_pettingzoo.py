@@ -42,7 +42,7 @@ class Case:
     fidelity: str
     arguments: dict[str, Any]
     warned: tuple[str, ...] = ()
-    cycles_n: int = 60
+    n_cycles: int = 60
 
     def parallel_env(self, **arguments: Any) -> Any:
         """Make the parallel form, as a module of PettingZoo's does."""
@@ -66,11 +66,11 @@ CASES = [
     _warehouse(fidelity="kinematic"),
     _warehouse(fidelity="physics"),
     _dispatch(fidelity="grid", arguments={}),
-    _dispatch(fidelity="kinematic", arguments={**PAIR, "decision_s": 1}, cycles_n=8),
-    _dispatch(fidelity="physics", arguments={**PAIR, "decision_s": 1}, cycles_n=4),
+    _dispatch(fidelity="kinematic", arguments={**PAIR, "decision_s": 1}, n_cycles=8),
+    _dispatch(fidelity="physics", arguments={**PAIR, "decision_s": 1}, n_cycles=4),
     _traffic(fidelity="grid", arguments={}),
-    _traffic(fidelity="kinematic", arguments=PAIR, cycles_n=8),
-    _traffic(fidelity="physics", arguments=PAIR, cycles_n=4),
+    _traffic(fidelity="kinematic", arguments=PAIR, n_cycles=8),
+    _traffic(fidelity="physics", arguments=PAIR, n_cycles=4),
     _navigate(fidelity="kinematic"),
     _navigate(fidelity="physics"),
 ]
@@ -99,7 +99,7 @@ def test_the_table_has_every_environment_and_fidelity() -> None:
 @of_every_case
 def test_parallel_api(case: Case) -> None:
     env = case.parallel_env()
-    parallel_api_test(env, num_cycles=case.cycles_n)
+    parallel_api_test(env, num_cycles=case.n_cycles)
     env.close()
 
 
@@ -108,13 +108,13 @@ def test_api_of_the_turn_based_form(case: Case) -> None:
     with warnings.catch_warnings():
         for text in case.warned:
             warnings.filterwarnings("ignore", message=text)
-        api_test(parallel_to_aec(case.parallel_env(max_cycles=case.cycles_n // 2)), num_cycles=case.cycles_n)
+        api_test(parallel_to_aec(case.parallel_env(max_cycles=case.n_cycles // 2)), num_cycles=case.n_cycles)
 
 
 @of_every_case
 def test_seeds(case: Case) -> None:
-    parallel_seed_test(case.parallel_env, num_cycles=case.cycles_n)
-    seed_test(case.env, num_cycles=case.cycles_n)
+    parallel_seed_test(case.parallel_env, num_cycles=case.n_cycles)
+    seed_test(case.env, num_cycles=case.n_cycles)
 
 
 @of_every_case
@@ -124,7 +124,7 @@ def test_max_cycles(case: Case) -> None:
 
 @of_every_case
 def test_state(case: Case) -> None:
-    state_test(case.env(), case.parallel_env(), num_cycles=case.cycles_n // 3)
+    state_test(case.env(), case.parallel_env(), num_cycles=case.n_cycles // 3)
 
 
 @of_every_case

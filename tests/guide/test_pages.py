@@ -16,7 +16,7 @@ from fleet.cli.main import COMMANDS
 from fleet.insight.metrics import Summary
 from tests.guide.pages import DATA, REPOSITORY, RUN, Block, PageError, blocks_of, pages, read_blocks, run_block
 
-MOST_SKIPPED_N = 6
+MOST_SKIPPED = 6
 """Blocks that no test can run: windows, viewers, installations."""
 DOCS = REPOSITORY / "docs"
 IMAGINED = ("planners/allocation/longest_wait.py",)
@@ -51,7 +51,7 @@ def test_every_page_is_in_one_file_of_tests() -> None:
 
 def test_few_blocks_are_skipped() -> None:
     skipped = [block for block in all_blocks() if "skip" in block.marks]
-    assert len(skipped) <= MOST_SKIPPED_N, [block.name for block in skipped]
+    assert len(skipped) <= MOST_SKIPPED, [block.name for block in skipped]
 
 
 def test_files_that_are_printed_are_used() -> None:

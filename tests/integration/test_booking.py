@@ -7,7 +7,7 @@ from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, Scena
 from fleet.dispatch.dispatcher import CALL_S
 from fleet.insight.metrics import Summary
 from fleet.insight.time_accounts import STANDING_MPS
-from fleet.missions.admission import NEAR_N
+from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.phases import CarPhase
 from fleet.run.events import Event
 from fleet.simulation import Simulation
@@ -51,7 +51,7 @@ class Watch:
                 assert " is held: " not in task.reason, "who goes on is not held any more"
         tails = simulation.executor.tail_states()
         for station in simulation.stations:
-            near = simulation.traffic.tables.to(station.dock_state)[tails] <= NEAR_N
+            near = simulation.traffic.tables.to(station.dock_state)[tails] <= NEAR_MOVES
             come = {
                 car
                 for car, goal in enumerate(simulation.traffic.goals)

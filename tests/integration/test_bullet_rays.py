@@ -51,9 +51,9 @@ def crowded(grip: Grip = Grip.SUCTION, cars: tuple[tuple[float, float, float], .
     return world
 
 
-def play(world: BulletWorld, rng: np.random.Generator, ticks_n: int) -> None:
+def play(world: BulletWorld, rng: np.random.Generator, n_ticks: int) -> None:
     """Let everything move at random."""
-    for tick in range(ticks_n):
+    for tick in range(n_ticks):
         if tick % 10 == 0:
             cars = rng.uniform((-0.8, -1.0), (0.8, 1.0), (world.n_cars, 2))
             turns = rng.uniform(-0.5, 0.5, (world.n_arms, 7))
@@ -92,7 +92,7 @@ def test_no_ray_goes_through_an_arm_or_a_parcel(grip: Grip) -> None:
     client = world._client
     moving = [(arm, link) for arm in world._arms.bodies for link in range(-1, client.getNumJoints(arm))]
     moving += [(body, -1) for body in world._parcels.by_body]
-    met_n = 0
+    n_met = 0
     for _ in range(6):
         play(world, rng, 15)
         for arm in world._arms.bodies:
@@ -111,8 +111,8 @@ def test_no_ray_goes_through_an_arm_or_a_parcel(grip: Grip) -> None:
             met = np.array([(hit[0], hit[1]) == (body, link) and hit[2] > 0.0 for hit in hits])
             said = np.array([hit[2] for hit in hits])
             assert np.array_equal(world.rays(origins, ends)[met], said[met]), (body, link)
-            met_n += int(met.sum())
-    assert met_n > 1000
+            n_met += int(met.sum())
+    assert n_met > 1000
     world.close()
 
 

@@ -136,14 +136,14 @@ def test_a_car_drives_straight_and_brakes(make_world: MakeWorld) -> None:
     np.testing.assert_allclose(world.car_poses()[0], stop, atol=5e-4)  # a standing car does not creep
 
 
-AT_ONCE = BulletConfig(tick_s=exact_tick_s(8, 240.0), at_once_n=8)
+AT_ONCE = BulletConfig(tick_s=exact_tick_s(8, 240.0), n_steps_per_call=8)
 """Eight steps of 1/240 s in one call of the engine."""
 
 
 def test_motors_are_as_strong_when_steps_are_made_at_once(make_world: MakeWorld) -> None:
     gained = []
     for at_once in (False, True):
-        settings = {"tick_s": AT_ONCE.tick_s, "at_once_n": 8} if at_once else {"tick_s": AT_ONCE.tick_s / 4}
+        settings = {"tick_s": AT_ONCE.tick_s, "n_steps_per_call": 8} if at_once else {"tick_s": AT_ONCE.tick_s / 4}
         world = make_world(cars=[(1.0, 1.0, 0.0)], **settings)
         run(world, 0.2, (0.0, 2.0))
         gained.append(world.car_speeds()[0])
@@ -169,7 +169,7 @@ def test_an_arm_too_weak_for_its_weight_sinks_also_when_steps_are_made_at_once()
 
 
 def test_a_car_hardly_creeps_on_its_wheels_when_steps_are_made_at_once(make_world: MakeWorld) -> None:
-    world = make_world(cars=[(1.0, 1.0, 0.0), (3.0, 1.0, 0.7)], tick_s=AT_ONCE.tick_s, at_once_n=8)
+    world = make_world(cars=[(1.0, 1.0, 0.0), (3.0, 1.0, 0.7)], tick_s=AT_ONCE.tick_s, n_steps_per_call=8)
     run(world, 1.0, (0.5, 0.6))
     run(world, 1.0)
     stop = world.car_poses()

@@ -91,9 +91,9 @@ def test_a_parcel_on_any_slot_is_located(rig: Rig, slot: int) -> None:
 def test_a_camera_that_sees_nothing_says_so(rig: Rig) -> None:
     x, y, z = rig.place.slots[0]
     rig.put(x + 3.0, y, z)
-    before = rig.eye.blind_n
+    before = rig.eye.n_blind
     assert rig.find().reason == f"camera_{rig.place.name} sees no part of the parcel"
-    assert rig.eye.blind_n == before + 1
+    assert rig.eye.n_blind == before + 1
     assert rig.said[-1][0] == "parcel_not_located"
 
 

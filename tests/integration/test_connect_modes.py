@@ -32,10 +32,10 @@ pybullet.disconnect(server)
 ENGINE_WORDS = ("GL_", "GLX", "X11", "ven =", "thread", "semaphore", "argv", "build time", "b3", "ersion", "Mesa")
 
 
-def hash_after(config: RunConfig, ticks_n: int) -> str:
+def hash_after(config: RunConfig, n_ticks: int) -> str:
     """Run a while and return the state's hash."""
     with Simulation(config) as simulation:
-        for _ in range(ticks_n):
+        for _ in range(n_ticks):
             simulation.tick()
         return simulation.state_hash()
 

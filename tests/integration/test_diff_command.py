@@ -198,6 +198,6 @@ run_session(config, SessionConfig(out=Path({str(tmp_path / "run")!r}), record=Fa
 """
     done = subprocess.run([sys.executable, "-c", code], check=False, env=dict(os.environ), timeout=300)
     assert done.returncode == -9
-    from fleet.report.run import load_run
+    from fleet.report.loaded_run import load_run
 
     assert load_run(tmp_path / "run").trace.n_ticks == 120

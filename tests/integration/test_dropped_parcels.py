@@ -96,7 +96,7 @@ def test_an_overloaded_cup_says_so() -> None:
         cause = str(of_kind(log, "parcel_dropped")[0].facts["cause"])
         assert cause.startswith("it pulled with ")
         assert cause.endswith(" N, the cup holds 0.5 N")
-        assert simulation.arm_manager.dropped_n == 1
+        assert simulation.arm_manager.n_dropped == 1
         assert np.all(simulation.world.held() == -1)
 
 

@@ -60,28 +60,28 @@ def test_slots_are_filled_in_the_order_of_the_plan_if_there_is_one(make: Make, a
     """The last order of the file is the only one that is urgent."""
     log: list[Event] = []
     with make(allocator, [3000.0] * 9 + [150.0], log) as simulation:
-        slots_n = len(simulation.stations[0].contents)
-        while sum(event.kind == "parcel_entered" for event in log) < slots_n + 2:
+        n_slots = len(simulation.stations[0].contents)
+        while sum(event.kind == "parcel_entered" for event in log) < n_slots + 2:
             simulation.tick()
     entered = [event.facts["task"] for event in log if event.kind == "parcel_entered"]
-    assert entered[:slots_n] == [f"o{k}" for k in range(slots_n)], "at the start there is no plan yet"
+    assert entered[:n_slots] == [f"o{k}" for k in range(n_slots)], "at the start there is no plan yet"
     assert ("o9" in entered) == (allocator == "regret_lns")
 
 
 def test_a_plan_knows_ages_due_dates_slots_and_the_plan_before(make: Make) -> None:
     with make("own_allocators.Listener", [DUE_S] * 10) as simulation:
         while simulation.sim_s <= 10.0:
-            now_s, asked_n = simulation.sim_s, len(ASKED)
+            now_s, n_asked = simulation.sim_s, len(ASKED)
             simulation.tick()
-        assert len(ASKED) == asked_n + 2, "every 5 s one plan for slots, and one for cars"
+        assert len(ASKED) == n_asked + 2, "every 5 s one plan for slots, and one for cars"
         fills, sends = (problem.shop for problem in ASKED[-2:])
         first = ASKED[0].shop
-        ready_n, waiting_n = (simulation.board.count(state) for state in (TaskState.READY, TaskState.BACKLOG))
+        n_ready, n_waiting = (simulation.board.count(state) for state in (TaskState.READY, TaskState.BACKLOG))
     assert first is not None
     assert fills is not None
     assert sends is not None
-    assert min(ready_n, waiting_n) > 0
-    assert (fills.n_jobs, sends.n_jobs) == (ready_n + waiting_n, ready_n)
+    assert min(n_ready, n_waiting) > 0
+    assert (fills.n_jobs, sends.n_jobs) == (n_ready + n_waiting, n_ready)
     for shop in (fills, sends):
         np.testing.assert_allclose(shop.due_s, DUE_S - now_s)
         np.testing.assert_allclose(shop.weight, 1.0 + AllocationConfig().ageing * now_s / AGED_S)
@@ -93,7 +93,7 @@ def test_a_plan_knows_ages_due_dates_slots_and_the_plan_before(make: Make) -> No
     assert first.first_order.tolist() == [], "before the first there was none"
     assert fills.release_s is not None
     # What lies on a slot can be picked at once, and the rest as slots are emptied.
-    np.testing.assert_allclose(np.sort(fills.release_s), [0.0] * ready_n + [SLOT_S * (k + 1) for k in range(waiting_n)])
+    np.testing.assert_allclose(np.sort(fills.release_s), [0.0] * n_ready + [SLOT_S * (k + 1) for k in range(n_waiting)])
 
 
 def test_a_task_waits_for_a_car_that_is_busy_and_knows_when_it_is_free(make: Make) -> None:

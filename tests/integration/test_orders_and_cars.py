@@ -105,7 +105,7 @@ def test_another_source_serves_when_the_first_is_full(make: Make) -> None:
     first = [f"f{k},0,pick_1,drop_1,0.3" for k in range(4)]
     with make(*first, "x,0,pick_1,drop_2,0.3,,,,pick_2", "y,0,pick_1,drop_2,0.3") as simulation:
         simulation.tick()
-        assert simulation.stations[0].free_n == 0
+        assert simulation.stations[0].n_free == 0
         assert simulation.board.named("x").pick == "pick_2"
         assert simulation.explain_assignment("y").reason is TaskReason.WAITS_FOR_SLOT
         until(simulation, "x", TaskState.DELIVERED)

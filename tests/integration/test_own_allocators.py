@@ -1,4 +1,4 @@
-"""Allotment: an allocator of one's own is checked, and what an allocator has to say is heard."""
+"""Task allocation: an allocator of one's own is checked, and what an allocator has to say is heard."""
 
 import sys
 from types import ModuleType

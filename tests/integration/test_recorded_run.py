@@ -148,10 +148,10 @@ def test_cells_in_which_cars_stood_are_marked_and_no_others(seen: Seen) -> None:
 
 def _neighbourhood_s(seen: Seen, stood_s: np.ndarray) -> np.ndarray:
     """Time in a cell and the cells beside it: a strip at the edge of a cell is as near to its neighbour."""
-    rows_n, cols_n = seen.simulation.site.grid.rows, seen.simulation.site.grid.cols
-    padded = np.pad(stood_s.reshape(rows_n, cols_n), 1)
+    n_rows, n_cols = seen.simulation.site.grid.rows, seen.simulation.site.grid.cols
+    padded = np.pad(stood_s.reshape(n_rows, n_cols), 1)
     return sum(
-        padded[1 + dr : 1 + dr + rows_n, 1 + dc : 1 + dc + cols_n] for dr in (-1, 0, 1) for dc in (-1, 0, 1)
+        padded[1 + dr : 1 + dr + n_rows, 1 + dc : 1 + dc + n_cols] for dr in (-1, 0, 1) for dc in (-1, 0, 1)
     ).ravel()
 
 

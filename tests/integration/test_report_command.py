@@ -16,15 +16,15 @@ from fleet.insight.causes import OWN, Cause
 from fleet.insight.time_accounts import Account
 from fleet.insight.time_table import NoPandas
 from fleet.recording.trace_file import CHANGE, Quantity
+from fleet.report.loaded_run import Run, load_run
 from fleet.report.page import ACCOUNTS
 from fleet.report.plots import columns
-from fleet.report.run import Run, load_run
 from fleet.report.table import Table, table
 from fleet.report.tables import tables_of
 from fleet.report.waits import GROUPS
 from fleet.session import SessionConfig, run_session
 
-CARS_N, SECONDS = 6, 60.0
+N_CARS, SECONDS = 6, 60.0
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     out = tmp_path_factory.mktemp("report") / "run"
     config = RunConfig(
         site="small",
-        robots=CARS_N,
+        robots=N_CARS,
         tasks=12,
         duration_s=SECONDS,
         fidelity=Fidelity.KINEMATIC,
@@ -82,21 +82,21 @@ def test_each_robot_s_accounts_add_up_to_the_run(tables: dict[str, Table]) -> No
     robots = tables["robots"]
     sums = sum(robots[name] for name in robots.columns if name != "robot")
     assert np.allclose(sums, SECONDS, atol=1e-6)
-    assert robots["robot"].tolist()[:CARS_N] == [f"car_{car}" for car in range(CARS_N)]
+    assert robots["robot"].tolist()[:N_CARS] == [f"car_{car}" for car in range(N_CARS)]
 
 
-def test_every_account_of_the_ledger_has_a_name_and_a_colour() -> None:
+def test_every_time_account_has_a_name_and_a_colour() -> None:
     assert set(ACCOUNTS) == {account.name.lower() for account in Account}
 
 
 def test_cars_are_somewhere_all_the_time(tables: dict[str, Table]) -> None:
-    assert tables["cells"]["cars_s"].sum() == pytest.approx(CARS_N * SECONDS)
+    assert tables["cells"]["cars_s"].sum() == pytest.approx(N_CARS * SECONDS)
 
 
 def test_waiting_in_cells_is_waiting_in_causes(run: Run, tables: dict[str, Table]) -> None:
     rows = run.causes.since(0)
     expected = dict.fromkeys(GROUPS, 0.0)
-    for car in range(CARS_N):
+    for car in range(N_CARS):
         own = rows[rows[:, 1] == car]
         for change, end in zip(own, [*own[1:, 0], run.causes.end_tick], strict=True):
             for group, causes in GROUPS.items():
@@ -166,7 +166,7 @@ def test_the_page_needs_nothing_else_and_says_all(
     for heading in ("Where the time went", "Who caused the waiting", "The longest waits", "Where on the floor",
                     "Throughput", "Stations", "Faults and events", "All figures"):  # fmt: skip
         assert heading in page.text
-    assert page.text.count("100.0") >= CARS_N + 1
+    assert page.text.count("100.0") >= N_CARS + 1
     assert "nan" not in page.text
     for name, one in tables.items():
         with (tmp_path / "page" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
@@ -235,8 +235,8 @@ def change(path: Path, old: str, new: str) -> None:
 def spoil_cell(path: Path) -> None:
     """Put a car into a cell that the floor does not have."""
     head, _, content = path.read_bytes().partition(b"\n")
-    ticks_n, changes_n = np.frombuffer(content, "<u4", 2)
-    table = np.frombuffer(bytearray(content), CHANGE, changes_n, 8 + ticks_n * (8 + 2 * (CARS_N + 4)))
+    n_ticks, n_changes = np.frombuffer(content, "<u4", 2)
+    table = np.frombuffer(bytearray(content), CHANGE, n_changes, 8 + n_ticks * (8 + 2 * (N_CARS + 4)))
     table["value"][np.flatnonzero(table["quantity"] == Quantity.CELL)[0]] = 16 * 99
     path.write_bytes(head + b"\n" + table.base.obj)  # type: ignore[union-attr]
 

@@ -78,8 +78,8 @@ def test_the_same_seed_is_the_same_run() -> None:
 
 def test_a_planning_process_gives_the_same_run() -> None:
     hashes = []
-    for workers_n in (0, 1):
-        arms = ArmConfig(workers_n=workers_n, planner=PLANNER.planner)
+    for n_workers in (0, 1):
+        arms = ArmConfig(workers_n=n_workers, planner=PLANNER.planner)
         config = RunConfig(site="twin", fidelity=Fidelity.KINEMATIC, robots=6, duration_s=40.0, arms=arms)
         with Simulation(config) as simulation:
             run(simulation)

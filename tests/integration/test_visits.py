@@ -301,7 +301,7 @@ def test_slots_that_were_promised_to_a_cancelled_order_are_free_again(make: Make
         simulation.cancel(leg)
         simulation.run(check)
         assert simulation.parcel_balance() == 0
-        assert all(station.free_n == len(station.contents) for station in simulation.stations)
+        assert all(station.n_free == len(station.contents) for station in simulation.stations)
 
 
 def test_another_car_goes_on_where_one_died_between_two_legs(make: Make) -> None:
@@ -346,12 +346,12 @@ def test_all_that_waits_for_a_cancelled_order_fails_at_once(make: Make) -> None:
         assert [task.state for task in simulation.board.tasks] == [*[TaskState.FAILED] * 3, TaskState.CANCELLED]
 
 
-def test_a_visit_goes_on_with_another_car_at_the_stop_where_one_died(make: Make) -> None:
+def test_a_visit_goes_on_with_another_car_at_the_errand_where_one_died(make: Make) -> None:
     log: list[Event] = []
     walk = {"id": "walk", "type": "patrol", "places": ["pick_1", "6,1", "drop_2", "parking_5"], "stand_s": 5}
     with make(walk, robots=3, log=log) as simulation:
         task = simulation.board.named("walk")
-        while task.stops_n < 2:
+        while task.n_errands_done < 2:
             simulation.tick()
         first = task.car
         assert first is not None

@@ -59,7 +59,7 @@ def test_the_end_of_an_episode_is_told_and_the_next_begins(cars: TypeVecEnv) -> 
         assert dones.all() == (step == 4)
     assert all(info["TimeLimit.truncated"] for info in infos)
     assert all(info["terminal_observation"].shape == rows[0].shape for info in infos)
-    assert [env.steps_n for env in cars.envs] == [0, 0]
+    assert [env.n_steps for env in cars.envs] == [0, 0]
 
 
 def test_a_seed_decides_the_episodes(cars: TypeVecEnv) -> None:
@@ -106,7 +106,7 @@ def test_robots_are_stepped_in_processes_of_their_own() -> None:
 
 
 def test_the_benchmark_of_processes_has_the_same_episodes_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(subproc, "WARM_N", 1)
+    monkeypatch.setattr(subproc, "WARM_STEPS", 1)
     monkeypatch.setattr(subproc, "SECONDS", (0.01, 0.01))
     monkeypatch.setattr(subproc, "ROBOTS", {"KukaReach": subproc.ROBOTS["KukaReach"]})
     trial = Trial(quick=True, seeds=(0,))

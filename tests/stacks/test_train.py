@@ -93,24 +93,24 @@ def _guess(monkeypatch: pytest.MonkeyPatch) -> None:
         scripted=lambda: Random(0),
         script="chance",
         figures=("hits",),
-        steps_n=1000,
+        n_steps=1000,
         ppo=PPO,
     )
     monkeypatch.setitem(RECIPES, "guess", recipe)
 
 
-def config(updates_n: int, **changes: Any) -> TrainConfig:
-    steps_n = updates_n * PPO.horizon_n * PPO.envs_n * 3
-    return replace(TrainConfig(env="guess", steps_n=steps_n, checkpoint_n=2, ppo=PPO), **changes)
+def config(n_updates: int, **changes: Any) -> TrainConfig:
+    n_steps = n_updates * PPO.horizon_n * PPO.envs_n * 3
+    return replace(TrainConfig(env="guess", steps_n=n_steps, checkpoint_n=2, ppo=PPO), **changes)
 
 
 def weights(trainer: Trainer) -> list[float]:
     return [x for one in trainer.learners.values() for p in one.network.parameters() for x in p.flatten().tolist()]
 
 
-def trained(folder: Path, updates_n: int, **changes: Any) -> Trainer:
+def trained(folder: Path, n_updates: int, **changes: Any) -> Trainer:
     folder.mkdir(exist_ok=True)
-    trainer = Trainer(config(updates_n, **changes), folder)
+    trainer = Trainer(config(n_updates, **changes), folder)
     assert trainer.run(lambda row: None, [])
     return trainer
 
@@ -134,7 +134,7 @@ def test_a_resumed_run_ends_where_the_other_ends_to_the_last_bit(tmp_path: Path)
     # Stopped in the middle between two checkpoints: the third update is lost and made again.
     assert not first.run(lambda row: stop.append(1) if row["update"] == 3 else None, stop)
     second = Trainer(config(6), tmp_path / "parts", resume=True)
-    assert second.done_n == 2
+    assert second.n_done == 2
     assert second.run(lambda row: None, [])
     assert weights(second) == weights(whole)
     assert repr(second.rows) == repr(whole.rows)

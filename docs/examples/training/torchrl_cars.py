@@ -20,16 +20,16 @@ from fleet.envs import dispatch_v0, navigate_v0
 
 ENVS = {"navigate": navigate_v0.parallel_env, "dispatch": dispatch_v0.parallel_env}
 GROUP = "car"
-CARS_N = 6
+N_CARS = 6
 
 
 def networks(env: PettingZooWrapper, *, masked: bool) -> tuple[ProbabilisticActor, TensorDictModule]:
     """Policy and value, shared by all cars."""
     row = (GROUP, "observation", "observation") if masked else (GROUP, "observation")
-    sizes = {"n_agents": CARS_N, "centralized": False, "share_params": True, "depth": 2, "num_cells": 64}
+    sizes = {"n_agents": N_CARS, "centralized": False, "share_params": True, "depth": 2, "num_cells": 64}
 
-    def network(outputs_n: int) -> MultiAgentMLP:
-        return MultiAgentMLP(n_agent_inputs=env.observation_spec[row].shape[-1], n_agent_outputs=outputs_n, **sizes)
+    def network(n_outputs: int) -> MultiAgentMLP:
+        return MultiAgentMLP(n_agent_inputs=env.observation_spec[row].shape[-1], n_agent_outputs=n_outputs, **sizes)
 
     if masked:
         actor = network(env.full_action_spec_unbatched[GROUP, "action"].space.n)
@@ -57,7 +57,7 @@ def main() -> None:
 
     torch.manual_seed(0)
     masked = options.env == "dispatch"
-    env = PettingZooWrapper(ENVS[options.env](n_cars=CARS_N), use_mask=masked)
+    env = PettingZooWrapper(ENVS[options.env](n_cars=N_CARS), use_mask=masked)
     check_env_specs(env, seed=0)
     policy, critic = networks(env, masked=masked)
     loss = ClipPPOLoss(policy, critic, clip_epsilon=0.2, entropy_coeff=0.0, normalize_advantage=True)

@@ -134,7 +134,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         self.action_spaces = dict(action_spaces)
         self.possible_agents = list(observation_spaces)
         self.agents: list[str] = []
-        self.steps_n = 0
+        self.n_steps = 0
         """Steps of the episode so far."""
         self._series = np.random.default_rng(config.seed)
         self._seed = -1
@@ -237,7 +237,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
                 raise StateError(f"load_state: saved with {key} = {state.arguments.get(key)!r}; valid: {value!r}")
         self._seed = state.seed
         if state.quick is not None and self._restore(state.quick):
-            self._log, self.steps_n = list(state.actions), len(state.actions)
+            self._log, self.n_steps = list(state.actions), len(state.actions)
             self.agents = self.possible_agents[:]
         else:
             self._start()
@@ -306,7 +306,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
 
     def _start(self) -> tuple[dict[str, Any], Infos]:
         # Should the beginning fail, no episode is under way.
-        self.agents, self._log, self.steps_n = [], [], 0
+        self.agents, self._log, self.n_steps = [], [], 0
         seed, self._seed = self._seed, -1
         infos = self._begin(seed)
         self._seed = seed
@@ -316,8 +316,8 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     def _do(self, resolved: Any) -> StepReturn:
         rewards, done, infos = self._advance(resolved)
         self._log.append(resolved)
-        self.steps_n += 1
-        out_of_time = not done and self.steps_n >= self.max_cycles
+        self.n_steps += 1
+        out_of_time = not done and self.n_steps >= self.max_cycles
         agents = self.agents
         if done or out_of_time:
             self.agents = []

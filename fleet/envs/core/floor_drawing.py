@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.envs.core.base import Picture
 from fleet.robots.racecar import racecar_spec
-from fleet.world.protocol import FloatArray
 from maps.site import Site
 
 LONGER_SIDE_PX = 960
 CELL_PX = (4, 40)
 """Least and most pixels of a cell."""
-LINE_N = 40
+N_LINE_DOTS = 40
 """Dots of the line from a car to its goal."""
 
 Colour = tuple[int, int, int]
@@ -58,7 +58,7 @@ class FloorDrawing:
             Shape (height, width, 3).
         """
         image = self._floor.copy()
-        parts = np.linspace(0.0, 1.0, LINE_N)[:, None]
+        parts = np.linspace(0.0, 1.0, N_LINE_DOTS)[:, None]
         for pose, goal in zip(poses, goals, strict=True):
             self._dots(image, pose[:2] + parts * (goal - pose[:2]), GOAL)
         for pose, has_parcel in zip(poses, loaded.tolist(), strict=True):

@@ -44,6 +44,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.config import Fidelity, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.base import Infos, in_order, turn_based
@@ -57,7 +58,6 @@ from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
 from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.sites import place_of
 from fleet.tasks.order import Delivery
-from fleet.world.protocol import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +155,7 @@ class DispatchEnv(LayerEnv[DispatchView]):
 
     def _look(self) -> DispatchView:
         assert self.fleet is not None
-        return self.fleet.view(max(0.0, 1.0 - self.steps_n / self.max_cycles))
+        return self.fleet.view(max(0.0, 1.0 - self.n_steps / self.max_cycles))
 
     def _rows_now(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8]]:
         rows, masks, self.candidates = self.observer.look(self.view)

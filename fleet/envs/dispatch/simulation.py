@@ -99,7 +99,7 @@ class SimulatedDispatch(SimulatedFleet):
             age_s=np.array([now_s - task.order.release_s for task in ready], dtype=np.float64),
             due_s=np.array([task.order.due_s - now_s for task in ready], dtype=np.float64),
             under_way=under_way,
-            backlog_n=board.count(TaskState.BACKLOG),
+            n_backlog=board.count(TaskState.BACKLOG),
         )
 
     def give(self, pairs: Sequence[tuple[int, int]]) -> None:

@@ -9,18 +9,18 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.config import AllocationConfig
-from fleet.envs.grid.fleet import ROOM_N, TIMESTEP_S, FleetSite
+from fleet.envs.grid.fleet import STATION_ROOM, TIMESTEP_S, FleetSite
 from fleet.envs.grid.kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
-from fleet.world.protocol import FloatArray
 from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
 
-OWN_N, CANDIDATE_N, SUMMARY_N = 12, 11, 6
+N_OWN, N_PER_CANDIDATE, N_SUMMARY = 12, 11, 6
 """Numbers about the car itself, about each candidate, and about the fleet."""
 TIME_S = 300.0
 """Times are told in units of this [s]."""
-CROWD_N = 4
+MOST_CROWDED = 4
 """Nearer cars are counted up to this."""
 _TIES = 1 << 20
 
@@ -58,7 +58,7 @@ class DispatchView(NamedTuple):
     """Time since the release, and until the due date (inf = none), shape (m,)."""
     under_way: Ints
     """Tasks whose cars have still to come to each station, shape (k,)."""
-    backlog_n: int
+    n_backlog: int
     """Tasks that wait for a slot."""
 
 
@@ -67,13 +67,13 @@ class DispatchObserver:
 
     Args:
         place: The site.
-        candidates_n: Tasks that a car can choose from.
+        n_candidates: Tasks that a car can choose from.
     """
 
-    def __init__(self, place: FleetSite, candidates_n: int) -> None:
+    def __init__(self, place: FleetSite, n_candidates: int) -> None:
         self._place = place
-        self._k = candidates_n
-        self.n_numbers = OWN_N + candidates_n * CANDIDATE_N + SUMMARY_N
+        self._k = n_candidates
+        self.n_numbers = N_OWN + n_candidates * N_PER_CANDIDATE + N_SUMMARY
         """Length of a row."""
         self._size = np.array([place.site.grid.cols, place.site.grid.rows]) * place.site.grid.cell_m
 
@@ -100,7 +100,7 @@ class DispatchObserver:
             candidates,
         )
         rows[:, 11] = mask[:, 1]
-        rows[:, OWN_N + k * CANDIDATE_N :] = self._summary(view)
+        rows[:, N_OWN + k * N_PER_CANDIDATE :] = self._summary(view)
         np.clip(rows, -1.0, 1.0, out=rows)
         return rows, mask, candidates
 
@@ -135,7 +135,7 @@ class DispatchObserver:
     @staticmethod
     def offered(view: DispatchView) -> Bools:
         """Whether there is room for one more task at both ends of each ready task, shape (m,)."""
-        offered: Bools = np.maximum(view.under_way[view.pick], view.under_way[view.drop]) < ROOM_N
+        offered: Bools = np.maximum(view.under_way[view.pick], view.under_way[view.drop]) < STATION_ROOM
         return offered
 
     def _tell_own(self, view: DispatchView, rows: npt.NDArray[np.float32]) -> None:
@@ -156,7 +156,7 @@ class DispatchObserver:
             [
                 view.free.mean(),
                 len(view.task) / (len(view.task) + n),
-                view.backlog_n / (view.backlog_n + n),
+                view.n_backlog / (view.n_backlog + n),
                 loaded.mean(),
                 late.mean() if len(late) else 0.0,
                 view.left,
@@ -196,7 +196,7 @@ def fill_candidates(
     kept = 0
     offered = np.empty(m, dtype=np.int64)
     for j in pressing:
-        if max(view.under_way[view.pick[j]], view.under_way[view.drop[j]]) < ROOM_N:
+        if max(view.under_way[view.pick[j]], view.under_way[view.drop[j]]) < STATION_ROOM:
             offered[kept], turn[kept] = j, seen[view.pick[j]]
             seen[view.pick[j]] += 1
             kept += 1
@@ -225,9 +225,9 @@ def fill_candidates(
             nearer = 0
             for other in free_cars:
                 nearer += int(floor.distance[pick_row, view.state[other]] < moves)
-                if nearer == CROWD_N:
+                if nearer == MOST_CROWDED:
                     break
-            at = OWN_N + c * CANDIDATE_N
+            at = N_OWN + c * N_PER_CANDIDATE
             rows[car, at] = 1.0
             rows[car, at + 1] = moves / far_steps
             rows[car, at + 2] = rest / far_steps
@@ -238,6 +238,6 @@ def fill_candidates(
                 rows[car, at + 5] = (view.due_s[j] - takes_s) / TIME_S
             rows[car, at + 6] = view.rank[j] == 0
             rows[car, at + 7] = view.rank[j] == 2
-            rows[car, at + 8] = view.under_way[view.pick[j]] / ROOM_N
-            rows[car, at + 9] = view.under_way[view.drop[j]] / ROOM_N
-            rows[car, at + 10] = nearer / CROWD_N
+            rows[car, at + 8] = view.under_way[view.pick[j]] / STATION_ROOM
+            rows[car, at + 9] = view.under_way[view.drop[j]] / STATION_ROOM
+            rows[car, at + 10] = nearer / MOST_CROWDED

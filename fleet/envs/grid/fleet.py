@@ -20,7 +20,7 @@ from fleet.config import AllocationConfig
 from fleet.dispatch.offers import QUEUE_S
 from fleet.envs.grid import kernel
 from fleet.envs.grid.kernel import NEVER, NONE, CarTable, Counts, Floor, Stage, StationTable, TaskTable
-from fleet.missions.admission import NEAR_N
+from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S
 from fleet.stations.service_time import PRIOR_MEAN_S
 from fleet.tasks.order import Delivery
@@ -31,9 +31,9 @@ from planners.mapf.pibt import Stepper
 
 TIMESTEP_S = 1.0
 """Time of one move: a cell of 1 m at the 1 m/s of aisles [s]."""
-CAP_N = AllocationConfig.station_cap_n
+STATION_CAP = AllocationConfig.station_cap_n
 """Cars near one station at once, as in any run."""
-ROOM_N = max(CAP_N + 1, round(QUEUE_S / PRIOR_MEAN_S))
+STATION_ROOM = max(STATION_CAP + 1, round(QUEUE_S / PRIOR_MEAN_S))
 """Tasks under way to one station at once, as in any run (`fleet.dispatch.allocation`)."""
 N_KINDS = 4
 """Kinds of moves of a car: straight, left, right, reverse."""
@@ -70,8 +70,8 @@ class FleetSite:
             spot_row=row[k:].astype(np.int32),
             n_slots=np.array([len(place.slots) for place in site.stations], dtype=np.int32),
             service_steps=round(PRIOR_MEAN_S / TIMESTEP_S),
-            station_cap=CAP_N,
-            near_moves=NEAR_N,
+            station_cap=STATION_CAP,
+            near_moves=NEAR_MOVES,
             loaded_rank=round(LOADED_RANK_S / TIMESTEP_S),
             urgent_rank=round(EMERGENCY_RANK_S / TIMESTEP_S),
         )
@@ -142,7 +142,7 @@ class GridFleet:
 
     def assign_nearest(self) -> None:
         """Give the ready tasks to the nearest free cars."""
-        kernel.assign_nearest(self.place.floor, self.cars, self.tasks, self.stations, ROOM_N, self.now)
+        kernel.assign_nearest(self.place.floor, self.cars, self.tasks, self.stations, STATION_ROOM, self.now)
         self.direct()
 
     def direct(self) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box, Dict, Discrete
 
+from fleet.arrays import FloatArray
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture
 from fleet.envs.core.choices import whole_numbers
 from fleet.envs.core.floor_drawing import FloorDrawing
@@ -20,7 +21,6 @@ from fleet.envs.layers.fleets import Fleet
 from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.tasks.order import Delivery
-from fleet.world.protocol import FloatArray
 
 if TYPE_CHECKING:  # heavy, and most trainings record nothing
     from fleet.recording import PictureRecorder
@@ -78,7 +78,7 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         self.state_space = Box(-1.0, 1.0, (n_cars * n_numbers,), np.float32)
         self.fleet: Any = None
         """The episode's fleet; None before the first `reset`."""
-        self.delivered_n = 0
+        self.n_delivered = 0
         """Deliveries of the episode."""
         self.late_s = 0.0
         """Time by which they were late, together [s]."""
@@ -157,7 +157,7 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         rng = np.random.default_rng(of_orders)
         orders = episode_orders(self.place, self._n_cars, float(self.config.load), duration_s, rng)
         self.fleet = self._fleet_of(orders, int(of_fleet.generate_state(1)[0]), duration_s)
-        self.delivered_n, self.late_s = 0, 0.0
+        self.n_delivered, self.late_s = 0, 0.0
         self._n_episodes += 1
         if self.render_mode == "rerun":
             self._open_recorder()
@@ -173,7 +173,7 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         self.fleet.forget()
         terms, waits = self._play(np.where(legal, resolved, 0))
         counts: Counts = self.fleet.counts
-        self.delivered_n += int(counts.delivered.sum())
+        self.n_delivered += int(counts.delivered.sum())
         self.late_s += float(counts.late.sum()) * TIMESTEP_S
         rewards = dict(zip(self.possible_agents, terms.sum(axis=1).tolist(), strict=True))
         return rewards, False, self._infos(terms, waits, ~legal)
@@ -187,10 +187,10 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
 
     def _quick(self) -> Any:
         fleet = self.fleet.copy()
-        return fleet and (fleet, self.delivered_n, self.late_s)
+        return fleet and (fleet, self.n_delivered, self.late_s)
 
     def _restore(self, quick: Any) -> bool:
-        fleet, self.delivered_n, self.late_s = quick[:3]
+        fleet, self.n_delivered, self.late_s = quick[:3]
         self._end()
         self.fleet = fleet.copy()
         return True
@@ -202,8 +202,8 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
 
     def _record(self) -> None:
         recorder = self._recorder or self._open_recorder()
-        figures = {"delivered": float(self.delivered_n), "late_min": self.late_s / 60.0}
-        recorder.show(self._picture(), self.steps_n * self.config.step_s, figures)
+        figures = {"delivered": float(self.n_delivered), "late_min": self.late_s / 60.0}
+        recorder.show(self._picture(), self.n_steps * self.config.step_s, figures)
 
     def _open_recorder(self) -> PictureRecorder:
         from fleet.recording import PictureRecorder

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import Counts, Phase
 from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
 from fleet.run.events import Event
 from fleet.simulation import Simulation
 from fleet.tasks.board import Task, TaskState
-from fleet.world.protocol import FloatArray
 
 PHASE = dict.fromkeys(CarPhase, Phase.OUT) | {
     CarPhase.IDLE: Phase.FREE,
@@ -34,7 +34,7 @@ class FleetCounter:
     def __init__(self, simulation: Simulation) -> None:
         self.counts = Counts.of(simulation.world.n_cars, np.float64)
         self._simulation = simulation
-        self._ticks_n = round(TIMESTEP_S / simulation.tick_s)
+        self._n_ticks = round(TIMESTEP_S / simulation.tick_s)
         simulation.events.subscribe(self._note)
 
     def tick(self) -> None:
@@ -43,7 +43,7 @@ class FleetCounter:
         to_pick = simulation.missions.cars_in(CarPhase.TO_PICK)
         way_m = np.abs(simulation.world.car_speeds()[to_pick]) * simulation.tick_s
         self.counts.empty[to_pick] += way_m / simulation.site.grid.cell_m
-        if simulation.now % self._ticks_n == 0:
+        if simulation.now % self._n_ticks == 0:
             self.counts.open[0] += sum(simulation.board.count(state) for state in _NOT_PICKED)
 
     def _note(self, event: Event) -> None:

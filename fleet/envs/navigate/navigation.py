@@ -38,6 +38,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
+from fleet.arrays import FloatArray
 from fleet.config import Fidelity, Grip, RunConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
@@ -45,10 +46,9 @@ from fleet.envs.core.choices import row_of
 from fleet.envs.core.env_config import EnvConfig
 from fleet.envs.core.floor_drawing import FloorDrawing
 from fleet.envs.core.weights import check_weights
-from fleet.envs.navigate.rows import CAR_N, WAY_POINTS_M, CarsSeen, Seen, WayLines, observe, project
+from fleet.envs.navigate.rows import N_CAR_NUMBERS, WAY_POINTS_M, CarsSeen, Seen, WayLines, observe, project
 from fleet.robots.pursuit import PathBuffer
 from fleet.world import make_world
-from fleet.world.protocol import FloatArray
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import MoveKind, build_lane_graph
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
@@ -150,11 +150,11 @@ class NavigationEnv(FleetEnv):
         super().__init__(
             config,
             # Spaces of their own: seeding one must not seed another.
-            observation_spaces={car: _box(CAR_N) for car in config.cars},
+            observation_spaces={car: _box(N_CAR_NUMBERS) for car in config.cars},
             action_spaces={car: _box(2) for car in config.cars},
         )
         n_cars = config.n_cars
-        self.state_space = _box(n_cars * CAR_N)
+        self.state_space = _box(n_cars * N_CAR_NUMBERS)
         self._weights = config.weights or NavigationWeights()
         self._drawing: FloorDrawing | None = None
 
@@ -184,7 +184,7 @@ class NavigationEnv(FleetEnv):
         self._limits = np.array([scene.car.max_steering_rad, scene.car.max_speed_mps])
         self._aside_m = np.zeros(n_cars)
         self._seen = Seen(
-            rows=np.zeros((n_cars, CAR_N), dtype=np.float32),
+            rows=np.zeros((n_cars, N_CAR_NUMBERS), dtype=np.float32),
             touches=np.zeros(n_cars, dtype=np.bool_),
             aims=np.zeros((n_cars, 2)),
         )

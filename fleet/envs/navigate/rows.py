@@ -9,17 +9,17 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.world.protocol import FloatArray
+from fleet.arrays import FloatArray
 
 WAY_POINTS_M = np.array([0.3, 0.6, 1.0, 1.5, 2.2, 3.0])
 """Distances ahead at which a car is told where its way leads [m]."""
 NEAR_M = 4.0
 """Range in which other cars are seen [m]."""
-OTHERS_N = 3
+N_OTHERS = 3
 """Other cars that are seen at most."""
-OTHER_N = 8
+N_PER_OTHER = 8
 """Numbers told of each."""
-CAR_N = 4 + 2 * len(WAY_POINTS_M) + OTHERS_N * OTHER_N
+N_CAR_NUMBERS = 4 + 2 * len(WAY_POINTS_M) + N_OTHERS * N_PER_OTHER
 """Numbers in an observation."""
 
 Rows = npt.NDArray[np.float32]
@@ -62,7 +62,7 @@ class Seen(NamedTuple):
     """What `observe` fills in; n cars."""
 
     rows: Rows
-    """Observations, shape (n, CAR_N)."""
+    """Observations, shape (n, N_CAR_NUMBERS)."""
     touches: Bools
     """Whether a car touches another, shape (n,)."""
     aims: FloatArray
@@ -161,12 +161,12 @@ def observe(cars: CarsSeen, ways: WayLines, look_m: FloatArray, seen: Seen) -> N
                 or _parted((mx, my), (other_cos, other_sin), turn, body[1], body[2])
             ):
                 touches[car] = True
-        for rank in range(min(OTHERS_N, n_cars - 1)):
+        for rank in range(min(N_OTHERS, n_cars - 1)):
             other = int(np.argmin(gaps))
             if gaps[other] > NEAR_M:
                 break
             gaps[other] = math.inf
-            at = 4 + 2 * n_points + rank * OTHER_N
+            at = 4 + 2 * n_points + rank * N_PER_OTHER
             dx, dy = poses[other, 0] - x, poses[other, 1] - y
             row[at] = 1.0
             row[at + 1], row[at + 2] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M

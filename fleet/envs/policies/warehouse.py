@@ -18,7 +18,7 @@ from fleet.stations.arms.arm_manager import ArmManager
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.stations.arms.transfer import TransferRequest
 
-LOOKAHEAD_N = 0
+LOOKAHEAD = 0
 """Way-point that a car steers for: 0.4 m ahead, the wheelbase and a little more."""
 AT_GOAL_M = 0.4
 """Nearer to its goal than this a car steers for a point beyond it, so that it ends straight [m]."""
@@ -129,7 +129,7 @@ def pursue(
     points = row[_WAY : _WAY + 2 * len(WAY_POINTS_M)].reshape(-1, 2) * NEAR_M
     goal = row[_GOAL : _GOAL + 2] * diagonal_m
     at_goal = math.hypot(*goal) < AT_GOAL_M
-    x, y = goal + AT_GOAL_M * row[_TURN : _TURN + 2] if at_goal else points[LOOKAHEAD_N]
+    x, y = goal + AT_GOAL_M * row[_TURN : _TURN + 2] if at_goal else points[LOOKAHEAD]
     steering = math.atan(2.0 * wheelbase_m * y / max(x * x + y * y, 0.04))
     # Near the goal, where it lies ahead; on the way, how far is granted.
     left_m = float(goal[0]) if at_goal else float(row[_AHEAD]) * NEAR_M

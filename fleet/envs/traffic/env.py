@@ -46,6 +46,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.config import Fidelity
 from fleet.envs.core.base import Infos, in_order, turn_based
 from fleet.envs.core.weights import check_weights
@@ -55,9 +56,8 @@ from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
 from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.sites import place_of
 from fleet.envs.traffic.fleets import GridTraffic, TrafficFleet
-from fleet.envs.traffic.view import ROW_N, TrafficObserver, TrafficView
+from fleet.envs.traffic.view import N_ROW_NUMBERS, TrafficObserver, TrafficView
 from fleet.tasks.order import Delivery
-from fleet.world.protocol import FloatArray
 from planners.mapf.distance_table import UNREACHABLE
 
 
@@ -117,7 +117,7 @@ class TrafficEnv(LayerEnv[TrafficView]):
 
     def __init__(self, config: TrafficEnvConfig) -> None:
         place = place_of(config.site)
-        super().__init__(config, place, n_terms=len(TERMS), n_numbers=ROW_N, n_actions=1 + N_KINDS)
+        super().__init__(config, place, n_terms=len(TERMS), n_numbers=N_ROW_NUMBERS, n_actions=1 + N_KINDS)
         self._observer = TrafficObserver(place)
         self._weights = config.weights or TrafficWeights()
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.assembly import Parts
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, TrafficConfig
 from fleet.envs.grid.fleet import TIMESTEP_S
@@ -18,13 +19,12 @@ from fleet.simulation import Simulation
 from fleet.tasks.order import Delivery
 from fleet.traffic.executor import Executor
 from fleet.traffic.replanning import NO_GOAL, Traffic
-from fleet.world.protocol import FloatArray
 from maps.lane_graph import LaneGraph
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.problem import Plan
 from planners.status import Status
 
-AHEAD_N = 1
+N_MOVES_LEFT = 1
 """Granted moves that a car may still have to make when its next one is chosen, so that it need not stop."""
 
 
@@ -61,7 +61,7 @@ class AgentTraffic(Traffic):
         after = self._right_of_way.resolve(states, wanted, self.priority(tick), self.locked() | blocked)
         self.granted = after == wanted
         self.executor.accept(Plan(states=np.stack((states, after)), status=Status.FEASIBLE, iterations=1))
-        self.plans_n += 1
+        self.n_plans += 1
         return True
 
     def locked(self) -> npt.NDArray[np.bool_]:
@@ -69,7 +69,8 @@ class AgentTraffic(Traffic):
         executor = self.executor
         dependencies, states = executor.dependencies, executor.tail_states()
         busy = [
-            dependencies.n_queued(car) > 0 or dependencies.n_granted(car) > AHEAD_N for car in range(len(self.goals))
+            dependencies.n_queued(car) > 0 or dependencies.n_granted(car) > N_MOVES_LEFT
+            for car in range(len(self.goals))
         ]
         locked: npt.NDArray[np.bool_] = self.fixed | (self.stay & (states == self.goals)) | np.array(busy)
         return locked

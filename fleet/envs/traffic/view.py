@@ -8,24 +8,24 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.envs.grid.fleet import N_KINDS, FleetSite
 from fleet.envs.grid.kernel import NONE, Bools, Distances, Ints, SmallInts
-from fleet.world.protocol import FloatArray
 from maps.grid import DCOL, DROW
 from planners.mapf.distance_table import UNREACHABLE
 
-OWN_N, MOVE_N = 16, 6
+N_OWN, N_PER_MOVE = 16, 6
 """Numbers about the car itself, and about each of its moves."""
-BEHIND_N, AHEAD_N, ASIDE_N = 1, 3, 2
+N_BEHIND, N_AHEAD, N_ASIDE = 1, 3, 2
 """Cells that a car sees behind it, ahead of it, and to either side."""
-SEEN_N = (BEHIND_N + 1 + AHEAD_N) * (2 * ASIDE_N + 1)
-ROW_N = OWN_N + N_KINDS * MOVE_N + 2 * SEEN_N
+N_SEEN = (N_BEHIND + 1 + N_AHEAD) * (2 * N_ASIDE + 1)
+N_ROW_NUMBERS = N_OWN + N_KINDS * N_PER_MOVE + 2 * N_SEEN
 """Numbers in an observation."""
-WAIT_N = 60.0
+WAIT_UNIT = 60.0
 """Waiting is told in units of so many timesteps."""
-GAIN_N = 10.0
+GAIN_UNIT = 10.0
 """Detours are told in units of so many timesteps."""
-CONTENDERS_N = 3.0
+CONTENDERS_UNIT = 3.0
 """Other cars that could enter a cell are told in units of so many."""
 _DROW, _DCOL = np.array(DROW), np.array(DCOL)
 
@@ -63,7 +63,7 @@ class FloorTold(NamedTuple):
     xy: npt.NDArray[np.float32]
     """Place of each state in units of the floor's diagonal, shape (S, 2)."""
     seen: Ints
-    """Cells seen from each state, `NONE` where no lane leads, shape (S, SEEN_N)."""
+    """Cells seen from each state, `NONE` where no lane leads, shape (S, N_SEEN)."""
     far_steps: float
     """The longest way to any place, in timesteps."""
 
@@ -112,10 +112,10 @@ class TrafficObserver:
         """Observe all cars.
 
         Returns:
-            Observations, shape (n, ROW_N), and which of the actions are legal, shape (n, 1 + N_KINDS).
+            Observations, shape (n, N_ROW_NUMBERS), and which of the actions are legal, shape (n, 1 + N_KINDS).
         """
         n = len(view.state)
-        rows = np.zeros((n, ROW_N), dtype=np.float32)
+        rows = np.zeros((n, N_ROW_NUMBERS), dtype=np.float32)
         mask = np.zeros((n, 1 + N_KINDS), dtype=np.int8)
         observe(view, self._surroundings, self._memory, rows, mask)
         return rows, mask
@@ -158,7 +158,7 @@ def observe(
             dx, dy = xy[goal, 0] - xy[state, 0], xy[goal, 1] - xy[state, 1]
             told[11] = where[state, 2] * dx + where[state, 3] * dy
             told[12] = where[state, 2] * dy - where[state, 3] * dx
-        told[13] = min(1.0, max(0.0, view.priority[car]) / WAIT_N)
+        told[13] = min(1.0, max(0.0, view.priority[car]) / WAIT_UNIT)
         told[14] = state == goal
         told[15] = view.locked[car]
         mask[car, 0] = 1
@@ -167,17 +167,17 @@ def observe(
             if to == NONE or view.locked[car]:
                 continue
             mask[car, 1 + kind] = 1
-            cell, at = state_cell[to], OWN_N + kind * MOVE_N
+            cell, at = state_cell[to], N_OWN + kind * N_PER_MOVE
             told[at] = 1.0
             if row != NONE and distance[row, to] < UNREACHABLE:
-                told[at + 1] = max(-1.0, min(1.0, (left - np.int64(distance[row, to])) / GAIN_N))
+                told[at + 1] = max(-1.0, min(1.0, (left - np.int64(distance[row, to])) / GAIN_UNIT))
             other = occupant[cell]
             if other != NONE:
                 told[at + 2] = 1.0
                 told[at + 3] = view.locked[other] or view.state[other] == view.goal[other]
-            told[at + 4] = min(1.0, (rivals[cell] - 1) / CONTENDERS_N)
+            told[at + 4] = min(1.0, (rivals[cell] - 1) / CONTENDERS_UNIT)
             told[at + 5] = best[cell] > view.priority[car]
-        at = OWN_N + move_to.shape[1] * MOVE_N
+        at = N_OWN + move_to.shape[1] * N_PER_MOVE
         for k in range(seen.shape[1]):
             cell = seen[state, k]
             if cell == NONE:
@@ -196,16 +196,16 @@ def observe(
 
 def _seen_cells(place: FleetSite) -> Ints:
     """Cells around each state, as its car sees them, row by row from behind and each from the left, `NONE` where no
-    lane leads; shape (n_states, SEEN_N)."""
+    lane leads; shape (n_states, N_SEEN)."""
     graph, grid = place.graph, place.site.grid
     has_lane = np.zeros(graph.n_cells, dtype=np.bool_)
     has_lane[graph.state_cell] = True
     row, col = np.divmod(graph.state_cell, grid.cols)
     ahead, left = graph.state_heading, (graph.state_heading + 1) % 4
-    seen = np.full((graph.n_states, SEEN_N), NONE, dtype=np.int32)
+    seen = np.full((graph.n_states, N_SEEN), NONE, dtype=np.int32)
     k = 0
-    for forward in range(-BEHIND_N, AHEAD_N + 1):
-        for aside in range(ASIDE_N, -ASIDE_N - 1, -1):
+    for forward in range(-N_BEHIND, N_AHEAD + 1):
+        for aside in range(N_ASIDE, -N_ASIDE - 1, -1):
             to_row = row + forward * _DROW[ahead] + aside * _DROW[left]
             to_col = col + forward * _DCOL[ahead] + aside * _DCOL[left]
             inside = (to_row >= 0) & (to_row < grid.rows) & (to_col >= 0) & (to_col < grid.cols)

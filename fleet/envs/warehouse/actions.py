@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.envs.core.choices import row_of
 from fleet.envs.warehouse.rows import make_legal
-from fleet.world.protocol import FloatArray
 
 Bools = npt.NDArray[np.bool_]
 

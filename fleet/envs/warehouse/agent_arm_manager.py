@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from fleet.arrays import FloatArray
 from fleet.config import ArmConfig
 from fleet.errors import FleetError
 from fleet.robots.spec import CarSpec
 from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
 from fleet.stations.arms.transfer import ArmRequest, Transfer, TransferRequest
-from fleet.world.protocol import FloatArray
 
 REST_S = 0.5
 """A parcel that was let go has come to rest after this long; then its place is judged [s]."""

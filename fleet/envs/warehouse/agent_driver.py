@@ -9,16 +9,16 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.arrays import CellArray
+from fleet.arrays import CellArray, FloatArray
 from fleet.config import EstimateConfig
 from fleet.robots.spec import CarSpec
 from fleet.traffic.drivers import AT_REST_MPS, OFF_LANE_M, OFF_LANE_RAD, RELEASE_M, PathDriver
-from fleet.world.protocol import FloatArray, World
+from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph, MoveKind
 
 GATE_M = 0.5
 """Depth of a state's gate along its heading: at 2 m/s and 20 ticks per second no car jumps over it [m]."""
-_GATES_N = 8
+_N_GATES = 8
 """Gates that are watched at once; a car holds grants for fewer moves."""
 STOP_M, STOP_RAD = 0.05, 0.1
 """A standing car is at its stop when it is this close and this straight: planned arms served 118 of 120 such trays."""
@@ -63,8 +63,8 @@ class AgentDriver(PathDriver):
         self.next_states = list(self._reached)
         """State at the end of each agent's car's current granted move; the last one reached if it holds no grant."""
         self._moves: list[deque[int]] = [deque() for _ in self._reached]
-        self._gates = np.zeros((n_cars, _GATES_N, 4))  # pose of each granted state, 1 if it is driven to backwards
-        self._gates_n = np.zeros(n_cars, dtype=np.int64)
+        self._gates = np.zeros((n_cars, _N_GATES, 4))  # pose of each granted state, 1 if it is driven to backwards
+        self._n_gates = np.zeros(n_cars, dtype=np.int64)
         self._passed = np.zeros(n_cars, dtype=np.int64)
         self.stale: set[int] = set(range(n_cars))
         """Cars whose granted moves have changed since whoever draws their routes looked last, and took them out."""
@@ -89,7 +89,7 @@ class AgentDriver(PathDriver):
     def finished(self) -> CellArray:
         """See `Driver`."""
         done: list[int] = [] if self._all_agents else super().finished().tolist()
-        if _count_passed(self.estimate, self._gates, self._gates_n, self._passed):
+        if _count_passed(self.estimate, self._gates, self._n_gates, self._passed):
             for car in np.flatnonzero(self._passed).tolist():
                 moves = self._moves[car]
                 for _ in range(int(self._passed[car])):
@@ -139,8 +139,8 @@ class AgentDriver(PathDriver):
     def _set_gates(self, car: int) -> None:
         """Put up the gates of the first granted moves; the others follow when these are passed."""
         graph = self._graph
-        near = list(self._moves[car])[:_GATES_N]
-        self._gates_n[car] = len(near)
+        near = list(self._moves[car])[:_N_GATES]
+        self._n_gates[car] = len(near)
         self.next_states[car] = int(graph.move_to[near[0]]) if near else self._reached[car]
         for k, move in enumerate(near):
             self._gates[car, k, :3] = graph.state_pose[graph.move_to[move]]
@@ -159,13 +159,13 @@ def _drive_on(poses, before, speeds, steering, tick, wheelbase):
 
 
 @njit(cache=True)
-def _count_passed(estimate, gates, gates_n, passed):
+def _count_passed(estimate, gates, n_gates, passed):
     """Count the gates that each car is through, up to the farthest it passes now: who passes a later gate has cut a
     corner, and is through the earlier ones too. Returns whether any car passes one."""
     some = False
     for car in range(len(estimate)):
         passed[car] = 0
-        for k in range(gates_n[car]):
+        for k in range(n_gates[car]):
             yaw = gates[car, k, 2]
             cos, sin = math.cos(yaw), math.sin(yaw)
             dx, dy = estimate[car, 0] - gates[car, k, 0], estimate[car, 1] - gates[car, k, 1]

@@ -24,8 +24,8 @@ class AgentSimulation(Simulation):
         config: Everything that decides the outcome, but for the actions.
         setup: Site and world.
         planner: Plans for the arms that are not agents'; its answers depend on the requests alone.
-        cars_n: Cars that agents drive, first ones first.
-        arms_n: Arms that agents move, first ones first.
+        n_cars: Cars that agents drive, first ones first.
+        n_arms: Arms that agents move, first ones first.
 
     Raises:
         ConfigError: The grid has no steering to decide about.
@@ -34,21 +34,21 @@ class AgentSimulation(Simulation):
     driver: AgentDriver
     arm_manager: AgentArmManager
 
-    def __init__(self, config: RunConfig, *, setup: RunSetup, planner: ArmPlanner, cars_n: int, arms_n: int) -> None:
+    def __init__(self, config: RunConfig, *, setup: RunSetup, planner: ArmPlanner, n_cars: int, n_arms: int) -> None:
         require(config.fidelity is not Fidelity.GRID, "fidelity", str(config.fidelity), "kinematic, physics")
-        self.cars_n = cars_n
-        self.arms_n = arms_n
+        self.n_cars = n_cars
+        self.n_arms = n_arms
         parts = Parts(arm_planner=planner, driver=self._driver, arm_manager=self._arm_manager, figures=False)
         super().__init__(config, setup=setup, parts=parts)
 
     def _arm_manager(
         self, planner: ArmPlanner, setup: RunSetup, config: RunConfig, tick_s: float, lost: Lost
     ) -> AgentArmManager:
-        scene, by_agent = setup.scene, frozenset(range(self.arms_n))
+        scene, by_agent = setup.scene, frozenset(range(self.n_arms))
         return AgentArmManager(planner, config.arms, scene.car, scene.arm_start, tick_s, lost=lost, by_agent=by_agent)
 
     def _driver(self, setup: RunSetup, world: World, config: RunConfig, rng: np.random.Generator) -> AgentDriver:
-        by_agent = np.arange(len(setup.start_states)) < self.cars_n
+        by_agent = np.arange(len(setup.start_states)) < self.n_cars
         return AgentDriver(
             setup.graph, setup.scene.car, setup.start_states, world.tick_s, config.estimate, rng, by_agent=by_agent
         )

@@ -10,13 +10,13 @@ from typing import ClassVar
 from fleet.config import ArmConfig, Fidelity, RunConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.env_config import RecordedEnvConfig
-from fleet.envs.warehouse.hands import TIP_N
+from fleet.envs.warehouse.hands import N_TIP
 from fleet.envs.warehouse.rewards import RewardWeights
 from fleet.robots.iiwa import N_JOINTS
 from fleet.sensors.lidar import Lidar
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
-ARM_ACTIONS = {"joint": N_JOINTS, "tip": TIP_N}
+ARM_ACTIONS = {"joint": N_JOINTS, "tip": N_TIP}
 """Ways to move an arm, and how many entries each has, without the grip."""
 TICKS_HZ = 20.0
 """Least rate of ticks: the car of the classical fleet steers well at it."""

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.simulation import Simulation
-from fleet.world.protocol import FloatArray
 from planners.motion.arm.kinematics import link_frames
 
 Picture = npt.NDArray[np.uint8]

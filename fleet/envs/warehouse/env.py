@@ -80,6 +80,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.config import Fidelity
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.warehouse.actions import LegalActions, legal_actions
@@ -87,11 +88,11 @@ from fleet.envs.warehouse.agent_arm_manager import NoPlanner
 from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.config import WarehouseConfig
 from fleet.envs.warehouse.drawing import RunDrawing
-from fleet.envs.warehouse.hands import TIP_N, joint_velocities, move_targets, shares_of
+from fleet.envs.warehouse.hands import N_TIP, joint_velocities, move_targets, shares_of
 from fleet.envs.warehouse.observations import Observer
 from fleet.envs.warehouse.recorded import Recording
 from fleet.envs.warehouse.rewards import TERMS, Rewards, RewardWeights
-from fleet.envs.warehouse.rows import CAR_N
+from fleet.envs.warehouse.rows import N_CAR_NUMBERS
 from fleet.envs.warehouse.spaces import action_spaces, observation_spaces, state_space
 from fleet.robots.iiwa import N_JOINTS
 from fleet.run.setup import RunSetup
@@ -103,7 +104,7 @@ from fleet.stations.arms.arm_manager import ArmPlanner
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.tasks.board import DONE_STATES, TaskState
 from fleet.world.kinematic import KinematicConfig, KinematicWorld
-from fleet.world.protocol import FloatArray, World
+from fleet.world.protocol import World
 
 EYE_HEIGHT_M = 0.15
 """Of a car's camera, on its nose [m]."""
@@ -178,7 +179,7 @@ class WarehouseEnv(FleetEnv):
             EpisodeError: There was no `reset` yet.
         """
         observer = self._now().observer
-        return np.concatenate((observer.car_rows[:, :CAR_N].ravel(), observer.arm_rows.ravel()))
+        return np.concatenate((observer.car_rows[:, :N_CAR_NUMBERS].ravel(), observer.arm_rows.ravel()))
 
     def close(self) -> None:
         """Free what the environment holds; calling twice is harmless."""
@@ -200,8 +201,8 @@ class WarehouseEnv(FleetEnv):
             self._run_config.seeded(orders),
             setup=ground,
             planner=self._planner,
-            cars_n=len(self._cars),
-            arms_n=len(self._arms),
+            n_cars=len(self._cars),
+            n_arms=len(self._arms),
         )
         car = simulation.scene.car
         ring = None
@@ -310,7 +311,7 @@ class WarehouseEnv(FleetEnv):
 
         n_steps = max(1, math.ceil(self.config.physics_hz * tick_s - 1e-6))
         exact_s = exact_tick_s(n_steps, n_steps / tick_s)
-        return BulletWorld(ground.scene, BulletConfig(tick_s=exact_s, at_once_n=n_steps))
+        return BulletWorld(ground.scene, BulletConfig(tick_s=exact_s, n_steps_per_call=n_steps))
 
     def _commands(self, episode: WarehouseEpisode, resolved: LegalActions) -> Actions:
         """The actions of one tick; joint velocities become targets that move on."""
@@ -325,7 +326,7 @@ class WarehouseEnv(FleetEnv):
             qd = np.empty_like(q)
             shares_of(arm.max_velocity_radps, resolved.arms, qd)
         else:
-            qd = joint_velocities(arm, q, resolved.arms[:, :TIP_N])
+            qd = joint_velocities(arm, q, resolved.arms[:, :N_TIP])
         move_targets(episode.targets, qd, q, arm.lower_rad, arm.upper_rad, simulation.tick_s)
         return Actions(cars=cars, arms=episode.targets, arms_qd=qd, grip=resolved.arms[:, -1] > 0.0)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.robots.spec import ArmSpec
-from fleet.world.protocol import FloatArray
 from planners.motion.arm.kinematics import jacobian_into, link_frames_into
 
-TIP_N = 6
+N_TIP = 6
 """Entries of a tip's motion: along and about x, y, z."""
 TIP_MPS, TIP_RADPS = 0.5, 1.0
 """Velocity of the tip, and its turn, at full action."""

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.rows import (
-    ARM_N,
-    CAR_N,
-    ROUTE_N,
+    MOST_ROUTE_POINTS,
+    N_ARM_NUMBERS,
+    N_CAR_NUMBERS,
     ArmGround,
     ArmsAtWork,
     ArmsNow,
@@ -27,11 +28,10 @@ from fleet.missions.phases import PHASES, CarPhase
 from fleet.sensors.lidar import LidarRing
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.arms.transfer import TRAY, TransferRequest
-from fleet.world.protocol import FloatArray
 
 MISSIONS = (CarPhase.TO_PICK, CarPhase.LOADING, CarPhase.TO_DROP, CarPhase.UNLOADING)
 """Phases that a car's row tells from all others."""
-PLANNED_N = 2
+N_PLANNED = 2
 """Moves that are planned and not granted, as far as a route shows them."""
 _LOOKS_AT_ONCE = 16
 """Looks whose noise is drawn at once."""
@@ -54,12 +54,12 @@ class Observer:
         self._noises: list[FloatArray] = []  # of the coming looks, the next one last
         self._n_looks = 1  # a reset does not wait for the noise of later looks
         world, scene, graph = simulation.world, simulation.scene, simulation.graph
-        n_cars, n_arms = simulation.cars_n, simulation.arms_n
-        n_rays = 0 if ring is None else ring.lidar.rays_n
-        self.car_rows = np.zeros((n_cars, CAR_N + n_rays), dtype=np.float32)
-        """Observations of the agents' cars, shape (n_cars, CAR_N + n_rays)."""
-        self.arm_rows = np.zeros((n_arms, ARM_N), dtype=np.float32)
-        """Observations of the agents' arms, shape (n_arms, ARM_N)."""
+        n_cars, n_arms = simulation.n_cars, simulation.n_arms
+        n_rays = 0 if ring is None else ring.lidar.n_rays
+        self.car_rows = np.zeros((n_cars, N_CAR_NUMBERS + n_rays), dtype=np.float32)
+        """Observations of the agents' cars, shape (n_cars, N_CAR_NUMBERS + n_rays)."""
+        self.arm_rows = np.zeros((n_arms, N_ARM_NUMBERS), dtype=np.float32)
+        """Observations of the agents' arms, shape (n_arms, N_ARM_NUMBERS)."""
         self.arm_ways = np.zeros(n_arms)
         """Way of each agent's arm's tip to its parcel, and of the parcel to its place [m], shape (n_arms,)."""
         self.hits: FloatArray | None = None
@@ -83,7 +83,7 @@ class Observer:
             base=scene.arm_base,
         )
         self._routes = Routes(
-            points=np.zeros((n_cars, ROUTE_N, 3)),
+            points=np.zeros((n_cars, MOST_ROUTE_POINTS, 3)),
             counts=np.zeros(n_cars, dtype=np.int64),
             granted_m=np.zeros(n_cars),
         )
@@ -146,13 +146,13 @@ class Observer:
         if self._ring is not None:
             # A lidar is where the car is, not where it is believed to be.
             self.hits = world.rays(*self._ring.rays(world.car_poses()[:n_cars])) if hits is None else hits
-            self._ring.measure(self.hits, self._noise(), self.car_rows[:, CAR_N:])
+            self._ring.measure(self.hits, self._noise(), self.car_rows[:, N_CAR_NUMBERS:])
 
     def _noise(self) -> FloatArray:
         """Noise of this look's distances, shape (n_cars, n_rays)."""
         if not self._noises:
             # Drawing for many looks at once gives the same numbers.
-            shape = (self._n_looks, len(self.car_rows), self.car_rows.shape[1] - CAR_N)
+            shape = (self._n_looks, len(self.car_rows), self.car_rows.shape[1] - N_CAR_NUMBERS)
             self._noises = list(self._rng.standard_normal(shape)[::-1])
             self._n_looks = _LOOKS_AT_ONCE
         return self._noises.pop()
@@ -160,7 +160,7 @@ class Observer:
     def _draw_routes(self) -> None:
         """Draw the routes of cars whose granted moves have changed, or of all when there is a new plan."""
         simulation = self._simulation
-        driver, n_plans = simulation.driver, simulation.traffic.plans_n
+        driver, n_plans = simulation.driver, simulation.traffic.n_plans
         if n_plans != self._n_plans:
             self._n_plans = n_plans
             driver.stale.update(range(len(self.car_rows)))
@@ -173,7 +173,7 @@ class Observer:
         """Points x, y and distance from the first one, along a car's granted and next planned moves."""
         simulation, graph = self._simulation, self._simulation.graph
         moves = simulation.driver.moves(car)
-        planned = simulation.executor.dependencies.next_moves(car)[:PLANNED_N]
+        planned = simulation.executor.dependencies.next_moves(car)[:N_PLANNED]
         x, y, yaw = graph.state_pose[simulation.driver.reached(car)].tolist()
         # A short run-up gives a route without moves its direction.
         line, at = self._routes.points[car], 2
@@ -182,7 +182,7 @@ class Observer:
         self._routes.granted_m[car] = 0.01
         for k, move in enumerate((*moves, *planned)):
             first, last = graph.path_ptr[move] + 1, graph.path_ptr[move + 1]
-            n = min(int(last - first), ROUTE_N - at)
+            n = min(int(last - first), MOST_ROUTE_POINTS - at)
             line[at : at + n, :2] = graph.path_points[first : first + n, :2]
             line[at : at + n, 2] = line[at - 1, 2] + graph.path_s[first : first + n]
             at += n

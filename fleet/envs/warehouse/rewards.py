@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import FloatArray
 from fleet.envs.core.weights import check_weights
 from fleet.envs.warehouse.actions import LegalActions
 from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.observations import Observer
 from fleet.run.events import Event
 from fleet.tasks.board import TaskState
-from fleet.world.protocol import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,7 @@ class Rewards:
         self._contacts = 0
         self._shared = np.zeros(len(TERMS))
         self._shared[6] = step_s
-        self._lanes = [_NOWHERE] * simulation.cars_n
+        self._lanes = [_NOWHERE] * simulation.n_cars
         self._left = self._measured()
         simulation.events.subscribe(self._count)
 

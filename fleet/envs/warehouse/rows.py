@@ -13,29 +13,29 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.world.protocol import FloatArray
+from fleet.arrays import FloatArray
 from planners.motion.arm.kinematics import link_frames_into
 
 WAY_POINTS_M = (0.4, 0.8, 1.2, 2.0)
 """Distances ahead, along the route, at which a car is told where to go [m]."""
 NEAR_M = 3.0
 """Range of the offsets to way-points and to other cars [m]."""
-NEIGHBOURS_N = 3
+N_NEIGHBOURS = 3
 """Other cars that a car is told about, nearest first."""
 REACH_M = 1.5
 """Range of the offsets in an arm's base frame [m]: an iiwa with its tool reaches 1.1 m."""
 EDGE_M = 0.1
 """Greatest edge of a parcel [m]."""
-ROUTE_N = 512
+MOST_ROUTE_POINTS = 512
 """Most points of a route: a dozen moves of up to 40."""
 N_JOINTS = 7
 
 _WAY_AT, _NEIGHBOURS_AT = 19, 19 + 2 * len(WAY_POINTS_M)
-_NEIGHBOUR_N = 6
-_STATION_AT = _NEIGHBOURS_AT + _NEIGHBOUR_N * NEIGHBOURS_N
-CAR_N = _STATION_AT + 4
+_N_PER_NEIGHBOUR = 6
+_STATION_AT = _NEIGHBOURS_AT + _N_PER_NEIGHBOUR * N_NEIGHBOURS
+N_CAR_NUMBERS = _STATION_AT + 4
 """Numbers in a car's observation, without lidar."""
-ARM_N = 2 * N_JOINTS + 18 + 5
+N_ARM_NUMBERS = 2 * N_JOINTS + 18 + 5
 """Numbers in an arm's observation."""
 _WAYS = np.array(WAY_POINTS_M)
 _DOCK_M = 0.6
@@ -81,7 +81,7 @@ class Routes(NamedTuple):
     """Where agents' cars are to drive."""
 
     points: FloatArray
-    """x, y and distance along the route [m], shape (n_agent_cars, ROUTE_N, 3)."""
+    """x, y and distance along the route [m], shape (n_agent_cars, MOST_ROUTE_POINTS, 3)."""
     counts: Int64Array
     """Points in use, shape (n_agent_cars,)."""
     granted_m: FloatArray
@@ -193,12 +193,12 @@ def _point_at(line: FloatArray, n: int, s: float, k: int) -> tuple[float, float,
 def car_rows(
     rows: Rows, ground: CarGround, cars: CarsNow, routes: Routes, arms: ArmsAtWork
 ) -> None:  # pragma: no cover - compiled
-    """Fill the first CAR_N entries of the rows of the first `len(rows)` cars."""
+    """Fill the first N_CAR_NUMBERS entries of the rows of the first `len(rows)` cars."""
     poses, limits, size, docks = cars.poses, ground.limits, ground.size_m, ground.docks
     diagonal = math.hypot(size[0], size[1])
     gaps = np.empty(len(poses))
     for car in range(len(rows)):
-        row = rows[car, :CAR_N]
+        row = rows[car, :N_CAR_NUMBERS]
         row[:] = 0.0
         x, y, yaw = poses[car]
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -230,13 +230,13 @@ def car_rows(
 
         for other in range(len(poses)):
             gaps[other] = math.hypot(poses[other, 0] - x, poses[other, 1] - y) if other != car else math.inf
-        for place in range(NEIGHBOURS_N):
+        for place in range(N_NEIGHBOURS):
             other = int(np.argmin(gaps))
             if gaps[other] >= NEAR_M:
                 break
             gaps[other] = math.inf
             dx, dy, turn = poses[other, 0] - x, poses[other, 1] - y, poses[other, 2] - yaw
-            first = _NEIGHBOURS_AT + _NEIGHBOUR_N * place
+            first = _NEIGHBOURS_AT + _N_PER_NEIGHBOUR * place
             row[first] = 1.0
             row[first + 1], row[first + 2] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
             row[first + 3], row[first + 4] = math.cos(turn), math.sin(turn)

@@ -8,13 +8,13 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 
 from fleet.envs.warehouse.config import WarehouseConfig
-from fleet.envs.warehouse.rows import ARM_N, CAR_N
+from fleet.envs.warehouse.rows import N_ARM_NUMBERS, N_CAR_NUMBERS
 
 
 def observation_spaces(config: WarehouseConfig) -> dict[str, Space[Any]]:
     """Spaces by agent, each its own: seeding one must not seed another."""
     cars: dict[str, Space[Any]] = {car: _car_space(config) for car in config.cars}
-    return cars | {arm: _box(ARM_N) for arm in config.arms}
+    return cars | {arm: _box(N_ARM_NUMBERS) for arm in config.arms}
 
 
 def action_spaces(config: WarehouseConfig) -> dict[str, Space[Any]]:
@@ -25,12 +25,12 @@ def action_spaces(config: WarehouseConfig) -> dict[str, Space[Any]]:
 
 def state_space(config: WarehouseConfig) -> Box:
     """The rows of all agents without lidar, cars first."""
-    return _box(len(config.cars) * CAR_N + len(config.arms) * ARM_N)
+    return _box(len(config.cars) * N_CAR_NUMBERS + len(config.arms) * N_ARM_NUMBERS)
 
 
 def _car_space(config: WarehouseConfig) -> Space[Any]:
     lidar = config.car_lidar
-    row = _box(CAR_N, 0 if lidar is None else lidar.rays_n)
+    row = _box(N_CAR_NUMBERS, 0 if lidar is None else lidar.n_rays)
     if config.camera is None:
         return row
     return Dict({"row": row, "image": Box(0, 255, (*config.camera, 3), np.uint8)})

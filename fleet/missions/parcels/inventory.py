@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.robots.spec import CarSpec
 from fleet.stations.station import Station
 from fleet.stations.stations import Stations
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.tasks.order import MAX_EDGE_M
-from fleet.world.protocol import FloatArray, ParcelBody, World
+from fleet.world.protocol import ParcelBody, World
 
 ON_SLOT_M = 0.05
 """A parcel on a slot lies within this of the slot's centre [m]."""
@@ -49,8 +50,8 @@ class Inventory:
         collect_after_s: float,
         askew: np.random.Generator | None,
     ) -> None:
-        self.entered_n = 0
-        self.left_n = 0
+        self.n_entered = 0
+        self.n_left = 0
         self._board = board
         self._stations = stations
         self._car = car
@@ -86,7 +87,7 @@ class Inventory:
         dx, dy, half_yaw = self._placing()
         pose = np.array([x + dx, y + dy, z + size[2] / 2 + DROP_M, 0.0, 0.0, np.sin(half_yaw), np.cos(half_yaw)])
         self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.delivery.mass_kg, pose=pose))
-        self.entered_n += 1
+        self.n_entered += 1
         self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
         self._board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
 
@@ -95,7 +96,7 @@ class Inventory:
         if task.pick_slot is not None:
             if task.state is not TaskState.BACKLOG:
                 self._world.remove_parcel(task.parcel)
-                self.left_n += 1
+                self.n_left += 1
                 self._log("parcel_left", task=task.order.name, station=task.pick, slot=task.pick_slot)
             self._stations.named(task.pick).free_slot(task.pick_slot)
         self._board.move(task, TaskState.CANCELLED, now_s, reason)
@@ -113,7 +114,7 @@ class Inventory:
 
     def balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world."""
-        return self.entered_n - self.left_n - len(self._world.parcel_ids())
+        return self.n_entered - self.n_left - len(self._world.parcel_ids())
 
     def pose(self, task: Task) -> FloatArray:
         """Where a task's parcel is, shape (7,); it must be in the world."""
@@ -171,7 +172,7 @@ class Inventory:
         if task is None or task.state is not TaskState.DELIVERED:
             return
         self._world.remove_parcel(task.parcel)
-        self.left_n += 1
+        self.n_left += 1
         station.free_slot(slot)
         self._log("parcel_left", task=task.order.name, station=station.name, slot=slot)
         self._board.move(task, TaskState.COLLECTED, now_s, "collected from its slot")

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fleet.arrays import FloatArray
 from fleet.missions.parcels.inventory import Inventory
 from fleet.robots.spec import CarSpec
 from fleet.sensors.boxes import LocateStatus, SeenBox, locate_boxes
@@ -17,7 +18,7 @@ from fleet.sensors.station_camera import station_camera
 from fleet.stations.station import Station
 from fleet.stations.stations import Stations
 from fleet.tasks.board import Task
-from fleet.world.protocol import FloatArray, World
+from fleet.world.protocol import World
 
 OTHER_SIZE_M = 0.012
 """A face whose sides differ from those of every face of the parcel by more than this is not the parcel's [m]."""
@@ -52,7 +53,7 @@ class PoseSource(Protocol):
 
     errors: list[PoseError]
     """Of every parcel located so far; empty if nothing is measured."""
-    blind_n: int
+    n_blind: int
     """Looks that did not locate their parcel."""
     looks: dict[str, CameraImage]
     """The last image of every camera, by station; whoever shows it takes it out."""
@@ -71,7 +72,7 @@ class TruePoses:
     def __init__(self, inventory: Inventory) -> None:
         self._inventory = inventory
         self.errors: list[PoseError] = []
-        self.blind_n = 0
+        self.n_blind = 0
         self.looks: dict[str, CameraImage] = {}
 
     def find(self, task: Task, station: Station) -> Sighting:
@@ -108,7 +109,7 @@ class SeenPoses:
         self._inventory = inventory
         self._log = log
         self.errors: list[PoseError] = []
-        self.blind_n = 0
+        self.n_blind = 0
         self.looks: dict[str, CameraImage] = {}
 
     def find(self, task: Task, station: Station) -> Sighting:
@@ -139,7 +140,7 @@ class SeenPoses:
                 return Sighting(pose=pose, size_m=edges)
             length, width, _ = box.size_m
             reason = f"sees a face of {length:.3f} x {width:.3f} m, which is none of the parcel's"
-        self.blind_n += 1
+        self.n_blind += 1
         reason = f"{camera.name} {reason}"
         self._log("parcel_not_located", task=task.order.name, camera=camera.name, cause=reason)
         return Sighting(pose=np.full(7, np.nan), size_m=task.delivery.size_m, reason=reason)

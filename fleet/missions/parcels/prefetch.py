@@ -15,7 +15,7 @@ from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
 from planners.mapf.distance_table import UNREACHABLE
 
-AHEAD_MOVES_N = 8
+N_MOVES_AHEAD = 8
 """A parcel is fetched when its car has at most so many moves left to the dock: that is about twice the time it takes,
 and late enough that the car seldom loses its task to another."""
 LOOK_S = 0.25
@@ -85,7 +85,7 @@ class Prefetch:
                 self._look_after(station, [task for left, (_, task) in zip(moves, queue, strict=True) if left == 0])
                 continue
             left, _, task = min(((n, car, task) for n, (car, task) in zip(moves, queue, strict=True)), default=_NOBODY)
-            if left <= AHEAD_MOVES_N and task is not None and self._fetches.get(task.index, 0) < MAX_FETCHES:
+            if left <= N_MOVES_AHEAD and task is not None and self._fetches.get(task.index, 0) < MAX_FETCHES:
                 self._fetch(station, task, tick)
 
     def _fetch(self, station: Station, task: Task, tick: int) -> None:

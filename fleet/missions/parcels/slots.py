@@ -69,7 +69,7 @@ class Slots:
         self._inventory.collect(now_s)
         if not self._board.count(TaskState.BACKLOG):
             return False
-        state = (self._board.released_n, sum(station.free_n for station in self._loading), self._board.closed_n)
+        state = (self._board.n_released, sum(station.n_free for station in self._loading), self._board.n_closed)
         if state == self._seen:
             return False
         # As it was before: what fails now may let others fail in the next round.
@@ -90,7 +90,7 @@ class Slots:
         turns.add(news)
         turns.add(self._several.values())
         for station in self._loading:
-            if station.free_n:
+            if station.n_free:
                 turns.add(self._waiting[station.name].values())
         while (task := turns.next()) is not None:
             if not self._waits(task):
@@ -116,9 +116,9 @@ class Slots:
         """Take a slot for a task, and one of each other station that its order needs; False if they are not free."""
         named = self._stations.named
         legs = self._board.legs_after(task)
-        free = [name for name in task.delivery.picks if named(name).free_n > kept[name]]
+        free = [name for name in task.delivery.picks if named(name).n_free > kept[name]]
         others = {leg.pick: leg for leg in reversed(legs) if leg.pick != task.pick}
-        if not free or any(named(name).free_n <= kept[name] for name in others):
+        if not free or any(named(name).n_free <= kept[name] for name in others):
             if legs:
                 kept.update((task.pick, *others))
             elif self._reasons.present(task) is TaskReason.WAITS_FOR_SLOT:

@@ -75,7 +75,7 @@ class ArmController:
         self.grip = False
         self.speed = 1.0
         """Playback speed, below 1 when the arm is slow; see `set_speed`."""
-        self.changes_n = 0
+        self.n_changes = 0
         """Grows whenever the state, the step or the speed changes."""
         self.gate: Gate | None = None
         """Asked before every motion; None = always free to move."""
@@ -123,7 +123,7 @@ class ArmController:
     def set_speed(self, speed: float) -> None:
         """Play motions at another speed from now on."""
         self.speed = speed
-        self.changes_n += 1
+        self.n_changes += 1
 
     def left_s(self) -> tuple[float, float]:
         """Time until the dock is clear, and until the transfer is over, at the present speed if nothing stops it."""
@@ -147,7 +147,7 @@ class ArmController:
 
     def request(self) -> None:
         """Note that a plan was asked for."""
-        self.changes_n += 1
+        self.n_changes += 1
         self.state = ArmPhase.PLANNING
 
     def play(self, transfer: Transfer) -> None:
@@ -163,7 +163,7 @@ class ArmController:
 
     def reset(self) -> None:
         """Leave a final state and be ready for the next transfer."""
-        self.changes_n += 1
+        self.n_changes += 1
         self.state = ArmPhase.IDLE
         self._steps, self._at = (), 0
 
@@ -237,7 +237,7 @@ class ArmController:
         return 0.0
 
     def _next(self) -> None:
-        self.changes_n += 1
+        self.n_changes += 1
         self._at += 1
         self._elapsed_s = 0.0
         if self._at < len(self._steps):
@@ -248,7 +248,7 @@ class ArmController:
             self._end(ArmPhase.DONE)
 
     def _begin(self, steps: tuple[Step, ...]) -> None:
-        self.changes_n += 1
+        self.n_changes += 1
         self.state = ArmPhase.MOVING
         self._steps, self._at, self._elapsed_s = steps, 0, 0.0
 
@@ -258,7 +258,7 @@ class ArmController:
         return not self.paused
 
     def _end(self, state: ArmPhase) -> None:
-        self.changes_n += 1
+        self.n_changes += 1
         self.state = state
         self._carrying = self._lost = self._denied = self.paused = False
         self._back = ()

@@ -1,4 +1,4 @@
-"""ArmDesk: all arms of a site: asks for their plans, plays them when they are due, brings a failed arm home."""
+"""ArmManager: all arms of a site: asks for their plans, plays them when they are due, brings a failed arm home."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class ArmManager:
         self.grip = np.zeros(len(start_rad), dtype=np.bool_)
         self._planner = planner
         self._lost = lost
-        self.dropped_n = 0
+        self.n_dropped = 0
         """Parcels that arms have lost from their grips."""
         self._latency = round(config.latency_s / tick_s)
         self._tick_s = tick_s
@@ -164,7 +164,7 @@ class ArmManager:
                 self._reasons[service.arm] = f"arm_{service.arm} {service.state} the parcel"
                 cause = self._lost(service.arm, service.parcel) if service.state is _DROPPED else ""
                 if cause:
-                    self.dropped_n += 1
+                    self.n_dropped += 1
                     self._reasons[service.arm] += f" ({cause})"
                 service.release()
                 self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)

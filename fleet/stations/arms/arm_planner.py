@@ -49,7 +49,7 @@ class ArmSetup:
     spec: ArmSpec
     tool: str
     planner: str
-    iterations_n: int
+    n_iterations: int
     confirm: bool
     """Whether the physics engine has the last word on every path."""
 
@@ -120,7 +120,7 @@ class LocalArmPlanner:
                 cell,
                 arm,
                 car,
-                Search(setup.planner, setup.iterations_n),
+                Search(setup.planner, setup.n_iterations),
                 known=known.setdefault(cell.geometry_key(), KnownWays()),
                 confirm=self._engine,
             )
@@ -290,7 +290,7 @@ def make_arm_planner(
         spec=spec,
         tool=str(config.grip),
         planner=config.arms.planner,
-        iterations_n=config.arms.iterations_n,
+        n_iterations=config.arms.iterations_n,
         confirm=config.fidelity is Fidelity.PHYSICS,
     )
     return WorkerArmPlanner(setup) if config.arms.workers_n else LocalArmPlanner(setup)

@@ -61,7 +61,7 @@ NEAR_VIA_M = 0.3
 NEIGHBOUR_M = 0.2
 """Slots that are nearer than this to such a parcel are taken for empty: it may lie on them [m]."""
 
-RECENT_N = 16
+N_LAST_TRANSFERS = 16
 """Ways down that an arm remembers, a few for each slot: equal parcels lie at the same places of a slot."""
 
 
@@ -120,8 +120,8 @@ class CellPlanner:
         self._known = known if known is not None else KnownWays()
         self._known.vias[HOME] = spec.home_rad
         self._via_tips: dict[int, FloatArray] = {}
-        self._admissions: Recent[FloatArray] = Recent(RECENT_N)
-        self._descents: Recent[tuple[Trajectory, Trajectory]] = Recent(RECENT_N)
+        self._admissions: Recent[FloatArray] = Recent(N_LAST_TRANSFERS)
+        self._descents: Recent[tuple[Trajectory, Trajectory]] = Recent(N_LAST_TRANSFERS)
         self._way_trees: dict[tuple[int, int, bool], list[SearchTree]] = {}
 
     def keep_trees(self) -> None:

@@ -13,7 +13,7 @@ from fleet.robots.tools import Tool
 
 MAX_TILT_RAD = math.radians(30.0)
 """A parcel whose uppermost face is steeper than this leans against something, and is not gripped."""
-YAWS_N = 16
+N_YAWS = 16
 """Turns about its axis that are tried for a cup."""
 FINGER_PLAY_M = 0.01
 """Room that open fingers need beyond the width of what they grip, both sides together [m]."""
@@ -71,7 +71,7 @@ def loose_grips(
     else:
         height = 2 * half[up] + gap_m
         a, b = (rotation[:, k] for k in sides)
-        yaws = np.linspace(-np.pi, np.pi, YAWS_N, endpoint=False)
+        yaws = np.linspace(-np.pi, np.pi, N_YAWS, endpoint=False)
         axes = [math.cos(yaw) * a + math.sin(yaw) * b for yaw in yaws]
     if not axes:
         narrow, widest = min(size_m[k] for k in sides), 2 * tool.finger_travel_m - FINGER_PLAY_M

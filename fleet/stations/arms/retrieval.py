@@ -25,11 +25,11 @@ from planners.motion.collision.obstacles import Boxes
 LIFTS_M = (0.30, 0.12, 0.06)
 """Straight ways up, in the order they are tried: the first leads out between pedestals, the others are within reach on
 top of them and far out [m]."""
-POSTURES_N = 400
+N_POSTURES = 400
 """Postures at the parcel from which ways up are looked for, nearest to rest first."""
-LIFTS_N = 12
+N_LIFTS = 12
 """Ways up that are offered to a search."""
-TRIES_N = 3
+N_TRIES = 3
 """Ways up from which a way on with the parcel is looked for."""
 
 
@@ -80,7 +80,7 @@ class Retrieval:
         postures = self._postures(grips, line)
         for lift_m in LIFTS_M:
             lifts = self._lifts(postures, lift_m, line, (travel, loaded))
-            for _ in range(TRIES_N if lifts else 0):
+            for _ in range(N_TRIES if lifts else 0):
                 try:
                     return self._through(lifts, held, boxes, onward, (travel, line, loaded))
                 except UnreachableError as error:
@@ -98,7 +98,7 @@ class Retrieval:
         if len(q) == 0:
             raise UnreachableError("no way to the parcel (no room for the arm)")
         near = np.argsort(np.linalg.norm(q - self._spec.home_rad, axis=1), kind="stable")
-        postures: FloatArray = q[near[:POSTURES_N]]
+        postures: FloatArray = q[near[:N_POSTURES]]
         return postures
 
     def _lifts(
@@ -112,7 +112,7 @@ class Retrieval:
             up = self._motions.line(q, above)
             if up is not None and all(end.free(up[-1]) for end in ends) and line.path_free(up):
                 lifts.append(up)
-                if len(lifts) == LIFTS_N:
+                if len(lifts) == N_LIFTS:
                     break
         return lifts
 

@@ -14,13 +14,13 @@ class Search:
 
     Args:
         planner: Of `motion_planner`.
-        iterations_n: Budget of one search.
+        n_iterations: Budget of one search.
     """
 
-    def __init__(self, planner: str, iterations_n: int) -> None:
+    def __init__(self, planner: str, n_iterations: int) -> None:
         self._planner = motion_planner(planner)
         self._grower = self._planner if isinstance(self._planner, GrowsTrees) else None
-        self._iterations_n = iterations_n
+        self._n_iterations = n_iterations
 
     def way(self, checker: CollisionChecker, start: FloatArray, goals: FloatArray) -> MotionResult:
         """Search a way.
@@ -30,7 +30,7 @@ class Search:
             start: Where the arm is [rad], shape (n,).
             goals: Where it may end [rad], shape (k, n).
         """
-        problem = MotionProblem(checker=checker, start=start, goals=goals, max_iterations=self._iterations_n)
+        problem = MotionProblem(checker=checker, start=start, goals=goals, max_iterations=self._n_iterations)
         return self._planner.plan(problem)
 
     @property

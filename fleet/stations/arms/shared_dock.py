@@ -17,10 +17,10 @@ from fleet.world.scene import Scene
 from maps.site import Site
 from maps.stations import DockPlace
 from planners.motion.arm.spheres import box_spheres
-from planners.motion.pair.diagram import apart_in_step
-from planners.motion.pair.swept import ArmInWorld, SweptArm, cover
 from planners.motion.path.timed_path import samples_of
 from planners.motion.path.trajectory import Trajectory
+from planners.motion.two_arms.diagram import apart_in_step
+from planners.motion.two_arms.swept import ArmInWorld, SweptArm, cover
 
 MARGIN_M = 0.02
 """Distance kept between two arms, beyond the spheres that cover them [m]."""

@@ -15,11 +15,11 @@ class ChargeType:
 
     def orders(self, shared: Order, fields: Fields, setting: Setting) -> tuple[Order, ...]:
         """See `TaskType`."""
-        names = setting.places.numbered("charger", setting.chargers_n)
+        names = setting.places.numbered("charger", setting.n_chargers)
         if not names:
             raise OrdersError("type is 'charge'; valid: any other, because this run has no batteries (--battery)")
         places = setting.places.places(fields, "places")
         for place in places:
             if place not in names:
                 raise OrdersError(f"places is {place!r}; valid: {', '.join(names)}, or none for any of them")
-        return (Visit.of(shared, kind="charge", stops=(places or names,), until_full=True),)
+        return (Visit.of(shared, kind="charge", errands=(places or names,), until_full=True),)

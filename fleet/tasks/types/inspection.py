@@ -20,4 +20,4 @@ class InspectType:
         """See `TaskType`."""
         place = setting.places.one(fields, "places")
         stand_s = setting.places.stand_s(fields, (place,), STAND_S)
-        return (Visit.of(shared, kind="inspect", stops=((place,),), stand_s=stand_s, inspects=True),)
+        return (Visit.of(shared, kind="inspect", errands=((place,),), stand_s=stand_s, inspects=True),)

@@ -17,4 +17,4 @@ class MoveType:
         """See `TaskType`."""
         place = setting.places.one(fields, "places")
         stand_s = setting.places.stand_s(fields, (place,), 0.0)
-        return (Visit.of(shared, kind="move", stops=((place,),), stand_s=stand_s),)
+        return (Visit.of(shared, kind="move", errands=((place,),), stand_s=stand_s),)

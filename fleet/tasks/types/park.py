@@ -21,4 +21,4 @@ class ParkType:
             if place not in names:
                 raise OrdersError(f"places is {place!r}; valid: parking_1 to {names[-1]}, or none for any of them")
         stand_s = setting.places.stand_s(fields, places, 0.0)
-        return (Visit.of(shared, kind="park", stops=(places or names,), stand_s=stand_s),)
+        return (Visit.of(shared, kind="park", errands=(places or names,), stand_s=stand_s),)

@@ -26,4 +26,4 @@ class PatrolType:
         if twice is not None:
             raise OrdersError(f"places is {fields.text('places')!r}; valid: another place than {twice} after {twice}")
         stand_s = setting.places.stand_s(fields, places, 0.0)
-        return (Visit.of(shared, kind="patrol", stops=tuple((place,) for place in places), stand_s=stand_s),)
+        return (Visit.of(shared, kind="patrol", errands=tuple((place,) for place in places), stand_s=stand_s),)

@@ -17,7 +17,7 @@ class Setting:
 
     site: Site
     places: PlaceNames
-    chargers_n: int
+    n_chargers: int
     """Chargers in use; 0 = cars have no batteries."""
 
 

@@ -114,7 +114,7 @@ class Learner:
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         sums = dict.fromkeys(("value_loss", "policy_loss", "entropy", "divergence", "clipped"), 0.0)
-        steps_n = 0
+        n_steps = 0
         for _ in range(config.epochs_n):
             order = torch.randperm(len(rows), generator=generator)
             for picked in order.split(config.minibatch_n):
@@ -127,10 +127,10 @@ class Learner:
                     targets[picked],
                     chose[picked],
                 )
-                steps_n += 1
+                n_steps += 1
                 for name, value in zip(sums, found, strict=True):
                     sums[name] += value
-        return {name: total / steps_n for name, total in sums.items()}
+        return {name: total / n_steps for name, total in sums.items()}
 
     def state(self) -> dict[str, Any]:
         """All there is to remember."""

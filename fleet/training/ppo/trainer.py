@@ -59,16 +59,16 @@ class Trainer:
         )
         generator = _generator(config.seed, _WEIGHTS, 0)
         self.learners = {kind.name: Learner(kind, ppo, generator) for kind in self._batch.types}
-        self.per_update_n = ppo.horizon_n * self._batch.n_agents
-        self.updates_n = math.ceil(config.steps_n / self.per_update_n)
-        self.done_n = 0
+        self.n_per_update = ppo.horizon_n * self._batch.n_agents
+        self.n_updates = math.ceil(config.steps_n / self.n_per_update)
+        self.n_done = 0
         """Updates done."""
         self.rows: list[Row] = []
         """Figures of the updates done."""
         self.cpu_s = 0.0
         """Time of the processor spent on them, by the runs before this one too [s]."""
         if state is not None:
-            self.done_n, self.rows, self.cpu_s = state["done_n"], state["rows"], state["cpu_s"]
+            self.n_done, self.rows, self.cpu_s = state["done_n"], state["rows"], state["cpu_s"]
             for name, learner in self.learners.items():
                 learner.recall(state["learners"][name])
 
@@ -83,16 +83,16 @@ class Trainer:
             Whether the end was reached.
         """
         since = time.process_time()
-        while self.done_n < self.updates_n:
-            if self.done_n % self.config.checkpoint_n == 0:
+        while self.n_done < self.n_updates:
+            if self.n_done % self.config.checkpoint_n == 0:
                 self._begin()
             if interrupted:
                 return False
             self.rows.append(self._update())
-            self.done_n += 1
+            self.n_done += 1
             now = time.process_time()
             self.cpu_s, since = self.cpu_s + now - since, now
-            if self.done_n % self.config.checkpoint_n == 0 or self.done_n == self.updates_n:
+            if self.n_done % self.config.checkpoint_n == 0 or self.n_done == self.n_updates:
                 self._save()
             on_update(self.rows[-1])
         return True
@@ -106,16 +106,16 @@ class Trainer:
         return LearnedPolicy(self.learners)
 
     def _begin(self) -> None:
-        sequence = np.random.SeedSequence([self.config.seed, _EPISODES, self.done_n])
+        sequence = np.random.SeedSequence([self.config.seed, _EPISODES, self.n_done])
         seeds = sequence.generate_state(self.config.ppo.envs_n)
         self._batch.reset([int(seed) for seed in seeds // 2])  # seeds of numpy's legacy generators end at 2^31
         self._running = {name: np.zeros(len(view.rows)) for name, view in self._batch.views.items()}
 
     def _update(self) -> Row:
-        generator = _generator(self.config.seed, _CHANCE, self.done_n)
+        generator = _generator(self.config.seed, _CHANCE, self.n_done)
         rollouts, seen, episodes = self._roll(generator)
-        rate = self.config.ppo.learning_rate * (1.0 - self.done_n / self.updates_n)
-        row: Row = {"update": self.done_n + 1, "steps": (self.done_n + 1) * self.per_update_n}
+        rate = self.config.ppo.learning_rate * (1.0 - self.n_done / self.n_updates)
+        row: Row = {"update": self.n_done + 1, "steps": (self.n_done + 1) * self.n_per_update}
         row |= _means(episodes, self.recipe)
         for name, learner in self.learners.items():
             losses = learner.learn(rollouts[name], rate, generator)
@@ -180,7 +180,7 @@ class Trainer:
     def _save(self) -> None:
         content = {
             "config": json.dumps(dataclasses.asdict(self.config)),
-            "done_n": self.done_n,
+            "done_n": self.n_done,
             "rows": self.rows,
             "cpu_s": self.cpu_s,
             "learners": {name: learner.state() for name, learner in self.learners.items()},

@@ -29,11 +29,11 @@ _STEER_GAIN = 0.4
 # friction), and one that holds the wheels' angle turns a car with steered wheels by a radian a minute. A standing car
 # is therefore held where it is by a force-limited constraint: the grip of its tyres, 0.8 x 6.2 kg x 9.81 m/s^2.
 _STILL_MPS = 0.005
-_TYRE_GRIP_N = 48.0
+_TYRE_FORCE_N = 48.0
 # Shoved away by more than this, the tyres have slipped: they hold at the new place.
 _SLIPPED_M = 0.003
 # Numbers of a car's state: place, quaternion, velocity, angles of the left and the right front wheel.
-_STATE_N = 12
+_N_STATE_NUMBERS = 12
 # A person shoves for about half a second; the speed follows half a sine wave.
 _PUSH_S = 0.5
 
@@ -177,16 +177,16 @@ class Cars:
         """
         if self._brakes:
             self._brake(commands)
-        changed_n = _take(commands, self._limit, self._sent, self._unset, self._changed, self._fresh)
-        if changed_n == 0:
+        n_changed = _take(commands, self._limit, self._sent, self._unset, self._changed, self._fresh)
+        if n_changed == 0:
             return
-        steering, speeds = self._fresh[:, :changed_n]
+        steering, speeds = self._fresh[:, :n_changed]
         spins, angles = self._ackermann.motions(steering, speeds)
         client, rate, steer_nm = self._client, self._spec.max_steering_rate_radps, self._steer_nm
         motor, motors = client.setJointMotorControl2, client.setJointMotorControlArray
         velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
         left, right = self._hinges
-        changed = self._changed[:changed_n].tolist()
+        changed = self._changed[:n_changed].tolist()
         rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
         for car, speed, spin, (left_rad, right_rad) in rows:
             body = self.bodies[car]
@@ -244,7 +244,7 @@ class Cars:
             place, quat = pose(body)
             left, right = joints(body, self._hinges)
             numbers += (*place, *quat, *velocity(body)[0], left[0], right[0])
-        states = np.array(numbers).reshape(n, _STATE_N)
+        states = np.array(numbers).reshape(n, _N_STATE_NUMBERS)
         turns, angles, poses, speeds = np.empty((n, 3, 3)), np.empty((n, 2)), np.empty((n, 3)), np.empty(n)
         frames = np.empty((n, 3, 4))
         _turn(states, turns, angles)
@@ -325,7 +325,7 @@ class Cars:
             return
         place, quat = self._parked_at[car, :3].tolist(), self._parked_at[car, 3:].tolist()
         self._client.changeConstraint(
-            self._brakes[car], jointChildPivot=place, jointChildFrameOrientation=quat, maxForce=_TYRE_GRIP_N
+            self._brakes[car], jointChildPivot=place, jointChildFrameOrientation=quat, maxForce=_TYRE_FORCE_N
         )
 
 

@@ -18,7 +18,7 @@ from fleet.world.protocol import TOOL_FAILED
 _GRAVITY_MPS2 = 9.81
 
 # A cup holds at least 20 N and five times the parcel's weight: enough for every acceleration of the arm.
-_LEAST_LIMIT_N = 20.0
+_LEAST_FORCE_N = 20.0
 _WEIGHTS = 5.0
 # The constraint itself gives way only far above the limit; the limit is enforced by letting go.
 _CONSTRAINT_MARGIN = 10.0
@@ -75,24 +75,24 @@ class SuctionGrip:
 
     A fixed constraint is made as soon as the cup should hold and a parcel's face lies within 1 cm of its lip, and
     removed when it should let go, or when pull and shear together exceed the limit: five times the weight, at least
-    20 N and at most `limit_n`. Pressing a parcel down does not break the seal. After a drop the cup stays empty until
-    it was off.
+    20 N and at most `most_force_n`. Pressing a parcel down does not break the seal. After a drop the cup stays empty
+    until it was off.
 
     Args:
         client: Connection.
         arms: The arms.
         parcels: The parcels.
-        limit_n: Most force a cup holds [N].
+        most_force_n: Most force a cup holds [N].
         limit_share: Part of their limits that constraints are given; see `BulletConfig`.
     """
 
     def __init__(
-        self, client: Client, arms: Arms, parcels: Parcels, limit_n: float, *, limit_share: float = 1.0
+        self, client: Client, arms: Arms, parcels: Parcels, most_force_n: float, *, limit_share: float = 1.0
     ) -> None:
         self._client = client
         self._arms = arms
         self._parcels = parcels
-        self._limit_n = limit_n
+        self._most_force_n = most_force_n
         self._margin = _CONSTRAINT_MARGIN * limit_share
         n = len(arms.bodies)
         self.held = [-1] * n
@@ -202,7 +202,7 @@ class SuctionGrip:
             body, self._cup, box, -1, client.JOINT_FIXED, (0, 0, 0), at, (0, 0, 0), turn, (0, 0, 0, 1)
         )
         weight = self._parcels.shapes[parcel].mass_kg * _GRAVITY_MPS2
-        self._limit[arm] = min(self._limit_n, max(_LEAST_LIMIT_N, _WEIGHTS * weight))
+        self._limit[arm] = min(self._most_force_n, max(_LEAST_FORCE_N, _WEIGHTS * weight))
         client.changeConstraint(constraint, maxForce=self._margin * self._limit[arm])
         client.setCollisionFilterPair(body, box, self._cup, -1, 0)
         self.held[arm], self._constraint[arm], self._overload[arm] = parcel, constraint, 0

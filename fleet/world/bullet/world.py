@@ -90,10 +90,10 @@ class BulletWorld:
         self.tick_s = config.tick_s
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
-        self._calls_n = config.calls_n
+        self._n_calls = config.n_calls
         self._contact_breaking_m = config.contact_breaking_m
-        call_s = config.tick_s / config.calls_n
-        at_once = config.at_once_n is not None
+        call_s = config.tick_s / config.n_calls
+        at_once = config.n_steps_per_call is not None
         self._scene = scene
         self._client = client = Client(config.connect, config.shared_memory_key)
         try:
@@ -103,8 +103,8 @@ class BulletWorld:
                     client.setGravity(0.0, 0.0, -_GRAVITY_MPS2)
                     client.setPhysicsEngineParameter(
                         fixedTimeStep=call_s,
-                        numSubSteps=config.at_once_n or 0,
-                        numSolverIterations=config.iterations_n,
+                        numSubSteps=config.n_steps_per_call or 0,
+                        numSolverIterations=config.n_iterations,
                         solverResidualThreshold=config.residual,
                         deterministicOverlappingPairs=1,
                         collisionFilterMode=groups.BOTH_AGREE,
@@ -126,13 +126,13 @@ class BulletWorld:
                     scene.arm_base,
                     scene.arm_start,
                     tool,
-                    MotorSteps(n=config.calls_n, length_s=call_s, at_once=at_once, limit_share=config.limit_share),
+                    MotorSteps(n=config.n_calls, length_s=call_s, at_once=at_once, limit_share=config.limit_share),
                 )
                 self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)
                 self._monitor = ContactMonitor(client, scene.car, self._cars.bodies, self._arms.bodies, call_s)
                 self._monitor.floor = floor = self._fixed.floor
                 for body in self._arms.bodies:
-                    for link in range(-1, scene.arm.outline.standing_links_n):
+                    for link in range(-1, scene.arm.outline.n_standing_links):
                         client.setCollisionFilterPair(body, floor, link, -1, 0)
                 self._monitor.pedestals, self._monitor.fixed = self._fixed.stand()
                 self._grip = make_grip(
@@ -168,7 +168,7 @@ class BulletWorld:
         parcels = self._parcels
         watched = self._watched()
         self._client.keep_contacts(self._contact_breaking_m)
-        for call in range(self._calls_n):
+        for call in range(self._n_calls):
             self._arms.hold(call)
             self._grip.before_step()
             self._cars.shove()

@@ -1,7 +1,7 @@
 """Kernels of the coupled problem: the timetable of a plan, plans made job by job, and plans made better.
 
 A plan is an order of jobs and a vehicle for each. Jobs are put into the timetable in that order: the vehicle drives
-to its next stop, and its station serves it in the first gap that is long enough. So every plan is feasible, and every
+to its next errand, and its station serves it in the first gap that is long enough. So every plan is feasible, and every
 timetable in which nobody could start sooner on his own has a plan if each job has one station. Source: the serial
 schedule generation scheme, Kolisch, "Serial and parallel resource-constrained project scheduling methods revisited",
 European Journal of Operational Research 90, 1996.
@@ -22,28 +22,28 @@ from planners.allocation.arrays import FloatArray, Int, Int64Array, Number
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 
-NEAR_N = 8
+NEAR_POSITIONS = 8
 """How many positions a job is moved at most by a move to nearby."""
 MOVE_SHARES = (0.5, 0.75, 0.9)
 """Shares, added up, of moves of one job, swaps of two positions, swaps of tails; the rest swap vehicles."""
 
 
 class Arrays(NamedTuple):
-    """A shop as the kernels read it, its stops without station put together; no time is negative."""
+    """A shop as the kernels read it, its errands without station put together; no time is negative."""
 
     travel_s: FloatArray
     start: Int64Array
     ready_s: FloatArray
     free_s: FloatArray
     first_place: Int64Array
-    """Place of the first stop of each job."""
+    """Place of the first errand of each job."""
     last_place: Int64Array
     """Place of the last."""
     release_s: FloatArray
-    first_booking: Int64Array
-    """Bookings of job j are first_booking[j] .. first_booking[j + 1] - 1."""
+    first_service: Int64Array
+    """Services of job j are first_service[j] .. first_service[j + 1] - 1."""
     lead_s: FloatArray
-    """From the booking before, or the arrival at the first stop, to the arrival at the station."""
+    """From the service before, or the arrival at the first errand, to the arrival at the station."""
     station: Int64Array
     service_s: FloatArray
     tail_s: FloatArray
@@ -66,10 +66,10 @@ class PartialSchedule(NamedTuple):
     ready_s: FloatArray
     """When it is there."""
     begin_s: FloatArray
-    """Start of each service, by station, rising, shape (n_stations, n_bookings + 1); the first is what was before."""
+    """Start of each service, by station, rising, shape (n_stations, n_services + 1); the first is what was before."""
     end_s: FloatArray
     """End of it."""
-    booked_n: Int64Array
+    n_services: Int64Array
     """Services booked, by station."""
 
 
@@ -101,7 +101,7 @@ def empty_schedule(shop: Arrays) -> PartialSchedule:
         ready_s=np.empty_like(shop.ready_s),
         begin_s=np.empty(shape),
         end_s=np.empty(shape),
-        booked_n=np.empty(shape[0], dtype=np.int64),
+        n_services=np.empty(shape[0], dtype=np.int64),
     )
 
 
@@ -113,7 +113,7 @@ def _clear(shop: Arrays, schedule: PartialSchedule) -> None:
     for m in range(len(shop.free_s)):
         schedule.begin_s[m, 0] = -np.inf
         schedule.end_s[m, 0] = shop.free_s[m]
-        schedule.booked_n[m] = 1
+        schedule.n_services[m] = 1
 
 
 @njit(**_OPTIONS)
@@ -123,12 +123,12 @@ def _job_end(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int, bo
     now_s = max(now_s, shop.release_s[job])
     if now_s == np.inf:
         return now_s
-    for booking in range(shop.first_booking[job], shop.first_booking[job + 1]):
-        now_s += shop.lead_s[booking]
+    for service in range(shop.first_service[job], shop.first_service[job + 1]):
+        now_s += shop.lead_s[service]
         if now_s == np.inf:
             return now_s
-        m, service_s = shop.station[booking], shop.service_s[booking]
-        n = schedule.booked_n[m]
+        m, service_s = shop.station[service], shop.service_s[service]
+        n = schedule.n_services[m]
         i = n
         while i > 1 and schedule.end_s[m, i - 1] > now_s:
             i -= 1
@@ -142,7 +142,7 @@ def _job_end(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int, bo
                 schedule.end_s[m, k] = schedule.end_s[m, k - 1]
             schedule.begin_s[m, i] = now_s
             schedule.end_s[m, i] = now_s + service_s
-            schedule.booked_n[m] = n + 1
+            schedule.n_services[m] = n + 1
         now_s += service_s
     now_s += shop.tail_s[job]
     if book:
@@ -227,13 +227,13 @@ def dispatch(shop: Arrays, schedule: PartialSchedule, regret: Number, order: Int
 
 
 @njit(**_OPTIONS)
-def append(shop: Arrays, schedule: PartialSchedule, planned_n: int, order: Int64Array, vehicle: Int64Array) -> int:
+def append(shop: Arrays, schedule: PartialSchedule, n_planned: int, order: Int64Array, vehicle: Int64Array) -> int:
     """Complete a plan: the jobs it does not have yet are put to its end in their order, each where it ends first.
 
     Args:
         shop: The shop.
         schedule: Memory.
-        planned_n: How many jobs the plan has.
+        n_planned: How many jobs the plan has.
         order: In: its jobs in order, then the others, shape (n,); out: in order, those nobody can do at the end.
         vehicle: In: vehicle of each job that is planned; out: of each job of `order`, shape (n_jobs,).
 
@@ -246,7 +246,7 @@ def append(shop: Arrays, schedule: PartialSchedule, planned_n: int, order: Int64
         # What nobody can do has been moved behind the end.
         job = order[done]
         best, best_v = np.inf, -1
-        first, last = (vehicle[job], vehicle[job] + 1) if k < planned_n else (0, len(shop.start))
+        first, last = (vehicle[job], vehicle[job] + 1) if k < n_planned else (0, len(shop.start))
         for v in range(first, last):
             if shop.extra[v, job] == np.inf:
                 continue
@@ -352,7 +352,7 @@ def anneal(
             if _random(state) < 0.5:
                 target = _below(state, n)
             else:
-                target = min(n - 1, max(0, source + _below(state, 2 * NEAR_N + 1) - NEAR_N))
+                target = min(n - 1, max(0, source + _below(state, 2 * NEAR_POSITIONS + 1) - NEAR_POSITIONS))
             job = order[source]
             before = vehicle[job]
             if _random(state) < 0.5:

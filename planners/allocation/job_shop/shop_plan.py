@@ -27,20 +27,20 @@ def arrays_of(problem: AllocationProblem, shop: Shop, class_factor: float = CLAS
     class_of = np.zeros(n, dtype=np.int64) if problem.class_of is None else problem.class_of.astype(np.int64)
     factor = class_factor ** (class_of.max(initial=0) - class_of)
     ones, ever = np.ones(n), np.full(n, np.inf)
-    first, last = shop.first_stop[:-1], shop.first_stop[1:] - 1
+    first, last = shop.first_errand[:-1], shop.first_errand[1:] - 1
 
-    booked = shop.station != NO_STATION
+    served = shop.station != NO_STATION
     lead_s, tail_s = [], np.zeros(n)
     for job in range(n):
         gone_s = 0.0
-        for stop in range(first[job], last[job] + 1):
-            if stop > first[job]:
-                gone_s += shop.travel_s[shop.place[stop - 1], shop.place[stop]]
-            if booked[stop]:
+        for errand in range(first[job], last[job] + 1):
+            if errand > first[job]:
+                gone_s += shop.travel_s[shop.place[errand - 1], shop.place[errand]]
+            if served[errand]:
                 lead_s.append(gone_s)
                 gone_s = 0.0
             else:
-                gone_s += shop.service_s[stop]
+                gone_s += shop.service_s[errand]
         tail_s[job] = gone_s
     weight = (ones if shop.weight is None else shop.weight) * factor
     return Arrays(
@@ -51,10 +51,10 @@ def arrays_of(problem: AllocationProblem, shop: Shop, class_factor: float = CLAS
         first_place=shop.place[first].astype(np.int64),
         last_place=shop.place[last].astype(np.int64),
         release_s=np.zeros(n) if shop.release_s is None else shop.release_s - zero_s,
-        first_booking=np.concatenate(([0], np.cumsum(booked)))[shop.first_stop].astype(np.int64),
+        first_service=np.concatenate(([0], np.cumsum(served)))[shop.first_errand].astype(np.int64),
         lead_s=np.array(lead_s, dtype=np.float64),
-        station=shop.station[booked].astype(np.int64),
-        service_s=shop.service_s[booked].astype(np.float64),
+        station=shop.station[served].astype(np.int64),
+        service_s=shop.service_s[served].astype(np.float64),
         tail_s=tail_s,
         due_s=ever if shop.due_s is None else shop.due_s - zero_s,
         weight=weight,
@@ -117,18 +117,22 @@ def timetable(shop: Shop, order: Int64Array, vehicle: Int64Array) -> Timetable:
     for job, v in zip(order.tolist(), vehicle[order].tolist(), strict=True):
         done_by[job] = v
         now_s = ready_s[v]
-        for stop in range(shop.first_stop[job], shop.first_stop[job + 1]):
-            place, station, service_s = int(shop.place[stop]), int(shop.station[stop]), float(shop.service_s[stop])
+        for errand in range(shop.first_errand[job], shop.first_errand[job + 1]):
+            place, station, service_s = (
+                int(shop.place[errand]),
+                int(shop.station[errand]),
+                float(shop.service_s[errand]),
+            )
             now_s += shop.travel_s[at[v], place]
-            arrive_s[stop] = now_s
-            if stop == shop.first_stop[job] and shop.release_s is not None:
+            arrive_s[errand] = now_s
+            if errand == shop.first_errand[job] and shop.release_s is not None:
                 now_s = max(now_s, shop.release_s[job])
             if station != NO_STATION:
                 now_s = _gap(busy[station], max(now_s, shop.free_s[station]), service_s)
-                busy[station].append((now_s, now_s + service_s, stop))
+                busy[station].append((now_s, now_s + service_s, errand))
                 busy[station].sort()
-            start_s[stop], now_s, at[v] = now_s, now_s + service_s, place
-            end_s[stop] = now_s
+            start_s[errand], now_s, at[v] = now_s, now_s + service_s, place
+            end_s[errand] = now_s
         ready_s[v] = now_s
     return Timetable(
         vehicle=done_by,
@@ -136,7 +140,7 @@ def timetable(shop: Shop, order: Int64Array, vehicle: Int64Array) -> Timetable:
         enter_s=_entries(shop, busy, arrive_s),
         start_s=start_s,
         end_s=end_s,
-        objective=_objective(shop, end_s[shop.first_stop[1:] - 1], done_by >= 0),
+        objective=_objective(shop, end_s[shop.first_errand[1:] - 1], done_by >= 0),
     )
 
 
@@ -152,10 +156,10 @@ def _gap(busy: list[tuple[float, float, int]], soonest_s: float, service_s: floa
 def _entries(shop: Shop, busy: list[list[tuple[float, float, int]]], arrive_s: np.ndarray) -> np.ndarray:
     """A vehicle enters when so many services before its own have ended that the buffer has room."""
     enter_s = arrive_s.copy()
-    for services, room in zip(busy, shop.buffer_n.tolist(), strict=True):
+    for services, room in zip(busy, shop.n_buffer_places.tolist(), strict=True):
         for k in range(room, len(services)):
-            stop = services[k][2]
-            enter_s[stop] = max(enter_s[stop], services[k - room][1])
+            errand = services[k][2]
+            enter_s[errand] = max(enter_s[errand], services[k - room][1])
     return enter_s
 
 

@@ -20,7 +20,7 @@ class Tours:
     """
 
     def __init__(self, problem: AllocationProblem, shop: Shop) -> None:
-        first, last = shop.first_stop[:-1], shop.first_stop[1:] - 1
+        first, last = shop.first_errand[:-1], shop.first_errand[1:] - 1
         self.tasks: list[list[int]] = [[] for _ in range(shop.n_vehicles)]
         """Tasks of each vehicle, in order."""
         inside_s = shop.service_s.copy()
@@ -40,10 +40,10 @@ class Tours:
         tour, between_s = self.tasks[vehicle], self._between_s
         least, where = math.inf, 0
         for position in range(len(tour) + 1):
-            legs_s = self._from_start_s[vehicle] if position == 0 else between_s[tour[position - 1]]
-            added = self._own_s[vehicle][task] + legs_s[task]
+            ways_s = self._from_start_s[vehicle] if position == 0 else between_s[tour[position - 1]]
+            added = self._own_s[vehicle][task] + ways_s[task]
             if position < len(tour):
-                added += between_s[task][tour[position]] - legs_s[tour[position]]
+                added += between_s[task][tour[position]] - ways_s[tour[position]]
             if position == 0 and tour:
                 # What goes before a held task lets it change hands as well.
                 added += float(self._worth_s[vehicle, tour[0]])

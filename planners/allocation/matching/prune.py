@@ -12,7 +12,7 @@ from planners.allocation.arrays import Distances, FloatArray, IntArray
 
 UNREACHABLE = 65_535
 """Distance in a table that stands for no way."""
-_BLOCK_N = 64
+_BLOCK_ROWS = 64
 """Rows of a table that are read together, so that they stay in the cache and results are written side by side."""
 
 _FEW = 4
@@ -35,30 +35,30 @@ class Candidates:
     """Vehicles and tasks."""
 
 
-def prune(cost: FloatArray, nearest_n: int) -> Candidates:
+def prune(cost: FloatArray, n_nearest: int) -> Candidates:
     """Keep the cheapest tasks of each vehicle that are allowed.
 
     Args:
         cost: Cost of each task for each vehicle, inf = not allowed, shape (n_vehicles, n_tasks).
-        nearest_n: Tasks that a vehicle keeps at most, >= 1.
+        n_nearest: Tasks that a vehicle keeps at most, >= 1.
     """
-    kept = min(nearest_n, cost.shape[1])
+    kept = min(n_nearest, cost.shape[1])
     task = np.zeros((len(cost), kept), dtype=np.int32)
     chosen = np.full(task.shape, np.inf)
     _cheapest(cost, task, chosen)
     return _candidates(task, chosen, cost.shape[1])
 
 
-def nearest(distances: Distances, row: IntArray, state: IntArray, nearest_n: int) -> Candidates:
+def nearest(distances: Distances, row: IntArray, state: IntArray, n_nearest: int) -> Candidates:
     """Keep the nearest tasks of each vehicle, without writing down the distance of every pair.
 
     Args:
         distances: Distance from each state to some goals, `UNREACHABLE` = no way, shape (n_rows, n_states).
         row: Row of each task's goal, shape (n_tasks,).
         state: State of each vehicle, shape (n_vehicles,).
-        nearest_n: Tasks that a vehicle keeps at most, >= 1; of those as far as the last, it keeps the first.
+        n_nearest: Tasks that a vehicle keeps at most, >= 1; of those as far as the last, it keeps the first.
     """
-    kept = min(nearest_n, len(row))
+    kept = min(n_nearest, len(row))
     task = np.zeros((len(state), kept), dtype=np.int32)
     cost = np.full((len(state), kept), np.inf)
     _nearest(distances, row.astype(np.int64), state.astype(np.int64), task, cost)
@@ -120,9 +120,9 @@ def _cheapest(cost: FloatArray, task: IntArray, chosen: FloatArray) -> None:
 def _travel_cost(
     distances: Distances, row: npt.NDArray[np.int64], state: npt.NDArray[np.int64], cost: FloatArray
 ) -> None:
-    block = np.empty((_BLOCK_N, len(state)), dtype=np.uint16)
-    for first in range(0, len(row), _BLOCK_N):
-        n = min(_BLOCK_N, len(row) - first)
+    block = np.empty((_BLOCK_ROWS, len(state)), dtype=np.uint16)
+    for first in range(0, len(row), _BLOCK_ROWS):
+        n = min(_BLOCK_ROWS, len(row) - first)
         for k in range(n):
             for v in range(len(state)):
                 block[k, v] = distances[row[first + k], state[v]]

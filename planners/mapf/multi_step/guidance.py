@@ -183,7 +183,7 @@ def _drive(
     place = errands.ptr[rng.integers(len(errands.ptr) - 1, size=n)].astype(np.int64)
     end = np.zeros(len(errands.cell), dtype=np.bool_)
     end[errands.ptr[1:] - 1] = True
-    no_leg = np.zeros(n, dtype=np.int32)
+    no_cost = np.zeros(n, dtype=np.int32)
     nothing = np.full(n, -1, dtype=np.int32)
     states, n_done = [starts], 0
     mover.begin(starts)
@@ -194,7 +194,7 @@ def _drive(
         sequence = np.argsort(to_go - depth[graph.state_cell[states[-1]]] * 2**20, kind="stable").astype(np.int32)
         after = mover.step(
             costs.costs,
-            Wishes(row=row, cell=nothing, next_row=nothing, leg=no_leg),
+            Wishes(row=row, cell=nothing, next_row=nothing, onward=no_cost),
             sequence,
             weight=rank_weights(sequence),
             most_tries=1000,

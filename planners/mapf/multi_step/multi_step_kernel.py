@@ -55,7 +55,7 @@ class Wishes(NamedTuple):
     """Cell of the goal, if the agent goes on from there; -1 = it stays there."""
     next_row: IntArray
     """Row of the goal after that, -1 = none."""
-    leg: IntArray
+    onward: IntArray
     """Cost from the goal to the next one."""
 
 
@@ -172,7 +172,7 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Int) -> None:  #
     for op in range(first, ops.ptr[choices.state[agent] + 1]):
         at_row, total = row, np.int64(0)
         if row >= 0:
-            total = np.int64(wishes.leg[agent])
+            total = np.int64(wishes.onward[agent])
             for t in range(length if near else 0):
                 if ops.cell[op, t] == wishes.cell[agent]:
                     at_row, total = wishes.next_row[agent], np.int64(t)

@@ -92,7 +92,10 @@ class MultiStepPibt:
         reachable = reachable_goals(instance, table, row)
         nowhere = np.full(n, -1, dtype=np.int32)
         wishes = Wishes(
-            row=np.where(reachable, row, np.int32(-1)), cell=nowhere, next_row=nowhere, leg=np.zeros(n, dtype=np.int32)
+            row=np.where(reachable, row, np.int32(-1)),
+            cell=nowhere,
+            next_row=nowhere,
+            onward=np.zeros(n, dtype=np.int32),
         )
         costs = exact_costs(table, graph.n_states)
         mover.begin(instance.starts)

@@ -20,7 +20,7 @@ from planners.errors import PlanningError
 from planners.motion.arrays import FloatArray, Int, IntArray
 from planners.motion.kernel import inlined, kernel
 
-_TURNS_N = 16  # new directions for one pair of bodies: what is not settled by then counts as too near
+_MOST_TURNS = 16  # new directions for one pair of bodies: what is not settled by then counts as too near
 _FLAT = 1e-12  # corners whose volume is that small against their size are no simplex
 
 
@@ -179,7 +179,7 @@ def step_apart(one: ArmStep, other: ArmStep, distance: float, way: FloatArray, a
     share = np.empty(4)
     nearest = np.empty(3)
     count = 0
-    for _ in range(_TURNS_N):
+    for _ in range(_MOST_TURNS):
         length = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
         x, y, z = way[0] / length, way[1] / length, way[2] / length
         a, high = _farthest(mine, at[0], begin, x, y, z)

@@ -92,7 +92,7 @@ class Route:
     """Corners of the way between the lines [rad], shape (k, n)."""
     into: FloatArray
     """Straight way to the pose [rad], shape (k, n)."""
-    legs: tuple[Trajectory, ...] = ()
+    segments: tuple[Trajectory, ...] = ()
     """The timed motions, each from rest to rest, in order; lines that have no length are left out."""
     goals: FloatArray | None = None
     """What the search could choose from [rad], shape (k, n); None if it did not come to that."""
@@ -104,25 +104,25 @@ class Route:
 
     @property
     def duration_s(self) -> float:
-        """Time of all legs [s]."""
-        return sum(leg.duration_s for leg in self.legs)
+        """Time of all segments [s]."""
+        return sum(segment.duration_s for segment in self.segments)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RouteConfig:
     """Settings of `RoutePlanner`."""
 
-    goals_n: int = 24
+    n_goals: int = 24
     """Goals given to the search: the nearest ones that do not collide."""
-    most_goals_n: int = 400
+    n_further_goals: int = 400
     """Goals given to further searches, if the first finds no path."""
     first_iterations: int = 3_000
     """Budget of the first search, in the planner's own unit."""
-    tries_n: int = 4
+    n_tries: int = 4
     """Searches of which the shortest path is taken."""
     good_ratio: float = 1.25
     """A path no longer than so many times the distance to the nearest goal ends the tries."""
-    restarts_n: int = 3
+    n_restarts: int = 3
     """Further searches, each with random numbers of its own."""
     max_iterations: int = 20_000
     """Budget of each of them."""
@@ -131,12 +131,12 @@ class RouteConfig:
     corner_rad: tuple[float, ...] = (0.1, 0.03, 0.01)
     """How far corners may be cut, largest first: the first that stays free is taken [rad]."""
     sample_s: float = 0.01
-    """Sample period of the legs [s]."""
+    """Sample period of the segments [s]."""
 
     def __post_init__(self) -> None:
-        for name, least in (("goals_n", 1), ("most_goals_n", 1), ("first_iterations", 0), ("tries_n", 1)):
+        for name, least in (("n_goals", 1), ("n_further_goals", 1), ("first_iterations", 0), ("n_tries", 1)):
             checks.whole(f"RouteConfig.{name}", getattr(self, name), least, _MOST)
-        for name in ("restarts_n", "max_iterations"):
+        for name in ("n_restarts", "max_iterations"):
             checks.whole(f"RouteConfig.{name}", getattr(self, name), 0, _MOST)
         for name in ("good_ratio", "line_speed", "sample_s"):
             checks.positive(f"RouteConfig.{name}", getattr(self, name))
@@ -201,12 +201,12 @@ class RoutePlanner:
             return self._failed(RouteStatus.NO_LINE_FROM_START)
         # The nearest goals make short paths; what cannot be reached at all is found out by offering many.
         config = self.config
-        searches = [(config.goals_n, config.first_iterations)]
-        searches += [(config.most_goals_n, config.max_iterations)] * config.restarts_n
-        for attempt, (goals_n, budget) in enumerate(searches):
-            goals, poses, status = self._goals(problem, out[-1], goals_n)
+        searches = [(config.n_goals, config.first_iterations)]
+        searches += [(config.n_further_goals, config.max_iterations)] * config.n_restarts
+        for attempt, (n_goals, budget) in enumerate(searches):
+            goals, poses, status = self._goals(problem, out[-1], n_goals)
             # A search that takes very long with some random numbers is often short with others.
-            query = replace(problem, seed=problem.seed + attempt * config.tries_n)
+            query = replace(problem, seed=problem.seed + attempt * config.n_tries)
             route = self._to_goals(query, out, goals, poses, budget) if len(goals) else self._failed(status)
             if route.status is not RouteStatus.NO_PATH:
                 break
@@ -229,9 +229,9 @@ class RoutePlanner:
         start = checks.vector("travel: start", start, self._travel.model.n_joints)
         goals = checks.rows("travel: goals", goals, self._travel.model.n_joints)
         checks.whole("travel: seed", seed, 0, _MOST_SEED)
-        for attempt in range(1 + self.config.restarts_n):
+        for attempt in range(1 + self.config.n_restarts):
             budget = self.config.max_iterations if attempt else self.config.first_iterations
-            result = self._shortest(start, goals, seed + attempt * self.config.tries_n, budget)
+            result = self._shortest(start, goals, seed + attempt * self.config.n_tries, budget)
             if result.solved:
                 return self._timed(start[None], result.path, result.path[-1:], goals)
             if result.status is MotionStatus.INVALID_GOAL:
@@ -314,7 +314,7 @@ class RoutePlanner:
         good = config.good_ratio * float(distance.min())
         query = MotionProblem(checker=self._travel, start=start, goals=goals, seed=seed, max_iterations=budget)
         best = self._planner.plan(query)
-        for attempt in range(1, config.tries_n):
+        for attempt in range(1, config.n_tries):
             if not best.solved or best.length_rad <= good:
                 break
             # Only goals that are nearer than the path is long can shorten it.
@@ -327,17 +327,19 @@ class RoutePlanner:
         return best
 
     def _timed(self, out: FloatArray, travel: FloatArray, into: FloatArray, goals: FloatArray) -> Route:
-        legs = []
+        segments = []
         for path, speed in ((out, self.config.line_speed), (travel, 1.0), (into, self.config.line_speed)):
             if len(path) == 1:
                 continue
-            leg = self._timed_leg(path, speed)
-            if leg is None:
+            segment = self._timed_segment(path, speed)
+            if segment is None:
                 return self._failed(RouteStatus.NOT_TIMED)
-            legs.append(leg)
-        return Route(status=RouteStatus.SOLVED, out=out, travel=travel, into=into, legs=tuple(legs), goals=goals)
+            segments.append(segment)
+        return Route(
+            status=RouteStatus.SOLVED, out=out, travel=travel, into=into, segments=tuple(segments), goals=goals
+        )
 
-    def _timed_leg(self, path: FloatArray, speed: float) -> Trajectory | None:
+    def _timed_segment(self, path: FloatArray, speed: float) -> Trajectory | None:
         """The fastest motion along a path; corners are cut less if cutting them would touch something.
 
         Cut corners may use up the margin, which is there for such things; the obstacles themselves stay clear.

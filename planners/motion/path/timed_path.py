@@ -14,7 +14,7 @@ from planners.motion.arrays import BoolArray, FloatArray
 from planners.motion.kernel import inlined, kernel
 from planners.motion.path.trajectory import MOST_SAMPLES, Trajectory
 
-_SAME_RAD = 1e-6  # legs that join end and start at the same configuration
+_SAME_RAD = 1e-6  # segments that join end and start at the same configuration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +41,10 @@ class TimedPath:
     """No joint is farther than this from the straight lines over samples and what is between [rad], shape (k-1, n)."""
     rests: BoolArray
     """Samples at which the arm stands still, so that it may wait there for as long as it likes, shape (k,)."""
-    legs: tuple[Trajectory | Dwell, ...]
+    segments: tuple[Trajectory | Dwell, ...]
     """What it was made of."""
     starts: tuple[int, ...]
-    """Sample at which each leg begins."""
+    """Sample at which each segment begins."""
 
     @property
     def duration_s(self) -> float:
@@ -58,35 +58,35 @@ class TimedPath:
     def state(self, along_s: float) -> tuple[FloatArray, FloatArray]:
         """Configuration [rad] and velocity [rad/s] when `along_s` of the motion is done [s], each shape (n,)."""
         number = max(0, bisect_right(self.starts, along_s / self.step_s + 1e-9) - 1)
-        leg, start = self.legs[number], self.starts[number]
-        if isinstance(leg, Dwell):
+        segment, start = self.segments[number], self.starts[number]
+        if isinstance(segment, Dwell):
             return self.q[start].copy(), np.zeros(self.q.shape[1])
-        return leg.sample(along_s - start * self.step_s)
+        return segment.sample(along_s - start * self.step_s)
 
 
-def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
+def timed_path(segments: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
     """Cut motions and rests that follow each other into equal steps.
 
-    Every leg takes a whole number of steps: the arm rests for the remainder of its last one. Between its samples a
+    Every segment takes a whole number of steps: the arm rests for the remainder of its last one. Between its samples a
     trajectory is a cubic in each joint, which stays between its four Bezier points; that bounds how far the arm is from
     straight lines over half steps, whatever lies between them (Farin, Curves and Surfaces for CAGD, 2002, convex hull
     property).
 
     Args:
-        legs: Motions from rest to rest and rests between them, at least one motion.
+        segments: Motions from rest to rest and rests between them, at least one motion.
         step_s: Length of a step [s], > 0.
 
     Raises:
-        PlanningError: Malformed input, or a leg does not start where the one before ends.
+        PlanningError: Malformed input, or a segment does not start where the one before ends.
     """
-    motions = [leg for leg in legs if isinstance(leg, Trajectory)]
+    motions = [segment for segment in segments if isinstance(segment, Trajectory)]
     step_s = checks.positive("timed_path: step_s", step_s)
-    others = [leg for leg in legs if not isinstance(leg, Trajectory | Dwell)]
+    others = [segment for segment in segments if not isinstance(segment, Trajectory | Dwell)]
     if not motions or others:
         raise PlanningError(f"timed_path: {len(motions)} motions, {others[:1]}; valid: motions, at least 1, and rests")
-    if not all(np.isfinite(leg.q).all() and np.isfinite(leg.qd).all() for leg in motions):
+    if not all(np.isfinite(segment.q).all() and np.isfinite(segment.qd).all() for segment in motions):
         raise PlanningError("timed_path: a motion that is not finite")
-    lasts_s = sum(leg.duration_s for leg in legs)
+    lasts_s = sum(segment.duration_s for segment in segments)
     if not lasts_s / step_s < MOST_SAMPLES:
         raise PlanningError(f"timed_path: {lasts_s} s in steps of {step_s} s; valid: at most {MOST_SAMPLES} samples")
     here = motions[0].q[0]
@@ -94,25 +94,29 @@ def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
     between: list[FloatArray] = []
     bow: list[FloatArray] = []
     starts, count = [], 1
-    for number, leg in enumerate(legs):
+    for number, segment in enumerate(segments):
         starts.append(count - 1)
-        if isinstance(leg, Dwell):
-            steps = int(np.ceil(leg.duration_s / step_s - 1e-9))
+        if isinstance(segment, Dwell):
+            steps = int(np.ceil(segment.duration_s / step_s - 1e-9))
             q.append(np.repeat(here[None], steps, axis=0))
             between.append(q[-1])
             bow.append(np.zeros((steps, len(here))))
             rests.append(np.ones(steps, dtype=np.bool_))
         else:
-            if leg.q.shape[1] != len(here) or np.abs(leg.q[0] - here).max() > _SAME_RAD:
-                raise PlanningError(f"timed_path: leg {number} starts at {leg.q[0]}, the one before ends at {here}")
-            steps = int(np.ceil(leg.duration_s / step_s - 1e-9))
+            if segment.q.shape[1] != len(here) or np.abs(segment.q[0] - here).max() > _SAME_RAD:
+                raise PlanningError(
+                    f"timed_path: segment {number} starts at {segment.q[0]}, the one before ends at {here}"
+                )
+            steps = int(np.ceil(segment.duration_s / step_s - 1e-9))
             halves, bows = np.empty((2 * steps + 1, len(here))), np.zeros((steps, len(here)))
-            _sample_halves(leg.t[-1] / max(1, len(leg.t) - 1), leg.q, leg.qd, 0.5 * step_s, halves, bows)
+            _sample_halves(
+                segment.t[-1] / max(1, len(segment.t) - 1), segment.q, segment.qd, 0.5 * step_s, halves, bows
+            )
             q.append(halves[2::2])
             between.append(halves[1::2])
             bow.append(bows)
             rests.append(np.arange(1, steps + 1) == steps)
-            here = leg.q[-1]
+            here = segment.q[-1]
         count += steps
     return TimedPath(
         step_s=float(step_s),
@@ -120,18 +124,18 @@ def timed_path(legs: Sequence[Trajectory | Dwell], step_s: float) -> TimedPath:
         between=np.concatenate(between),
         bow=np.concatenate(bow),
         rests=np.concatenate(rests),
-        legs=tuple(legs),
+        segments=tuple(segments),
         starts=tuple(starts),
     )
 
 
 def samples_of(
-    leg: Trajectory, step_s: float, *, begin_s: float = 0.0, pace: float = 1.0
+    segment: Trajectory, step_s: float, *, begin_s: float = 0.0, pace: float = 1.0
 ) -> tuple[FloatArray, FloatArray]:
     """Sample what is left of a trajectory.
 
     Args:
-        leg: From rest to rest.
+        segment: From rest to rest.
         step_s: Time between samples [s], > 0.
         begin_s: How much of it is done at the first sample [s].
         pace: How fast it is played, 1 for as planned, > 0.
@@ -140,14 +144,14 @@ def samples_of(
         Joint angles, the last sample at the end [rad], shape (k, n), and bounds on how far each joint is from them
         during the half steps before and after [rad], shape (k, n).
     """
-    if len(leg.t) == 1:
-        return leg.q.copy(), np.zeros_like(leg.q)
-    fine_s = float(leg.t[1] - leg.t[0])
-    steps = max(1, int(np.ceil((leg.duration_s - begin_s) / (step_s * pace) - 1e-9)))
-    q = np.empty((steps + 1, leg.q.shape[1]))
+    if len(segment.t) == 1:
+        return segment.q.copy(), np.zeros_like(segment.q)
+    fine_s = float(segment.t[1] - segment.t[0])
+    steps = max(1, int(np.ceil((segment.duration_s - begin_s) / (step_s * pace) - 1e-9)))
+    q = np.empty((steps + 1, segment.q.shape[1]))
     stray = np.empty_like(q)
-    _sample_all(leg.q, leg.qd, fine_s, float(begin_s), step_s * pace, q, stray)
-    q[-1] = leg.q[-1]
+    _sample_all(segment.q, segment.qd, fine_s, float(begin_s), step_s * pace, q, stray)
+    q[-1] = segment.q[-1]
     return q, stray
 
 

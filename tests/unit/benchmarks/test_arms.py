@@ -17,7 +17,7 @@ from planners.motion.search.rrt_connect_native import RrtConnectNative
 def trial(monkeypatch: pytest.MonkeyPatch) -> Trial:
     for module, name, value in (
         (camera, "QUICK_BINS", 1),
-        (camera, "PARCELS_N", (2, 2)),
+        (camera, "N_PARCELS", (2, 2)),
         (checks, "QUICK_STATES", 400),
         (checks, "QUICK_TIMED", 200),
         (checks, "QUICK_USUAL", 50),

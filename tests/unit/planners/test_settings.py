@@ -20,7 +20,7 @@ class Colour(StrEnum):
 class Paint:
     colour: Colour = Colour.RED
     litres: float = 1.0
-    coats_n: int | None = None
+    n_coats: int | None = None
     glossy: bool = False
     walls: tuple[str, ...] = ()
     window_m: tuple[float, float] = (1.0, 2.0)
@@ -33,7 +33,7 @@ class Paint:
         ("colour", "red"),
         ("litres", 2),
         ("litres", np.float32(2.5)),
-        ("coats_n", np.int64(3)),
+        ("n_coats", np.int64(3)),
         ("walls", ["north"]),
         ("window_m", [1, 2.5]),
         ("prices", {"red": 3}),
@@ -48,8 +48,8 @@ def test_what_is_declared_fits(name: str, good: object) -> None:
     [
         ("litres", "x", "a number"),
         ("litres", True, "a number"),
-        ("coats_n", 2.5, "an integer or None"),
-        ("coats_n", True, "an integer or None"),
+        ("n_coats", 2.5, "an integer or None"),
+        ("n_coats", True, "an integer or None"),
         ("glossy", 1, "True or False"),
         ("walls", "north", "a tuple, each a text"),
         ("walls", (3,), "a tuple, each a text"),
@@ -63,11 +63,11 @@ def test_another_kind_is_named_with_what_would_be_valid(name: str, bad: object, 
 
 
 def test_the_names_of_fields_come_in_their_order() -> None:
-    assert field_names(Paint)[:3] == ("colour", "litres", "coats_n")
+    assert field_names(Paint)[:3] == ("colour", "litres", "n_coats")
 
 
 def test_what_is_not_given_is_not_missed() -> None:
-    assert misfits(Paint, {"walls": 3, "coats_n": "x"}) == [
-        ("coats_n", "x", "an integer or None"),
+    assert misfits(Paint, {"walls": 3, "n_coats": "x"}) == [
+        ("n_coats", "x", "an integer or None"),
         ("walls", 3, "a tuple, each a text"),
     ]

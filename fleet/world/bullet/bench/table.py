@@ -21,9 +21,9 @@ from fleet.world.protocol import ParcelBody
 from fleet.world.tabletop import TableObject, TableScene
 
 SUBSTEP_S = 1.0 / 240.0
-SUBSTEPS_N = 4
-TICK_S = SUBSTEPS_N * SUBSTEP_S
-_ITERATIONS_N = 50
+N_SUBSTEPS = 4
+TICK_S = N_SUBSTEPS * SUBSTEP_S
+_N_ITERATIONS = 50
 _FRICTION, _SPINNING, _ROLLING = 0.8, 0.05, 0.002
 _FINGER_FRICTION = 1.2
 _TABLE_FRICTION = 0.8
@@ -137,11 +137,11 @@ class TableWorld:
         try:
             client.setGravity(0.0, 0.0, -9.81)
             client.setPhysicsEngineParameter(
-                fixedTimeStep=SUBSTEP_S, numSolverIterations=_ITERATIONS_N, deterministicOverlappingPairs=1
+                fixedTimeStep=SUBSTEP_S, numSolverIterations=_N_ITERATIONS, deterministicOverlappingPairs=1
             )
             with quiet():
                 self._fixed = [self._add_box(box.kind, box.centre_m, box.half_m) for box in scene.boxes]
-                steps = MotorSteps(n=SUBSTEPS_N, length_s=SUBSTEP_S)
+                steps = MotorSteps(n=N_SUBSTEPS, length_s=SUBSTEP_S)
                 self._arms = Arms(client, spec, scene.arm_base, start, tool, steps)
                 self.objects = TableObjects(client)
                 for thing in scene.objects:
@@ -183,7 +183,7 @@ class TableWorld:
         self._arms.aim(q, qd)
         self._grip.command(grip)
         self._client.keep_contacts(_CONTACT_BREAKING_M)
-        for substep in range(SUBSTEPS_N):
+        for substep in range(N_SUBSTEPS):
             self._arms.hold(substep)
             self._grip.before_step()
             self._client.stepSimulation()

@@ -19,7 +19,7 @@ from fleet.errors import FleetError
 # A server that is silent for so long has ended; loading a mesh takes less than a second [s].
 _SERVER_TIMEOUT_S = 30.0
 # The window's thread prints while it draws its first two frames.
-_FIRST_FRAMES_N = 6
+_N_FIRST_FRAMES = 6
 _WINDOW = "--width=1280 --height=800"
 _REHEARSAL = "import pybullet as p, sys; i = p.connect(p.GUI); i < 0 or p.disconnect(i); sys.exit(i < 0)"
 _REHEARSAL_S = 60.0
@@ -93,7 +93,7 @@ class Client:
             except pybullet.error as reason:  # a second window in this process
                 raise PhysicsError(f"connect {connect.value}: {reason}") from reason
             if self.id >= 0 and connect is Connect.GUI:
-                for _ in range(_FIRST_FRAMES_N):
+                for _ in range(_N_FIRST_FRAMES):
                     pybullet.removeAllUserDebugItems(physicsClientId=self.id)  # waits for a frame
         if self.id < 0:
             raise PhysicsError(

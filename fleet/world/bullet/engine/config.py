@@ -23,8 +23,8 @@ class BulletConfig:
     """Length of one tick [s]."""
     grip_force_n: float | None = None
     """Most force of a cup, less for light parcels (see `SuctionGrip`), or of each finger [N]; None = the tool's."""
-    at_once_n: int | None = None
-    """The engine makes so many steps of every tick in one call; None = one call for each of `substeps_n` steps.
+    n_steps_per_call: int | None = None
+    """The engine makes so many steps of every tick in one call; None = one call for each of `n_substeps` steps.
 
     Saves most of the time that is not the engine's own. Contacts and grips are then looked at once per tick, arms turn
     at one speed from set-point to set-point, and standing cars are held by their wheels alone. The time of a tick must
@@ -37,21 +37,24 @@ class BulletConfig:
         force_ok = self.grip_force_n is None or self.grip_force_n > 0
         require(force_ok, "bullet.grip_force_n", self.grip_force_n, "a number > 0, or None")
         require(self.wheels in ("sphere", "cylinder"), "bullet.wheels", self.wheels, "sphere, cylinder")
-        n = self.at_once_n
+        n = self.n_steps_per_call
         n_ok = n is None or (n >= 1 and self.tick_s / n * n == self.tick_s)
-        require(n_ok, "bullet.at_once_n", n, "an integer >= 1 that divides tick_s exactly, or None")
+        require(n_ok, "bullet.n_steps_per_call", n, "an integer >= 1 that divides tick_s exactly, or None")
         alone_ok = n is None or self.grip is not Grip.FRICTION
         require(
-            alone_ok, "bullet.at_once_n", n, "None with fingers, of which the second follows the first in every step"
+            alone_ok,
+            "bullet.n_steps_per_call",
+            n,
+            "None with fingers, of which the second follows the first in every step",
         )
 
     @property
-    def substeps_n(self) -> int:
+    def n_substeps(self) -> int:
         """Physics steps per tick: friction lost 2 of 12 parcels at 1/60 s, suction and the cars are fine at 1/120 s."""
         return 4 if self.grip is Grip.FRICTION else 2
 
     @property
-    def iterations_n(self) -> int:
+    def n_iterations(self) -> int:
         """Solver iterations: with 10, 1 of 12 parcels held by friction was lost, and those under cups crept by 0.35 mm.
 
         The engine stops sooner when nothing changes any more, so cups cost hardly more with 30, and creep by 0.03 mm.
@@ -59,7 +62,7 @@ class BulletConfig:
         """
         if self.grip is Grip.FRICTION:
             return 50
-        return 30 if self.at_once_n is None else 15
+        return 30 if self.n_steps_per_call is None else 15
 
     @property
     def residual(self) -> float:
@@ -68,7 +71,7 @@ class BulletConfig:
         Steps that are made at once stop sooner, which saves a tenth of them: standing cars, which nothing holds there,
         then creep by 0.11 mm/s instead of 0.05 (decision 33).
         """
-        return 1e-7 if self.at_once_n is None else 1e-5
+        return 1e-7 if self.n_steps_per_call is None else 1e-5
 
     @property
     def contact_breaking_m(self) -> float:
@@ -83,7 +86,7 @@ class BulletConfig:
     @property
     def substep_s(self) -> float:
         """Length of one physics step [s]."""
-        return self.tick_s / (self.at_once_n or self.substeps_n)
+        return self.tick_s / (self.n_steps_per_call or self.n_substeps)
 
     @property
     def limit_share(self) -> float:
@@ -92,17 +95,17 @@ class BulletConfig:
         In each step of a call the engine lets it push with its limit for the time of the whole call (measured on one
         wheel: 8 steps at once, 8 times the torque).
         """
-        return 1.0 / (self.at_once_n or 1)
+        return 1.0 / (self.n_steps_per_call or 1)
 
     @property
-    def calls_n(self) -> int:
+    def n_calls(self) -> int:
         """Calls of the engine per tick."""
-        return 1 if self.at_once_n is not None else self.substeps_n
+        return 1 if self.n_steps_per_call is not None else self.n_substeps
 
 
-def exact_tick_s(steps_n: int, rate_hz: float) -> float:
-    """Length of a tick of `steps_n` steps of about `1 / rate_hz`, which is a multiple of its steps to the last bit [s].
+def exact_tick_s(n_steps: int, rate_hz: float) -> float:
+    """Length of a tick of `n_steps` steps of about `1 / rate_hz`, which is a multiple of its steps to the last bit [s].
 
     The step is rounded to 2^-40 s, a relative error below 1e-9 at 240 Hz, so that its multiples need no rounding.
     """
-    return steps_n * math.ldexp(round(math.ldexp(1.0 / rate_hz, 40)), -40)
+    return n_steps * math.ldexp(round(math.ldexp(1.0 / rate_hz, 40)), -40)

@@ -36,7 +36,7 @@ def test_the_nearest_car_gets_the_task() -> None:
     assert floor.task("a").car == 0
     assert floor.missions.phase == [CarPhase.TO_PICK, CarPhase.IDLE]
     assert reasons_of(floor, "a") == [PairReason.CHOSEN, PairReason.TASK_GOT_BETTER]
-    assert floor.assignments.allocations_n == 1
+    assert floor.assignments.n_allocations == 1
     assert not floor.missions.changed
 
 

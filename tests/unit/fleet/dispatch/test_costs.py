@@ -55,7 +55,7 @@ def test_a_task_that_would_be_late_presses_for_being_served() -> None:
     assert costs.cost_s[:, 0].tolist() == [5.0 + 10.0 - 40.0, 10.0 + 15.0 - 40.0]
 
 
-def test_a_visit_costs_the_way_to_its_first_stop() -> None:
+def test_a_visit_costs_the_way_to_its_first_errand() -> None:
     costs = priced(Floor(orders=[visit("v", ("charger_1", "charger_2"), "parking_3")]), "v")
     assert costs.cost_s[:, 0].tolist() == [8.0, 3.0]
 

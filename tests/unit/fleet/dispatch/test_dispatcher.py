@@ -153,7 +153,7 @@ def test_a_floor_delivers_all_by_its_rules_alone(battery: BatteryConfig | None) 
                 floor.lay_in_tray(task, car)
     assert floor.board.finished
     assert floor.board.count(TaskState.COLLECTED) == 8
-    assert (floor.inventory.entered_n, floor.inventory.left_n, floor.inventory.misplaced()) == (8, 8, [])
+    assert (floor.inventory.n_entered, floor.inventory.n_left, floor.inventory.misplaced()) == (8, 8, [])
     assert floor.missions.phase == [CarPhase.IDLE] * 3
     assert floor.services.under_way == []
     assert not floor.executor.closed.any()

@@ -31,11 +31,11 @@ def test_a_shop_has_stations_then_cars_then_visited_places() -> None:
     assert np.isinf(shop.travel_s[0, 4:6]).all()  # nobody drives to where a car was
     assert np.diagonal(shop.travel_s).tolist() == [0.0] * 7
     assert shop.start.tolist() == [4, 5]
-    assert shop.first_stop.tolist() == [0, 2, 3]
+    assert shop.first_errand.tolist() == [0, 2, 3]
     assert shop.place.tolist() == [0, 3, 6]
     assert shop.station.tolist() == [0, 3, NO_STATION]
     assert shop.service_s.tolist() == [7.0, 7.0, 4.0]
-    assert shop.buffer_n.tolist() == [2, 2, 2, 2]
+    assert shop.n_buffer_places.tolist() == [2, 2, 2, 2]
     assert shop.due_s is not None
     assert shop.due_s.tolist() == [60.0, np.inf]
     assert shop.weight is not None

@@ -22,7 +22,7 @@ def test_a_task_that_nobody_has_yet_is_cancelled_with_its_parcel() -> None:
     floor = Floor(orders=[delivery("a")])
     floor.interventions.cancel(floor.ready("a"), 1.0, "by hand")
     assert floor.task("a").state is TaskState.CANCELLED
-    assert (len(floor.world.poses), floor.stations[0].free_n) == (0, 4)
+    assert (len(floor.world.poses), floor.stations[0].n_free) == (0, 4)
 
 
 def test_the_car_of_a_cancelled_task_is_free() -> None:

@@ -1,4 +1,4 @@
-"""The ledger of a run as columns: every tick is there, and it reads back from a CSV file."""
+"""The time accounts of a run as columns: every tick is there, and it reads back from a CSV file."""
 
 import csv
 from importlib.util import find_spec

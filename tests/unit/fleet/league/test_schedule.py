@@ -32,14 +32,14 @@ def test_what_is_left_of_a_task_is_the_way_from_errand_to_errand() -> None:
     arena, schedule = begin(problem_of(CORRIDOR, [0], [[0, 2, 4, 10], [3], [1, 1]]))
     schedule.learn(arena, arena.pool())
     back = 1 + 1 + 1 + 4  # south twice, one turn, west four times
-    assert schedule.leg_of.tolist() == [2, 2, back, 0, 0, 0, 0]
+    assert schedule.onward_of.tolist() == [2, 2, back, 0, 0, 0, 0]
     assert schedule.rest_of.tolist() == [4 + back, 2 + back, back, 0, 0, 0, 0]
 
 
 def test_what_is_left_of_tasks_that_are_not_known_yet_is_not_looked_at() -> None:
     arena, schedule = begin(problem_of(ROOM, [0], [[0, 5], [3, 4]], pool_size=1))
     schedule.learn(arena, arena.pool())
-    assert schedule.leg_of.tolist() == [5, 0, -1, -1]
+    assert schedule.onward_of.tolist() == [5, 0, -1, -1]
 
 
 def test_tasks_are_learnt_one_after_the_other_or_together() -> None:
@@ -49,7 +49,7 @@ def test_tasks_are_learnt_one_after_the_other_or_together() -> None:
     together.learn(arena, arena.pool())
     for task in arena.pool():
         apart.learn(arena, np.array([task]))
-    assert together.leg_of.tolist() == apart.leg_of.tolist()
+    assert together.onward_of.tolist() == apart.onward_of.tolist()
     assert together.rest_of.tolist() == apart.rest_of.tolist()
 
 

@@ -30,7 +30,7 @@ from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.perception import TruePoses
 from fleet.missions.parcels.prefetch import Prefetch
 from fleet.missions.parcels.slots import Slots
-from fleet.missions.parcels.transfers import Transfers
+from fleet.missions.parcels.transfer_requests import Transfers
 from fleet.missions.parking import Parking
 from fleet.missions.phases import CarPhase
 from fleet.missions.places import Places
@@ -78,10 +78,10 @@ def delivery(name: str, pick: str = "pick_1", drop: str = "drop_1", **own: Any) 
     )
 
 
-def visit(name: str, *stops: str | tuple[str, ...], **own: Any) -> Visit:
+def visit(name: str, *errands: str | tuple[str, ...], **own: Any) -> Visit:
     """A visit of places, released at once."""
-    each = tuple((stop,) if isinstance(stop, str) else stop for stop in stops)
-    return Visit(name=name, stops=each, **({"release_s": 0.0, "kind": "patrol"} | own))
+    each = tuple((errand,) if isinstance(errand, str) else errand for errand in errands)
+    return Visit(name=name, errands=each, **({"release_s": 0.0, "kind": "patrol"} | own))
 
 
 class Log:

@@ -71,7 +71,7 @@ def test_a_car_that_has_come_begins_to_charge() -> None:
     floor.chargers.plug_in()
     assert floor.missions.phase == [CarPhase.CHARGING]
     assert floor.missions.charges.tolist() == [True]
-    assert floor.chargers.sessions_n == 1
+    assert floor.chargers.n_sessions == 1
 
 
 def test_a_car_without_a_way_to_its_charger_any_more_is_free() -> None:
@@ -153,7 +153,7 @@ def test_a_car_that_was_ordered_to_charge_stays_until_its_visit_ends() -> None:
 )
 def test_a_critical_car_gives_back_what_can_wait(order: Any, gives_back: bool) -> None:
     floor = floor_of(0.1, orders=[order])
-    task = floor.assigned("a", car=0) if order.name == "a" and not hasattr(order, "stops") else floor.visiting("a", 0)
+    task = floor.assigned("a", car=0) if order.name == "a" and not hasattr(order, "errands") else floor.visiting("a", 0)
     floor.chargers.send_low(0, 0.0, set())
     assert (task.state is TaskState.READY) is gives_back
     assert (floor.missions.phase[0] is CarPhase.TO_CHARGER) is gives_back

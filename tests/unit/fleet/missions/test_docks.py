@@ -94,7 +94,7 @@ def test_a_loaded_car_goes_on_while_the_arm_still_goes_home() -> None:
     assert floor.missions.phase[0] is CarPhase.TO_DROP
     assert floor.ways.goals[0] == floor.dock_of("drop_1")
     assert not floor.traffic.fixed[0]
-    assert floor.stations[PICK].free_n == 4
+    assert floor.stations[PICK].n_free == 4
     assert floor.services.is_served(0)  # the dock is not open yet
     floor.arms.come_home(PICK)
     floor.docks.tick(2, 6.0)
@@ -163,7 +163,7 @@ def test_a_task_fails_after_three_attempts_and_its_slot_stays_taken_while_the_pa
     assert task.state is TaskState.FAILED
     assert task.reason.startswith("arm_0 missed the parcel at pick_1; parcel lies at (")
     assert floor.missions.phase[0] is CarPhase.IDLE
-    assert floor.stations[PICK].free_n == 3
+    assert floor.stations[PICK].n_free == 3
     assert floor.services.under_way == []
     assert floor.missions.faults() == []
 
@@ -173,7 +173,7 @@ def test_the_slot_is_free_if_the_parcel_lies_elsewhere() -> None:
     floor.lay_on_floor(task)
     fail_three_times(floor, PICK)
     assert task.state is TaskState.FAILED
-    assert floor.stations[PICK].free_n == 4
+    assert floor.stations[PICK].n_free == 4
 
 
 def test_a_car_is_retired_with_a_parcel_that_could_not_be_unloaded() -> None:
@@ -181,7 +181,7 @@ def test_a_car_is_retired_with_a_parcel_that_could_not_be_unloaded() -> None:
     fail_three_times(floor, DROP)
     assert task.state is TaskState.FAILED
     assert floor.missions.phase[0] is CarPhase.RETIRED
-    assert floor.stations[DROP].free_n == 4
+    assert floor.stations[DROP].n_free == 4
     assert floor.missions.faults() == []
 
 
@@ -231,7 +231,7 @@ def test_a_task_that_is_given_up_gives_back_the_slot_that_waits_for_it() -> None
     task = floor.carried("a", car=0)
     task.drop_slot = floor.stations[DROP].take_slot(task.index)
     floor.docks.give_up(task, 3.0, "by hand")
-    assert (task.state, floor.stations[DROP].free_n) == (TaskState.FAILED, 4)
+    assert (task.state, floor.stations[DROP].n_free) == (TaskState.FAILED, 4)
 
 
 @pytest.mark.parametrize(("in_tray", "phase"), [(True, CarPhase.RETIRED), (False, CarPhase.IDLE)])
@@ -246,7 +246,7 @@ def test_a_car_whose_task_failed_under_the_arm_is_free_when_the_arm_is_home(in_t
     floor.arms.come_home(PICK)
     floor.docks.tick(2, 2.0)
     assert floor.missions.phase[0] is phase
-    assert floor.stations[PICK].free_n == (4 if in_tray else 3)
+    assert floor.stations[PICK].n_free == (4 if in_tray else 3)
     assert floor.services.under_way == []
     assert floor.missions.faults() == []
 

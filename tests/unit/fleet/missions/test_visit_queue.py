@@ -53,12 +53,12 @@ def test_without_visits_no_charger_is_wanted() -> None:
     assert floor.task("a").state is TaskState.BACKLOG
 
 
-def test_the_rest_of_a_visit_is_its_moves_between_stops_and_its_stands() -> None:
+def test_the_rest_of_a_visit_is_its_moves_between_errands_and_its_stands() -> None:
     """From the first parking place it is 11 moves to the second, and from there 8 to the third."""
     floor = Floor(orders=[visit("v", "parking_1", "parking_2", "parking_3", stand_s=4.0)])
     task = floor.ready("v")
     assert floor.routes.rest(task) == (19.0, 12.0)
-    task.stops_n = 1
+    task.n_errands_done = 1
     assert floor.routes.rest(task) == (8.0, 8.0)
 
 
@@ -68,20 +68,20 @@ def test_a_visit_without_a_way_on_never_ends() -> None:
     assert floor.routes.rest(floor.ready("v"))[0] == UNREACHABLE
 
 
-def test_of_the_next_stop_only_places_with_room_count_if_any_has() -> None:
+def test_of_the_next_errand_only_places_with_room_count_if_any_has() -> None:
     floor = Floor(orders=[visit("v", ("charger_1", "charger_2"))])
     task = floor.ready("v")
     one, two = map(floor.places.named, ("charger_1", "charger_2"))
-    assert floor.routes.stops(task) == [(one, two)]
+    assert floor.routes.errands(task) == [(one, two)]
     floor.missions.bind(0, CHARGER_1)
     floor.bookings.book(0)
-    assert floor.routes.stops(task) == [(two,)]
-    assert floor.routes.to_stop(task, floor.ways.tails).tolist() == [11.0, 6.0]  # charger_1 would be 8 and 3
+    assert floor.routes.errands(task) == [(two,)]
+    assert floor.routes.to_errand(task, floor.ways.tails).tolist() == [11.0, 6.0]  # charger_1 would be 8 and 3
     floor.missions.bind(1, CHARGER_2)
     floor.bookings.book(1)
-    assert floor.routes.stops(task) == [(one, two)]
+    assert floor.routes.errands(task) == [(one, two)]
     task.place = "charger_1"  # its own car has room there
-    assert floor.routes.stops(task) == [(one,)]
+    assert floor.routes.errands(task) == [(one,)]
 
 
 def test_room_is_counted_down_and_a_lane_always_has_some() -> None:

@@ -43,7 +43,7 @@ def test_of_several_places_the_nearest_with_room_is_taken() -> None:
     assert third.place == ""
 
 
-def test_a_visit_goes_from_stop_to_stop_and_ends() -> None:
+def test_a_visit_goes_from_errand_to_errand_and_ends() -> None:
     floor = Floor(orders=[visit("v", "parking_4", "parking_5", stand_s=2.0)])
     task = floor.visiting("v", car=0)
     floor.visits.tick(0, 0.0)
@@ -54,9 +54,9 @@ def test_a_visit_goes_from_stop_to_stop_and_ends() -> None:
     assert floor.visits.leave_s(0) == 3.0
     assert floor.missions.faults() == []
     floor.visits.tick(2, 2.9)
-    assert task.stops_n == 0
+    assert task.n_errands_done == 0
     floor.visits.tick(3, 3.0)
-    assert (task.stops_n, task.place, floor.missions.phase[0]) == (1, "parking_5", CarPhase.TO_PLACE)
+    assert (task.n_errands_done, task.place, floor.missions.phase[0]) == (1, "parking_5", CarPhase.TO_PLACE)
     assert floor.missions.faults() == []
     floor.come(0)
     floor.visits.tick(4, 4.0)
@@ -101,15 +101,15 @@ def test_a_car_gives_its_visit_back_if_it_has_no_way_on() -> None:
     floor.come(0)
     floor.block(floor.places.cells[PARKING_4 + 1])
     floor.visits.tick(0, 0.0)
-    assert (task.state, task.stops_n, task.reason) == (TaskState.READY, 1, "car_0 has no way to parking_5")
+    assert (task.state, task.n_errands_done, task.reason) == (TaskState.READY, 1, "car_0 has no way to parking_5")
     assert floor.missions.phase[0] is CarPhase.IDLE
     assert floor.missions.faults() == []
 
 
-def test_a_visit_that_changed_hands_goes_on_at_the_next_stop() -> None:
+def test_a_visit_that_changed_hands_goes_on_at_the_next_errand() -> None:
     floor = Floor(orders=[visit("v", "parking_4", "parking_5")])
     task = floor.ready("v")
-    task.stops_n = 1
+    task.n_errands_done = 1
     assert floor.visits.book(0, task)
     assert task.place == "parking_5"
 

@@ -12,7 +12,7 @@ from fleet.recording.rerun_cli import quiet_environment, rerun_program
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
 from tests.unit.fleet.recording.test_rerun_recorder import free_port, wait_for
 
-FRAMES_N, LATE_N = 1200, 800
+N_FRAMES, N_LATE = 1200, 800
 
 
 @pytest.mark.parametrize("fate", [signal.SIGKILL, signal.SIGSTOP])
@@ -34,21 +34,21 @@ def test_a_viewer_that_dies_or_freezes_takes_nothing_with_it_and_a_late_one_sees
         recorder = RerunRecorder(path, Header(scene=scene, floor=floor, about={}), tick_s=1 / 60, port=free_port())
         try:
             with recorder:
-                for k, frame in enumerate(made_up_frames(scene, FRAMES_N)):
+                for k, frame in enumerate(made_up_frames(scene, N_FRAMES)):
                     recorder.record(frame)
                     if k % 400 == 0:
-                        wait_for(lambda k=k: recorder.written_n > k)
+                        wait_for(lambda k=k: recorder.n_written > k)
                     if k == 100:
                         join(tmp_path / "first.rrd")
                         viewers[0].send_signal(fate)
-                    if k == LATE_N:
+                    if k == N_LATE:
                         join(late_path)
-                wait_for(lambda: recorder.written_n == FRAMES_N)
-                wait_for(lambda: verify_recording(late_path).frames == FRAMES_N)
+                wait_for(lambda: recorder.n_written == N_FRAMES)
+                wait_for(lambda: verify_recording(late_path).frames == N_FRAMES)
         finally:
             for viewer in viewers:
                 viewer.kill()
                 viewer.wait()
-    assert (recorder.dropped_n, recorder.written_n) == (0, FRAMES_N)
+    assert (recorder.n_dropped, recorder.n_written) == (0, N_FRAMES)
     report = verify_recording(path)
-    assert (report.verified, report.frames) == (True, FRAMES_N)
+    assert (report.verified, report.frames) == (True, N_FRAMES)

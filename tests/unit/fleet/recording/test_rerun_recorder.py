@@ -256,7 +256,7 @@ def test_what_is_due_is_written_while_the_run_is_busy_with_one_tick(tmp_path: Pa
         for frame in frames(5):
             recorder.record(frame)
         recorder.log(LogLine(tick=8, sim_s=0.2, text="it hangs"))
-        wait_for(lambda: recorder.written_n == 5, most_s=5.0)
+        wait_for(lambda: recorder.n_written == 5, most_s=5.0)
         wait_for(lambda: verify_recording(tmp_path / "a.rrd").frames == 5, most_s=5.0)
         assert "/log" in verify_recording(tmp_path / "a.rrd").entities
 
@@ -264,7 +264,7 @@ def test_what_is_due_is_written_while_the_run_is_busy_with_one_tick(tmp_path: Pa
 def test_a_live_run_drops_and_counts_instead_of_waiting_for_what_blocks(
     tmp_path: Path, site: Site, frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fleet.recording.rerun_recorder._QUEUE_N", 4)
+    monkeypatch.setattr("fleet.recording.rerun_recorder._QUEUE_FRAMES", 4)
     monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_S", 0.0)
     read = threading.Event()
     with open_recorder(tmp_path / "a.rrd", site, port=free_port()) as recorder:
@@ -273,7 +273,7 @@ def test_a_live_run_drops_and_counts_instead_of_waiting_for_what_blocks(
         for frame in frames(12):
             recorder.record(frame)
         read.set()
-    assert (recorder.written_n, recorder.dropped_n) == (4, 8)
+    assert (recorder.n_written, recorder.n_dropped) == (4, 8)
     assert verify_recording(tmp_path / "a.rrd").frames == 4
 
 
@@ -288,7 +288,7 @@ def test_an_interrupt_amid_writing_loses_nothing(
         first, second, third = frames(3)
         recorder.record(first)
         recorder.record(second)
-        monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_N", 2)
+        monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_FRAMES", 2)
         monkeypatch.setattr(recorder._stream._bodies, "write", interrupted)
         with pytest.raises(KeyboardInterrupt):
             recorder.record(third)
@@ -321,7 +321,7 @@ def test_a_path_that_cannot_be_written_is_named(tmp_path: Path, site: Site) -> N
 def test_a_failure_of_the_writer_is_told_at_the_end_and_does_not_block(
     tmp_path: Path, site: Site, frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_N", 4)
+    monkeypatch.setattr("fleet.recording.rerun_recorder._BATCH_FRAMES", 4)
     recorder = open_recorder(tmp_path / "a.rrd", site)
 
     def fail(*_: object) -> None:

@@ -19,11 +19,11 @@ ABOUT = {
     "phases": ("idle", "to_pick"),
     "arm_states": ("idle", "moving"),
 }
-BLOCK_N = 60
+BLOCK_TICKS = 60
 Alter = Callable[[int, np.ndarray, np.ndarray], None]
 
 
-def write(directory: Path, ticks_n: int, alter: Alter = lambda tick, values, motion: None) -> Path:
+def write(directory: Path, n_ticks: int, alter: Alter = lambda tick, values, motion: None) -> Path:
     """Write two cars that drive on at 1 m/s, and an arm that rests."""
     directory.mkdir()
     values = np.full((len(Quantity), 3), UNKNOWN, dtype=np.int64)
@@ -31,13 +31,13 @@ def write(directory: Path, ticks_n: int, alter: Alter = lambda tick, values, mot
     values[:2, 2] = 0
     motion = np.zeros((3, 4))
     rows = []
-    for tick in range(ticks_n):
+    for tick in range(n_ticks):
         motion[:2, 0] = 0.05 * tick
         alter(tick, values, motion)
         rows.append((values.copy(), motion.copy()))
     with TraceFile(directory, n_cars=2, n_arms=1, about=ABOUT) as file:
-        for first in range(0, ticks_n, BLOCK_N):
-            block = rows[first : first + BLOCK_N]
+        for first in range(0, n_ticks, BLOCK_TICKS):
+            block = rows[first : first + BLOCK_TICKS]
             file.write(first, np.stack([row[0] for row in block]), np.stack([row[1] for row in block]))
     return directory
 
@@ -80,11 +80,11 @@ def test_a_negative_zero_is_zero(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("lost", [1, 200, 1500])
 def test_a_trace_that_was_cut_off_is_read_up_to_its_last_whole_second(tmp_path: Path, lost: int) -> None:
-    path = write(tmp_path / "a", 3 * BLOCK_N) / TRACE
+    path = write(tmp_path / "a", 3 * BLOCK_TICKS) / TRACE
     whole = read_trace(path.parent)
     path.write_bytes(path.read_bytes()[:-lost])
     cut = read_trace(path.parent)
-    assert cut.n_ticks in (BLOCK_N, 2 * BLOCK_N)
+    assert cut.n_ticks in (BLOCK_TICKS, 2 * BLOCK_TICKS)
     assert (cut.digests == whole.digests[: cut.n_ticks]).all()
     assert cut.changes["tick"].max(initial=0) < cut.n_ticks
 

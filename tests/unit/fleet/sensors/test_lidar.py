@@ -12,7 +12,7 @@ CAR = (0.41, 0.09, 0.14)
 
 
 def ring(noise_m: float = 0.0) -> LidarRing:
-    return LidarRing(Lidar(rays_n=36, range_m=4.0, noise_m=noise_m), *CAR)
+    return LidarRing(Lidar(n_rays=36, range_m=4.0, noise_m=noise_m), *CAR)
 
 
 def test_rays_begin_outside_the_body_and_end_at_the_range() -> None:
@@ -55,7 +55,7 @@ def test_hits_are_where_the_rays_end() -> None:
 
 
 @pytest.mark.parametrize(
-    ("what", "value"), [("rays_n", 35), ("rays_n", 361), ("range_m", 0.5), ("noise_m", -0.1), ("range_m", np.nan)]
+    ("what", "value"), [("n_rays", 35), ("n_rays", 361), ("range_m", 0.5), ("noise_m", -0.1), ("range_m", np.nan)]
 )
 def test_lidars_that_cannot_be_are_refused(what: str, value: float) -> None:
     with pytest.raises(SensorError, match=what):

@@ -5,7 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from fleet.stations.service_time import PRIOR_MEAN_S, PRIOR_P90_S, WINDOW_N, Direction, ServiceTime, ServiceTimes
+from fleet.stations.service_time import (
+    N_RECENT_TRANSFERS,
+    PRIOR_MEAN_S,
+    PRIOR_P90_S,
+    Direction,
+    ServiceTime,
+    ServiceTimes,
+)
 
 
 def test_the_prior_holds_before_the_first_sample() -> None:
@@ -21,7 +28,7 @@ def test_mean_and_percentile_are_those_of_the_last_samples(count: int) -> None:
     learnt = ServiceTime()
     for sample in samples:
         learnt.add(sample)
-    last = sorted(samples[-WINDOW_N:])
+    last = sorted(samples[-N_RECENT_TRANSFERS:])
     assert learnt.n == count
     assert learnt.mean_s == pytest.approx(np.mean(last))
     assert learnt.p90_s == last[math.ceil(0.9 * len(last)) - 1]
@@ -29,7 +36,7 @@ def test_mean_and_percentile_are_those_of_the_last_samples(count: int) -> None:
 
 def test_an_arm_that_has_become_slow_is_noticed() -> None:
     learnt = ServiceTime()
-    for sample in [7.0] * 500 + [21.0] * WINDOW_N:
+    for sample in [7.0] * 500 + [21.0] * N_RECENT_TRANSFERS:
         learnt.add(sample)
     assert (learnt.mean_s, learnt.p90_s) == (21.0, 21.0)
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from fleet.study.conclusions import sentences
 from fleet.study.design import StudyError
 from fleet.study.findings import bottleneck, find
 from fleet.study.page import charts, write_page
 from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
-from fleet.study.words import sentences
 
 
 def row(allocator: str = "greedy", robots: int = 2, seed: int = 0, **changes: object) -> Row:

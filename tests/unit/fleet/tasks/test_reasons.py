@@ -17,11 +17,11 @@ class Round:
 
     tasks: list[Task]
     time_s: float
-    asked_n: int = 0
+    n_asked: int = 0
 
     def decision(self, column: int) -> Decision:
         """The verdict on one car, told apart by its cost."""
-        self.asked_n += 1
+        self.n_asked += 1
         return Decision(
             time_s=self.time_s,
             codes=np.array([CODE_OF_REASON[PairReason.CHOSEN]], dtype=np.int8),
@@ -39,9 +39,9 @@ def test_the_last_round_that_considered_a_task_tells() -> None:
     first, second = Round([a, b], 1.0), Round([b, c], 2.0)
     assert book.report(a).pairs == ()
     book.keep(first)
-    assert first.asked_n == 0
+    assert first.n_asked == 0
     assert [book.report(b).pairs[0].cost_s for _ in range(2)] == [11.0, 11.0]
-    assert first.asked_n == 1, "told once"
+    assert first.n_asked == 1, "told once"
     book.keep(second)
     assert [book.report(task).pairs[0].cost_s for task in (a, b, c)] == [10.0, 20.0, 21.0]
     book.keep(Round([a], 3.0))

@@ -24,11 +24,11 @@ Read = Callable[..., OrderBook]
 def read(small_site: Site, tmp_path: Path) -> Read:
     """Read objects as a JSON file; `id` and `release_s` are filled in."""
 
-    def read_items(*items: dict[str, object], chargers_n: int = 2) -> OrderBook:
+    def read_items(*items: dict[str, object], n_chargers: int = 2) -> OrderBook:
         path = tmp_path / "orders.json"
         rows = [{"id": f"o{k}", "release_s": 0} | item for k, item in enumerate(items)]
         path.write_text(json.dumps([{"id": "good", "release_s": 0, "type": "park"}, *rows]), encoding="utf-8")
-        return read_orders(path, small_site, CARS, chargers_n=chargers_n)
+        return read_orders(path, small_site, CARS, n_chargers=n_chargers)
 
     return read_items
 
@@ -39,7 +39,7 @@ def made(book: OrderBook) -> list[Order]:
 
 
 LEGS = {"type": "multi_stop", "stops": ["pick_1>drop_2", "pick_2>drop_1"], "mass_kg": [0.3, 0.5], "size_m": 0.06}
-STOPS = [
+ERRANDS = [
     ({"type": "move", "places": "parking_3"}, (("parking_3",),), 0.0),
     ({"type": "move", "places": "6,1", "stand_s": 10}, (("6,1",),), 10.0),
     (
@@ -54,16 +54,16 @@ STOPS = [
 ]
 
 
-@pytest.mark.parametrize(("item", "stops", "stand_s"), STOPS, ids=lambda value: str(value)[:40])
-def test_visits(read: Read, item: dict[str, object], stops: tuple[tuple[str, ...], ...], stand_s: float) -> None:
+@pytest.mark.parametrize(("item", "errands", "stand_s"), ERRANDS, ids=lambda value: str(value)[:40])
+def test_visits(read: Read, item: dict[str, object], errands: tuple[tuple[str, ...], ...], stand_s: float) -> None:
     (visit,) = made(read(item))
     assert isinstance(visit, Visit)
-    assert (visit.kind, visit.stops, visit.stand_s) == (item["type"], stops, stand_s)
+    assert (visit.kind, visit.errands, visit.stand_s) == (item["type"], errands, stand_s)
     assert (visit.until_full, visit.inspects) == (visit.kind == "charge", visit.kind == "inspect")
 
 
 def test_every_type_is_tried_here() -> None:
-    tried = {str(item["type"]) for item, *_ in STOPS}
+    tried = {str(item["type"]) for item, *_ in ERRANDS}
     assert tried | {"delivery", "multi_stop"} == set(TASK_TYPES)
 
 
@@ -73,7 +73,7 @@ def test_a_place_has_one_name_however_it_is_written(small_site: Site, read: Read
     for name, cell in small_site.bays().items():
         (visit,) = made(read({"type": "move", "places": f"{cell // cols},{cell % cols}"}))
         assert isinstance(visit, Visit)
-        assert visit.stops == ((name,),)
+        assert visit.errands == ((name,),)
         assert names.cell(name) == cell
 
 
@@ -174,7 +174,7 @@ def test_what_cannot_be_is_refused_and_the_rest_goes_on(read: Read, item: dict[s
 
 
 def test_nobody_charges_without_batteries(read: Read) -> None:
-    (refusal,) = read({"type": "charge"}, chargers_n=0).refused
+    (refusal,) = read({"type": "charge"}, n_chargers=0).refused
     assert refusal.cause == "type is 'charge'; valid: any other, because this run has no batteries (--battery)"
 
 

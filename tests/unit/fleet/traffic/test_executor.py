@@ -59,7 +59,7 @@ def test_a_late_car_holds_nobody_up_at_a_crossing() -> None:
     site = crossing(reorder_after_s=2.0)
     assert site.drive(1.5) == [0], "it may still come"
     assert site.drive(2.0) == [1, 1]
-    assert site.executor.reordered_n == 1
+    assert site.executor.n_reordered == 1
     site.driver.late.clear()
     assert site.drive(3.0) == [0, 0]
     assert site.executor.dependencies.n_visits == 0
@@ -70,14 +70,14 @@ def test_the_order_of_the_plan_is_kept_if_so_wanted() -> None:
     assert site.drive(60.0) == [0]
     site.driver.late.clear()
     assert site.drive(5.0) == [0, 0, 1, 1]
-    assert site.executor.reordered_n == 0
+    assert site.executor.n_reordered == 0
 
 
 def test_a_car_that_drives_is_not_late() -> None:
     site = crossing(reorder_after_s=2.0)
     site.driver.late.clear()
     assert site.drive(10.0) == [0, 0, 0, 1, 1]
-    assert site.executor.reordered_n == 0
+    assert site.executor.n_reordered == 0
 
 
 def test_a_time_that_is_none_is_refused() -> None:

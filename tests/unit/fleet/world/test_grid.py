@@ -88,6 +88,6 @@ def test_start_off_the_lane_is_refused(hall: Scene) -> None:
 
 
 def test_timestep_is_whole_ticks() -> None:
-    assert GridConfig(tick_s=0.05, timestep_s=1.0).ticks_n == 20
+    assert GridConfig(tick_s=0.05, timestep_s=1.0).n_ticks == 20
     with pytest.raises(ConfigError, match=r"multiple of 0\.3"):
         GridConfig(tick_s=0.3, timestep_s=1.0)

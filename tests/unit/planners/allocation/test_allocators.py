@@ -58,28 +58,28 @@ def test_classes_are_strict_and_do_not_cost_pairs() -> None:
 
 @pytest.mark.parametrize("shape", [(40, 60), (60, 40), (40, 40)])
 @pytest.mark.parametrize("forbidden", [0.0, 0.7])
-@pytest.mark.parametrize("nearest_n", [1, 8, 60])
+@pytest.mark.parametrize("n_nearest", [1, 8, 60])
 def test_a_pruned_matching_that_calls_itself_optimal_is(
-    shape: tuple[int, int], forbidden: float, nearest_n: int
+    shape: tuple[int, int], forbidden: float, n_nearest: int
 ) -> None:
     rng = np.random.default_rng(0)
     cost = rng.uniform(0.0, 100.0, shape)
     cost[rng.random(shape) < forbidden] = INF
     problem = AllocationProblem(cost=cost)
     exact = Hungarian().allocate(problem)
-    pruned = Hungarian(HungarianConfig(nearest_n=nearest_n, dense_work=0.0)).allocate(problem)
+    pruned = Hungarian(HungarianConfig(nearest_n=n_nearest, dense_work=0.0)).allocate(problem)
     assert len(pruned.pairs) <= len(exact.pairs)
     if pruned.status is Status.OPTIMAL:
         assert pruned.cost == pytest.approx(exact.cost)
     elif len(pruned.pairs) == len(exact.pairs):
         assert pruned.cost >= exact.cost - 1e-9
-    assert (pruned.status is Status.OPTIMAL) or nearest_n < 60 or forbidden
+    assert (pruned.status is Status.OPTIMAL) or n_nearest < 60 or forbidden
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (30, 30), (40, 60), (90, 400)])
-@pytest.mark.parametrize("different_n", [3, 50, 100_000])
-def test_a_whole_matrix_is_matched_at_the_least_cost(shape: tuple[int, int], different_n: int) -> None:
-    cost = np.random.default_rng(different_n).integers(-different_n, different_n, shape).astype(float)
+@pytest.mark.parametrize("n_different", [3, 50, 100_000])
+def test_a_whole_matrix_is_matched_at_the_least_cost(shape: tuple[int, int], n_different: int) -> None:
+    cost = np.random.default_rng(n_different).integers(-n_different, n_different, shape).astype(float)
     column_of = match_all(cost)
     assert len(set(column_of.tolist())) == len(cost)
     rows, columns = linear_sum_assignment(cost)
@@ -104,7 +104,7 @@ def test_bids_count_the_way_from_the_task_before(allocator: Auction | Cbba) -> N
         travel_s=np.abs(place_m[:, None] - place_m[None]),
         start=np.array([0, 1]),
         ready_s=np.zeros(2),
-        first_stop=np.arange(4),
+        first_errand=np.arange(4),
         place=np.array([2, 3, 4]),
         station=np.full(3, -1),
         service_s=np.ones(3),
@@ -122,7 +122,7 @@ def test_two_tasks_of_one_place_are_not_exchanged_for_nothing(allocator: Auction
         travel_s=np.abs(place_m[:, None] - place_m[None]),
         start=np.array([0, 1]),
         ready_s=np.zeros(2),
-        first_stop=np.array([0, 2, 4]),
+        first_errand=np.array([0, 2, 4]),
         place=np.array([2, 3, 2, 3]),
         station=np.full(4, -1),
         service_s=np.ones(4),

@@ -12,17 +12,17 @@ from planners.allocation.shop import Shop, ShopError
 
 
 def shop(**changes: Any) -> Shop:
-    """Two vehicles, three jobs; the first has two stops."""
+    """Two vehicles, three jobs; the first has two errands."""
     fields: dict[str, Any] = {
         "travel_s": np.ones((3, 3)),
         "start": np.array([0, 1]),
         "ready_s": np.zeros(2),
-        "first_stop": np.array([0, 2, 3, 4]),
+        "first_errand": np.array([0, 2, 3, 4]),
         "place": np.array([0, 1, 2, 0]),
         "station": np.array([0, -1, 0, 1]),
         "service_s": np.ones(4),
         "free_s": np.zeros(2),
-        "buffer_n": np.array([1, 2]),
+        "n_buffer_places": np.array([1, 2]),
     }
     return Shop(**(fields | changes))
 
@@ -57,10 +57,10 @@ def test_a_shop_has_the_vehicles_and_tasks_of_its_problem() -> None:
         ({"travel_s": np.full((3, 3), -1.0)}, r"travel_s\[0, 0\] = -1.0; valid: a number >= 0 or inf"),
         ({"start": np.array([0, 3])}, r"start\[1\] = 3; valid: 0\.\.2"),
         ({"ready_s": np.zeros(3)}, r"ready_s has shape \(3,\); valid: \(2,\)"),
-        ({"first_stop": np.array([0, 2, 2, 4])}, r"first_stop = \[0, 2, 2, 4\]"),
+        ({"first_errand": np.array([0, 2, 2, 4])}, r"first_errand = \[0, 2, 2, 4\]"),
         ({"station": np.array([0, -1, 0, 2])}, r"station\[3\] = 2; valid: -1\.\.1"),
         ({"service_s": np.full(4, np.inf)}, r"service_s\[0\] = inf"),
-        ({"buffer_n": np.array([1, 0])}, r"buffer_n\[1\] = 0; valid: at least 1"),
+        ({"n_buffer_places": np.array([1, 0])}, r"n_buffer_places\[1\] = 0; valid: at least 1"),
         ({"due_s": np.array([1.0, np.inf, np.nan])}, r"due_s\[2\] = nan; valid: a number or inf"),
         ({"weight": np.array([1.0, -1.0, 1.0])}, r"weight\[1\] = -1.0"),
         ({"makespan_weight": np.inf}, r"makespan_weight = inf"),

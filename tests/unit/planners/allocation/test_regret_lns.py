@@ -17,26 +17,26 @@ from planners.allocation.validate import faults
 from planners.errors import PlanningError
 
 
-def problem_of(seed: int, n_jobs: int, n_vehicles: int, n_stations: int, stops: int = 3) -> AllocationProblem:
+def problem_of(seed: int, n_jobs: int, n_vehicles: int, n_stations: int, errands: int = 3) -> AllocationProblem:
     """Fetch, be served by an arm, bring away; whole seconds, so that sums are exact."""
     rng = np.random.default_rng(seed)
     places = rng.integers(0, 30, (3 * n_jobs + n_vehicles, 2))
     travel_s = np.abs(places[:, None] - places[None]).sum(axis=2).astype(np.float64)
-    station = np.full((n_jobs, stops), -1)
+    station = np.full((n_jobs, errands), -1)
     station[:, 1:3] = rng.integers(0, n_stations, (n_jobs, 2))
     shop = Shop(
         travel_s=travel_s,
         start=np.arange(n_vehicles),
         ready_s=np.full(n_vehicles, 50.0),
-        first_stop=stops * np.arange(n_jobs + 1),
+        first_errand=errands * np.arange(n_jobs + 1),
         place=n_vehicles + np.arange(3 * n_jobs),
         station=station.ravel(),
-        service_s=rng.integers(8, 16, stops * n_jobs).astype(np.float64),
+        service_s=rng.integers(8, 16, errands * n_jobs).astype(np.float64),
         free_s=np.full(n_stations, 60.0),
-        buffer_n=np.full(n_stations, 2),
+        n_buffer_places=np.full(n_stations, 2),
         makespan_weight=float(n_jobs),
     )
-    return AllocationProblem(cost=travel_s[:n_vehicles, shop.place[::stops]], shop=shop)
+    return AllocationProblem(cost=travel_s[:n_vehicles, shop.place[::errands]], shop=shop)
 
 
 def objective_of(problem: AllocationProblem, iterations: int) -> float:
@@ -109,12 +109,12 @@ def test_a_held_task_changes_hands_only_if_the_plan_gains_enough(keep_gain: floa
         travel_s=np.array([[0.0, np.inf, np.inf], [8.0, 0.0, np.inf], [9.0, np.inf, 0.0]]),
         start=np.array([1, 2], dtype=np.int32),
         ready_s=np.zeros(2),
-        first_stop=np.array([0, 1], dtype=np.int32),
+        first_errand=np.array([0, 1], dtype=np.int32),
         place=np.zeros(1, dtype=np.int32),
         station=np.zeros(1, dtype=np.int32),
         service_s=np.ones(1),
         free_s=np.zeros(1),
-        buffer_n=np.ones(1, dtype=np.int32),
+        n_buffer_places=np.ones(1, dtype=np.int32),
     )
     held = np.array([-1, 0], dtype=np.int32)
     problem = AllocationProblem(cost=np.array([[8.0], [9.0]]), shop=shop, held=held, keep_gain=keep_gain)
@@ -159,7 +159,7 @@ def test_as_many_as_possible_are_in_time_if_being_late_costs_much() -> None:
         travel_s=np.zeros((1, 1)),
         start=np.zeros(1, dtype=np.int32),
         ready_s=np.zeros(1),
-        first_stop=np.arange(n + 1),
+        first_errand=np.arange(n + 1),
         place=np.zeros(n, dtype=np.int32),
         station=np.full(n, -1),
         service_s=np.full(n, 10.0),

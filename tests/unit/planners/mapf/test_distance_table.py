@@ -9,8 +9,8 @@ import pytest
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
 from planners.mapf.distance_table import (
-    DETOUR_N,
-    NO_OTHER_WAY_N,
+    DETOUR_TIMESTEPS,
+    NO_OTHER_WAY,
     UNREACHABLE,
     DistanceTable,
     DistanceTableFull,
@@ -144,7 +144,7 @@ def test_ways_lead_round_avoided_cells_where_they_can() -> None:
     graph = open_grid(2, 3)
     row = avoiding(graph, [1]).to(2)
     assert [int(row[state]) for state in (2, 5, 4, 3, 0)] == [0, 1, 2, 3, 4]
-    assert row[1] == 1 + DETOUR_N, "who stands there leaves it, nobody enters it"
+    assert row[1] == 1 + DETOUR_TIMESTEPS, "who stands there leaves it, nobody enters it"
 
 
 def test_a_way_may_end_in_an_avoided_cell() -> None:
@@ -153,8 +153,8 @@ def test_a_way_may_end_in_an_avoided_cell() -> None:
 
 def test_where_there_is_no_other_way_it_leads_through() -> None:
     row = avoiding(one_way_loop(5), [1]).to(2).astype(int)
-    assert row[1] == 1 + DETOUR_N
-    assert row[[0, 4, 3]].tolist() == [NO_OTHER_WAY_N + steps for steps in (2, 3, 4)]
+    assert row[1] == 1 + DETOUR_TIMESTEPS
+    assert row[[0, 4, 3]].tolist() == [NO_OTHER_WAY + steps for steps in (2, 3, 4)]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -165,5 +165,5 @@ def test_following_the_distances_always_arrives(seed: int) -> None:
     row = table.to(int(rng.integers(graph.n_states))).astype(int)
     for state in np.flatnonzero(row > 0).tolist():
         after = graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]]
-        assert row[after].min() < row[state] + DETOUR_N
+        assert row[after].min() < row[state] + DETOUR_TIMESTEPS
     assert row.max() < UNREACHABLE

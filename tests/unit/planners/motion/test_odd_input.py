@@ -18,14 +18,14 @@ from planners.motion.arm.kinematics import flange_from_tip, link_frames
 from planners.motion.arm.spheres import box_spheres, fit_spheres, read_binary_stl
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes, Capsules
-from planners.motion.pair.asynchronous import asynchronous, soonest
-from planners.motion.pair.swept import ArmInWorld
 from planners.motion.path.cartesian import cartesian_line
 from planners.motion.path.lines import straight_line
 from planners.motion.path.route import RouteConfig, RoutePlanner, RouteProblem, RouteStatus
 from planners.motion.path.timed_path import Dwell, timed_path
 from planners.motion.path.trajectory import Trajectory, retime
 from planners.motion.search.shortcut import shorten
+from planners.motion.two_arms.asynchronous import asynchronous, soonest
+from planners.motion.two_arms.swept import ArmInWorld
 
 NAN, INF = np.nan, np.inf
 Q = np.array([0.0, 0.3, 0.0, -1.2, 0.0, 0.8, 0.0])
@@ -130,7 +130,7 @@ CASES: dict[str, tuple[str, Case]] = {
     "routes of another arm": ("max_velocity", lambda b: b.router(SPEED[:3])),
     "a route into a mirror": ("tips", lambda b: b.route(tips=b.mirrored[None])),
     "a route's seed in words": ("seed", lambda b: b.route(seed="a")),
-    "a route without goals": ("goals_n 0", lambda b: RouteConfig(goals_n=0)),
+    "a route without goals": ("n_goals 0", lambda b: RouteConfig(n_goals=0)),
     "a route without speed on lines": ("line_speed 0", lambda b: RouteConfig(line_speed=0.0)),
     "travel to nowhere": ("goals", lambda b: b.router().travel(Q, np.empty((0, 7)))),
     "travel of another arm": ("start", lambda b: b.router().travel(Q[:3], PATH)),
@@ -140,7 +140,7 @@ CASES: dict[str, tuple[str, Case]] = {
     "no mesh": ("binary STL", lambda b: read_binary_stl(__file__ + ".stl")),  # type: ignore[arg-type]
     "a rest before time": ("duration_s -1", lambda b: Dwell(duration_s=-1)),
     "a rest of ages": ("samples", lambda b: timed_path([b.motion, Dwell(duration_s=1e12)], 0.02)),
-    "legs in words": ("motions", lambda b: timed_path([b.motion, "rest"], 0.02)),  # type: ignore[list-item]
+    "segments in words": ("motions", lambda b: timed_path([b.motion, "rest"], 0.02)),  # type: ignore[list-item]
     "a motion without samples": ("Trajectory", lambda b: Trajectory(t=np.empty(0), q=PATH[:0], qd=PATH[:0])),
     "a motion from a second on": ("equal steps", lambda b: replace(b.motion, t=b.motion.t + 1.0)),
     "a motion that runs back": ("equal steps", lambda b: replace(b.motion, t=-b.motion.t)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fleet.envs.grid.fleet import CAP_N, ROOM_N, FleetSite, GridFleet
+from fleet.envs.grid.fleet import STATION_CAP, STATION_ROOM, FleetSite, GridFleet
 from fleet.envs.grid.kernel import NEVER, NONE, Phase, Stage
 from fleet.envs.layers.order_streams import episode_orders, rate_per_h
 from maps.site import load_site
@@ -33,11 +33,11 @@ def test_the_books_are_right_in_every_timestep(n_cars: int, seed: int) -> None:
         # Bookings, slots and tasks under way are what cars and tasks say.
         booked = np.bincount(cars.station[cars.booked], minlength=len(picks))
         assert np.array_equal(booked, stations.booked)
-        assert booked.max() <= CAP_N
+        assert booked.max() <= STATION_CAP
         on_slot = np.isin(tasks.stage, (Stage.READY, Stage.ASSIGNED))
         taken = np.bincount(tasks.pick[on_slot], minlength=len(picks))
         assert np.array_equal((floor.n_slots - taken)[picks], stations.free[picks])
-        assert stations.under_way.max() <= ROOM_N
+        assert stations.under_way.max() <= STATION_ROOM
         # A task has one car, and a car one task.
         busy = np.flatnonzero(cars.phase != Phase.FREE)
         assert np.array_equal(tasks.car[cars.task[busy]], busy)

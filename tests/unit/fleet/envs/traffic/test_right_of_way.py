@@ -8,8 +8,8 @@ import pytest
 from fleet.envs.traffic.right_of_way import RightOfWay
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
-from planners.execution.dependency_graph import DependencyGraph
 from planners.mapf.problem import Plan
+from planners.precedence.dependency_graph import DependencyGraph
 from planners.status import Status
 
 FLOOR = grid_lane_graph(GridMap(np.ones((3, 4), dtype=np.bool_)), "pebble")
@@ -64,7 +64,7 @@ def test_whatever_is_wished_for_can_be_executed(seed: int) -> None:
     rng = np.random.default_rng(seed)
     state = rng.permutation(graph.n_states)[:22].astype(np.int32)
     right_of_way = RightOfWay(graph.state_cell, graph.n_cells)
-    moved_n = 0
+    n_moved = 0
     for _ in range(60):
         wanted = state.copy()
         for car, here in enumerate(state):
@@ -76,6 +76,6 @@ def test_whatever_is_wished_for_can_be_executed(seed: int) -> None:
         DependencyGraph(graph, state).extend(
             Plan(states=np.stack((state, after)), status=Status.FEASIBLE, iterations=1)
         )
-        moved_n += int((after != state).sum())
+        n_moved += int((after != state).sum())
         state = after
-    assert moved_n > 100
+    assert n_moved > 100

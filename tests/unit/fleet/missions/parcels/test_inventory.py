@@ -31,7 +31,7 @@ def test_a_parcel_enters_just_above_the_middle_of_its_slot() -> None:
     assert floor.world.masses[task.parcel] == 0.5
     assert task.state is TaskState.READY
     assert floor.log.events == [("parcel_entered", {"task": "a", "station": "pick_1", "slot": 0})]
-    assert (floor.inventory.entered_n, floor.inventory.balance()) == (1, 0)
+    assert (floor.inventory.n_entered, floor.inventory.balance()) == (1, 0)
 
 
 def test_parcels_that_are_put_down_anyhow_lie_near_the_middle() -> None:
@@ -117,17 +117,17 @@ def test_a_delivered_parcel_is_collected_when_its_time_has_come() -> None:
     assert floor.task("a").state is TaskState.DELIVERED
     floor.inventory.collect(15.0)
     assert floor.task("a").state is TaskState.COLLECTED
-    assert floor.stations.named("drop_1").free_n == 4
-    assert (floor.inventory.left_n, floor.inventory.balance()) == (1, 0)
+    assert floor.stations.named("drop_1").n_free == 4
+    assert (floor.inventory.n_left, floor.inventory.balance()) == (1, 0)
     floor.inventory.collect(100.0)  # nothing more to do
-    assert floor.inventory.left_n == 1
+    assert floor.inventory.n_left == 1
 
 
 def test_a_slot_whose_parcel_has_failed_is_not_collected() -> None:
     floor = delivered(now_s=10.0)
     floor.board.move(floor.task("a"), TaskState.FAILED, 11.0, "by hand")
     floor.inventory.collect(15.0)
-    assert floor.inventory.left_n == 0
+    assert floor.inventory.n_left == 0
 
 
 def test_a_cancelled_task_takes_its_parcel_out_of_the_warehouse() -> None:
@@ -135,8 +135,8 @@ def test_a_cancelled_task_takes_its_parcel_out_of_the_warehouse() -> None:
     floor.inventory.withdraw(floor.ready("a"), 1.0, "by hand")
     floor.inventory.withdraw(floor.task("b"), 1.0, "by hand")
     assert [task.state for task in floor.board.tasks] == [TaskState.CANCELLED] * 2
-    assert floor.stations[0].free_n == 4
-    assert (floor.inventory.entered_n, floor.inventory.left_n, floor.inventory.balance()) == (1, 1, 0)
+    assert floor.stations[0].n_free == 4
+    assert (floor.inventory.n_entered, floor.inventory.n_left, floor.inventory.balance()) == (1, 1, 0)
 
 
 def test_a_slot_that_was_promised_is_given_back_without_a_parcel() -> None:
@@ -144,7 +144,7 @@ def test_a_slot_that_was_promised_is_given_back_without_a_parcel() -> None:
     floor.release()
     floor.task("a").pick_slot = floor.stations[0].take_slot(0)
     floor.inventory.withdraw(floor.task("a"), 1.0, "by hand")
-    assert (floor.stations[0].free_n, floor.inventory.left_n) == (4, 0)
+    assert (floor.stations[0].n_free, floor.inventory.n_left) == (4, 0)
 
 
 def test_a_slot_that_is_left_goes_to_the_next_leg_that_begins_there() -> None:
@@ -158,7 +158,7 @@ def test_a_slot_that_is_left_is_free_if_the_next_leg_begins_elsewhere() -> None:
     floor = Floor(orders=[delivery("a"), delivery("b", "pick_2", after=("a",), same_car_as="a")])
     floor.inventory.vacate(floor.ready("a"))
     floor.inventory.vacate(floor.task("b"))  # has none
-    assert (floor.stations[0].free_n, floor.task("b").pick_slot) == (4, None)
+    assert (floor.stations[0].n_free, floor.task("b").pick_slot) == (4, None)
 
 
 def test_the_books_are_right_in_every_state() -> None:

@@ -71,7 +71,7 @@ def test_a_face_that_is_none_of_the_parcels_is_not_believed() -> None:
     assert sighting.reason.startswith("camera_pick_1 sees a face of 0.")
     assert sighting.reason.endswith("which is none of the parcel's")
     assert np.isnan(sighting.pose).all()
-    assert perception.blind_n == 1
+    assert perception.n_blind == 1
 
 
 def test_a_parcel_that_is_not_in_the_picture_is_not_located() -> None:

@@ -15,13 +15,13 @@ TWIN = load_site("twin")
 NAMES = TWIN.station_names("pick")
 
 
-def coming(n: int = 1, moves_n: int = 0) -> Floor:
+def coming(n: int = 1, n_moves: int = 0) -> Floor:
     """Cars on their way to the first pick arm, the first one at or near the dock."""
     floor = Floor(site=TWIN, orders=[delivery(f"o{k}", NAMES[0]) for k in range(n)], n_cars=max(n, 2))
     for k in range(n):
         floor.assigned(f"o{k}", car=k)
     dock = floor.dock_of(NAMES[0])
-    state = next(s for s in range(floor.graph.n_states) if floor.ways.between(s, dock) == moves_n)
+    state = next(s for s in range(floor.graph.n_states) if floor.ways.between(s, dock) == n_moves)
     floor.stand(0, state)
     return floor
 
@@ -32,7 +32,7 @@ def hold(floor: Floor) -> None:
 
 
 def test_a_parcel_is_fetched_when_its_car_is_near() -> None:
-    floor = coming(moves_n=8)
+    floor = coming(n_moves=8)
     floor.prefetch.tick(0)
     (request,) = floor.arms.fetched
     assert (request.arm, request.parcel, request.pick_via) == (0, 0, 0)
@@ -41,13 +41,13 @@ def test_a_parcel_is_fetched_when_its_car_is_near() -> None:
 
 
 def test_a_parcel_is_not_fetched_when_its_car_is_far() -> None:
-    floor = coming(moves_n=9)
+    floor = coming(n_moves=9)
     floor.prefetch.tick(0)
     assert floor.arms.fetched == []
 
 
 def test_arms_look_every_quarter_of_a_second() -> None:
-    floor = coming(moves_n=8)
+    floor = coming(n_moves=8)
     floor.prefetch.tick(1)
     assert floor.arms.fetched == []
 

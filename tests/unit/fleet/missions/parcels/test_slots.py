@@ -96,7 +96,7 @@ def test_a_task_fails_with_the_one_before_it_and_gives_back_its_slot() -> None:
     floor.board.move(floor.task("a"), TaskState.FAILED, 1.0, "by hand")
     assert not fill(floor, 1.0)
     assert floor.task("b").state is TaskState.FAILED
-    assert floor.stations[1].free_n == 4
+    assert floor.stations[1].n_free == 4
 
 
 def test_the_slot_of_a_task_that_fails_goes_to_the_next_at_once() -> None:
@@ -152,8 +152,8 @@ def fill_naively(floor: Floor, now_s: float) -> None:
         if task.pick_slot is None:
             legs = board.legs_after(task)
             others = {leg.pick for leg in legs} - {task.pick}
-            free = [name for name in task.delivery.picks if named(name).free_n > kept[name]]
-            if not free or any(named(name).free_n <= kept[name] for name in others):
+            free = [name for name in task.delivery.picks if named(name).n_free > kept[name]]
+            if not free or any(named(name).n_free <= kept[name] for name in others):
                 if legs:
                     kept.update([task.pick, *others])
                 continue
@@ -227,4 +227,4 @@ def test_slots_are_filled_as_by_a_full_look_at_all_tasks(seed: int) -> None:
             for each in (floor, naive):
                 go_on(each.board.tasks[task.index], each, end, now_s)
     assert floor.board.count(TaskState.ORDERED) == 0
-    assert floor.inventory.entered_n > 10
+    assert floor.inventory.n_entered > 10

@@ -35,7 +35,7 @@ def planner():
         spec=SCENE.arm,
         tool=TOOL.name,
         planner="rrt_connect_native",
-        iterations_n=20_000,
+        n_iterations=20_000,
         confirm=False,
     )
     return LocalArmPlanner(setup)

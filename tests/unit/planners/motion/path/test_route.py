@@ -49,7 +49,7 @@ def test_a_route_has_straight_ends_and_respects_limits(iiwa, srs, station, probl
     planner = router(iiwa, srs, station)
     route = planner.plan(problem)
     assert route.status is RouteStatus.SOLVED
-    assert len(route.legs) == 3
+    assert len(route.segments) == 3
     np.testing.assert_array_equal(route.out[0], problem.start)
     np.testing.assert_array_equal(route.out[-1], route.travel[0])
     np.testing.assert_allclose(route.travel[-1], route.into[0], atol=1e-12)
@@ -60,19 +60,19 @@ def test_a_route_has_straight_ends_and_respects_limits(iiwa, srs, station, probl
         np.testing.assert_allclose(tips - tips[0], along[:, None] * way, atol=1e-6)
         assert along[-1] == pytest.approx(1.0)
     solid = CollisionChecker(iiwa, station, margin=0.0)
-    for leg in route.legs:
-        assert solid.path_free(leg.q)
-        assert (np.abs(np.diff(leg.q, axis=0) / 0.01) <= SPEED).all()
-        assert (np.abs(np.diff(leg.q, 2, axis=0) / 0.01**2) <= ACCELERATION).all()
-    assert route.duration_s == sum(leg.duration_s for leg in route.legs)
+    for segment in route.segments:
+        assert solid.path_free(segment.q)
+        assert (np.abs(np.diff(segment.q, axis=0) / 0.01) <= SPEED).all()
+        assert (np.abs(np.diff(segment.q, 2, axis=0) / 0.01**2) <= ACCELERATION).all()
+    assert route.duration_s == sum(segment.duration_s for segment in route.segments)
     assert planner.plan(problem).travel.tobytes() == route.travel.tobytes()
 
 
-def test_without_lines_there_is_one_leg(iiwa, srs, station, problem):  # type: ignore[no-untyped-def]
+def test_without_lines_there_is_one_segment(iiwa, srs, station, problem):  # type: ignore[no-untyped-def]
     still = replace(problem, leave=np.zeros(3), arrive=np.zeros(3), tips=problem.tips + down(0, 0, 0.3) * [0, 0, 0, 1])
     route = router(iiwa, srs, station).plan(still)
     assert route.solved
-    assert len(route.legs) == 1
+    assert len(route.segments) == 1
     assert len(route.out) == len(route.into) == 1
 
 

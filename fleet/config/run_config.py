@@ -1,0 +1,94 @@
+"""Settings of a run: a run is fully described by its `RunConfig`."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fleet.config.allocation import AllocationConfig, TimeoutConfig
+from fleet.config.arms import ArmConfig
+from fleet.config.cars import BatteryConfig, CarConfig, EstimateConfig
+from fleet.config.choices import Connect, Fidelity, Grip, Perception
+from fleet.config.events import ScenarioEvent
+from fleet.config.settings import Settings, not_negative, positive, require
+from fleet.config.stream import StreamConfig
+from fleet.config.traffic import TrafficConfig
+
+MOST_TASKS = 1_000_000
+"""As many orders take half a minute to make, and 1.5 GB."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig(Settings):
+    """Everything that decides the outcome of a run."""
+
+    site: str = "small"
+    """Name of a shipped site or path of a site file."""
+    robots: int = 3
+    """Number of cars."""
+    tasks: int | None = None
+    """Generated deliveries; None = two per car, at least six, or all that a `stream` brings in `duration_s`. Ignored
+    with `orders`."""
+    stream: StreamConfig | None = None
+    """How generated deliveries arrive; None = one for each car at once, then enough to keep the fleet busy."""
+    orders: Path | None = None
+    """CSV or JSON file of orders."""
+    cars: Mapping[str, CarConfig] = field(default_factory=dict)
+    """What is special about single cars, by name (`car_0`, ...)."""
+    seed: int = 0
+    duration_s: float = 3600.0
+    """Simulated time after which the run ends even if tasks are open [s]."""
+    fidelity: Fidelity = Fidelity.PHYSICS
+    grip: Grip = Grip.SUCTION
+    grip_force_n: float | None = None
+    """Most force of the cup, or of each finger [N]; None = 100 and 40. Orders that it cannot hold are refused."""
+    perception: Perception = Perception.TRUTH
+    askew: bool = False
+    """Parcels are put on the racks anyhow: up to 15 mm beside the middle of the slot, and turned by any angle."""
+    connect: Connect = Connect.DIRECT
+    shared_memory_key: int = 12347
+    """Key of a running physics server; used with SHARED_MEMORY only."""
+    collect_after_s: float = 5.0
+    """Time a delivered parcel stays on its slot before it is collected [s]."""
+    events: tuple[ScenarioEvent, ...] = ()
+    traffic: TrafficConfig = field(default_factory=TrafficConfig)
+    allocation: AllocationConfig = field(default_factory=AllocationConfig)
+    timeouts: TimeoutConfig = field(default_factory=TimeoutConfig)
+    arms: ArmConfig = field(default_factory=ArmConfig)
+    estimate: EstimateConfig = field(default_factory=EstimateConfig)
+    battery: BatteryConfig = field(default_factory=BatteryConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, kind in (("fidelity", Fidelity), ("grip", Grip), ("perception", Perception), ("connect", Connect)):
+            # Plain words are welcome from Python; what follows compares members.
+            value = getattr(self, name)
+            require(value in list(kind), name, value, ", ".join(kind))
+            object.__setattr__(self, name, kind(value))
+        seen = self.perception is Perception.TRUTH or self.fidelity is Fidelity.PHYSICS
+        require(seen, "--perception", str(self.perception), "truth, or camera with --fidelity physics")
+        require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
+        fits = self.tasks is None or 1 <= self.tasks <= MOST_TASKS
+        require(fits, "--tasks", self.tasks, f"an integer from 1 to {MOST_TASKS}")
+        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
+        positive("--duration", self.duration_s)
+        if self.grip_force_n is not None:
+            positive("--grip-force", self.grip_force_n)
+        names = [f"car_{car}" for car in range(self.robots)]
+        for name in self.cars:
+            require(name in names, "cars", name, f"car_0 to {names[-1]}")
+        not_negative("collect_after_s", self.collect_after_s)
+
+    def seeded(self, seed: int) -> RunConfig:
+        """The same run with another seed >= 0; all else has been checked already."""
+        twin = copy.copy(self)
+        object.__setattr__(twin, "seed", seed)
+        return twin
+
+    @property
+    def n_tasks(self) -> int:
+        """Number of generated deliveries."""
+        return self.tasks if self.tasks is not None else max(6, 2 * self.robots)

@@ -1,0 +1,628 @@
+"""Exchange: one arm leaves a place as another comes to it, so that the second arrives as soon as it may.
+
+The first arm hurries to the place, the second away from it; what counts in between is how soon one follows the other.
+Both have time to spare then: the first is done early anyway, the second waits. So the joints are pushed at their limits
+to where the arms part, also if they have to come back from there. Which way that is tells the deepest overlap along the
+exchange: each joint is worth what it moves the overlapping spheres apart.
+
+Whether the arms are apart is asked of their hulls at samples, which is a promise and no proof: `turns` has the last
+word. Which way they part is told by their spheres, which say how deep they overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from planners.motion.arm.hulls import ArmStep, Bodies, step_apart
+from planners.motion.arm.kinematics import link_frames_into
+from planners.motion.arrays import FloatArray, Int, IntArray
+from planners.motion.collision.collision import CollisionChecker
+from planners.motion.collision.scene_kernel import SceneArrays, path_free
+from planners.motion.kernel import inlined, kernel
+from planners.motion.path.trajectory import Trajectory
+from planners.motion.two_arms.asynchronous import SMOOTHING_S, asynchronous, smoothed, soonest, steps_into
+from planners.motion.two_arms.swept import ArmInWorld
+
+PUSH_S = 0.25
+"""How long joints are pushed apart [s]: 0.2 and 0.3 changed makespans by 0.1 %."""
+_STEP_S = 0.04
+_SAMPLES = 23  # of an exchange: 0.9 s
+_BOW_M = 0.001
+_BEYOND_M = 0.03  # by how much spheres reach beyond hulls, both together, at most
+_FINE_S = 0.01
+_MOST_POLISHED = 42  # joints at most whose push is tried to change at last
+_NEAR_M = 0.02  # spheres nearer than this are pushed apart, too
+_KEPT = 0.5  # how much of what joints were worth counts in the next round
+_IDLE = 0.03  # joints worth less than this share of the best are not pushed
+_ALIKE_RAD = 0.3
+_N_POSTURES = 24
+_FIRST_FRAME = 2  # what is below meets nobody
+_N_TRIES = 60
+_UNKNOWN, _FORWARDS, _BACKWARDS, _BLOCKED = 0, 1, 2, 3  # whether joints move as soon as they can, seen from the place
+_N_ROUNDS = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Visit:
+    """One arm that comes from where it rests to a place, stays, and goes on."""
+
+    arm: ArmInWorld
+    checker: CollisionChecker
+    max_velocity: FloatArray
+    """[rad/s], shape (n,)."""
+    max_acceleration: FloatArray
+    """[rad/s^2], shape (n,)."""
+    start: FloatArray
+    """[rad], shape (n,)."""
+    place: FloatArray
+    """Postures at the place [rad], shape (k, n)."""
+    beyond: FloatArray
+    """Where it may go on to [rad], shape (m, n)."""
+    stay_s: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exchange:
+    """Motions of two arms; the first rests at the place until the second follows it."""
+
+    first: int
+    """Which arm is there first."""
+    segments: tuple[tuple[Trajectory, Trajectory], tuple[Trajectory, Trajectory]]
+    """Way to the place and away from it, of arms 0 and 1."""
+    gap_s: float
+    """How long after one's leaving the other may arrive [s]; it may be later for other reasons."""
+
+
+class _Side(NamedTuple):
+    """One arm as the kernels see it; everything in the world's frame."""
+
+    joints: FloatArray
+    """Shape (n, 3, 4); the first brings the base along."""
+    spheres: FloatArray
+    """Centre and radius in the frame of the link [m], spheres before hulls, shape (s, 4)."""
+    frame: IntArray
+    """Of each sphere, shape (s,)."""
+    parts: IntArray
+    """As of `SweptArm`."""
+    bodies: Bodies
+    scene: SceneArrays
+    limits: FloatArray
+    """Speed, acceleration, lowest and highest angle of each joint, shape (4, n)."""
+    start: FloatArray
+    place: FloatArray
+    end: FloatArray
+    """Where each posture at the place goes on to, shape (k, n)."""
+    come: FloatArray
+    """Least time of each posture [s], shape (k,)."""
+    leave: FloatArray
+    stay: float
+
+
+class _Meeting(NamedTuple):
+    """Two arms that are at the place after each other; in arrays, row 0 is the first one's."""
+
+    one: _Side
+    other: _Side
+    here: FloatArray
+    """Their postures at the place, shape (2, n)."""
+    there: FloatArray
+    """Where the first goes on to, and where the second comes from, shape (2, n)."""
+    most: int
+    """Steps of the longest gap that is of use."""
+    spare: FloatArray
+    """How long the motions may take [s]: the first goes on while the second stays and leaves, the second waits at its
+    start; shape (2,)."""
+
+
+class _Memory(NamedTuple):
+    """What the kernels write into, for both arms."""
+
+    points: FloatArray
+    """Centres of spheres, shape (2, k, s, 3)."""
+    frames: FloatArray
+    """Link frames, shape (2, k, n+1, 3, 4)."""
+    middle: FloatArray
+    """Middles of bodies, shape (2, k, b, 3)."""
+    way: FloatArray
+    """Of each pair of bodies, the direction that kept it apart last, shape (b, b, 3)."""
+    at: IntArray
+    """And the corners, shape (b, b, 2); see `step_apart`."""
+
+
+def exchange(visits: Sequence[Visit], margin_m: float, sample_s: float) -> Exchange | None:
+    """Find the exchange that ends soonest among a number that is tried.
+
+    Args:
+        visits: Of two arms with as many joints, to one place.
+        margin_m: Distance kept between them [m].
+        sample_s: Sample period of the segments [s].
+
+    Returns:
+        Motions free of obstacles; None if none were found.
+    """
+    sides = (_side(visits[0]), _side(visits[1]))
+    if sides[0].start.shape != sides[1].start.shape:
+        return None
+    (first, i, j), (came_back, left_back), push, gap_s = _search(sides, margin_m + _BOW_M)
+    if i < 0:
+        return None
+    rows = (i, j) if first == 0 else (j, i)
+    segments = []
+    for k, (visit, side, row) in enumerate(zip(visits, sides, rows, strict=True)):
+        limits = visit.max_velocity, visit.max_acceleration, sample_s
+        here = side.place[row]
+        if k == first:
+            came = asynchronous(visit.start, here, *limits, late=not came_back)
+            goes = asynchronous(here, side.end[row], *limits, push=push[0], push_s=PUSH_S)
+        else:
+            came = asynchronous(visit.start, here, *limits, late=True, push=push[1], push_s=PUSH_S)
+            goes = asynchronous(here, side.end[row], *limits, late=left_back)
+        segments.append((came, goes))
+    return Exchange(first=first, segments=(segments[0], segments[1]), gap_s=gap_s)
+
+
+def _side(visit: Visit) -> _Side:
+    arm, model = visit.arm, visit.checker.model
+    joints = arm.joints.copy()
+    joints[0] = (arm.world_from_base @ np.vstack([joints[0], [0.0, 0.0, 0.0, 1.0]]))[:3]
+    frame = arm.spheres[:, 4].astype(np.int64)
+    limits = visit.max_velocity, visit.max_acceleration
+    leave, row = soonest(visit.place, visit.beyond, *limits)
+    bodies = arm.bodies
+    meets = bodies.frame >= _FIRST_FRAME
+    bodies = bodies._replace(
+        hulls=bodies.hulls._replace(first=bodies.hulls.first[meets]),
+        frame=bodies.frame[meets],
+        radius=bodies.radius[meets],
+        ball=bodies.ball[meets],
+    )
+    return _Side(
+        joints=joints,
+        spheres=np.ascontiguousarray(arm.spheres[:, :4]),
+        frame=frame,
+        parts=arm.parts[frame[arm.parts[:, 0]] >= _FIRST_FRAME],
+        bodies=bodies,
+        scene=visit.checker.scene,
+        limits=np.array([*limits, model.lower, model.upper], dtype=np.float64),
+        start=np.array(visit.start, dtype=np.float64),
+        place=np.array(visit.place, dtype=np.float64),
+        end=np.array(visit.beyond, dtype=np.float64)[row],
+        come=soonest(visit.place, visit.start[None], *limits)[0] + SMOOTHING_S,
+        leave=leave + SMOOTHING_S,
+        stay=float(visit.stay_s),
+    )
+
+
+@kernel
+def _search(
+    sides: tuple[_Side, _Side], margin: float
+) -> tuple[tuple[int, int, int], tuple[bool, bool], FloatArray, float]:
+    """Which arm is first, the postures of the first and the second (-1: none), their pushes, and the gap."""
+    n = sides[0].start.shape[0]
+    pairs = np.empty((2 * _N_POSTURES * _N_POSTURES, 3), dtype=np.int64)
+    total = np.empty(len(pairs))
+    count = 0
+    for first in range(2):
+        one, other = sides[first], sides[1 - first]
+        come = _different(one.place, one.come)
+        leave = _different(other.place, other.leave)
+        for i in come:
+            for j in leave:
+                pairs[count] = first, i, j
+                total[count] = max(one.come[i] + one.stay, other.come[j]) + other.stay + other.leave[j]
+                count += 1
+    points = np.empty((2, _SAMPLES, max(len(sides[0].spheres), len(sides[1].spheres)), 3))
+    frames = np.empty((2, _SAMPLES, n + 1, 3, 4))
+    n_pairs = max(len(sides[0].bodies.frame), len(sides[1].bodies.frame))
+    middle = np.empty((2, _SAMPLES, n_pairs, 3))
+    way = np.empty((2, n_pairs, n_pairs, 3))
+    at = np.full((2, n_pairs, n_pairs, 2), -1)
+    ways = np.zeros((2, 2, max(len(sides[0].place), len(sides[1].place))), dtype=np.int64)
+    best = np.inf
+    found = (0, -1, -1)
+    found_back = (False, False)
+    found_push = np.zeros((2, n))
+    found_gap = 0
+    tries = 0
+    carried = np.zeros((2, 2, n))
+    for k in np.argsort(total[:count], kind="mergesort"):
+        if total[k] >= best or tries == _N_TRIES:
+            break
+        first, i, j = pairs[k]
+        one, other = sides[first], sides[1 - first]
+        if ways[first, 0, i] == _UNKNOWN:
+            ways[first, 0, i] = _way(one, one.place[i], one.start)
+        if ways[first, 0, i] == _BLOCKED:
+            continue
+        if ways[1 - first, 1, j] == _UNKNOWN:
+            ways[1 - first, 1, j] = _way(other, other.place[j], other.end[j])
+        if ways[1 - first, 1, j] == _BLOCKED:
+            continue
+        tries += 1
+        most = _SAMPLES - 2
+        after = one.come[i] + one.stay + other.stay + other.leave[j]  # without a gap
+        if best < np.inf:
+            most = min(most, int(np.ceil((best - after) / _STEP_S - 1e-6)) - 1)
+        memory = _Memory(points, frames, middle, way[first], at[first])
+        gap, push = _parted(_meeting(one, i, other, j, most), margin, memory, carried[first])
+        if gap > most:
+            continue
+        promised = max(total[k], after + gap * _STEP_S, one.come[i] + one.stay + one.leave[i])
+        if promised >= best:
+            continue
+        best = promised
+        found = (first, i, j)
+        found_back = (ways[first, 0, i] == _BACKWARDS, ways[1 - first, 1, j] == _BACKWARDS)
+        found_push = push
+        found_gap = gap
+    gap_s = found_gap * _STEP_S
+    if found[1] >= 0 and found_gap > 0:
+        one, other = sides[found[0]], sides[1 - found[0]]
+        meeting = _meeting(one, found[1], other, found[2], found_gap)
+        gap_s = _polished(meeting, margin, way[found[0]], at[found[0]], found_push)
+    return found, found_back, found_push, gap_s
+
+
+@kernel
+def _meeting(one: _Side, i: Int, other: _Side, j: Int, most: int) -> _Meeting:
+    """Posture i of the first arm, and posture j of the second."""
+    here = np.empty((2, one.start.shape[0]))
+    there = np.empty((2, one.start.shape[0]))
+    here[0], here[1] = one.place[i], other.place[j]
+    there[0], there[1] = one.end[i], other.start
+    spare = np.empty(2)
+    spare[0] = most * _STEP_S + other.stay + other.leave[j]
+    spare[1] = one.come[i] + one.stay + most * _STEP_S
+    return _Meeting(one, other, here, there, most, spare)
+
+
+@kernel
+def _polished(meeting: _Meeting, margin: float, way: FloatArray, at: IntArray, push: FloatArray) -> float:
+    """Change the pushes joint by joint as long as that shortens the gap; which is returned [s]."""
+    one, other, here, there, spare = meeting.one, meeting.other, meeting.here, meeting.there, meeting.spare
+    most = meeting.most
+    n = here.shape[1]
+    sides = (one, other)
+    samples = int(_SAMPLES * _STEP_S / _FINE_S) + 1
+    q = np.empty((samples, n))
+    frames = np.empty((2, samples, n + 1, 3, 4))
+    middle = np.empty((2, samples, way.shape[0], 3))
+    for s in range(2):
+        _sampled(here[s], there[s], sides[s].limits, push[s], _FINE_S, q)
+        _place(sides[s], q, frames[s], middle[s])
+    gap = int(np.ceil(most * _STEP_S / _FINE_S))
+    while gap > 0 and _met(one, other, frames, middle, gap - 1, margin, way, at, 0) < 0:
+        gap -= 1
+    tried = frames.copy()
+    tried_middle = middle.copy()
+    guess = 0
+    idle = 0  # joints since the last that helped
+    turn = 0
+    while gap > 0 and idle < 2 * n and turn < _MOST_POLISHED:
+        s, a = turn // n % 2, turn % n
+        turn += 1
+        idle += 1
+        kept = push[s, a]
+        for side in (-1.0, 0.0, 1.0):
+            if side == kept or not _allowed(here[s, a], there[s, a], sides[s].limits, a, side, spare[s]):
+                continue
+            push[s, a] = side
+            _sampled(here[s], there[s], sides[s].limits, push[s], _FINE_S, q)
+            _place(sides[s], q, tried[s], tried_middle[s])
+            met = _met(one, other, tried, tried_middle, gap - 1, margin, way, at, guess)
+            if met < 0 and _leg_free(sides[s], here[s], there[s], push[s]):
+                kept = side
+                idle = 0
+                frames[s] = tried[s]
+                middle[s] = tried_middle[s]
+                while gap > 0 and met < 0:
+                    gap -= 1
+                    met = _met(one, other, frames, middle, gap - 1, margin, way, at, guess) if gap > 0 else 0
+            guess = max(met, 0)
+        push[s, a] = kept
+        tried[s] = frames[s]
+        tried_middle[s] = middle[s]
+    return gap * _FINE_S
+
+
+@kernel
+def _way(side: _Side, here: FloatArray, there: FloatArray) -> int:
+    """In which direction of time a motion without pushes meets no obstacle."""
+    nothing = np.zeros(here.shape[0])
+    if _leg_free(side, here, there, nothing):
+        return _FORWARDS
+    return _BACKWARDS if _leg_free(side, there, here, nothing) else _BLOCKED
+
+
+@kernel
+def _different(postures: FloatArray, times: FloatArray) -> IntArray:
+    """Rows of the soonest postures that differ from all before."""
+    rows = np.empty(_N_POSTURES, dtype=np.int64)
+    count = 0
+    for row in np.argsort(times, kind="mergesort"):
+        new = True
+        for k in range(count):
+            apart = 0.0
+            for a in range(postures.shape[1]):
+                apart = max(apart, abs(postures[row, a] - postures[rows[k], a]))
+            if apart <= _ALIKE_RAD:
+                new = False
+                break
+        if new:
+            rows[count] = row
+            count += 1
+            if count == _N_POSTURES:
+                break
+    return rows[:count]
+
+
+@kernel
+def _sampled(
+    here: FloatArray, there: FloatArray, limits: FloatArray, push: FloatArray, step: float, q: FloatArray
+) -> None:
+    """Fill samples (k, n) of the motion from `here` with its push."""
+    at = np.empty(5)
+    height = np.empty(5)
+    for j in range(here.shape[0]):
+        steps_into(there[j] - here[j], limits[0, j], limits[1, j], push[j], PUSH_S, at, height)
+        for k in range(q.shape[0]):
+            if k * step >= at[4] + SMOOTHING_S:
+                q[k, j] = there[j]
+            else:
+                q[k, j] = here[j] + smoothed(k * step, at, height, SMOOTHING_S)[0]
+
+
+@kernel
+def _leg_free(side: _Side, here: FloatArray, there: FloatArray, push: FloatArray) -> bool:
+    """Whether the motion from `here` meets no obstacle."""
+    longest = 0.0
+    for j in range(here.shape[0]):
+        longest = max(longest, _joint_s(here[j], there[j], side.limits, j, push[j]))
+    q = np.empty((int(np.ceil(longest / _STEP_S)) + 1, here.shape[0]))
+    _sampled(here, there, side.limits, push, _STEP_S, q)
+    return path_free(q, side.scene)
+
+
+@kernel
+def _allowed(here: float, there: float, limits: FloatArray, a: int, side: float, spare: float) -> bool:
+    """Whether a push keeps a joint inside its limits and its time."""
+    swing = here + side * limits[1, a] * PUSH_S**2
+    return side == 0.0 or (limits[2, a] <= swing <= limits[3, a] and _joint_s(here, there, limits, a, side) <= spare)
+
+
+@kernel
+def _joint_s(here: float, there: float, limits: FloatArray, j: int, push: float) -> float:
+    """Time of one joint's motion."""
+    at = np.empty(5)
+    height = np.empty(5)
+    return steps_into(there - here, limits[0, j], limits[1, j], push, PUSH_S, at, height) + SMOOTHING_S
+
+
+@kernel
+def _parted(meeting: _Meeting, margin: float, memory: _Memory, worth: FloatArray) -> tuple[int, FloatArray]:
+    """Shortest gap found between one's leaving and the other's arrival in steps (most + 1: none), and the pushes."""
+    one, other, here, there, spare = meeting.one, meeting.other, meeting.here, meeting.there, meeting.spare
+    points, frames, middle, way, at = memory.points, memory.frames, memory.middle, memory.way, memory.at
+    most = meeting.most
+    n = here.shape[1]
+    sides = (one, other)
+    q = np.empty((2, _SAMPLES, n))
+    push = np.zeros((2, n))
+    n_found = 0
+    found_gap = np.empty(_N_ROUNDS, dtype=np.int64)
+    found_push = np.empty((_N_ROUNDS, 2, n))
+    gap = most
+    guess = 0
+    _choose(worth, here, there, push)
+    for turn in range(_N_ROUNDS):
+        for s in range(2):
+            limits = sides[s].limits
+            for a in range(n):
+                if not _allowed(here[s, a], there[s, a], limits, a, push[s, a], spare[s]):
+                    push[s, a] = 0.0
+            _sampled(here[s], there[s], limits, push[s], _STEP_S, q[s])
+            _place(sides[s], q[s], frames[s], middle[s])
+        better = False
+        low = -1  # no gap below is looked for, this one meets
+        while gap > low:
+            half = gap if turn > 0 and low < 0 else (gap + low + 1) // 2
+            met = _met(one, other, frames, middle, half, margin, way, at, guess)
+            if met < 0:
+                gap = half - 1
+                better = True
+            else:
+                guess = met
+                if half == gap:
+                    break
+                low = half
+        if better:
+            found_gap[n_found] = gap + 1
+            found_push[n_found] = push
+            n_found += 1
+        if gap < 0 or turn == _N_ROUNDS - 1:
+            break
+        for s in range(2):
+            _place_spheres(sides[s], frames[s], points[s])
+        worth *= _KEPT
+        _weigh(one, other, q, points, gap, margin - _BEYOND_M, worth)
+        same = _choose(worth, here, there, push)
+        if same:
+            break
+    for k in range(n_found - 1, -1, -1):
+        own = found_push[k]
+        if _leg_free(one, here[0], there[0], own[0]) and _leg_free(other, here[1], there[1], own[1]):
+            return found_gap[k], own
+    return most + 1, push
+
+
+@kernel
+def _choose(worth: FloatArray, here: FloatArray, there: FloatArray, push: FloatArray) -> bool:
+    """Fill the pushes of the joints that are worth most (2, n); whether they were the same before."""
+    same = True
+    for s in range(2):
+        most_worth = np.abs(worth[s]).max()
+        for a in range(worth.shape[1]):
+            side = 0.0
+            if abs(worth[s, a]) > _IDLE * most_worth:
+                side = np.sign(worth[s, a])
+                if (there[s, a] - here[s, a]) * side > _ALIKE_RAD:
+                    side = 0.0  # it goes there anyway
+            same = same and side == push[s, a]
+            push[s, a] = side
+    return same
+
+
+@kernel
+def _place(side: _Side, q: FloatArray, frames: FloatArray, middle: FloatArray) -> None:
+    """Fill link frames (k, n+1, 3, 4) and middles of bodies (k, b, 3) in the world."""
+    ball, frame = side.bodies.ball, side.bodies.frame
+    for k in range(q.shape[0]):
+        link_frames_into(side.joints, q[k], frames[k])
+        for b in range(ball.shape[0]):
+            f = frame[b]
+            for a in range(3):
+                middle[k, b, a] = frames[k, f, a, 3]
+                for c in range(3):
+                    middle[k, b, a] += frames[k, f, a, c] * ball[b, c]
+
+
+@kernel
+def _place_spheres(side: _Side, frames: FloatArray, points: FloatArray) -> None:
+    """Fill sphere centres (k, s, 3) in the world."""
+    spheres, frame = side.spheres, side.frame
+    for k in range(frames.shape[0]):
+        for s in range(spheres.shape[0]):
+            f = frame[s]
+            if f < _FIRST_FRAME:
+                continue
+            x, y, z = spheres[s, 0], spheres[s, 1], spheres[s, 2]
+            for a in range(3):
+                points[k, s, a] = frames[k, f, a, 0] * x + frames[k, f, a, 1] * y + frames[k, f, a, 2] * z + frames[k, f, a, 3]  # noqa: E501  # fmt: skip
+
+
+@inlined  # a call would copy both sides
+def _deepest(
+    one: _Side, a: FloatArray, other: _Side, b: FloatArray, margin: float, least: float
+) -> tuple[float, int, int]:
+    """The least distance of two spheres beyond the margin, if below `least`, and which these are (-1: none)."""
+    s_least = -1
+    t_least = -1
+    for p in range(one.parts.shape[0] - 1, -1, -1):  # tips first: they meet most
+        hull = one.parts[p, 0]
+        for m in range(other.parts.shape[0] - 1, -1, -1):
+            against = other.parts[m, 0]
+            size = one.spheres[hull, 3] + other.spheres[against, 3] + margin + least
+            if size <= 0.0 or _square(a[hull], b[against]) >= size * size:
+                continue
+            for s in range(one.parts[p, 1], one.parts[p, 2]):
+                size = one.spheres[s, 3] + other.spheres[against, 3] + margin + least
+                if size <= 0.0 or _square(a[s], b[against]) >= size * size:
+                    continue
+                for t in range(other.parts[m, 1], other.parts[m, 2]):
+                    size = one.spheres[s, 3] + other.spheres[t, 3] + margin
+                    square = _square(a[s], b[t])
+                    if size + least > 0.0 and square < (size + least) ** 2:
+                        least = np.sqrt(square) - size
+                        s_least = s
+                        t_least = t
+    return least, s_least, t_least
+
+
+@inlined
+def _square(a: FloatArray, b: FloatArray) -> float:
+    square: float = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+    return square
+
+
+@inlined
+def _moment(k: int, gap: int, samples: int) -> tuple[int, int]:
+    """Samples of both arms at moment k of an exchange: in step, then each against the other at the place."""
+    if k <= gap:
+        return k, gap - k
+    if k < samples:
+        return k, 0
+    return 0, k - samples + gap + 1
+
+
+@kernel
+def _met(
+    one: _Side,
+    other: _Side,
+    frames: FloatArray,
+    middle: FloatArray,
+    gap: int,
+    margin: float,
+    way: FloatArray,
+    at: IntArray,
+    guess: int,
+) -> int:
+    """A moment of an exchange at which the arms are not apart, looking from a guess onwards; -1 for none."""
+    samples = frames.shape[1]
+    last = 2 * samples - gap - 2
+    ball, theirs = one.bodies.ball, other.bodies.ball
+    for turn in range(last + 1):
+        k = (guess + turn) % (last + 1)
+        s, t = _moment(k, gap, samples)
+        for p in range(ball.shape[0]):
+            for r in range(theirs.shape[0]):
+                size = ball[p, 3] + theirs[r, 3] + margin
+                x = middle[0, s, p, 0] - middle[1, t, r, 0]
+                y = middle[0, s, p, 1] - middle[1, t, r, 1]
+                z = middle[0, s, p, 2] - middle[1, t, r, 2]
+                if x * x + y * y + z * z < size * size:
+                    s_end, t_end = _moment(min(k + 1, last), gap, samples)
+                    f, g = one.bodies.frame[p], other.bodies.frame[r]
+                    distance = margin + one.bodies.radius[p] + other.bodies.radius[r]
+                    mine = ArmStep(one.bodies.hulls, p, frames[0, s, f], frames[0, s_end, f])
+                    others = ArmStep(other.bodies.hulls, r, frames[1, t, g], frames[1, t_end, g])
+                    if not step_apart(mine, others, distance, way[p, r], at[p, r]):
+                        return int(k)
+    return -1
+
+
+@kernel
+def _weigh(
+    one: _Side, other: _Side, q: FloatArray, points: FloatArray, gap: int, margin: float, worth: FloatArray
+) -> None:
+    """Add what joints are worth (2, n): how far a push of each moves the deepest spheres of each moment apart."""
+    away = np.empty(3)
+    frames = np.empty((q.shape[2] + 1, 3, 4))
+    for k in range(2 * _SAMPLES - gap - 1):
+        s, t = _moment(k, gap, _SAMPLES)
+        least, u, v = _deepest(one, points[0, s], other, points[1, t], margin, _NEAR_M)
+        if u < 0:
+            continue
+        length = np.sqrt(_square(points[0, s, u], points[1, t, v])) + 1e-9
+        for a in range(3):
+            away[a] = (_NEAR_M - least) * (points[0, s, u, a] - points[1, t, v, a]) / length
+        _weigh_joints(one, q[0, s], one.frame[u], points[0, s, u], away, s, frames, worth[0])
+        away *= -1.0
+        _weigh_joints(other, q[1, t], other.frame[v], points[1, t, v], away, t, frames, worth[1])
+
+
+@kernel
+def _weigh_joints(
+    side: _Side,
+    q: FloatArray,
+    frame: Int,
+    point: FloatArray,
+    away: FloatArray,
+    step: int,
+    frames: FloatArray,
+    worth: FloatArray,
+) -> None:
+    pushed = max(0.0, step * _STEP_S - 0.5 * SMOOTHING_S)
+    if pushed == 0.0:
+        return
+    link_frames_into(side.joints, q, frames)
+    for j in range(min(frame, q.shape[0])):
+        x = point[0] - frames[j + 1, 0, 3]
+        y = point[1] - frames[j + 1, 1, 3]
+        z = point[2] - frames[j + 1, 2, 3]
+        ax, ay, az = frames[j + 1, 0, 2], frames[j + 1, 1, 2], frames[j + 1, 2, 2]
+        turn = away[0] * (ay * z - az * y) + away[1] * (az * x - ax * z) + away[2] * (ax * y - ay * x)
+        worth[j] += turn * side.limits[1, j] * pushed * pushed
