@@ -11,7 +11,7 @@ import numpy as np
 from fleet.config import CarConfig, Perception, RunConfig, require
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
-from fleet.dispatch.costs import CostModel
+from fleet.dispatch.cost_model import CostModel
 from fleet.dispatch.dispatcher import Dispatcher, DispatchRules
 from fleet.dispatch.due_dates import DueDates
 from fleet.dispatch.horizon import RollingHorizon

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.dispatch.allocation_round import AllocationRound, Answer
-from fleet.dispatch.costs import CostMatrix, CostModel
+from fleet.dispatch.cost_model import CostMatrix, CostModel
 from fleet.dispatch.horizon import RollingHorizon
 from fleet.dispatch.offers import Offers
 from fleet.dispatch.situation import Situation

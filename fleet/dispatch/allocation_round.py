@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fleet.dispatch.costs import CostMatrix
+from fleet.dispatch.cost_model import CostMatrix
 from fleet.dispatch.situation import CAN_TAKE
 from fleet.tasks.board import Task
 from fleet.tasks.reasons import CODE_OF_REASON, Decision, PairReason

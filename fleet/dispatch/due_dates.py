@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fleet.dispatch.costs import CostModel
+from fleet.dispatch.cost_model import CostModel
 from fleet.tasks.board import Task
 from fleet.tasks.reasons import ReasonBook
 

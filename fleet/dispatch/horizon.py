@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig
-from fleet.dispatch.costs import CostMatrix
+from fleet.dispatch.cost_model import CostMatrix
 from fleet.missions.state import Missions
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.ways import STEP_S, Ways

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fleet.dispatch.costs import CostMatrix
+from fleet.dispatch.cost_model import CostMatrix
 from fleet.missions.state import Missions
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.stations.service_time import Direction

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig
-from fleet.dispatch.costs import CostMatrix
+from fleet.dispatch.cost_model import CostMatrix
 from fleet.dispatch.horizon import RollingHorizon
 from fleet.tasks.board import Task, TaskState
 from planners.allocation.problem import NO_TASK, AllocationProblem, Assignment

@@ -107,8 +107,8 @@ class DispatchObserver:
     def cost_s(self, view: DispatchView, config: AllocationConfig | None = None) -> FloatArray:
         """What each ready task costs each car as seconds of travel, shape (n, m); inf = not to be had.
 
-        The price of `fleet.dispatch.costs`, from the same facts, but for one term: what a task would be late if it were
-        left to the next turn is not told to agents, so it counts nothing here.
+        The price of `fleet.dispatch.cost_model`, from the same facts, but for one term: what a task would be late if it
+        were left to the next turn is not told to agents, so it counts nothing here.
 
         Args:
             view: The fleet.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fleet.config import AllocationConfig
-from fleet.dispatch.costs import CostMatrix
+from fleet.dispatch.cost_model import CostMatrix
 from planners.allocation.problem import NO_TASK, Assignment, assignment
 from planners.allocation.shop import NO_STATION
 from planners.status import Status

@@ -16,7 +16,7 @@ import numpy as np
 from fleet.config import AllocationConfig, BatteryConfig, TimeoutConfig, TrafficConfig
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
-from fleet.dispatch.costs import CostModel
+from fleet.dispatch.cost_model import CostModel
 from fleet.dispatch.due_dates import DueDates
 from fleet.dispatch.horizon import RollingHorizon
 from fleet.dispatch.interventions import Interventions

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, BatteryConfig
-from fleet.dispatch.costs import FULL_S, CostMatrix
+from fleet.dispatch.cost_model import FULL_S, CostMatrix
 from fleet.dispatch.situation import CAN_TAKE
 from fleet.missions.phases import CarPhase
 from fleet.tasks.board import TaskState
