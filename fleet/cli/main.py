@@ -60,7 +60,7 @@ COMMANDS = {
         "Play a League of Robot Runners problem; prints a table, writes the League's output format and a summary.",
     ),
     "plan": Command(
-        "plan.Plan",
+        "plan.PlanCommand",
         "Plan the paths of many robots at once, from a MovingAI map and scenario to a SMART path file.",
     ),
     "report": Command(

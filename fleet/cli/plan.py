@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from maps.lane_graph import LaneGraph
     from planners.mapf.distance_table import DistanceTable
     from planners.mapf.planner import MapfPlanner
-    from planners.mapf.problem import Instance
-    from planners.mapf.problem import Plan as Decision
+    from planners.mapf.problem import Instance, Plan
 
 SOLVED, NOT_SOLVED = 0, 1
 LONGEST = 1_000_000
@@ -36,7 +35,7 @@ LONGEST = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class PlanCommand:
     """Plan the paths of many robots at once, from a MovingAI map and scenario to a SMART path file."""
 
     map: Path
@@ -191,13 +190,13 @@ def _crossing(motion: Literal["pebble", "rotating"]) -> Instance:
     return _instance(graph, np.array([1, 3]), np.array([7, 5]), allow_rotation=True)
 
 
-def _plan_of(path: Path, grid: GridMap, instance: Instance) -> Decision:
+def _plan_of(path: Path, grid: GridMap, instance: Instance) -> Plan:
     """The plan in a path file, which must be a legal one of the instance."""
     import numpy as np
 
     from maps.grid import EAST
     from maps.smart import read_paths
-    from planners.mapf.problem import Plan as Decision
+    from planners.mapf.problem import Plan
     from planners.mapf.validate import breaches
     from planners.status import Status
 
@@ -209,7 +208,7 @@ def _plan_of(path: Path, grid: GridMap, instance: Instance) -> Decision:
     require(bool(inside.all()), what, "a path that leaves the map", f"{grid.rows} rows and {grid.cols} columns")
     states = instance.graph.state_index[grid.index(row, col), EAST]
     require(bool((states >= 0).all()), what, "a path through an obstacle", "free cells")
-    decision = Decision(states=states.astype(np.int32), status=Status.FEASIBLE, iterations=0)
+    decision = Plan(states=states.astype(np.int32), status=Status.FEASIBLE, iterations=0)
     for wrong in breaches(instance, decision)[:1]:
         robots = ", ".join(map(str, wrong.agents))
         found = f"{wrong.kind} conflict of robots {robots} at timestep {wrong.timestep}"
@@ -218,7 +217,7 @@ def _plan_of(path: Path, grid: GridMap, instance: Instance) -> Decision:
     return decision if at_goals else replace(decision, status=Status.TIMEOUT)
 
 
-def _table(instance: Instance, decision: Decision, tables: DistanceTable, elapsed_s: float, verdict: str) -> Table:
+def _table(instance: Instance, decision: Plan, tables: DistanceTable, elapsed_s: float, verdict: str) -> Table:
     """The figures of a plan; costs only of one that is whole."""
     from planners.mapf.metrics import lower_bound, sum_of_costs, sum_of_loss
 

@@ -13,8 +13,8 @@ from planners.mapf.arrays import BoolArray, FloatArray, Int64Array, IntArray
 from planners.mapf.chance import Chance, chance_of, draw, draw_below
 from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.kernel import Int, kernel
+from planners.mapf.lacam.path_table import Frontier, PathTable, enter, frontier_of, path_table_of, reroute, withdraw
 from planners.mapf.lacam.successors import Guide, guide_of
-from planners.mapf.lacam.timetable import Frontier, Timetable, enter, frontier_of, reroute, timetable_of, withdraw
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.roads import Roads, closed_cells, roads_of
 from planners.status import Status
@@ -73,7 +73,7 @@ class LargeNeighbourhoodSearch:
 
     def __init__(self, roads: Roads, guide: Guide, states: IntArray, rng: np.random.Generator) -> None:
         self._roads, self._guide = roads, guide
-        self._table = timetable_of(roads, guide, states)
+        self._table = path_table_of(roads, guide, states)
         self._frontier = frontier_of(self._table)
         self._chance = chance_of(rng)
         n, rows = self._table.path.shape
@@ -197,7 +197,7 @@ def improve(
 def _lead(
     roads: Roads,
     guide: Guide,
-    table: Timetable,
+    table: PathTable,
     frontier: Frontier,
     starts: IntArray,
     agents: IntArray,
@@ -216,7 +216,7 @@ def _lead(
 def _improve(
     roads: Roads,
     guide: Guide,
-    table: Timetable,
+    table: PathTable,
     frontier: Frontier,
     choice: _Choice,
     sizes: Int64Array,
@@ -260,7 +260,7 @@ def _choose(choice: _Choice, chance: Chance) -> Int:  # pragma: no cover - compi
 def _replan(
     roads: Roads,
     guide: Guide,
-    table: Timetable,
+    table: PathTable,
     frontier: Frontier,
     choice: _Choice,
     count: Int,
@@ -304,7 +304,7 @@ def _replan(
 
 @kernel
 def _pick(
-    roads: Roads, guide: Guide, table: Timetable, choice: _Choice, way: Int, size: Int, chance: Chance
+    roads: Roads, guide: Guide, table: PathTable, choice: _Choice, way: Int, size: Int, chance: Chance
 ) -> Int:  # pragma: no cover - compiled
     """Pick agents; returns how many."""
     delay = np.int64(0)
@@ -345,7 +345,7 @@ def _note(guide: Guide, choice: _Choice, count: Int, agent: Int, size: Int) -> I
 def _pick_along(
     roads: Roads,
     guide: Guide,
-    table: Timetable,
+    table: PathTable,
     choice: _Choice,
     seed: Int,
     count: Int,
@@ -387,7 +387,7 @@ def _pick_along(
 def _pick_around(
     roads: Roads,
     guide: Guide,
-    table: Timetable,
+    table: PathTable,
     choice: _Choice,
     seed: Int,
     count: Int,

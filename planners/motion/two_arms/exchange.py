@@ -47,7 +47,7 @@ _N_ROUNDS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Visit:
+class Stay:
     """One arm that comes from where it rests to a place, stays, and goes on."""
 
     arm: ArmInWorld
@@ -133,18 +133,18 @@ class _Memory(NamedTuple):
     """And the corners, shape (b, b, 2); see `step_apart`."""
 
 
-def exchange(visits: Sequence[Visit], margin_m: float, sample_s: float) -> Exchange | None:
+def exchange(stays: Sequence[Stay], margin_m: float, sample_s: float) -> Exchange | None:
     """Find the exchange that ends soonest among a number that is tried.
 
     Args:
-        visits: Of two arms with as many joints, to one place.
+        stays: Of two arms with as many joints, to one place.
         margin_m: Distance kept between them [m].
         sample_s: Sample period of the segments [s].
 
     Returns:
         Motions free of obstacles; None if none were found.
     """
-    sides = (_side(visits[0]), _side(visits[1]))
+    sides = (_side(stays[0]), _side(stays[1]))
     if sides[0].start.shape != sides[1].start.shape:
         return None
     (first, i, j), (came_back, left_back), push, gap_s = _search(sides, margin_m + _BOW_M)
@@ -152,26 +152,26 @@ def exchange(visits: Sequence[Visit], margin_m: float, sample_s: float) -> Excha
         return None
     rows = (i, j) if first == 0 else (j, i)
     segments = []
-    for k, (visit, side, row) in enumerate(zip(visits, sides, rows, strict=True)):
-        limits = visit.max_velocity, visit.max_acceleration, sample_s
+    for k, (stay, side, row) in enumerate(zip(stays, sides, rows, strict=True)):
+        limits = stay.max_velocity, stay.max_acceleration, sample_s
         here = side.place[row]
         if k == first:
-            came = asynchronous(visit.start, here, *limits, late=not came_back)
+            came = asynchronous(stay.start, here, *limits, late=not came_back)
             goes = asynchronous(here, side.end[row], *limits, push=push[0], push_s=PUSH_S)
         else:
-            came = asynchronous(visit.start, here, *limits, late=True, push=push[1], push_s=PUSH_S)
+            came = asynchronous(stay.start, here, *limits, late=True, push=push[1], push_s=PUSH_S)
             goes = asynchronous(here, side.end[row], *limits, late=left_back)
         segments.append((came, goes))
     return Exchange(first=first, segments=(segments[0], segments[1]), gap_s=gap_s)
 
 
-def _side(visit: Visit) -> _Side:
-    arm, model = visit.arm, visit.checker.model
+def _side(stay: Stay) -> _Side:
+    arm, model = stay.arm, stay.checker.model
     joints = arm.joints.copy()
     joints[0] = (arm.world_from_base @ np.vstack([joints[0], [0.0, 0.0, 0.0, 1.0]]))[:3]
     frame = arm.spheres[:, 4].astype(np.int64)
-    limits = visit.max_velocity, visit.max_acceleration
-    leave, row = soonest(visit.place, visit.beyond, *limits)
+    limits = stay.max_velocity, stay.max_acceleration
+    leave, row = soonest(stay.place, stay.beyond, *limits)
     bodies = arm.bodies
     meets = bodies.frame >= _FIRST_FRAME
     bodies = bodies._replace(
@@ -186,14 +186,14 @@ def _side(visit: Visit) -> _Side:
         frame=frame,
         parts=arm.parts[frame[arm.parts[:, 0]] >= _FIRST_FRAME],
         bodies=bodies,
-        scene=visit.checker.scene,
+        scene=stay.checker.scene,
         limits=np.array([*limits, model.lower, model.upper], dtype=np.float64),
-        start=np.array(visit.start, dtype=np.float64),
-        place=np.array(visit.place, dtype=np.float64),
-        end=np.array(visit.beyond, dtype=np.float64)[row],
-        come=soonest(visit.place, visit.start[None], *limits)[0] + SMOOTHING_S,
+        start=np.array(stay.start, dtype=np.float64),
+        place=np.array(stay.place, dtype=np.float64),
+        end=np.array(stay.beyond, dtype=np.float64)[row],
+        come=soonest(stay.place, stay.start[None], *limits)[0] + SMOOTHING_S,
         leave=leave + SMOOTHING_S,
-        stay=float(visit.stay_s),
+        stay=float(stay.stay_s),
     )
 
 

@@ -17,7 +17,7 @@ from planners.motion.problem import MotionPlanner, MotionProblem
 from planners.motion.two_arms.asynchronous import asynchronous, least_times_s
 from planners.motion.two_arms.composite import CompositePlanner, CompositeProblem
 from planners.motion.two_arms.diagram import MARGIN_M, free_cells
-from planners.motion.two_arms.exchange import Visit, exchange
+from planners.motion.two_arms.exchange import Stay, exchange
 from planners.motion.two_arms.schedule import Schedule, schedule, schedule_in
 from planners.motion.two_arms.swept import ArmInWorld, SweptArm, at_rest, swept
 from planners.motion.two_arms.turns import in_turn
@@ -153,7 +153,7 @@ def alone_s(trips: tuple[Trip, Trip], planner: MotionPlanner, *, seed: int = 0) 
 def _exchanged(trips: tuple[Trip, Trip], planner: MotionPlanner, seed: int, margin_m: float) -> Together | None:
     """Both arms by way of an exchange at their first stops; None if there is none."""
     visits = [
-        Visit(
+        Stay(
             arm=trip.arm,
             checker=trip.checker,
             max_velocity=trip.max_velocity,

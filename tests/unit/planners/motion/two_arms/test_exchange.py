@@ -13,7 +13,7 @@ from planners.motion.path.timed_path import Dwell, timed_path
 from planners.motion.search.rrt_connect_native import RrtConnectNative
 from planners.motion.two_arms.asynchronous import asynchronous
 from planners.motion.two_arms.diagram import free_cells
-from planners.motion.two_arms.exchange import Visit, exchange
+from planners.motion.two_arms.exchange import Stay, exchange
 from planners.motion.two_arms.swept import ArmInWorld, swept
 from planners.motion.two_arms.together import Trip, Way, plan_together
 from planners.motion.two_arms.turns import in_turn
@@ -44,7 +44,7 @@ def trips(iiwa):  # type: ignore[no-untyped-def]
 
 def _visits(trips, obstacles):  # type: ignore[no-untyped-def]
     return [
-        Visit(
+        Stay(
             arm=trip.arm,
             checker=CollisionChecker(trip.checker.model, obstacles),
             max_velocity=MAX_VELOCITY,

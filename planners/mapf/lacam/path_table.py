@@ -1,4 +1,4 @@
-"""Timetable: who is where when, and the cheapest way of one agent through what the others leave free."""
+"""PathTable: who is where when, and the cheapest way of one agent through what the others leave free."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _POOL = 2**17
 """Nodes of one search; one that needs more is given up."""
 
 
-class Timetable(NamedTuple):
+class PathTable(NamedTuple):
     """The paths of all agents, and the same cell by cell."""
 
     path: IntArray
@@ -47,11 +47,11 @@ class Frontier(NamedTuple):
     """Nodes expanded so far in all searches, shape (1,)."""
 
 
-def timetable_of(roads: Roads, guide: Guide, states: IntArray) -> Timetable:
+def path_table_of(roads: Roads, guide: Guide, states: IntArray) -> PathTable:
     """Read a plan, shape (T + 1, n)."""
     n = states.shape[1]
     rows = len(states)
-    table = Timetable(
+    table = PathTable(
         path=np.ascontiguousarray(states.T),
         occupant=np.full((roads.n_cells, rows), -1, dtype=np.int32),
         crossed=np.full((roads.n_cells if len(roads.beside) else 0, rows), -1, dtype=np.int32),
@@ -62,7 +62,7 @@ def timetable_of(roads: Roads, guide: Guide, states: IntArray) -> Timetable:
     return table
 
 
-def frontier_of(table: Timetable) -> Frontier:
+def frontier_of(table: PathTable) -> Frontier:
     """Working memory for searches in a timetable."""
 
     def ints(length: int) -> IntArray:
@@ -83,7 +83,7 @@ def frontier_of(table: Timetable) -> Frontier:
 
 
 @kernel
-def enter(roads: Roads, guide: Guide, table: Timetable, agent: Int) -> None:  # pragma: no cover - compiled
+def enter(roads: Roads, guide: Guide, table: PathTable, agent: Int) -> None:  # pragma: no cover - compiled
     """Write the path of an agent into the cells, and add up its loss."""
     path, goal = table.path[agent], guide.goals[agent]
     last = len(path) - 1
@@ -98,7 +98,7 @@ def enter(roads: Roads, guide: Guide, table: Timetable, agent: Int) -> None:  # 
 
 
 @kernel
-def withdraw(roads: Roads, table: Timetable, agent: Int) -> None:  # pragma: no cover - compiled
+def withdraw(roads: Roads, table: PathTable, agent: Int) -> None:  # pragma: no cover - compiled
     """Take an agent out of the cells; its path stays."""
     path = table.path[agent]
     last = len(path) - 1
@@ -110,7 +110,7 @@ def withdraw(roads: Roads, table: Timetable, agent: Int) -> None:  # pragma: no 
 
 @kernel
 def _sweep(
-    roads: Roads, table: Timetable, t: Int, state: Int, to: Int, who: Int
+    roads: Roads, table: PathTable, t: Int, state: Int, to: Int, who: Int
 ) -> None:  # pragma: no cover - compiled
     for move in range(roads.ptr[state], roads.ptr[state + 1]):
         if roads.to[move] == to:
@@ -120,7 +120,7 @@ def _sweep(
 
 @kernel
 def _is_free(
-    roads: Roads, guide: Guide, table: Timetable, t: Int, state: Int, move: Int, to: Int
+    roads: Roads, guide: Guide, table: PathTable, t: Int, state: Int, move: Int, to: Int
 ) -> bool:  # pragma: no cover - compiled
     """Whether an agent that is not in the timetable can make a move (-1 = wait) from a timestep to the next."""
     home, cell = roads.cell[state], roads.cell[to]
@@ -150,7 +150,7 @@ def _is_free(
 
 
 @kernel
-def _free_from(roads: Roads, table: Timetable, state: Int) -> Int:  # pragma: no cover - compiled
+def _free_from(roads: Roads, table: PathTable, state: Int) -> Int:  # pragma: no cover - compiled
     """First timestep from which on nobody else uses the cell of a state."""
     cell = roads.cell[state]
     for t in range(table.path.shape[1] - 1, -1, -1):
@@ -165,7 +165,7 @@ def _free_from(roads: Roads, table: Timetable, state: Int) -> Int:  # pragma: no
 def reroute(
     roads: Roads,
     guide: Guide,
-    table: Timetable,
+    table: PathTable,
     frontier: Frontier,
     agent: Int,
     start: Int,
@@ -181,7 +181,7 @@ def reroute(
     Args:
         roads: Open moves.
         guide: Goals and distances.
-        table: Timetable of all others; the agent's path is written to, not entered.
+        table: PathTable of all others; the agent's path is written to, not entered.
         frontier: Working memory.
         agent: Who.
         start: Its state at timestep 0.
