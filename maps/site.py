@@ -216,6 +216,8 @@ def save_site(site: Site, path: str | os.PathLike[str]) -> None:
             if value is not None:
                 lines.append(f"{key} = {json.dumps(value)}")
     target = Path(path)
+    if not target.name:
+        raise SiteFileError(f"site {site.name}: cannot be written to {str(path)!r}; valid: a file")
     part = target.with_name(target.name + ".part")
     try:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -66,7 +66,7 @@ class PlanCommand:
     seed: int = 0
     """Seed of everything random."""
     begin_with: Path | None = None
-    """A path file of any planner that is checked, and improved until the budget ends, in place of planning; for
+    """A path file of any planner that is checked, and improved until the budget ends; --planner is not asked then. For
     --motion pebble."""
     output: Path = Path("paths.txt")
     """The path file to write."""

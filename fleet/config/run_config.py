@@ -77,9 +77,10 @@ class RunConfig(Settings):
         positive("--duration", self.duration_s)
         if self.grip_force_n is not None:
             positive("--grip-force", self.grip_force_n)
-        names = [f"car_{car}" for car in range(self.robots)]
         for name in self.cars:
-            require(name in names, "cars", name, f"car_0 to {names[-1]}")
+            number = name.removeprefix("car_")
+            known = number.isdecimal() and name == f"car_{int(number)}" and int(number) < self.robots
+            require(known, "cars", name, f"car_0 to car_{self.robots - 1}")
         not_negative("collect_after_s", self.collect_after_s)
 
     def seeded(self, seed: int) -> RunConfig:

@@ -23,6 +23,8 @@ from planners.mapf.window import plan_window, reachable_goals
 
 _ROUND = 2000
 """Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
+MOST_ROUNDS = 10_000
+"""Rounds of a timestep; so many take minutes, and a window ends only between two timesteps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +42,10 @@ class MultiStepConfig:
     """Priority an agent gains with each timestep of the window that ends away from its goal."""
 
     def __post_init__(self) -> None:
-        for name, value, least in (("most_tries", self.most_tries, 1), ("rounds", self.rounds, 0)):
-            if value < least:
-                raise PlanningError(f"multi-step pibt: {name} = {value}; valid: an integer >= {least}")
+        if self.most_tries < 1:
+            raise PlanningError(f"multi-step pibt: most_tries = {self.most_tries}; valid: an integer >= 1")
+        if not 0 <= self.rounds <= MOST_ROUNDS:
+            raise PlanningError(f"multi-step pibt: rounds = {self.rounds}; valid: 0 to {MOST_ROUNDS}")
         if not 1 <= self.length <= LONGEST:
             raise PlanningError(f"multi-step pibt: length = {self.length}; valid: 1 to {LONGEST}")
         if not self.impatience >= 0:

@@ -62,6 +62,8 @@ def test_saved_site_reads_back_equal(tmp_path):
 def test_unwritable_path_is_named(tmp_path):
     with pytest.raises(SiteFileError, match="cannot be written"):
         save_site(load_site("cell"), tmp_path / "no" / "site.toml")
+    with pytest.raises(SiteFileError, match="valid: a file"):
+        save_site(load_site("cell"), "")
 
 
 @pytest.mark.parametrize("name", site_names())

@@ -47,3 +47,10 @@ def test_settings_of_a_run_refuse_another_kind(settings: type, bad: dict[str, ob
     with pytest.raises(ConfigError) as refused:
         settings(**bad)
     assert message in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["car_3", "car_-1", "car_01", "car_", "truck_0", ""])
+def test_a_car_that_the_fleet_has_not_is_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match=f"cars is '{name}'; valid: car_0 to car_2"):
+        RunConfig(robots=3, cars={name: CarConfig()})
+    assert RunConfig(robots=10**9, cars={"car_999999999": CarConfig()}).cars
