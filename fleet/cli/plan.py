@@ -88,7 +88,13 @@ class PlanCommand:
         require(math.isfinite(self.budget_s) and self.budget_s > 0, "--budget-s", self.budget_s, "a number > 0")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(self.begin_with is None or self.motion == "pebble", "--motion", self.motion, "pebble with --begin-with")
-        warm, planner = self._planner(), self._planner()
+        planner = self._planner()
+        # LaCAM has the kernels of the search that improves plans.
+        warm = (
+            self._planner()
+            if self.begin_with is None
+            else planner_named("lacam", {}, seed=self.seed, family=ONE_SHOT_PLANNERS, what="--planner")
+        )
         grid = read_map(self.map)
         starts, goals = starts_and_goals(self.scen, grid, agents=self.agents)
         self._check_output()
@@ -107,7 +113,7 @@ class PlanCommand:
             if first is None:
                 decision = planner.plan(instance, tables, deadline)
             else:
-                decision = improve(instance, first, tables, deadline)
+                decision = improve(instance, first, tables, deadline, np.random.default_rng(self.seed))
             elapsed_s = time.perf_counter() - begin
         wrong = breaches(instance, decision)
         cells = np.stack(grid.row_col(graph.state_cell[decision.states]), axis=-1)

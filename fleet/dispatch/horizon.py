@@ -113,7 +113,7 @@ class RollingHorizon:
             place=place,
             station=np.where(served, place, NO_STATION).astype(np.int32),
             service_s=np.where(served, service_s[np.where(served, place, 0)], stand_s),
-            free_s=np.array([self._stations.times.left_s(k, now_s) for k in range(n_stations)]),
+            free_s=self._stations.times.all_left_s(now_s),
             n_buffer_places=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
             release_s=self._release_s(tasks, cars, held, travel_s),
             due_s=np.array([task.order.due_s - now_s for task in tasks]),

@@ -107,7 +107,7 @@ def _when_free(
         return state, free_s
     pick, drop, task_state = missions.pick_of[cars], missions.drop_of[cars], missions.task_state[cars]
     mean_s = stations.mean_s()
-    left_s = np.array([stations.times.left_s(station.arm, now_s) for station in stations])
+    left_s = stations.times.all_left_s(now_s)
     carried = task_state == _CARRIED
     unloading = task_state == _UNLOADING
     begin = np.where(carried, ways.tails[cars], stations.dock_states[pick])

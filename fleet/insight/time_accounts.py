@@ -122,7 +122,7 @@ class StationTime:
     """Ticks that cars waited for it while it was busy, all cars together."""
 
 
-class _Ledger(NamedTuple):
+class _Booked(NamedTuple):
     """What is booked, as in `TimeAccounts`."""
 
     robots: Ticks
@@ -185,7 +185,7 @@ class TimeAccounts:
         self.by_place: Ticks = np.zeros((len(Account), n_places + 1), dtype=np.int64)
         """The same for stations, chargers and parking places, shape (n_accounts, n_places + 1)."""
         self._n_cars = n_cars
-        self._ledger = _Ledger(self.robots, self.stations, self.by_robot, self.by_cell, self.by_place)
+        self._booked = _Booked(self.robots, self.stations, self.by_robot, self.by_cell, self.by_place)
         docks = np.ascontiguousarray(dock_xy, dtype=np.float64)
         self._rules = _Rules(_RULES, _ARM_RULES, _HAS_PLACE, _ENDS_CHAIN, docks)
 
@@ -215,7 +215,7 @@ class TimeAccounts:
             speeds: Signed speeds [m/s], shape (n_cars,).
             xy: Rear axles, x, y first [m], shape (n_cars, 2 or more).
         """
-        _book(self._ledger, self._rules, _Tick(causes, phase, loaded, place, served, speeds, xy))
+        _book(self._booked, self._rules, _Tick(causes, phase, loaded, place, served, speeds, xy))
 
     def car_time(self, car: int) -> CarTime:
         """Accounts of one car."""
@@ -267,13 +267,13 @@ def _car_time(ticks: Ticks) -> CarTime:
 
 
 @njit(cache=True)
-def _book(ledger: _Ledger, rules: _Rules, tick: _Tick) -> None:
+def _book(booked: _Booked, rules: _Rules, tick: _Tick) -> None:
     n_robots = len(tick.causes)
     accounts, ends = np.empty(n_robots, dtype=np.int64), np.full(n_robots, _NOT_KNOWN, dtype=np.int64)
     _find_accounts(rules, tick, accounts)
     _find_ends(tick.causes, rules.ends_chain, ends)
-    _put_down(ledger, rules.has_place, tick.causes, accounts, ends)
-    _count_waiting(ledger.stations, tick, accounts)
+    _put_down(booked, rules.has_place, tick.causes, accounts, ends)
+    _count_waiting(booked.stations, tick, accounts)
 
 
 @njit(cache=True)
@@ -323,10 +323,10 @@ def _find_ends(causes: CauseRows, ends_chain: npt.NDArray[np.bool_], ends: Ticks
 
 @njit(cache=True)
 def _put_down(
-    ledger: _Ledger, has_place: npt.NDArray[np.bool_], causes: CauseRows, accounts: Ticks, ends: Ticks
+    booked: _Booked, has_place: npt.NDArray[np.bool_], causes: CauseRows, accounts: Ticks, ends: Ticks
 ) -> None:
     """Put one tick of each robot down to a robot, a cell and a place; the last of each stands for none."""
-    robots, _, by_robot, by_cell, by_place = ledger
+    robots, _, by_robot, by_cell, by_place = booked
     for robot in range(len(causes)):
         account = accounts[robot]
         root, cell, at = len(causes), NONE, NONE

@@ -30,7 +30,6 @@ class WhyIdle:
 
     def __init__(self, run: RunView) -> None:
         self._run = run
-        self._arms = {station.name: station.arm for station in run.stations}
 
     def fill(self, rows: CauseRows, cars: npt.NDArray[np.intp]) -> None:
         """Fill the rows of idle cars."""
@@ -97,8 +96,8 @@ class WhyIdle:
             row[Column.DETAIL] = DETAIL_OF[TaskReason.WAITS_FOR_PREDECESSOR]
             row[Column.BY] = NONE if before.car is None or before.state in DONE_STATES else before.car
         elif reason is TaskReason.WAITS_FOR_SLOT:
-            arm = self._arm_of(task.pick)
-            row[Column.PLACE], row[Column.BY] = arm, NONE if arm == NONE else run.world.n_cars + arm
+            arm = run.stations.named(task.pick).arm
+            row[Column.PLACE], row[Column.BY] = arm, run.world.n_cars + arm
 
     def _no_way(self, row: CauseRows, car: int, task: Task) -> None:
         """The first blocked cell on the way to a task, or on from its first errand, and the dead car in it."""
@@ -124,8 +123,6 @@ class WhyIdle:
             numbers = [run.places.named(name).number for name in task.next_errand]
             taken = [number for number in numbers if number >= 0 and bookings.cars(number)]
             return (taken[0], bookings.cars(taken[0])[0]) if taken else (NONE, NONE)
-        arm = max((self._arm_of(task.pick), self._arm_of(task.delivery.drop)), key=lambda k: len(bookings.bound(k)))
+        ends = [run.stations.named(name).arm for name in (task.pick, task.delivery.drop)]
+        arm = max(ends, key=lambda k: len(bookings.bound(k)))
         return arm, run.world.n_cars + arm
-
-    def _arm_of(self, name: str) -> int:
-        return self._arms.get(name, NONE)

@@ -121,10 +121,9 @@ class Slots:
         if not free or any(named(name).n_free <= kept[name] for name in others):
             if legs:
                 kept.update((task.pick, *others))
+                cause = f"not every one of {', '.join((task.pick, *sorted(others)))} has a free slot for its order"
             elif self._reasons.present(task) is TaskReason.WAITS_FOR_SLOT:
                 return False  # as most tasks of a long backlog have been told before
-            if legs:
-                cause = f"not every one of {', '.join((task.pick, *sorted(others)))} has a free slot for its order"
             else:
                 cause = f"no slot of {' and '.join(task.delivery.picks)} is free"
             self._reasons.note(task, TaskReason.WAITS_FOR_SLOT, cause, now_s)

@@ -143,8 +143,8 @@ def _costs_of_two(free: BoolArray, rests_a: BoolArray, rests_b: BoolArray) -> In
 
 
 @kernel
-def _costs_of_arms(flat: BoolArray, rests: BoolArray, size: IntArray, cost: IntArray) -> None:
-    """Fill the cost to go (product of sizes,) of any number of arms."""
+def _strides(size: IntArray) -> tuple[IntArray, IntArray]:
+    """Cells from one index of each arm to the next in a flat table, and the first row of each arm, shape (n,) each."""
     n = size.shape[0]
     stride = np.ones(n, dtype=np.int64)
     first = np.zeros(n, dtype=np.int64)
@@ -152,6 +152,14 @@ def _costs_of_arms(flat: BoolArray, rests: BoolArray, size: IntArray, cost: IntA
         stride[a] = stride[a + 1] * size[a + 1]
     for a in range(1, n):
         first[a] = first[a - 1] + size[a - 1]
+    return stride, first
+
+
+@kernel
+def _costs_of_arms(flat: BoolArray, rests: BoolArray, size: IntArray, cost: IntArray) -> None:
+    """Fill the cost to go (product of sizes,) of any number of arms."""
+    n = size.shape[0]
+    stride, first = _strides(size)
     here = np.empty(n, dtype=np.int64)
     last = cost.shape[0] - 1
     cost[last] = 0
@@ -191,12 +199,7 @@ def _costs_of_arms(flat: BoolArray, rests: BoolArray, size: IntArray, cost: IntA
 def _follow(cost: IntArray, rests: BoolArray, size: IntArray, index: IntArray) -> None:
     """Fill `index` (T+1, n) with the cheapest way; of equal moves, one in which the last arms go on."""
     n = size.shape[0]
-    stride = np.ones(n, dtype=np.int64)
-    first = np.zeros(n, dtype=np.int64)
-    for a in range(n - 2, -1, -1):
-        stride[a] = stride[a + 1] * size[a + 1]
-    for a in range(1, n):
-        first[a] = first[a - 1] + size[a - 1]
+    stride, first = _strides(size)
     cell = 0
     for step in range(1, index.shape[0]):
         best = -1
