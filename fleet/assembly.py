@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.config import CarConfig, Perception, RunConfig, require
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
 from fleet.dispatch.cost_model import CostModel
 from fleet.dispatch.dispatcher import Dispatcher, DispatchRules
 from fleet.dispatch.due_dates import DueDates
+from fleet.dispatch.fitness import Fitness
 from fleet.dispatch.horizon import RollingHorizon
 from fleet.dispatch.interventions import Interventions
 from fleet.dispatch.offers import Offers
@@ -30,6 +32,7 @@ from fleet.missions.parking import Parking
 from fleet.missions.places import Places
 from fleet.missions.services import Services
 from fleet.missions.state import Missions
+from fleet.missions.turns import TurnBook
 from fleet.missions.visit_queue import VisitQueue
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.visits import Visits
@@ -45,10 +48,12 @@ from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.stations.arms.shared_dock import share_docks
 from fleet.stations.booking import Bookings
+from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
 from fleet.stations.stations import Stations
 from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import TaskBoard
+from fleet.tasks.open_deliveries import OpenDeliveries
 from fleet.tasks.order import MAX_GENERATED_KG, Ability, Order, ability_of, generate_orders
 from fleet.tasks.order_file import OrderBook, read_orders
 from fleet.tasks.reasons import ReasonBook
@@ -155,7 +160,9 @@ def assemble(
         ]
     )
     places = Places(site, graph, stations)
-    caps = [config.allocation.station_cap_n] * len(stations) + [1] * (len(places.cells) - len(stations))
+    # A car that books a pick station needs a slot for its parcel.
+    caps = [min(config.allocation.station_cap_n, len(station.contents)) for station in stations]
+    caps += [1] * (len(places.cells) - len(stations))
     bookings = Bookings(caps, world.n_cars)
     left_late = places.cells[: len(stations) + len(places.chargers)]
     missions = Missions(board, stations, bookings, left_late, traffic)
@@ -163,7 +170,6 @@ def assemble(
     ways = Ways(traffic)
     routes = VisitRoutes(places, ways, bookings)
     reasons = ReasonBook(log)
-    backlog = Backlog(board, reasons)
 
     # Parcels and arms.
     askew = np.random.default_rng(askew_seed) if config.askew else None
@@ -175,7 +181,11 @@ def assemble(
     perception = SeenPoses(stations, scene.car, world, inventory, log) if seen else TruePoses(inventory)
 
     # The rules that missions go by.
-    admission = Admission(missions, ways, log)
+    turns = TurnBook(missions, ways, _least_cycle_s(stations, config.collect_after_s))
+    fitness = Fitness(abilities)
+    open_deliveries = OpenDeliveries(board, fitness.kind_of)
+    slots = Slots(missions, ways, inventory, open_deliveries)
+    admission = Admission(missions, ways, turns, slots, log)
     batteries = None
     if config.battery.enabled:
         batteries = Batteries(config.battery, scene.car.mass_kg, world.n_cars, clock.tick_s)
@@ -183,20 +193,21 @@ def assemble(
     if batteries is not None:
         in_use = places.chargers[: config.battery.chargers_n]
         charging = Charging(batteries, in_use, len(stations), missions, ways, admission, log)
-    cost_model = CostModel(config.allocation, missions, ways, routes, abilities, charging)
-    horizon, filling = (RollingHorizon(config.allocation, missions, ways, routes) for _ in range(2))
+    cost_model = CostModel(config.allocation, missions, ways, routes, fitness, charging)
+    horizon = RollingHorizon(config.allocation, missions, ways, routes)
     solver = Solver(config.allocation, log)
-    offers = Offers(missions, routes)
-    allocation = parts.allocation(missions, cost_model, solver, offers, horizon, filling, reasons)
+    visit_queue = VisitQueue(missions, places, ways, reasons)
+    offers = Offers(missions, ways, routes, fitness, open_deliveries, visit_queue)
+    allocation = parts.allocation(missions, cost_model, solver, offers, turns, horizon, reasons)
     transfers = Transfers(inventory, perception, arm_manager, driver, world)
     docks = Docks(missions, ways, services, transfers, admission, inventory, log)
     visits = Visits(missions, places, routes, ways, charging, world, log)
     fastest_move_s = site.grid.cell_m / scene.car.max_speed_mps
     rules = DispatchRules(
         missions=missions,
-        due_dates=DueDates(cost_model, reasons, fastest_move_s),
-        slots=Slots(board, stations, inventory, backlog, reasons, cost_model.source_cost, filling.turn_s),
-        visit_queue=VisitQueue(missions, places, ways, backlog, reasons),
+        backlog=Backlog(board, reasons, DueDates(cost_model, reasons, fastest_move_s).check),
+        slots=slots,
+        visit_queue=visit_queue,
         assignments=Assignments(missions, ways, allocation, admission, visits, charging, reasons),
         interventions=Interventions(missions, ways, inventory, docks, admission, visits, config.timeouts),
         admission=admission,
@@ -221,6 +232,13 @@ def assemble(
         batteries=batteries,
     )
     return Assembled(view=view, arm_planner=arm_planner, abilities=abilities, book=book)
+
+
+def _least_cycle_s(stations: Stations, collect_after_s: float) -> FloatArray:
+    """Shortest time between turns at each station [s]: delivered parcels keep the slots of a drop station."""
+    drops = [station.direction is Direction.FROM_CAR for station in stations]
+    n_slots = np.array([len(station.contents) for station in stations])
+    return np.where(drops, collect_after_s / n_slots, 0.0)
 
 
 class _Losses:

@@ -27,7 +27,7 @@ _REVERSAL_COST = 1000.0
 _REPAIR_ROUNDS = 5
 _LOOK_BACK_LINES = 12
 """How many rows (columns) back a comparable aisle is looked for."""
-_LARGE_N_EDGES = 4000
+_LARGE_N_EDGES = 40_000
 """Above so many edges only the most connected first guess is repaired, to stay within seconds."""
 _WAY_ROUND_CELLS = 3
 """A way round a dock is looked for among the lanes this near to it."""

@@ -244,6 +244,12 @@ SITUATIONS: dict[str, Situation] = {
         orders=_FIELDS + _deliveries(6),
         robots=("car_1", "car_2"),
         holds=lambda simulation, car: (
+            _phase(simulation, 0) is CarPhase.DEAD
+            and _phase(simulation, car) is not CarPhase.TO_DROP
+            # Who has just been sent elsewhere waits for a plan.
+            and simulation.traffic.landed_goals[car] == simulation.traffic.goals[car]
+        ),
+        may_hold=lambda simulation, car: (
             _phase(simulation, 0) is CarPhase.DEAD and _phase(simulation, car) is not CarPhase.TO_DROP
         ),
         is_root=lambda said: said.root.robot == "car_0" and said.root.detail == "dead",

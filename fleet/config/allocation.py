@@ -22,7 +22,7 @@ class AllocationConfig(Settings):
     """Name in `planners.allocation.ALLOCATORS`, or `package.module.Class` of one's own."""
     allocator_settings: Mapping[str, SettingValue] = field(default_factory=dict)
     """Settings of that allocator, by name; the others keep their defaults."""
-    station_cap_n: int = 2
+    station_cap_n: int = 4
     """Cars near or at one station at once, the one that is served included; more would queue into the aisles."""
     ageing: float = 0.5
     """Seconds of travel that one second of waiting since the release is worth, so that no task starves."""

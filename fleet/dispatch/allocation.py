@@ -12,15 +12,13 @@ from fleet.dispatch.allocation_round import AllocationRound, Answer
 from fleet.dispatch.cost_model import CostMatrix, CostModel
 from fleet.dispatch.horizon import RollingHorizon
 from fleet.dispatch.offers import Offers
-from fleet.dispatch.situation import Situation
+from fleet.dispatch.situation import CAN_TAKE, Situation
 from fleet.dispatch.solver import Solver
 from fleet.missions.state import Missions
-from fleet.tasks.board import Task, TaskState
+from fleet.missions.turns import TurnBook
+from fleet.tasks.board import Task
 from fleet.tasks.reasons import PAIR_REASONS, PairReason, ReasonBook, TaskReason
 from planners.allocation.problem import Assignment
-
-MOST_PLANNED = 100
-"""Tasks at most that are planned before their parcels lie on slots."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +39,8 @@ class TaskAllocation:
         cost_model: What each task costs each car.
         solver: The allocator.
         offers: Which tasks there is room for.
+        turns: When arms are taken.
         horizon: What can be given out, for allocators that plan ahead.
-        filling: The same with what waits for a slot, which says in which order slots are filled.
         reason_book: Told about every decision.
     """
 
@@ -52,8 +50,8 @@ class TaskAllocation:
         cost_model: CostModel,
         solver: Solver,
         offers: Offers,
+        turns: TurnBook,
         horizon: RollingHorizon,
-        filling: RollingHorizon,
         reason_book: ReasonBook,
     ) -> None:
         self._missions = missions
@@ -61,9 +59,14 @@ class TaskAllocation:
         self._cost_model = cost_model
         self._solver = solver
         self._offers = offers
+        self._turns = turns
         self._horizon = horizon
-        self._filling = filling
         self._reasons = reason_book
+
+    @property
+    def plans_ahead(self) -> bool:
+        """Whether cars are given several tasks, one after the other, so that all of them are planned together."""
+        return self._solver.plans_ahead
 
     def choose(self, situation: Situation, now_s: float) -> Choice:
         """Pairs of a car and a task, at most one for each.
@@ -71,14 +74,19 @@ class TaskAllocation:
         Raises:
             PlanningError: An allocator of one's own gave an answer that is not legal.
         """
-        ready, held = self._board.in_state(TaskState.READY), situation.held
-        if not ready and len(held) < 2:
-            return Choice(taken=[], given=[])
-        soon_s = self._solver.soon_s
-        costs = self._cost_model.of([*ready, *held.values()], situation, soon_s, now_s)
-        offered, full = self._offers.of(costs, len(ready), sequences=self._solver.plans_ahead)
+        held, soon_s = situation.held, self._solver.soon_s
         soon = situation.soon(soon_s)
-        columns = [*offered, *range(len(ready), len(costs.tasks))]
+        cars = ((situation.standing == CAN_TAKE) | soon).nonzero()[0]
+        states = np.where(soon, situation.state, self._cost_model.tails)[cars].astype(np.int32)
+        booked = self._turns.all(now_s)
+        offer = self._offers.of(cars, states, booked.turns)
+        n = len(offer.tasks)
+        if not n and len(held) < 2:
+            return Choice(taken=[], given=[])
+        not_before_s = np.concatenate((offer.not_before_s, np.zeros(len(held))))
+        costs = self._cost_model.of([*offer.tasks, *held.values()], not_before_s, situation, booked, soon_s, now_s)
+        offered, full = self._offers.with_room(costs, n)
+        columns = [*offered, *range(n, len(costs.tasks))]
         column_of, later, answer = self._allocate(costs, columns, held, soon)
         self._keep_reasons(costs, answer, full, soon, column_of, later)
         taken, given = [], []
@@ -90,28 +98,6 @@ class TaskAllocation:
             if held.get(car) is not task:
                 given.append((car, task))
         return Choice(taken=taken, given=given)
-
-    def plan_filling(self, situation: Situation, now_s: float) -> None:
-        """Plan also what waits for a slot, so that slots are filled in the order of the plan.
-
-        Cars are not sent by this plan: what they are to do first is often not there yet.
-        """
-        waiting = self._to_come() if self._solver.plans_ahead else []
-        if not waiting:
-            return
-        tasks = [*self._board.in_state(TaskState.READY), *situation.held.values(), *waiting]
-        costs = self._cost_model.of(tasks, situation, np.inf, now_s)
-        columns = [column for column in range(len(tasks)) if costs.offers(column)]
-        cars = costs.cars_for(columns)
-        if columns and len(cars):
-            problem = self._solver.problem(costs, columns, cars, situation.held, self._filling)
-            self._filling.keep(costs, problem, self._solver.solve(problem), columns, cars)
-
-    def _to_come(self) -> list[Task]:
-        """Deliveries whose parcels do not lie on slots yet, the most urgent class first, then the oldest."""
-        waiting = [task for task in self._board.in_state(TaskState.BACKLOG) if task.visit is None]
-        free = [task for task in waiting if self._board.waits_for(task) is None]
-        return sorted(free, key=lambda task: (task.order.priority.rank, task.index))[:MOST_PLANNED]
 
     def _allocate(
         self, costs: CostMatrix, columns: list[int], held: Mapping[int, Task], soon: npt.NDArray[np.bool_]

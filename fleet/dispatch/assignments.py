@@ -46,24 +46,24 @@ class Assignments:
         self._charging = charging
         self._reasons = reasons
 
-    def give_out(self, tick: int, now_s: float, *, plan_filling: bool) -> None:
+    def give_out(self, tick: int, now_s: float, *, exchange: bool) -> None:
         """Give tasks to cars that are free, and exchange those that are not picked yet where much is gained.
 
         Args:
             tick: Present tick.
             now_s: Simulated time [s].
-            plan_filling: Whether it is also to be planned in which order slots are filled.
+            exchange: Whether tasks that are not picked yet may change hands.
         """
         missions = self._missions
         missions.changed = False
         self.n_allocations += 1
-        situation = situation_of(missions, self._ways, self._charging, now_s)
-        if plan_filling:
-            self.allocation.plan_filling(situation, now_s)
+        exchange = exchange or missions.lost_a_car or self.allocation.plans_ahead
+        situation = situation_of(missions, self._ways, self._charging, now_s, exchange=exchange)
         choice = self.allocation.choose(situation, now_s)
         for car, reason in choice.taken:
             missions.unassign(situation.held[car], now_s, reason)
             missions.stand_down(car)
+        missions.lost_a_car = False
         for car, task in choice.given:
             self._assign(car, task, tick, now_s)
 
@@ -76,7 +76,7 @@ class Assignments:
             self._missions.changed = True
             return
         self._missions.assign(car, task, now_s)
-        self._reasons.assigned(task)
+        self._reasons.forget(task)
         if task.visit is not None:
             self._visits.send(car, task, tick)
         else:

@@ -9,13 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig
+from fleet.dispatch.fitness import Codes, Fitness
 from fleet.dispatch.situation import CAN_TAKE, Situation
 from fleet.missions.charging import Charging
 from fleet.missions.state import Missions
+from fleet.missions.turns import Booked, Deliveries, waits
 from fleet.missions.visit_routes import VisitRoutes
-from fleet.missions.ways import STEP_S, Ways
+from fleet.missions.ways import MOVE_S, Ways
 from fleet.tasks.board import Task, TaskState
-from fleet.tasks.order import Ability, Delivery
+from fleet.tasks.order import Delivery
 from fleet.tasks.reasons import CODE_OF_REASON, PairReason
 from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
@@ -25,7 +27,6 @@ FULL_S = 300.0
 _CODE = CODE_OF_REASON
 _NO_WAY, _OUT = _CODE[PairReason.NO_WAY], _CODE[PairReason.CAR_OUT]
 
-Codes = npt.NDArray[np.int8]
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -67,7 +68,7 @@ class CostModel:
         missions: Stations, and how long their arms take.
         ways: How far cars are from where tasks begin.
         routes: Of visits.
-        abilities: What each car can carry.
+        fitness: What each car can do.
         charging: Tells which cars have the charge for a task; None = all.
     """
 
@@ -77,26 +78,37 @@ class CostModel:
         missions: Missions,
         ways: Ways,
         routes: VisitRoutes,
-        abilities: Sequence[Ability],
+        fitness: Fitness,
         charging: Charging | None,
     ) -> None:
         self._config = config
         self._stations = missions.stations
         self._ways = ways
         self._routes = routes
-        self._most_kg = np.array([ability.max_payload_kg for ability in abilities])
-        self._capabilities = list(dict.fromkeys(ability.capabilities for ability in abilities))
-        kinds = {capabilities: kind for kind, capabilities in enumerate(self._capabilities)}
-        self._kind_of = np.array([kinds[ability.capabilities] for ability in abilities])
+        self._fitness = fitness
         self._charging = charging
-        self._unfit: dict[int, Codes | None] = {}
 
-    def of(self, tasks: list[Task], situation: Situation, soon_s: float, now_s: float) -> CostMatrix:
+    @property
+    def tails(self) -> npt.NDArray[np.int32]:
+        """State in which each car that is free begins, shape (n_cars,)."""
+        return self._ways.tails
+
+    def of(
+        self,
+        tasks: list[Task],
+        not_before_s: FloatArray,
+        situation: Situation,
+        booked: Booked,
+        soon_s: float,
+        now_s: float,
+    ) -> CostMatrix:
         """Price tasks.
 
         Args:
             tasks: The tasks.
+            not_before_s: Time before which the pick station of each cannot begin with it, shape (n_tasks,) [s].
             situation: What cars are about.
+            booked: The turns that are taken at stations.
             soon_s: Cars that cannot take a task now are counted in if they can in so many seconds [s].
             now_s: Simulated time [s].
         """
@@ -109,9 +121,11 @@ class CostModel:
         if self._charging is not None:
             for k, task in enumerate(tasks):
                 self._refuse_low(self._charging, codes[:, k], task, moves[:, k])
+        travel_s = free_s[:, None] + moves * MOVE_S
+        waits_s = self._waits(tasks, travel_s, n_rest_moves * MOVE_S, not_before_s, situation.held, booked)
         cost_s, pressure_s = task_costs(
-            travel_s=free_s[:, None] + moves * STEP_S,
-            rest_s=n_rest_moves * STEP_S,
+            travel_s=travel_s + waits_s,
+            rest_s=n_rest_moves * MOVE_S,
             service_s=service_s,
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
             due_s=np.array([task.order.due_s for task in tasks]),
@@ -125,6 +139,29 @@ class CostModel:
         return CostMatrix(
             now_s=now_s, tasks=tasks, cost_s=cost_s, codes=codes, pressure_s=pressure_s, states=states, free_s=free_s
         )
+
+    def _waits(
+        self,
+        tasks: Sequence[Task],
+        comes_s: FloatArray,
+        way_s: FloatArray,
+        not_before_s: FloatArray,
+        held: Mapping[int, Task],
+        booked: Booked,
+    ) -> FloatArray:
+        """How long cars would wait for arms, shape (n_cars, n_tasks) [s]; nobody waits on a visit."""
+        waits_s = np.zeros_like(comes_s)
+        columns = np.array([k for k, task in enumerate(tasks) if task.visit is None], dtype=np.intp)
+        if not columns.size:
+            return waits_s
+        ends = self._stations.arms_of([(tasks[k].pick, tasks[k].delivery.drop) for k in columns.tolist()])
+        deliveries = Deliveries(ends[:, 0], ends[:, 1], way_s[columns], not_before_s[columns])
+        waits_s[:, columns] = waits(booked.turns, comes_s[:, columns], deliveries)
+        column_of = {task.index: k for k, task in enumerate(tasks)}
+        for car, task in held.items():
+            own = car, column_of[task.index]
+            waits_s[own] = min(waits_s[own], booked.early_s[car])  # its own turn does not keep it
+        return waits_s
 
     def _work(self, tasks: Sequence[Task], states: npt.NDArray[np.int32]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Moves of each car to each task, shape (n_cars, n_tasks), moves of each task from there on and time it takes
@@ -147,11 +184,6 @@ class CostModel:
             n_rest_moves[deliveries] = self._ways.moves_each(docks[picks], docks[drops])
             service_s[deliveries] = mean_s[picks] + mean_s[drops]
         return moves.T, n_rest_moves, service_s
-
-    def source_cost(self, pick: str, task: Task) -> float:
-        """Moves from the nearest car to a pick station and on to the task's drop station."""
-        nearest = int(self._ways.moves(self._ways.tails, self._stations.named(pick).dock_state).min())
-        return nearest + self._moves(pick, task.delivery.drop)
 
     def least_s(self, task: Task, move_s: float) -> float:
         """The least time from the best pick station to the delivery, or from the first place of a visit to its end [s].
@@ -188,7 +220,7 @@ class CostModel:
         codes = np.where(unreachable, np.int8(_NO_WAY), out[:, None].astype(np.int8))
         codes[out == _OUT] = _OUT
         for k, task in enumerate(tasks):
-            unfit = self._unfit_for(task)
+            unfit = self._fitness.codes(task)
             if unfit is not None:
                 codes[:, k] = np.where(unfit != CAN_TAKE, unfit, codes[:, k])
             if task.shunned:
@@ -196,16 +228,6 @@ class CostModel:
             if kept:
                 _refuse_kept(codes[:, k], task, kept)
         return codes
-
-    def _unfit_for(self, task: Task) -> Codes | None:
-        """Why cars can never do a task; None if all can."""
-        if task.index not in self._unfit:
-            heavy = task.order.payload_kg > self._most_kg
-            lacks = np.array([not able.issuperset(task.order.needs) for able in self._capabilities])[self._kind_of]
-            codes = np.where(heavy, _CODE[PairReason.TOO_HEAVY], _CODE[PairReason.LACKS_CAPABILITY])
-            unfit = heavy | lacks
-            self._unfit[task.index] = np.where(unfit, codes, CAN_TAKE).astype(np.int8) if unfit.any() else None
-        return self._unfit[task.index]
 
     def _refuse_low(self, charging: Charging, codes: Codes, task: Task, moves: FloatArray) -> None:
         """Refuse the cars, of those that could take a task, that have too little charge for it."""

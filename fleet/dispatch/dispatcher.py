@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fleet.dispatch.assignments import Assignments
-from fleet.dispatch.due_dates import DueDates
 from fleet.dispatch.interventions import Interventions
 from fleet.missions.admission import Admission
 from fleet.missions.charging import Charging
@@ -16,6 +15,7 @@ from fleet.missions.parking import Parking
 from fleet.missions.state import Missions
 from fleet.missions.visit_queue import VisitQueue
 from fleet.missions.visits import Visits
+from fleet.tasks.backlog import Backlog
 
 REVIEW_S = 0.5
 """Time between two looks at what cannot go on, and two allocations if tasks or cars have changed [s]."""
@@ -30,7 +30,7 @@ class DispatchRules:
     """The rules that missions go by."""
 
     missions: Missions
-    due_dates: DueDates
+    backlog: Backlog
     slots: Slots
     visit_queue: VisitQueue
     assignments: Assignments
@@ -61,15 +61,14 @@ class Dispatcher:
     def tick(self, tick: int, now_s: float) -> None:
         """Release, collect, allocate, and start or end services."""
         rules, missions = self.rules, self.rules.missions
-        for task in missions.board.release_due(now_s):
-            rules.due_dates.check(task)
-        missions.changed |= rules.slots.tick(now_s)
-        rules.visit_queue.release(now_s)
+        rules.slots.collect(now_s)
+        missions.changed |= rules.backlog.release(now_s)
         missions.clear_left()
         if tick % self._call_period == 0:
             if rules.charging is not None:
                 rules.charging.plug_in()
             rules.admission.call(tick, now_s)
+            rules.slots.fill(now_s)
             rules.visits.call(tick)
             if missions.changed:
                 # Who has been served makes room before there is a task for it.
@@ -90,7 +89,7 @@ class Dispatcher:
             rules.charging.send_low(tick, now_s, wanted)
         priced = tick % self._price_period == 0
         if missions.changed or priced:
-            rules.assignments.give_out(tick, now_s, plan_filling=priced)
+            rules.assignments.give_out(tick, now_s, exchange=priced)
             wanted = rules.visit_queue.chargers_wanted()
         if rules.charging is not None:
             rules.charging.send_idle(tick, wanted)

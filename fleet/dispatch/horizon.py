@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import numpy.typing as npt
 
@@ -19,8 +17,6 @@ from planners.mapf.distance_table import UNREACHABLE
 
 AGED_S = 150.0
 """The end of a task of this age, times the weight of ageing, counts twice [s]."""
-SLOT_S = 20.0
-"""Time from one parcel that leaves a station to the next, as far as no car is under way for it yet [s]."""
 
 
 class RollingHorizon:
@@ -40,11 +36,6 @@ class RollingHorizon:
         self._ways = ways
         self._routes = routes
         self._plan: list[tuple[int, int]] = []  # task and car, in order
-        self._turn_s: dict[int, float] = {}
-
-    def turn_s(self, task: Task) -> float:
-        """When a task is planned to be picked [s]; inf = that is not planned."""
-        return self._turn_s.get(task.index, np.inf)
 
     def keep(
         self,
@@ -55,7 +46,7 @@ class RollingHorizon:
         cars: npt.NDArray[np.intp],
     ) -> None:
         """Remember the plan for some tasks, by their columns among the prices, and some cars."""
-        self._plan, self._turn_s = [], {}
+        self._plan = []
         if assignment.timetable is None or problem.shop is None:
             return
         start_s = assignment.timetable.start_s[problem.shop.first_errand[:-1]].tolist()
@@ -63,16 +54,14 @@ class RollingHorizon:
         for k in sorted(car_of, key=lambda k: (start_s[k], k)):
             task = costs.tasks[columns[k]]
             self._plan.append((task.index, car_of[k]))
-            self._turn_s[task.index] = costs.now_s + start_s[k]
 
-    def shop(self, costs: CostMatrix, tasks: list[Task], cars: npt.NDArray[np.intp], held: Mapping[int, Task]) -> Shop:
+    def shop(self, costs: CostMatrix, tasks: list[Task], cars: npt.NDArray[np.intp]) -> Shop:
         """Tasks, cars and the arms they book; the clock starts now.
 
         Args:
             costs: Where and when each car can begin.
             tasks: The tasks to plan.
             cars: The cars to plan for.
-            held: Tasks that cars have already and may still give away, by car.
         """
         now_s, n_stations = costs.now_s, len(self._stations)
         visited = list(
@@ -115,7 +104,7 @@ class RollingHorizon:
             service_s=np.where(served, service_s[np.where(served, place, 0)], stand_s),
             free_s=self._stations.times.all_left_s(now_s),
             n_buffer_places=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
-            release_s=self._release_s(tasks, cars, held, travel_s),
+            release_s=np.zeros(len(tasks)),
             due_s=np.array([task.order.due_s - now_s for task in tasks]),
             weight=1.0 + self._config.ageing * age_s / AGED_S,
             late_weight=np.full(len(tasks), self._config.lateness),
@@ -123,33 +112,6 @@ class RollingHorizon:
             first_order=order,
             first_vehicle=vehicle,
         )
-
-    def _release_s(
-        self,
-        tasks: list[Task],
-        cars: npt.NDArray[np.intp],
-        held: Mapping[int, Task],
-        travel_s: npt.NDArray[np.float64],
-    ) -> npt.NDArray[np.float64]:
-        """When each parcel is likely to lie on a slot [s]: if it does not yet, when so many cars have emptied one.
-
-        Those of a station come in the order of the last plan.
-        """
-        emptied_s: dict[str, list[float]] = {station.name: [] for station in self._stations}
-        for row, car in enumerate(cars.tolist()):
-            if car in held and held[car].visit is None:
-                pick = held[car].pick
-                emptied_s[pick].append(float(travel_s[len(self._stations) + row, self._stations.named(pick).arm]))
-        for times in emptied_s.values():
-            times.sort(reverse=True)
-        release_s = np.zeros(len(tasks))
-        waiting = [k for k, task in enumerate(tasks) if task.state is TaskState.BACKLOG]
-        last_s: dict[str, float] = {}
-        for k in sorted(waiting, key=lambda k: (tasks[k].order.priority.rank, self.turn_s(tasks[k]), tasks[k].index)):
-            pick = tasks[k].pick
-            release_s[k] = emptied_s[pick].pop() if emptied_s[pick] else last_s.get(pick, 0.0) + SLOT_S
-            last_s[pick] = float(release_s[k])
-        return release_s
 
     def _proposal(
         self, tasks: list[Task], cars: npt.NDArray[np.intp]

@@ -1,79 +1,152 @@
-"""Offers: ready tasks that there is room for at their stations."""
+"""Offers: tasks that may be given out now, and the time before which their stations cannot begin with them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
+import numpy.typing as npt
 
 from fleet.dispatch.cost_model import CostMatrix
+from fleet.dispatch.fitness import Fitness
 from fleet.missions.state import Missions
+from fleet.missions.turns import TakenTurns, first_turn, next_turns
+from fleet.missions.visit_queue import VisitQueue
 from fleet.missions.visit_routes import VisitRoutes
-from fleet.stations.service_time import Direction
+from fleet.missions.ways import MOVE_S, Ways
+from fleet.stations.station import Station
+from fleet.tasks.board import Task
+from fleet.tasks.open_deliveries import OpenDeliveries
+from planners.mapf.distance_table import UNREACHABLE
 
-QUEUE_S = 60.0
-"""No task is given out at a station while those under way to it keep its arm busy for longer than this [s]."""
+N_SPARE = 3
+"""So many more deliveries of each station are offered than cars could take, for some choice of where they go."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Offer:
+    """Tasks on offer."""
+
+    tasks: list[Task]
+    not_before_s: npt.NDArray[np.float64]
+    """Time before which a station cannot begin with each, because those before it come first, shape (n_tasks,) [s]."""
 
 
 class Offers:
     """Says which tasks may be given out.
 
+    However many deliveries wait, of each station only so many are looked at as cars could take before the furthest of
+    them arrives.
+
     Args:
-        missions: Which cars are under way to which stations.
+        missions: Tells of stations.
+        ways: How far cars are.
         routes: Room at the places of visits.
+        fitness: Which cars can do what.
+        open_deliveries: Deliveries that no car has.
+        visit_queue: Visits that no car has.
     """
 
-    def __init__(self, missions: Missions, routes: VisitRoutes) -> None:
-        self._missions = missions
+    def __init__(
+        self,
+        missions: Missions,
+        ways: Ways,
+        routes: VisitRoutes,
+        fitness: Fitness,
+        open_deliveries: OpenDeliveries,
+        visit_queue: VisitQueue,
+    ) -> None:
+        self._stations = missions.stations
+        self._ways = ways
         self._routes = routes
+        self._fitness = fitness
+        self._open = open_deliveries
+        self._visit_queue = visit_queue
+        self._loading = missions.stations.loading()
+        self._docks = np.array([station.dock_state for station in self._loading], dtype=np.int32)
 
-    def of(self, costs: CostMatrix, n_ready: int, *, sequences: bool) -> tuple[list[int], set[int]]:
-        """Ready tasks that a car can take and that there is room for.
+    def of(self, cars: npt.NDArray[np.intp], states: npt.NDArray[np.int32], turns: TakenTurns) -> Offer:
+        """Tasks for some cars.
 
         Args:
-            costs: What tasks cost; the ready ones come first.
-            n_ready: How many they are.
-            sequences: Whether the allocator gives cars several tasks, one after the other.
+            cars: Cars that can take one, ascending, shape (n,).
+            states: Lane-graph state in which each can begin, shape (n,).
+            turns: TakenTurns that are taken.
+        """
+        tasks: list[Task] = []
+        not_before_s: list[float] = []
+        offered: set[int] = set()
+        moves = self._ways.moves_to(states, self._docks) if len(cars) else np.zeros((len(self._docks), 1))
+        far_s = MOVE_S * np.where(moves < UNREACHABLE, moves, 0).max(axis=1)
+        for station, longest_s in zip(self._loading, far_s.tolist(), strict=True):
+            n_turns = int(longest_s / turns.pace.cycle_s[station.arm]) + 1
+            urgent = self._open.urgent(station.name, lambda task: self._fitness.fits_any(task, cars))
+            here = self._first(urgent, min(len(cars), n_turns) + N_SPARE, cars)
+            begin_s = next_turns(turns, station.arm, len(here)).tolist()
+            for task in here:
+                if task.index in offered:
+                    continue
+                if task.pick_slot is None:
+                    task.pick = self._best_source(task, turns)
+                if task.pick == station.name:
+                    offered.add(task.index)
+                    tasks.append(task)
+                    # Who nobody can do at present takes no turn.
+                    fits = self._fitness.fits_any(task, cars)
+                    not_before_s.append(begin_s.pop(0) if fits else 0.0)
+        visits = self._visit_queue.ready()
+        return Offer(tasks=[*tasks, *visits], not_before_s=np.array([*not_before_s, *(0.0 for _ in visits)]))
+
+    def with_room(self, costs: CostMatrix, n: int) -> tuple[list[int], set[int]]:
+        """Which of the first tasks can be given out.
+
+        Args:
+            costs: What they cost.
+            n: How many they are.
 
         Returns:
-            Columns of those that are offered, the most urgent first, and of those without room.
+            Columns of those that a car can take, the most urgent first, and of visits that wait for room at a place.
         """
-        room = self._room()
-        place_room: dict[int, int] = {}
+        rooms: dict[int, int] = {}
         offered: list[int] = []
         full: set[int] = set()
-        feasible = [costs.offers(k) for k in range(n_ready)]
         order = sorted(
-            range(n_ready),
-            key=lambda k: (costs.tasks[k].order.priority.rank, -costs.pressure_s[k], costs.tasks[k].index),
+            range(n), key=lambda k: (costs.tasks[k].order.priority.rank, -costs.pressure_s[k], costs.tasks[k].index)
         )
-        named = self._missions.stations.named
         for k in order:
-            task = costs.tasks[k]
-            if task.visit is not None:
-                if feasible[k] and self._routes.take_room(task, place_room):
-                    offered.append(k)
-                elif feasible[k]:
-                    full.add(k)
+            if not costs.offers(k):
                 continue
-            ends = (named(task.pick).arm, named(task.delivery.drop).arm)
-            if any(room[arm] <= 0 for arm in ends):
-                full.add(k)
-            elif feasible[k]:
+            task = costs.tasks[k]
+            if task.visit is None or self._routes.take_room(task, rooms):
                 offered.append(k)
-                # Who plans ahead knows that an arm serves one car at a time.
-                for arm in ends if not sequences else ():
-                    room[arm] -= 1
+            else:
+                full.add(k)
         return offered, full
 
-    def _room(self) -> list[int]:
-        """Tasks that can be given out at each station."""
-        missions = self._missions
-        bound_for = missions.drop_of[(missions.under_way() >= 0) & (missions.drop_of >= 0)]
-        delivering = np.bincount(bound_for, minlength=len(missions.stations)).tolist()
-        room = []
-        for station in missions.stations:
-            # At least one car more than may be near: it is held back if it comes too early.
-            most = max(missions.bookings.caps[station.arm] + 1, round(QUEUE_S / missions.stations.time(station).mean_s))
-            if station.direction is Direction.TO_CAR:
-                most -= len(missions.bookings.bound(station.arm))
-            room.append(most - delivering[station.arm])
-        return room
+    def _first(self, urgent: Iterator[Task], most: int, cars: npt.NDArray[np.intp]) -> list[Task]:
+        """The first so many that one of the cars can do, and those before them, which nobody can do at present."""
+        found: list[Task] = []
+        for task in urgent:
+            found.append(task)
+            most -= self._fitness.fits_any(task, cars)
+            if most == 0:
+                break
+        return found
+
+    def _best_source(self, task: Task, turns: TakenTurns) -> str:
+        """The pick station from which a task would be done soonest; of equal ones, the first that was named."""
+        picks = task.delivery.picks
+        if len(picks) == 1:
+            return picks[0]
+        drop = self._stations.named(task.delivery.drop)
+
+        def takes_s(name: str) -> float:
+            station = self._stations.named(name)
+            comes_s = MOVE_S * float(self._ways.moves(self._ways.tails, station.dock_state).min())
+            return first_turn(turns, station.arm, comes_s) + MOVE_S * self._way(station, drop)
+
+        return min(picks, key=takes_s)
+
+    def _way(self, pick: Station, drop: Station) -> int:
+        return self._ways.between(pick.dock_state, drop.dock_state)

@@ -68,8 +68,10 @@ class Situation:
         return soon
 
 
-def situation_of(missions: Missions, ways: Ways, charging: Charging | None, now_s: float) -> Situation:
-    """Look at all cars.
+def situation_of(
+    missions: Missions, ways: Ways, charging: Charging | None, now_s: float, *, exchange: bool
+) -> Situation:
+    """Look at all cars; those that are to pick a task may give it away only where tasks are exchanged.
 
     When busy cars will be free is found from the ways that are left and the service times that were learnt; queues are
     not foreseen.
@@ -82,7 +84,7 @@ def situation_of(missions: Missions, ways: Ways, charging: Charging | None, now_
     picks = missions.pick_of[cars] >= 0
     goal[picks] = missions.stations.dock_states[missions.pick_of[cars[picks]]]
     held: dict[int, Task] = {}
-    for car in cars[ways.tails[cars] != goal].tolist():
+    for car in cars[ways.tails[cars] != goal].tolist() if exchange else ():
         task = missions.task_of[car]
         if task is not None:
             held[car] = task

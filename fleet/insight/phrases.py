@@ -20,7 +20,6 @@ _IDLE = {
     "next_round": "{task} has not been given out since it is free",
     "not_released": "none is open, {task} will be the next{left}",
     "waits_for_predecessor": "{task} has to wait for a task before it{of_by}",
-    "waits_for_slot": "the parcel of {task} waits for a free slot at {place}{by_arm}",
     "station_full": "{task} has to wait, because {place} takes no more cars at {by}",
     "no_way": "it has no way to {task}: {blocked}",
     "unreachable": "nobody has a way to {task}: {blocked}",

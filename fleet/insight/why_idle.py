@@ -95,9 +95,6 @@ class WhyIdle:
         if before is not None:
             row[Column.DETAIL] = DETAIL_OF[TaskReason.WAITS_FOR_PREDECESSOR]
             row[Column.BY] = NONE if before.car is None or before.state in DONE_STATES else before.car
-        elif reason is TaskReason.WAITS_FOR_SLOT:
-            arm = run.stations.named(task.pick).arm
-            row[Column.PLACE], row[Column.BY] = arm, run.world.n_cars + arm
 
     def _no_way(self, row: CauseRows, car: int, task: Task) -> None:
         """The first blocked cell on the way to a task, or on from its first errand, and the dead car in it."""
@@ -116,13 +113,9 @@ class WhyIdle:
         row[Column.DETAIL] = DETAIL_OF["next_round"]  # it is open again
 
     def _full(self, task: Task) -> tuple[int, int]:
-        """The end of a task at which the most cars are, and its arm; of a visit the place and the car there."""
+        """The place of a visit that has no room, and a car there."""
         run = self._run
         bookings = run.bookings
-        if task.visit is not None:
-            numbers = [run.places.named(name).number for name in task.next_errand]
-            taken = [number for number in numbers if number >= 0 and bookings.cars(number)]
-            return (taken[0], bookings.cars(taken[0])[0]) if taken else (NONE, NONE)
-        ends = [run.stations.named(name).arm for name in (task.pick, task.delivery.drop)]
-        arm = max(ends, key=lambda k: len(bookings.bound(k)))
-        return arm, run.world.n_cars + arm
+        numbers = [run.places.named(name).number for name in task.next_errand]
+        taken = [number for number in numbers if number >= 0 and bookings.cars(number)]
+        return (taken[0], bookings.cars(taken[0])[0]) if taken else (NONE, NONE)

@@ -3,56 +3,71 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
-from fleet.missions.phases import NUMBER_OF_PHASE, TO_STATION, CarPhase
+from fleet.missions.parcels.slots import Slots
+from fleet.missions.phases import NUMBER_OF_PHASE, PHASES, TO_STATION, CarPhase
 from fleet.missions.state import Missions
+from fleet.missions.turns import StationArrivals, TurnBook, line_up
 from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S, MOVE_S, Ways
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
 from fleet.tasks.order import Priority
 
-EARLY_S = 4.0
-"""A car should come to its station this long before the arm is free, so that traffic does not let the arm wait [s]."""
-NEAR_MOVES = 10
-"""A car that has so many moves left to its station needs a booking to go on: the way back is not longer yet, and two
-cars within it keep an arm busy that takes 7 s."""
+EARLY_S = 20.0
+"""A car sets off to its station if it comes there at most so long before its turn: two cars wait then, so that traffic
+does not let the arm wait [s]."""
+CALL_EARLY_S = 12.0
+"""One that is held back goes on when it comes at most so long before: later than it could have set off, so that it does
+not go to and fro [s]."""
+NEAR_MOVES = 5
+"""A car that has so many moves left to its station needs a booking to go on: nearer, it would stand in others' way."""
 _HELD = NUMBER_OF_PHASE[CarPhase.HELD]
-_TO_PICK, _TO_DROP = NUMBER_OF_PHASE[CarPhase.TO_PICK], NUMBER_OF_PHASE[CarPhase.TO_DROP]
+_UNDER_WAY = np.array([phase in TO_STATION for phase in PHASES])
 
-Cars = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
 
 class Admission:
     """The way of cars to their stations.
 
-    Turns at a station are given in the order in which cars were bound for it, those near it first as they come: each
-    gets the first time in which the arm is free for long enough after it can be there.
+    A car that would come too early for its turn is held back before it sets off. It needs a booking, and its parcel a
+    slot, to come near; who finds the station full then turns aside.
 
     Args:
         missions: What cars and stations are about.
         ways: How far cars are from stations.
+        turns: Tells when their turns come.
+        slots: Has slots for the parcels of cars that come near.
         log: Called as ``log(kind, **facts)`` when a car is held, and when it may go on.
     """
 
-    def __init__(self, missions: Missions, ways: Ways, log: Callable[..., None]) -> None:
+    def __init__(self, missions: Missions, ways: Ways, turns: TurnBook, slots: Slots, log: Callable[..., None]) -> None:
         self._missions = missions
         self._ways = ways
+        self._turns = turns
+        self._slots = slots
         self._log = log
 
     def set_off(self, car: int, task: Task, tick: int, now_s: float) -> None:
         """Send a car to the next station of its task, or hold it back until its turn comes."""
         station = self._station(task)
         self._missions.bind(car, station.arm)
-        cars = np.array(self._missions.bookings.bound(station.arm))
-        arrivals = self._arrivals(cars, np.array([0, len(cars)]), [station.arm], now_s)
+        arrivals = self._turns.bound_for(station.arm)
+        line = line_up(arrivals, self._turns.pace(now_s))
         # Who has just been bound is the last.
-        self._begin(car, task, float(arrivals.early_s[-1]), int(arrivals.moves[-1]), tick)
+        early_s = float(line.turn_s[-1] - arrivals.comes_s[-1])
+        near = self._ways.of_car(car, station.dock_state) <= NEAR_MOVES
+        if early_s > EARLY_S:
+            self._hold(car, task, f"{station.name} is busy and it would come {early_s:.0f} s too early")
+        elif near and not self._book(car, task, station, now_s):
+            self._hold(car, task, self._full_words(task, station))
+        else:
+            if self._missions.phase[car] is CarPhase.CHARGING:
+                task.reason = f"car_{car} may go on to {station.name}"
+            self._send(car, task, station, tick)
 
     def wait(self, car: int, task: Task, why: str) -> None:
         """Hold a car back that is to go to the next station of its task; `call` lets it go."""
@@ -61,52 +76,56 @@ class Admission:
 
     def call(self, tick: int, now_s: float) -> None:
         """Let cars that are held back go when their time has come, and those that come near only if there is room."""
-        missions, stations = self._missions, self._missions.stations
-        cars, first = missions.bookings.in_line(len(stations))
-        if not len(cars):
+        missions = self._missions
+        arrivals = self._turns.bound()
+        if not len(arrivals.car):
             return
-        arrivals = self._arrivals(cars, first, slice(None), now_s)
-        # Most cars are on their way and have their booking, or wait for a time that has not come.
-        concerned = _concerned(missions.phase_index[cars], missions.bookings.booked[cars], arrivals)
-        for arm in np.unique(np.searchsorted(first, concerned.nonzero()[0], side="right") - 1).tolist():
-            part = slice(first[arm], first[arm + 1])
-            self._call_at(stations[arm], cars[part], arrivals.of(part), tick, now_s)
-
-    def _call_at(self, station: Station, cars: Cars, arrivals: StationArrivals, tick: int, now_s: float) -> None:
-        """Do `call` for the cars that are bound for one station, in the order in which they were bound."""
-        missions, bookings = self._missions, self._missions.bookings
-        n_changes = bookings.n_changes
-        for k, car in enumerate(cars.tolist()):
+        early_s = line_up(arrivals, self._turns.pace(now_s)).turn_s - arrivals.comes_s
+        # The nearest first: nobody is to stand before a full dock while others book its room from afar.
+        for k in self._concerned(arrivals, early_s).tolist():
+            car = int(arrivals.car[k])
             task = missions.task_of[car]
             if task is None or task.visit is not None:
                 continue
-            if bookings.n_changes != n_changes:
-                # Who has just booked takes its turn before the others.
-                n_changes = bookings.n_changes
-                arrivals = self._arrivals(cars, np.array([0, len(cars)]), [station.arm], now_s)
-            if missions.phase[car] is CarPhase.HELD:
-                self._begin(car, task, float(arrivals.early_s[k]), int(arrivals.moves[k]), tick)
-            elif missions.phase[car] in TO_STATION and arrivals.moves[k] <= NEAR_MOVES and not bookings.book(car):
-                self._hold(car, task, bookings.full_words(station.arm, station.name))
+            station = missions.stations[int(arrivals.station[k])]
+            near = arrivals.comes_s[k] <= MOVE_S * NEAR_MOVES
+            if near and not self._book(car, task, station, now_s):
+                if missions.phase[car] is not CarPhase.HELD:
+                    self._hold(car, task, self._full_words(task, station))
+            elif missions.phase[car] is CarPhase.HELD:
+                task.reason = f"car_{car} may go on to {station.name}"
+                self._log("called", car=f"car_{car}", task=task.order.name, station=station.name)
+                self._send(car, task, station, tick)
 
-    def _begin(self, car: int, task: Task, early_s: float, moves: int, tick: int) -> None:
-        """Send a bound car on its way, unless it would only stand in the lanes before a busy arm."""
-        missions, station = self._missions, self._station(task)
-        held = missions.phase[car] is CarPhase.HELD
-        full = False
-        if early_s <= EARLY_S:
-            full = moves <= NEAR_MOVES and not missions.bookings.book(car)
-        if early_s > EARLY_S or full:
-            if not held:
-                busy = f"{station.name} is busy and it would come {early_s:.0f} s too early"
-                self._hold(car, task, missions.bookings.full_words(station.arm, station.name) if full else busy)
-            return
-        if held or missions.phase[car] is CarPhase.CHARGING:
-            task.reason = f"car_{car} may go on to {station.name}"
-        if held:
-            self._log("called", car=f"car_{car}", task=task.order.name, station=station.name)
+    def _concerned(self, arrivals: StationArrivals, early_s: Floats) -> npt.NDArray[np.intp]:
+        """Those that may set off, or have come near without a booking, the nearest first."""
+        phase = self._missions.phase_index[arrivals.car]
+        due = (phase == _HELD) & (early_s <= CALL_EARLY_S)
+        near = arrivals.comes_s <= MOVE_S * NEAR_MOVES
+        found = (due | (near & _UNDER_WAY[phase] & ~self._missions.bookings.booked[arrivals.car])).nonzero()[0]
+        nearest_first: npt.NDArray[np.intp] = found[np.argsort(arrivals.comes_s[found], kind="stable")]
+        return nearest_first
+
+    def _book(self, car: int, task: Task, station: Station, now_s: float) -> bool:
+        """Book the station for a car, and a slot for its parcel if it is to be picked there."""
+        bookings = self._missions.bookings
+        if bookings.has(car):
+            return True
+        if bookings.room(station.arm) <= 0:
+            return False
+        if task.state is TaskState.ASSIGNED and not self._slots.take(task, now_s):
+            return False
+        return bookings.book(car)
+
+    def _full_words(self, task: Task, station: Station) -> str:
+        """What to say to a car that could not book."""
+        if self._missions.bookings.room(station.arm) > 0:
+            return f"no slot of {station.name} is free for {task.order.name}"
+        return self._missions.bookings.full_words(station.arm, station.name)
+
+    def _send(self, car: int, task: Task, station: Station, tick: int) -> None:
         loaded = task.state is TaskState.CARRIED
-        missions.enter(car, CarPhase.TO_DROP if loaded else CarPhase.TO_PICK)
+        self._missions.enter(car, CarPhase.TO_DROP if loaded else CarPhase.TO_PICK)
         urgent = task.order.priority is Priority.EMERGENCY
         rank_s = LOADED_RANK_S * loaded + EMERGENCY_RANK_S * urgent
         self._ways.send(car, station.dock_state, rank_s=rank_s, stay=True, tick=tick)
@@ -119,92 +138,3 @@ class Admission:
     def _station(self, task: Task) -> Station:
         """Where a car with a task goes next."""
         return self._missions.stations.named(task.delivery.drop if task.state is TaskState.CARRIED else task.pick)
-
-    def _arrivals(self, cars: Cars, first: Cars, arms: list[int] | slice, now_s: float) -> StationArrivals:
-        """When cars could come to the stations they are bound for, and how long before their turns.
-
-        Args:
-            cars: The cars bound for each station, one station after the other, shape (n,).
-            first: Where those of each station begin, and the end, shape (n_stations + 1,).
-            arms: Arms of the stations.
-            now_s: Simulated time [s].
-        """
-        missions, stations = self._missions, self._missions.stations
-        queues = StationQueues(
-            cars=cars,
-            first=first,
-            served=missions.served[arms],
-            service_s=stations.recent_s()[arms],
-            free_s=stations.times.all_left_s(now_s)[arms],
-        )
-        goals = np.repeat(stations.dock_states[arms], np.diff(first))
-        moves = self._ways.moves_each(self._ways.tails[cars], goals)
-        early_s = np.zeros(len(cars))
-        _give_turns(queues, moves, missions.bookings.booked, early_s)
-        return StationArrivals(moves=moves, early_s=early_s)
-
-
-class StationQueues(NamedTuple):
-    """Cars bound for some stations."""
-
-    cars: Cars
-    """The cars of one station after the other, in the order in which they were bound, shape (n,)."""
-    first: Cars
-    """Where those of each station begin, and the end, shape (n_stations + 1,)."""
-    served: Cars
-    """The car that is being served, -1 = none, shape (n_stations,)."""
-    service_s: Floats
-    """How long a transfer takes, shape (n_stations,) [s]."""
-    free_s: Floats
-    """Time until the arm is free, shape (n_stations,) [s]."""
-
-
-class StationArrivals(NamedTuple):
-    """How near cars are to the stations they are bound for."""
-
-    moves: npt.NDArray[np.uint16]
-    """Moves of each car to its station, shape (n,)."""
-    early_s: Floats
-    """How long before its turn each would come if it went now, and found no traffic, shape (n,) [s]."""
-
-    def of(self, part: slice) -> StationArrivals:
-        """Those of a part of the cars."""
-        return StationArrivals(self.moves[part], self.early_s[part])
-
-
-def _concerned(phase: Cars, booked: npt.NDArray[np.bool_], arrivals: StationArrivals) -> npt.NDArray[np.bool_]:
-    """Cars that may set off, or have come near without a booking, shape (n,)."""
-    due = (phase == _HELD) & (arrivals.early_s <= EARLY_S)
-    near = ((phase == _TO_PICK) | (phase == _TO_DROP)) & (arrivals.moves <= NEAR_MOVES) & ~booked
-    return due | near
-
-
-@njit(cache=True)
-def _give_turns(
-    queues: StationQueues, moves: npt.NDArray[np.uint16], booked: npt.NDArray[np.bool_], early_s: Floats
-) -> None:  # pragma: no cover - compiled
-    """Fill in how long before its turn each car would come; 0 for a car that is being served."""
-    for station in range(len(queues.service_s)):
-        begin, end = queues.first[station], queues.first[station + 1]
-        service_s = queues.service_s[station]
-        keys = np.empty(end - begin)
-        for k in range(begin, end):
-            keys[k - begin] = MOVE_S * moves[k] if booked[queues.cars[k]] else np.inf
-        turns = np.empty(end - begin)  # ascending
-        n = 0
-        for at in np.argsort(keys, kind="mergesort"):
-            k = begin + at
-            if queues.cars[k] == queues.served[station]:
-                continue
-            comes_s = MOVE_S * moves[k]
-            turn_s = max(queues.free_s[station], comes_s)
-            for j in range(n):
-                if turns[j] < turn_s + service_s and turn_s < turns[j] + service_s:
-                    turn_s = turns[j] + service_s
-            early_s[k] = turn_s - comes_s
-            j = n
-            while j > 0 and turns[j - 1] > turn_s:
-                turns[j] = turns[j - 1]
-                j -= 1
-            turns[j] = turn_s
-            n += 1

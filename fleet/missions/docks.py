@@ -77,7 +77,7 @@ class Docks:
             station = missions.stations.named(task.pick if loading else task.delivery.drop)
             if not self._ways.stands_at(car, station.dock_state):
                 continue
-            if not self._arms.is_ready(station.arm, task.parcel):
+            if not missions.bookings.has(car) or not self._arms.is_ready(station.arm, task.parcel):
                 continue
             if not loading and task.drop_slot is None:
                 task.drop_slot = station.take_slot(task.index)

@@ -11,10 +11,6 @@ from fleet.traffic.replanning import Traffic
 from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
 
-SLOW_SERVICE_S, USUAL_SERVICE_S = 12.0, 9.0
-"""Cars that only pass go round a dock whose last transfers took longer than the first, until they take less than the
-second; at 7 s, which is usual, going round all docks cost 2.5 % of the throughput [s]."""
-
 
 class Services:
     """Services of cars by arms.
@@ -34,6 +30,8 @@ class Services:
         self._traffic = traffic
         self._world = world
         self._cell_of: list[int] = graph.state_cell[missions.stations.dock_states].tolist()
+        # Cars that only pass would stand behind those that are served, and in the way of those that come next.
+        traffic.avoid(self._cell_of)
         self._car_of: dict[int, int] = {}  # by arm, in the order in which the services began
 
     @property
@@ -66,17 +64,8 @@ class Services:
         missions.served[arm] = NOBODY
         self._world.set_serving(arm, NOBODY)
         missions.stations.times.end(arm, now_s)
-        self._keep_clear(station)
         self._traffic.executor.open(self._cell_of[arm])
 
     def let_go(self, car: int) -> None:
         """A loaded car may drive on while the arm still goes home."""
         self._traffic.set_fixed(car, False)
-
-    def _keep_clear(self, station: Station) -> None:
-        """Lead those who only pass round the dock of an arm that has become slow; round others it is not worth it."""
-        recent_s = self._missions.stations.time(station).recent_s
-        if recent_s > SLOW_SERVICE_S:
-            self._traffic.set_avoided(self._cell_of[station.arm], True)
-        elif recent_s < USUAL_SERVICE_S:
-            self._traffic.set_avoided(self._cell_of[station.arm], False)

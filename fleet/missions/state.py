@@ -85,6 +85,8 @@ class Missions:
         """How often a car has begun a phase."""
         self.changed = True
         """Whether a car or a task has become free since tasks were last given out."""
+        self.lost_a_car = False
+        """Whether a task was taken from its car since then, and may do better with a car that has another one."""
         self._place_cells = tuple(place_cells)
         self._traffic = traffic
         board.subscribe(self._task_moved)
@@ -176,7 +178,7 @@ class Missions:
             self._take(task.car)
         task.car, task.place = None, ""
         self.board.move(task, TaskState.READY, now_s, reason)
-        self.changed = True
+        self.changed = self.lost_a_car = True
 
     def stand_down(self, car: int) -> None:
         """Free a car that was to pick a task, or that visited."""

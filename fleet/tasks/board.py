@@ -19,9 +19,9 @@ class TaskState(StrEnum):
     ORDERED = "ordered"
     """Known to the generator or file, not yet released."""
     BACKLOG = "backlog"
-    """Released; waits for those before it, and a delivery for a free slot at its pick station."""
+    """Released; waits for those before it."""
     READY = "ready"
-    """A car can begin: of a delivery the parcel lies on a pick slot."""
+    """A car can be given it. The parcel of a delivery may lie on a slot already; it gets one when its car is near."""
     ASSIGNED = "assigned"
     """A car drives to the pick station, or to the first place of a visit."""
     LOADING = "loading"
@@ -102,7 +102,8 @@ class Task:
     state: TaskState = TaskState.ORDERED
     car: int | None = None
     pick: str = ""
-    """The pick station its parcel comes from: the preferred one until it lies on a slot; empty for a visit."""
+    """The pick station its parcel comes from: the one that would do best at present until a car has it or it lies on a
+    slot; empty for a visit."""
     place: str = ""
     """The place that the car of a visit goes to, stands at, or waits for."""
     n_errands_done: int = 0
@@ -110,7 +111,7 @@ class Task:
     shunned: set[int] = field(default_factory=set)
     """Cars it was taken from because they did not get there, which come last."""
     pick_slot: int | None = None
-    """Slot its parcel lies on, or that is promised to it."""
+    """Slot its parcel lies on; None before it has entered the warehouse."""
     drop_slot: int | None = None
     reason: str = ""
     """Cause of the last transition."""

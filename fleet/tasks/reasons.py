@@ -49,7 +49,7 @@ class PairReason(StrEnum):
     PLANNED_LATER = "planned_later"
     """It is to take the task after its next one."""
     NOT_OFFERED = "not_offered"
-    """The task has to wait for room at a station."""
+    """The visit has to wait for room at its place."""
     LEFT_OVER = "left_over"
     """Nothing forbids it, and the allocator took neither: it is not exact, or gave up."""
 
@@ -59,9 +59,8 @@ class TaskReason(StrEnum):
 
     NOT_RELEASED = "not_released"
     WAITS_FOR_PREDECESSOR = "waits_for_predecessor"
-    WAITS_FOR_SLOT = "waits_for_slot"
     STATION_FULL = "station_full"
-    """As many cars as it has room for are bound for its pick or drop station, or the place to visit."""
+    """As many cars as it has room for are bound for the place to visit."""
     UNREACHABLE = "unreachable"
     NO_CAPABLE_CAR = "no_capable_car"
     """Every car that could carry it is out of service."""
@@ -162,6 +161,7 @@ class DecisionRound(Protocol):
         """How the cars were judged for one of the tasks, by its place among them."""
 
 
+_NOT_CONSIDERED = "every car has another task, and others come before it"
 PAIR_REASONS = tuple(PairReason)
 CODE_OF_REASON = {reason: code for code, reason in enumerate(PAIR_REASONS)}
 """Index of each reason in `PAIR_REASONS`."""
@@ -238,8 +238,8 @@ class ReasonBook:
             self._decision.pop(index, None)
         self._round, self._column_of = latest, column_of
 
-    def assigned(self, task: Task) -> None:
-        """Forget why a task had no car."""
+    def forget(self, task: Task) -> None:
+        """A task does not wait any more for what it waited for."""
         self._reason.pop(task.index, None)
 
     def warn(self, task: Task, text: str) -> None:
@@ -269,6 +269,6 @@ class ReasonBook:
         if task.state is TaskState.ORDERED:
             return TaskReason.NOT_RELEASED, f"will be released at {task.order.release_s:g} s", 0.0
         if task.state in (TaskState.BACKLOG, TaskState.READY):
-            return self._reason.get(task.index, (TaskReason.NO_FREE_CAR, "was not considered yet", since_s))
+            return self._reason.get(task.index, (TaskReason.NO_FREE_CAR, _NOT_CONSIDERED, since_s))
         ended = task.state not in UNDER_WAY
         return (TaskReason.ENDED if ended else TaskReason.ASSIGNED), task.reason, since_s

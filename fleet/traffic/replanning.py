@@ -161,15 +161,13 @@ class Traffic:
         self._set_tables()
         self.discard()
 
-    def set_avoided(self, cell: int, avoided: bool) -> None:
-        """Pass through a cell only where there is no other way, because others stand there for long, or end that."""
-        if self._avoided[cell] != avoided:
-            self._avoided[cell] = avoided
-            self._set_tables()
-            self._wanted = True
+    def avoid(self, cells: list[int]) -> None:
+        """Pass through some cells only where there is no other way, because others stand there for long."""
+        self._avoided[cells] = True
+        self._set_tables()
 
     def _set_tables(self) -> None:
-        self.tables = DistanceTable(self.graph, self.blocked)
+        self.tables = DistanceTable(self.graph, self.blocked) if self.blocked.any() else self._free_tables
         self._ways = self.tables
         if self._avoided.any():
             self._ways = DistanceTable(self.graph, self.blocked, avoid=self._avoided)

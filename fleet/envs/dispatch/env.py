@@ -26,7 +26,7 @@ clipped to [-1, 1]; distances in units of the longest way between any two places
 | | has a due date, time to spare if all went well (negative = it will be late), is urgent, is of the idle class |
 | | tasks under way to its pick station and to its drop station / those it has room for |
 | | cars without a task that are nearer to its pick station / 4 |
-| the fleet | share of cars without a task, r / (r + cars) for r ready tasks and for r tasks that wait for a slot |
+| the fleet | share of cars without a task, r / (r + cars) for r ready tasks |
 | | share of cars with a parcel, share of the ready tasks that are late, share of the episode that is left |
 
 Rewards: the sum of the terms in `DispatchWeights`; `infos[agent]` holds each weighted term. `state()` is all cars'

@@ -64,7 +64,6 @@ class GridDispatch(FleetOnGrid):
             age_s=(now - tasks.release[task]) * TIMESTEP_S,
             due_s=np.where(due == NEVER, np.inf, (due - now) * TIMESTEP_S),
             under_way=grid.stations.under_way,
-            n_backlog=int((stage == Stage.BACKLOG).sum()),
         )
 
     def give(self, pairs: Sequence[tuple[int, int]]) -> None:

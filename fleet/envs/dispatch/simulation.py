@@ -32,9 +32,6 @@ class AgentAllocation(TaskAllocation):
         legal = [(car, task) for car, task in chosen if situation.standing[car] == CAN_TAKE]
         return Choice(taken=[], given=[(car, task) for car, task in legal if task.state is TaskState.READY])
 
-    def plan_filling(self, situation: Situation, now_s: float) -> None:
-        """See `TaskAllocation`; slots are filled in the order of the classes and of the releases."""
-
 
 class SimulatedDispatch(SimulatedFleet):
     """A `DispatchFleet` that is a whole simulation.
@@ -99,7 +96,6 @@ class SimulatedDispatch(SimulatedFleet):
             age_s=np.array([now_s - task.order.release_s for task in ready], dtype=np.float64),
             due_s=np.array([task.order.due_s - now_s for task in ready], dtype=np.float64),
             under_way=under_way,
-            n_backlog=board.count(TaskState.BACKLOG),
         )
 
     def give(self, pairs: Sequence[tuple[int, int]]) -> None:

@@ -16,7 +16,7 @@ from fleet.envs.grid.kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints,
 from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
 
-N_OWN, N_PER_CANDIDATE, N_SUMMARY = 12, 11, 6
+N_OWN, N_PER_CANDIDATE, N_SUMMARY = 12, 11, 5
 """Numbers about the car itself, about each candidate, and about the fleet."""
 TIME_S = 300.0
 """Times are told in units of this [s]."""
@@ -58,8 +58,11 @@ class DispatchView(NamedTuple):
     """Time since the release, and until the due date (inf = none), shape (m,)."""
     under_way: Ints
     """Tasks whose cars have still to come to each station, shape (k,)."""
-    n_backlog: int
-    """Tasks that wait for a slot."""
+
+    def only(self, columns: npt.NDArray[np.int64]) -> DispatchView:
+        """The same fleet with some of the ready tasks, ascending indices into `task`."""
+        tasks = {name: getattr(self, name)[columns] for name in ("task", "pick", "drop", "rank", "age_s", "due_s")}
+        return self._replace(**tasks)
 
 
 class DispatchObserver:
@@ -107,8 +110,9 @@ class DispatchObserver:
     def cost_s(self, view: DispatchView, config: AllocationConfig | None = None) -> FloatArray:
         """What each ready task costs each car as seconds of travel, shape (n, m); inf = not to be had.
 
-        The price of `fleet.dispatch.cost_model`, from the same facts, but for one term: what a task would be late if it
-        were left to the next turn is not told to agents, so it counts nothing here.
+        The price of `fleet.dispatch.cost_model`, from the same facts, but for what agents are not told, which counts
+        nothing here: how long a car would wait for its turns at both arms, and what a task would be late if it were
+        left to the next turn.
 
         Args:
             view: The fleet.
@@ -116,7 +120,7 @@ class DispatchObserver:
         """
         config = config if config is not None else AllocationConfig()
         floor = self._place.floor
-        moves = floor.distance[floor.dock_row[view.pick]][:, view.state].T.astype(np.float64)
+        moves = floor.distance[floor.dock_row[view.pick], view.state[:, None]].astype(np.float64)
         rest = floor.distance[floor.dock_row[view.drop], floor.dock_state[view.pick]].astype(np.float64)
         cost = task_costs(
             travel_s=moves * TIMESTEP_S,
@@ -156,7 +160,6 @@ class DispatchObserver:
             [
                 view.free.mean(),
                 len(view.task) / (len(view.task) + n),
-                view.n_backlog / (view.n_backlog + n),
                 loaded.mean(),
                 late.mean() if len(late) else 0.0,
                 view.left,
@@ -189,35 +192,38 @@ def fill_candidates(
         mask: Receives the legal actions, shape (n, k + 1).
         candidates: Receives the tasks, shape (n, k).
     """
-    k = candidates.shape[1]
-    m = len(pressing)
-    turn = np.empty(m, dtype=np.int64)
-    seen = np.zeros(len(floor.dock_row), dtype=np.int64)
-    kept = 0
-    offered = np.empty(m, dtype=np.int64)
-    for j in pressing:
-        if max(view.under_way[view.pick[j]], view.under_way[view.drop[j]]) < STATION_ROOM:
-            offered[kept], turn[kept] = j, seen[view.pick[j]]
-            seen[view.pick[j]] += 1
-            kept += 1
+    k, n_stations = candidates.shape[1], len(floor.dock_row)
+    # The first k tasks on offer at each station, as places in `pressing`: no car has more candidates.
+    line = np.empty((n_stations, k), dtype=np.int64)
+    n_in_line = np.zeros(n_stations, dtype=np.int64)
+    for a in range(len(pressing)):
+        pick = view.pick[pressing[a]]
+        if n_in_line[pick] < k and max(view.under_way[pick], view.under_way[view.drop[pressing[a]]]) < STATION_ROOM:
+            line[pick, n_in_line[pick]] = a
+            n_in_line[pick] += 1
     free_cars = np.flatnonzero(view.free)
-    key = np.empty(kept, dtype=np.int64)
+    keys = np.empty(n_stations, dtype=np.int64)
     chosen = np.empty(k, dtype=np.int64)
     for car in free_cars:
-        for a in range(kept):
-            moves = np.int64(floor.distance[floor.dock_row[view.pick[offered[a]]], view.state[car]])
-            key[a] = turn[a] * _TIES + moves if moves < UNREACHABLE else np.iinfo(np.int64).max
-        found = 0
-        while found < min(k, kept):
-            a = int(np.argmin(key))
-            if key[a] == np.iinfo(np.int64).max:
+        found, turn = 0, 0
+        while found < k:
+            n = 0
+            for station in range(n_stations):
+                if turn < n_in_line[station]:
+                    moves = np.int64(floor.distance[floor.dock_row[station], view.state[car]])
+                    if moves < UNREACHABLE:
+                        keys[n] = moves * _TIES + line[station, turn]
+                        n += 1
+            if n == 0:
                 break
-            chosen[found] = (key[a] % _TIES) * _TIES + a
-            key[a] = np.iinfo(np.int64).max
-            found += 1
+            keys[:n].sort()
+            n = min(n, k - found)
+            chosen[found : found + n] = keys[:n]
+            found += n
+            turn += 1
         chosen[:found].sort()
         for c in range(found):
-            moves, j = chosen[c] // _TIES, offered[chosen[c] % _TIES]
+            moves, j = chosen[c] // _TIES, pressing[chosen[c] % _TIES]
             candidates[car, c] = view.task[j]
             mask[car, c + 1] = 1
             pick_row = floor.dock_row[view.pick[j]]

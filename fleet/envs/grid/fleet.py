@@ -1,9 +1,9 @@
 """GridFleet: a warehouse on lane-graph timesteps alone, thousands of times faster than real time.
 
 Every car is in one state of the lane graph; a timestep takes all cars one move on at most. Arms and parcels are reduced
-to what they cost: a car at its dock is served for a fixed number of timesteps, and a parcel needs a free slot at its
-pick station before its task is ready. Tasks, slots, room near stations, parking and right of way follow the rules of
-any run (`fleet.dispatch.dispatcher`), in the simplest form that keeps their effect.
+to what they cost: a car at its dock is served for a fixed number of timesteps, and a car that is near its pick station
+takes one of the slots there until its parcel is loaded. Tasks, slots, room near stations, parking and right of way
+follow the rules of any run (`fleet.dispatch.dispatcher`), in the simplest form that keeps their effect.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import AllocationConfig
-from fleet.dispatch.offers import QUEUE_S
 from fleet.envs.grid import kernel
 from fleet.envs.grid.kernel import NEVER, NONE, CarTable, Counts, Floor, Stage, StationTable, TaskTable
 from fleet.missions.admission import NEAR_MOVES
@@ -26,6 +25,7 @@ from fleet.stations.service_time import PRIOR_MEAN_S
 from fleet.tasks.order import Delivery
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site
+from maps.stations import StationPlace
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.pibt import Stepper
 
@@ -33,8 +33,10 @@ TIMESTEP_S = 1.0
 """Time of one move: a cell of 1 m at the 1 m/s of aisles [s]."""
 STATION_CAP = AllocationConfig.station_cap_n
 """Cars near one station at once, as in any run."""
-STATION_ROOM = max(STATION_CAP + 1, round(QUEUE_S / PRIOR_MEAN_S))
-"""Tasks under way to one station at once, as in any run (`fleet.dispatch.allocation`)."""
+ROOM_S = 60.0
+"""No task is given out at a station while those under way to it keep its arm busy for longer than this [s]."""
+STATION_ROOM = max(STATION_CAP + 1, round(ROOM_S / PRIOR_MEAN_S))
+"""Tasks under way to one station at once: at least one car more than may be near, which is held back if it comes."""
 N_KINDS = 4
 """Kinds of moves of a car: straight, left, right, reverse."""
 
@@ -68,9 +70,8 @@ class FleetSite:
             dock_row=row[:k].astype(np.int32),
             spot_state=goals[k:],
             spot_row=row[k:].astype(np.int32),
-            n_slots=np.array([len(place.slots) for place in site.stations], dtype=np.int32),
             service_steps=round(PRIOR_MEAN_S / TIMESTEP_S),
-            station_cap=STATION_CAP,
+            station_cap=np.array([_room_near(place) for place in site.stations], dtype=np.int32),
             near_moves=NEAR_MOVES,
             loaded_rank=round(LOADED_RANK_S / TIMESTEP_S),
             urgent_rank=round(EMERGENCY_RANK_S / TIMESTEP_S),
@@ -123,7 +124,7 @@ class GridFleet:
             row=floor.spot_row[:n_cars].copy(),
         )
         self.tasks = _tasks_of(orders, [station.name for station in place.site.stations])
-        self.stations = StationTable(booked=_zero(k), free=floor.n_slots.copy(), under_way=_zero(k))
+        self.stations = StationTable(booked=_zero(k), under_way=_zero(k))
         self.counts = Counts.of(n_cars, np.int32)
         self.priority = np.zeros(n_cars)
         self.locked = np.zeros(n_cars, dtype=np.bool_)
@@ -189,8 +190,12 @@ class GridFleet:
     def _turn(self) -> None:
         """Everything that happens between two moves."""
         kernel.serve(self.place.floor, self.cars, self.tasks, self.stations, self.counts, self.now)
-        kernel.release(self.tasks, self.stations, self.counts, self.now)
+        kernel.release(self.tasks, self.counts, self.now)
         self.direct()
+
+
+def _room_near(place: StationPlace) -> int:
+    return min(STATION_CAP, len(place.slots)) if place.kind == "pick" else STATION_CAP
 
 
 def _tasks_of(orders: Sequence[Delivery], names: list[str]) -> TaskTable:

@@ -38,17 +38,16 @@ class Stage(IntEnum):
     """Where a task stands."""
 
     ORDERED = 0
-    BACKLOG = 1
-    """Released; waits for a free slot at its pick station."""
-    READY = 2
-    ASSIGNED = 3
-    CARRIED = 4
-    DELIVERED = 5
+    READY = 1
+    """Released; as no delivery waits for another, a car may be given it at once."""
+    ASSIGNED = 2
+    CARRIED = 3
+    DELIVERED = 4
 
 
 # numba reads plain integers faster than members of an enum.
 FREE, TO_PICK, LOADING, TO_DROP, UNLOADING = (int(phase) for phase in list(Phase)[:5])
-BACKLOG, READY, ASSIGNED, CARRIED, DELIVERED = (int(stage) for stage in list(Stage)[1:])
+READY, ASSIGNED, CARRIED, DELIVERED = (int(stage) for stage in list(Stage)[1:])
 
 
 class Floor(NamedTuple):
@@ -62,12 +61,11 @@ class Floor(NamedTuple):
     spot_state: Ints
     spot_row: Ints
     """The same for the parking places, shape (p,)."""
-    n_slots: Ints
-    """Slots of each station, shape (k,)."""
     service_steps: int
     """Timesteps that a car is served."""
-    station_cap: int
-    """Cars that are near one station at once, the one that is served included."""
+    station_cap: Ints
+    """Cars that are near each station at once, the one that is served included, shape (k,); at a pick station each of
+    them takes a slot for its parcel until that is loaded, so there are no more than it has slots."""
     near_moves: int
     """A car with at most so many moves left to its station needs a booking to go on."""
     loaded_rank: int
@@ -122,9 +120,7 @@ class StationTable(NamedTuple):
     """One entry per station."""
 
     booked: Ints
-    """Cars that have a place near it."""
-    free: Ints
-    """Free slots of a pick station."""
+    """Cars that have a place near it; at a pick station also the slots that their parcels take."""
     under_way: Ints
     """Tasks whose cars have still to come to it."""
 
@@ -177,7 +173,7 @@ def assign_nearest(
         return
     for rank in range(3):
         for task in range(tasks.window[0], tasks.window[1]):
-            if tasks.stage[task] != READY or tasks.rank[task] != rank or n_free == 0:
+            if tasks.stage[task] != READY or tasks.rank[task] != rank:
                 continue
             if stations.under_way[tasks.pick[task]] >= room or stations.under_way[tasks.drop[task]] >= room:
                 continue
@@ -188,6 +184,8 @@ def assign_nearest(
                     nearest, least = car, distance[cars.state[car]]
             assign(cars, tasks, stations, nearest, task, now)
             n_free -= 1
+            if n_free == 0:
+                return
 
 
 @njit(cache=True, nogil=True)
@@ -216,7 +214,6 @@ def serve(
             cars.booked[car] = False
             if phase == LOADING:
                 tasks.stage[task] = CARRIED
-                stations.free[tasks.pick[task]] += 1
                 _bind(cars, car, TO_DROP, tasks.drop[task], now)
             else:
                 tasks.stage[task], tasks.done[task] = DELIVERED, now
@@ -230,25 +227,14 @@ def serve(
 
 
 @njit(cache=True, nogil=True)
-def release(tasks: TaskTable, stations: StationTable, counts: Counts, now: int) -> None:  # pragma: no cover - compiled
-    """Let orders come in, and fill free slots, the most urgent class first, then the oldest."""
+def release(tasks: TaskTable, counts: Counts, now: int) -> None:  # pragma: no cover - compiled
+    """Let orders come in: they are ready at once."""
     window = tasks.window
     while window[1] < len(tasks.release) and tasks.release[window[1]] <= now:
-        tasks.stage[window[1]] = BACKLOG
+        tasks.stage[window[1]] = READY
         window[1] += 1
     while window[0] < window[1] and tasks.stage[window[0]] >= CARRIED:
         window[0] += 1
-    n_free = 0
-    for station in range(len(stations.free)):
-        n_free += stations.free[station]
-    for rank in range(3):
-        if n_free == 0:
-            break
-        for task in range(window[0], window[1]):
-            if tasks.stage[task] == BACKLOG and tasks.rank[task] == rank and stations.free[tasks.pick[task]] > 0:
-                tasks.stage[task] = READY
-                stations.free[tasks.pick[task]] -= 1
-                n_free -= 1
     for task in range(window[0], window[1]):
         counts.open[0] += tasks.stage[task] <= ASSIGNED
 
@@ -273,7 +259,7 @@ def direct(
     first[:] = NONE
     for car in range(n):
         station = cars.station[car]
-        if cars.booked[car] or station == NONE or stations.booked[station] >= floor.station_cap:
+        if cars.booked[car] or station == NONE or stations.booked[station] >= floor.station_cap[station]:
             continue
         near = floor.distance[floor.dock_row[station], cars.state[car]] <= floor.near_moves
         before = first[station] == NONE or cars.bound[car] < cars.bound[first[station]]

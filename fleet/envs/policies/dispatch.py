@@ -47,6 +47,8 @@ class Allocated:
         cars, places = np.nonzero(candidates >= 0)
         if not len(cars):
             return actions
+        # Most of what is ready is nobody's candidate.
+        view = view.only(np.searchsorted(view.task, np.unique(candidates[cars, places])))
         columns = np.searchsorted(view.task, candidates[cars, places])
         cost = np.full((len(candidates), len(view.task)), np.inf)
         cost[cars, columns] = env.observer.cost_s(view)[cars, columns]

@@ -24,6 +24,7 @@ ASKEW_M = 0.015
 """Parcels that are put down anyhow lie within this of the middle of their slot, along x and along y [m]."""
 
 Log = Callable[..., None]
+_MAY_COME = (TaskState.READY, TaskState.ASSIGNED)
 _NOT_IN_WORLD = (TaskState.ORDERED, TaskState.BACKLOG, TaskState.COLLECTED, TaskState.CANCELLED)
 
 
@@ -89,28 +90,20 @@ class Inventory:
         self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.delivery.mass_kg, pose=pose))
         self.n_entered += 1
         self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
-        self._board.move(task, TaskState.READY, now_s, f"slot {slot} of {station.name} was free")
 
     def withdraw(self, task: Task, now_s: float, reason: str) -> None:
         """Cancel a task that has no parcel in a car; a parcel on its slot leaves the warehouse."""
         if task.pick_slot is not None:
-            if task.state is not TaskState.BACKLOG:
-                self._world.remove_parcel(task.parcel)
-                self.n_left += 1
-                self._log("parcel_left", task=task.order.name, station=task.pick, slot=task.pick_slot)
+            self._world.remove_parcel(task.parcel)
+            self.n_left += 1
+            self._log("parcel_left", task=task.order.name, station=task.pick, slot=task.pick_slot)
             self._stations.named(task.pick).free_slot(task.pick_slot)
         self._board.move(task, TaskState.CANCELLED, now_s, reason)
 
     def vacate(self, task: Task) -> None:
-        """Give back the slot that a task's parcel has left, to the next leg of its order that begins there, if any."""
-        if task.pick_slot is None:
-            return
-        station = self._stations.named(task.pick)
-        station.free_slot(task.pick_slot)
-        for leg in self._board.legs_after(task):
-            if leg.pick == task.pick and leg.pick_slot is None and leg.state is TaskState.BACKLOG:
-                leg.pick_slot = station.take_slot(leg.index)
-                return
+        """Give back the slot that a task's parcel has left."""
+        if task.pick_slot is not None:
+            self._stations.named(task.pick).free_slot(task.pick_slot)
 
     def balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world."""
@@ -151,7 +144,7 @@ class Inventory:
         for task in self._board.tasks:
             if task.state is TaskState.FAILED or task.visit is not None:
                 continue  # the parcel may lie anywhere, and the task's reason says where
-            booked = task.state not in _NOT_IN_WORLD
+            booked = task.state not in _NOT_IN_WORLD and (task.state not in _MAY_COME or task.pick_slot is not None)
             if booked != (task.parcel in there):
                 wrong.append(f"{task.order.name}: booked as {task.state}, {'not ' if booked else ''}in the world")
             elif booked and not self._is_where_booked(task):

@@ -19,8 +19,11 @@ GREEDY = AllocationConfig(allocator="greedy")
 AHEAD = AllocationConfig(allocator="auction")
 
 
-def give_out(floor: Floor, now_s: float = 0.0, *, plan_filling: bool = False) -> None:
-    floor.assignments.give_out(0, now_s, plan_filling=plan_filling)
+CHARGER_1 = 4
+
+
+def give_out(floor: Floor, now_s: float = 0.0, *, exchange: bool = True) -> None:
+    floor.assignments.give_out(0, now_s, exchange=exchange)
     assert floor.missions.faults() == []
 
 
@@ -56,16 +59,27 @@ def test_without_tasks_nothing_is_given_out() -> None:
     assert floor.allocation.choose(floor.situation(), 0.0).taken == []
 
 
+def far_away() -> Floor:
+    """Car 5 is on its 15 moves to pick_1; car 0 has 5 moves, so that it is gone from there before car 5 comes. Car 4
+    has a task so that there is something to exchange."""
+    floor = Floor(orders=[delivery("a"), delivery("b", "pick_2", "drop_2")], n_cars=6)
+    floor.assigned("a", car=5)
+    floor.assigned("b", car=4)
+    return floor
+
+
 def test_tasks_change_hands_where_much_is_gained() -> None:
-    """Each car has the task that is nearer to the other: 8 and 10 moves instead of 5 and 7."""
-    config = AllocationConfig(keep_gain_s=0.0, keep_share=0.0)
-    floor = Floor(orders=[delivery("a", "pick_2"), delivery("b", "pick_1")], allocation_config=config)
-    floor.assigned("a", car=0)
-    floor.assigned("b", car=1)
+    floor = far_away()
     give_out(floor)
-    assert [floor.task(name).car for name in "ab"] == [1, 0]
+    assert [floor.task(name).car for name in "ab"] == [0, 4]
     causes = [step.cause for step in floor.task("a").history if step.state is TaskState.READY]
-    assert causes[-1] == "re-assigned: cost car_0 8.0 s, costs car_1 7.0 s, car_0 takes b"
+    assert causes[-1] == "re-assigned: cost car_5 16.5 s, costs car_0 5.5 s"
+
+
+def test_tasks_change_hands_only_when_they_are_priced_anew() -> None:
+    floor = far_away()
+    give_out(floor, exchange=False)
+    assert floor.task("a").car == 5
 
 
 def test_tasks_do_not_change_hands_for_little() -> None:
@@ -83,7 +97,6 @@ def test_tasks_do_not_change_hands_for_little() -> None:
         ("out", TaskReason.NO_CAPABLE_CAR),
         ("walled in", TaskReason.UNREACHABLE),
         ("low", TaskReason.CARS_CHARGE),
-        ("full", TaskReason.STATION_FULL),
     ],
 )
 def test_a_task_that_nobody_gets_says_why(what: str, reason: TaskReason) -> None:
@@ -98,13 +111,20 @@ def test_a_task_that_nobody_gets_says_why(what: str, reason: TaskReason) -> None
         floor.wall_in(0)
     elif what == "low":
         floor.chargers.batteries.charge[:] = 0.1
-    elif what == "full":
-        floor.stations.time(floor.stations[0]).add(60.0)
-        for car in (0, 0, 0):
-            floor.bookings.bind(car, 0)
     give_out(floor)
     assert floor.task("a").state is TaskState.READY
     assert floor.reasons.present(floor.task("a")) is reason
+
+
+def test_a_visit_to_a_full_place_waits() -> None:
+    floor = Floor(orders=[visit("v", "charger_1")])
+    floor.missions.bind(1, CHARGER_1)
+    floor.bookings.book(1)
+    floor.ready("v")
+    give_out(floor)
+    assert floor.task("v").state is TaskState.READY
+    report = floor.reasons.report(floor.task("v"))
+    assert (report.reason, report.cause) == (TaskReason.STATION_FULL, "charger_1 has no room for one more car")
 
 
 def test_a_leg_waits_for_its_car() -> None:
@@ -152,22 +172,14 @@ def test_a_busy_car_is_planned_for_a_task_that_it_can_take_soon() -> None:
     assert reasons_of(floor, "b") == [PairReason.PLANNED_LATER, PairReason.CAR_OUT]
 
 
-def test_who_plans_ahead_gives_one_car_several_tasks_and_plans_what_waits_for_slots() -> None:
-    floor = Floor(orders=[delivery("a"), delivery("b"), delivery("c")], n_cars=1, allocation_config=AHEAD)
+def test_who_plans_ahead_gives_one_car_several_tasks() -> None:
+    floor = Floor(orders=[delivery("a"), delivery("b")], n_cars=1, allocation_config=AHEAD)
     for name in "ab":
         floor.ready(name)
-    give_out(floor, plan_filling=True)
+    give_out(floor, exchange=False)
     assert floor.board.count(TaskState.ASSIGNED) == 1
-    turns = [floor.filling.turn_s(floor.task(name)) for name in "abc"]
-    assert all(turn < float("inf") for turn in turns)
-    assert floor.horizon.turn_s(floor.task("c")) == float("inf")  # is not given out yet
-
-
-def test_nothing_is_planned_when_nothing_waits() -> None:
-    floor = Floor(orders=[delivery("a")], n_cars=1, allocation_config=AHEAD)
-    floor.ready("a")
-    give_out(floor, plan_filling=True)
-    assert floor.filling.turn_s(floor.task("a")) == float("inf")
+    (later,) = floor.board.in_state(TaskState.READY)
+    assert reasons_of(floor, later.order.name) == [PairReason.PLANNED_LATER]
 
 
 def test_a_visit_is_sent_to_its_place() -> None:

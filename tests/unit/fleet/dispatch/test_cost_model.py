@@ -1,7 +1,7 @@
 """CostModel and DueDates: what tasks cost, counted by hand on the floor of 12 x 6 cells.
 
 Car 0 has 5 moves to pick_1 and 8 to pick_2, car 1 has 10 and 7. From pick_1 it is 11 moves to drop_1 and 14 to drop_2.
-An arm takes 7 s before it has served.
+A move takes 1.1 s. An arm takes 7 s before it has served, and begins every 10 s while cars wait.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from tests.unit.fleet.missions.floor import Floor, delivery, visit
 
 def priced(floor: Floor, *names: str, now_s: float = 0.0, soon_s: float = 0.0) -> CostMatrix:
     """The costs of some tasks, which are made ready first."""
-    tasks = [
-        floor.task(name) if floor.task(name).state is not TaskState.ORDERED else floor.ready(name) for name in names
-    ]
-    return floor.cost_model.of(tasks, floor.situation(now_s), soon_s, now_s)
+    for name in names:
+        if floor.task(name).state is TaskState.ORDERED:
+            floor.ready(name)
+    return floor.costs(*names, now_s=now_s, soon_s=soon_s)
 
 
 def verdicts(costs: CostMatrix, column: int = 0) -> list[PairReason | None]:
@@ -37,33 +37,33 @@ def verdicts(costs: CostMatrix, column: int = 0) -> list[PairReason | None]:
 
 def test_a_task_costs_the_way_to_it() -> None:
     costs = priced(Floor(orders=[delivery("a"), delivery("b", "pick_2", "drop_2")]), "a", "b")
-    assert costs.cost_s.tolist() == [[5.0, 8.0], [10.0, 7.0]]
+    assert costs.cost_s == pytest.approx(np.array([[5.5, 8.8], [11.0, 7.7]]))
     assert costs.pressure_s.tolist() == [0.0, 0.0]
     assert costs.offers(0)
 
 
 def test_half_of_its_age_comes_off() -> None:
     costs = priced(Floor(orders=[delivery("a")]), "a", now_s=10.0)
-    assert costs.cost_s[:, 0].tolist() == [0.0, 5.0]
+    assert costs.cost_s[:, 0] == pytest.approx([0.5, 6.0])
     assert costs.pressure_s.tolist() == [5.0]
 
 
 def test_a_task_that_would_be_late_presses_for_being_served() -> None:
-    """With car 0 it ends after 5 + 11 + 14 = 30 s, 10 s late; in the next turn it would be 30 + 30 - 20 = 40 s late."""
+    """With car 0 it ends after 5.5 + 12.1 + 14 = 31.6 s, 11.6 s late; a turn later 2 x 31.6 - 20 = 43.2 s."""
     costs = priced(Floor(orders=[delivery("a", due_s=20.0)]), "a")
-    assert costs.pressure_s.tolist() == [40.0]
-    assert costs.cost_s[:, 0].tolist() == [5.0 + 10.0 - 40.0, 10.0 + 15.0 - 40.0]
+    assert costs.pressure_s == pytest.approx([43.2])
+    assert costs.cost_s[:, 0] == pytest.approx([5.5 + 11.6 - 43.2, 11.0 + 17.1 - 43.2])
 
 
 def test_a_visit_costs_the_way_to_its_first_errand() -> None:
     costs = priced(Floor(orders=[visit("v", ("charger_1", "charger_2"), "parking_3")]), "v")
-    assert costs.cost_s[:, 0].tolist() == [8.0, 3.0]
+    assert costs.cost_s[:, 0] == pytest.approx([8.8, 3.3])
 
 
 def test_to_charge_a_full_car_costs_300_s_more() -> None:
     floor = Floor(orders=[visit("v", "charger_1", until_full=True)], battery_config=BatteryConfig(enabled=True))
     floor.chargers.batteries.charge[:] = (0.5, 0.25)
-    assert priced(floor, "v").cost_s[:, 0].tolist() == [8.0 + 0.5 * FULL_S, 3.0 + 0.25 * FULL_S]
+    assert priced(floor, "v").cost_s[:, 0] == pytest.approx([8.8 + 0.5 * FULL_S, 3.3 + 0.25 * FULL_S])
 
 
 def test_a_busy_car_counts_from_where_and_when_it_will_be_free() -> None:
@@ -75,7 +75,7 @@ def test_a_busy_car_counts_from_where_and_when_it_will_be_free() -> None:
     assert verdicts(costs) == [None, None]
     back = floor.ways.between(floor.dock_of("drop_1"), floor.dock_of("pick_1"))
     assert back == 11
-    assert costs.cost_s[:, 0].tolist() == [19.0 + back, 10.0]
+    assert costs.cost_s[:, 0] == pytest.approx([19.0 + 12.1, 11.0])
     assert costs.free_s.tolist() == [19.0, 0.0]
     assert costs.states[0] == floor.dock_of("drop_1")
 
@@ -150,13 +150,6 @@ def test_a_car_with_too_little_charge_takes_nothing_but_a_charge(order: Any, low
     assert verdicts(priced(floor, "a")) == ([PairReason.LOW_CHARGE] * 2 if low else [None, None])
 
 
-def test_the_source_cost_is_the_way_of_the_nearest_car_and_on() -> None:
-    floor = Floor(orders=[delivery("a")])
-    task = floor.task("a")
-    assert floor.cost_model.source_cost("pick_1", task) == 5 + 11
-    assert floor.cost_model.source_cost("pick_2", task) == 7 + 14
-
-
 def test_the_least_time_is_that_from_the_best_pick_station() -> None:
     floor = Floor(orders=[delivery("a", "pick_2", picks=("pick_2", "pick_1")), visit("v", "parking_1", "parking_2")])
     assert floor.cost_model.least_s(floor.task("a"), move_s=0.5) == 11 * 0.5 + 14.0
@@ -185,9 +178,9 @@ def test_what_has_no_way_on_is_told_too() -> None:
 def test_the_weights_are_those_of_the_configuration() -> None:
     config = AllocationConfig(ageing=0.0, lateness=2.0)
     costs = priced(Floor(orders=[delivery("a", due_s=40.0)], allocation_config=config), "a", now_s=20.0)
-    # Car 0 ends at 50 s, 10 s late; a turn later at 80 s, 40 s late.
-    assert costs.pressure_s.tolist() == [80.0]
-    assert costs.cost_s[0, 0] == 5.0 + 20.0 - 80.0
+    # Car 0 ends at 51.6 s, 11.6 s late; a turn later at 83.2 s, 43.2 s late.
+    assert costs.pressure_s == pytest.approx([86.4])
+    assert costs.cost_s[0, 0] == pytest.approx(5.5 + 23.2 - 86.4)
 
 
 def test_that_a_car_is_out_of_service_counts_before_that_it_has_no_way() -> None:
@@ -195,3 +188,38 @@ def test_that_a_car_is_out_of_service_counts_before_that_it_has_no_way() -> None
     floor.wall_in(0)
     floor.missions.enter(0, CarPhase.DEAD)
     assert verdicts(priced(floor, "a")) == [PairReason.CAR_OUT, None]
+
+
+def test_the_wait_for_an_arm_that_is_taken_counts() -> None:
+    """Car 0 is at pick_1 from 5.5 s to 15.5 s, and car 1 comes there after 11 s."""
+    floor = Floor(orders=[delivery("a"), delivery("b", "pick_1", "drop_2"), visit("v", "pick_1")])
+    floor.assigned("a", car=0)
+    for name in "bv":
+        floor.ready(name)
+    costs = floor.costs("b", "v", exchange=False)
+    assert costs.cost_s[1] == pytest.approx([15.5, 11.0])  # nobody waits on a visit
+
+
+def test_the_wait_at_the_drop_station_counts() -> None:
+    """Car 1 is at drop_1 from 7.7 s on, for 33 s. Car 0 would come there after 5.5 + 10 + 12.1 = 27.6 s."""
+    floor = Floor(orders=[delivery("a"), delivery("b")])
+    floor.stations.time(floor.stations.named("drop_1")).add(30.0)
+    floor.carried("a", car=1)
+    assert priced(floor, "b").cost_s[0, 0] == pytest.approx(5.5 + 40.7 - 27.6)
+
+
+def test_a_task_costs_the_wait_for_those_before_it() -> None:
+    floor = Floor(orders=[delivery("a"), delivery("b", "pick_2")])
+    for name in "ab":
+        floor.ready(name)
+    costs = floor.costs("a", "b", not_before_s=(20.0, 8.0))
+    assert costs.cost_s == pytest.approx(np.array([[20.0, 8.8], [20.0, 8.0]]))
+
+
+def test_a_car_does_not_wait_for_its_own_turn_but_for_those_before_it() -> None:
+    """Car 0 is at pick_1 from 5.5 s on and car 1, which comes after 11 s, from 15.5 s on."""
+    floor = Floor(orders=[delivery("a"), delivery("b")])
+    floor.assigned("a", car=0)
+    floor.assigned("b", car=1)
+    costs = floor.costs("a", "b")
+    assert np.diagonal(costs.cost_s) == pytest.approx([5.5, 15.5])

@@ -13,11 +13,11 @@ from fleet.tasks.board import TaskState
 from tests.unit.fleet.missions.floor import TICK_S, Floor, delivery, fake
 
 OTHERS = (
-    *("due_dates", "slots", "visit_queue", "assignments", "interventions"),
+    *("backlog", "slots", "visit_queue", "assignments", "interventions"),
     *("admission", "docks", "prefetch", "visits", "parking"),
 )
-EVERY_TICK = ["slots.tick", "visit_queue.release", "clear_left"]
-CALLS = ["charging.plug_in", "admission.call", "visits.call"]
+EVERY_TICK = ["slots.collect", "backlog.release", "clear_left"]
+CALLS = ["charging.plug_in", "admission.call", "slots.fill", "visits.call"]
 REVIEW = ["interventions.take_back", "interventions.end_overdue", "visit_queue.chargers_wanted", "charging.send_low"]
 END = ["docks.tick", "prefetch.tick", "visits.tick"]
 LAST = ["charging.send_idle", "parking.send"]
@@ -29,28 +29,26 @@ class Names:
 
     def __init__(self) -> None:
         self.called: list[str] = []
-        self.fillings: list[bool] = []
+        self.exchanges: list[bool] = []
+        self.released = False
 
     def rule(self, name: str) -> Any:
-        called, fillings = self.called, self.fillings
+        names = self
 
         class Rule:
             def __getattr__(self, verb: str) -> Any:
                 def call(*args: object, **facts: bool) -> Any:
-                    called.append(f"{name}.{verb}")
-                    fillings.extend(facts.values())
-                    return set() if verb == "chargers_wanted" else False
+                    names.called.append(f"{name}.{verb}")
+                    names.exchanges.extend(facts.values())
+                    return set() if verb == "chargers_wanted" else names.released and verb == "release"
 
                 return call
 
         return Rule()
 
 
-def dispatcher_of(
-    names: Names, *, changed: bool = False, charges: bool = True, release: list[Any] | None = None
-) -> Any:
+def dispatcher_of(names: Names, *, changed: bool = False, charges: bool = True) -> Any:
     missions = fake(
-        board=fake(release_due=lambda now_s: release or []),
         changed=changed,
         clear_left=lambda: names.called.append("clear_left"),
     )
@@ -84,14 +82,14 @@ def test_every_half_second_tasks_are_given_out_if_anything_has_changed(changed: 
     names = Names()
     dispatcher_of(names, changed=changed).tick(5, 0.5)
     assert names.called == EVERY_TICK + REVIEW + given + LAST + END
-    assert names.fillings == [False] * changed
+    assert names.exchanges == [False] * changed
 
 
 def test_every_five_seconds_tasks_are_priced_anew() -> None:
     names = Names()
     dispatcher_of(names).tick(50, 5.0)
     assert names.called == EVERY_TICK + CALLS + REVIEW + GIVEN + LAST + END
-    assert names.fillings == [True]
+    assert names.exchanges == [True]
 
 
 def test_cars_without_batteries_do_not_charge() -> None:
@@ -100,16 +98,19 @@ def test_cars_without_batteries_do_not_charge() -> None:
     assert not [name for name in names.called if name.startswith("charging")]
 
 
-def test_due_dates_are_checked_when_orders_are_released() -> None:
+@pytest.mark.parametrize(("changed", "released"), [(False, False), (True, False), (False, True)])
+def test_a_task_that_is_ready_is_a_change_and_what_had_changed_before_stays_so(changed: bool, released: bool) -> None:
     names = Names()
-    dispatcher_of(names, release=["a", "b"]).tick(3, 0.3)
-    assert names.called == ["due_dates.check", "due_dates.check", *EVERY_TICK, *END]
+    names.released = released
+    dispatcher = dispatcher_of(names, changed=changed)
+    dispatcher.tick(3, 0.3)
+    assert dispatcher.rules.missions.changed is (changed or released)
 
 
 def real(floor: Floor) -> Dispatcher:
     rules = DispatchRules(
         missions=floor.missions,
-        due_dates=floor.due_dates,
+        backlog=floor.backlog,
         slots=floor.slots,
         visit_queue=floor.visit_queue,
         assignments=floor.assignments,
@@ -159,7 +160,7 @@ def test_a_floor_delivers_all_by_its_rules_alone(battery: BatteryConfig | None) 
     assert not floor.executor.closed.any()
 
 
-def test_a_task_that_has_got_a_slot_is_given_out_at_the_next_review() -> None:
+def test_a_task_that_is_ready_is_given_out_at_the_next_review() -> None:
     floor = Floor(orders=[delivery("a", release_s=0.5)])
     dispatcher = real(floor)
     floor.missions.changed = False

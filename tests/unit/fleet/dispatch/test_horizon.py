@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from fleet.config import AllocationConfig
 from fleet.dispatch.cost_model import CostMatrix
@@ -15,7 +16,7 @@ BOTH = np.array([0, 1])
 
 
 def priced(floor: Floor, *names: str, now_s: float = 0.0) -> CostMatrix:
-    return floor.cost_model.of([floor.task(name) for name in names], floor.situation(now_s), np.inf, now_s)
+    return floor.costs(*names, now_s=now_s, soon_s=np.inf)
 
 
 def test_a_shop_has_stations_then_cars_then_visited_places() -> None:
@@ -23,7 +24,7 @@ def test_a_shop_has_stations_then_cars_then_visited_places() -> None:
     floor.ready("a")
     floor.ready("v")
     costs = priced(floor, "a", "v", now_s=30.0)
-    shop = floor.horizon.shop(costs, costs.tasks, BOTH, {})
+    shop = floor.horizon.shop(costs, costs.tasks, BOTH)
     assert shop.travel_s.shape == (7, 7)  # four docks, two cars, one place
     assert shop.travel_s[4, :4].tolist() == [5.0, 8.0, 12.0, 15.0]  # car 0
     assert shop.travel_s[0, 2:4].tolist() == [11.0, 14.0]
@@ -35,21 +36,11 @@ def test_a_shop_has_stations_then_cars_then_visited_places() -> None:
     assert shop.place.tolist() == [0, 3, 6]
     assert shop.station.tolist() == [0, 3, NO_STATION]
     assert shop.service_s.tolist() == [7.0, 7.0, 4.0]
-    assert shop.n_buffer_places.tolist() == [2, 2, 2, 2]
+    assert shop.n_buffer_places.tolist() == [4, 4, 4, 4]
     assert shop.due_s is not None
     assert shop.due_s.tolist() == [60.0, np.inf]
     assert shop.weight is not None
     assert shop.weight.tolist() == [1.0 + 0.5 * 30.0 / 150.0] * 2
-
-
-def test_a_parcel_without_a_slot_comes_when_a_car_has_emptied_one_and_then_every_20_s() -> None:
-    floor = Floor(orders=[delivery("held"), *(delivery(f"o{k}") for k in range(3))])
-    held = floor.assigned("held", car=0)
-    costs = priced(floor, "held", "o0", "o1", "o2")
-    shop = floor.horizon.shop(costs, costs.tasks, BOTH, {0: held})
-    # Car 0 has 5 moves to pick_1.
-    assert shop.release_s is not None
-    assert shop.release_s.tolist() == [0.0, 5.0, 25.0, 45.0]
 
 
 def planned(floor: Floor, costs: CostMatrix, sequence: tuple[tuple[int, ...], ...], start_s: list[float]) -> None:
@@ -71,8 +62,7 @@ def test_the_last_plan_is_proposed_in_the_order_of_its_starts() -> None:
         floor.ready(name)
     costs = priced(floor, "a", "b", "c", now_s=10.0)
     planned(floor, costs, ((0, 1), (2,)), [8.0, 30.0, 5.0])
-    assert [floor.horizon.turn_s(floor.task(name)) for name in "abc"] == [18.0, 40.0, 15.0]
-    shop = floor.horizon.shop(costs, costs.tasks, BOTH, {})
+    shop = floor.horizon.shop(costs, costs.tasks, BOTH)
     assert shop.first_order is not None
     assert shop.first_vehicle is not None
     assert shop.first_order.tolist() == [2, 0, 1]
@@ -85,7 +75,7 @@ def test_of_the_last_plan_only_tasks_and_cars_count_that_are_there() -> None:
         floor.ready(name)
     planned(floor, priced(floor, "a", "b", "c"), ((0, 1), (2,)), [8.0, 30.0, 5.0])
     costs = priced(floor, "b", "c")
-    shop = floor.horizon.shop(costs, costs.tasks, BOTH[:1], {})
+    shop = floor.horizon.shop(costs, costs.tasks, BOTH[:1])
     assert shop.first_order is not None
     assert shop.first_vehicle is not None
     assert shop.first_order.tolist() == [0]
@@ -99,7 +89,9 @@ def test_without_a_timetable_nothing_is_planned() -> None:
     planned(floor, costs, ((0,), ()), [8.0])
     problem = floor.solver.problem(costs, [0], BOTH, {}, None)
     floor.horizon.keep(costs, problem, assignment(problem, [(0, 0)], Status.OPTIMAL), [0], BOTH)
-    assert floor.horizon.turn_s(floor.task("a")) == np.inf
+    shop = floor.horizon.shop(costs, costs.tasks, BOTH)
+    assert shop.first_order is not None
+    assert shop.first_order.tolist() == []
 
 
 def test_a_problem_holds_the_columns_and_cars_that_were_asked_for() -> None:
@@ -109,7 +101,7 @@ def test_a_problem_holds_the_columns_and_cars_that_were_asked_for() -> None:
     held = floor.assigned("c", car=1)
     costs = priced(floor, "a", "b", "c")
     problem = floor.solver.problem(costs, [1, 2], np.array([1]), {1: held}, None)
-    assert problem.cost.tolist() == [[7.0, 7.0]]
+    assert problem.cost[0] == pytest.approx(costs.cost_s[1, 1:])
     assert problem.class_of is not None
     assert problem.held is not None
     assert (problem.class_of.tolist(), problem.held.tolist(), problem.shop) == ([1, 1], [1], None)

@@ -147,7 +147,7 @@ def test_a_car_that_does_not_come_to_pick_loses_its_task() -> None:
 def test_a_service_that_takes_too_long_fails_and_the_car_stays_under_the_arm() -> None:
     floor = Floor(orders=[delivery("a")], timeouts=TimeoutConfig(service_s=10.0))
     task = floor.assigned("a", car=0)
-    floor.come(0)
+    floor.arrive(0)
     floor.docks.tick(0, 0.0)
     late(floor, 10.1)
     assert (task.state, task.reason) == (TaskState.FAILED, "was loading for 10 s")

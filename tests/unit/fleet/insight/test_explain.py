@@ -89,7 +89,7 @@ def test_a_circle_is_named() -> None:
 
 def test_why_a_car_in_the_way_has_no_task_is_not_what_keeps_it_there() -> None:
     """car_1 waits for a cell of car_0, whose only task has to wait for the arm, which awaits car_1."""
-    idle = {"cause": Cause.NO_TASK, "by": 3, "place": 0, "task": 5, "detail": DETAIL_OF["waits_for_slot"]}
+    idle = {"cause": Cause.NO_TASK, "by": 3, "place": 0, "task": 5, "detail": DETAIL_OF["waits_for_its_car"]}
     waits = {"cause": Cause.CELL, "by": 0, "cell": 47}
     log = log_of((0, rows(car_0=idle, car_1=waits, arm_0={"cause": Cause.AWAITS, "by": 1, "place": 0})))
     found = explain(log, LEGEND_OF_THREE, "car_1", 5.0)

@@ -16,8 +16,9 @@ import numpy as np
 from fleet.config import AllocationConfig, BatteryConfig, TimeoutConfig, TrafficConfig
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
-from fleet.dispatch.cost_model import CostModel
+from fleet.dispatch.cost_model import CostMatrix, CostModel
 from fleet.dispatch.due_dates import DueDates
+from fleet.dispatch.fitness import Fitness
 from fleet.dispatch.horizon import RollingHorizon
 from fleet.dispatch.interventions import Interventions
 from fleet.dispatch.offers import Offers
@@ -36,6 +37,7 @@ from fleet.missions.phases import CarPhase
 from fleet.missions.places import Places
 from fleet.missions.services import Services
 from fleet.missions.state import Missions
+from fleet.missions.turns import TurnBook
 from fleet.missions.visit_queue import VisitQueue
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.visits import Visits
@@ -48,6 +50,7 @@ from fleet.stations.station import Station
 from fleet.stations.stations import Stations
 from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import Task, TaskBoard, TaskState
+from fleet.tasks.open_deliveries import OpenDeliveries
 from fleet.tasks.order import Ability, Delivery, Order, Visit
 from fleet.tasks.reasons import ReasonBook
 from fleet.traffic.executor import Executor
@@ -257,7 +260,8 @@ class Floor:
         self.board = TaskBoard(self.orders)
         self.places = Places(self.site, self.graph, self.stations)
         n_stations = len(self.stations)
-        caps = [self.allocation_config.station_cap_n] * n_stations + [1] * (len(self.places.cells) - n_stations)
+        caps = [min(self.allocation_config.station_cap_n, len(station.contents)) for station in self.stations]
+        caps += [1] * (len(self.places.cells) - n_stations)
         self.bookings = Bookings(caps, self.n_cars)
         left_late = self.places.cells[: n_stations + len(self.places.chargers)]
         self.missions = Missions(self.board, self.stations, self.bookings, left_late, self.traffic)
@@ -265,18 +269,31 @@ class Floor:
         self.routes = VisitRoutes(self.places, self.ways, self.bookings)
         self.services = Services(self.missions, self.graph, self.traffic, self.world)
         self.reasons = ReasonBook(self.log)
-        self.backlog = Backlog(self.board, self.reasons)
+        self.fitness = Fitness(
+            self.abilities
+            or [Ability(max_payload_kg=2.0, capabilities=frozenset({f"car_{car}"})) for car in range(self.n_cars)]
+        )
+        self.open_deliveries = OpenDeliveries(self.board, self.fitness.kind_of)
+        self.visit_queue = VisitQueue(self.missions, self.places, self.ways, self.reasons)
+        self.backlog = Backlog(self.board, self.reasons, self._check)
         self.arms: Any = FakeArms(n_stations)
         self.inventory = Inventory(
             self.board, self.stations, CAR, self.world, self.log, self.collect_after_s, self.askew
         )
         self.perception: Any = TruePoses(self.inventory)
 
+    def _check(self, task: Task) -> None:
+        self.due_dates.check(task)
+
     # --- rules
 
     @cached_property
     def admission(self) -> Admission:
-        return Admission(self.missions, self.ways, self.log)
+        return Admission(self.missions, self.ways, self.turns, self.slots, self.log)
+
+    @cached_property
+    def turns(self) -> TurnBook:
+        return TurnBook(self.missions, self.ways, np.zeros(len(self.stations)))
 
     @cached_property
     def charging(self) -> Charging | None:
@@ -306,10 +323,6 @@ class Floor:
         return Visits(self.missions, self.places, self.routes, self.ways, self.charging, self.world, self.log)
 
     @cached_property
-    def visit_queue(self) -> VisitQueue:
-        return VisitQueue(self.missions, self.places, self.ways, self.backlog, self.reasons)
-
-    @cached_property
     def parking(self) -> Parking:
         return Parking(self.places.parking, self.missions, self.ways)
 
@@ -319,29 +332,14 @@ class Floor:
 
     @cached_property
     def slots(self) -> Slots:
-        return Slots(
-            self.board,
-            self.stations,
-            self.inventory,
-            self.backlog,
-            self.reasons,
-            self.cost_model.source_cost,
-            self.filling.turn_s,
-        )
+        return Slots(self.missions, self.ways, self.inventory, self.open_deliveries)
 
     @cached_property
     def cost_model(self) -> CostModel:
-        abilities = self.abilities or [
-            Ability(max_payload_kg=2.0, capabilities=frozenset({f"car_{car}"})) for car in range(self.n_cars)
-        ]
-        return CostModel(self.allocation_config, self.missions, self.ways, self.routes, abilities, self.charging)
+        return CostModel(self.allocation_config, self.missions, self.ways, self.routes, self.fitness, self.charging)
 
     @cached_property
     def horizon(self) -> RollingHorizon:
-        return RollingHorizon(self.allocation_config, self.missions, self.ways, self.routes)
-
-    @cached_property
-    def filling(self) -> RollingHorizon:
         return RollingHorizon(self.allocation_config, self.missions, self.ways, self.routes)
 
     @cached_property
@@ -350,12 +348,12 @@ class Floor:
 
     @cached_property
     def offers(self) -> Offers:
-        return Offers(self.missions, self.routes)
+        return Offers(self.missions, self.ways, self.routes, self.fitness, self.open_deliveries, self.visit_queue)
 
     @cached_property
     def allocation(self) -> TaskAllocation:
         return TaskAllocation(
-            self.missions, self.cost_model, self.solver, self.offers, self.horizon, self.filling, self.reasons
+            self.missions, self.cost_model, self.solver, self.offers, self.turns, self.horizon, self.reasons
         )
 
     @cached_property
@@ -392,6 +390,12 @@ class Floor:
         """A car stands where it was sent."""
         self.stand(car, int(self.traffic.goals[car]))
 
+    def arrive(self, car: int) -> None:
+        """A car stands at the station it was sent to, and has booked it."""
+        self.come(car)
+        if not self.bookings.book(car):
+            raise AssertionError("there is no room at the station")
+
     def dock_of(self, name: str) -> int:
         """Lane-graph state of a station's dock."""
         return self.stations.named(name).dock_state
@@ -422,19 +426,22 @@ class Floor:
         self.board.release_due(now_s)
 
     def ready(self, name: str, now_s: float = 0.0) -> Task:
-        """A task that a car can begin."""
+        """A task that a car can begin; the parcel of a delivery has no slot yet."""
         self.release(now_s)
         task = self.task(name)
-        if task.visit is not None:
-            self.board.move(task, TaskState.READY, now_s, "by hand")
-        else:
-            task.pick_slot = self.stations.named(task.pick).take_slot(task.index)
-            self.inventory.enter(task, now_s)
+        self.board.move(task, TaskState.READY, now_s, "by hand")
+        return task
+
+    def shelved(self, name: str, now_s: float = 0.0) -> Task:
+        """A delivery that a car can begin, its parcel on a slot of its pick station."""
+        task = self.ready(name, now_s)
+        if not self.slots.take(task, now_s):
+            raise AssertionError(f"no slot of {task.pick} is free")
         return task
 
     def assigned(self, name: str, car: int, now_s: float = 0.0) -> Task:
-        """A task whose car is on its way to pick, without a booking."""
-        task = self.ready(name, now_s)
+        """A delivery with its parcel on a slot, whose car is on its way to pick, without a booking."""
+        task = self.shelved(name, now_s)
         self.missions.assign(car, task, now_s)
         station = self.stations.named(task.pick)
         self.missions.bind(car, station.arm)
@@ -492,9 +499,24 @@ class Floor:
 
     # --- questions
 
-    def situation(self, now_s: float = 0.0) -> Situation:
-        """What the cars are about."""
-        return situation_of(self.missions, self.ways, self.charging, now_s)
+    def situation(self, now_s: float = 0.0, *, exchange: bool = True) -> Situation:
+        """What the cars are about; by default they may give away what they have not picked yet."""
+        return situation_of(self.missions, self.ways, self.charging, now_s, exchange=exchange)
+
+    def costs(
+        self,
+        *names: str,
+        now_s: float = 0.0,
+        soon_s: float = 0.0,
+        not_before_s: Sequence[float] = (),
+        exchange: bool = True,
+    ) -> CostMatrix:
+        """What some tasks cost, and after them those that cars have and may give away."""
+        situation = self.situation(now_s, exchange=exchange)
+        named = [self.task(name) for name in names]
+        tasks = [*named, *(task for task in situation.held.values() if task not in named)]
+        not_before = np.array([*not_before_s, *[0.0] * (len(tasks) - len(not_before_s))])
+        return self.cost_model.of(tasks, not_before, situation, self.turns.all(now_s), soon_s, now_s)
 
 
 def fake(**parts: Any) -> Any:

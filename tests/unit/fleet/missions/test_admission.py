@@ -1,20 +1,27 @@
-"""Admission: turns at a station, and who is held back where it is in nobody's way."""
+"""Admission: who sets off to its station, who is held back where it is in nobody's way, and who may come near.
+
+Cars 0 to 5 have 5, 10, 12, 8, 13 and 15 moves of 1.1 s to pick_1. Its arm begins every 10 s while cars wait.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 import pytest
 
-from fleet.missions.admission import StationQueues, _give_turns
 from fleet.missions.phases import CarPhase
-from fleet.missions.ways import MOVE_S
 from fleet.tasks.order import Priority
 from tests.unit.fleet.missions.floor import Floor, delivery, visit
 
+PICK_1 = 0
+TO_PICK, HELD = CarPhase.TO_PICK, CarPhase.HELD
+AT = {3: (0, 3), 5: (3, 2)}
+"""Cells from which it is so many moves to pick_1."""
 
-def waiting(n: int, n_cars: int = 4) -> Floor:
-    """A floor with `n` deliveries from pick_1 whose parcels lie there."""
-    floor = Floor(orders=[delivery(f"o{k}") for k in range(n)], n_cars=n_cars)
+
+def ready(n: int, n_cars: int = 6, **own: Any) -> Floor:
+    """A floor with `n` deliveries from pick_1, none of which has a slot."""
+    floor = Floor(orders=[delivery(f"o{k}", **own) for k in range(n)], n_cars=n_cars)
     for k in range(n):
         floor.ready(f"o{k}")
     return floor
@@ -26,83 +33,189 @@ def set_off(floor: Floor, name: str, car: int) -> None:
     floor.admission.set_off(car, floor.task(name), 0, 0.0)
 
 
-def test_a_car_sets_off_to_an_arm_that_is_free_and_books_when_it_is_near() -> None:
-    floor = waiting(2)
-    set_off(floor, "o0", 0)  # 5 moves
-    set_off(floor, "o1", 2)  # 12 moves: more than it needs a booking for
-    assert [floor.missions.phase[car] for car in (0, 2)] == [CarPhase.TO_PICK, CarPhase.TO_PICK]
-    assert floor.bookings.booked.tolist() == [True, False, False, False]
+def stand_near(floor: Floor, car: int, n_moves: int) -> None:
+    """A car has come near pick_1."""
+    floor.stand(car, floor.state(*AT[n_moves]))
+    assert floor.moves(car, "pick_1") == n_moves
+
+
+def fill_slots(floor: Floor, n: int = 4) -> None:
+    """Others have so many slots of pick_1."""
+    for _ in range(n):
+        assert floor.stations[PICK_1].take_slot(99) is not None
+
+
+def fill_room(floor: Floor, *cars: int) -> None:
+    """Cars have booked pick_1."""
+    for car in cars:
+        floor.missions.bind(car, PICK_1)
+        assert floor.bookings.book(car)
+
+
+def last_cause(floor: Floor) -> str:
+    kind, facts = floor.log.events[-1]
+    assert kind == "held"
+    return str(facts["cause"])
+
+
+def test_a_car_sets_off_and_books_when_it_is_near() -> None:
+    floor = ready(2)
+    set_off(floor, "o0", 0)  # 5 moves are near
+    set_off(floor, "o1", 3)
+    assert [floor.missions.phase[car] for car in (0, 3)] == [TO_PICK, TO_PICK]
+    assert floor.bookings.booked.nonzero()[0].tolist() == [0]
+    assert [task.pick_slot for task in floor.board.tasks] == [0, None]
     assert floor.ways.goals[0] == floor.dock_of("pick_1")
     assert floor.missions.faults() == []
 
 
-def test_a_car_that_would_come_much_too_early_is_held() -> None:
-    """Car 1 needs 11 s to the arm, which is free after 5.5 s and 7 s: 1.5 s too early. Car 3 with 8.8 s finds its turn
-    after car 1's, at 19.5 s, and would come 10.7 s too early."""
-    floor = waiting(3)
+def busy() -> Floor:
+    """Cars 0, 1 and 3 are under way. The next turn of pick_1 begins at 35.5 s, and car 4 would be there in 14.3 s."""
+    floor = ready(4)
     for name, car in (("o0", 0), ("o1", 1), ("o2", 3)):
         set_off(floor, name, car)
-    assert [floor.missions.phase[car] for car in (0, 1, 3)] == [CarPhase.TO_PICK, CarPhase.TO_PICK, CarPhase.HELD]
-    cause = "pick_1 is busy and it would come 11 s too early"
-    assert floor.log.events[3:] == [("held", {"car": "car_3", "task": "o2", "cause": cause})]
+        assert floor.missions.phase[car] is TO_PICK
+    return floor
+
+
+def test_a_car_that_would_come_much_too_early_is_held() -> None:
+    floor = busy()
+    set_off(floor, "o3", 4)
+    assert floor.missions.phase[4] is HELD
+    cause = "pick_1 is busy and it would come 21 s too early"
+    assert floor.log.events[-1] == ("held", {"car": "car_4", "task": "o3", "cause": cause})
+    assert floor.bookings.place_of[4] == PICK_1
     assert floor.missions.faults() == []
 
 
-def test_a_car_goes_on_when_its_turn_is_near() -> None:
-    floor = waiting(3)
-    for name, car in (("o0", 0), ("o1", 1), ("o2", 3)):
-        set_off(floor, name, car)
-    floor.admission.call(1, 0.1)
-    assert floor.missions.phase[3] is CarPhase.HELD
+def test_a_car_that_is_held_goes_on_later_than_it_could_have_set_off() -> None:
+    """Without car 0 it would come 14.5 s too early: soon enough to set off, and too soon to be called. Without car 3
+    too it would come 6.7 s too early."""
+    floor = busy()
     floor.missions.leave(0)
-    floor.missions.leave(1)
+    set_off(floor, "o3", 4)
+    assert floor.missions.phase[4] is TO_PICK
+    floor = busy()
+    set_off(floor, "o3", 4)
+    floor.missions.leave(0)
+    floor.admission.call(1, 0.1)
+    assert floor.missions.phase[4] is HELD
+    floor.missions.leave(3)
     floor.admission.call(2, 0.2)
-    assert floor.missions.phase[3] is CarPhase.TO_PICK
-    assert floor.log.events[-1] == ("called", {"car": "car_3", "task": "o2", "station": "pick_1"})
-    assert floor.task("o2").reason == "car_3 may go on to pick_1"
+    assert floor.missions.phase[4] is TO_PICK
+    assert floor.log.events[-1] == ("called", {"car": "car_4", "task": "o3", "station": "pick_1"})
+    assert floor.task("o3").reason == "car_4 may go on to pick_1"
+    assert not floor.bookings.has(4)  # is not near yet
+
+
+@pytest.mark.parametrize(("now_s", "phase"), [(4.1, HELD), (4.3, TO_PICK)])
+def test_a_car_counts_the_service_under_way(now_s: float, phase: CarPhase) -> None:
+    """The arm began at 0 s; it takes 30 s and 3 s for the change. Car 3 has 8.8 s to go and may come 20 s early."""
+    floor = ready(2)
+    floor.stations.time(floor.stations[PICK_1]).add(30.0)
+    set_off(floor, "o0", 0)
+    floor.come(0)
+    floor.services.begin(floor.stations[PICK_1], 0, floor.task("o0"), 0.0)
+    floor.missions.assign(3, floor.task("o1"), now_s)
+    floor.admission.set_off(3, floor.task("o1"), 0, now_s)
+    assert floor.missions.phase[3] is phase
+
+
+def test_a_car_that_is_near_sets_off_only_with_a_slot() -> None:
+    floor = ready(1)
+    fill_slots(floor)
+    set_off(floor, "o0", 0)
+    assert floor.missions.phase[0] is HELD
+    assert last_cause(floor) == "no slot of pick_1 is free for o0"
+    assert not floor.bookings.has(0)
+
+
+def test_a_car_that_is_far_needs_no_slot_and_no_room() -> None:
+    floor = ready(1)
+    fill_slots(floor)
+    set_off(floor, "o0", 3)
+    floor.admission.call(1, 0.1)
+    assert floor.missions.phase[3] is TO_PICK
+
+
+def test_a_car_that_comes_near_without_a_free_slot_is_held_until_there_is_one() -> None:
+    floor = ready(1)
+    set_off(floor, "o0", 3)
+    fill_slots(floor)
+    stand_near(floor, 3, 5)
+    floor.admission.call(1, 0.1)
+    assert floor.missions.phase[3] is HELD
+    assert last_cause(floor) == "no slot of pick_1 is free for o0"
+    floor.log.events.clear()
+    floor.admission.call(2, 0.2)
+    assert floor.log.events == []  # is told once
+    floor.stations[PICK_1].free_slot(2)
+    floor.admission.call(3, 0.3)
+    assert (floor.missions.phase[3], floor.task("o0").pick_slot) == (TO_PICK, 2)
+    assert floor.bookings.has(3)
+    assert floor.log.kinds() == ["parcel_entered", "called"]
 
 
 def test_a_car_that_comes_near_a_full_station_is_held() -> None:
-    floor = waiting(1, n_cars=3)
-    set_off(floor, "o0", 2)
-    for car in (0, 1):  # two others are there
-        floor.missions.bind(car, 0)
-        floor.bookings.book(car)
-    floor.admission.call(0, 0.0)
-    assert floor.missions.phase[2] is CarPhase.TO_PICK  # 12 moves are far enough
-    floor.stand(2, floor.places.parking[3])
-    assert floor.moves(2, "pick_1") == 8
+    floor = ready(1)
+    set_off(floor, "o0", 3)
+    fill_room(floor, 0, 1, 2, 4)
+    stand_near(floor, 3, 5)
     floor.admission.call(1, 0.1)
-    assert floor.missions.phase[2] is CarPhase.HELD
-    assert floor.log.events[-1][1]["cause"] == "pick_1 is full (car_0, car_1)"
+    assert floor.missions.phase[3] is HELD
+    assert last_cause(floor) == "pick_1 is full (car_0, car_1, car_2, car_4)"
+    assert (floor.task("o0").pick_slot, floor.stations[PICK_1].n_free) == (None, 4)
 
 
-def test_a_car_that_would_be_in_time_is_held_if_the_station_is_full() -> None:
-    floor = waiting(1)
-    for car in (0, 1):
-        floor.missions.bind(car, 0)
-        floor.bookings.book(car)
-        floor.missions.leave(car)
-    for car in (0, 1):  # they have been served and stand there still, in nobody's queue
-        floor.bookings.bind(car, 0)
+def test_a_car_that_has_booked_is_not_asked_again() -> None:
+    floor = ready(1)
+    set_off(floor, "o0", 0)
+    fill_slots(floor, 3)
+    floor.log.events.clear()
+    floor.admission.call(1, 0.1)
+    assert (floor.missions.phase[0], floor.log.events) == (TO_PICK, [])
+
+
+@pytest.mark.parametrize("what", ["slot", "room"])
+def test_the_nearest_books_first(what: str) -> None:
+    """Car 3 set off first, but car 2 is nearer; there is one slot, or room for one."""
+    floor = ready(2)
+    set_off(floor, "o0", 3)
+    set_off(floor, "o1", 2)
+    if what == "slot":
+        fill_slots(floor, 3)
+    else:
+        fill_room(floor, 0, 1, 4)
+        for car in (0, 1, 4):  # they have been served, and stand there still
+            floor.bookings.leave(car, stands_there=True)
+    stand_near(floor, 3, 5)
+    stand_near(floor, 2, 3)
+    floor.admission.call(1, 0.1)
+    assert [floor.missions.phase[car] for car in (2, 3)] == [TO_PICK, HELD]
+    assert floor.bookings.booked.nonzero()[0].tolist() == [2]
+    assert [task.pick_slot is not None for task in floor.board.tasks] == [False, True]
+
+
+def test_a_loaded_car_needs_room_at_its_drop_station_and_no_slot() -> None:
+    floor = Floor(orders=[delivery("a", drop="drop_2")], n_cars=6)
+    task = floor.carried("a", car=5)  # 5 moves to drop_2
+    for _ in range(4):
+        floor.stations[3].take_slot(99)
+    floor.admission.set_off(5, task, 0, 0.0)
+    assert floor.missions.phase[5] is CarPhase.TO_DROP
+    assert floor.bookings.has(5)
+
+
+def test_a_loaded_car_is_held_before_a_full_drop_station() -> None:
+    floor = Floor(orders=[delivery("a", drop="drop_2")], n_cars=6)
+    task = floor.carried("a", car=5)
+    for car in range(4):
+        floor.missions.bind(car, 3)
         floor.bookings.book(car)
         floor.bookings.leave(car, stands_there=True)
-    set_off(floor, "o0", 3)
-    assert floor.missions.phase[3] is CarPhase.HELD
-    assert floor.log.events[-1][1]["cause"] == "pick_1 is full (car_0, car_1)"
-
-
-def test_a_car_waits_for_the_arm_that_serves_another() -> None:
-    """The arm has begun 1 s ago and needs 6 s more; car 3 would be there in 8.8 s."""
-    floor = waiting(2)
-    first = floor.task("o0")
-    floor.missions.assign(0, first, 0.0)
-    floor.missions.bind(0, 0)
-    floor.stand(0, floor.dock_of("pick_1"))
-    floor.services.begin(floor.stations[0], 0, first, 0.0)
-    floor.missions.assign(3, floor.task("o1"), 1.0)
-    floor.admission.set_off(3, floor.task("o1"), 10, 1.0)
-    assert floor.missions.phase[3] is CarPhase.TO_PICK
+    floor.admission.set_off(5, task, 0, 0.0)
+    assert floor.missions.phase[5] is HELD
+    assert last_cause(floor) == "drop_2 is full (car_0, car_1, car_2, car_3)"
 
 
 @pytest.mark.parametrize(
@@ -120,14 +233,14 @@ def test_loaded_cars_and_emergencies_go_first(priority: Priority, loaded: bool, 
     floor.missions.leave(0)
     floor.admission.set_off(0, task, 0, 0.0)
     assert floor.traffic.rank[0] == rank_s
-    assert floor.missions.phase[0] is (CarPhase.TO_DROP if loaded else CarPhase.TO_PICK)
+    assert floor.missions.phase[0] is (CarPhase.TO_DROP if loaded else TO_PICK)
 
 
 def test_a_car_that_must_wait_is_bound_and_held() -> None:
     floor = Floor(orders=[delivery("a")])
     task = floor.carried("a", car=1)
     floor.admission.wait(1, task, "by hand")
-    assert (floor.bookings.place_of[1], floor.missions.phase[1]) == (2, CarPhase.HELD)
+    assert (floor.bookings.place_of[1], floor.missions.phase[1]) == (2, HELD)
     assert floor.log.events[-1] == ("held", {"car": "car_1", "task": "a", "cause": "by hand"})
 
 
@@ -136,58 +249,25 @@ def test_visits_to_docks_and_an_empty_floor_are_none_of_its_business() -> None:
     floor.admission.call(0, 0.0)
     task = floor.visiting("v", car=0)
     floor.missions.hold(0, task, "by hand")
-    floor.missions.bind(0, 0)
+    floor.missions.bind(0, PICK_1)
     floor.admission.call(1, 0.1)
-    assert floor.missions.phase[0] is CarPhase.HELD
+    assert floor.missions.phase[0] is HELD
 
 
-def test_a_booking_changes_the_turns_of_those_behind() -> None:
-    """Two are held; when the first books, the second is asked again with new turns, and is too early."""
-    floor = waiting(2)
-    for name, car in (("o0", 0), ("o1", 3)):
+def test_several_are_called_at_once_the_nearest_first() -> None:
+    floor = ready(2)
+    for name, car in (("o0", 5), ("o1", 0)):
         floor.missions.assign(car, floor.task(name), 0.0)
         floor.admission.wait(car, floor.task(name), "by hand")
     floor.admission.call(0, 0.0)
-    # Car 0 is served from 5.5 s to 12.5 s, so car 3 with 8.8 s would come 3.7 s early, which is soon enough.
-    assert [floor.missions.phase[car] for car in (0, 3)] == [CarPhase.TO_PICK, CarPhase.TO_PICK]
-    assert [facts["car"] for kind, facts in floor.log.events if kind == "called"] == ["car_0", "car_3"]
+    assert [facts["car"] for kind, facts in floor.log.events if kind == "called"] == ["car_0", "car_5"]
 
 
-def early_naively(queues: StationQueues, moves: np.ndarray, booked: np.ndarray) -> list[float]:
-    """How long before its turn each car would come: who has booked first, as they come, then as they were bound; each
-    takes the first moment at which the arm is free for a whole service."""
-    early = [0.0] * len(queues.cars)
-    for station, (begin, end) in enumerate(zip(queues.first[:-1].tolist(), queues.first[1:].tolist(), strict=True)):
-        service_s, turns = float(queues.service_s[station]), []
-        rows = list(range(begin, end))
-        near = sorted((k for k in rows if booked[queues.cars[k]]), key=lambda k: (moves[k], k))
-        for k in [*near, *(k for k in rows if not booked[queues.cars[k]])]:
-            if queues.cars[k] == queues.served[station]:
-                continue
-            comes_s = MOVE_S * float(moves[k])
-            soonest = max(comes_s, float(queues.free_s[station]))
-            # It can begin at once, or at the end of another turn.
-            starts = [soonest, *(turn + service_s for turn in turns if turn + service_s >= soonest)]
-            free = [s for s in starts if all(s + service_s <= t or t + service_s <= s for t in turns)]
-            turns.append(min(free))
-            early[k] = min(free) - comes_s
-    return early
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_turns_are_the_first_gaps_that_are_long_enough(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    n, n_stations = int(rng.integers(1, 9)), 2
-    cut = int(rng.integers(0, n + 1))
-    queues = StationQueues(
-        cars=rng.permutation(n).astype(np.int64),
-        first=np.array([0, cut, n]),
-        served=rng.choice([-1, *range(n)], n_stations).astype(np.int64),
-        service_s=rng.integers(3, 13, n_stations).astype(float),
-        free_s=rng.integers(0, 10, n_stations).astype(float),
-    )
-    moves = rng.integers(0, 40, n).astype(np.uint16)
-    booked = rng.random(n) < 0.4
-    found = np.zeros(n)
-    _give_turns(queues, moves, booked, found)
-    np.testing.assert_allclose(found, early_naively(queues, moves, booked), atol=1e-9)
+def test_who_is_called_takes_no_turn_of_one_that_was_bound_before_it() -> None:
+    """Car 3 has its turn after 8.8 s. Car 0 could come before, but not be gone by then: it would be 13.3 s early."""
+    floor = ready(2)
+    for name, car in (("o0", 3), ("o1", 0)):
+        floor.missions.assign(car, floor.task(name), 0.0)
+        floor.admission.wait(car, floor.task(name), "by hand")
+    floor.admission.call(0, 0.0)
+    assert [floor.missions.phase[car] for car in (0, 3)] == [HELD, TO_PICK]

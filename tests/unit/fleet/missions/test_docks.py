@@ -17,7 +17,7 @@ def loading() -> tuple[Floor, Task]:
     """Car 0 stands at pick_1, and the arm is at work."""
     floor = Floor(orders=[delivery("a")])
     task = floor.assigned("a", car=0)
-    floor.come(0)
+    floor.arrive(0)
     floor.docks.tick(0, 0.0)
     return floor, task
 
@@ -26,7 +26,7 @@ def unloading() -> tuple[Floor, Task]:
     """Car 0 stands at drop_1 with the parcel in its tray, and the arm is at work."""
     floor = Floor(orders=[delivery("a")])
     task = floor.carried("a", car=0)
-    floor.come(0)
+    floor.arrive(0)
     floor.lay_in_tray(task, 0)
     floor.docks.tick(0, 0.0)
     return floor, task
@@ -49,12 +49,14 @@ def test_a_car_that_has_come_is_served() -> None:
     assert floor.missions.faults() == []
 
 
-@pytest.mark.parametrize("what", ["on its way", "still moving", "arm busy"])
+@pytest.mark.parametrize("what", ["on its way", "not booked", "still moving", "arm busy"])
 def test_a_car_is_not_served_before_it_can_be(what: str) -> None:
     floor = Floor(orders=[delivery("a")])
     task = floor.assigned("a", car=0)
-    if what != "on its way":
+    if what == "not booked":
         floor.come(0)
+    elif what != "on its way":
+        floor.arrive(0)
     if what == "still moving":
         floor.driver.moving.add(0)
     if what == "arm busy":
@@ -75,7 +77,7 @@ def test_a_car_at_a_charger_is_not_served() -> None:
 def test_a_car_waits_for_a_slot_at_its_drop_station() -> None:
     floor = Floor(orders=[delivery("a")])
     task = floor.carried("a", car=0)
-    floor.come(0)
+    floor.arrive(0)
     for _ in range(4):
         floor.stations[DROP].take_slot(99)
     floor.docks.tick(0, 0.0)
@@ -254,7 +256,7 @@ def test_a_car_whose_task_failed_under_the_arm_is_free_when_the_arm_is_home(in_t
 def test_an_arm_that_holds_the_parcel_already_can_begin() -> None:
     floor = Floor(orders=[delivery("a")])
     task = floor.assigned("a", car=0)
-    floor.come(0)
+    floor.arrive(0)
     floor.arms.services[PICK].state, floor.arms.services[PICK].parcel = ArmPhase.HOLDING, task.parcel
     floor.docks.tick(0, 0.0)
     assert task.state is TaskState.LOADING

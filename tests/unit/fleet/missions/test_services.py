@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from fleet.missions.phases import CarPhase
 from fleet.missions.state import NOBODY
 from fleet.tasks.board import TaskState
+from planners.mapf.distance_table import DETOUR_TIMESTEPS
 from tests.unit.fleet.missions.floor import Floor, delivery
 
 
@@ -67,20 +66,10 @@ def test_unloading_has_phase_and_state_of_its_own() -> None:
     assert task.state is TaskState.UNLOADING
 
 
-@pytest.mark.parametrize(("took_s", "avoided"), [(12.5, True), (11.5, False), (7.0, False)])
-def test_cars_go_round_the_dock_of_a_slow_arm(took_s: float, avoided: bool) -> None:
-    floor = served(took_s)
-    assert (floor.traffic.ways is not floor.traffic.tables) is avoided
-
-
-def test_an_arm_that_is_quick_again_is_passed_again() -> None:
-    """After 12.5 s its mean of the last four falls below 9 s with the second service of 5 s: (12.5 + 5) / 2 = 8.75."""
-    floor = served(12.5)
-    station = floor.stations[0]
-    task = floor.task("a")
-    for state in (TaskState.READY, TaskState.ASSIGNED):
-        floor.board.move(task, state, 30.0, "by hand")
-    floor.services.begin(station, 0, task, 30.0)
-    floor.stations.times.complete(0)
-    floor.services.end(station, 35.0)
-    assert floor.traffic.ways is floor.traffic.tables
+def test_cars_that_only_pass_go_round_all_docks() -> None:
+    """For plans, a dock is further away from anywhere else than it is; cells in the open are not."""
+    floor = Floor()
+    goal = floor.state(3, 5)
+    far = floor.traffic.ways.to(goal) >= floor.traffic.tables.to(goal) + DETOUR_TIMESTEPS
+    assert far[floor.stations.dock_states].all()
+    assert not far[[floor.state(2, 5), floor.state(3, 6)]].any()

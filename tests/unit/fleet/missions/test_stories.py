@@ -22,11 +22,9 @@ def test_every_phase_has_its_states() -> None:
 
 def test_a_delivery_from_its_release_to_its_end() -> None:
     floor = Floor(orders=[delivery("a")])
-    slots = floor.slots
-    floor.release()
     steps = []
-    floor.missions.changed = slots.tick(0.0)
-    floor.assignments.give_out(0, 0.0, plan_filling=True)
+    assert floor.backlog.release(0.0)
+    floor.assignments.give_out(0, 0.0, exchange=False)
     task = floor.task("a")
     steps.append((floor.missions.phase[0], task.state))
     check(floor)
@@ -51,7 +49,7 @@ def test_a_delivery_from_its_release_to_its_end() -> None:
         (CarPhase.UNLOADING, TaskState.UNLOADING),
         (CarPhase.IDLE, TaskState.DELIVERED),
     ]
-    slots.tick(7.5)
+    floor.slots.collect(7.5)
     assert floor.board.finished
     assert floor.inventory.balance() == 0
     floor.parking.send(80)
@@ -70,7 +68,7 @@ def test_a_car_that_leaves_service_with_any_task(phase: CarPhase, state: str | N
     elif state is not None:
         floor.carried("a", car=0)
     if state in ("loading", "unloading"):
-        floor.come(0)
+        floor.arrive(0)
     if state in ("carried", "unloading"):
         floor.lay_in_tray(floor.task("a"), 0)
     floor.docks.tick(0, 0.0)

@@ -10,16 +10,15 @@ from tests.unit.fleet.missions.floor import Floor, delivery, visit
 CHARGER_1, CHARGER_2, PARKING_4 = 4, 5, 9
 
 
-def test_visits_become_ready_when_nothing_comes_before_them() -> None:
-    floor = Floor(orders=[visit("v", "parking_4"), visit("w", "parking_5", after=("v",)), delivery("a")])
-    floor.release()
-    floor.visit_queue.release(0.0)
-    assert [task.state for task in floor.board.tasks] == [TaskState.READY, TaskState.BACKLOG, TaskState.BACKLOG]
-    floor.visit_queue.release(1.0)  # nobody's turn has come
-    for state in (TaskState.ASSIGNED, TaskState.VISITING, TaskState.DONE):
-        floor.board.move(floor.task("v"), state, 2.0, "by hand")
-    floor.visit_queue.release(2.0)
-    assert floor.task("w").state is TaskState.READY
+def test_visits_that_are_ready_are_told_in_the_order_in_which_their_turn_came() -> None:
+    floor = Floor(orders=[visit("v", "parking_4"), visit("w", "parking_5"), delivery("a"), visit("x", "parking_5")])
+    for name in "wav":
+        floor.ready(name)
+    assert [task.order.name for task in floor.visit_queue.ready()] == ["w", "v"]
+    floor.board.move(floor.task("w"), TaskState.ASSIGNED, 1.0, "by hand")
+    assert [task.order.name for task in floor.visit_queue.ready()] == ["v"]
+    floor.board.move(floor.task("w"), TaskState.READY, 2.0, "by hand")
+    assert [task.order.name for task in floor.visit_queue.ready()] == ["v", "w"]
 
 
 def test_chargers_are_left_to_visits_that_found_no_room() -> None:
@@ -39,18 +38,15 @@ def test_blocked_chargers_are_not_kept_and_those_that_somebody_waits_for_are() -
     floor.reasons.note(floor.ready("v"), TaskReason.STATION_FULL, "full", 0.0)
     floor.block(floor.places.cells[CHARGER_1])
     assert floor.visit_queue.chargers_wanted() == {CHARGER_2}
-    floor.reasons.assigned(floor.task("v"))
+    floor.reasons.forget(floor.task("v"))
     floor.missions.bind(0, CHARGER_2)
     assert floor.visit_queue.chargers_wanted() == {CHARGER_2}
 
 
 def test_without_visits_no_charger_is_wanted() -> None:
     floor = Floor(orders=[delivery("a")])
-    floor.release()
-    floor.visit_queue.release(0.0)
-    floor.missions.bind(0, CHARGER_1)
+    floor.reasons.note(floor.ready("a"), TaskReason.STATION_FULL, "full", 0.0)
     assert floor.visit_queue.chargers_wanted() == set()
-    assert floor.task("a").state is TaskState.BACKLOG
 
 
 def test_the_rest_of_a_visit_is_its_moves_between_errands_and_its_stands() -> None:

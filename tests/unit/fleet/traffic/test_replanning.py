@@ -13,7 +13,7 @@ from fleet.errors import ConfigError
 from fleet.traffic.executor import Executor
 from fleet.traffic.replanning import Traffic
 from tests.unit.fleet.traffic.drivers import Drivers
-from tests.unit.planners.mapf.lanes import one_way_loop
+from tests.unit.planners.mapf.lanes import one_way_loop, open_grid
 
 WORLD: Any = SimpleNamespace(tick_s=0.1)
 
@@ -99,3 +99,20 @@ def test_what_changes_the_floor_throws_the_late_plan_away() -> None:
 def test_a_budget_that_is_none_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"traffic.iterations_n is 0; valid: an integer >= 1"):
         TrafficConfig(iterations_n=0)
+
+
+def test_avoided_cells_are_passed_only_where_there_is_no_other_way() -> None:
+    """A grid of 2 x 3 cells: from 0 to 2 the way leads through 1, or round it through 3."""
+    graph, settings = open_grid(2, 3), TrafficConfig()
+    driver: Any = Drivers()
+    executor = Executor(graph, np.array([0], dtype=np.int32), driver, settings, lambda kind, **facts: None)
+    traffic = Traffic(graph, executor, settings, WORLD.tick_s, seed=0)
+    assert traffic.next_cell(0, 2) == 1
+    traffic.avoid([1])
+    assert traffic.next_cell(0, 2) == 3
+    assert traffic.next_cell(0, 1) == 1  # is the goal
+    assert traffic.tables.to(2)[0] == 2  # as far as it is
+    traffic.set_blocked(4, True)
+    assert traffic.next_cell(0, 2) == 1
+    traffic.set_blocked(4, False)
+    assert traffic.next_cell(0, 2) == 3

@@ -25,7 +25,7 @@ def delivered(now_s: float = 10.0) -> Floor:
 
 def test_a_parcel_enters_just_above_the_middle_of_its_slot() -> None:
     floor = Floor(orders=[delivery("a")])
-    task = floor.ready("a")
+    task = floor.shelved("a")
     x, y, z = floor.stations.named("pick_1").place.slots[0]
     np.testing.assert_allclose(floor.inventory.pose(task), [x, y, z + SIZE_M[2] / 2 + DROP_M, 0, 0, 0, 1])
     assert floor.world.masses[task.parcel] == 0.5
@@ -37,7 +37,7 @@ def test_a_parcel_enters_just_above_the_middle_of_its_slot() -> None:
 def test_parcels_that_are_put_down_anyhow_lie_near_the_middle() -> None:
     floor = Floor(orders=[delivery(f"o{k}") for k in range(4)], askew=np.random.default_rng(1))
     slots = floor.stations.named("pick_1").place.slots
-    off = np.array([floor.inventory.pose(floor.ready(f"o{k}"))[:2] - slots[k, :2] for k in range(4)])
+    off = np.array([floor.inventory.pose(floor.shelved(f"o{k}"))[:2] - slots[k, :2] for k in range(4)])
     assert (np.abs(off) <= ASKEW_M).all()
     assert len(np.unique(off)) == 8
 
@@ -52,7 +52,7 @@ def test_a_task_without_a_slot_cannot_enter() -> None:
 @pytest.mark.parametrize(("off_m", "lift_m", "stands"), [(0.049, 0.0, True), (0.051, 0.0, False), (0.0, 0.016, False)])
 def test_a_parcel_is_on_a_slot_within_5_cm_and_15_mm_of_height(off_m: float, lift_m: float, stands: bool) -> None:
     floor = Floor(orders=[delivery("a")])
-    task, station = floor.ready("a"), floor.stations[0]
+    task, station = floor.shelved("a"), floor.stations[0]
     floor.lay_on_slot(task, 0, "pick_1")
     floor.world.poses[0][0] += off_m
     floor.world.poses[0][2] += lift_m
@@ -61,7 +61,7 @@ def test_a_parcel_is_on_a_slot_within_5_cm_and_15_mm_of_height(off_m: float, lif
 
 def test_no_parcel_is_on_no_slot() -> None:
     floor = Floor(orders=[delivery("a")])
-    assert not floor.inventory.on_slot(floor.ready("a"), None, floor.stations[0])
+    assert not floor.inventory.on_slot(floor.shelved("a"), None, floor.stations[0])
 
 
 def test_a_box_on_its_edge_is_as_high_as_it_is_turned() -> None:
@@ -75,7 +75,7 @@ def test_a_box_on_its_edge_is_as_high_as_it_is_turned() -> None:
 def test_a_parcel_beside_a_slot_obstructs_it_where_another_could_not_stand() -> None:
     """Half of the longest edge there is and of the diagonal of this box: (0.1 + 0.0877) / 2 = 0.0939 m."""
     floor = Floor(orders=[delivery("a")])
-    task, station = floor.ready("a"), floor.stations[0]
+    task, station = floor.shelved("a"), floor.stations[0]
     found = []
     for off_m in (0.093, 0.095):
         floor.lay_on_slot(task, 0, "pick_1")
@@ -88,7 +88,7 @@ def test_a_parcel_beside_a_slot_obstructs_it_where_another_could_not_stand() -> 
 
 def test_a_parcel_is_in_the_tray_of_the_car_it_lies_in() -> None:
     floor = Floor(orders=[delivery("a")])
-    task = floor.ready("a")
+    task = floor.shelved("a")
     assert not floor.inventory.tray_is_loaded(1)
     floor.lay_in_tray(task, 1)
     assert [floor.inventory.in_tray(task, car) for car in (0, 1)] == [False, True]
@@ -100,7 +100,7 @@ def test_a_parcel_is_in_the_tray_of_the_car_it_lies_in() -> None:
 )
 def test_a_parcel_beside_or_over_a_tray_is_not_in_it(at: int, inside: bool) -> None:
     floor = Floor(orders=[delivery("a")])
-    task = floor.ready("a")
+    task = floor.shelved("a")
     floor.lay_in_tray(task, 0)
     x, y, yaw = floor.car_poses()[0]
     if at == 1:
@@ -132,31 +132,16 @@ def test_a_slot_whose_parcel_has_failed_is_not_collected() -> None:
 
 def test_a_cancelled_task_takes_its_parcel_out_of_the_warehouse() -> None:
     floor = Floor(orders=[delivery("a"), delivery("b")])
-    floor.inventory.withdraw(floor.ready("a"), 1.0, "by hand")
+    floor.inventory.withdraw(floor.shelved("a"), 1.0, "by hand")
     floor.inventory.withdraw(floor.task("b"), 1.0, "by hand")
     assert [task.state for task in floor.board.tasks] == [TaskState.CANCELLED] * 2
     assert floor.stations[0].n_free == 4
     assert (floor.inventory.n_entered, floor.inventory.n_left, floor.inventory.balance()) == (1, 1, 0)
 
 
-def test_a_slot_that_was_promised_is_given_back_without_a_parcel() -> None:
-    floor = Floor(orders=[delivery("a")])
-    floor.release()
-    floor.task("a").pick_slot = floor.stations[0].take_slot(0)
-    floor.inventory.withdraw(floor.task("a"), 1.0, "by hand")
-    assert (floor.stations[0].n_free, floor.inventory.n_left) == (4, 0)
-
-
-def test_a_slot_that_is_left_goes_to_the_next_leg_that_begins_there() -> None:
+def test_a_slot_that_is_left_is_free_even_if_the_next_leg_begins_there() -> None:
     floor = Floor(orders=[delivery("a"), delivery("b", after=("a",), same_car_as="a")])
-    floor.inventory.vacate(floor.ready("a"))
-    assert floor.task("b").pick_slot == 0
-    assert floor.stations[0].contents == [1, None, None, None]
-
-
-def test_a_slot_that_is_left_is_free_if_the_next_leg_begins_elsewhere() -> None:
-    floor = Floor(orders=[delivery("a"), delivery("b", "pick_2", after=("a",), same_car_as="a")])
-    floor.inventory.vacate(floor.ready("a"))
+    floor.inventory.vacate(floor.shelved("a"))
     floor.inventory.vacate(floor.task("b"))  # has none
     assert (floor.stations[0].n_free, floor.task("b").pick_slot) == (4, None)
 
@@ -172,18 +157,21 @@ def test_the_books_are_right_in_every_state() -> None:
 
 
 def test_a_parcel_that_is_not_where_the_books_say_is_told() -> None:
-    floor = Floor(orders=[delivery("a"), delivery("b"), delivery("c"), delivery("d", "pick_2")])
+    orders = [delivery("a"), delivery("b"), delivery("c"), delivery("d", "pick_2"), delivery("e")]
+    floor = Floor(orders=orders)
     for name in ("a", "b", "d"):
-        floor.ready(name)
+        floor.shelved(name)
+    floor.ready("e")  # has no slot
     floor.lay_on_floor(floor.task("a"))
     floor.world.remove_parcel(1)
-    floor.world.poses[2] = floor.world.poses[0].copy()
+    floor.world.poses[2] = floor.world.poses[4] = floor.world.poses[0].copy()
     floor.lay_on_floor(floor.task("d"))
     floor.world.in_grip[1] = 3  # was fetched ahead
     assert floor.inventory.misplaced() == [
         "a: booked as ready, lies at (6.00, 3.00, 0.02)",
         "b: booked as ready, not in the world",
         "c: booked as backlog, in the world",
+        "e: booked as ready, in the world",
     ]
 
 

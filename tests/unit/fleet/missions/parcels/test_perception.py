@@ -38,13 +38,13 @@ def picture(floor: Floor, size_m: tuple[float, float, float] = SIZE_M, label: in
 
 def seeing() -> tuple[Floor, Task, SeenPoses]:
     floor = Floor(orders=[delivery("a")])
-    task = floor.ready("a")
+    task = floor.shelved("a")
     return floor, task, SeenPoses(floor.stations, CAR, floor.world, floor.inventory, floor.log)
 
 
 def test_true_poses_are_those_of_the_world() -> None:
     floor = Floor(orders=[delivery("a")])
-    task = floor.ready("a")
+    task = floor.shelved("a")
     sighting = TruePoses(floor.inventory).find(task, floor.stations[0])
     np.testing.assert_array_equal(sighting.pose, floor.world.poses[0])
     assert (sighting.size_m, sighting.reason) == (SIZE_M, "")

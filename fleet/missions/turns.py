@@ -1,0 +1,266 @@
+"""TakenTurns: arms booked in time: when each car that is bound for a station is served, and which times are left."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from fleet.missions.phases import PHASES, TO_STATION
+from fleet.missions.state import Missions
+from fleet.missions.ways import MOVE_S, Ways
+from fleet.tasks.board import NUMBER_OF_STATE, TaskState
+
+CHANGE_S = 3.0
+"""Time in which one car leaves a dock and the next one takes its place [s]; seen on shipped sites: 2.8 to 3.5 s."""
+
+_UNDER_WAY = np.array([phase in TO_STATION for phase in PHASES])
+_ASSIGNED, _LOADING = NUMBER_OF_STATE[TaskState.ASSIGNED], NUMBER_OF_STATE[TaskState.LOADING]
+
+Ints = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+
+class ArmPace(NamedTuple):
+    """How fast arms are, shape (n_stations,) each."""
+
+    cycle_s: Floats
+    """From one turn to the next while cars wait [s]."""
+    free_s: Floats
+    """Time until the arm can begin a turn [s]."""
+
+
+class TakenTurns(NamedTuple):
+    """When arms are taken, on a clock that starts now."""
+
+    first: Ints
+    """Where the turns of each station begin, and the end, shape (n_stations + 1,)."""
+    begin_s: Floats
+    """When each turn begins, ascending at each station, shape (n,) [s]."""
+    pace: ArmPace
+    """How long the turns are."""
+
+
+class StationArrivals(NamedTuple):
+    """Cars that come to stations."""
+
+    car: Ints
+    """The cars, shape (n,)."""
+    station: Ints
+    """Where each comes, ascending, shape (n,)."""
+    comes_s: Floats
+    """When it can be there, without traffic, shape (n,) [s]."""
+    waits: Bools
+    """True = it is not under way yet, and takes a turn that others leave, shape (n,)."""
+
+
+class GivenTurns(NamedTuple):
+    """Who has which turn."""
+
+    turn_s: Floats
+    """When the turn of each arrival begins, shape (n,) [s]."""
+    turns: TakenTurns
+    """The same, station by station."""
+
+
+class Booked(NamedTuple):
+    """All turns that are taken, and how well cars will be in time for them."""
+
+    turns: TakenTurns
+    early_s: Floats
+    """How long before its turn each car comes to the station it is bound for, shape (n_cars,) [s]."""
+
+
+class TurnBook:
+    """Books arms in time.
+
+    Cars under way are served as they come. One that is not under way yet gets the first time that is left for a whole
+    turn after it can be there, those that were bound for the station first before others.
+
+    Args:
+        missions: What cars and stations are about.
+        ways: How far cars are from stations.
+        least_cycle_s: Shortest time between turns whatever the arm does, shape (n_stations,) [s].
+    """
+
+    def __init__(self, missions: Missions, ways: Ways, least_cycle_s: Floats) -> None:
+        self._missions = missions
+        self._ways = ways
+        self._least_cycle_s = least_cycle_s
+
+    def pace(self, now_s: float) -> ArmPace:
+        """How fast the arms are at present."""
+        missions = self._missions
+        left_s = missions.stations.times.all_left_s(now_s)
+        cycle_s = np.maximum(missions.stations.recent_s() + CHANGE_S, self._least_cycle_s)
+        return ArmPace(cycle_s, np.where(missions.served >= 0, left_s + CHANGE_S, 0.0))
+
+    def bound(self) -> StationArrivals:
+        """All cars that are bound for stations and have not come to their turn yet."""
+        missions, stations = self._missions, self._missions.stations
+        cars, first = missions.bookings.in_line(len(stations))
+        station = np.repeat(np.arange(len(stations)), np.diff(first))
+        comes = missions.served[station] != cars
+        return self._arrivals(cars[comes], station[comes])
+
+    def bound_for(self, arm: int) -> StationArrivals:
+        """Those that are bound for one station."""
+        cars = np.array([car for car in self._missions.bookings.bound(arm) if car != self._missions.served[arm]])
+        return self._arrivals(cars.astype(np.int64), np.full(len(cars), arm))
+
+    def all(self, now_s: float) -> Booked:
+        """All turns that are taken, those at the drop stations of parcels that are still to be picked among them."""
+        missions, stations, pace = self._missions, self._missions.stations, self.pace(now_s)
+        bound = self.bound()
+        line = line_up(bound, pace)
+        early_s = np.zeros(missions.n_cars)
+        early_s[bound.car] = line.turn_s - bound.comes_s
+
+        leaves_s = np.full(missions.n_cars, np.inf)
+        picks = missions.task_state[bound.car] == _ASSIGNED
+        leaves_s[bound.car[picks]] = line.turn_s[picks] + pace.cycle_s[bound.station[picks]]
+        loading = (missions.task_state == _LOADING).nonzero()[0]
+        leaves_s[loading] = pace.free_s[missions.pick_of[loading]]
+        cars = (np.isfinite(leaves_s) & (missions.drop_of >= 0)).nonzero()[0]
+        pick, drop = missions.pick_of[cars], missions.drop_of[cars]
+        moves = self._ways.moves_each(stations.dock_states[pick], stations.dock_states[drop])
+
+        station = np.concatenate((bound.station, drop))
+        order = np.argsort(station, kind="stable")
+        everybody = StationArrivals(
+            np.concatenate((bound.car, cars))[order],
+            station[order],
+            np.concatenate((bound.comes_s, leaves_s[cars] + MOVE_S * moves.astype(np.float64)))[order],
+            np.concatenate((bound.waits, np.zeros(len(cars), dtype=np.bool_)))[order],
+        )
+        return Booked(line_up(everybody, pace).turns, early_s)
+
+    def _arrivals(self, cars: Ints, station: Ints) -> StationArrivals:
+        moves = self._ways.moves_each(self._ways.tails[cars], self._missions.stations.dock_states[station])
+        return StationArrivals(
+            cars, station, MOVE_S * moves.astype(np.float64), ~_UNDER_WAY[self._missions.phase_index[cars]]
+        )
+
+
+def line_up(arrivals: StationArrivals, pace: ArmPace) -> GivenTurns:
+    """Give each arrival its turn."""
+    turn_s, begin_s = np.empty(len(arrivals.car)), np.empty(len(arrivals.car))
+    first = np.searchsorted(arrivals.station, np.arange(len(pace.cycle_s) + 1))
+    _line_up(first, arrivals, pace, turn_s, begin_s)
+    return GivenTurns(turn_s, TakenTurns(first, begin_s, pace))
+
+
+def next_turns(turns: TakenTurns, station: int, n: int) -> Floats:
+    """The next so many turns that a station has left, shape (n,) [s]."""
+    begin_s = np.empty(n)
+    _next_turns(turns, station, begin_s)
+    return begin_s
+
+
+def first_turn(turns: TakenTurns, station: int, comes_s: float) -> float:
+    """When a car that comes to a station at some time could be served [s]."""
+    return float(_first_turn(turns, station, comes_s))
+
+
+class Deliveries(NamedTuple):
+    """Deliveries that cars could make, shape (n,) each."""
+
+    pick: Ints
+    drop: Ints
+    """Stations at which they begin and end."""
+    way_s: Floats
+    """Time on the way between [s]."""
+    not_before_s: Floats
+    """Time before which each is not begun, because others are [s]."""
+
+
+def waits(turns: TakenTurns, comes_s: Floats, deliveries: Deliveries) -> Floats:
+    """How long cars would wait for arms.
+
+    Args:
+        turns: What is taken.
+        comes_s: When each car can be where each delivery begins, shape (n_cars, n).
+        deliveries: What they could do.
+
+    Returns:
+        Time at both ends together, shape (n_cars, n) [s].
+    """
+    by_delivery = np.ascontiguousarray(comes_s.T)
+    waits_s = np.empty_like(by_delivery)
+    _waits(turns, by_delivery, deliveries, waits_s)
+    return waits_s.T
+
+
+@njit(cache=True, nogil=True)
+def _free_from(begin_s: Floats, comes_s: float, cycle_s: float) -> float:  # pragma: no cover - compiled
+    """The first time from an arrival on at which no turn of some is under way or begins before a whole one is over."""
+    low, high = 0, len(begin_s)
+    while low < high:
+        middle = (low + high) // 2
+        if begin_s[middle] <= comes_s - cycle_s:
+            low = middle + 1
+        else:
+            high = middle
+    free_s = comes_s
+    while low < len(begin_s) and begin_s[low] < free_s + cycle_s:
+        free_s = max(free_s, begin_s[low] + cycle_s)
+        low += 1
+    return free_s
+
+
+@njit(cache=True, nogil=True)
+def _first_turn(turns: TakenTurns, station: int, comes_s: float) -> float:  # pragma: no cover - compiled
+    taken = turns.begin_s[turns.first[station] : turns.first[station + 1]]
+    return _free_from(taken, max(comes_s, turns.pace.free_s[station]), turns.pace.cycle_s[station])
+
+
+@njit(cache=True, nogil=True)
+def _next_turns(turns: TakenTurns, station: int, begin_s: Floats) -> None:  # pragma: no cover - compiled
+    earliest_s = 0.0
+    for k in range(len(begin_s)):
+        begin_s[k] = _first_turn(turns, station, earliest_s)
+        earliest_s = begin_s[k] + turns.pace.cycle_s[station]
+
+
+@njit(cache=True, nogil=True)
+def _line_up(
+    first: Ints, arrivals: StationArrivals, pace: ArmPace, turn_s: Floats, begin_s: Floats
+) -> None:  # pragma: no cover - compiled
+    for station in range(len(first) - 1):
+        begin, end = first[station], first[station + 1]
+        cycle_s = pace.cycle_s[station]
+        key = np.empty(end - begin)
+        for k in range(begin, end):
+            key[k - begin] = np.inf if arrivals.waits[k] else arrivals.comes_s[k]
+        n = begin
+        for at in np.argsort(key, kind="mergesort"):
+            k = begin + at
+            comes_s = max(arrivals.comes_s[k], pace.free_s[station])
+            if arrivals.waits[k]:
+                turn_s[k] = _free_from(begin_s[begin:n], comes_s, cycle_s)
+            elif n == begin:
+                turn_s[k] = comes_s
+            else:
+                turn_s[k] = max(comes_s, begin_s[n - 1] + cycle_s)
+            j = n
+            while j > begin and begin_s[j - 1] > turn_s[k]:
+                begin_s[j] = begin_s[j - 1]
+                j -= 1
+            begin_s[j] = turn_s[k]
+            n += 1
+
+
+@njit(cache=True, nogil=True)
+def _waits(
+    turns: TakenTurns, comes_s: Floats, deliveries: Deliveries, waits_s: Floats
+) -> None:  # pragma: no cover - compiled
+    for k in range(comes_s.shape[0]):
+        pick, drop = deliveries.pick[k], deliveries.drop[k]
+        for car in range(comes_s.shape[1]):
+            comes = comes_s[k, car]
+            picked = _first_turn(turns, pick, max(comes, deliveries.not_before_s[k]))
+            arrives = picked + turns.pace.cycle_s[pick] + deliveries.way_s[k]
+            waits_s[k, car] = picked - comes + _first_turn(turns, drop, arrives) - arrives
