@@ -159,8 +159,10 @@ class CostModel:
         waits_s[:, columns] = waits(booked.turns, comes_s[:, columns], deliveries)
         column_of = {task.index: k for k, task in enumerate(tasks)}
         for car, task in held.items():
-            own = car, column_of[task.index]
-            waits_s[own] = min(waits_s[own], booked.early_s[car])  # its own turn does not keep it
+            # The turn that the car has goes with its task: it keeps neither the car nor who takes the task over.
+            column = column_of[task.index]
+            turn_s = comes_s[car, column] + booked.early_s[car]
+            waits_s[:, column] = np.minimum(waits_s[:, column], np.maximum(0.0, turn_s - comes_s[:, column]))
         return waits_s
 
     def _work(self, tasks: Sequence[Task], states: npt.NDArray[np.int32]) -> tuple[FloatArray, FloatArray, FloatArray]:

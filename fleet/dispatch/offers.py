@@ -72,7 +72,7 @@ class Offers:
         Args:
             cars: Cars that can take one, ascending, shape (n,).
             states: Lane-graph state in which each can begin, shape (n,).
-            turns: TakenTurns that are taken.
+            turns: Turns that are taken.
         """
         tasks: list[Task] = []
         not_before_s: list[float] = []

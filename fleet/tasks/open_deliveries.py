@@ -6,6 +6,7 @@ import math
 from bisect import bisect_left, insort
 from collections.abc import Callable, Hashable, Iterator
 from heapq import heapify, heappop, heapreplace
+from itertools import groupby, islice
 from operator import itemgetter
 
 from fleet.tasks.board import Task, TaskBoard, TaskState
@@ -100,18 +101,18 @@ class _Line:
         return not self._by_age
 
     def urgent(self) -> Iterator[Key]:
-        """The oldest and the one that is due first in turn, each task once."""
+        """Class by class, the one that is due first and the oldest in turn, each task once."""
         if not self._by_due:
             yield from self._by_age
             return
+        dues = {rank: iter(list(keys)) for rank, keys in groupby(self._by_due, itemgetter(0))}
         told: set[int] = set()
-        for k, oldest in enumerate(self._by_age):
+        for oldest in self._by_age:
             # Against other kinds, what is due soon counts as old as the oldest that it goes along with.
-            pair = sorted((*self._by_due[k : k + 1], oldest), key=itemgetter(0))
-            for rank, _, index in pair:
+            for _, _, index in (*islice(dues.get(oldest[0], iter(())), 1), oldest):
                 if index not in told:
                     told.add(index)
-                    yield rank, oldest[1], index
+                    yield oldest[0], oldest[1], index
 
 
 def _age(task: Task) -> Key:
