@@ -159,10 +159,10 @@ class CostModel:
         waits_s[:, columns] = waits(booked.turns, comes_s[:, columns], deliveries)
         column_of = {task.index: k for k, task in enumerate(tasks)}
         for car, task in held.items():
-            # The turn that the car has goes with its task: it keeps neither the car nor who takes the task over.
-            column = column_of[task.index]
-            turn_s = comes_s[car, column] + booked.early_s[car]
-            waits_s[:, column] = np.minimum(waits_s[:, column], np.maximum(0.0, turn_s - comes_s[:, column]))
+            # Its own turn does not keep it. Who would take the task over is kept by it: without that brake, tasks of a
+            # fleet that sets off at once change hands so often that 300 cars deliver an eighth less.
+            own = car, column_of[task.index]
+            waits_s[own] = min(waits_s[own], booked.early_s[car])
         return waits_s
 
     def _work(self, tasks: Sequence[Task], states: npt.NDArray[np.int32]) -> tuple[FloatArray, FloatArray, FloatArray]:
