@@ -88,7 +88,7 @@ class TaskAllocation:
         offered, full = self._offers.with_room(costs, n)
         columns = [*offered, *range(n, len(costs.tasks))]
         column_of, later, answer = self._allocate(costs, columns, held, soon)
-        self._keep_reasons(costs, answer, full, soon, column_of, later)
+        self._keep_reasons(costs, answer, full, soon, column_of, later, anew=situation.exchange)
         taken, given = [], []
         for car, task in held.items():
             if column_of[car] < 0 or costs.tasks[column_of[car]] is not task:
@@ -145,8 +145,13 @@ class TaskAllocation:
         soon: npt.NDArray[np.bool_],
         column_of: npt.NDArray[np.int64],
         later: Mapping[int, int],
+        *,
+        anew: bool,
     ) -> None:
-        """Keep how the cars were judged for each task, and say why those tasks wait that nobody got."""
+        """Keep how the cars were judged for each task, and say why those tasks wait that nobody got.
+
+        Of those that have been told why before it is found out anew only now and then: it seldom changes.
+        """
         takers = np.flatnonzero(column_of >= 0)
         taker_of = np.full(len(costs.tasks), -1)
         taker_of[column_of[takers]] = takers
@@ -165,6 +170,8 @@ class TaskAllocation:
         self._reasons.keep(judged)
         for column in np.flatnonzero(taker_of < 0).tolist():
             task = costs.tasks[column]
+            if not anew and column not in later and self._reasons.present(task) is not None:
+                continue
             if column in later:
                 car = later[column]
                 text = f"car_{car} is to take it, and will be free in {costs.free_s[car]:.0f} s"

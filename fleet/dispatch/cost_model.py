@@ -122,7 +122,15 @@ class CostModel:
             for k, task in enumerate(tasks):
                 self._refuse_low(self._charging, codes[:, k], task, moves[:, k])
         travel_s = free_s[:, None] + moves * MOVE_S
-        waits_s = self._waits(tasks, travel_s, n_rest_moves * MOVE_S, not_before_s, situation.held, booked)
+        way_s, able = n_rest_moves * MOVE_S, (out == CAN_TAKE).nonzero()[0]
+        waits_s = np.zeros_like(travel_s)
+        waits_s[able] = self._waits(tasks, travel_s[able], way_s, not_before_s, booked)
+        column_of = {task.index: k for k, task in enumerate(tasks)}
+        for car, task in situation.held.items():
+            # Its own turn does not keep it. Who would take the task over is kept by it: without that brake, tasks of a
+            # fleet that sets off at once change hands so often that 300 cars deliver an eighth less.
+            own = car, column_of[task.index]
+            waits_s[own] = min(waits_s[own], booked.early_s[car])
         cost_s, pressure_s = task_costs(
             travel_s=travel_s + waits_s,
             rest_s=n_rest_moves * MOVE_S,
@@ -146,10 +154,9 @@ class CostModel:
         comes_s: FloatArray,
         way_s: FloatArray,
         not_before_s: FloatArray,
-        held: Mapping[int, Task],
         booked: Booked,
     ) -> FloatArray:
-        """How long cars would wait for arms, shape (n_cars, n_tasks) [s]; nobody waits on a visit."""
+        """How long cars that come at some times would wait for arms, shape of `comes_s`; nobody waits on a visit."""
         waits_s = np.zeros_like(comes_s)
         columns = np.array([k for k, task in enumerate(tasks) if task.visit is None], dtype=np.intp)
         if not columns.size:
@@ -157,12 +164,6 @@ class CostModel:
         ends = self._stations.arms_of([(tasks[k].pick, tasks[k].delivery.drop) for k in columns.tolist()])
         deliveries = Deliveries(ends[:, 0], ends[:, 1], way_s[columns], not_before_s[columns])
         waits_s[:, columns] = waits(booked.turns, comes_s[:, columns], deliveries)
-        column_of = {task.index: k for k, task in enumerate(tasks)}
-        for car, task in held.items():
-            # Its own turn does not keep it. Who would take the task over is kept by it: without that brake, tasks of a
-            # fleet that sets off at once change hands so often that 300 cars deliver an eighth less.
-            own = car, column_of[task.index]
-            waits_s[own] = min(waits_s[own], booked.early_s[car])
         return waits_s
 
     def _work(self, tasks: Sequence[Task], states: npt.NDArray[np.int32]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -37,7 +37,7 @@ class Offers:
     """Says which tasks may be given out.
 
     However many deliveries wait, of each station only so many are looked at as cars could take before the furthest of
-    them arrives.
+    them arrives, and no more than twice its share of the cars.
 
     Args:
         missions: Tells of stations.
@@ -79,10 +79,11 @@ class Offers:
         offered: set[int] = set()
         moves = self._ways.moves_to(states, self._docks) if len(cars) else np.zeros((len(self._docks), 1))
         far_s = MOVE_S * np.where(moves < UNREACHABLE, moves, 0).max(axis=1)
+        share = min(len(cars), -(-2 * len(cars) // max(1, len(self._loading))))
         for station, longest_s in zip(self._loading, far_s.tolist(), strict=True):
             n_turns = int(longest_s / turns.pace.cycle_s[station.arm]) + 1
             urgent = self._open.urgent(station.name, lambda task: self._fitness.fits_any(task, cars))
-            here = self._first(urgent, min(len(cars), n_turns) + N_SPARE, cars)
+            here = self._first(urgent, min(share, n_turns) + N_SPARE, cars)
             begin_s = next_turns(turns, station.arm, len(here)).tolist()
             for task in here:
                 if task.index in offered:

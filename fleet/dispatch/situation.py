@@ -62,6 +62,9 @@ class Situation:
     free_s: npt.NDArray[np.float64]
     """Time until then, inf where that is not known, or the car can take a task now, shape (n_cars,) [s]."""
 
+    exchange: bool
+    """Whether tasks that are not picked yet may change hands."""
+
     def soon(self, soon_s: float) -> npt.NDArray[np.bool_]:
         """Cars that cannot take a task now, and can in so many seconds, shape (n_cars,)."""
         soon: npt.NDArray[np.bool_] = np.isfinite(self.free_s) & (self.free_s <= soon_s)
@@ -95,7 +98,9 @@ def situation_of(
     can_take[list(held)] = True
     standing = np.where(can_take, np.int8(CAN_TAKE), _STANDING_CODES[phase])
     free_state, free_s = _when_free(missions, ways, ~can_take & _SOON_FREE[phase] & (missions.drop_of >= 0), now_s)
-    return Situation(standing=standing, held=held, kept=missions.kept(), state=free_state, free_s=free_s)
+    return Situation(
+        standing=standing, held=held, kept=missions.kept(), state=free_state, free_s=free_s, exchange=exchange
+    )
 
 
 def _when_free(
