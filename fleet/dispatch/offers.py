@@ -77,7 +77,8 @@ class Offers:
         tasks: list[Task] = []
         not_before_s: list[float] = []
         offered: set[int] = set()
-        moves = self._ways.moves_to(states, self._docks) if len(cars) else np.zeros((len(self._docks), 1))
+        known = len(cars) > 0 and len(self._docks) > 0
+        moves = self._ways.moves_to(states, self._docks) if known else np.zeros((len(self._docks), 1))
         far_s = MOVE_S * np.where(moves < UNREACHABLE, moves, 0).max(axis=1)
         share = min(len(cars), -(-2 * len(cars) // max(1, len(self._loading))))
         for station, longest_s in zip(self._loading, far_s.tolist(), strict=True):
