@@ -149,7 +149,7 @@ def assemble(
     driver = parts.driver(setup, world, config, np.random.default_rng(estimate_seed))
     executor = Executor(graph, setup.start_states, driver, config.traffic, log)
     seed = int(traffic_seed.generate_state(1)[0])
-    traffic = parts.traffic(graph, executor, config.traffic, clock.tick_s, seed, setup.tables)
+    traffic = parts.traffic(graph, executor, config.traffic, clock.tick_s, seed, setup.distances)
 
     # What is to be done, and the state of those who do it.
     board = TaskBoard(book.orders)

@@ -21,7 +21,7 @@ class Services:
     Args:
         missions: What cars and arms are about.
         graph: Lane graph.
-        traffic: Told who stands fixed, and which docks are closed or to be gone round.
+        traffic: Told who stands fixed, and which docks are closed.
         world: Told who is served.
     """
 
@@ -30,8 +30,6 @@ class Services:
         self._traffic = traffic
         self._world = world
         self._cell_of: list[int] = graph.state_cell[missions.stations.dock_states].tolist()
-        # Cars that only pass would stand behind those that are served, and in the way of those that come next.
-        traffic.avoid(self._cell_of)
         self._car_of: dict[int, int] = {}  # by arm, in the order in which the services began
 
     @property

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import RunConfig, require
+from fleet.traffic.floor_distances import FloorDistances
 from fleet.world.protocol import World
 from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, load_site
-from planners.mapf.distance_table import DistanceTable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class RunSetup:
     start_states: npt.NDArray[np.int32]
     """Lane-graph state of each car at the start, shape (n_cars,)."""
     scene: Scene
-    tables: DistanceTable
+    distances: FloorDistances
     """Distances with nothing blocked."""
     world: World | None = None
     """The world to run in, as it was when it was made; None = a new one."""
@@ -52,5 +52,5 @@ class RunSetup:
             graph=graph,
             start_states=start_states,
             scene=scene_of(site, graph.state_pose[start_states], config.grip, config.arms),
-            tables=DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)),
+            distances=FloorDistances(graph, [place.dock.cell for place in site.stations]),
         )

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from fleet.config import TrafficConfig
 from fleet.traffic.executor import Executor
+from fleet.traffic.floor_distances import FloorDistances
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
@@ -38,7 +39,7 @@ class Traffic:
         config: Planner, window, period, latency and budget.
         tick_s: Length of a tick [s].
         seed: Seed of the planner's tie-breaking.
-        tables: Distances of the graph with nothing blocked, that other runs know already; None = to be found.
+        free: Distances of the floor with nothing blocked, that other runs know already; None = without docks.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class Traffic:
         config: TrafficConfig,
         tick_s: float,
         seed: int,
-        tables: DistanceTable | None = None,
+        free: FloorDistances | None = None,
     ) -> None:
         n_cars = len(executor.tail_states())
         self.graph = graph
@@ -64,15 +65,12 @@ class Traffic:
         """Cells nobody may be sent into."""
         self._n_blocks = np.zeros(graph.n_cells, dtype=np.int64)
         self._dead_cells: dict[int, list[int]] = {}
-        self._avoided = np.zeros(graph.n_cells, dtype=np.bool_)
         self.wreck_of = np.full(graph.n_cells, NO_CAR, dtype=np.int32)
         """The dead car that blocks each cell, shape (n_cells,)."""
         self.landed_goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
         """The goals that the last plan was made for, shape (n_cars,)."""
-        self._free_tables = DistanceTable(graph, self.blocked) if tables is None else tables
-        self.tables = self._free_tables
-        """Exact distances past all that is blocked."""
-        self._ways = self.tables
+        self._free = FloorDistances(graph, ()) if free is None else free
+        self._distances = self._free
         self.n_plans = 0
         self.priorities = np.zeros(n_cars)
         """What the last request ranked the cars by, the greatest first to go."""
@@ -123,9 +121,14 @@ class Traffic:
         return int(self.tables.to(goal)[state]) < UNREACHABLE
 
     @property
+    def tables(self) -> DistanceTable:
+        """Exact distances past all that is blocked."""
+        return self._distances.exact
+
+    @property
     def ways(self) -> DistanceTable:
         """The distances that plans are made with; another object whenever they have changed."""
-        return self._ways
+        return self._distances.around
 
     def next_plan_tick(self, car: int, tick: int) -> int:
         """When the next plan lands that knows where a car is to go."""
@@ -136,12 +139,12 @@ class Traffic:
 
     def next_cell(self, state: int, goal: int) -> int:
         """The cell that comes next on the shortest way from a state to a goal, `NO_CELL` if there is no way."""
-        return self._step(self._ways, state, goal)[0]
+        return self._step(self.ways, state, goal)[0]
 
     def obstacle(self, state: int, goal: int) -> int:
         """The first blocked cell on what would be the shortest way to a goal, `NO_CELL` if there would be none."""
         while state != goal:
-            cell, state = self._step(self._free_tables, state, goal)
+            cell, state = self._step(self._free.exact, state, goal)
             if cell == NO_CELL or self.blocked[cell]:
                 return cell
         return NO_CELL
@@ -158,19 +161,8 @@ class Traffic:
     def _count_blocked(self, cells: list[int], change: int) -> None:
         self._n_blocks[cells] += change
         self.blocked = self._n_blocks > 0
-        self._set_tables()
+        self._distances = self._free.past(self.blocked)
         self.discard()
-
-    def avoid(self, cells: list[int]) -> None:
-        """Pass through some cells only where there is no other way, because others stand there for long."""
-        self._avoided[cells] = True
-        self._set_tables()
-
-    def _set_tables(self) -> None:
-        self.tables = DistanceTable(self.graph, self.blocked) if self.blocked.any() else self._free_tables
-        self._ways = self.tables
-        if self._avoided.any():
-            self._ways = DistanceTable(self.graph, self.blocked, avoid=self._avoided)
 
     def discard(self) -> None:
         """Throw away the plan that has not landed yet, because it rests on what is no longer so, and ask anew."""
@@ -211,4 +203,4 @@ class Traffic:
             allow_rotation=False,
             horizon=self._config.horizon_n,
         )
-        return self._planner.plan(instance, self._ways, Deadline(self._config.iterations_n))
+        return self._planner.plan(instance, self.ways, Deadline(self._config.iterations_n))

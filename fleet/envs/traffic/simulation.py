@@ -18,9 +18,9 @@ from fleet.envs.traffic.view import TrafficView
 from fleet.simulation import Simulation
 from fleet.tasks.order import Delivery
 from fleet.traffic.executor import Executor
+from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.replanning import NO_GOAL, Traffic
 from maps.lane_graph import LaneGraph
-from planners.mapf.distance_table import DistanceTable
 from planners.mapf.problem import Plan
 from planners.status import Status
 
@@ -42,9 +42,9 @@ class AgentTraffic(Traffic):
         config: TrafficConfig,
         tick_s: float,
         seed: int,
-        tables: DistanceTable | None = None,
+        free: FloorDistances | None = None,
     ) -> None:
-        super().__init__(graph, executor, config, tick_s, seed, tables)
+        super().__init__(graph, executor, config, tick_s, seed, free)
         self.wanted: Ints | None = None
         """Where each car wishes to go; None once that is decided."""
         self.granted = np.ones(len(self.goals), dtype=np.bool_)

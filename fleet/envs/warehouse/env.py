@@ -278,7 +278,7 @@ class WarehouseEnv(FleetEnv):
     def _copied(self, episode: WarehouseEpisode) -> WarehouseEpisode:
         """A copy that shares what lasts from episode to episode."""
         ground = self._opened()
-        parts = ground.site, ground.graph, ground.graph.state_pose, ground.scene, ground.tables, ground.world
+        parts = ground.site, ground.graph, ground.graph.state_pose, ground.scene, ground.distances, ground.world
         lasting = (*parts, self._planner, self._run_config)
         return copy.deepcopy(episode, {id(thing): thing for thing in lasting})
 

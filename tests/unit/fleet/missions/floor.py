@@ -54,6 +54,7 @@ from fleet.tasks.open_deliveries import OpenDeliveries
 from fleet.tasks.order import Ability, Delivery, Order, Visit
 from fleet.tasks.reasons import ReasonBook
 from fleet.traffic.executor import Executor
+from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.replanning import Traffic
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, site_from_plan
@@ -256,7 +257,8 @@ class Floor:
         self.world.cars = self.car_poses
         config = TrafficConfig()
         self.executor = Executor(self.graph, starts, self.driver, config, self.log)
-        self.traffic = Traffic(self.graph, self.executor, config, TICK_S, seed=0)
+        distances = FloorDistances(self.graph, [station.place.dock.cell for station in self.stations])
+        self.traffic = Traffic(self.graph, self.executor, config, TICK_S, seed=0, free=distances)
         self.board = TaskBoard(self.orders)
         self.places = Places(self.site, self.graph, self.stations)
         n_stations = len(self.stations)

@@ -11,6 +11,7 @@ import pytest
 from fleet.config import TrafficConfig
 from fleet.errors import ConfigError
 from fleet.traffic.executor import Executor
+from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.replanning import Traffic
 from tests.unit.fleet.traffic.drivers import Drivers
 from tests.unit.planners.mapf.lanes import one_way_loop, open_grid
@@ -106,9 +107,8 @@ def test_avoided_cells_are_passed_only_where_there_is_no_other_way() -> None:
     graph, settings = open_grid(2, 3), TrafficConfig()
     driver: Any = Drivers()
     executor = Executor(graph, np.array([0], dtype=np.int32), driver, settings, lambda kind, **facts: None)
-    traffic = Traffic(graph, executor, settings, WORLD.tick_s, seed=0)
-    assert traffic.next_cell(0, 2) == 1
-    traffic.avoid([1])
+    assert Traffic(graph, executor, settings, WORLD.tick_s, seed=0).next_cell(0, 2) == 1
+    traffic = Traffic(graph, executor, settings, WORLD.tick_s, seed=0, free=FloorDistances(graph, [1]))
     assert traffic.next_cell(0, 2) == 3
     assert traffic.next_cell(0, 1) == 1  # is the goal
     assert traffic.tables.to(2)[0] == 2  # as far as it is
