@@ -156,6 +156,11 @@ def _phase(simulation: Simulation, car: int) -> CarPhase:
     return simulation.missions.phase[car]
 
 
+def _is_cut_off(simulation: Simulation, car: int) -> bool:
+    """Whether car_0 is dead, and another has not got past it."""
+    return _phase(simulation, 0) is CarPhase.DEAD and _phase(simulation, car) is not CarPhase.TO_DROP
+
+
 def _bound_for(simulation: Simulation, car: int, arm: int) -> bool:
     """Whether a car is to be served by an arm, and is not yet."""
     waits = _phase(simulation, car) in (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD)
@@ -244,14 +249,10 @@ SITUATIONS: dict[str, Situation] = {
         orders=_FIELDS + _deliveries(6),
         robots=("car_1", "car_2"),
         holds=lambda simulation, car: (
-            _phase(simulation, 0) is CarPhase.DEAD
-            and _phase(simulation, car) is not CarPhase.TO_DROP
             # Who has just been sent elsewhere waits for a plan.
-            and simulation.traffic.landed_goals[car] == simulation.traffic.goals[car]
+            _is_cut_off(simulation, car) and simulation.traffic.landed_goals[car] == simulation.traffic.goals[car]
         ),
-        may_hold=lambda simulation, car: (
-            _phase(simulation, 0) is CarPhase.DEAD and _phase(simulation, car) is not CarPhase.TO_DROP
-        ),
+        may_hold=_is_cut_off,
         is_root=lambda said: said.root.robot == "car_0" and said.root.detail == "dead",
     ),
     "slow arm": Situation(

@@ -77,9 +77,8 @@ class TaskAllocation:
         held, soon_s = situation.held, self._solver.soon_s
         soon = situation.soon(soon_s)
         cars = ((situation.standing == CAN_TAKE) | soon).nonzero()[0]
-        states = np.where(soon, situation.state, self._cost_model.tails)[cars].astype(np.int32)
         booked = self._turns.all(now_s)
-        offer = self._offers.of(cars, states, booked.turns)
+        offer = self._offers.of(cars, situation.begins(soon_s)[cars], booked.turns)
         n = len(offer.tasks)
         if not n and len(held) < 2:
             return Choice(taken=[], given=[])

@@ -88,11 +88,6 @@ class CostModel:
         self._fitness = fitness
         self._charging = charging
 
-    @property
-    def tails(self) -> npt.NDArray[np.int32]:
-        """State in which each car that is free begins, shape (n_cars,)."""
-        return self._ways.tails
-
     def of(
         self,
         tasks: list[Task],
@@ -113,7 +108,7 @@ class CostModel:
             now_s: Simulated time [s].
         """
         soon = situation.soon(soon_s)
-        states = np.where(soon, situation.state, self._ways.tails).astype(np.int32)
+        states = situation.begins(soon_s)
         free_s = np.where(soon, situation.free_s, 0.0)
         out = np.where(soon, CAN_TAKE, situation.standing)
         moves, n_rest_moves, service_s = self._work(tasks, states)

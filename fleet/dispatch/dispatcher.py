@@ -20,7 +20,8 @@ from fleet.tasks.backlog import Backlog
 REVIEW_S = 0.5
 """Time between two looks at what cannot go on, and two allocations if tasks or cars have changed [s]."""
 PRICE_S = 5.0
-"""Longest time between two allocations: costs change while cars drive [s]."""
+"""Longest time between two allocations, as costs change while cars drive, and time from one in which tasks may change
+hands to the next [s]."""
 CALL_S = 0.25
 """Time between two looks at the cars that are held back [s]."""
 

@@ -15,7 +15,6 @@ from fleet.missions.turns import TakenTurns, first_turn, next_turns
 from fleet.missions.visit_queue import VisitQueue
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.ways import MOVE_S, Ways
-from fleet.stations.station import Station
 from fleet.tasks.board import Task
 from fleet.tasks.open_deliveries import OpenDeliveries
 from planners.mapf.distance_table import UNREACHABLE
@@ -77,9 +76,8 @@ class Offers:
         tasks: list[Task] = []
         not_before_s: list[float] = []
         offered: set[int] = set()
-        known = len(cars) > 0 and len(self._docks) > 0
-        moves = self._ways.moves_to(states, self._docks) if known else np.zeros((len(self._docks), 1))
-        far_s = MOVE_S * np.where(moves < UNREACHABLE, moves, 0).max(axis=1)
+        moves = self._ways.moves_to(states, self._docks)
+        far_s = MOVE_S * np.where(moves < UNREACHABLE, moves, 0).max(axis=1, initial=0)
         share = min(len(cars), -(-2 * len(cars) // max(1, len(self._loading))))
         for station, longest_s in zip(self._loading, far_s.tolist(), strict=True):
             n_turns = int(longest_s / turns.pace.cycle_s[station.arm]) + 1
@@ -146,9 +144,7 @@ class Offers:
         def takes_s(name: str) -> float:
             station = self._stations.named(name)
             comes_s = MOVE_S * float(self._ways.moves(self._ways.tails, station.dock_state).min())
-            return first_turn(turns, station.arm, comes_s) + MOVE_S * self._way(station, drop)
+            n_moves_on = self._ways.between(station.dock_state, drop.dock_state)
+            return first_turn(turns, station.arm, comes_s) + MOVE_S * n_moves_on
 
         return min(picks, key=takes_s)
-
-    def _way(self, pick: Station, drop: Station) -> int:
-        return self._ways.between(pick.dock_state, drop.dock_state)

@@ -61,7 +61,8 @@ class Situation:
     """State in which each car that cannot take a task now will be free, shape (n_cars,)."""
     free_s: npt.NDArray[np.float64]
     """Time until then, inf where that is not known, or the car can take a task now, shape (n_cars,) [s]."""
-
+    tails: npt.NDArray[np.int32]
+    """State in which each car stands when all its moves are done, shape (n_cars,)."""
     exchange: bool
     """Whether tasks that are not picked yet may change hands."""
 
@@ -69,6 +70,10 @@ class Situation:
         """Cars that cannot take a task now, and can in so many seconds, shape (n_cars,)."""
         soon: npt.NDArray[np.bool_] = np.isfinite(self.free_s) & (self.free_s <= soon_s)
         return soon
+
+    def begins(self, soon_s: float) -> npt.NDArray[np.int32]:
+        """State in which each car begins that is free now, or in so many seconds, shape (n_cars,)."""
+        return np.where(self.soon(soon_s), self.state, self.tails).astype(np.int32)
 
 
 def situation_of(
@@ -99,7 +104,13 @@ def situation_of(
     standing = np.where(can_take, np.int8(CAN_TAKE), _STANDING_CODES[phase])
     free_state, free_s = _when_free(missions, ways, ~can_take & _SOON_FREE[phase] & (missions.drop_of >= 0), now_s)
     return Situation(
-        standing=standing, held=held, kept=missions.kept(), state=free_state, free_s=free_s, exchange=exchange
+        standing=standing,
+        held=held,
+        kept=missions.kept(),
+        state=free_state,
+        free_s=free_s,
+        tails=ways.tails,
+        exchange=exchange,
     )
 
 

@@ -95,7 +95,6 @@ def _idle(link: Link) -> str:
         by=link.by,
         left=_left(link),
         of_by=f", that of {link.by}" if link.by else "",
-        by_arm=f" at {link.by}" if link.by else "",
         blocked=_blocked(link),
     )
 

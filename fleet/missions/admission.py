@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import BoolArray
 from fleet.missions.parcels.slots import Slots
-from fleet.missions.phases import NUMBER_OF_PHASE, PHASES, TO_STATION, CarPhase
+from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
 from fleet.missions.state import Missions
 from fleet.missions.turns import StationArrivals, TurnBook, line_up
 from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S, MOVE_S, Ways
@@ -25,9 +25,6 @@ not go to and fro [s]."""
 NEAR_MOVES = 5
 """A car that has so many moves left to its station needs a booking to go on: nearer, it would stand in others' way."""
 _HELD = NUMBER_OF_PHASE[CarPhase.HELD]
-_UNDER_WAY = np.array([phase in TO_STATION for phase in PHASES])
-
-Floats = npt.NDArray[np.float64]
 
 
 class Admission:
@@ -59,10 +56,9 @@ class Admission:
         line = line_up(arrivals, self._turns.pace(now_s))
         # Who has just been bound is the last.
         early_s = float(line.turn_s[-1] - arrivals.comes_s[-1])
-        near = self._ways.of_car(car, station.dock_state) <= NEAR_MOVES
         if early_s > EARLY_S:
             self._hold(car, task, f"{station.name} is busy and it would come {early_s:.0f} s too early")
-        elif near and not self._book(car, task, station, now_s):
+        elif _near(arrivals)[-1] and not self._book(car, task, station, now_s):
             self._hold(car, task, self._full_words(task, station))
         else:
             if self._missions.phase[car] is CarPhase.CHARGING:
@@ -81,30 +77,24 @@ class Admission:
         if not len(arrivals.car):
             return
         early_s = line_up(arrivals, self._turns.pace(now_s)).turn_s - arrivals.comes_s
+        near = _near(arrivals)
+        # Those that may set off, or have come near without a booking.
+        due = (missions.phase_index[arrivals.car] == _HELD) & (early_s <= CALL_EARLY_S)
+        concerned = (due | (near & ~arrivals.waits & ~missions.bookings.booked[arrivals.car])).nonzero()[0]
         # The nearest first: nobody is to stand before a full dock while others book its room from afar.
-        for k in self._concerned(arrivals, early_s).tolist():
+        for k in concerned[np.argsort(arrivals.comes_s[concerned], kind="stable")].tolist():
             car = int(arrivals.car[k])
             task = missions.task_of[car]
             if task is None or task.visit is not None:
                 continue
             station = missions.stations[int(arrivals.station[k])]
-            near = arrivals.comes_s[k] <= MOVE_S * NEAR_MOVES
-            if near and not self._book(car, task, station, now_s):
+            if near[k] and not self._book(car, task, station, now_s):
                 if missions.phase[car] is not CarPhase.HELD:
                     self._hold(car, task, self._full_words(task, station))
             elif missions.phase[car] is CarPhase.HELD:
                 task.reason = f"car_{car} may go on to {station.name}"
                 self._log("called", car=f"car_{car}", task=task.order.name, station=station.name)
                 self._send(car, task, station, tick)
-
-    def _concerned(self, arrivals: StationArrivals, early_s: Floats) -> npt.NDArray[np.intp]:
-        """Those that may set off, or have come near without a booking, the nearest first."""
-        phase = self._missions.phase_index[arrivals.car]
-        due = (phase == _HELD) & (early_s <= CALL_EARLY_S)
-        near = arrivals.comes_s <= MOVE_S * NEAR_MOVES
-        found = (due | (near & _UNDER_WAY[phase] & ~self._missions.bookings.booked[arrivals.car])).nonzero()[0]
-        nearest_first: npt.NDArray[np.intp] = found[np.argsort(arrivals.comes_s[found], kind="stable")]
-        return nearest_first
 
     def _book(self, car: int, task: Task, station: Station, now_s: float) -> bool:
         """Book the station for a car, and a slot for its parcel if it is to be picked there."""
@@ -138,3 +128,9 @@ class Admission:
     def _station(self, task: Task) -> Station:
         """Where a car with a task goes next."""
         return self._missions.stations.named(task.delivery.drop if task.state is TaskState.CARRIED else task.pick)
+
+
+def _near(arrivals: StationArrivals) -> BoolArray:
+    """Which cars need a booking to go on, shape (n,)."""
+    near: BoolArray = arrivals.comes_s <= MOVE_S * NEAR_MOVES
+    return near

@@ -1,13 +1,13 @@
-"""TakenTurns: arms booked in time: when each car that is bound for a station is served, and which times are left."""
+"""Turns: arms booked in time: when each car that is bound for a station is served, and which times are left."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.missions.phases import PHASES, TO_STATION
 from fleet.missions.state import Missions
 from fleet.missions.ways import MOVE_S, Ways
@@ -19,26 +19,22 @@ CHANGE_S = 3.0
 _UNDER_WAY = np.array([phase in TO_STATION for phase in PHASES])
 _ASSIGNED, _LOADING = NUMBER_OF_STATE[TaskState.ASSIGNED], NUMBER_OF_STATE[TaskState.LOADING]
 
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-
 
 class ArmPace(NamedTuple):
     """How fast arms are, shape (n_stations,) each."""
 
-    cycle_s: Floats
+    cycle_s: FloatArray
     """From one turn to the next while cars wait [s]."""
-    free_s: Floats
+    free_s: FloatArray
     """Time until the arm can begin a turn [s]."""
 
 
 class TakenTurns(NamedTuple):
     """When arms are taken, on a clock that starts now."""
 
-    first: Ints
+    first: IntArray
     """Where the turns of each station begin, and the end, shape (n_stations + 1,)."""
-    begin_s: Floats
+    begin_s: FloatArray
     """When each turn begins, ascending at each station, shape (n,) [s]."""
     pace: ArmPace
     """How long the turns are."""
@@ -47,20 +43,20 @@ class TakenTurns(NamedTuple):
 class StationArrivals(NamedTuple):
     """Cars that come to stations."""
 
-    car: Ints
+    car: IntArray
     """The cars, shape (n,)."""
-    station: Ints
+    station: IntArray
     """Where each comes, ascending, shape (n,)."""
-    comes_s: Floats
+    comes_s: FloatArray
     """When it can be there, without traffic, shape (n,) [s]."""
-    waits: Bools
+    waits: BoolArray
     """True = it is not under way yet, and takes a turn that others leave, shape (n,)."""
 
 
 class GivenTurns(NamedTuple):
     """Who has which turn."""
 
-    turn_s: Floats
+    turn_s: FloatArray
     """When the turn of each arrival begins, shape (n,) [s]."""
     turns: TakenTurns
     """The same, station by station."""
@@ -70,7 +66,7 @@ class Booked(NamedTuple):
     """All turns that are taken, and how well cars will be in time for them."""
 
     turns: TakenTurns
-    early_s: Floats
+    early_s: FloatArray
     """How long before its turn each car comes to the station it is bound for, shape (n_cars,) [s]."""
 
 
@@ -86,7 +82,7 @@ class TurnBook:
         least_cycle_s: Shortest time between turns whatever the arm does, shape (n_stations,) [s].
     """
 
-    def __init__(self, missions: Missions, ways: Ways, least_cycle_s: Floats) -> None:
+    def __init__(self, missions: Missions, ways: Ways, least_cycle_s: FloatArray) -> None:
         self._missions = missions
         self._ways = ways
         self._least_cycle_s = least_cycle_s
@@ -138,7 +134,7 @@ class TurnBook:
         )
         return Booked(line_up(everybody, pace).turns, early_s)
 
-    def _arrivals(self, cars: Ints, station: Ints) -> StationArrivals:
+    def _arrivals(self, cars: IntArray, station: IntArray) -> StationArrivals:
         moves = self._ways.moves_each(self._ways.tails[cars], self._missions.stations.dock_states[station])
         return StationArrivals(
             cars, station, MOVE_S * moves.astype(np.float64), ~_UNDER_WAY[self._missions.phase_index[cars]]
@@ -153,7 +149,7 @@ def line_up(arrivals: StationArrivals, pace: ArmPace) -> GivenTurns:
     return GivenTurns(turn_s, TakenTurns(first, begin_s, pace))
 
 
-def next_turns(turns: TakenTurns, station: int, n: int) -> Floats:
+def next_turns(turns: TakenTurns, station: int, n: int) -> FloatArray:
     """The next so many turns that a station has left, shape (n,) [s]."""
     begin_s = np.empty(n)
     _next_turns(turns, station, begin_s)
@@ -168,16 +164,16 @@ def first_turn(turns: TakenTurns, station: int, comes_s: float) -> float:
 class Deliveries(NamedTuple):
     """Deliveries that cars could make, shape (n,) each."""
 
-    pick: Ints
-    drop: Ints
+    pick: IntArray
+    drop: IntArray
     """Stations at which they begin and end."""
-    way_s: Floats
+    way_s: FloatArray
     """Time on the way between [s]."""
-    not_before_s: Floats
+    not_before_s: FloatArray
     """Time before which each is not begun, because others are [s]."""
 
 
-def waits(turns: TakenTurns, comes_s: Floats, deliveries: Deliveries) -> Floats:
+def waits(turns: TakenTurns, comes_s: FloatArray, deliveries: Deliveries) -> FloatArray:
     """How long cars would wait for arms.
 
     Args:
@@ -195,19 +191,13 @@ def waits(turns: TakenTurns, comes_s: Floats, deliveries: Deliveries) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def _free_from(begin_s: Floats, comes_s: float, cycle_s: float) -> float:  # pragma: no cover - compiled
+def _free_from(begin_s: FloatArray, comes_s: float, cycle_s: float) -> float:  # pragma: no cover - compiled
     """The first time from an arrival on at which no turn of some is under way or begins before a whole one is over."""
-    low, high = 0, len(begin_s)
-    while low < high:
-        middle = (low + high) // 2
-        if begin_s[middle] <= comes_s - cycle_s:
-            low = middle + 1
-        else:
-            high = middle
+    k = np.searchsorted(begin_s, comes_s - cycle_s, side="right")
     free_s = comes_s
-    while low < len(begin_s) and begin_s[low] < free_s + cycle_s:
-        free_s = max(free_s, begin_s[low] + cycle_s)
-        low += 1
+    while k < len(begin_s) and begin_s[k] < free_s + cycle_s:
+        free_s = max(free_s, begin_s[k] + cycle_s)
+        k += 1
     return free_s
 
 
@@ -218,7 +208,7 @@ def _first_turn(turns: TakenTurns, station: int, comes_s: float) -> float:  # pr
 
 
 @njit(cache=True, nogil=True)
-def _next_turns(turns: TakenTurns, station: int, begin_s: Floats) -> None:  # pragma: no cover - compiled
+def _next_turns(turns: TakenTurns, station: int, begin_s: FloatArray) -> None:  # pragma: no cover - compiled
     earliest_s = 0.0
     for k in range(len(begin_s)):
         begin_s[k] = _first_turn(turns, station, earliest_s)
@@ -227,7 +217,7 @@ def _next_turns(turns: TakenTurns, station: int, begin_s: Floats) -> None:  # pr
 
 @njit(cache=True, nogil=True)
 def _line_up(
-    first: Ints, arrivals: StationArrivals, pace: ArmPace, turn_s: Floats, begin_s: Floats
+    first: IntArray, arrivals: StationArrivals, pace: ArmPace, turn_s: FloatArray, begin_s: FloatArray
 ) -> None:  # pragma: no cover - compiled
     for station in range(len(first) - 1):
         begin, end = first[station], first[station + 1]
@@ -255,7 +245,7 @@ def _line_up(
 
 @njit(cache=True, nogil=True)
 def _waits(
-    turns: TakenTurns, comes_s: Floats, deliveries: Deliveries, waits_s: Floats
+    turns: TakenTurns, comes_s: FloatArray, deliveries: Deliveries, waits_s: FloatArray
 ) -> None:  # pragma: no cover - compiled
     for k in range(comes_s.shape[0]):
         pick, drop = deliveries.pick[k], deliveries.drop[k]

@@ -24,6 +24,7 @@ class VisitQueue:
         self._places = places
         self._ways = ways
         self._reasons = reasons
+        self._any = any(task.visit is not None for task in missions.board.tasks)
         self._ready: dict[int, Task] = {}
         missions.board.subscribe(self._task_moved)
 
@@ -34,6 +35,8 @@ class VisitQueue:
     def chargers_wanted(self) -> set[int]:
         """Numbers of chargers to be left to visits, for which a car would be free: one for each such visit."""
         wanted: set[int] = set()
+        if not self._any:
+            return wanted
         chargers = [n for n in self._places.charger_numbers if not self._ways.blocked[self._places.cells[n]]]
         for task in self._ready.values():
             if self._reasons.present(task) is TaskReason.STATION_FULL:

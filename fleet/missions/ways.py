@@ -56,7 +56,8 @@ class Ways:
     def moves_to(self, states: States, goals: npt.NDArray[np.int32]) -> npt.NDArray[np.uint16]:
         """Moves from all of some states to each of some goals, shape (n_goals, n_states), as `moves` has them."""
         rows, row = self._traffic.tables.rows(goals)
-        return np.array([rows[of_goal].take(states) for of_goal in row.tolist()])
+        found = [rows[of_goal].take(states) for of_goal in row.tolist()]
+        return np.array(found, dtype=np.uint16).reshape(len(goals), len(states))
 
     def moves_each(self, states: States, goals: npt.NDArray[np.int32]) -> npt.NDArray[np.uint16]:
         """Moves from each state to the goal beside it, `UNREACHABLE` where there is no way, shape (n,)."""

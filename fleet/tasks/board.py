@@ -180,7 +180,6 @@ class TaskBoard:
         self._listeners: list[Listener] = []
         self.legs = [task for task in self.tasks if task.order.same_car_as]
         """Tasks that are kept for the car of the task before."""
-        self._next_leg = {task.order.same_car_as: task for task in self.legs}
         self._by_state: dict[TaskState, dict[int, Task]] = {state: {} for state in TaskState}
         for task in self.tasks:
             self._by_state[TaskState.ORDERED][task.index] = task
@@ -218,13 +217,6 @@ class TaskBoard:
     def name_of(self, index: int) -> str:
         """Name of a task's order."""
         return self.tasks[index].order.name
-
-    def legs_after(self, task: Task) -> list[Task]:
-        """What the car of a task has to do for the same order afterwards."""
-        legs: list[Task] = []
-        while (leg := self._next_leg.get((legs[-1] if legs else task).order.name)) is not None:
-            legs.append(leg)
-        return legs
 
     def waits_for(self, task: Task) -> Task | None:
         """An order before this one that is not done yet; one that never will be goes first."""

@@ -33,6 +33,13 @@ def set_off(floor: Floor, name: str, car: int) -> None:
     floor.admission.set_off(car, floor.task(name), 0, 0.0)
 
 
+def hold(floor: Floor, **cars: int) -> None:
+    """Cars have tasks, by name, and are held back with them."""
+    for name, car in cars.items():
+        floor.missions.assign(car, floor.task(name), 0.0)
+        floor.admission.wait(car, floor.task(name), "by hand")
+
+
 def stand_near(floor: Floor, car: int, n_moves: int) -> None:
     """A car has come near pick_1."""
     floor.stand(car, floor.state(*AT[n_moves]))
@@ -256,9 +263,7 @@ def test_visits_to_docks_and_an_empty_floor_are_none_of_its_business() -> None:
 
 def test_several_are_called_at_once_the_nearest_first() -> None:
     floor = ready(2)
-    for name, car in (("o0", 5), ("o1", 0)):
-        floor.missions.assign(car, floor.task(name), 0.0)
-        floor.admission.wait(car, floor.task(name), "by hand")
+    hold(floor, o0=5, o1=0)
     floor.admission.call(0, 0.0)
     assert [facts["car"] for kind, facts in floor.log.events if kind == "called"] == ["car_0", "car_5"]
 
@@ -266,8 +271,6 @@ def test_several_are_called_at_once_the_nearest_first() -> None:
 def test_who_is_called_takes_no_turn_of_one_that_was_bound_before_it() -> None:
     """Car 3 has its turn after 8.8 s. Car 0 could come before, but not be gone by then: it would be 13.3 s early."""
     floor = ready(2)
-    for name, car in (("o0", 3), ("o1", 0)):
-        floor.missions.assign(car, floor.task(name), 0.0)
-        floor.admission.wait(car, floor.task(name), "by hand")
+    hold(floor, o0=3, o1=0)
     floor.admission.call(0, 0.0)
     assert [floor.missions.phase[car] for car in (0, 3)] == [HELD, TO_PICK]

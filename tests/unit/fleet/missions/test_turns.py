@@ -1,4 +1,4 @@
-"""TakenTurns: when arms are taken, which times are left, and how long cars would wait for them."""
+"""Turns: when arms are taken, which times are left, and how long cars would wait for them."""
 
 from __future__ import annotations
 
