@@ -258,7 +258,7 @@ SITUATIONS: dict[str, Situation] = {
     "slow arm": Situation(
         summary="the pick arm works at a tenth of its pace",
         settings={"site": "cell", "robots": 3, "duration_s": 75.0}
-        | {"events": (_event(7.5, "arm_slow", "arm_0", factor=0.1, duration_s=40.0),)},
+        | {"events": (_event(7.5, "arm_slow", "arm_0", factor=0.1, duration_s=20.0),)},
         orders=_FIELDS + _deliveries(3),
         robots=("car_1", "car_2"),
         holds=lambda simulation, car: simulation.arm_manager.services[0].speed < 1.0 and _bound_for(simulation, car, 0),
@@ -338,7 +338,7 @@ SITUATIONS: dict[str, Situation] = {
         summary="cars queue for a slow arm into the aisle, and keep one that only wants to pass",
         settings={"site": "small", "robots": 6, "duration_s": 90.0}
         | {"allocation": AllocationConfig(station_cap_n=6)}
-        | {"events": (_event(2.0, "arm_slow", "arm_0", factor=0.15, duration_s=60.0),)},
+        | {"events": (_event(6.0, "arm_slow", "arm_0", factor=0.08, duration_s=60.0),)},
         orders=_FIELDS + _deliveries(4) + _deliveries(4, "pick_2", "drop_2", release_s=4.0),
         robots=tuple(f"car_{car}" for car in range(6)),
         holds=_is_behind_queue,

@@ -98,7 +98,7 @@ class CauseWatch:
         self._tables: object = None
         self._seen = np.full(self._n_cars, NONE, dtype=np.int64)
         self._next: dict[tuple[int, int], int] = {}
-        self._next_ways: object = None
+        self._n_ways = -1
         self._gated = any(service.gate is not None for service in run.arm_manager.services)
         self._arm_changes: list[object] = [None] * run.world.n_arms
         self._n_arm_bookings = -1
@@ -169,8 +169,8 @@ class CauseWatch:
     def _next_cell(self, state: int, goal: int) -> int:
         """See `Traffic.next_cell`; remembered, because a car that waits asks again in every tick."""
         traffic = self._run.traffic
-        if self._next_ways is not traffic.ways or len(self._next) > _MOST_REMEMBERED:
-            self._next_ways = traffic.ways
+        if self._n_ways != traffic.n_ways or len(self._next) > _MOST_REMEMBERED:
+            self._n_ways = traffic.n_ways
             self._next.clear()
         cell = self._next.get((state, goal))
         if cell is None:

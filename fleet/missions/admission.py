@@ -6,11 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fleet.arrays import BoolArray
 from fleet.missions.parcels.slots import Slots
 from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
 from fleet.missions.state import Missions
-from fleet.missions.turns import StationArrivals, TurnBook, line_up
+from fleet.missions.turns import TurnBook, line_up
 from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S, MOVE_S, Ways
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
@@ -23,7 +22,8 @@ CALL_EARLY_S = 12.0
 """One that is held back goes on when it comes at most so long before: later than it could have set off, so that it does
 not go to and fro [s]."""
 NEAR_MOVES = 5
-"""A car that has so many moves left to its station needs a booking to go on: nearer, it would stand in others' way."""
+"""A car that has so many moves left to its station needs a booking to go on: nearer, it would stand in others' way. One
+that stands as near as `CALL_EARLY_S` books before it sets off, so that it is not turned back."""
 _HELD = NUMBER_OF_PHASE[CarPhase.HELD]
 
 
@@ -58,7 +58,7 @@ class Admission:
         early_s = float(line.turn_s[-1] - arrivals.comes_s[-1])
         if early_s > EARLY_S:
             self._hold(car, task, f"{station.name} is busy and it would come {early_s:.0f} s too early")
-        elif _near(arrivals)[-1] and not self._book(car, task, station, now_s):
+        elif arrivals.comes_s[-1] <= CALL_EARLY_S and not self._book(car, task, station, now_s):
             self._hold(car, task, self._full_words(task, station))
         else:
             if self._missions.phase[car] is CarPhase.CHARGING:
@@ -77,9 +77,10 @@ class Admission:
         if not len(arrivals.car):
             return
         early_s = line_up(arrivals, self._turns.pace(now_s)).turn_s - arrivals.comes_s
-        near = _near(arrivals)
+        held = missions.phase_index[arrivals.car] == _HELD
+        near = arrivals.comes_s <= np.where(held, CALL_EARLY_S, NEAR_MOVES * MOVE_S)
         # Those that may set off, or have come near without a booking.
-        due = (missions.phase_index[arrivals.car] == _HELD) & (early_s <= CALL_EARLY_S)
+        due = held & (early_s <= CALL_EARLY_S)
         concerned = (due | (near & ~arrivals.waits & ~missions.bookings.booked[arrivals.car])).nonzero()[0]
         # The nearest first: nobody is to stand before a full dock while others book its room from afar.
         for k in concerned[np.argsort(arrivals.comes_s[concerned], kind="stable")].tolist():
@@ -128,9 +129,3 @@ class Admission:
     def _station(self, task: Task) -> Station:
         """Where a car with a task goes next."""
         return self._missions.stations.named(task.delivery.drop if task.state is TaskState.CARRIED else task.pick)
-
-
-def _near(arrivals: StationArrivals) -> BoolArray:
-    """Which cars need a booking to go on, shape (n,)."""
-    near: BoolArray = arrivals.comes_s <= MOVE_S * NEAR_MOVES
-    return near

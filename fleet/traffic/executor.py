@@ -53,7 +53,8 @@ class Executor:
         self._log = log
         self._n_cars = len(start_states)
         self._waited_s = np.zeros(self._n_cars)  # held up by nothing but the order
-        self._still_s = np.zeros(self._n_cars)  # since the last grant or finish
+        self.still_s = np.zeros(self._n_cars)
+        """Time since each car was last granted a move or finished one, shape (n_cars,) [s]."""
         self._n_closings = np.zeros(graph.n_cells, dtype=np.int64)
         self._closed = np.zeros(graph.n_cells, dtype=np.bool_)
         self._dirty = True
@@ -134,18 +135,18 @@ class Executor:
             Car commands, shape (n_cars, 2).
         """
         commands = self.driver.commands(world)
-        self._still_s += world.tick_s
+        self.still_s += world.tick_s
         finished = self.driver.finished()
         if len(finished):
             self.dependencies.finish_all(finished)
-            self._still_s[finished] = 0.0
+            self.still_s[finished] = 0.0
             self._dirty = True
         self._reorder(world.tick_s)
         if self._dirty:
             cars, moves = self.dependencies.grant_all(self._config.grant_moves_n, self._closed)
             if len(cars):
                 self.driver.append(cars, moves)
-                self._still_s[cars] = 0.0
+                self.still_s[cars] = 0.0
             self._dirty = False
         return commands
 
@@ -158,7 +159,7 @@ class Executor:
         car = _wait(self._waited_s, self.dependencies.held_up(), tick_s)
         if self._waited_s[car] >= after_s:
             self._waited_s[car] -= RETRY_S
-            if self.dependencies.go_first(car, self._still_s >= after_s):
+            if self.dependencies.go_first(car, self.still_s >= after_s):
                 self.n_reordered += 1
                 self._dirty = True
 

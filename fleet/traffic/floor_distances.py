@@ -1,4 +1,4 @@
-"""FloorDistances: how far all is from where cars are sent, and how far on ways that go round docks."""
+"""FloorDistances: how far all is from where cars are sent, and what ways there cost that go round docks."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fleet.arrays import BoolArray
+from fleet.arrays import BoolArray, IntArray
 from maps.lane_graph import LaneGraph
 from planners.mapf.distance_table import DistanceTable
+
+DOCK_COST = 200
+"""What a dock costs a car that only passes, in moves: it would stand behind the one that is served, and in the way of
+those that come next."""
 
 
 class FloorDistances:
     """Distances past all that is blocked.
-
-    Cars that only pass go round docks where there is a way: they would stand behind those that are served, and in the
-    way of those that come next.
 
     Args:
         graph: Lane graph of the site.
@@ -26,13 +27,18 @@ class FloorDistances:
     def __init__(self, graph: LaneGraph, docks: Sequence[int], blocked: BoolArray | None = None) -> None:
         self._graph = graph
         self._docks = docks
-        is_blocked = np.zeros(graph.n_cells, dtype=np.bool_) if blocked is None else blocked
-        is_dock = np.zeros(graph.n_cells, dtype=np.bool_)
-        is_dock[list(docks)] = True
-        self.exact = DistanceTable(graph, is_blocked)
+        self._blocked = np.zeros(graph.n_cells, dtype=np.bool_) if blocked is None else blocked
+        self.costs: IntArray = np.ones(graph.n_cells, dtype=np.int64)
+        """What it costs to pass each cell, in moves, shape (n_cells,)."""
+        self.costs[list(docks)] = DOCK_COST
+        self.exact = DistanceTable(graph, self._blocked)
         """As far as it is."""
-        self.around = DistanceTable(graph, is_blocked, avoid=is_dock) if len(docks) else self.exact
-        """As plans are made; see `DistanceTable` for what counts more than it is away."""
+        self.around = self.ways() if len(docks) else self.exact
+        """What ways cost."""
+
+    def ways(self) -> DistanceTable:
+        """What ways cost, in a table of the caller's own."""
+        return DistanceTable(self._graph, self._blocked, costs=self.costs)
 
     def past(self, blocked: BoolArray) -> FloorDistances:
         """Those past other blocked cells; of a floor without any, these."""

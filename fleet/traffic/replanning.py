@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import TrafficConfig
+from fleet.traffic.crowding import WAITS_AFTER_S, Crowding
 from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
 from maps.lane_graph import LaneGraph
@@ -18,6 +19,10 @@ from planners.mapf.problem import Instance, Plan
 NO_GOAL = -1
 NO_CELL = -1
 NO_CAR = -1
+QUEUE_MOVES = 6
+"""Who waits so near to where it goes waits for its turn there, which no other way would spare it."""
+REPRICE_S = 5.0
+"""Time after which ways are found anew if cars wait elsewhere [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +76,13 @@ class Traffic:
         """The goals that the last plan was made for, shape (n_cars,)."""
         self._free = FloorDistances(graph, ()) if free is None else free
         self._distances = self._free
+        self._crowding = Crowding(graph.n_cells)
+        self._crowd_costs = self._crowding.costs()
+        self._priced_tick = 0
+        self.ways = self._distances.around
+        """What ways cost past all that is blocked and crowded: the distances that plans are made with."""
+        self.n_ways = 0
+        """Grows whenever ways cost something else."""
         self.n_plans = 0
         self.priorities = np.zeros(n_cars)
         """What the last request ranked the cars by, the greatest first to go."""
@@ -125,11 +137,6 @@ class Traffic:
         """Exact distances past all that is blocked."""
         return self._distances.exact
 
-    @property
-    def ways(self) -> DistanceTable:
-        """The distances that plans are made with; another object whenever they have changed."""
-        return self._distances.around
-
     def next_plan_tick(self, car: int, tick: int) -> int:
         """When the next plan lands that knows where a car is to go."""
         if self._pending is None:
@@ -162,6 +169,8 @@ class Traffic:
         self._n_blocks[cells] += change
         self.blocked = self._n_blocks > 0
         self._distances = self._free.past(self.blocked)
+        self.ways = self._distances.around
+        self._price()
         self.discard()
 
     def discard(self) -> None:
@@ -188,7 +197,35 @@ class Traffic:
             landed = True
         return landed
 
+    def _see_crowd(self, tick: int) -> None:
+        """Note where cars wait; now and then, let ways go round them."""
+        tails = self.executor.tail_states()
+        waiting = (self.executor.still_s > WAITS_AFTER_S) & (self.goals != NO_GOAL) & (tails != self.goals)
+        cars = waiting.nonzero()[0]
+        rows, row = self._distances.exact.rows(self.goals[cars])
+        in_lanes = cars[rows[row, tails[cars]] > QUEUE_MOVES]
+        cells = self.graph.state_cell[tails[in_lanes]]
+        self._crowding.see(cells, tick * self._tick_s)
+        if (tick - self._priced_tick) * self._tick_s < REPRICE_S:
+            return
+        self._priced_tick = tick
+        costs = self._crowding.costs()
+        if not np.array_equal(costs, self._crowd_costs):
+            self._crowd_costs = costs
+            self._price()
+
+    def _price(self) -> None:
+        """Let ways cost what is known of the crowd; those to where nobody is on his way are left as they were."""
+        self.n_ways += 1
+        if self.ways is self._distances.around:
+            if not self._crowd_costs.any():
+                return
+            self.ways = self._distances.ways()
+        on_the_way = (self.goals != NO_GOAL) & (self.goals != self.executor.tail_states())
+        self.ways.reprice(self._distances.costs + self._crowd_costs, np.unique(self.goals[on_the_way]))
+
     def _plan(self, tick: int) -> Plan:
+        self._see_crowd(tick)
         starts = self.executor.cut()
         waited_s = (tick - self._goal_since) * self._tick_s
         self.priorities = waited_s + self.rank + self._tie_break

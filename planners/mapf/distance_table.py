@@ -19,10 +19,8 @@ UNREACHABLE = 65_535
 """Distance of a state that has no way to the goal; every real distance is smaller."""
 MEMORY_CAP_BYTES = 2 * 2**30
 """What a table may hold unless it is told otherwise."""
-DETOUR_TIMESTEPS = 30
-"""Timesteps of detour that an avoided cell is worth."""
-NO_OTHER_WAY = 10_000
-"""Added to the distance of a state whose only ways lead through avoided cells, to tell it from the others."""
+MOST_COST = 1_000
+"""The most that leaving a cell may cost."""
 _EVICTED_AT_ONCE = 16
 """A full table gives up one part in so many of its rows, so that not every new goal looks for the oldest row."""
 _WORTH_THREADS = 4_000_000
@@ -47,12 +45,13 @@ class DistanceTable:
         graph: Lane graph.
         blocked: Cells nobody may enter, shape (n_cells,).
         memory_cap: Memory for distances [bytes]; a goal costs two per state.
-        avoid: Cells that are not to be passed through where there is another way, shape (n_cells,); None = none. Ways
-            may begin and end in them. Their states count `DETOUR_TIMESTEPS` more than they are away, so that nobody
-            enters them on his way; distances are then no longer exact there, and where there is no other way.
+        costs: What it costs to leave each cell, in timesteps of a usual one, shape (n_cells,), 1 to `MOST_COST`; None =
+            1 each. A way costs the sum over its cells but the last, so that what is dear is gone round, and whoever
+            stands there leaves it.
 
     Raises:
-        PlanningError: `blocked` has the wrong length or `memory_cap` does not hold one goal.
+        PlanningError: `blocked` or `costs` has the wrong length, a cost is out of range, or `memory_cap` does not hold
+            one goal.
     """
 
     def __init__(
@@ -61,7 +60,7 @@ class DistanceTable:
         blocked: BoolArray,
         *,
         memory_cap: int = MEMORY_CAP_BYTES,
-        avoid: BoolArray | None = None,
+        costs: npt.NDArray[np.int64] | None = None,
     ) -> None:
         if np.shape(blocked) != (graph.n_cells,):
             raise PlanningError(f"distance table: blocked has shape {np.shape(blocked)}; valid: ({graph.n_cells},)")
@@ -72,12 +71,9 @@ class DistanceTable:
             )
         self.graph = graph
         self._before = _states_before(graph, open_moves(graph, blocked))
-        self._avoided: npt.NDArray[np.intp] | None = None
-        if avoid is not None and avoid.any():
-            self._avoided = np.flatnonzero(avoid[graph.state_cell])
-            self._exact = self._before.copy()
-            # Nothing leads on to a state that lies before itself only.
-            self._before[self._avoided] = self._avoided[:, None]
+        self._costs: npt.NDArray[np.uint16] | None = None
+        if costs is not None:
+            self._costs = self._of_states(costs)
         # The system hands out memory when it is first written to, so rows that are never filled cost nothing.
         self._rows: Distances = np.empty((min(graph.n_states, memory_cap // row_bytes), graph.n_states), np.uint16)
         self._free = np.arange(len(self._rows) - 1, -1, -1, dtype=np.int32)  # a stack, its top at the end
@@ -85,9 +81,7 @@ class DistanceTable:
         self._goal_of = np.full(len(self._rows), -1, dtype=np.int32)
         self._asked = np.zeros(len(self._rows), dtype=np.int64)  # number of the call that last asked for the row
         self._call = 0
-        self._queues = [
-            np.empty(graph.n_states + 1, dtype=np.uint32)
-        ]  # one for each thread of the largest search so far
+        self._queues = [self._queue()]  # one for each thread of the largest search so far
 
     @property
     def capacity(self) -> int:
@@ -146,57 +140,74 @@ class DistanceTable:
             _look_up(goals, self._row_of, index)
         return self._rows, index
 
+    def reprice(self, costs: npt.NDArray[np.int64], goals: IntArray) -> None:
+        """Let cells cost something else from now on.
+
+        Args:
+            costs: As in the constructor, which must have been given some.
+            goals: Goals whose ways are searched again if they are held, shape (n,); those of others stay as they are.
+
+        Raises:
+            PlanningError: The table has no costs, `costs` has the wrong length, or one is out of range.
+            DistanceTooLong: A way to a goal costs more than 65,534.
+        """
+        if self._costs is None:
+            raise PlanningError("distance table: reprice of a table without costs; valid: one that was made with costs")
+        self._costs = self._of_states(costs)
+        self._queues = [self._queue()]
+        rows = self._row_of[goals]
+        held = rows >= 0
+        _check_length(
+            _fill_by_cost(goals[held], rows[held], self._before, self._rows, self._costs, self._queues[0]), goals
+        )
+
     def _search(self, goals: IntArray) -> None:
         """Fill a row for each of these goals, which are distinct and have none yet."""
         if len(goals) > len(self._free):
             self._make_room(len(goals))
         rows = self._free[len(self._free) - len(goals) :].copy()
         parts = 1
-        if self._avoided is None and len(goals) * self.graph.n_states >= _WORTH_THREADS:
+        if len(goals) * self.graph.n_states >= _WORTH_THREADS:
             parts = min(len(goals), os.cpu_count() or 1)
-
         while len(self._queues) < parts:
-            self._queues.append(np.empty_like(self._queues[0]))
+            self._queues.append(self._queue())
 
         def fill(part: int) -> int:
             of_part = slice(len(goals) * part // parts, len(goals) * (part + 1) // parts)
-            if self._avoided is not None:
-                return max(
-                    self._fill_avoiding(int(g), int(r)) for g, r in zip(goals[of_part], rows[of_part], strict=True)
-                )
-            return int(_fill(goals[of_part], rows[of_part], self._before, self._rows, self._queues[part]))
+            asked = goals[of_part], rows[of_part], self._before, self._rows
+            if self._costs is None:
+                return int(_fill(*asked, self._queues[part]))
+            return int(_fill_by_cost(*asked, self._costs, self._queues[part]))
 
         if parts == 1:
             furthest = fill(0)
         else:
             with ThreadPoolExecutor(parts) as pool:
                 furthest = max(pool.map(fill, range(parts)))
-        if furthest >= UNREACHABLE:
-            raise DistanceTooLong(
-                f"distance table: a way to one of the goals {goals[:5].tolist()}... takes {furthest} timesteps; "
-                f"valid: at most {UNREACHABLE - 1}"
-            )
+        _check_length(furthest, goals)
         self._free = self._free[: len(self._free) - len(goals)]
         self._row_of[goals] = rows
         self._goal_of[rows] = goals
         self._asked[rows] = self._call
 
-    def _fill_avoiding(self, goal: int, row: int) -> int:
-        """Fill one row with ways round avoided cells, and where there are none with those through them."""
-        goals, rows, avoided = np.array([goal], dtype=np.int32), np.array([row], dtype=np.int32), self._avoided
-        _fill(goals, rows, self._exact, self._rows, self._queues[0])
-        exact = self._rows[row].astype(np.int64)
-        before = self._before[goal].copy()
-        self._before[goal] = self._exact[goal]
-        _fill(goals, rows, self._before, self._rows, self._queues[0])
-        self._before[goal] = before
-        around = self._rows[row].astype(np.int64)
-        around[avoided] += np.where(around[avoided] < UNREACHABLE, DETOUR_TIMESTEPS, 0)
-        around[goal] = 0
-        around = np.where((around >= UNREACHABLE) & (exact < UNREACHABLE), exact + NO_OTHER_WAY, around)
-        furthest = int(around[exact < UNREACHABLE].max())
-        self._rows[row] = np.minimum(around, UNREACHABLE)
-        return furthest
+    def _of_states(self, costs: npt.NDArray[np.int64]) -> npt.NDArray[np.uint16]:
+        """What it costs to leave each state, from what it costs to leave each cell."""
+        n_cells = self.graph.n_cells
+        if np.shape(costs) != (n_cells,):
+            raise PlanningError(f"distance table: costs has shape {np.shape(costs)}; valid: ({n_cells},)")
+        wrong = ((costs < 1) | (costs > MOST_COST)).nonzero()[0]
+        if wrong.size:
+            cell = int(wrong[0])
+            raise PlanningError(
+                f"distance table: costs[{cell}] = {costs[cell]}; valid: whole numbers from 1 to {MOST_COST}"
+            )
+        of_states: npt.NDArray[np.uint16] = costs.astype(np.uint16)[self.graph.state_cell]
+        return of_states
+
+    def _queue(self) -> npt.NDArray[np.uint32]:
+        """Working memory of a search."""
+        n_buckets = 0 if self._costs is None else int(self._costs.max(initial=0)) + 1
+        return np.empty(self.graph.n_states + 1 + n_buckets, dtype=np.uint32)
 
     def _make_room(self, n: int) -> None:
         """Give up the goals not asked for longest, so that `n` rows are free; never those of this call."""
@@ -227,6 +238,14 @@ def tables_of(instance: Instance, tables: DistanceTable | None, planner: str) ->
     if tables.graph is not instance.graph:
         raise PlanningError(f"{planner}: the distance table is of another graph than the instance; valid: the same one")
     return tables
+
+
+def _check_length(furthest: int, goals: IntArray) -> None:
+    if furthest >= UNREACHABLE:
+        raise DistanceTooLong(
+            f"distance table: a way to one of the goals {goals[:5].tolist()}... takes {furthest} timesteps; "
+            f"valid: at most {UNREACHABLE - 1}"
+        )
 
 
 def _states_before(graph: LaneGraph, is_open: BoolArray) -> npt.NDArray[np.uint32]:
@@ -297,4 +316,56 @@ def _fill(
                     tail += np.uint64(known > level)
                     distance[other] = min(known, level)
         furthest = max(furthest, int(level) - 1)
+    return furthest
+
+
+@njit(cache=True, nogil=True)
+def _fill_by_cost(
+    goals: IntArray,
+    rows: IntArray,
+    before: npt.NDArray[np.uint32],
+    table: Distances,
+    costs: npt.NDArray[np.uint16],
+    queue: npt.NDArray[np.uint32],
+) -> int:  # pragma: no cover - compiled
+    """Search from each goal by ascending cost, in a ring of buckets; returns the greatest cost found.
+
+    What a way costs beyond a state depends on nothing but where it leads on to, so a state has its cost when it is
+    first reached, and waits in one bucket only.
+
+    Source: R. B. Dial, "Algorithm 360: shortest-path forest with topological ordering", Communications of the ACM
+    12(11), 1969, https://doi.org/10.1145/363269.363610.
+    """
+    n_states = len(costs)
+    nobody = np.uint32(n_states)
+    # Behind each state the next one of its bucket; the buckets, by their first state, after the states.
+    following, bucket = queue[: n_states + 1], queue[n_states + 1 :]
+    furthest = 0
+    for k in range(len(goals)):
+        distance = table[rows[k]]
+        distance[:] = UNREACHABLE
+        distance[goals[k]] = 0
+        bucket[:] = nobody
+        bucket[0] = goals[k]
+        following[goals[k]] = nobody
+        n_waiting, cost = 1, 0
+        while n_waiting:
+            state = bucket[cost % len(bucket)]
+            if state == nobody:
+                cost += 1
+                continue
+            bucket[cost % len(bucket)] = following[state]
+            n_waiting -= 1
+            for j in range(before.shape[1]):
+                other = before[state, j]
+                if distance[other] != UNREACHABLE:
+                    continue
+                far = cost + costs[other]
+                if far >= UNREACHABLE:
+                    return UNREACHABLE
+                distance[other] = far
+                following[other] = bucket[far % len(bucket)]
+                bucket[far % len(bucket)] = other
+                n_waiting += 1
+        furthest = max(furthest, cost)
     return furthest

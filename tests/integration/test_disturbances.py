@@ -199,7 +199,7 @@ def test_a_dead_car_that_is_pushed_is_seen_where_it_stands_then(ahead_m: float) 
             simulation.tick()
         yaw = simulation.world.car_poses()[car, 2]
     dx_m, dy_m = float(ahead_m * np.cos(yaw)), float(ahead_m * np.sin(yaw))
-    push = event(death.time_s + 5.0, "car_pushed", death.target, dx_m=dx_m, dy_m=dy_m)
+    push = event(death.time_s + 10.0, "car_pushed", death.target, dx_m=dx_m, dy_m=dy_m)
     log: list[Event] = []
     with made([death, push], log) as simulation:
         while simulation.sim_s < push.time_s + 4.0:

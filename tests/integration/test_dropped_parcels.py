@@ -9,7 +9,7 @@ from fleet.config import ArmConfig, Fidelity, Grip, RunConfig, ScenarioEvent
 from fleet.insight.metrics import Summary
 from fleet.run.events import Event
 from fleet.simulation import Simulation
-from fleet.stations.arms.arm_controller import ArmPhase
+from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.tasks.board import TaskState
 
 SETTINGS = {"site": "cell", "robots": 1, "tasks": 1, "duration_s": 150.0, "arms": ArmConfig(workers_n=0)}
@@ -37,7 +37,10 @@ def check_done(summary: Summary) -> None:
 @pytest.mark.parametrize(
     ("arm", "carried_s", "beside"), [(0, 0.3, False), (0, 1.0, True), (1, 0.3, False)], ids=["slot", "floor", "tray"]
 )
-def test_a_dropped_parcel_is_picked_again_from_where_it_lies(arm: int, carried_s: float, beside: bool) -> None:
+def test_a_dropped_parcel_is_picked_again_from_where_it_lies(
+    arm: int, carried_s: float, beside: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ArmController, "fetches", False)
     summary, log = drop(arm, carried_s)
     check_done(summary)
     (dropped,) = of_kind(log, "parcel_dropped")
@@ -46,6 +49,13 @@ def test_a_dropped_parcel_is_picked_again_from_where_it_lies(arm: int, carried_s
     again = of_kind(log, "transfer_repeated")
     assert again[0].facts["cause"] == f"arm_{arm} dropped the parcel (its tool has failed)"
     assert ("x_m" in again[0].facts) == beside
+
+
+def test_a_parcel_that_is_dropped_before_its_car_is_there_is_fetched_again() -> None:
+    summary, log = drop(0, 0.3)
+    check_done(summary)
+    assert len(of_kind(log, "fetched_ahead")) == 2
+    assert of_kind(log, "transfer_repeated") == []
 
 
 def test_a_parcel_that_falls_where_no_arm_gets_fails_its_task_with_a_reason() -> None:
@@ -77,7 +87,7 @@ def test_a_parcel_dropped_in_physics_is_picked_again_and_the_run_repeats(grip: G
     runs = [drop(0, 0.2, fidelity=Fidelity.PHYSICS, grip=grip) for _ in range(2)]
     summary, log = runs[0]
     check_done(summary)
-    assert len(of_kind(log, "transfer_repeated")) >= 1
+    assert of_kind(log, "transfer_repeated") or of_kind(log, "fetched_ahead")[1:]
     assert summary.state_hash == runs[1][0].state_hash
     assert summary.slip_max_m is not None
     assert summary.slip_max_m < (0.0001 if grip is Grip.SUCTION else 0.005)

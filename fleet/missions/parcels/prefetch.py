@@ -1,4 +1,4 @@
-"""Fetching: an arm that shares its dock takes its next parcel while its partner still has the tray."""
+"""Fetching: an arm takes its next parcel while cars change at the dock, or while its partner there has the tray."""
 
 from __future__ import annotations
 
@@ -49,11 +49,8 @@ class Prefetch:
         tick_s: float,
         log: Callable[..., None],
     ) -> None:
-        docks = [station.dock_state for station in missions.stations]
         self._stations = [
-            station
-            for station in missions.stations.loading()
-            if docks.count(station.dock_state) > 1 and arm_manager.services[station.arm].fetches
+            station for station in missions.stations.loading() if arm_manager.services[station.arm].fetches
         ]
         self._missions = missions
         self._ways = ways

@@ -127,7 +127,7 @@ def real(floor: Floor) -> Dispatcher:
 
 @pytest.mark.parametrize("battery", [None, BatteryConfig(enabled=True)])
 def test_a_floor_delivers_all_by_its_rules_alone(battery: BatteryConfig | None) -> None:
-    """Cars are where they were sent in the next tick if nobody stands there, and arms take a second."""
+    """Cars are where they were sent in the next tick if nobody stands there; arms take a second, and fetch at once."""
     orders = [delivery(f"o{k}", f"pick_{1 + k % 2}", f"drop_{1 + k // 2 % 2}", release_s=2.0 * k) for k in range(8)]
     floor = Floor(orders=orders, n_cars=3, battery_config=battery)
     dispatcher, begun = real(floor), [0] * 4
@@ -139,6 +139,11 @@ def test_a_floor_delivers_all_by_its_rules_alone(battery: BatteryConfig | None) 
             if goal >= 0 and not floor.traffic.fixed[car] and int(floor.graph.state_cell[goal]) not in taken:
                 floor.come(car)
                 taken = floor.graph.state_cell[floor.ways.tails].tolist()
+        while floor.arms.fetched:
+            request = floor.arms.fetched.pop()
+            floor.arms.hold(request.arm, request.parcel)
+        while floor.arms.returned:
+            floor.arms.come_home(floor.arms.returned.pop())
         for arm, car in floor.services.under_way:
             task = floor.missions.task_of[car]
             begun[arm] = begun[arm] + 1 if not floor.arms.is_idle(arm) else 0

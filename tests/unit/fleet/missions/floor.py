@@ -207,6 +207,10 @@ class FakeArms:
         self.fetched.append(request)
         self.begin(request.arm)
 
+    def hold(self, arm: int, parcel: int) -> None:
+        """An arm has fetched a parcel."""
+        self.services[arm].state, self.services[arm].parcel = ArmPhase.HOLDING, parcel
+
     def put_back(self, arm: int) -> None:
         self.returned.append(arm)
         self.begin(arm)

@@ -67,9 +67,9 @@ def last_cause(floor: Floor) -> str:
 
 def test_a_car_sets_off_and_books_when_it_is_near() -> None:
     floor = ready(2)
-    set_off(floor, "o0", 0)  # 5 moves are near
-    set_off(floor, "o1", 3)
-    assert [floor.missions.phase[car] for car in (0, 3)] == [TO_PICK, TO_PICK]
+    set_off(floor, "o0", 0)
+    set_off(floor, "o1", 2)  # 13.2 s are not near
+    assert [floor.missions.phase[car] for car in (0, 2)] == [TO_PICK, TO_PICK]
     assert floor.bookings.booked.nonzero()[0].tolist() == [0]
     assert [task.pick_slot for task in floor.board.tasks] == [0, None]
     assert floor.ways.goals[0] == floor.dock_of("pick_1")
@@ -140,37 +140,51 @@ def test_a_car_that_is_near_sets_off_only_with_a_slot() -> None:
 def test_a_car_that_is_far_needs_no_slot_and_no_room() -> None:
     floor = ready(1)
     fill_slots(floor)
-    set_off(floor, "o0", 3)
+    set_off(floor, "o0", 2)
     floor.admission.call(1, 0.1)
+    assert floor.missions.phase[2] is TO_PICK
+
+
+def test_a_car_that_waits_near_sets_off_with_a_booking_or_not_at_all() -> None:
+    """8.8 s before its station it could only be turned back: so it is where cars wait for a turn already."""
+    floor = ready(1)
+    fill_slots(floor)
+    hold(floor, o0=3)
+    floor.log.events.clear()
+    floor.admission.call(1, 0.1)
+    assert (floor.missions.phase[3], floor.log.events) == (HELD, [])
+    floor.stations[PICK_1].free_slot(0)
+    floor.admission.call(2, 0.2)
     assert floor.missions.phase[3] is TO_PICK
+    assert floor.bookings.has(3)
 
 
 def test_a_car_that_comes_near_without_a_free_slot_is_held_until_there_is_one() -> None:
     floor = ready(1)
-    set_off(floor, "o0", 3)
+    set_off(floor, "o0", 2)
     fill_slots(floor)
-    stand_near(floor, 3, 5)
+    stand_near(floor, 2, 5)
     floor.admission.call(1, 0.1)
-    assert floor.missions.phase[3] is HELD
+    assert floor.missions.phase[2] is HELD
     assert last_cause(floor) == "no slot of pick_1 is free for o0"
     floor.log.events.clear()
     floor.admission.call(2, 0.2)
     assert floor.log.events == []  # is told once
     floor.stations[PICK_1].free_slot(2)
     floor.admission.call(3, 0.3)
-    assert (floor.missions.phase[3], floor.task("o0").pick_slot) == (TO_PICK, 2)
-    assert floor.bookings.has(3)
+    assert (floor.missions.phase[2], floor.task("o0").pick_slot) == (TO_PICK, 2)
+    assert floor.bookings.has(2)
     assert floor.log.kinds() == ["parcel_entered", "called"]
 
 
 def test_a_car_that_comes_near_a_full_station_is_held() -> None:
     floor = ready(1)
-    set_off(floor, "o0", 3)
-    fill_room(floor, 0, 1, 2, 4)
-    stand_near(floor, 3, 5)
+    set_off(floor, "o0", 2)
+    fill_room(floor, 0, 1, 3, 4)
+    stand_near(floor, 2, 5)
     floor.admission.call(1, 0.1)
-    assert floor.missions.phase[3] is HELD
-    assert last_cause(floor) == "pick_1 is full (car_0, car_1, car_2, car_4)"
+    assert floor.missions.phase[2] is HELD
+    assert last_cause(floor) == "pick_1 is full (car_0, car_1, car_3, car_4)"
     assert (floor.task("o0").pick_slot, floor.stations[PICK_1].n_free) == (None, 4)
 
 
@@ -185,20 +199,20 @@ def test_a_car_that_has_booked_is_not_asked_again() -> None:
 
 @pytest.mark.parametrize("what", ["slot", "room"])
 def test_the_nearest_books_first(what: str) -> None:
-    """Car 3 set off first, but car 2 is nearer; there is one slot, or room for one."""
+    """Car 4 set off first, but car 2 is nearer; there is one slot, or room for one."""
     floor = ready(2)
-    set_off(floor, "o0", 3)
+    set_off(floor, "o0", 4)
     set_off(floor, "o1", 2)
     if what == "slot":
         fill_slots(floor, 3)
     else:
-        fill_room(floor, 0, 1, 4)
-        for car in (0, 1, 4):  # they have been served, and stand there still
+        fill_room(floor, 0, 1, 3)
+        for car in (0, 1, 3):  # they have been served, and stand there still
             floor.bookings.leave(car, stands_there=True)
-    stand_near(floor, 3, 5)
+    stand_near(floor, 4, 5)
     stand_near(floor, 2, 3)
     floor.admission.call(1, 0.1)
-    assert [floor.missions.phase[car] for car in (2, 3)] == [TO_PICK, HELD]
+    assert [floor.missions.phase[car] for car in (2, 4)] == [TO_PICK, HELD]
     assert floor.bookings.booked.nonzero()[0].tolist() == [2]
     assert [task.pick_slot is not None for task in floor.board.tasks] == [False, True]
 

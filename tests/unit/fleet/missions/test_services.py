@@ -5,7 +5,7 @@ from __future__ import annotations
 from fleet.missions.phases import CarPhase
 from fleet.missions.state import NOBODY
 from fleet.tasks.board import TaskState
-from planners.mapf.distance_table import DETOUR_TIMESTEPS
+from fleet.traffic.floor_distances import DOCK_COST
 from tests.unit.fleet.missions.floor import Floor, delivery
 
 
@@ -70,6 +70,6 @@ def test_cars_that_only_pass_go_round_all_docks() -> None:
     """For plans, a dock is further away from anywhere else than it is; cells in the open are not."""
     floor = Floor()
     goal = floor.state(3, 5)
-    far = floor.traffic.ways.to(goal) >= floor.traffic.tables.to(goal) + DETOUR_TIMESTEPS
+    far = floor.traffic.ways.to(goal) >= floor.traffic.tables.to(goal) + DOCK_COST - 1
     assert far[floor.stations.dock_states].all()
     assert not far[[floor.state(2, 5), floor.state(3, 6)]].any()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from fleet.config import TrafficConfig
 from fleet.errors import ConfigError
 from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
-from fleet.traffic.replanning import Traffic
+from fleet.traffic.replanning import QUEUE_MOVES, Traffic
 from tests.unit.fleet.traffic.drivers import Drivers
 from tests.unit.planners.mapf.lanes import one_way_loop, open_grid
 
@@ -116,3 +116,62 @@ def test_avoided_cells_are_passed_only_where_there_is_no_other_way() -> None:
     assert traffic.next_cell(0, 2) == 1
     traffic.set_blocked(4, False)
     assert traffic.next_cell(0, 2) == 3
+
+
+class TwoLanes:
+    """Two rows side by side; car 0 stands in the first one and wants to its end, car 1 comes behind it."""
+
+    END = 15
+
+    def __init__(self, *, stand: int = 4) -> None:
+        graph = open_grid(2, self.END + 1)
+        config = TrafficConfig()
+        self.executor = Executor(
+            graph, np.array([stand, 16], dtype=np.int32), cast(Any, Drivers()), config, lambda kind, **facts: None
+        )
+        self.traffic = Traffic(graph, self.executor, config, WORLD.tick_s, seed=0)
+        self.traffic.set_fixed(0, True)
+        self.traffic.send(0, self.END, stay=False, tick=0)
+        self.now = 0
+
+    def wait(self, seconds: float) -> None:
+        for _ in range(round(seconds / WORLD.tick_s)):
+            self.traffic.tick(self.now)
+            self.executor.tick(WORLD)
+            self.now += 1
+
+
+def test_ways_go_round_where_cars_wait() -> None:
+    run = TwoLanes()
+    straight = run.traffic.ways.to(run.END).tolist()
+    before = run.traffic.n_ways
+    run.wait(40.0)
+    ways = run.traffic.ways.to(run.END)
+    assert run.traffic.n_ways > before
+    assert int(ways[3]) > straight[3], "the way through the crowd costs more"
+    assert int(ways[3]) <= straight[3] + 2, "and that round it is taken"
+    assert run.traffic.tables.to(run.END).tolist() == straight, "distances stay what they are"
+
+
+def test_who_waits_near_its_goal_is_no_crowd() -> None:
+    run = TwoLanes(stand=TwoLanes.END - QUEUE_MOVES)
+    run.wait(40.0)
+    assert run.traffic.n_ways == 0
+
+
+def test_a_crowd_that_is_gone_costs_nothing() -> None:
+    run = TwoLanes()
+    straight = run.traffic.ways.to(run.END).tolist()
+    run.wait(40.0)
+    run.traffic.set_fixed(0, False)
+    run.wait(20.0)
+    run.traffic.send(1, run.END, stay=False, tick=run.now)
+    run.wait(120.0)
+    assert run.traffic.ways.to(run.END).tolist() == straight
+
+
+def test_a_crowd_is_gone_round_past_blocked_cells_too() -> None:
+    run = TwoLanes()
+    run.wait(40.0)
+    run.traffic.set_blocked(30, True)
+    assert int(run.traffic.ways.to(run.END)[3]) > int(run.traffic.tables.to(run.END)[3])

@@ -9,8 +9,7 @@ import pytest
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
 from planners.mapf.distance_table import (
-    DETOUR_TIMESTEPS,
-    NO_OTHER_WAY,
+    MOST_COST,
     UNREACHABLE,
     DistanceTable,
     DistanceTableFull,
@@ -133,37 +132,82 @@ def test_a_goal_that_does_not_exist_is_refused(goal: int) -> None:
         DistanceTable(one_way_loop(5), nothing_blocked(5)).to(goal)
 
 
-def avoiding(graph: LaneGraph, cells: list[int]) -> DistanceTable:
-    avoid = nothing_blocked(graph.n_cells)
-    avoid[cells] = True
-    return DistanceTable(graph, nothing_blocked(graph.n_cells), avoid=avoid)
+def priced(graph: LaneGraph, dear: dict[int, int]) -> DistanceTable:
+    return DistanceTable(graph, nothing_blocked(graph.n_cells), costs=costs_of(graph, dear))
 
 
-def test_ways_lead_round_avoided_cells_where_they_can() -> None:
+def costs_of(graph: LaneGraph, dear: dict[int, int]) -> np.ndarray:
+    costs = np.ones(graph.n_cells, dtype=np.int64)
+    costs[list(dear)] = list(dear.values())
+    return costs
+
+
+def least_costs(graph: LaneGraph, costs: np.ndarray, goal: int) -> list[int]:
+    """What ways cost, found by a library; a move costs what its first cell does."""
+    lanes = nx.DiGraph()
+    lanes.add_nodes_from(range(graph.n_states))
+    for before, after in zip(graph.move_from.tolist(), graph.move_to.tolist(), strict=True):
+        lanes.add_edge(after, before, weight=int(costs[graph.state_cell[before]]))
+    found = nx.single_source_dijkstra_path_length(lanes, goal)
+    return [found.get(state, UNREACHABLE) for state in range(graph.n_states)]
+
+
+def test_ways_lead_round_dear_cells() -> None:
     """Straight on from 0 to 2 leads through 1; the other row is longer."""
-    graph = open_grid(2, 3)
-    row = avoiding(graph, [1]).to(2)
+    row = priced(open_grid(2, 3), {1: 30}).to(2)
     assert [int(row[state]) for state in (2, 5, 4, 3, 0)] == [0, 1, 2, 3, 4]
-    assert row[1] == 1 + DETOUR_TIMESTEPS, "who stands there leaves it, nobody enters it"
+    assert row[1] == 30, "who stands there leaves it, nobody enters it"
 
 
-def test_a_way_may_end_in_an_avoided_cell() -> None:
-    assert avoiding(open_grid(1, 3), [2]).to(2).tolist() == [2, 1, 0]
+def test_a_way_may_end_in_a_dear_cell() -> None:
+    assert priced(open_grid(1, 3), {2: 30}).to(2).tolist() == [2, 1, 0]
 
 
 def test_where_there_is_no_other_way_it_leads_through() -> None:
-    row = avoiding(one_way_loop(5), [1]).to(2).astype(int)
-    assert row[1] == 1 + DETOUR_TIMESTEPS
-    assert row[[0, 4, 3]].tolist() == [NO_OTHER_WAY + steps for steps in (2, 3, 4)]
+    assert priced(one_way_loop(5), {1: 30}).to(2).tolist() == [31, 30, 0, 33, 32]
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_following_the_distances_always_arrives(seed: int) -> None:
+def test_costs_equal_networkx(seed: int) -> None:
     graph = one_way_grid(6, 8)
     rng = np.random.default_rng(seed)
-    table = avoiding(graph, rng.choice(graph.n_cells, 6, replace=False).tolist())
-    row = table.to(int(rng.integers(graph.n_states))).astype(int)
-    for state in np.flatnonzero(row > 0).tolist():
-        after = graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]]
-        assert row[after].min() < row[state] + DETOUR_TIMESTEPS
-    assert row.max() < UNREACHABLE
+    costs = rng.integers(1, 40, graph.n_cells)
+    table = DistanceTable(graph, nothing_blocked(graph.n_cells), costs=costs)
+    for goal in rng.integers(graph.n_states, size=4).tolist():
+        assert table.to(goal).tolist() == least_costs(graph, costs, goal)
+
+
+def test_new_prices_are_those_of_the_goals_that_were_named_and_of_new_ones() -> None:
+    graph = one_way_grid(6, 8)
+    table = priced(graph, {9: 30})
+    before = table.to(3).copy()
+    table.to(17)
+    costs = np.random.default_rng(0).integers(1, MOST_COST, graph.n_cells)
+    table.reprice(costs, np.array([17, 30], dtype=np.int32))
+    assert table.n_goals == 2, "no way was asked for to goal 30"
+    assert table.to(17).tolist() == least_costs(graph, costs, 17)
+    assert table.to(20).tolist() == least_costs(graph, costs, 20)
+    assert table.to(3).tolist() == before.tolist()
+
+
+@pytest.mark.parametrize("cost", [0, MOST_COST + 1])
+def test_a_cost_out_of_range_is_refused(cost: int) -> None:
+    with pytest.raises(PlanningError, match=rf"costs\[3\] = {cost}; valid: whole numbers from 1 to 1000"):
+        priced(one_way_loop(5), {3: cost})
+
+
+def test_costs_of_other_cells_are_refused() -> None:
+    with pytest.raises(PlanningError, match=r"costs has shape \(4,\); valid: \(5,\)"):
+        DistanceTable(one_way_loop(5), nothing_blocked(5), costs=np.ones(4, dtype=np.int64))
+
+
+def test_a_table_without_costs_has_none_to_change() -> None:
+    with pytest.raises(PlanningError, match="valid: one that was made with costs"):
+        DistanceTable(one_way_loop(5), nothing_blocked(5)).reprice(np.ones(5, dtype=np.int64), np.array([0]))
+
+
+def test_a_way_that_costs_too_much_is_refused() -> None:
+    n = 80
+    table = DistanceTable(one_way_loop(n), nothing_blocked(n), costs=np.full(n, MOST_COST))
+    with pytest.raises(DistanceTooLong, match="valid: at most 65534"):
+        table.to(0)

@@ -1,4 +1,4 @@
-"""Prefetch: an arm that shares its dock takes the next parcel while its partner has the tray."""
+"""Prefetch: an arm takes the next parcel while cars change at its dock, or while its partner there has the tray."""
 
 from __future__ import annotations
 
@@ -108,9 +108,9 @@ def test_a_parcel_is_put_back_if_another_car_is_there_first() -> None:
     assert floor.arms.returned == [0]
 
 
-def test_an_arm_with_a_dock_of_its_own_does_not_fetch() -> None:
+def test_an_arm_with_a_dock_of_its_own_fetches_too() -> None:
     floor = Floor(orders=[delivery("a")])
     floor.assigned("a", car=0)
     floor.come(0)
     floor.prefetch.tick(0)
-    assert floor.arms.fetched == []
+    assert [request.arm for request in floor.arms.fetched] == [0]
