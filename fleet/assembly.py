@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fleet.arrays import FloatArray
 from fleet.config import CarConfig, Perception, RunConfig, require
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
@@ -48,7 +47,6 @@ from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.stations.arms.shared_dock import share_docks
 from fleet.stations.booking import Bookings
-from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
 from fleet.stations.stations import Stations
 from fleet.tasks.backlog import Backlog
@@ -181,7 +179,7 @@ def assemble(
     perception = SeenPoses(stations, scene.car, world, inventory, log) if seen else TruePoses(inventory)
 
     # The rules that missions go by.
-    turns = TurnBook(missions, ways, _least_cycle_s(stations, config.collect_after_s))
+    turns = TurnBook(missions, ways, stations.least_cycle_s(config.collect_after_s))
     fitness = Fitness(abilities)
     open_deliveries = OpenDeliveries(board, fitness.kind_of)
     slots = Slots(missions, ways, inventory, open_deliveries)
@@ -232,13 +230,6 @@ def assemble(
         batteries=batteries,
     )
     return Assembled(view=view, arm_planner=arm_planner, abilities=abilities, book=book)
-
-
-def _least_cycle_s(stations: Stations, collect_after_s: float) -> FloatArray:
-    """Shortest time between turns at each station [s]: delivered parcels keep the slots of a drop station."""
-    drops = [station.direction is Direction.FROM_CAR for station in stations]
-    n_slots = np.array([len(station.contents) for station in stations])
-    return np.where(drops, collect_after_s / n_slots, 0.0)
 
 
 class _Losses:

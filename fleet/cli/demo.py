@@ -236,6 +236,10 @@ def _table(result: dict[str, object]) -> Table:
         for account, percent in shares.items():
             if percent:
                 table.add_row(f"time of the cars, {account.replace('_', ' ')}", f"{percent:.1f} %")
+    idle = result["idle_percent"]
+    if isinstance(idle, dict):
+        for why, percent in idle.items():
+            table.add_row(f"  idle: {why.replace('_', ' ')}", f"{percent:.1f} %")
     return table
 
 

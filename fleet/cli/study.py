@@ -180,6 +180,7 @@ def _table(outcome: Outcome, title: str) -> Table:
     late = "tardiness [s]" if findings.has_due_dates else "task time [s]"
     for name in ("cars", "deliveries/h", "difference", late, "waiting [%]"):
         table.add_column(name, justify="right")
+    table.add_column("at most/h")
     table.add_column("bottleneck")
     for curve in findings.curves:
         for point in curve.points:
@@ -190,6 +191,7 @@ def _table(outcome: Outcome, title: str) -> Table:
                 between(point.gain_per_h, sign=True),
                 between(point.lateness_s),
                 between(point.waiting_share, scale=100.0),
+                "-" if point.bound is None else f"{point.bound.per_h:.0f} {point.bound.name}",
                 f"{point.bottleneck.name} {point.bottleneck.share:.0%}",
             )
     return table

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from fleet.config import AllocationConfig
 from fleet.dispatch.fitness import Codes, Fitness
 from fleet.dispatch.situation import CAN_TAKE, Situation
+from fleet.missions.admission import CALL_EARLY_S
 from fleet.missions.charging import Charging
 from fleet.missions.state import Missions
 from fleet.missions.turns import Booked, Deliveries, waits
@@ -22,6 +23,9 @@ from fleet.tasks.reasons import CODE_OF_REASON, PairReason
 from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
 
+LONG_WAIT_COST = 3.0
+"""What a second of waiting for an arm costs beyond itself, past the wait that keeps arms from waiting for cars: so a
+car goes further to an arm that is idle, rather than to wait as long for one that is not."""
 FULL_S = 300.0
 """To charge a car that is full costs so much more than to charge an empty one, as seconds of travel [s]."""
 _CODE = CODE_OF_REASON
@@ -135,6 +139,7 @@ class CostModel:
             now_s=now_s,
             weights=CostWeights(self._config.lateness, self._config.ageing, self._config.lateness),
         )
+        cost_s += LONG_WAIT_COST * np.maximum(waits_s - CALL_EARLY_S, 0.0)
         for k, task in enumerate(tasks):
             if task.visit is not None and task.visit.until_full and self._charging is not None:
                 cost_s[:, k] += FULL_S * self._charging.batteries.charge

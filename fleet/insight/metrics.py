@@ -12,6 +12,8 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.insight.bounds import Bounds, bounds_of, deliveries_of
+from fleet.insight.causes import DETAILS
 from fleet.insight.codebook import Codebook
 from fleet.insight.slip import Slip
 from fleet.insight.time_accounts import STANDING_MPS, ArmTime, CarTime, TimeAccounts, percentages
@@ -107,14 +109,19 @@ class Summary:
     cars_stranded: int
     """Cars whose battery was empty."""
     stations: dict[str, StationReport]
+    bounds: Bounds | None
+    """What could be delivered at most; None if nothing was delivered."""
     bottleneck: str
-    """The station with the greatest shares of time busy and busy with cars waiting for it, in words."""
+    """What binds, and the station with the greatest shares of time busy and busy with cars waiting for it, in words."""
     car_ticks: dict[str, CarTime]
     """Ticks of each car by what they were spent on; the sum is the same for each: the ticks of the run."""
     arm_ticks: dict[str, ArmTime]
     """The same for each arm."""
     time_share_percent: dict[str, float]
     """The same for all cars together in per cent; adds up to 100."""
+    idle_percent: dict[str, float]
+    """Of that the share in which cars were idle, by why they had no task: `no_order` was left, orders were
+    `not_released`, or as `explain_assignment` says of the task that the car could have had."""
     blame: Blame
     """Ticks of all robots, put down to the robots, cells and places that caused them."""
     state_hash: str
@@ -165,6 +172,7 @@ class Metrics:
         sim_s = run.sim_s
         slips_m = [slip.slip_m for slip in slips]
         batteries, charging = run.batteries, run.charging
+        bounds = bounds_of(run, deliveries_of(done, run.stations), sim_s, from_start=True)
         return Summary(
             tasks_total=len(board.tasks),
             tasks_done=len(done),
@@ -199,10 +207,12 @@ class Metrics:
             charging_sessions=charging.n_sessions if charging is not None else 0,
             cars_stranded=int((batteries.charge <= 0.0).sum()) if batteries is not None else 0,
             stations=self._stations(run),
-            bottleneck=self._bottleneck(run),
+            bounds=bounds,
+            bottleneck=f"{bounds}; {self._busiest(run)}" if bounds is not None else self._busiest(run),
             car_ticks={f"car_{car}": self.time_accounts.car_time(car) for car in range(world.n_cars)},
             arm_ticks={f"arm_{arm}": self.time_accounts.arm_time(arm) for arm in range(world.n_arms)},
             time_share_percent=_shares(self.time_accounts.fleet_time()),
+            idle_percent=self._idle(),
             blame=blame_of(self.time_accounts, codebook),
             state_hash=run.state_hash(),
         )
@@ -225,10 +235,14 @@ class Metrics:
             )
         return reports
 
-    def _bottleneck(self, run: RunView) -> str:
+    def _idle(self) -> dict[str, float]:
+        idle, total = self.time_accounts.idle, max(int(self.time_accounts.cars.sum()), 1)
+        return {DETAILS[k] or "no_order": round(100.0 * int(idle[k]) / total, 1) for k in idle.nonzero()[0].tolist()}
+
+    def _busiest(self, run: RunView) -> str:
         worst = self.time_accounts.bottleneck()
         if worst is None:
-            return "none: no car waited for a busy station"
+            return "no car waited for a busy station"
         time, ticks = self.time_accounts.station_time(worst), max(run.now, 1)
         return (
             f"{run.stations[worst].name} (arm_{worst}): busy {time.busy / ticks:.0%} of the time, "

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.arrays import FloatArray
-from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, WITHOUT_TASK, Cause, CauseRows, Column
+from fleet.insight.causes import DETAILS, NONE, NOT_KEPT_BY_PLACE, WITHOUT_TASK, Cause, CauseRows, Column
 from fleet.missions.phases import PHASES, CarPhase
 
 STANDING_MPS = 0.05
@@ -78,7 +78,9 @@ _HAS_PLACE = np.array([cause not in NOT_KEPT_BY_PLACE for cause in Cause])
 _ENDS_CHAIN = np.array([cause in WITHOUT_TASK for cause in Cause])
 _PLAN_LATE, _CHARGER = int(Cause.PLAN_LATE), int(Cause.CHARGER)  # kernels know plain numbers only
 _NOT_KNOWN = -2
-_CAUSE, _BY, _CELL, _PLACE = (int(c) for c in (Column.CAUSE, Column.BY, Column.CELL, Column.PLACE))
+_CAUSE, _BY, _CELL, _PLACE, _DETAIL = (
+    int(c) for c in (Column.CAUSE, Column.BY, Column.CELL, Column.PLACE, Column.DETAIL)
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,6 +132,7 @@ class _Booked(NamedTuple):
     by_robot: Ticks
     by_cell: Ticks
     by_place: Ticks
+    idle: Ticks
 
 
 class _Rules(NamedTuple):
@@ -184,8 +187,10 @@ class TimeAccounts:
         """The same for cells, shape (n_accounts, n_cells + 1)."""
         self.by_place: Ticks = np.zeros((len(Account), n_places + 1), dtype=np.int64)
         """The same for stations, chargers and parking places, shape (n_accounts, n_places + 1)."""
+        self.idle: Ticks = np.zeros(len(DETAILS), dtype=np.int64)
+        """Ticks that cars were idle, by why they had no task, shape (n_details,)."""
         self._n_cars = n_cars
-        self._booked = _Booked(self.robots, self.stations, self.by_robot, self.by_cell, self.by_place)
+        self._booked = _Booked(self.robots, self.stations, self.by_robot, self.by_cell, self.by_place, self.idle)
         docks = np.ascontiguousarray(dock_xy, dtype=np.float64)
         self._rules = _Rules(_RULES, _ARM_RULES, _HAS_PLACE, _ENDS_CHAIN, docks)
 
@@ -274,6 +279,7 @@ def _book(booked: _Booked, rules: _Rules, tick: _Tick) -> None:
     _find_ends(tick.causes, rules.ends_chain, ends)
     _put_down(booked, rules.has_place, tick.causes, accounts, ends)
     _count_waiting(booked.stations, tick, accounts)
+    _count_idle(booked.idle, tick, accounts)
 
 
 @njit(cache=True)
@@ -326,7 +332,7 @@ def _put_down(
     booked: _Booked, has_place: npt.NDArray[np.bool_], causes: CauseRows, accounts: Ticks, ends: Ticks
 ) -> None:
     """Put one tick of each robot down to a robot, a cell and a place; the last of each stands for none."""
-    robots, _, by_robot, by_cell, by_place = booked
+    robots, _, by_robot, by_cell, by_place, _ = booked
     for robot in range(len(causes)):
         account = accounts[robot]
         root, cell, at = len(causes), NONE, NONE
@@ -357,3 +363,11 @@ def _count_waiting(stations: Ticks, tick: _Tick, accounts: Ticks) -> None:
             stations[0, station] += 1
             stations[1, station] += waiting[station] > 0
             stations[2, station] += waiting[station]
+
+
+@njit(cache=True)
+def _count_idle(idle: Ticks, tick: _Tick, accounts: Ticks) -> None:
+    """Count why cars have no task."""
+    for car in range(len(tick.place)):
+        if accounts[car] == 7:
+            idle[tick.causes[car, _DETAIL]] += 1

@@ -117,6 +117,9 @@ def _check_result(record: RunRecord, trace: Trace) -> None:
         names = {field.name for field in fields(StationReport)}
         _check_numbers({name: station[name] for name in names})
     _check_numbers(result["time_share_percent"])
+    _check_numbers(result.get("idle_percent", {}))
+    bounds = result.get("bounds") or {}
+    _check_numbers({name: value for name, value in bounds.items() if name.endswith("_per_h") and value is not None})
     _check_numbers({name: result[name] for name in ("arm_utilisation", "robot_contacts", "static_contacts")})
     for kind, columns in result["blame"].items():
         if len({len(column) for column in columns.values()}) != 1:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from fleet.insight.bounds import BOUNDS
 from fleet.insight.time_accounts import percentages
 from fleet.insight.time_table import NOBODY
 from fleet.report.loaded_run import Run
@@ -106,7 +107,22 @@ def _tiles(run: Run, tables: Mapping[str, Table]) -> str:
         tiles.append((f"{result['robot_contacts'] + result['static_contacts']}", "contacts"))
     made = "".join(f'<div class="tile"><b>{escape(b)}</b><span>{escape(s)}</span></div>' for b, s in tiles)
     bottleneck = f"<p>Bottleneck: {escape(result['bottleneck'])}</p>" if result.get("bottleneck") else ""
-    return f'<div class="tiles">{made}</div>{bottleneck}'
+    more = _bounds(result.get("bounds")) + _idle(result.get("idle_percent"))
+    return f'<div class="tiles">{made}</div>{bottleneck}{more}'
+
+
+def _bounds(bounds: Mapping[str, Any] | None) -> str:
+    if not bounds:
+        return ""
+    known = [f"{name} {per_h:.0f}" for name in BOUNDS if (per_h := bounds.get(f"{name}_per_h")) is not None]
+    return f"<p>Deliveries an hour at most, by {', '.join(known)}; delivered {bounds['delivered_per_h']:.0f}.</p>"
+
+
+def _idle(percent: Mapping[str, float] | None) -> str:
+    if not percent:
+        return ""
+    why = ", ".join(f"{name.replace('_', ' ')} {share:.1f} %" for name, share in percent.items())
+    return f"<p>Cars were idle because: {escape(why)} of their time.</p>"
 
 
 def _time_accounts(run: Run, tables: Mapping[str, Table]) -> str:

@@ -57,6 +57,16 @@ class Stations:
         """How long each station's arm is likely to take now, shape (n_stations,) [s]."""
         return np.array([time.recent_s for time in self._time_of])
 
+    def least_cycle_s(self, collect_after_s: float) -> npt.NDArray[np.float64]:
+        """Shortest time between transfers at each station, shape (n_stations,) [s].
+
+        Args:
+            collect_after_s: How long a delivered parcel keeps its slot of a drop station [s].
+        """
+        drops = [station.direction is Direction.FROM_CAR for station in self._stations]
+        n_slots = np.array([len(station.contents) for station in self._stations])
+        return np.where(drops, collect_after_s / n_slots, 0.0)
+
     def loading(self) -> list[Station]:
         """Pick stations, in the order of their arms."""
         return [station for station in self._stations if station.direction is Direction.TO_CAR]

@@ -48,6 +48,21 @@ class Bottleneck:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Bound:
+    """What could be delivered at most."""
+
+    name: str
+    """`cars`, `arms`, `lanes` or `orders`: what binds."""
+    per_h: float
+    """Deliveries an hour, mean over seeds."""
+    share: float
+    """Part of it that was delivered."""
+
+    def __str__(self) -> str:
+        return f"{self.per_h:.0f} ({self.name}), {self.share:.0%} of it"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Point:
     """One fleet size of one allocator, over all seeds."""
 
@@ -62,6 +77,8 @@ class Point:
     gain_per_h: Estimate | None
     """Throughput less that of the reference allocator, on the same seeds; None for the reference itself."""
     bottleneck: Bottleneck
+    bound: Bound | None
+    """The least of the bounds; None if nothing was delivered."""
     n_open: float
     """Orders that were open at the end, mean over seeds."""
     n_stalled: int
@@ -146,6 +163,18 @@ def bottleneck(rows: Sequence[Row]) -> Bottleneck:
     )
 
 
+def least_bound(rows: Sequence[Row]) -> Bound | None:
+    """What binds in the rows of one variant: the least of the bounds that all of them know, each as a mean."""
+    known = [row.bounds_per_h for row in rows]
+    shared = [name for name in known[0] if all(name in bounds for bounds in known)]
+    per_h = {name: float(np.mean([bounds[name] for bounds in known])) for name in shared}
+    if not per_h:
+        return None
+    name = min(per_h, key=lambda key: per_h[key])
+    delivered = float(np.mean([row.throughput_per_h for row in rows]))
+    return Bound(name=name, per_h=per_h[name], share=delivered / per_h[name])
+
+
 def _point(rows: list[Row], reference: dict[int, Row], has_due_dates: bool) -> Point:
     """`rows` are those of one variant, at least one; `reference` those of the reference of that size by seed."""
     is_reference = rows[0] == reference.get(rows[0].seed)
@@ -160,6 +189,7 @@ def _point(rows: list[Row], reference: dict[int, Row], has_due_dates: bool) -> P
         on_time_share=_mean(rows, lambda row: row.on_time_share),
         gain_per_h=None if is_reference else gain,
         bottleneck=bottleneck(rows),
+        bound=least_bound(rows),
         n_open=float(np.mean([row.released - row.done - row.failed for row in rows])),
         n_stalled=sum(row.stalled for row in rows),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fleet.config import RunConfig
+from fleet.insight.bounds import bounds_of, deliveries_of
 from fleet.simulation import Simulation
 from fleet.study.table import Row
 from fleet.tasks.board import DONE_STATES, Task, TaskState
@@ -28,6 +29,9 @@ def _row(config: RunConfig, simulation: Simulation) -> Row:
     tardiness, on_time = _lateness(released, config.duration_s)
     time_accounts, ticks = simulation.metrics.time_accounts, max(simulation.now, 1)
     cars = {name: round(spent / (ticks * config.robots), 4) for name, spent in vars(time_accounts.fleet_time()).items()}
+    bounds = bounds_of(
+        simulation.view, deliveries_of(delivered, simulation.stations), simulation.sim_s, from_start=True
+    )
     times_of = {station.name: time_accounts.station_time(station.arm) for station in simulation.stations}
     return Row(
         allocator=config.allocation.allocator,
@@ -45,6 +49,10 @@ def _row(config: RunConfig, simulation: Simulation) -> Row:
         stations=" ".join(
             f"{name}={time.busy / ticks:.4f}/{time.contended / ticks:.4f}" for name, time in times_of.items()
         ),
+        bound_cars_per_h=None if bounds is None else bounds.cars_per_h,
+        bound_arms_per_h=None if bounds is None else bounds.arms_per_h,
+        bound_lanes_per_h=None if bounds is None else bounds.lanes_per_h,
+        bound_orders_per_h=None if bounds is None else bounds.orders_per_h,
         stalled=simulation.stalled and not simulation.board.finished,
         state_hash=simulation.state_hash(),
     )

@@ -100,6 +100,7 @@ def _table(findings: Findings) -> str:
         lateness,
         "waiting [%]",
         "open at the end",
+        "at most/h",
         "bottleneck",
     ]
     lines = ["<tr>" + "".join(f"<th>{escape(head)}</th>" for head in heads) + "</tr>"]
@@ -113,6 +114,7 @@ def _table(findings: Findings) -> str:
                 between(point.lateness_s),
                 between(point.waiting_share, scale=100.0),
                 f"{point.n_open:.0f}",
+                "-" if point.bound is None else str(point.bound),
                 str(point.bottleneck) + (f"; {point.n_stalled} runs came to a stand" if point.n_stalled else ""),
             ]
             kind = ' class="knee"' if point.robots == curve.knee else ""

@@ -47,6 +47,13 @@ class Row:
     stations: str
     """Share of the time each station's arm was busy, and of that in which cars waited meanwhile, as
     ``pick_1=0.52/0.31 drop_1=0.44/0.05``."""
+    bound_cars_per_h: float | None
+    """Deliveries an hour at most by the cars; this and the following three as `fleet.insight.bounds` has them, None if
+    nothing was delivered."""
+    bound_arms_per_h: float | None
+    bound_lanes_per_h: float | None
+    bound_orders_per_h: float | None
+    """By the orders that came; None if all were there from the start."""
     stalled: bool
     """Nothing went on any more before the time was up."""
     state_hash: str
@@ -55,6 +62,17 @@ class Row:
     def variant(self) -> Variant:
         """The run it is of."""
         return Variant(self.seed, self.robots, self.allocator)
+
+    @property
+    def bounds_per_h(self) -> dict[str, float]:
+        """The bounds that are known, by what binds."""
+        bounds = {
+            "cars": self.bound_cars_per_h,
+            "arms": self.bound_arms_per_h,
+            "lanes": self.bound_lanes_per_h,
+            "orders": self.bound_orders_per_h,
+        }
+        return {name: per_h for name, per_h in bounds.items() if per_h is not None}
 
     @property
     def station_shares(self) -> dict[str, tuple[float, float]]:

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, BatteryConfig
-from fleet.dispatch.cost_model import FULL_S, CostMatrix
+from fleet.dispatch.cost_model import FULL_S, LONG_WAIT_COST, CostMatrix
 from fleet.dispatch.situation import CAN_TAKE
+from fleet.missions.admission import CALL_EARLY_S
 from fleet.missions.phases import CarPhase
 from fleet.tasks.board import TaskState
 from fleet.tasks.order import Ability
@@ -205,7 +206,8 @@ def test_the_wait_at_the_drop_station_counts() -> None:
     floor = Floor(orders=[delivery("a"), delivery("b")])
     floor.stations.time(floor.stations.named("drop_1")).add(30.0)
     floor.carried("a", car=1)
-    assert priced(floor, "b").cost_s[0, 0] == pytest.approx(5.5 + 40.7 - 27.6)
+    wait_s = 40.7 - 27.6
+    assert priced(floor, "b").cost_s[0, 0] == pytest.approx(5.5 + wait_s + LONG_WAIT_COST * (wait_s - CALL_EARLY_S))
 
 
 def test_a_task_costs_the_wait_for_those_before_it() -> None:
@@ -213,7 +215,8 @@ def test_a_task_costs_the_wait_for_those_before_it() -> None:
     for name in "ab":
         floor.ready(name)
     costs = floor.costs("a", "b", not_before_s=(20.0, 8.0))
-    assert costs.cost_s == pytest.approx(np.array([[20.0, 8.8], [20.0, 8.0]]))
+    # Car 0 would be there after 5.5 s, and of its 14.5 s of waiting the last 2.5 s are long.
+    assert costs.cost_s == pytest.approx(np.array([[20.0 + 2.5 * LONG_WAIT_COST, 8.8], [20.0, 8.0]]))
 
 
 def test_a_car_does_not_wait_for_its_own_turn_but_for_those_before_it() -> None:

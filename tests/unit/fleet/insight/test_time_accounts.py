@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fleet.insight.causes import NONE, Cause, Column
+from fleet.insight.causes import DETAIL_OF, NONE, Cause, Column
 from fleet.insight.time_accounts import Account, TimeAccounts, percentages
 from fleet.missions.phases import PHASES, CarPhase
 
@@ -16,6 +16,7 @@ def rows(*causes: Cause, by: dict[int, int] | None = None) -> np.ndarray:
     """Rows of robots with given causes, and whom some of them wait for."""
     made = np.full((len(causes), len(Column)), NONE, dtype=np.int32)
     made[:, Column.CAUSE] = causes
+    made[:, Column.DETAIL] = 0
     for robot, other in (by or {}).items():
         made[robot, Column.BY] = other
     return made
@@ -140,3 +141,15 @@ def test_percentages_add_up_to_a_hundred(seed: int) -> None:
 
 def test_no_time_has_no_shares() -> None:
     assert percentages([0, 0]) == [0.0, 0.0]
+
+
+def test_idle_time_says_why() -> None:
+    """Two cars are idle for a tick, one with something to wait for; one that drives counts for nothing."""
+    time_accounts = TimeAccounts(3, DOCKS, n_cells=4, n_places=2)
+    causes = rows(Cause.NO_TASK, Cause.NO_TASK, Cause.DRIVES, Cause.NO_TASK, Cause.NO_TASK)
+    causes[1, Column.DETAIL] = DETAIL_OF["next_round"]
+    nobody, still = np.full(3, -1), np.zeros(3, dtype=np.int64)
+    phase = np.array([PHASES.index(p) for p in (CarPhase.IDLE, CarPhase.IDLE, CarPhase.TO_PICK)])
+    time_accounts.tick(causes, phase, still, nobody, np.full(2, -1), np.array([0.0, 0.0, 1.0]), np.zeros((3, 3)))
+    assert time_accounts.idle.sum() == 2
+    assert time_accounts.idle[[0, DETAIL_OF["next_round"]]].tolist() == [1, 1]

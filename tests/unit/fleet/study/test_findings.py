@@ -7,7 +7,7 @@ from PIL import Image
 
 from fleet.study.conclusions import sentences
 from fleet.study.design import StudyError
-from fleet.study.findings import bottleneck, find
+from fleet.study.findings import bottleneck, find, least_bound
 from fleet.study.page import charts, write_page
 from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
 
@@ -36,6 +36,10 @@ def row(allocator: str = "greedy", robots: int = 2, seed: int = 0, **changes: ob
         "fault": 0.0,
         "idle": 0.02,
         "stations": "pick_1=0.5000/0.1000 drop_1=0.6000/0.2000",
+        "bound_cars_per_h": 120.0,
+        "bound_arms_per_h": 400.0,
+        "bound_lanes_per_h": 900.0,
+        "bound_orders_per_h": None,
         "stalled": False,
         "state_hash": "abc",
     }
@@ -120,6 +124,19 @@ def test_rows_that_are_missing_are_left_out_of_the_pairs() -> None:
 def test_the_bottleneck_is_what_is_in_use_most(changes: dict[str, object], name: str, said: str) -> None:
     found = bottleneck([row(**changes), row(seed=1, **changes)])  # type: ignore[arg-type]
     assert (found.name, str(found)) == (name, said)
+
+
+def test_the_least_bound_binds_and_is_told_with_what_was_made_of_it() -> None:
+    found = least_bound([row(), row(seed=20, bound_cars_per_h=140.0)])
+    assert found is not None
+    assert (found.name, found.per_h, found.share) == ("cars", 130.0, pytest.approx(110.0 / 130.0))
+    assert str(found) == "130 (cars), 85% of it"
+
+
+def test_a_bound_that_some_runs_do_not_know_is_none() -> None:
+    assert least_bound([row(bound_cars_per_h=None), row()]).name == "arms"  # type: ignore[union-attr]
+    nothing = {f"bound_{name}_per_h": None for name in ("cars", "arms", "lanes", "orders")}
+    assert least_bound([row(**nothing)]) is None
 
 
 def test_the_page_needs_nothing_else_and_the_plots_are_pictures(tmp_path: Path) -> None:
