@@ -6,6 +6,7 @@ BENCHMARKS: tuple[str, ...] = (
     "arms",
     "demo",
     "fleet_size",
+    "flow",
     "insight",
     "mapf",
     "mapf_lanes",
