@@ -61,8 +61,8 @@ class Situation:
     """State in which each car that cannot take a task now will be free, shape (n_cars,)."""
     free_s: npt.NDArray[np.float64]
     """Time until then, inf where that is not known, or the car can take a task now, shape (n_cars,) [s]."""
-    tails: npt.NDArray[np.int32]
-    """State in which each car stands when all its moves are done, shape (n_cars,)."""
+    ahead: npt.NDArray[np.int32]
+    """State up to which each car was granted moves, shape (n_cars,)."""
     exchange: bool
     """Whether tasks that are not picked yet may change hands."""
 
@@ -73,7 +73,7 @@ class Situation:
 
     def begins(self, soon_s: float) -> npt.NDArray[np.int32]:
         """State in which each car begins that is free now, or in so many seconds, shape (n_cars,)."""
-        return np.where(self.soon(soon_s), self.state, self.tails).astype(np.int32)
+        return np.where(self.soon(soon_s), self.state, self.ahead).astype(np.int32)
 
 
 def situation_of(
@@ -109,7 +109,7 @@ def situation_of(
         kept=missions.kept(),
         state=free_state,
         free_s=free_s,
-        tails=ways.tails,
+        ahead=ways.ahead,
         exchange=exchange,
     )
 
@@ -128,7 +128,7 @@ def _when_free(
     left_s = stations.times.all_left_s(now_s)
     carried = task_state == _CARRIED
     unloading = task_state == _UNLOADING
-    begin = np.where(carried, ways.tails[cars], stations.dock_states[pick])
+    begin = np.where(carried, ways.ahead[cars], stations.dock_states[pick])
     moves = np.where(unloading, 0, ways.moves_each(begin, stations.dock_states[drop]).astype(np.int64))
     load_s = np.where(task_state == _LOADING, left_s[pick], mean_s[pick])
     at_docks_s = np.where(unloading, left_s[drop], np.where(carried, mean_s[drop], load_s + mean_s[drop]))

@@ -31,7 +31,7 @@ class Admission:
     """The way of cars to their stations.
 
     A car that would come too early for its turn is held back before it sets off. It needs a booking, and its parcel a
-    slot, to come near; who finds the station full then turns aside.
+    slot, to come near; who finds the station full then turns aside, and comes back with a booking only.
 
     Args:
         missions: What cars and stations are about.
@@ -47,6 +47,8 @@ class Admission:
         self._turns = turns
         self._slots = slots
         self._log = log
+        self._full_at = np.full(missions.n_cars, -1)
+        """The station that each car has found full, -1 for none."""
 
     def set_off(self, car: int, task: Task, tick: int, now_s: float) -> None:
         """Send a car to the next station of its task, or hold it back until its turn comes."""
@@ -79,6 +81,7 @@ class Admission:
         early_s = line_up(arrivals, self._turns.pace(now_s)).turn_s - arrivals.comes_s
         held = missions.phase_index[arrivals.car] == _HELD
         near = arrivals.comes_s <= np.where(held, CALL_EARLY_S, NEAR_MOVES * MOVE_S)
+        near |= held & (self._full_at[arrivals.car] == arrivals.station)
         # Those that may set off, or have come near without a booking.
         due = held & (early_s <= CALL_EARLY_S)
         concerned = (due | (near & ~arrivals.waits & ~missions.bookings.booked[arrivals.car])).nonzero()[0]
@@ -90,6 +93,7 @@ class Admission:
                 continue
             station = missions.stations[int(arrivals.station[k])]
             if near[k] and not self._book(car, task, station, now_s):
+                self._full_at[car] = station.arm
                 if missions.phase[car] is not CarPhase.HELD:
                     self._hold(car, task, self._full_words(task, station))
             elif missions.phase[car] is CarPhase.HELD:
@@ -106,6 +110,7 @@ class Admission:
             return False
         if task.state is TaskState.ASSIGNED and not self._slots.take(task, now_s):
             return False
+        self._full_at[car] = -1
         return bookings.book(car)
 
     def _full_words(self, task: Task, station: Station) -> str:

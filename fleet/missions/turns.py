@@ -135,7 +135,7 @@ class TurnBook:
         return Booked(line_up(everybody, pace).turns, early_s)
 
     def _arrivals(self, cars: IntArray, station: IntArray) -> StationArrivals:
-        moves = self._ways.moves_each(self._ways.tails[cars], self._missions.stations.dock_states[station])
+        moves = self._ways.moves_each(self._ways.ahead[cars], self._missions.stations.dock_states[station])
         return StationArrivals(
             cars, station, MOVE_S * moves.astype(np.float64), ~_UNDER_WAY[self._missions.phase_index[cars]]
         )

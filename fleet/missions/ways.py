@@ -49,6 +49,11 @@ class Ways:
         """State each car stands in when all its moves are done, shape (n_cars,), read-only."""
         return self._executor.tail_states()
 
+    @property
+    def ahead(self) -> npt.NDArray[np.int32]:
+        """State up to which each car was granted moves: from there it can go anywhere, shape (n_cars,)."""
+        return self._executor.granted_states()
+
     def moves(self, states: States, goal: int) -> npt.NDArray[np.uint16]:
         """Moves from each of some states to a goal, `UNREACHABLE` where there is no way, shape of `states`."""
         return self._traffic.tables.to(goal)[states]

@@ -79,6 +79,10 @@ class Executor:
         """State each car stands in when all it has is done, shape (n_cars,), read-only."""
         return self.dependencies.tail_states()
 
+    def granted_states(self) -> npt.NDArray[np.int32]:
+        """State each car stands in when all it was granted is done, shape (n_cars,)."""
+        return self.dependencies.granted_states()
+
     def holds(self, car: int, cell: int) -> bool:
         """Whether a car holds a cell: it stands there, may enter it, or has reserved it."""
         return self.dependencies.holds(car, cell)

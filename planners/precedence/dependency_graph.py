@@ -21,6 +21,7 @@ from planners.precedence.queues import (
     end,
     end_all,
     first_in_line,
+    granted_tails,
     hold,
     let_go,
     may_start,
@@ -117,6 +118,10 @@ class DependencyGraph:
             self._tails = tails(self._q)
             self._tails.flags.writeable = False
         return self._tails
+
+    def granted_states(self) -> IntArray:
+        """State each agent stands in when all it was granted is done, shape (n,)."""
+        return granted_tails(self._q)
 
     def n_granted_so_far(self) -> Int64Array:
         """Number of moves each agent was granted so far, shape (n,)."""

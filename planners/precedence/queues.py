@@ -119,6 +119,16 @@ def tails(q: Queues) -> IntArray:  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
+def granted_tails(q: Queues) -> IntArray:  # pragma: no cover - compiled
+    """State each agent stands in when all it was granted is done, shape (n,)."""
+    states = q.state.copy()
+    for agent in range(len(states)):
+        if q.granted[agent] > q.finished[agent]:
+            states[agent] = q.move_to[move_at(q, agent, q.granted[agent] - 1)]
+    return states
+
+
+@njit(cache=True, nogil=True)
 def append(q: Queues, timestep: Int64Array, agent: Int64Array, move: Int64Array) -> None:  # pragma: no cover - compiled
     """Queue moves, ordered by timestep; there is room. In one timestep whoever leaves a cell is before who enters."""
     begin = 0

@@ -49,9 +49,9 @@ class Watch:
         for phase, task in zip(roster.phase, roster.task_of, strict=True):
             if task is not None and phase in (CarPhase.TO_PICK, CarPhase.TO_DROP):
                 assert " is held: " not in task.reason, "who goes on is not held any more"
-        tails = simulation.executor.tail_states()
+        tails, ahead = simulation.executor.tail_states(), simulation.executor.granted_states()
         for station in simulation.stations:
-            near = simulation.traffic.tables.to(station.dock_state)[tails] <= NEAR_MOVES
+            near = simulation.traffic.tables.to(station.dock_state)[ahead] <= NEAR_MOVES
             come = {
                 car
                 for car, goal in enumerate(simulation.traffic.goals)
@@ -100,7 +100,7 @@ def test_an_arm_that_is_three_times_as_slow(arm: str, station: str, seed: int) -
     assert watch.longest_s < SLOW_SERVICE_S, "nobody waits in a lane for more than one transfer"
     assert watch.longest_passing_s[int(arm[-1])] < SLOW_SERVICE_S / 2, "nor does one that only passes the slow station"
     held = [str(event.facts["cause"]) for event in log if event.kind == "held"]
-    assert sum(station in cause for cause in held) > 3
+    assert sum(station in cause for cause in held) >= 2
     assert f"; {station} ({arm}): busy " in summary.bottleneck
     slow = summary.stations[station]
     assert slow.service_mean_s > 2.0 * min(report.service_mean_s for report in summary.stations.values())

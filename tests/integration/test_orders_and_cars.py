@@ -216,8 +216,8 @@ def test_a_task_changes_hands_before_its_pick_up_if_enough_is_gained(
 ) -> None:
     """A stream of orders keeps two of three cars on their way to a pick station."""
     allocation = AllocationConfig(keep_gain_s=keep_gain_s)
-    stream = StreamConfig(rate_per_h=400.0, due_share=1.0, slack_s=(30.0, 120.0), emergency_share=0.3)
-    settings = {"orders": None, "stream": stream, "duration_s": 240.0, "robots": 3, "seed": 2}
+    stream = StreamConfig(rate_per_h=600.0, due_share=1.0, slack_s=(30.0, 120.0), emergency_share=0.3)
+    settings = {"orders": None, "stream": stream, "duration_s": 240.0, "robots": 3, "seed": 4}
     with make("x,0,pick_1,drop_1,0.3", allocation=allocation, **settings) as simulation:
         simulation.run()
         assert bool(swaps(simulation)) is swapped

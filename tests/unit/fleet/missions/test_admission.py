@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from fleet.missions.admission import CALL_EARLY_S
 from fleet.missions.phases import CarPhase
+from fleet.missions.ways import MOVE_S
 from fleet.tasks.order import Priority
 from tests.unit.fleet.missions.floor import Floor, delivery, visit
 
@@ -175,6 +177,25 @@ def test_a_car_that_comes_near_without_a_free_slot_is_held_until_there_is_one() 
     assert (floor.missions.phase[2], floor.task("o0").pick_slot) == (TO_PICK, 2)
     assert floor.bookings.has(2)
     assert floor.log.kinds() == ["parcel_entered", "called"]
+
+
+def test_a_car_that_found_its_station_full_comes_back_with_a_booking_only() -> None:
+    """Wherever it waits then: it is not to be turned back twice."""
+    floor = ready(1)
+    set_off(floor, "o0", 2)
+    fill_room(floor, 0, 1, 3, 4)
+    stand_near(floor, 2, 5)
+    floor.admission.call(1, 0.1)
+    floor.stand(2, int(floor.places.parking[2]))
+    assert floor.moves(2, "pick_1") * MOVE_S > CALL_EARLY_S
+    for car in (0, 1, 3, 4):  # they have been served, and stand there still
+        floor.bookings.leave(car, stands_there=True)
+    floor.admission.call(2, 0.2)
+    assert floor.missions.phase[2] is HELD
+    floor.bookings.clear(lambda car, place: False)
+    floor.admission.call(3, 0.3)
+    assert floor.missions.phase[2] is TO_PICK
+    assert floor.bookings.has(2)
 
 
 def test_a_car_that_comes_near_a_full_station_is_held() -> None:

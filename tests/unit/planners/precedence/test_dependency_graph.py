@@ -39,6 +39,7 @@ def test_moves_are_granted_and_finished_in_order() -> None:
     graph = open_grid(1, 4)
     dependencies = with_plan(graph, [0], [1], [1], [2], [3])
     assert ends_of(graph, dependencies.next_moves(0)) == [1, 2, 3]
+    assert dependencies.granted_states().tolist() == [0]
     first = dependencies.grant(0)
     second = dependencies.grant(0)
     assert ends_of(graph, [first, second]) == [1, 2]
@@ -47,6 +48,7 @@ def test_moves_are_granted_and_finished_in_order() -> None:
     assert dependencies.finish(0) == first
     assert dependencies.held_cells(0) == [1, 2]
     assert dependencies.tail_states().tolist() == [3]
+    assert dependencies.granted_states().tolist() == [2]
 
 
 def test_a_cell_is_entered_in_the_order_of_the_plan(crossing: LaneGraph) -> None:
