@@ -272,7 +272,7 @@ def _station(name: str, dock: DockPlace, arm_side: int, given: StationOptions) -
 def _check_reach(station: StationPlace, where: str) -> None:
     """Tray, dock and slots lie where the arm works well."""
     if len(station.slots) == 0:
-        raise StationError(f"{where}: stations.{station.name}.slots is empty, must hold at least one slot")
+        raise StationError(f"{where}: stations.{station.name}.slots is []; valid: at least one [x, y, z]")
     base = np.array(station.arm.pose[:2])
     points = {"the tray of a docked car": station.dock.tray_xy, "the dock's stop pose": station.dock.pose[:2]}
     points |= {f"slot {number}": (slot[0], slot[1]) for number, slot in enumerate(station.slots, start=1)}

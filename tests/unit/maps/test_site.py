@@ -168,7 +168,7 @@ def test_both_arms_of_a_dock_want_the_car_at_one_place():
         (StationOptions(slots=((-0.7, 0.0, 0.25),)), "cannot serve slot 1"),
         (StationOptions(slots=((0.0, -0.2, 0.25),)), "cannot serve slot 1"),
         (StationOptions(slots=((0.5, 0.0, 0.25),)), "slot 1 at (1.40, 2.50) m stands on the lane cell row 2, column 2"),
-        (StationOptions(slots=()), "must hold at least one slot"),
+        (StationOptions(slots=()), "valid: at least one [x, y, z]"),
         (StationOptions(stop_offset_m=0.6), "must be 0..0.35"),
     ],
 )
