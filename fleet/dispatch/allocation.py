@@ -167,17 +167,17 @@ class TaskAllocation:
             name_of=self._board.name_of,
         )
         self._reasons.keep(judged)
-        for column in np.flatnonzero(taker_of < 0).tolist():
-            task = costs.tasks[column]
-            if not anew and column not in later and self._reasons.present(task) is not None:
-                continue
-            if column in later:
-                car = later[column]
-                text = f"car_{car} is to take it, and will be free in {costs.free_s[car]:.0f} s"
-                self._reasons.note(task, TaskReason.PLANNED, text, costs.now_s)
-            else:
-                why = self._why_open(task, judged.codes(column), column in full)
-                self._reasons.note(task, *why, costs.now_s)
+        for column, car in sorted(later.items()):
+            text = f"car_{car} is to take it, and will be free in {costs.free_s[car]:.0f} s"
+            self._reasons.note(costs.tasks[column], TaskReason.PLANNED, text, costs.now_s)
+        untold = [
+            column
+            for column in np.flatnonzero(taker_of < 0).tolist()
+            if column not in later and (anew or self._reasons.present(costs.tasks[column]) is None)
+        ]
+        for column, codes in zip(untold, judged.codes(untold), strict=True):
+            why = self._why_open(costs.tasks[column], codes, column in full)
+            self._reasons.note(costs.tasks[column], *why, costs.now_s)
 
     def _why_open(self, task: Task, codes: npt.NDArray[np.int8], full: bool) -> tuple[TaskReason, str]:
         """Why nobody got a ready task; what lasts longest counts first."""

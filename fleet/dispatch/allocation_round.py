@@ -72,32 +72,36 @@ class AllocationRound:
         """The tasks that were considered."""
         return self.costs.tasks
 
-    def decision(self, column: int) -> Decision:
-        """How the cars were judged for the task in a column."""
-        return Decision(
-            time_s=self.costs.now_s,
-            codes=self.codes(column),
-            cost_s=self.costs.cost_s[:, column].copy(),
-            took=self.took,
-            name_of=self.name_of,
-            taker=int(self.taker_of[column]),
-        )
+    def decisions(self, columns: list[int]) -> list[Decision]:
+        """How the cars were judged for the tasks in some columns."""
+        return [
+            Decision(
+                time_s=self.costs.now_s,
+                codes=codes,
+                cost_s=self.costs.cost_s[:, column].copy(),
+                took=self.took,
+                name_of=self.name_of,
+                taker=int(self.taker_of[column]),
+            )
+            for column, codes in zip(columns, self.codes(columns), strict=True)
+        ]
 
-    def codes(self, column: int) -> npt.NDArray[np.int8]:
-        """Index into `PAIR_REASONS` for each car, shape (n_cars,)."""
-        codes = self.costs.codes[:, column].copy()
+    def codes(self, columns: list[int]) -> npt.NDArray[np.int8]:
+        """Index into `PAIR_REASONS` of each car for the tasks in some columns, shape (n_columns, n_cars)."""
+        codes = self.costs.codes.T[columns]
         if self.answer is not None:
-            k = self._task_at.get(column)
-            if k is not None:
-                _tell(codes, self.answer, k)
-            busy = codes[self.soon]
-            codes[self.soon] = np.where(busy == _CODE[PairReason.NO_WAY], busy, np.int8(_CODE[PairReason.CAR_BUSY]))
-        if self.taker_of[column] >= 0:
-            codes[self.taker_of[column]] = _CODE[PairReason.CHOSEN]
-        if column in self.later:
-            codes[self.later[column]] = _CODE[PairReason.PLANNED_LATER]
-        if column in self.full:
-            codes[codes == CAN_TAKE] = _CODE[PairReason.NOT_OFFERED]
+            asked = [(k, self._task_at[column]) for k, column in enumerate(columns) if column in self._task_at]
+            if asked:
+                _tell(codes, self.answer, *(list(numbers) for numbers in zip(*asked, strict=True)))
+            busy = codes[:, self.soon]
+            codes[:, self.soon] = np.where(busy == _CODE[PairReason.NO_WAY], busy, np.int8(_CODE[PairReason.CAR_BUSY]))
+        for k, column in enumerate(columns):
+            if self.taker_of[column] >= 0:
+                codes[k, self.taker_of[column]] = _CODE[PairReason.CHOSEN]
+            if column in self.later:
+                codes[k, self.later[column]] = _CODE[PairReason.PLANNED_LATER]
+            if column in self.full:
+                codes[k, codes[k] == CAN_TAKE] = _CODE[PairReason.NOT_OFFERED]
         return codes
 
     @cached_property
@@ -106,8 +110,9 @@ class AllocationRound:
         return {} if self.answer is None else {column: k for k, column in enumerate(self.answer.columns)}
 
 
-def _tell(codes: npt.NDArray[np.int8], answer: Answer, task: int) -> None:
-    """Write down what the allocator's answer means for one of its tasks."""
-    allowed = np.isfinite(answer.problem.cost[:, task])
-    told = _CODE_OF[reasons(answer.problem, answer.assignment, [task])[:, 0]]
-    codes[answer.cars[allowed]] = told[allowed]
+def _tell(codes: npt.NDArray[np.int8], answer: Answer, rows: list[int], tasks: list[int]) -> None:
+    """Write down in some rows what the allocator's answer means for some of its tasks."""
+    allowed = np.isfinite(answer.problem.cost.T[tasks])
+    told = _CODE_OF[reasons(answer.problem, answer.assignment, tasks)].T
+    of_cars = np.ix_(np.array(rows), answer.cars)
+    codes[of_cars] = np.where(allowed, told, codes[of_cars])

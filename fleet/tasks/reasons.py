@@ -157,8 +157,8 @@ class DecisionRound(Protocol):
     def tasks(self) -> Sequence[Task]:
         """The tasks that it considered."""
 
-    def decision(self, column: int) -> Decision:
-        """How the cars were judged for one of the tasks, by its place among them."""
+    def decisions(self, columns: list[int]) -> list[Decision]:
+        """How the cars were judged for some of the tasks, by their places among them."""
 
 
 _NOT_CONSIDERED = "every car has another task, and others come before it"
@@ -224,16 +224,16 @@ class ReasonBook:
     def decision(self, task: Task) -> Decision | None:
         """How the cars were judged for a task when the allocator last considered it."""
         if task.index not in self._decision and self._round is not None and task.index in self._column_of:
-            self._decision[task.index] = self._round.decision(self._column_of[task.index])
+            (self._decision[task.index],) = self._round.decisions([self._column_of[task.index]])
         return self._decision.get(task.index)
 
     def keep(self, latest: DecisionRound) -> None:
         """Keep how the cars were judged for tasks; of the round before, what this one does not tell anew."""
         column_of = {task.index: column for column, task in enumerate(latest.tasks)}
         if self._round is not None:
-            for index, column in self._column_of.items():
-                if index not in column_of and index not in self._decision:
-                    self._decision[index] = self._round.decision(column)
+            gone = [index for index in self._column_of if index not in column_of and index not in self._decision]
+            judged = self._round.decisions([self._column_of[index] for index in gone])
+            self._decision.update(zip(gone, judged, strict=True))
         for index in column_of:
             self._decision.pop(index, None)
         self._round, self._column_of = latest, column_of

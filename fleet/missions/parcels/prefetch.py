@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import itemgetter
+
+import numpy as np
 
 from fleet.missions.parcels.perception import PoseSource
 from fleet.missions.phases import CarPhase
@@ -13,7 +16,6 @@ from fleet.stations.arms.arm_manager import ArmManager
 from fleet.stations.arms.transfer import FetchRequest
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
-from planners.mapf.distance_table import UNREACHABLE
 
 N_MOVES_AHEAD = 8
 """A parcel is fetched when its car has at most so many moves left to the dock: that is about twice the time it takes,
@@ -22,7 +24,6 @@ LOOK_S = 0.25
 """Time between two looks at who comes [s]."""
 MAX_FETCHES = 2
 """A parcel that was missed or lost so often is left to the transfer itself."""
-_NOBODY: tuple[int, int, Task | None] = (UNREACHABLE, -1, None)
 
 
 class Prefetch:
@@ -65,25 +66,33 @@ class Prefetch:
         """Begin what can be begun for the cars that are on their way to pick."""
         if not self._stations or tick % self._period:
             return
-        coming = self._missions.cars_in(CarPhase.TO_PICK)
-        task_of, tails = self._missions.task_of, self._ways.tails
+        near = self._near()
         for station in self._stations:
             arm, manager = station.arm, self._arm_manager
             holds = manager.services[arm].state is ArmPhase.HOLDING
             if self._missions.served[arm] >= 0 or not (holds or manager.is_idle(arm)):
                 continue
-            queue = [
-                (car, task)
-                for car in coming
-                if (task := task_of[car]) is not None and task.pick == station.name and task.state is TaskState.ASSIGNED
-            ]
-            moves = self._ways.moves(tails[[car for car, _ in queue]], station.dock_state).tolist()
             if holds:
-                self._look_after(station, [task for left, (_, task) in zip(moves, queue, strict=True) if left == 0])
-                continue
-            left, _, task = min(((n, car, task) for n, (car, task) in zip(moves, queue, strict=True)), default=_NOBODY)
-            if left <= N_MOVES_AHEAD and task is not None and self._fetches.get(task.index, 0) < MAX_FETCHES:
-                self._fetch(station, task, tick)
+                self._look_after(station, [task for left, _, task in near.get(arm, ()) if left == 0])
+            elif arm in near:
+                _, _, task = min(near[arm], key=itemgetter(0, 1))
+                if self._fetches.get(task.index, 0) < MAX_FETCHES:
+                    self._fetch(station, task, tick)
+
+    def _near(self) -> dict[int, list[tuple[int, int, Task]]]:
+        """By arm, the cars that are near and come to pick: moves that each has left, the car, its task."""
+        missions, ways = self._missions, self._ways
+        coming = np.array(missions.cars_in(CarPhase.TO_PICK), dtype=np.int64)
+        arms = missions.pick_of[coming]
+        coming, arms = coming[arms >= 0], arms[arms >= 0]
+        moves = ways.moves_each(ways.tails[coming], missions.stations.dock_states[arms])
+        near: dict[int, list[tuple[int, int, Task]]] = {}
+        for k in (moves <= N_MOVES_AHEAD).nonzero()[0].tolist():
+            car = int(coming[k])
+            task = missions.task_of[car]
+            if task is not None and task.state is TaskState.ASSIGNED:
+                near.setdefault(int(arms[k]), []).append((int(moves[k]), car, task))
+        return near
 
     def _fetch(self, station: Station, task: Task, tick: int) -> None:
         if task.pick_slot is None:

@@ -19,17 +19,20 @@ class Round:
     time_s: float
     n_asked: int = 0
 
-    def decision(self, column: int) -> Decision:
-        """The verdict on one car, told apart by its cost."""
-        self.n_asked += 1
-        return Decision(
-            time_s=self.time_s,
-            codes=np.array([CODE_OF_REASON[PairReason.CHOSEN]], dtype=np.int8),
-            cost_s=np.array([10.0 * self.time_s + column]),
-            took=np.array([self.tasks[column].index]),
-            name_of=str,
-            taker=0,
-        )
+    def decisions(self, columns: list[int]) -> list[Decision]:
+        """The verdicts on one car, told apart by their costs."""
+        self.n_asked += len(columns)
+        return [
+            Decision(
+                time_s=self.time_s,
+                codes=np.array([CODE_OF_REASON[PairReason.CHOSEN]], dtype=np.int8),
+                cost_s=np.array([10.0 * self.time_s + column]),
+                took=np.array([self.tasks[column].index]),
+                name_of=str,
+                taker=0,
+            )
+            for column in columns
+        ]
 
 
 def test_the_last_round_that_considered_a_task_tells() -> None:
