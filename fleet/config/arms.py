@@ -13,7 +13,7 @@ class ArmConfig(Settings):
 
     planner: str = "rrt_connect"
     """Name in `planners.motion.MOTION_PLANNERS`, or one of the names in `OMPL_PLANNERS` there."""
-    latency_s: float = 0.25
+    latency_s: float = 0.1
     """Simulated time from a request to the tick at which its plan lands [s]."""
     iterations_n: int = 20_000
     """Budget of one transit search."""

@@ -16,22 +16,24 @@ from fleet.tasks.board import Task, TaskState
 from fleet.tasks.order import Priority
 
 EARLY_S = 20.0
-"""A car sets off to its station if it comes there at most so long before its turn: two cars wait then, so that traffic
-does not let the arm wait [s]."""
+"""A car that would come longer than that before its turn waits where it is, if it is near [s]."""
 CALL_EARLY_S = 12.0
-"""One that is held back goes on when it comes at most so long before: later than it could have set off, so that it does
-not go to and fro [s]."""
+"""It goes on when it comes at most so long before: two cars wait then, so that traffic does not let the arm wait; and
+later than it could have set off, so that it does not go to and fro [s]."""
+NEAR_S = 12.0
+"""A car that could be at its station in so short a time needs a booking to set off, so that it is not turned back. Who
+is further away sets off: much will have changed when it comes [s]."""
 NEAR_MOVES = 5
-"""A car that has so many moves left to its station needs a booking to go on: nearer, it would stand in others' way. One
-that stands as near as `CALL_EARLY_S` books before it sets off, so that it is not turned back."""
+"""A car that has so many moves left to its station needs a booking to go on: nearer, it would stand in others' way."""
 _HELD = NUMBER_OF_PHASE[CarPhase.HELD]
 
 
 class Admission:
     """The way of cars to their stations.
 
-    A car that would come too early for its turn is held back before it sets off. It needs a booking, and its parcel a
-    slot, to come near; who finds the station full then turns aside, and comes back with a booking only.
+    A car needs a booking, and its parcel a slot, to come near its station; who finds it full turns aside. Who is near
+    before it sets off, and would come too early for its turn, is held back where it is. Who is held back goes on with a
+    booking only, so that nobody is turned back twice.
 
     Args:
         missions: What cars and stations are about.
@@ -47,8 +49,6 @@ class Admission:
         self._turns = turns
         self._slots = slots
         self._log = log
-        self._full_at = np.full(missions.n_cars, -1)
-        """The station that each car has found full, -1 for none."""
 
     def set_off(self, car: int, task: Task, tick: int, now_s: float) -> None:
         """Send a car to the next station of its task, or hold it back until its turn comes."""
@@ -58,9 +58,10 @@ class Admission:
         line = line_up(arrivals, self._turns.pace(now_s))
         # Who has just been bound is the last.
         early_s = float(line.turn_s[-1] - arrivals.comes_s[-1])
-        if early_s > EARLY_S:
+        near = bool(arrivals.comes_s[-1] <= NEAR_S)
+        if near and early_s > EARLY_S:
             self._hold(car, task, f"{station.name} is busy and it would come {early_s:.0f} s too early")
-        elif arrivals.comes_s[-1] <= CALL_EARLY_S and not self._book(car, task, station, now_s):
+        elif near and not self._book(car, task, station, now_s):
             self._hold(car, task, self._full_words(task, station))
         else:
             if self._missions.phase[car] is CarPhase.CHARGING:
@@ -80,11 +81,8 @@ class Admission:
             return
         early_s = line_up(arrivals, self._turns.pace(now_s)).turn_s - arrivals.comes_s
         held = missions.phase_index[arrivals.car] == _HELD
-        near = arrivals.comes_s <= np.where(held, CALL_EARLY_S, NEAR_MOVES * MOVE_S)
-        near |= held & (self._full_at[arrivals.car] == arrivals.station)
-        # Those that may set off, or have come near without a booking.
-        due = held & (early_s <= CALL_EARLY_S)
-        concerned = (due | (near & ~arrivals.waits & ~missions.bookings.booked[arrivals.car])).nonzero()[0]
+        near = ~arrivals.waits & (arrivals.comes_s <= NEAR_MOVES * MOVE_S) & ~missions.bookings.booked[arrivals.car]
+        concerned = ((held & (early_s <= CALL_EARLY_S)) | near).nonzero()[0]
         # The nearest first: nobody is to stand before a full dock while others book its room from afar.
         for k in concerned[np.argsort(arrivals.comes_s[concerned], kind="stable")].tolist():
             car = int(arrivals.car[k])
@@ -92,8 +90,7 @@ class Admission:
             if task is None or task.visit is not None:
                 continue
             station = missions.stations[int(arrivals.station[k])]
-            if near[k] and not self._book(car, task, station, now_s):
-                self._full_at[car] = station.arm
+            if not self._book(car, task, station, now_s):
                 if missions.phase[car] is not CarPhase.HELD:
                     self._hold(car, task, self._full_words(task, station))
             elif missions.phase[car] is CarPhase.HELD:
@@ -110,7 +107,6 @@ class Admission:
             return False
         if task.state is TaskState.ASSIGNED and not self._slots.take(task, now_s):
             return False
-        self._full_at[car] = -1
         return bookings.book(car)
 
     def _full_words(self, task: Task, station: Station) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from fleet.missions.admission import CALL_EARLY_S
+from fleet.missions.admission import NEAR_S
 from fleet.missions.phases import CarPhase
 from fleet.missions.ways import MOVE_S
 from fleet.tasks.order import Priority
@@ -79,42 +79,49 @@ def test_a_car_sets_off_and_books_when_it_is_near() -> None:
 
 
 def busy() -> Floor:
-    """Cars 0, 1 and 3 are under way. The next turn of pick_1 begins at 35.5 s, and car 4 would be there in 14.3 s."""
+    """Cars 0, 1 and 4 are under way. The next turn of pick_1 begins at 35.5 s, and car 3 would be there in 8.8 s."""
     floor = ready(4)
-    for name, car in (("o0", 0), ("o1", 1), ("o2", 3)):
+    for name, car in (("o0", 0), ("o1", 1), ("o2", 4)):
         set_off(floor, name, car)
         assert floor.missions.phase[car] is TO_PICK
     return floor
 
 
-def test_a_car_that_would_come_much_too_early_is_held() -> None:
+def test_a_near_car_that_would_come_much_too_early_is_held() -> None:
     floor = busy()
-    set_off(floor, "o3", 4)
-    assert floor.missions.phase[4] is HELD
-    cause = "pick_1 is busy and it would come 21 s too early"
-    assert floor.log.events[-1] == ("held", {"car": "car_4", "task": "o3", "cause": cause})
-    assert floor.bookings.place_of[4] == PICK_1
+    set_off(floor, "o3", 3)
+    assert floor.missions.phase[3] is HELD
+    cause = "pick_1 is busy and it would come 27 s too early"
+    assert floor.log.events[-1] == ("held", {"car": "car_3", "task": "o3", "cause": cause})
+    assert floor.bookings.place_of[3] == PICK_1
     assert floor.missions.faults() == []
 
 
+def test_a_car_that_is_far_sets_off_however_early_it_would_come() -> None:
+    floor = busy()
+    set_off(floor, "o3", 2)
+    assert floor.missions.phase[2] is TO_PICK
+    assert not floor.bookings.has(2)
+
+
 def test_a_car_that_is_held_goes_on_later_than_it_could_have_set_off() -> None:
-    """Without car 0 it would come 14.5 s too early: soon enough to set off, and too soon to be called. Without car 3
+    """Without car 4 it would come 16.7 s too early: soon enough to set off, and too soon to be called. Without car 1
     too it would come 6.7 s too early."""
     floor = busy()
-    floor.missions.leave(0)
-    set_off(floor, "o3", 4)
-    assert floor.missions.phase[4] is TO_PICK
+    floor.missions.leave(4)
+    set_off(floor, "o3", 3)
+    assert floor.missions.phase[3] is TO_PICK
     floor = busy()
-    set_off(floor, "o3", 4)
-    floor.missions.leave(0)
+    set_off(floor, "o3", 3)
+    floor.missions.leave(4)
     floor.admission.call(1, 0.1)
-    assert floor.missions.phase[4] is HELD
-    floor.missions.leave(3)
+    assert floor.missions.phase[3] is HELD
+    floor.missions.leave(1)
     floor.admission.call(2, 0.2)
-    assert floor.missions.phase[4] is TO_PICK
-    assert floor.log.events[-1] == ("called", {"car": "car_4", "task": "o3", "station": "pick_1"})
-    assert floor.task("o3").reason == "car_4 may go on to pick_1"
-    assert not floor.bookings.has(4)  # is not near yet
+    assert floor.missions.phase[3] is TO_PICK
+    assert floor.log.events[-1] == ("called", {"car": "car_3", "task": "o3", "station": "pick_1"})
+    assert floor.task("o3").reason == "car_3 may go on to pick_1"
+    assert floor.bookings.has(3)
 
 
 @pytest.mark.parametrize(("now_s", "phase"), [(4.1, HELD), (4.3, TO_PICK)])
@@ -148,7 +155,7 @@ def test_a_car_that_is_far_needs_no_slot_and_no_room() -> None:
 
 
 def test_a_car_that_waits_near_sets_off_with_a_booking_or_not_at_all() -> None:
-    """8.8 s before its station it could only be turned back: so it is where cars wait for a turn already."""
+    """Else it could only be turned back."""
     floor = ready(1)
     fill_slots(floor)
     hold(floor, o0=3)
@@ -187,7 +194,7 @@ def test_a_car_that_found_its_station_full_comes_back_with_a_booking_only() -> N
     stand_near(floor, 2, 5)
     floor.admission.call(1, 0.1)
     floor.stand(2, int(floor.places.parking[2]))
-    assert floor.moves(2, "pick_1") * MOVE_S > CALL_EARLY_S
+    assert floor.moves(2, "pick_1") * MOVE_S > NEAR_S
     for car in (0, 1, 3, 4):  # they have been served, and stand there still
         floor.bookings.leave(car, stands_there=True)
     floor.admission.call(2, 0.2)
