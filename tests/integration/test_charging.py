@@ -45,7 +45,7 @@ def run(battery: BatteryConfig, **settings: object) -> tuple[Summary, list[Event
     ],
 )
 def test_nobody_is_stranded_and_all_is_delivered(fidelity: Fidelity, seed: int, site: str, robots: int) -> None:
-    summary, _ = run(SMALL_PACK, fidelity=fidelity, seed=seed, site=site, robots=robots, tasks=4 * robots)
+    summary, _ = run(SMALL_PACK, fidelity=fidelity, seed=seed, site=site, robots=robots, tasks=5 * robots)
     assert summary.tasks_done == summary.tasks_total
     assert summary.cars_stranded == 0
     assert summary.lowest_charge is not None

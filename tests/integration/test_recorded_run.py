@@ -36,7 +36,7 @@ class Seen:
 def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """Forty seconds of eight cars on the site small, where they get in each other's way."""
     run = Seen(path=tmp_path_factory.mktemp("run") / "a.rrd")
-    config = RunConfig(site="small", robots=8, fidelity=Fidelity.KINEMATIC, duration_s=40.0)
+    config = RunConfig(site="small", robots=12, fidelity=Fidelity.KINEMATIC, duration_s=40.0)
     with Simulation(config) as simulation, open_recorder(simulation.view, run.path) as recorder:
         watch = Watch(simulation.view, simulation.figures, recorder, lidar=True)
         run.simulation = simulation
