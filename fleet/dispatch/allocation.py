@@ -78,7 +78,7 @@ class TaskAllocation:
         soon = situation.soon(soon_s)
         cars = ((situation.standing == CAN_TAKE) | soon).nonzero()[0]
         booked = self._turns.all(now_s)
-        offer = self._offers.of(cars, situation.begins(soon_s)[cars], booked.turns)
+        offer = self._offers.of(cars, len(held), situation.begins(soon_s)[cars], booked.turns)
         n = len(offer.tasks)
         if not n and len(held) < 2:
             return Choice(taken=[], given=[])

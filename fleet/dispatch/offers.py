@@ -19,6 +19,9 @@ from fleet.tasks.board import Task
 from fleet.tasks.open_deliveries import OpenDeliveries
 from planners.mapf.distance_table import UNREACHABLE
 
+N_EXCHANGED = 8
+"""Deliveries of each station that cars may exchange theirs for. Fewer cost throughput: with none, 300 cars on 60 x 100
+cells deliver 4 % less."""
 N_SPARE = 3
 """So many more deliveries of each station are offered than cars could take, for some choice of where they go."""
 
@@ -36,7 +39,7 @@ class Offers:
     """Says which tasks may be given out.
 
     However many deliveries wait, of each station only so many are looked at as cars could take before the furthest of
-    them arrives, and no more than twice its share of the cars.
+    them arrives, and no more than twice its share of the cars that have none, and some for those that have one.
 
     Args:
         missions: Tells of stations.
@@ -65,11 +68,12 @@ class Offers:
         self._loading = missions.stations.loading()
         self._docks = np.array([station.dock_state for station in self._loading], dtype=np.int32)
 
-    def of(self, cars: npt.NDArray[np.intp], states: npt.NDArray[np.int32], turns: TakenTurns) -> Offer:
+    def of(self, cars: npt.NDArray[np.intp], n_held: int, states: npt.NDArray[np.int32], turns: TakenTurns) -> Offer:
         """Tasks for some cars.
 
         Args:
             cars: Cars that can take one, ascending, shape (n,).
+            n_held: How many of them have one that they may give away.
             states: Lane-graph state in which each can begin, shape (n,).
             turns: Turns that are taken.
         """
@@ -78,7 +82,8 @@ class Offers:
         offered: set[int] = set()
         moves = self._ways.moves_to(states, self._docks)
         far_s = MOVE_S * np.where(moves < UNREACHABLE, moves, 0).max(axis=1, initial=0)
-        share = min(len(cars), -(-2 * len(cars) // max(1, len(self._loading))))
+        n_free = len(cars) - n_held
+        share = min(n_free, -(-2 * n_free // max(1, len(self._loading)))) + min(n_held, N_EXCHANGED)
         for station, longest_s in zip(self._loading, far_s.tolist(), strict=True):
             n_turns = int(longest_s / turns.pace.cycle_s[station.arm]) + 1
             urgent = self._open.urgent(station.name, lambda task: self._fitness.fits_any(task, cars))

@@ -22,7 +22,7 @@ def ready(*orders: Any, n_cars: int = 2, **own: Any) -> Floor:
 def offer(floor: Floor, cars: list[int] | None = None) -> Offer:
     """What is offered to some cars, all by default, from where they are."""
     asked = np.array(range(floor.missions.n_cars) if cars is None else cars, dtype=np.intp)
-    return floor.offers.of(asked, floor.ways.tails[asked], floor.turns.all(0.0).turns)
+    return floor.offers.of(asked, 0, floor.ways.tails[asked], floor.turns.all(0.0).turns)
 
 
 def names(offered: Offer) -> list[str]:
@@ -55,6 +55,16 @@ def test_each_station_has_offers_of_its_own() -> None:
 
 def test_without_cars_little_is_looked_at() -> None:
     assert names(offer(ready(*many()), [])) == ["o0", "o1", "o2"]
+
+
+@pytest.mark.parametrize(("n_held", "n_offered"), [(6, 1), (2, 5), (0, 6)])
+def test_cars_that_have_one_are_offered_few(n_held: int, n_offered: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fleet.dispatch.offers.N_EXCHANGED", 1)
+    floor = ready(*many(20), n_cars=6)
+    floor.stations.time(floor.stations[0]).add(0.1)
+    asked = np.arange(6, dtype=np.intp)
+    offered = floor.offers.of(asked, n_held, floor.ways.tails[asked], floor.turns.all(0.0).turns)
+    assert len(offered.tasks) == n_offered + N_SPARE
 
 
 def test_a_car_without_a_way_does_not_count() -> None:
