@@ -43,7 +43,7 @@ class Bottleneck:
         if self.name != "cars":
             said += f", cars waiting for it {self.contended_share:.0%}"
         if self.idle_share:
-            said += f"; stations have no room for cars {self.idle_share:.0%} of the cars' time"
+            said += f"; cars are idle {self.idle_share:.0%} of their time"
         return f"{said})"
 
 
@@ -135,8 +135,8 @@ def bottleneck(rows: Sequence[Row]) -> Bottleneck:
     """What is in use for the greatest share of the time, mean over the rows of one variant.
 
     Orders limit a fleet that delivers them as they come. Else the candidates are every station's arm, the cars
-    (driving, being served or visiting) unless they are idle for want of room at the stations, and traffic, by the share
-    of the cars' time that is lost in it.
+    (driving, being served or visiting) unless they are idle for a good part of it, and traffic, by the share of the cars'
+    time that is lost in it.
 
     Source: the bottleneck is the device of greatest utilisation: P. J. Denning, J. P. Buzen, "The Operational Analysis
     of Queueing Network Models", ACM Computing Surveys 10(3), 1978.

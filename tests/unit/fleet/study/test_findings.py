@@ -116,8 +116,7 @@ def test_rows_that_are_missing_are_left_out_of_the_pairs() -> None:
         (
             {"driving_loaded": 0.2, "idle": 0.2},
             "drop_1",
-            "drop_1 (at work 60% of the time, cars waiting for it 20%; "
-            "stations have no room for cars 20% of the cars' time)",
+            "drop_1 (at work 60% of the time, cars waiting for it 20%; cars are idle 20% of their time)",
         ),
     ],
 )
