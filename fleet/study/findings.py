@@ -135,8 +135,8 @@ def bottleneck(rows: Sequence[Row]) -> Bottleneck:
     """What is in use for the greatest share of the time, mean over the rows of one variant.
 
     Orders limit a fleet that delivers them as they come. Else the candidates are every station's arm, the cars
-    (driving, being served or visiting) unless they are idle for a good part of it, and traffic, by the share of the cars'
-    time that is lost in it.
+    (driving, being served or visiting) unless they are idle for a good part of it, and traffic, by the share of their
+    time that cars lose in it.
 
     Source: the bottleneck is the device of greatest utilisation: P. J. Denning, J. P. Buzen, "The Operational Analysis
     of Queueing Network Models", ACM Computing Surveys 10(3), 1978.
