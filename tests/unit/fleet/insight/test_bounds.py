@@ -9,7 +9,6 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig
 from fleet.insight.bounds import (
-    HEADWAY_S,
     Bounds,
     CrossLine,
     bounds_of,
@@ -134,4 +133,3 @@ def test_a_part_of_a_run_has_no_starts() -> None:
     assert part is not None
     assert whole is not None
     assert part.empty_m > whole.empty_m, "cars from their starts may leave out the dearest way"
-    assert HEADWAY_S > 2.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fleet.traffic.crowding import FORGET_S, MOST_COST, WAITS_AFTER_S, Crowding
+from fleet.traffic.crowding import FORGET_S, MOST_COST, Crowding
 
 NOBODY = np.empty(0, dtype=np.int64)
 
@@ -41,4 +41,3 @@ def test_the_share_of_time_counts_and_not_how_often_it_is_asked() -> None:
         seldom.see(np.array([1]), now_s)
     assert often.costs().tolist() == seldom.costs().tolist()
     assert 0 < often.costs()[1] < MOST_COST
-    assert WAITS_AFTER_S < FORGET_S
