@@ -9,6 +9,7 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig
 from fleet.insight.bounds import (
+    HEADWAY_S,
     Bounds,
     CrossLine,
     bounds_of,
@@ -111,6 +112,10 @@ def test_arms_bind_where_cars_abound() -> None:
     done = deliveries_of(simulation.board.tasks, simulation.stations)
     visits = (done.sum(axis=0) + done.sum(axis=1))[station.arm]
     assert bounds.arms_per_h == pytest.approx(3600.0 * 60 / (cycle_s * visits), abs=0.1)
+    line = narrowest(lines_of(simulation.graph, simulation.site.grid.cols, simulation.stations.dock_states, done))
+    assert line is not None
+    one_by_one_s = HEADWAY_S * line.n_crossings / line.n_lanes
+    assert bounds.lanes_per_h == pytest.approx(3600.0 * 60 / one_by_one_s, abs=0.1)
 
 
 def test_orders_bind_where_few_come() -> None:
