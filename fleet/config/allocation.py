@@ -24,12 +24,16 @@ class AllocationConfig(Settings):
     """Settings of that allocator, by name; the others keep their defaults."""
     station_cap_n: int = 4
     """Cars near or at one station at once, the one that is served included; more would queue into the aisles."""
-    ageing: float = 0.5
-    """Seconds of travel that one second of waiting since the release is worth, so that no task starves."""
-    lateness: float = 1.0
+    ageing: float = 0.1
+    """Seconds of travel that one second of waiting is worth, so that no task starves; it counts from the due date on
+    where there is one, as that says how long a task may wait."""
+    lateness: float = 2.0
     """Seconds of travel that one second of lateness is worth."""
-    late_s: float = 300.0
-    """Seconds of travel that it is worth not to be late at all, for allocators that plan ahead."""
+    due: float = 4.0
+    """How much due dates press: a task of mean length whose time is used up is worth a way of so many times that."""
+    late_s: float = 0.0
+    """Seconds of travel that it is worth not to be late at all, for allocators that plan ahead: more tasks are on time,
+    and those that cannot be are left for later and later."""
     keep_gain_s: float = 5.0
     """A car that is under way to a pick station gives its task away only if more than this is gained [s] ..."""
     keep_share: float = 0.1
@@ -40,6 +44,7 @@ class AllocationConfig(Settings):
         require(self.station_cap_n >= 1, "allocation.station_cap_n", self.station_cap_n, "an integer >= 1")
         not_negative("allocation.ageing", self.ageing)
         not_negative("allocation.lateness", self.lateness)
+        not_negative("allocation.due", self.due)
         not_negative("allocation.late_s", self.late_s)
         not_negative("allocation.keep_gain_s", self.keep_gain_s)
         require(0 <= self.keep_share <= 1, "allocation.keep_share", self.keep_share, "a number from 0 to 1")

@@ -68,7 +68,7 @@ class CostModel:
     """Tells what tasks cost, see `planners.allocation.costs.task_costs`.
 
     Args:
-        config: Ageing and lateness.
+        config: Ageing, lateness and due dates.
         missions: Stations, and how long their arms take.
         ways: How far cars are from where tasks begin.
         routes: Of visits.
@@ -130,20 +130,21 @@ class CostModel:
             # fleet that sets off at once change hands so often that 300 cars deliver an eighth less.
             own = car, column_of[task.index]
             waits_s[own] = min(waits_s[own], booked.early_s[car])
+        travel_s += waits_s
+        np.copyto(travel_s, np.inf, where=codes != CAN_TAKE)
         cost_s, pressure_s = task_costs(
-            travel_s=travel_s + waits_s,
+            travel_s=travel_s,
             rest_s=n_rest_moves * MOVE_S,
             service_s=service_s,
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
             due_s=np.array([task.order.due_s for task in tasks]),
             now_s=now_s,
-            weights=CostWeights(self._config.lateness, self._config.ageing, self._config.lateness),
+            weights=CostWeights(self._config.lateness, self._config.ageing, self._config.due),
         )
         cost_s += LONG_WAIT_COST * np.maximum(waits_s - CALL_EARLY_S, 0.0)
         for k, task in enumerate(tasks):
             if task.visit is not None and task.visit.until_full and self._charging is not None:
                 cost_s[:, k] += FULL_S * self._charging.batteries.charge
-        np.copyto(cost_s, np.inf, where=codes != CAN_TAKE)
         return CostMatrix(
             now_s=now_s, tasks=tasks, cost_s=cost_s, codes=codes, pressure_s=pressure_s, states=states, free_s=free_s
         )

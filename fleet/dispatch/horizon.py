@@ -10,13 +10,13 @@ from fleet.dispatch.cost_model import CostMatrix
 from fleet.missions.state import Missions
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.ways import STEP_S, Ways
-from fleet.tasks.board import Task, TaskState
+from fleet.tasks.board import Task
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.shop import NO_STATION, Shop
 from planners.mapf.distance_table import UNREACHABLE
 
-AGED_S = 150.0
-"""The end of a task of this age, times the weight of ageing, counts twice [s]."""
+PRESSES_S = 150.0
+"""The end of a task that presses so much counts twice [s]."""
 
 
 class RollingHorizon:
@@ -92,7 +92,9 @@ class RollingHorizon:
         place = np.concatenate(jobs).astype(np.int32)
         served = np.repeat([task.visit is None for task in tasks], n_errands)
         stand_s = np.repeat([self._routes.stand_s(task) for task in tasks], n_errands)
-        age_s = np.array([now_s - task.since_s[TaskState.BACKLOG] for task in tasks])
+        at = {task.index: k for k, task in enumerate(costs.tasks)}
+        pressure_s = costs.pressure_s[[at[task.index] for task in tasks]]
+        due_s = np.array([task.order.due_s for task in tasks])
         order, vehicle = self._proposal(tasks, cars)
         return Shop(
             travel_s=travel_s,
@@ -105,8 +107,8 @@ class RollingHorizon:
             free_s=self._stations.times.all_left_s(now_s),
             n_buffer_places=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
             release_s=np.zeros(len(tasks)),
-            due_s=np.array([task.order.due_s - now_s for task in tasks]),
-            weight=1.0 + self._config.ageing * age_s / AGED_S,
+            due_s=due_s - now_s,
+            weight=1.0 + pressure_s / PRESSES_S,
             late_weight=np.full(len(tasks), self._config.lateness),
             late_cost=np.full(len(tasks), self._config.late_s),
             first_order=order,

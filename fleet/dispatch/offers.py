@@ -88,6 +88,8 @@ class Offers:
             n_turns = int(longest_s / turns.pace.cycle_s[station.arm]) + 1
             urgent = self._open.urgent(station.name, lambda task: self._fitness.fits_any(task, cars))
             here = self._first(urgent, min(share, n_turns) + N_SPARE, cars)
+            # Those that are due first are to be done first, so the others are begun after them.
+            here.sort(key=lambda task: (task.order.rank, task.order.due_s, task.index))
             begin_s = next_turns(turns, station.arm, len(here)).tolist()
             for task in here:
                 if task.index in offered:
@@ -116,9 +118,7 @@ class Offers:
         rooms: dict[int, int] = {}
         offered: list[int] = []
         full: set[int] = set()
-        order = sorted(
-            range(n), key=lambda k: (costs.tasks[k].order.priority.rank, -costs.pressure_s[k], costs.tasks[k].index)
-        )
+        order = sorted(range(n), key=lambda k: (costs.tasks[k].order.rank, -costs.pressure_s[k], costs.tasks[k].index))
         for k in order:
             if not costs.offers(k):
                 continue

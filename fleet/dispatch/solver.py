@@ -55,7 +55,7 @@ class Solver:
         has_of[list(held)] = [at.get(task.index, NO_TASK) for task in held.values()]
         return AllocationProblem(
             cost=costs.cost_s.T[columns].take(cars, axis=1).T,  # tasks are contiguous, and stay so
-            class_of=np.array([task.order.priority.rank for task in tasks], dtype=np.int32),
+            class_of=np.array([task.order.rank for task in tasks], dtype=np.int32),
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
             held=has_of[cars],
             keep_gain=self._config.keep_gain_s,

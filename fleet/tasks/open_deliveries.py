@@ -116,8 +116,8 @@ class _Line:
 
 
 def _age(task: Task) -> Key:
-    return task.order.priority.rank, task.since_s[TaskState.BACKLOG], task.index
+    return task.order.rank, task.since_s[TaskState.BACKLOG], task.index
 
 
 def _due(task: Task) -> Key:
-    return task.order.priority.rank, task.order.due_s, task.index
+    return task.order.rank, task.order.due_s, task.index

@@ -27,7 +27,7 @@ class Priority(StrEnum):
     EMERGENCY = "emergency"
     NORMAL = "normal"
     IDLE = "idle"
-    """For cars that have nothing else to do."""
+    """For cars that have nothing else to do. One with a due date has to be done in time, so it counts as normal."""
 
     @property
     def rank(self) -> int:
@@ -58,6 +58,11 @@ class Order:
     """Name of the order that its car must have done just before, which is also in `after`; empty = any car."""
     payload_kg: float = 0.0
     """Greatest parcel its car must be able to carry, for this order and those that follow with the same car [kg]."""
+
+    @property
+    def rank(self) -> int:
+        """0 for the most urgent class; with a due date at most that of normal orders."""
+        return self.priority.rank if math.isinf(self.due_s) else min(self.priority.rank, Priority.NORMAL.rank)
 
     @classmethod
     def of(cls, shared: Order, **own: Any) -> Self:

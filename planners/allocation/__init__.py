@@ -20,6 +20,7 @@ ALLOCATORS: Family[Allocator] = Family(
         "auction": "planners.allocation.auction.Auction",
         "cbba": "planners.allocation.cbba.Cbba",
         "regret_lns": "planners.allocation.regret_lns.RegretLns",
+        "apparent_tardiness": "planners.allocation.apparent_tardiness.ApparentTardiness",
         "cpsat": "planners.allocation.cpsat.CpSat",
     },
 )

@@ -10,23 +10,26 @@ from numba import njit
 
 from planners.allocation.arrays import FloatArray
 
+LOOK_AHEAD = 2.0
+"""Due dates begin to press so many mean times of a task before time is up; the rule's authors advise 1 to 3."""
+
 
 class CostWeights(NamedTuple):
-    """What a second of each is worth, in seconds of travel."""
+    """What things are worth, in seconds of travel."""
 
     lateness: float
-    """Of the time a task is late with the vehicle in question."""
+    """A second that a task is later with the vehicle in question than with the best one."""
     ageing: float
-    """Of the time it has waited so far."""
-    next_turn: float
-    """Of the time it would be late if it were left to the next turn."""
+    """A second that a task has waited so far."""
+    due: float
+    """A task of mean length whose time is used up is worth so many times that length."""
 
 
 class TaskCosts(NamedTuple):
     """Costs of tasks, and the part of them that no choice of a vehicle changes."""
 
     cost_s: npt.NDArray[np.float64]
-    """What each task costs each vehicle, shape (n_vehicles, n_tasks) [s]."""
+    """What each task costs each vehicle, shape (n_vehicles, n_tasks) [s]; inf where travel is."""
     pressure_s: npt.NDArray[np.float64]
     """How much each task presses for being served, already taken off its costs, shape (n_tasks,) [s]."""
 
@@ -44,30 +47,61 @@ def task_costs(
     """Price tasks.
 
     What a task costs a vehicle is its travel to where the task begins, plus a weight times the time the task would be
-    late with it, less what the task presses for: a weight times its age, and a weight times the time it would be late
-    if it were left to the next turn, as long as itself, even with the best vehicle. So of the tasks a late one goes
-    first, and of the vehicles the one that brings it in time. That a late task must get cheaper, not dearer, by waiting
-    is the idea of the apparent tardiness cost rule: Vepsalainen, Morton, "Priority rules for job shops with weighted
-    tardiness costs", Management Science 33(8), 1987.
+    later after its due date than with the best vehicle, less what the task presses for: a weight times its age, and
+    what its due date presses. So of the tasks the one whose time runs out goes first, and of the vehicles the one that
+    brings it in time.
+
+    How much a due date presses is told by the apparent tardiness cost rule (`urgency`); a late task presses no more
+    than one that is just in time, so that a fleet with more work than it can do does not give up what could still be
+    done in time for what is late anyway.
 
     Args:
         travel_s: Time until each vehicle is where each task begins, shape (n_vehicles, n_tasks), at least one vehicle;
-            a pair that is not allowed has a large one, and is left to the caller to refuse.
+            inf = not allowed.
         rest_s: Travel from there to where the task ends, shape (n_tasks,).
         service_s: Time that vehicles stand for it, shape (n_tasks,).
         since_s: Since when each task waits, shape (n_tasks,).
         due_s: When it should be done, inf = no matter, shape (n_tasks,).
         now_s: The time, on the clock of `since_s` and `due_s`.
-        weights: What each second is worth.
+        weights: What each is worth.
     """
     by_task = np.ascontiguousarray(travel_s.T)
     cost_s, best_s = np.empty_like(by_task), np.empty(len(by_task))
-    work_s = np.array([rest_s, service_s, due_s])
-    _late_costs(by_task, work_s, now_s, weights.lateness, cost_s, best_s)
-    late_next_turn_s = np.maximum(0.0, best_s + (best_s - now_s) - due_s)
-    pressure_s = weights.ageing * (now_s - since_s) + weights.next_turn * late_next_turn_s
+    _late_costs(by_task, np.array([rest_s, service_s, due_s]), now_s, weights.lateness, cost_s, best_s)
+    takes_s = best_s - now_s
+    known = takes_s[np.isfinite(takes_s)]
+    mean_s = float(known.mean()) if len(known) else 0.0
+    slack_s = np.subtract(due_s, best_s, out=np.full(len(due_s), np.inf), where=np.isfinite(takes_s))
+    # As in the rule, of tasks that press alike the shorter one goes first.
+    due_worth_s = weights.due * mean_s * mean_s / np.maximum(takes_s, 1.0)
+    pressure_s = weights.ageing * age_s(since_s, due_s, now_s) + due_worth_s * urgency(slack_s, mean_s)
     cost_s -= pressure_s[:, None]
     return TaskCosts(cost_s=cost_s.T, pressure_s=pressure_s)
+
+
+def age_s(since_s: FloatArray, due_s: FloatArray, now_s: float) -> FloatArray:
+    """How long tasks have waited [s]: those with a due date were told how long they may, so they age from that on.
+
+    Args:
+        since_s: Since when each task waits, shape (n,).
+        due_s: When it should be done, inf = no matter, shape (n,).
+        now_s: The time, on the same clock.
+    """
+    return np.maximum(now_s - np.where(np.isfinite(due_s), due_s, since_s), 0.0)
+
+
+def urgency(slack_s: npt.NDArray[np.float64], mean_s: float) -> npt.NDArray[np.float64]:
+    """How much due dates press: 1 without any time to spare, falling by e with each `LOOK_AHEAD` mean times of a task.
+
+    The exponential of the apparent tardiness cost rule (Vepsalainen, Morton, "Priority rules for job shops with
+    weighted tardiness costs", Management Science 33(8), 1987).
+
+    Args:
+        slack_s: Time to spare of each task if it was begun now, negative = it will be late, inf = it has no due date,
+            any shape.
+        mean_s: Time that tasks take on average, >= 0.
+    """
+    return np.exp(-np.maximum(slack_s, 0.0) / max(LOOK_AHEAD * mean_s, 1e-9))
 
 
 @njit(cache=True, nogil=True)
@@ -76,10 +110,11 @@ def _late_costs(
 ) -> None:
     """Travel and lateness of each task (row) with each vehicle (column), and the soonest end of each task."""
     for task in range(travel_s.shape[0]):
-        rest_s, service_s, due_s = work_s[0, task], work_s[1, task], work_s[2, task]
-        best = np.inf
+        begin_s = now_s + work_s[0, task] + work_s[1, task]
+        best_s[task] = begin_s + travel_s[task].min()
+        from_s = max(best_s[task], work_s[2, task])
         for vehicle in range(travel_s.shape[1]):
-            end_s = now_s + travel_s[task, vehicle] + rest_s + service_s
-            best = min(best, end_s)
-            cost_s[task, vehicle] = travel_s[task, vehicle] + lateness * max(0.0, end_s - due_s)
-        best_s[task] = best
+            end_s = begin_s + travel_s[task, vehicle]
+            cost_s[task, vehicle] = travel_s[task, vehicle]
+            if end_s > from_s:
+                cost_s[task, vehicle] += lateness * (end_s - from_s)

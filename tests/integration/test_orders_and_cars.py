@@ -66,7 +66,7 @@ def check_nothing_lost(simulation: Simulation) -> None:
 
 def test_the_urgent_class_goes_first_then_what_would_be_late(make: Make) -> None:
     with make(
-        "idle,0,pick_1,drop_1,0.3,60,idle",
+        "idle,0,pick_1,drop_1,0.3,,idle",
         "usual,0,pick_1,drop_1,0.3,,normal",
         "due,0,pick_1,drop_1,0.3,40,normal",
         "urgent,0,pick_2,drop_2,0.3,,emergency",
@@ -216,8 +216,8 @@ def test_a_task_changes_hands_before_its_pick_up_if_enough_is_gained(
 ) -> None:
     """A stream of orders keeps two of three cars on their way to a pick station."""
     allocation = AllocationConfig(keep_gain_s=keep_gain_s)
-    stream = StreamConfig(rate_per_h=600.0, due_share=1.0, slack_s=(30.0, 120.0), emergency_share=0.3)
-    settings = {"orders": None, "stream": stream, "duration_s": 240.0, "robots": 3, "seed": 4}
+    stream = StreamConfig(rate_per_h=600.0, due_share=1.0, slack_s=(30.0, 120.0), emergency_share=0.0)
+    settings = {"orders": None, "stream": stream, "duration_s": 240.0, "robots": 3, "seed": 3}
     with make("x,0,pick_1,drop_1,0.3", allocation=allocation, **settings) as simulation:
         simulation.run()
         assert bool(swaps(simulation)) is swapped

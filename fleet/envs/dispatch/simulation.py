@@ -92,7 +92,7 @@ class SimulatedDispatch(SimulatedFleet):
             task=np.array([task.index for task in ready], dtype=np.int32),
             pick=np.array([number[task.pick] for task in ready], dtype=np.int32),
             drop=np.array([number[task.delivery.drop] for task in ready], dtype=np.int32),
-            rank=np.array([task.order.priority.rank for task in ready], dtype=np.int8),
+            rank=np.array([task.order.rank for task in ready], dtype=np.int8),
             age_s=np.array([now_s - task.order.release_s for task in ready], dtype=np.float64),
             due_s=np.array([task.order.due_s - now_s for task in ready], dtype=np.float64),
             under_way=under_way,

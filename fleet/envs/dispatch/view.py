@@ -110,31 +110,29 @@ class DispatchObserver:
     def cost_s(self, view: DispatchView, config: AllocationConfig | None = None) -> FloatArray:
         """What each ready task costs each car as seconds of travel, shape (n, m); inf = not to be had.
 
-        The price of `fleet.dispatch.cost_model`, from the same facts, but for what agents are not told, which counts
-        nothing here: how long a car would wait for its turns at both arms, and what a task would be late if it were
-        left to the next turn.
+        The price of `fleet.dispatch.cost_model`, from the same facts, but for what agents are not told: how long a car
+        would wait for its turns at both arms.
 
         Args:
             view: The fleet.
-            config: What lateness and ageing are worth; None = the defaults of a run.
+            config: What lateness, due dates and ageing are worth; None = the defaults of a run.
         """
         config = config if config is not None else AllocationConfig()
         floor = self._place.floor
         moves = floor.distance[floor.dock_row[view.pick], view.state[:, None]].astype(np.float64)
         rest = floor.distance[floor.dock_row[view.drop], floor.dock_state[view.pick]].astype(np.float64)
-        cost = task_costs(
+        moves[moves >= UNREACHABLE] = np.inf
+        moves[~view.free] = np.inf
+        moves[:, ~self.offered(view)] = np.inf
+        return task_costs(
             travel_s=moves * TIMESTEP_S,
             rest_s=rest * TIMESTEP_S,
             service_s=np.full(len(rest), 2 * floor.service_steps * TIMESTEP_S),
             since_s=-view.age_s,
             due_s=view.due_s,
             now_s=0.0,  # the view tells times from now
-            weights=CostWeights(lateness=config.lateness, ageing=config.ageing, next_turn=0.0),
+            weights=CostWeights(lateness=config.lateness, ageing=config.ageing, due=config.due),
         ).cost_s
-        cost[moves >= UNREACHABLE] = np.inf
-        cost[~view.free] = np.inf
-        cost[:, ~self.offered(view)] = np.inf
-        return cost
 
     @staticmethod
     def offered(view: DispatchView) -> Bools:

@@ -207,7 +207,7 @@ def _tasks_of(orders: Sequence[Delivery], names: list[str]) -> TaskTable:
         due=np.array(due, dtype=np.int64).astype(np.int32),
         pick=np.array([number[order.pick] for order in orders], dtype=np.int32),
         drop=np.array([number[order.drop] for order in orders], dtype=np.int32),
-        rank=np.array([order.priority.rank for order in orders], dtype=np.int8),
+        rank=np.array([order.rank for order in orders], dtype=np.int8),
         stage=np.full(n, Stage.ORDERED, dtype=np.int8),
         car=_none(n),
         done=np.full(n, NEVER, dtype=np.int32),

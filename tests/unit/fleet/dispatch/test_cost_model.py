@@ -43,17 +43,17 @@ def test_a_task_costs_the_way_to_it() -> None:
     assert costs.offers(0)
 
 
-def test_half_of_its_age_comes_off() -> None:
+def test_a_tenth_of_its_age_comes_off() -> None:
     costs = priced(Floor(orders=[delivery("a")]), "a", now_s=10.0)
-    assert costs.cost_s[:, 0] == pytest.approx([0.5, 6.0])
-    assert costs.pressure_s.tolist() == [5.0]
+    assert costs.cost_s[:, 0] == pytest.approx([4.5, 10.0])
+    assert costs.pressure_s.tolist() == [1.0]
 
 
 def test_a_task_that_would_be_late_presses_for_being_served() -> None:
-    """With car 0 it ends after 5.5 + 12.1 + 14 = 31.6 s, 11.6 s late; a turn later 2 x 31.6 - 20 = 43.2 s."""
+    """With car 0 it ends after 5.5 + 12.1 + 14 = 31.6 s, too late, with car 1 5.5 s after that."""
     costs = priced(Floor(orders=[delivery("a", due_s=20.0)]), "a")
-    assert costs.pressure_s == pytest.approx([43.2])
-    assert costs.cost_s[:, 0] == pytest.approx([5.5 + 11.6 - 43.2, 11.0 + 17.1 - 43.2])
+    assert costs.pressure_s == pytest.approx([4 * 31.6])
+    assert costs.cost_s[:, 0] == pytest.approx([5.5 - 4 * 31.6, 11.0 + 2 * 5.5 - 4 * 31.6])
 
 
 def test_a_visit_costs_the_way_to_its_first_errand() -> None:
@@ -177,11 +177,13 @@ def test_what_has_no_way_on_is_told_too() -> None:
 
 
 def test_the_weights_are_those_of_the_configuration() -> None:
-    config = AllocationConfig(ageing=0.0, lateness=2.0)
+    config = AllocationConfig(ageing=0.5, lateness=3.0, due=2.0)
     costs = priced(Floor(orders=[delivery("a", due_s=40.0)], allocation_config=config), "a", now_s=20.0)
-    # Car 0 ends at 51.6 s, 11.6 s late; a turn later at 83.2 s, 43.2 s late.
-    assert costs.pressure_s == pytest.approx([86.4])
-    assert costs.cost_s[0, 0] == pytest.approx(5.5 + 23.2 - 86.4)
+    # Car 0 ends at 51.6 s, after 31.6 s, too late already; car 1 ends 5.5 s later.
+    assert costs.pressure_s == pytest.approx([2 * 31.6])
+    assert costs.cost_s[:, 0] == pytest.approx([5.5 - 2 * 31.6, 11.0 + 3 * 5.5 - 2 * 31.6])
+    older = priced(Floor(orders=[delivery("a")], allocation_config=config), "a", now_s=20.0)
+    assert older.pressure_s == pytest.approx([10.0])
 
 
 def test_that_a_car_is_out_of_service_counts_before_that_it_has_no_way() -> None:

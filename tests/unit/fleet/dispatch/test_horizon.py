@@ -40,7 +40,7 @@ def test_a_shop_has_stations_then_cars_then_visited_places() -> None:
     assert shop.due_s is not None
     assert shop.due_s.tolist() == [60.0, np.inf]
     assert shop.weight is not None
-    assert shop.weight.tolist() == [1.0 + 0.5 * 30.0 / 150.0] * 2
+    assert shop.weight.tolist() == (1.0 + costs.pressure_s / 150.0).tolist()
 
 
 def planned(floor: Floor, costs: CostMatrix, sequence: tuple[tuple[int, ...], ...], start_s: list[float]) -> None:

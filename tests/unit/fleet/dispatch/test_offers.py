@@ -98,6 +98,13 @@ def test_who_can_do_it_counts_among_the_cars_that_are_asked() -> None:
     assert len(offer(floor, [1]).tasks) > 1
 
 
+def test_what_is_due_first_is_begun_first() -> None:
+    floor = ready(delivery("a"), delivery("b", due_s=500.0), delivery("c", due_s=300.0))
+    offered = offer(floor)
+    assert names(offered) == ["c", "b", "a"]
+    assert offered.not_before_s.tolist() == [0.0, 10.0, 20.0]
+
+
 def test_the_most_urgent_class_is_looked_at_first() -> None:
     floor = ready(*many(), delivery("b", priority=Priority.EMERGENCY))
     assert names(offer(floor, [0]))[0] == "b"

@@ -1,9 +1,25 @@
-"""Orders from a generator."""
+"""Orders: their classes, and a generator of them."""
 
 import numpy as np
+import pytest
 
-from fleet.tasks.order import MAX_EDGE_M, MAX_MASS_KG, MIN_EDGE_M, MIN_MASS_KG, generate_orders
+from fleet.tasks.order import MAX_EDGE_M, MAX_MASS_KG, MIN_EDGE_M, MIN_MASS_KG, Order, Priority, generate_orders
 from maps.site import Site
+
+
+@pytest.mark.parametrize(
+    ("priority", "due_s", "rank"),
+    [
+        (Priority.EMERGENCY, np.inf, 0),
+        (Priority.EMERGENCY, 90.0, 0),
+        (Priority.NORMAL, np.inf, 1),
+        (Priority.NORMAL, 90.0, 1),
+        (Priority.IDLE, np.inf, 2),
+        (Priority.IDLE, 90.0, 1),
+    ],
+)
+def test_an_idle_order_with_a_due_date_counts_as_normal(priority: Priority, due_s: float, rank: int) -> None:
+    assert Order(name="a", release_s=0.0, due_s=due_s, priority=priority).rank == rank
 
 
 def test_generated_orders_can_be_served(medium_site: Site) -> None:
