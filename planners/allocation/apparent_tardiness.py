@@ -34,7 +34,8 @@ class ApparentTardiness:
         takes_s = np.where(allowed, _takes_s(problem.shop), np.inf)
         holders, tasks, worth = problem.kept()
         takes_s[holders, tasks] -= worth
-        index = _index(takes_s, problem.shop)
+        due_s = problem.shop.due_s
+        index = tardiness_index(takes_s, np.full(problem.shop.n_jobs, np.inf) if due_s is None else due_s)
         ranked = AllocationProblem(cost=np.where(allowed, -index, np.inf), class_of=problem.class_of)
         pairs = Greedy().allocate(ranked).pairs
         vehicle = np.full(problem.shop.n_jobs, -1, dtype=np.int64)
@@ -54,9 +55,13 @@ def _takes_s(shop: Shop) -> FloatArray:
     return takes_s
 
 
-def _index(takes_s: FloatArray, shop: Shop) -> FloatArray:
-    """Urgency over time of each pair, shape of `takes_s`; 0 where there is no way."""
-    due_s = np.full(takes_s.shape[1], np.inf) if shop.due_s is None else shop.due_s
+def tardiness_index(takes_s: FloatArray, due_s: FloatArray) -> FloatArray:
+    """How good each pair is by the rule, larger is better; 0 where there is no way.
+
+    Args:
+        takes_s: Time until each vehicle has done each job, inf = it cannot, shape (n_vehicles, n_jobs) [s].
+        due_s: Time until each job should have ended, inf = it has no due date, shape (n_jobs,) [s].
+    """
     known = np.isfinite(takes_s)
     best_s = takes_s.min(axis=0, initial=np.inf)
     mean_s = float(best_s[np.isfinite(best_s)].mean()) if np.isfinite(best_s).any() else 0.0

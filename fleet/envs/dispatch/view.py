@@ -78,6 +78,7 @@ class DispatchObserver:
         self._k = n_candidates
         self.n_numbers = N_OWN + n_candidates * N_PER_CANDIDATE + N_SUMMARY
         """Length of a row."""
+        self._service_s = 2 * place.floor.service_steps * TIMESTEP_S
         self._size = np.array([place.site.grid.cols, place.site.grid.rows]) * place.site.grid.cell_m
 
     def look(self, view: DispatchView) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int8], Ints]:
@@ -118,21 +119,34 @@ class DispatchObserver:
             config: What lateness, due dates and ageing are worth; None = the defaults of a run.
         """
         config = config if config is not None else AllocationConfig()
-        floor = self._place.floor
-        moves = floor.distance[floor.dock_row[view.pick], view.state[:, None]].astype(np.float64)
-        rest = floor.distance[floor.dock_row[view.drop], floor.dock_state[view.pick]].astype(np.float64)
-        moves[moves >= UNREACHABLE] = np.inf
-        moves[~view.free] = np.inf
-        moves[:, ~self.offered(view)] = np.inf
         return task_costs(
-            travel_s=moves * TIMESTEP_S,
-            rest_s=rest * TIMESTEP_S,
-            service_s=np.full(len(rest), 2 * floor.service_steps * TIMESTEP_S),
+            travel_s=self._travel_s(view),
+            rest_s=self._rest_s(view),
+            service_s=np.full(len(view.task), self._service_s),
             since_s=-view.age_s,
             due_s=view.due_s,
             now_s=0.0,  # the view tells times from now
             weights=CostWeights(lateness=config.lateness, ageing=config.ageing, due=config.due),
         ).cost_s
+
+    def takes_s(self, view: DispatchView) -> FloatArray:
+        """Time until each car would have done each ready task, if nobody was in its way, shape (n, m); inf as above."""
+        return self._travel_s(view) + self._rest_s(view) + self._service_s
+
+    def _travel_s(self, view: DispatchView) -> FloatArray:
+        """Time of each car to where each ready task begins, shape (n, m) [s]; inf = not to be had."""
+        floor = self._place.floor
+        moves = floor.distance[floor.dock_row[view.pick], view.state[:, None]].astype(np.float64)
+        moves[moves >= UNREACHABLE] = np.inf
+        moves[~view.free] = np.inf
+        moves[:, ~self.offered(view)] = np.inf
+        return moves * TIMESTEP_S
+
+    def _rest_s(self, view: DispatchView) -> FloatArray:
+        """Time from there to where each ends, shape (m,) [s]."""
+        floor = self._place.floor
+        rest = floor.distance[floor.dock_row[view.drop], floor.dock_state[view.pick]].astype(np.float64)
+        return rest * TIMESTEP_S
 
     @staticmethod
     def offered(view: DispatchView) -> Bools:

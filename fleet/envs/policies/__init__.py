@@ -3,14 +3,20 @@
 from collections.abc import Callable
 
 from fleet.config import require
-from fleet.envs.policies.dispatch import GreedyDispatch, HungarianDispatch, Nearest
+from fleet.envs.policies.dispatch import ApparentTardinessDispatch, GreedyDispatch, HungarianDispatch, Nearest
 from fleet.envs.policies.policy import Policy as Policy
 from fleet.envs.policies.policy import Random
 from fleet.envs.policies.traffic import PibtTraffic, ShortestWay
 from fleet.envs.policies.warehouse import Classical, PlannedArms, PursuitCars
 
 POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
-    "dispatch": {"random": Random, "nearest": Nearest, "greedy": GreedyDispatch, "hungarian": HungarianDispatch},
+    "dispatch": {
+        "random": Random,
+        "nearest": Nearest,
+        "greedy": GreedyDispatch,
+        "hungarian": HungarianDispatch,
+        "apparent_tardiness": ApparentTardinessDispatch,
+    },
     "traffic": {"random": Random, "shortest_way": ShortestWay, "pibt": PibtTraffic},
     "warehouse": {"random": Random, "pursuit": PursuitCars, "planned_arms": PlannedArms, "classical": Classical},
 }

@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.envs.dispatch.env import DispatchEnv
+from fleet.envs.dispatch.view import DispatchObserver, DispatchView
 from planners.allocation import allocator_named
+from planners.allocation.apparent_tardiness import tardiness_index
 from planners.allocation.problem import AllocationProblem
 
 
@@ -51,7 +54,7 @@ class Allocated:
         view = view.only(np.searchsorted(view.task, np.unique(candidates[cars, places])))
         columns = np.searchsorted(view.task, candidates[cars, places])
         cost = np.full((len(candidates), len(view.task)), np.inf)
-        cost[cars, columns] = env.observer.cost_s(view)[cars, columns]
+        cost[cars, columns] = self._cost(env.observer, view)[cars, columns]
         able = np.unique(cars)
         problem = AllocationProblem(cost=cost[able], class_of=view.rank.astype(np.int32), since_s=-view.age_s)
         for row, column in self._allocator.allocate(problem).pairs.tolist():
@@ -59,6 +62,24 @@ class Allocated:
             place = int(np.flatnonzero(candidates[car] == view.task[column])[0])
             actions[env.possible_agents[car]] = place + 1
         return actions
+
+    def _cost(self, observer: DispatchObserver, view: DispatchView) -> FloatArray:
+        return observer.cost_s(view)
+
+
+class ApparentTardinessDispatch(Allocated):
+    """The pair that is best by the apparent tardiness cost rule first, see `planners.allocation.apparent_tardiness`.
+
+    Args:
+        seed: Not used.
+    """
+
+    def __init__(self, seed: int = 0) -> None:
+        del seed
+        super().__init__("greedy")
+
+    def _cost(self, observer: DispatchObserver, view: DispatchView) -> FloatArray:
+        return -tardiness_index(observer.takes_s(view), view.due_s)
 
 
 class GreedyDispatch(Allocated):
