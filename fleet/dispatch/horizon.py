@@ -55,15 +55,16 @@ class RollingHorizon:
             task = costs.tasks[columns[k]]
             self._plan.append((task.index, car_of[k]))
 
-    def shop(self, costs: CostMatrix, tasks: list[Task], cars: npt.NDArray[np.intp]) -> Shop:
+    def shop(self, costs: CostMatrix, columns: list[int], cars: npt.NDArray[np.intp]) -> Shop:
         """Tasks, cars and the arms they book; the clock starts now.
 
         Args:
-            costs: Where and when each car can begin.
-            tasks: The tasks to plan.
+            costs: Where and when each car can begin, and how much each task presses.
+            columns: Columns of the tasks to plan among the prices.
             cars: The cars to plan for.
         """
         now_s, n_stations = costs.now_s, len(self._stations)
+        tasks = [costs.tasks[column] for column in columns]
         visited = list(
             dict.fromkeys(errand for task in tasks if task.visit is not None for errand in self._routes.errands(task))
         )
@@ -92,8 +93,6 @@ class RollingHorizon:
         place = np.concatenate(jobs).astype(np.int32)
         served = np.repeat([task.visit is None for task in tasks], n_errands)
         stand_s = np.repeat([self._routes.stand_s(task) for task in tasks], n_errands)
-        at = {task.index: k for k, task in enumerate(costs.tasks)}
-        pressure_s = costs.pressure_s[[at[task.index] for task in tasks]]
         due_s = np.array([task.order.due_s for task in tasks])
         order, vehicle = self._proposal(tasks, cars)
         return Shop(
@@ -108,7 +107,7 @@ class RollingHorizon:
             n_buffer_places=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
             release_s=np.zeros(len(tasks)),
             due_s=due_s - now_s,
-            weight=1.0 + pressure_s / PRESSES_S,
+            weight=1.0 + costs.pressure_s[columns] / PRESSES_S,
             late_weight=np.full(len(tasks), self._config.lateness),
             late_cost=np.full(len(tasks), self._config.late_s),
             first_order=order,

@@ -16,7 +16,7 @@ from fleet.missions.visit_queue import VisitQueue
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.ways import MOVE_S, Ways
 from fleet.tasks.board import Task
-from fleet.tasks.open_deliveries import OpenDeliveries
+from fleet.tasks.open_deliveries import OpenDeliveries, by_due
 from planners.mapf.distance_table import UNREACHABLE
 
 N_EXCHANGED = 8
@@ -89,7 +89,7 @@ class Offers:
             urgent = self._open.urgent(station.name, lambda task: self._fitness.fits_any(task, cars))
             here = self._first(urgent, min(share, n_turns) + N_SPARE, cars)
             # Those that are due first are to be done first, so the others are begun after them.
-            here.sort(key=lambda task: (task.order.rank, task.order.due_s, task.index))
+            here.sort(key=by_due)
             begin_s = next_turns(turns, station.arm, len(here)).tolist()
             for task in here:
                 if task.index in offered:

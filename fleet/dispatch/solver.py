@@ -60,7 +60,7 @@ class Solver:
             held=has_of[cars],
             keep_gain=self._config.keep_gain_s,
             keep_share=self._config.keep_share,
-            shop=horizon.shop(costs, tasks, cars) if horizon is not None else None,
+            shop=horizon.shop(costs, columns, cars) if horizon is not None else None,
         )
 
     def solve(self, problem: AllocationProblem) -> Assignment:

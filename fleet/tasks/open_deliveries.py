@@ -91,13 +91,13 @@ class _Line:
         """Take a task in."""
         insort(self._by_age, _age(task))
         if task.order.due_s < math.inf:
-            insort(self._by_due, _due(task))
+            insort(self._by_due, by_due(task))
 
     def remove(self, task: Task) -> bool:
         """Let a task go; True when none is left."""
         del self._by_age[bisect_left(self._by_age, _age(task))]
         if task.order.due_s < math.inf:
-            del self._by_due[bisect_left(self._by_due, _due(task))]
+            del self._by_due[bisect_left(self._by_due, by_due(task))]
         return not self._by_age
 
     def urgent(self) -> Iterator[Key]:
@@ -119,5 +119,6 @@ def _age(task: Task) -> Key:
     return task.order.rank, task.since_s[TaskState.BACKLOG], task.index
 
 
-def _due(task: Task) -> Key:
+def by_due(task: Task) -> Key:
+    """Key by which tasks of a class are begun in the order of their due dates."""
     return task.order.rank, task.order.due_s, task.index

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from planners.allocation.arrays import FloatArray
-from planners.allocation.costs import urgency
+from planners.allocation.costs import mean_time, urgency
 from planners.allocation.greedy import Greedy
-from planners.allocation.job_shop.shop_plan import planned
+from planners.allocation.job_shop.shop_plan import origin_s, planned
 from planners.allocation.problem import AllocationProblem, Assignment
 from planners.allocation.shop import Shop
 
@@ -35,7 +35,8 @@ class ApparentTardiness:
         holders, tasks, worth = problem.kept()
         takes_s[holders, tasks] -= worth
         due_s = problem.shop.due_s
-        index = tardiness_index(takes_s, np.full(problem.shop.n_jobs, np.inf) if due_s is None else due_s)
+        left_s = np.full(problem.shop.n_jobs, np.inf) if due_s is None else due_s - origin_s(problem.shop)
+        index = tardiness_index(takes_s, left_s)
         ranked = AllocationProblem(cost=np.where(allowed, -index, np.inf), class_of=problem.class_of)
         pairs = Greedy().allocate(ranked).pairs
         vehicle = np.full(problem.shop.n_jobs, -1, dtype=np.int64)
@@ -51,7 +52,7 @@ def _takes_s(shop: Shop) -> FloatArray:
     way_s[first] = 0.0
     work_s = np.add.reduceat(way_s + shop.service_s, first) if len(first) else np.zeros(0)
     there_s = shop.travel_s[shop.start[:, None], shop.place[first]]
-    takes_s: FloatArray = (shop.ready_s - shop.ready_s.min(initial=np.inf))[:, None] + there_s + work_s
+    takes_s: FloatArray = (shop.ready_s - origin_s(shop))[:, None] + there_s + work_s
     return takes_s
 
 
@@ -62,10 +63,7 @@ def tardiness_index(takes_s: FloatArray, due_s: FloatArray) -> FloatArray:
         takes_s: Time until each vehicle has done each job, inf = it cannot, shape (n_vehicles, n_jobs) [s].
         due_s: Time until each job should have ended, inf = it has no due date, shape (n_jobs,) [s].
     """
-    known = np.isfinite(takes_s)
-    best_s = takes_s.min(axis=0, initial=np.inf)
-    mean_s = float(best_s[np.isfinite(best_s)].mean()) if np.isfinite(best_s).any() else 0.0
+    mean_s = mean_time(takes_s.min(axis=0, initial=np.inf))
     # A job without a due date has one far off: else none would ever be begun before one that has.
     due_s = np.where(np.isfinite(due_s), due_s, FAR_OFF * mean_s)
-    slack_s = np.subtract(due_s, takes_s, out=np.full(takes_s.shape, np.inf), where=known)
-    return urgency(slack_s, mean_s) / np.maximum(np.where(known, takes_s, np.inf), 1e-3)
+    return urgency(due_s - takes_s, mean_s) / np.maximum(takes_s, 1e-3)

@@ -69,25 +69,19 @@ def task_costs(
     cost_s, best_s = np.empty_like(by_task), np.empty(len(by_task))
     _late_costs(by_task, np.array([rest_s, service_s, due_s]), now_s, weights.lateness, cost_s, best_s)
     takes_s = best_s - now_s
-    known = takes_s[np.isfinite(takes_s)]
-    mean_s = float(known.mean()) if len(known) else 0.0
+    mean_s = mean_time(takes_s)
     slack_s = np.subtract(due_s, best_s, out=np.full(len(due_s), np.inf), where=np.isfinite(takes_s))
     # As in the rule, of tasks that press alike the shorter one goes first.
     due_worth_s = weights.due * mean_s * mean_s / np.maximum(takes_s, 1.0)
-    pressure_s = weights.ageing * age_s(since_s, due_s, now_s) + due_worth_s * urgency(slack_s, mean_s)
+    pressure_s = weights.ageing * _age_s(since_s, due_s, now_s) + due_worth_s * urgency(slack_s, mean_s)
     cost_s -= pressure_s[:, None]
     return TaskCosts(cost_s=cost_s.T, pressure_s=pressure_s)
 
 
-def age_s(since_s: FloatArray, due_s: FloatArray, now_s: float) -> FloatArray:
-    """How long tasks have waited [s]: those with a due date were told how long they may, so they age from that on.
-
-    Args:
-        since_s: Since when each task waits, shape (n,).
-        due_s: When it should be done, inf = no matter, shape (n,).
-        now_s: The time, on the same clock.
-    """
-    return np.maximum(now_s - np.where(np.isfinite(due_s), due_s, since_s), 0.0)
+def mean_time(takes_s: FloatArray) -> float:
+    """Mean of the finite times [s], 0 if there are none."""
+    known = takes_s[np.isfinite(takes_s)]
+    return float(known.mean()) if len(known) else 0.0
 
 
 def urgency(slack_s: npt.NDArray[np.float64], mean_s: float) -> npt.NDArray[np.float64]:
@@ -102,6 +96,11 @@ def urgency(slack_s: npt.NDArray[np.float64], mean_s: float) -> npt.NDArray[np.f
         mean_s: Time that tasks take on average, >= 0.
     """
     return np.exp(-np.maximum(slack_s, 0.0) / max(LOOK_AHEAD * mean_s, 1e-9))
+
+
+def _age_s(since_s: FloatArray, due_s: FloatArray, now_s: float) -> FloatArray:
+    """How long tasks have waited [s]: those with a due date were told how long they may, so they age from that on."""
+    return np.maximum(now_s - np.where(np.isfinite(due_s), due_s, since_s), 0.0)
 
 
 @njit(cache=True, nogil=True)

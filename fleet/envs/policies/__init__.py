@@ -1,9 +1,10 @@
 """Scripted policies of every layer, the classical stack among them: `make_policy("dispatch", "hungarian")`."""
 
 from collections.abc import Callable
+from functools import partial
 
 from fleet.config import require
-from fleet.envs.policies.dispatch import ApparentTardinessDispatch, GreedyDispatch, HungarianDispatch, Nearest
+from fleet.envs.policies.dispatch import Allocated, Nearest, apparent_tardiness
 from fleet.envs.policies.policy import Policy as Policy
 from fleet.envs.policies.policy import Random
 from fleet.envs.policies.traffic import PibtTraffic, ShortestWay
@@ -13,9 +14,9 @@ POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
     "dispatch": {
         "random": Random,
         "nearest": Nearest,
-        "greedy": GreedyDispatch,
-        "hungarian": HungarianDispatch,
-        "apparent_tardiness": ApparentTardinessDispatch,
+        "greedy": partial(Allocated, "greedy"),
+        "hungarian": partial(Allocated, "hungarian"),
+        "apparent_tardiness": partial(Allocated, "greedy", cost=apparent_tardiness),
     },
     "traffic": {"random": Random, "shortest_way": ShortestWay, "pibt": PibtTraffic},
     "warehouse": {"random": Random, "pursuit": PursuitCars, "planned_arms": PlannedArms, "classical": Classical},

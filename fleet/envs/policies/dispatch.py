@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -31,17 +31,29 @@ class Nearest:
         return {agent: int(seen["action_mask"][1]) for agent, seen in observations.items()}
 
 
+Price = Callable[[DispatchObserver, DispatchView], FloatArray]
+"""What each task costs each car, shape (n_cars, n_tasks) [s]."""
+
+
+def apparent_tardiness(observer: DispatchObserver, view: DispatchView) -> FloatArray:
+    """What tasks cost by the apparent tardiness cost rule, see `planners.allocation.apparent_tardiness`."""
+    return -tardiness_index(observer.takes_s(view), view.due_s)
+
+
 class Allocated:
     """An allocator of `planners.allocation` decides for all cars at once, among their candidates.
 
-    A task costs what it costs in any run (`DispatchObserver.cost_s`): travel and lateness, less what it presses for.
-
     Args:
         allocator: Name in `planners.allocation.ALLOCATORS`.
+        seed: Not used; every policy of the table takes one.
+        cost: What each task costs each car. As it stands it is what it costs in any run: travel and lateness, less what
+            the task presses for.
     """
 
-    def __init__(self, allocator: str) -> None:
+    def __init__(self, allocator: str, seed: int = 0, *, cost: Price = DispatchObserver.cost_s) -> None:
+        del seed
         self._allocator = allocator_named(allocator)
+        self._cost = cost
 
     def act(self, env: DispatchEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
@@ -62,45 +74,3 @@ class Allocated:
             place = int(np.flatnonzero(candidates[car] == view.task[column])[0])
             actions[env.possible_agents[car]] = place + 1
         return actions
-
-    def _cost(self, observer: DispatchObserver, view: DispatchView) -> FloatArray:
-        return observer.cost_s(view)
-
-
-class ApparentTardinessDispatch(Allocated):
-    """The pair that is best by the apparent tardiness cost rule first, see `planners.allocation.apparent_tardiness`.
-
-    Args:
-        seed: Not used.
-    """
-
-    def __init__(self, seed: int = 0) -> None:
-        del seed
-        super().__init__("greedy")
-
-    def _cost(self, observer: DispatchObserver, view: DispatchView) -> FloatArray:
-        return -tardiness_index(observer.takes_s(view), view.due_s)
-
-
-class GreedyDispatch(Allocated):
-    """The cheapest pair of a car and a task first.
-
-    Args:
-        seed: Not used.
-    """
-
-    def __init__(self, seed: int = 0) -> None:
-        del seed
-        super().__init__("greedy")
-
-
-class HungarianDispatch(Allocated):
-    """The cheapest assignment of all cars that can choose, the most urgent classes first.
-
-    Args:
-        seed: Not used.
-    """
-
-    def __init__(self, seed: int = 0) -> None:
-        del seed
-        super().__init__("hungarian")

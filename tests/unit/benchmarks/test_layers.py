@@ -7,6 +7,7 @@ import pytest
 from benchmarks.harness import Trial
 from benchmarks.training import layers
 from fleet.envs import traffic_v0
+from fleet.envs.policies import POLICIES
 from maps.site import load_site
 
 
@@ -17,11 +18,12 @@ def test_the_table_has_every_policy_and_writes_its_files(monkeypatch: pytest.Mon
     monkeypatch.setattr(layers, "_choosy_floors", lambda: (load_site("small"),))
     trial = Trial(quick=True, seeds=(0,))
     rows = list(layers.measure_table(trial))
-    assert len(rows) == 2 * 4 * 2
+    n_played = len(layers.QUICK_TEAMS) * len(POLICIES["dispatch"])
+    assert len(rows) == 2 * n_played
     assert all(row.value > 0 for row in rows[::2])
     assert "learned" in trial.notes[0]
     lines = (layers.OUT / "dispatch.csv").read_text(encoding="utf-8").splitlines()
-    assert len(lines) == 1 + 2 * 4
+    assert len(lines) == 1 + n_played
     assert (layers.OUT / "dispatch_small.svg").read_text(encoding="utf-8").startswith("<svg")
 
 

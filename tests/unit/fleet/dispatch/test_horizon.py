@@ -24,7 +24,7 @@ def test_a_shop_has_stations_then_cars_then_visited_places() -> None:
     floor.ready("a")
     floor.ready("v")
     costs = priced(floor, "a", "v", now_s=30.0)
-    shop = floor.horizon.shop(costs, costs.tasks, BOTH)
+    shop = floor.horizon.shop(costs, list(range(len(costs.tasks))), BOTH)
     assert shop.travel_s.shape == (7, 7)  # four docks, two cars, one place
     assert shop.travel_s[4, :4].tolist() == [5.0, 8.0, 12.0, 15.0]  # car 0
     assert shop.travel_s[0, 2:4].tolist() == [11.0, 14.0]
@@ -62,7 +62,7 @@ def test_the_last_plan_is_proposed_in_the_order_of_its_starts() -> None:
         floor.ready(name)
     costs = priced(floor, "a", "b", "c", now_s=10.0)
     planned(floor, costs, ((0, 1), (2,)), [8.0, 30.0, 5.0])
-    shop = floor.horizon.shop(costs, costs.tasks, BOTH)
+    shop = floor.horizon.shop(costs, list(range(len(costs.tasks))), BOTH)
     assert shop.first_order is not None
     assert shop.first_vehicle is not None
     assert shop.first_order.tolist() == [2, 0, 1]
@@ -75,7 +75,7 @@ def test_of_the_last_plan_only_tasks_and_cars_count_that_are_there() -> None:
         floor.ready(name)
     planned(floor, priced(floor, "a", "b", "c"), ((0, 1), (2,)), [8.0, 30.0, 5.0])
     costs = priced(floor, "b", "c")
-    shop = floor.horizon.shop(costs, costs.tasks, BOTH[:1])
+    shop = floor.horizon.shop(costs, list(range(len(costs.tasks))), BOTH[:1])
     assert shop.first_order is not None
     assert shop.first_vehicle is not None
     assert shop.first_order.tolist() == [0]
@@ -89,7 +89,7 @@ def test_without_a_timetable_nothing_is_planned() -> None:
     planned(floor, costs, ((0,), ()), [8.0])
     problem = floor.solver.problem(costs, [0], BOTH, {}, None)
     floor.horizon.keep(costs, problem, assignment(problem, [(0, 0)], Status.OPTIMAL), [0], BOTH)
-    shop = floor.horizon.shop(costs, costs.tasks, BOTH)
+    shop = floor.horizon.shop(costs, list(range(len(costs.tasks))), BOTH)
     assert shop.first_order is not None
     assert shop.first_order.tolist() == []
 
