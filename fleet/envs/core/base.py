@@ -340,7 +340,8 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
                 terminations[agent], truncations[agent] = True, False
             self.agents = [agent for agent in self.agents if agent not in gone]
         if len(rewards) > len(agents):  # some have left
-            rewards, infos = ({agent: said[agent] for agent in agents} for said in (rewards, infos))
+            rewards = {agent: rewards[agent] for agent in agents}
+            infos = {agent: infos[agent] for agent in agents}
         return self._observed(agents), rewards, terminations, truncations, infos
 
     def _observed(self, agents: list[str]) -> dict[str, Any]:

@@ -161,7 +161,7 @@ def _point(rows: Rows, out: FloatArray) -> None:  # pragma: no cover - compiled
         is_set = (
             math.hypot(row[AROUND_AT + 3], row[AROUND_AT + 4] * math.pi) < _OVER_M and abs(row[AROUND_AT + 5]) < _SET_M
         )
-        if row[_ASKED] == 0.0 or is_set and row[_HOLDS] == 0.0:
+        if row[_ASKED] == 0.0 or (is_set and row[_HOLDS] == 0.0):
             away = _REST_M[0] - radius
             # By the way it came: joints 1 and 3 tell which.
             turn = -math.atan2(-y, -x)
@@ -176,7 +176,7 @@ def _point(rows: Rows, out: FloatArray) -> None:  # pragma: no cover - compiled
             grip = 1.0
             if not is_over:
                 up = _TRAVEL_M - z if holds else up + _HOVER_M
-                if holds and up > 0.05 or not holds and up > 0.05:
+                if (holds and up > 0.05) or (not holds and up > 0.05):
                     away, turn = 0.0, 0.0
             elif holds and up > -_TOUCH_M:
                 grip = -1.0

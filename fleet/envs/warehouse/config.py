@@ -12,15 +12,15 @@ from typing import Any, ClassVar
 from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.env_config import RecordedEnvConfig
-from fleet.envs.warehouse.run.agent_driver import STOP_M, STOP_RAD
-from fleet.envs.warehouse.run.agent_simulation import Agents
-from fleet.envs.warehouse.run.breakdowns import Breakdowns
 from fleet.envs.warehouse.control.actions import ARM_ACTIONS, CAR_ACTIONS
 from fleet.envs.warehouse.control.commands import ActionModel
 from fleet.envs.warehouse.levels import LEVELS, End, Level
 from fleet.envs.warehouse.rewards import RewardWeights
-from fleet.envs.warehouse.sensing import Sensing
+from fleet.envs.warehouse.run.agent_driver import STOP_M, STOP_RAD
+from fleet.envs.warehouse.run.agent_simulation import Agents
+from fleet.envs.warehouse.run.breakdowns import Breakdowns
 from fleet.envs.warehouse.run.starts import Start
+from fleet.envs.warehouse.sensing import Sensing
 from fleet.sensors.lidar import Lidar
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)

@@ -55,9 +55,9 @@ x towards the dock. A route is a car's granted path and up to two moves of what 
 | 16 | offset from the route, positive to its left [m] |
 | 17-18 | cos, sin of the route's direction in the car's frame |
 | 19-26 | points of the route 0.4, 0.8, 1.2 and 2.0 m ahead, at most its end, in the car's frame / 3 m |
-| 27-50 | the nearest three other cars within 3 m: there is one (0 or 1), offset / 3 m, cos, sin of yaw, speed / 2 m/s, goal's offset / 3 m |
+| 27-50 | the nearest three other cars within 3 m: there is one, offset / 3 m, cos, sin of yaw, speed / 2 m/s, goal / 3 m |
 | 51-54 | its station: there is one, its arm is idle, the arm serves this car, another car is in the dock (0 or 1) |
-| 55-57 | its stop pose: how far it lies ahead and to the left, seen along its own heading [m], turn that is left [rad] |
+| 55-57 | its stop pose: how far ahead and to the left of the car, along the pose's own axes [m], turn to it [rad] |
 | 58 | stands (0 or 1) |
 | 59 | how long it has been served / 30 s |
 | 60 | share of the episode's steps that is left |
@@ -402,7 +402,8 @@ class WarehouseEnv(FleetEnv):
                 continue
             away = np.append(rng.uniform(-1.0, 1.0, 2), rng.uniform(0.3, 1.0))
             away *= rng.uniform(*reach_m) / np.linalg.norm(away)
-            top = simulation.view.knowledge.inventory.pose(task)[:3] + [0.0, 0.0, task.delivery.size_m[2] / 2]
+            top = simulation.view.knowledge.inventory.pose(task)[:3]
+            top[2] += task.delivery.size_m[2] / 2
             x, y, z, yaw = scene.arm_base[errand.station].tolist()
             dx, dy, up = (top + away - [x, y, z]).tolist()
             cos, sin = math.cos(yaw), math.sin(yaw)

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
-from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.rows import (
     MOST_ROUTE_POINTS,
     N_ARM_NUMBERS,
@@ -27,6 +26,7 @@ from fleet.envs.warehouse.rows import (
     arm_rows,
     car_rows,
 )
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.missions.phases import AT_DOCK, PHASES, CarPhase
 from fleet.sensors.lidar import LidarRing
 from fleet.stations.arms.arm_controller import ArmPhase

@@ -12,9 +12,9 @@ from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.envs.core.weights import check_weights
-from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.control.actions import LegalActions
 from fleet.envs.warehouse.observations import Observer
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.tasks.board import Task, TaskState
 
 

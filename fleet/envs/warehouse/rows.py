@@ -430,7 +430,7 @@ def _fill_offset(
 
 @njit(cache=True)
 def _behind(x: float, y: float, side: float) -> float:  # pragma: no cover - compiled
-    """Angle of a point around the base, from straight behind it [rad]; of what lies before it, on the side of `side`."""
+    """Angle of a point around the base, from straight behind it [rad]; if it lies before it, by the side of `side`."""
     angle = math.atan2(-y, -x)
     if abs(angle) > _BEFORE_RAD and angle * side < 0.0:
         angle += 2.0 * math.pi if side > 0.0 else -2.0 * math.pi

@@ -10,13 +10,13 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.arrays import FloatArray
-from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.control.actions import LegalActions
 from fleet.envs.warehouse.control.hands import N_TIP, HandModel, hand_model, lead_tips, move_targets, shares_of
 from fleet.envs.warehouse.control.latch import Latches
 from fleet.envs.warehouse.control.plans import Plans
 from fleet.envs.warehouse.control.pursuit import Wheel, pursue
 from fleet.envs.warehouse.rows import Rows
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.robots.iiwa import N_JOINTS
 from fleet.simulation import Actions
 

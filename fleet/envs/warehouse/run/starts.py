@@ -112,7 +112,8 @@ def draw_beginning(
         rng: Source of chance.
     """
     graph, states = ground.graph, ground.start_states.copy()
-    poses, errands = graph.state_pose[states].copy(), []
+    poses = graph.state_pose[states].copy()
+    errands: list[Errand] = []
     if start.cars == "anywhere":
         for car in range(n_agents):
             found = _lane_state(graph, ground, np.delete(poses, car, axis=0), rng)
@@ -120,7 +121,7 @@ def draw_beginning(
                 states[car], poses[car] = found, graph.state_pose[found]
     elif start.cars in ("near", "docked"):
         taken: list[int] = []
-        for car, station in enumerate(rng.permutation(np.asarray(stations)).tolist()):
+        for station in rng.permutation(np.asarray(stations)).tolist():
             place = ground.site.stations[station]
             dock = graph.state_at(place.dock.cell, place.dock.heading)
             if len(errands) == len(states) or dock in taken:
