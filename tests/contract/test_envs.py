@@ -558,7 +558,7 @@ def test_a_car_beside_its_path_is_neither_released_nor_recovered(make: Callable[
     visited, held = set(), []
     for n in range(60):
         # A wide circle across the lanes.
-        observations, *_ = env.step({"car_0": np.array([0.35, 0.5])})
+        observations, *_ = env.step({"car_0": np.array([0.35, 1.0])})
         if n == 10:
             held = dependencies.held_cells(0)
         elif n > 10:
@@ -575,12 +575,16 @@ def test_a_car_beside_its_path_is_neither_released_nor_recovered(make: Callable[
 def test_tips_go_where_they_are_told(make: Callable[..., WarehouseEnv]) -> None:
     env = make(n_cars=1, arm_action="tip", control_hz=20.0)
     observations, _ = env.reset(seed=0)
-    start = observations["arm_0"][14:20] * [1.5, 1.5, 1.5, 1, 1, 1]
-    action = np.array([0.4, 0.0, -0.2, 0.0, 0.0, 0.0, -1.0])
+    scale = np.array([1.5, 1.5, 1.5, 1, 1, 1])
+    x, y, z, *_ = observations["arm_0"][14:20] * scale
+    action = np.array([0.2, 0.3, -0.2, 0.0, -1.0])  # outwards, around the base, down
     for _ in range(20):
         observations, *_ = env.step({"arm_0": action})
-    way = observations["arm_0"][14:20] * [1.5, 1.5, 1.5, 1, 1, 1] - start
-    np.testing.assert_allclose(way, [0.2, 0.0, -0.1, 0.0, 0.0, 0.0], atol=0.01)
+    there_x, there_y, there_z, *points = observations["arm_0"][14:20] * scale
+    assert math.hypot(there_x, there_y) - math.hypot(x, y) == pytest.approx(0.1, abs=0.01)
+    assert math.remainder(math.atan2(there_y, there_x) - math.atan2(y, x), math.tau) == pytest.approx(0.3, abs=0.03)
+    assert there_z - z == pytest.approx(-0.1, abs=0.01)
+    np.testing.assert_allclose(points, [0.0, 0.0, -1.0], atol=0.03)
 
 
 @pytest.mark.bullet

@@ -55,7 +55,7 @@ x towards the dock. A route is a car's granted path and up to two moves of what 
 | 16 | offset from the route, positive to its left [m] |
 | 17-18 | cos, sin of the route's direction in the car's frame |
 | 19-26 | points of the route 0.4, 0.8, 1.2 and 2.0 m ahead, at most its end, in the car's frame / 3 m |
-| 27-50 | the nearest three other cars within 3 m: there is one, offset / 3 m, cos, sin of yaw, speed / 2 m/s, goal / 3 m |
+| 27-50 | the nearest three other cars within 3 m: if any, offset / 3 m, cos, sin of yaw, speed / 2 m/s, goal / 3 m |
 | 51-54 | its station: there is one, its arm is idle, the arm serves this car, another car is in the dock (0 or 1) |
 | 55-57 | its stop pose: how far ahead and to the left of the car, along the pose's own axes [m], turn to it [rad] |
 | 58 | stands (0 or 1) |

@@ -369,7 +369,8 @@ def arm_rows(
                 wz = transfers[arm, 3] - z0 - pz
                 row[23], row[24], row[25] = (wx - px) / REACH_M, (wy - py) / REACH_M, wz / REACH_M
                 at_place = _behind(wx, wy, 0.0)
-                at_parcel = _behind(px, py, at_tip if held[arm] == wanted else at_place)
+                by_arm = held[arm] == wanted or abs(at_place) > _BEFORE_RAD
+                at_parcel = _behind(px, py, at_tip if by_arm else at_place)
                 at_place = _behind(wx, wy, at_parcel)
                 ways[arm] = _fill_offset(
                     row,

@@ -4,7 +4,7 @@ from fleet.training.recipes.dispatch import DISPATCH
 from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, Stage
-from fleet.training.recipes.warehouse import DOCK
+from fleet.training.recipes.warehouse import DOCK, TRANSFER
 
 __all__ = ["RECIPES", "Recipe", "Stage"]
 
@@ -14,5 +14,6 @@ RECIPES: dict[str, Recipe] = {
     "reach": REACH,
     "dispatch": DISPATCH,
     "dock": DOCK,
+    "transfer": TRANSFER,
 }
 """What can be trained, by name."""

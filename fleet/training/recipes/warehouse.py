@@ -39,3 +39,29 @@ DOCK = Recipe(
         Stage(name="true"),
     ),
 )
+
+TRANSFER = Recipe(
+    summary="arms pick parcels and set them, between racks and cars that stand",
+    make=_warehouse,
+    scripted=_classical,
+    script="up, around and down",
+    figures=("loaded", "delivered", "gripped", "failed"),
+    n_steps=2_000_000,
+    ppo=PpoConfig(envs_n=16, horizon_n=128, minibatch_n=2048, learning_rate=1e-3, discount=0.98, entropy=0.001),
+    # What is loaded and delivered counts as one.
+    arguments={
+        "level": "transfer",
+        "arm_action": "tip",
+        "weights": {"gripped": 1.0, "loaded": 1.0, "delivered": 1.0, "failed": -1.0, "time": -0.02},
+    },
+    stages=(
+        Stage(
+            name="at hand",
+            arguments={"start": {"reach_m": (0.02, 0.2)}, "max_cycles": 150},
+            longest=0.4,
+            figure="gripped",
+            reached=1.9,
+        ),
+        Stage(name="from home"),
+    ),
+)

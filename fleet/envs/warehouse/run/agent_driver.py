@@ -32,6 +32,8 @@ class AgentCars(NamedTuple):
     """True for each of them, shape (n_cars,)."""
     poses: FloatArray
     """Where cars begin, x, y, yaw, shape (n_cars, 3): beside their states, maybe."""
+    docks: frozenset[int] = frozenset()
+    """States in which cars are served."""
     stop_m: float = STOP_M
     """A standing car is at its stop when it is this close [m]."""
     stop_rad: float = STOP_RAD
@@ -80,7 +82,9 @@ class AgentDriver(PathDriver):
         self.next_states = list(self._reached)
         """State at the end of each agent's car's current granted move; the last one reached if it holds no grant."""
         self._moves: list[deque[int]] = [deque() for _ in self._reached]
-        self._gates = np.zeros((n_cars, _N_GATES, 4))  # pose of each granted state, 1 if it is driven to backwards
+        # Of each granted state: pose, 1 if it is driven to backwards, and how far before it the gate is [m].
+        self._gates = np.zeros((n_cars, _N_GATES, 5))
+        self._docks = agents.docks
         self._n_gates = np.zeros(n_cars, dtype=np.int64)
         self._passed = np.zeros(n_cars, dtype=np.int64)
         self.stale: set[int] = set(range(n_cars))
@@ -163,6 +167,8 @@ class AgentDriver(PathDriver):
         for k, move in enumerate(near):
             self._gates[car, k, :3] = graph.state_pose[graph.move_to[move]]
             self._gates[car, k, 3] = graph.move_kind[move] == MoveKind.REVERSE
+            at_dock = int(graph.move_to[move]) in self._docks
+            self._gates[car, k, 4] = max(RELEASE_M, self._stop_m) if at_dock else RELEASE_M
         self.stale.add(car)
 
 
@@ -190,7 +196,7 @@ def _count_passed(estimate, gates, n_gates, passed):
             ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
             turn = (estimate[car, 2] - yaw + math.pi) % (2.0 * math.pi) - math.pi
             beyond = -ahead if gates[car, k, 3] else ahead
-            if -RELEASE_M <= beyond <= GATE_M and abs(left) <= OFF_LANE_M and abs(turn) <= OFF_LANE_RAD:
+            if -gates[car, k, 4] <= beyond <= GATE_M and abs(left) <= OFF_LANE_M and abs(turn) <= OFF_LANE_RAD:
                 passed[car] = k + 1
                 some = True
     return some

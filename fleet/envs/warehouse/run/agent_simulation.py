@@ -96,6 +96,7 @@ class AgentSimulation(Simulation):
         cars = AgentCars(
             by_agent=np.arange(len(setup.start_states)) < self.n_cars,
             poses=self._beginning.poses,
+            docks=frozenset(setup.graph.state_at(one.dock.cell, one.dock.heading) for one in setup.site.stations),
             stop_m=agents.stop_m,
             stop_rad=agents.stop_rad,
         )
