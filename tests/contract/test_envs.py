@@ -375,7 +375,7 @@ def test_states_of_other_environments_are_refused(make: Callable[..., WarehouseE
         ({"start": "near"}, "Start, a table, or None"),
         ({"start": {"near_m": (2.0, 1.0)}}, "ascending"),
         ({"car_sensing": {"dropout": 1.0}}, "below 1"),
-        ({"arm_sensing": {"delay_n": -1}}, "0 to 100"),
+        ({"arm_sensing": {"delay_steps": -1}}, "0 to 100"),
         ({"breakdowns": {"losses_per_h": -1.0}}, "breakdowns.losses_per_h"),
         ({"battery": True}, "BatteryConfig"),
         ({"weights": {"progress": 1.0}}, "RewardWeights"),

@@ -105,7 +105,7 @@ def test_every_level_comes_back_exactly(make: Callable[..., WarehouseEnv], level
         "fidelity": fidelity,
         "arm_action": "tip",
         "start": {"reach_m": (0.02, 0.2)},
-        "car_sensing": {"dropout": 0.3, "delay_n": 2},
+        "car_sensing": {"dropout": 0.3, "delay_steps": 2},
         "arm_sensing": {"dropout": 0.3},
         "lidar": True,
     }
@@ -301,7 +301,7 @@ def test_agents_that_the_caller_removes_do_nothing(make: Callable[..., Warehouse
 
 def test_rows_come_late_and_get_lost(make: Callable[..., WarehouseEnv]) -> None:
     plain = make(n_cars=1, n_arms=0)
-    late = make(n_cars=1, n_arms=0, car_sensing={"delay_n": 3})
+    late = make(n_cars=1, n_arms=0, car_sensing={"delay_steps": 3})
     lossy = make(n_cars=1, n_arms=0, car_sensing={"dropout": 0.5})
     seen: list[list[Any]] = []
     for env in (plain, late, lossy):

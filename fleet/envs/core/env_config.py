@@ -33,7 +33,7 @@ class EnvConfig(ABC):
     """
 
     NAME: ClassVar[str]
-    """The environment's name, as PettingZoo's modules have it (`warehouse_v0`)."""
+    """The environment's name, as PettingZoo's modules have it (`warehouse_v1`)."""
     WEIGHTS: ClassVar[type]
     """Kind of its weights."""
     RENDER_MODES: ClassVar[tuple[str, ...]] = ("human", "rgb_array")

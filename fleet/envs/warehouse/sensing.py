@@ -28,7 +28,7 @@ class Sensing:
     """Other cars, and an arm's parcels, are seen up to this distance [m]."""
     dropout: float = 0.0
     """Chance that an observation is lost, per agent and step; the agent then sees the last one that came."""
-    delay_n: int = 0
+    delay_steps: int = 0
     """An observation comes so many steps late."""
 
     def __post_init__(self) -> None:
@@ -36,8 +36,8 @@ class Sensing:
         require(
             is_number(self.dropout) and 0.0 <= self.dropout < 1.0, "dropout", self.dropout, "a number from 0, below 1"
         )
-        ok = is_whole(self.delay_n) and 0 <= self.delay_n <= MOST_DELAY
-        require(ok, "delay_n", self.delay_n, f"an integer from 0 to {MOST_DELAY}")
+        ok = is_whole(self.delay_steps) and 0 <= self.delay_steps <= MOST_DELAY
+        require(ok, "delay_steps", self.delay_steps, f"an integer from 0 to {MOST_DELAY}")
 
     @classmethod
     def of(cls, given: Self | Mapping[str, Any] | None, what: str) -> Self:
@@ -57,7 +57,7 @@ class Sensing:
     @property
     def is_plain(self) -> bool:
         """Whether all that is seen comes, and at once."""
-        return self.dropout == 0.0 and self.delay_n == 0
+        return self.dropout == 0.0 and self.delay_steps == 0
 
 
 class Receiver:
@@ -85,7 +85,7 @@ class Receiver:
             return rows.copy()
         first = not self._under_way
         self._under_way.append(rows.copy())
-        if len(self._under_way) > sensing.delay_n + 1:
+        if len(self._under_way) > sensing.delay_steps + 1:
             del self._under_way[0]
         comes = self._under_way[0]
         # What there was at the beginning is known.
