@@ -201,24 +201,37 @@ def test_a_teacher_is_cloned(tmp_path: Path, known: Callable[..., None]) -> None
     assert np.isnan(trainer.rows[-1]["arm_entropy"])
 
 
-def test_a_clone_stays_near_its_teacher_if_it_is_anchored_and_resumes_so(
-    tmp_path: Path, known: Callable[..., None]
-) -> None:
+@pytest.mark.parametrize("action", [Box(-1.0, 1.0, (1,), np.float32), Discrete(3)])
+def test_an_anchor_holds_a_policy_near_what_was_cloned(action: Box | Discrete) -> None:
+    kind = AgentType(name="car", n_observed=1, action=action, masked=False)
+    rng = np.random.default_rng(0)
     strayed = []
-    for anchor in (1e-9, 10.0):
-        one = run(trainer_of(tmp_path / str(anchor), 6, clone_n=2 * N_STEPS, anchor=anchor, learning_rate=2e-2))
-        clone = one.learners["car"].anchor
-        assert clone is not None
-        rows = torch.linspace(-1, 1, 20)[:, None]
+    for anchor in (0.0, 10.0):
+        learner = Learner(kind, replace(PPO, epochs_n=8), 0, torch.Generator().manual_seed(0))
+        learner.keep_anchor()
+        assert learner.anchor is not None
+        shown = torch.linspace(-1, 1, 20)[:, None]
+        for _ in range(5):
+            view = TypeView(rows=np.zeros((256, 1), dtype=np.float32), mask=None, active=np.ones(256, dtype=np.bool_))
+            rows, actions, shares = learner.choose(view, torch.Generator().manual_seed(int(rng.integers(1000))))
+            paid = actions if actions.ndim == 1 else actions[:, 0]  # the larger, the better
+            rollout = rollout_of(rows[None], actions=actions[None], rewards=paid[None])
+            rollout.log_shares = shares[None]
+            learner.learn(rollout, 1e-2, anchor, torch.Generator().manual_seed(0))
         with torch.no_grad():
-            gap = clone.scores(rows, None) - one.learners["car"].network.scores(rows, None)
+            gap = learner.anchor.scores(shown, None) - learner.network.scores(shown, None)
         strayed.append(float(gap.abs().mean()))
     assert strayed[1] < 0.5 * strayed[0]
-    first = trainer_of(tmp_path / "parts", 6, clone_n=2 * N_STEPS, anchor=10.0, learning_rate=2e-2)
-    stop: list[int] = []
-    assert not first.run(lambda row: stop.append(1) if row["update"] == 5 else None, stop)
-    again = trainer_of(tmp_path / "parts", 6, resume=True, clone_n=2 * N_STEPS, anchor=10.0, learning_rate=2e-2)
-    assert weights(run(again)) == weights(one)
+
+
+def test_cloning_and_its_anchor_resume_to_the_last_bit(tmp_path: Path, known: Callable[..., None]) -> None:
+    ways: dict[str, Any] = {"clone_n": 2 * N_STEPS, "anchor": 1.0}
+    whole = run(trainer_of(tmp_path / "whole", 6, **ways))
+    for last in (1, 5):
+        first = trainer_of(tmp_path / str(last), 6, **ways)
+        stop: list[int] = []
+        assert not first.run(lambda row, last=last, stop=stop: stop.append(1) if row["update"] == last else None, stop)
+        assert weights(run(trainer_of(tmp_path / str(last), 6, resume=True, **ways))) == weights(whole)
 
 
 def test_a_file_of_demonstrations_is_cloned_before_the_first_step(tmp_path: Path, known: Callable[..., None]) -> None:

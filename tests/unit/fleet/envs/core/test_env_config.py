@@ -85,4 +85,4 @@ def test_a_recipe_names_what_its_environment_does_not_know() -> None:
         with pytest.raises(TrainingError, match=r"^\[env\]: \w+_v0: unknown setting speed; valid: site, n_cars, "):
             RECIPES[name].survey({"speed": 3})
     with pytest.raises(TrainingError, match=r"^\[env\]: .*speed.*; valid: the arguments of the environment$"):
-        RECIPES["reach"].check({"speed": 3})
+        RECIPES["reach"].survey({"speed": 3})
