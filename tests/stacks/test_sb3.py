@@ -14,10 +14,12 @@ from benchmarks.harness import Trial
 from benchmarks.training import subproc
 from fleet.envs import dispatch_v0, navigate_v0
 from fleet.errors import ConfigError
+from fleet.training.errors import TrainingError
 from tests.stacks.conftest import require_package
 
 require_package("stable_baselines3", "sb3")
 
+from sb3_contrib import MaskablePPO  # noqa: E402
 from stable_baselines3.common.env_checker import check_env  # noqa: E402
 from stable_baselines3.common.vec_env import SubprocVecEnv  # noqa: E402
 
@@ -78,18 +80,39 @@ def test_an_unknown_type_is_refused() -> None:
         TypeVecEnv([lambda: navigate_v0.parallel_env(n_cars=1)], kind="arm")
 
 
-def test_scores_choose_the_best_legal_action() -> None:
-    cars = TypeVecEnv([lambda: dispatch_v0.parallel_env(site="small", n_cars=2, max_cycles=30)])
+def test_maskable_ppo_chooses_legal_actions_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    cars = TypeVecEnv([lambda: dispatch_v0.parallel_env(site="small", n_cars=2, max_cycles=30)] * 2)
+    illegal = []
+    step = cars.step_async
+
+    def watched(actions: np.ndarray) -> None:
+        masks = cars.action_masks()
+        illegal.extend(~masks[np.arange(4), actions])
+        step(actions)
+
+    monkeypatch.setattr(cars, "step_async", watched)
+    model = MaskablePPO("MlpPolicy", cars, n_steps=30, batch_size=40, n_epochs=1, seed=0, device="cpu")
+    model.learn(120)
+    assert len(illegal) == 120
+    assert not any(illegal)
+    assert not cars.action_masks().all()
+    cars.close()
+
+
+def test_masks_of_slots_are_those_of_their_agents() -> None:
+    cars = TypeVecEnv([lambda: dispatch_v0.parallel_env(site="small", n_cars=2, max_cycles=30)] * 2)
     cars.seed(0)
     cars.reset()
-    seen = cars._observations[0]
-    legal = np.flatnonzero(seen["car_0"]["action_mask"])
-    scores = np.linspace(1.0, -1.0, cars.action_space.shape[0])
-    scores[legal[-1]] = 0.9 if legal[-1] else 1.0
-    scores[legal[:-1]] = -1.0
-    chosen = cars._decided(0, np.tile(scores, (2, 1)))
-    assert chosen["car_0"] == legal[-1]
+    wanted = [seen[agent]["action_mask"] == 1 for seen in cars._observations for agent in ("car_0", "car_1")]
+    assert (cars.action_masks() == wanted).all()
+    assert (cars.env_method("action_masks", indices=[2])[0] == wanted[2]).all()
+    assert (cars.get_attr("action_masks", indices=3)[0]() == wanted[3]).all()
     cars.close()
+
+
+def test_continuous_actions_have_no_masks(cars: TypeVecEnv) -> None:
+    with pytest.raises(TrainingError, match="valid with masks: Discrete"):
+        cars.action_masks()
 
 
 def test_robots_are_stepped_in_processes_of_their_own() -> None:

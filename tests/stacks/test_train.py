@@ -7,18 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Dict, Discrete
 
 from fleet.cli.main import main
 from fleet.envs.policies.policy import Random
 from fleet.training.errors import TrainingError
-from fleet.training.recipes import RECIPES, Recipe
+from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT
-from fleet.training.settings import PpoConfig, TrainConfig
+from fleet.training.settings import TrainConfig
 from tests.stacks.conftest import require_package
+from tests.stacks.guess import PPO, RECIPE, Guess
 
 require_package("torch", "train")
 
@@ -28,75 +27,13 @@ from fleet.training.batch import agent_types  # noqa: E402
 from fleet.training.evaluation import play  # noqa: E402
 from fleet.training.ppo.checkpoint import read_checkpoint  # noqa: E402
 from fleet.training.ppo.learner import Learner, Rollout  # noqa: E402
-from fleet.training.ppo.trainer import Trainer, load_policy  # noqa: E402
-
-PPO = PpoConfig(envs_n=2, horizon_n=32, epochs_n=4, minibatch_n=64, learning_rate=3e-3, hidden=(16,))
-
-
-class Guess:
-    """A car should say the number it is shown; an arm should choose the larger of its two legal numbers."""
-
-    possible_agents = ["car_0", "car_1", "arm_0"]  # noqa: RUF012
-    render_mode = None
-
-    def __init__(self, end: int = 8) -> None:
-        self.end = end
-        self.agents: list[str] = []
-        self._rng = np.random.default_rng(0)
-        self._car = Box(-1.0, 1.0, (1,), np.float32)
-        self._arm = Dict({"observation": Box(-1.0, 1.0, (4,), np.float32), "action_mask": Box(0, 1, (4,), np.int8)})
-        self._number, self._choice = Box(-1.0, 1.0, (1,), np.float32), Discrete(4)
-
-    def observation_space(self, agent: str) -> gymnasium.Space[Any]:
-        return self._arm if agent == "arm_0" else self._car
-
-    def action_space(self, agent: str) -> gymnasium.Space[Any]:
-        return self._choice if agent == "arm_0" else self._number
-
-    def reset(self, seed: int | None = None, options: None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-        if seed is not None:
-            self._rng = np.random.default_rng(seed)
-        self._now, self.agents = 0, self.possible_agents[:]
-        return self._see(), {agent: {} for agent in self.agents}
-
-    def step(self, actions: dict[str, Any]) -> tuple[Any, ...]:
-        rewards = {car: -abs(float(actions[car][0] - self._shown[car][0])) for car in ("car_0", "car_1")}
-        arm = self._shown["arm_0"]
-        assert arm["action_mask"][actions["arm_0"]] == 1, "an illegal action was chosen"
-        best = np.argmax(np.where(arm["action_mask"] == 1, arm["observation"], -2.0))
-        rewards["arm_0"] = float(actions["arm_0"] == best)
-        self._now += 1
-        agents, over = self.agents, self._now >= self.end
-        if over:
-            self.agents = []
-        no = dict.fromkeys(agents, False)
-        infos = {agent: {"hits": float(agent == "arm_0" and rewards[agent])} for agent in agents}
-        return self._see(), rewards, no, dict.fromkeys(agents, over), infos
-
-    def close(self) -> None:
-        pass
-
-    def _see(self) -> dict[str, Any]:
-        mask = np.zeros(4, dtype=np.int8)
-        mask[self._rng.choice(4, 2, replace=False)] = 1
-        row = self._rng.uniform(-1, 1, 4).astype(np.float32)
-        self._shown = {car: self._rng.uniform(-1, 1, 1).astype(np.float32) for car in ("car_0", "car_1")}
-        self._shown["arm_0"] = {"observation": row, "action_mask": mask}
-        return dict(self._shown)
+from fleet.training.ppo.policy import load_policy  # noqa: E402
+from fleet.training.ppo.trainer import Trainer  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
 def _guess(monkeypatch: pytest.MonkeyPatch) -> None:
-    recipe = Recipe(
-        summary="",
-        make=Guess,
-        scripted=lambda: Random(0),
-        script="chance",
-        figures=("hits",),
-        n_steps=1000,
-        ppo=PPO,
-    )
-    monkeypatch.setitem(RECIPES, "guess", recipe)
+    monkeypatch.setitem(RECIPES, "guess", RECIPE)
 
 
 def config(n_updates: int, **changes: Any) -> TrainConfig:
@@ -167,7 +104,7 @@ def test_what_is_no_checkpoint_is_refused(tmp_path: Path, content: bytes) -> Non
 
 def test_a_gradient_step_makes_better_actions_likelier_and_illegal_ones_stay_impossible() -> None:
     arm = next(kind for kind in agent_types(Guess()) if kind.name == "arm")
-    learner = Learner(arm, replace(PPO, epochs_n=1, minibatch_n=1000), torch.Generator().manual_seed(0))
+    learner = Learner(arm, replace(PPO, epochs_n=1, minibatch_n=1000), 0, torch.Generator().manual_seed(0))
     rng = np.random.default_rng(0)
     rows = rng.normal(size=(1, 200, 4)).astype(np.float32)
     mask = np.ones((1, 200, 4), dtype=np.bool_)
@@ -177,13 +114,15 @@ def test_a_gradient_step_makes_better_actions_likelier_and_illegal_ones_stay_imp
 
     def shares() -> np.ndarray:
         with torch.no_grad():
-            scores = learner.network.actor(torch.from_numpy(rows[0])).masked_fill(~torch.from_numpy(mask[0]), -1e9)
-            return torch.softmax(scores, dim=1).mean(dim=0).numpy()
+            scores = learner.network.scores(torch.from_numpy(rows[0]), torch.from_numpy(mask[0]))
+            return scores.exp().mean(dim=0).numpy()
 
     before = shares()
     rollout = Rollout(
         rows=rows,
         mask=mask,
+        state=None,
+        active=np.ones((1, 200), dtype=np.bool_),
         actions=actions,
         log_shares=np.log(np.full((1, 200), 1 / 3, dtype=np.float32)),
         values=zeros,
@@ -192,7 +131,7 @@ def test_a_gradient_step_makes_better_actions_likelier_and_illegal_ones_stay_imp
         ended=np.ones((1, 200), dtype=np.bool_),
     )
     for _ in range(5):
-        learner.learn(rollout, 3e-3, torch.Generator().manual_seed(0))
+        learner.learn(rollout, 3e-3, 0.0, torch.Generator().manual_seed(0))
     after = shares()
     assert after[1] > before[1] + 0.005
     assert after[3] == before[3] == 0.0
