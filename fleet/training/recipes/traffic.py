@@ -14,7 +14,7 @@ FLOOR = {"rows": 18, "cols": 30, "pick": 4, "drop": 4, "parking": 60}
 
 
 def _traffic(
-    *, weights: Mapping[str, float] | None = None, floor: Mapping[str, int] | None = None, **arguments: Any
+    *, weights: Mapping[str, float] | None = None, floor: Mapping[str, Any] | None = None, **arguments: Any
 ) -> Any:
     from fleet.envs.traffic.env import TrafficWeights, parallel_env
     from maps.warehouse import generate_warehouse
