@@ -49,5 +49,5 @@ TRAFFIC = Recipe(
             ),
         ),
     ),
-    plays=("drawn", "likeliest"),
+    plays=("likeliest", "drawn"),
 )
