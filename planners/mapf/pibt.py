@@ -158,7 +158,7 @@ class Stepper:
             self._keys = np.empty((n, self.options.widest + 1), dtype=np.int64)
         self.salt += 1
         # Plain tuples: numba takes named ones five times slower, and this is called in every timestep of every fleet.
-        _step(
+        decide(
             self._options,
             (distances, row, order, locked, allow_rotation),
             self._claims,
@@ -171,7 +171,7 @@ class Stepper:
 
 
 @kernel
-def _step(
+def decide(
     option_arrays: tuple[Any, ...],
     wish_arrays: tuple[Any, ...],
     claim_arrays: tuple[Any, ...],
