@@ -16,7 +16,6 @@ from fleet.config.field_checks import is_whole
 from fleet.envs.core.choices import ILLEGAL, whole_numbers
 from fleet.envs.grid.block import GridBlock
 from fleet.envs.layers.layer import LayerEnv
-from fleet.envs.layers.order_streams import episode_orders
 from fleet.envs.vector.vec_env import Arrays, VecEnv, VecStep, VecView
 
 CAR = "car"
@@ -52,7 +51,6 @@ class LayerVec(VecEnv):
         require(is_whole(n_threads) and n_threads >= 1, "n_threads", n_threads, "an integer >= 1")
         config = single.config
         self._names = terms
-        self._duration_s = single.max_cycles * config.step_s
         self._block = GridBlock(single.place, config.n_cars, n_envs)
         self._n_steps = np.zeros(n_envs, dtype=np.int64)
         self._series = [np.random.default_rng(config.seed + index) for index in range(n_envs)]
@@ -128,13 +126,9 @@ class LayerVec(VecEnv):
 
     def _begin(self, index: int) -> None:
         """Begin the next episode of an environment's series, as `FleetEnv.reset` and `LayerEnv` do."""
-        single, config = self.single, self.single.config
-        seed = int(self._series[index].integers(2**31))
-        of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
-        rng = np.random.default_rng(of_orders)
-        orders = episode_orders(single.place, config.n_cars, float(config.load), self._duration_s, rng)
+        orders, of_fleet = self.single.drawn(int(self._series[index].integers(2**31)))
         room = self._block.capacity
-        self._block.begin(index, orders, int(of_fleet.generate_state(1)[0]))
+        self._block.begin(index, orders, of_fleet)
         if not self._memories or self._block.capacity > room:
             self._memories = [self._memory() for _ in self._shares]
         self._n_steps[index] = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from fleet.config import Fidelity, require
@@ -19,28 +19,18 @@ _KERNELS: dict[type[LayerEnv[Any]], Callable[[Any, int, int], VecEnv]] = {Dispat
 """Environments that have a kernel for many of them, at fidelity `grid`."""
 
 
-def make_vec(layer: str, n_envs: int, *, n_threads: int = 1, **arguments: Any) -> VecEnv:
-    """Make several environments that are stepped together: arrays in, arrays out.
-
-    Args:
-        layer: `dispatch`, `traffic`, `navigate` or `warehouse`.
-        n_envs: Number of environments.
-        n_threads: Threads that share the environments, where a kernel steps them; results do not depend on it.
-        **arguments: Settings of the environment, as its `parallel_env` takes them.
-
-    Raises:
-        ConfigError: There is no such layer, or a number or setting is outside its valid range.
-    """
+def make(layer: str, n_envs: int, n_threads: int, arguments: Mapping[str, Any]) -> VecEnv:
+    """See `fleet.envs.make_vec`."""
     require(layer in ENVIRONMENTS, "layer", layer, ", ".join(ENVIRONMENTS))
     module = importlib.import_module(f"fleet.envs.{layer}_v0")
-    return vec_of(lambda: module.parallel_env(**arguments), n_envs, n_threads=n_threads)
+    return vec_of(lambda: module.parallel_env(**arguments), n_envs, n_threads)
 
 
-def vec_of(make: Callable[[], Any], n_envs: int, *, n_threads: int = 1) -> VecEnv:
+def vec_of(one: Callable[[], Any], n_envs: int, n_threads: int = 1) -> VecEnv:
     """Several environments of one kind, stepped together.
 
     Args:
-        make: Makes one of them; all are alike.
+        one: Makes one of them; all are alike.
         n_envs: Number of environments.
         n_threads: Threads that share the environments, where a kernel steps them.
 
@@ -49,8 +39,8 @@ def vec_of(make: Callable[[], Any], n_envs: int, *, n_threads: int = 1) -> VecEn
     """
     require(is_whole(n_envs) and n_envs >= 1, "n_envs", n_envs, "an integer >= 1")
     require(is_whole(n_threads) and n_threads >= 1, "n_threads", n_threads, "an integer >= 1")
-    single = make()
-    kernel = _KERNELS.get(type(single))
-    if kernel is not None and single.config.fidelity == Fidelity.GRID:
-        return kernel(single, n_envs, n_threads)
-    return LoopVec([single, *(make() for _ in range(n_envs - 1))])
+    first = one()
+    kernel = _KERNELS.get(type(first))
+    if kernel is not None and first.config.fidelity == Fidelity.GRID:
+        return kernel(first, n_envs, n_threads)
+    return LoopVec([first, *(one() for _ in range(n_envs - 1))])
