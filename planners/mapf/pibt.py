@@ -31,6 +31,9 @@ _CHANCE = (1 << _CLASS_BIT) - (1 << _NUMBER_BITS)
 _USED_UP = 2**62
 _UNRANKED = -1
 """In place of the key of waiting: an agent that wants to stay where it is, whose options nobody has asked for yet."""
+_WISHED = -2
+"""Key of the option that an agent is told to prefer: less than any other."""
+_NO_WISHES = np.empty(0, dtype=np.int32)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +108,8 @@ class NextWishes(NamedTuple):
     """Agents that do not move, shape (n,)."""
     allow_rotation: bool
     """Whether a closed ring of followers is legal."""
+    wished: IntArray
+    """State that each agent prefers, negative = what brings it nearest to its goal, shape (n,); or nobody's, (0,)."""
 
 
 class Stepper:
@@ -140,8 +145,12 @@ class Stepper:
         order: IntArray,
         locked: BoolArray,
         allow_rotation: bool,
+        wished: IntArray | None = None,
     ) -> None:
         """Decide one timestep.
+
+        An agent with a wish tries that first, whenever its turn comes or it is pushed, and what remains in the usual
+        order. So whatever is wished for, the timestep is as legal as without.
 
         Args:
             now: State of each agent, shape (n,), in distinct cells.
@@ -151,6 +160,11 @@ class Stepper:
             order: Agents, the one that chooses first in front, shape (n,).
             locked: Agents that do not move, shape (n,).
             allow_rotation: Whether a closed ring of followers is legal.
+            wished: State that each agent would rather aim at than at any other, its own to wait, negative = no wish,
+                shape (n,); None = nobody has one.
+
+        Source of the wishes: R. Veerapaneni et al., "Improving Learnt Local MAPF Policies with Heuristic Search", 2024,
+        https://arxiv.org/abs/2403.20300 (CS-PIBT: collisions are shielded by PIBT over a policy's preferences).
         """
         n = len(now)
         if len(self._keys) < n:
@@ -160,7 +174,7 @@ class Stepper:
         # Plain tuples: numba takes named ones five times slower, and this is called in every timestep of every fleet.
         decide(
             self._options,
-            (distances, row, order, locked, allow_rotation),
+            (distances, row, order, locked, allow_rotation, _NO_WISHES if wished is None else wished),
             self._claims,
             self._keys,
             self.graph.state_cell,
@@ -220,8 +234,9 @@ def _rank(
     for agent in range(len(now)):
         if wishes.locked[agent]:
             continue
-        goal_row = wishes.row[agent]
-        if goal_row < 0 or wishes.distances[goal_row, now[agent]] == 0:
+        goal_row, wished = wishes.row[agent], _wish_of(wishes, agent)
+        content = goal_row < 0 or wishes.distances[goal_row, now[agent]] == 0
+        if content and (wished < 0 or wished == now[agent]):
             keys[agent, 0] = _UNRANKED
         else:
             _rank_options(options, wishes, claims, keys, salt, now, agent)
@@ -233,6 +248,7 @@ def _rank_options(
 ) -> None:  # pragma: no cover - compiled
     """Give every option of an agent its key; option 0 is to wait."""
     state, here, goal_row = now[agent], claims.home[agent], wishes.row[agent]
+    wished = _wish_of(wishes, agent)
     noise = (salt ^ (agent * 0x9E3779B97F4A7C1)) * 0x2545F4914F6CDD1D
     noise ^= noise >> 29
     keys[agent, 0] = 0
@@ -241,6 +257,8 @@ def _rank_options(
         own = np.int64(wishes.distances[goal_row, state]) + 1
         if own <= UNREACHABLE:
             keys[agent, 0] = (own << _DISTANCE_BIT) | _WAIT
+    if wished == state:
+        keys[agent, 0] = _WISHED
     for option in range(options.aim.shape[1]):
         target, to = options.aim[state, option, 0], options.aim[state, option, 1]
         if target < 0:
@@ -259,7 +277,13 @@ def _rank_options(
             key |= _TURN
         elif left == own and claims.cells[to, 0] != NOBODY:
             key |= _OCCUPIED
-        keys[agent, option + 1] = key | (left << _DISTANCE_BIT)
+        keys[agent, option + 1] = _WISHED if target == wished else key | (left << _DISTANCE_BIT)
+
+
+@inlined
+def _wish_of(wishes: NextWishes, agent: Int) -> Int:  # pragma: no cover - compiled
+    """State that an agent prefers, negative = none."""
+    return wishes.wished[agent] if len(wishes.wished) else np.int32(-1)
 
 
 @kernel

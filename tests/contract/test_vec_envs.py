@@ -10,9 +10,10 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
-from fleet.envs import dispatch_v0, make_vec, navigate_v0, traffic_v0
+from fleet.envs import dispatch_v0, make_vec, navigate_v0, traffic_v1
 from fleet.envs.core.base import ActionError, EpisodeError
 from fleet.envs.dispatch.env import DispatchWeights
+from fleet.envs.traffic.env import TrafficWeights
 from fleet.envs.vector.agent_slots import AgentSlots
 from fleet.envs.vector.dispatch_vec import DispatchVec
 from fleet.envs.vector.loop import LoopVec
@@ -22,7 +23,7 @@ from fleet.errors import ConfigError
 from maps.warehouse import generate_warehouse
 
 N_ENVS = 3
-MAKERS = {"dispatch": dispatch_v0.parallel_env, "traffic": traffic_v0.parallel_env}
+MAKERS = {"dispatch": dispatch_v0.parallel_env, "traffic": traffic_v1.parallel_env}
 SETTINGS = {
     "dispatch": {
         "as it comes": {"site": "small", "n_cars": 6, "max_cycles": 60},
@@ -40,6 +41,18 @@ SETTINGS = {
             "n_cars": 40,
             "max_cycles": 50,
         },
+    },
+    "traffic": {
+        "as it comes": {"site": "small", "n_cars": 6, "max_cycles": 120},
+        "a dense floor, other weights": {
+            "site": "dense",
+            "n_cars": 30,
+            "max_cycles": 150,
+            "team_share": 0.3,
+            "weights": TrafficWeights(progress=0.13, delivered=1.7, waiting=-0.03, lost=-0.07, blocking=-0.11),
+        },
+        "one car": {"site": "twin", "n_cars": 1, "max_cycles": 100},
+        "a full floor": {"site": "dense", "n_cars": 40, "max_cycles": 80, "load": 0.5},
     },
 }
 CASES = [(layer, case) for layer, cases in SETTINGS.items() for case in cases]

@@ -68,6 +68,8 @@ class Stepping(NamedTuple):
     """Receives the states after the timestep, shape (n,)."""
     first: Ints
     """Working memory of `kernel.direct`, shape (k,)."""
+    nobody: Ints
+    """Wishes of nobody, shape (0,)."""
 
 
 class GridBlock:
@@ -144,6 +146,7 @@ class GridBlock:
             state_cell=graph.state_cell,
             after=np.empty(n_cars, dtype=np.int32),
             first=np.empty(len(self._names), dtype=np.int32),
+            nobody=np.empty(0, dtype=np.int32),
         )
 
     def _make_room(self, capacity: int) -> None:
@@ -218,11 +221,21 @@ def send(floor: Floor, fleet: FleetRow, first: Ints, now: int) -> None:  # pragm
 
 
 @compiled
-def plan(floor: Floor, fleet: FleetRow, stepping: Stepping, salt: int) -> None:  # pragma: no cover - compiled
-    """Fill in `stepping.after`: where PIBT lets every car go in the next timestep."""
+def plan(
+    floor: Floor, fleet: FleetRow, stepping: Stepping, salt: int, wished: Ints
+) -> None:  # pragma: no cover - compiled
+    """Fill in `stepping.after`: where PIBT lets every car go in the next timestep.
+
+    Args:
+        floor: What never changes.
+        fleet: The fleet.
+        stepping: Memory of the thread.
+        salt: State of the tie-breaking, one more than before the timestep.
+        wished: State that each car prefers, shape (n,), or nobody's, (0,).
+    """
     put_in_order(fleet.priority, fleet.order)
     cars = fleet.cars
-    wishes = (floor.distance, cars.row, fleet.order, fleet.locked, False)
+    wishes = (floor.distance, cars.row, fleet.order, fleet.locked, False, wished)
     decide(
         stepping.options, wishes, stepping.claims, stepping.keys, stepping.state_cell, salt, cars.state, stepping.after
     )

@@ -111,7 +111,7 @@ def step_some(
         _give(floor, fleet, tables, memory, stepping.first, actions[b], rows.now[b], b)
         for _ in range(n_timesteps):
             rows.salt[b] += 1
-            plan(floor, fleet, stepping, rows.salt[b])
+            plan(floor, fleet, stepping, rows.salt[b], stepping.nobody)
             kernel.count_moves(fleet.cars, stepping.after, fleet.counts)
             rows.now[b] += 1
             turn(floor, fleet, stepping.first, rows.now[b])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import NONE
 from fleet.envs.vector.dispatch_kernel import DispatchFloor, DispatchMemory, DispatchTables, begin_one, step_some
 from fleet.envs.vector.layer_vec import Kernel, LayerVec
+from fleet.tasks.order import Delivery
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph
 
@@ -51,7 +53,7 @@ class DispatchVec(LayerVec):
             illegal=np.zeros((n_envs, n), dtype=np.bool_),
         )
         self._rows, self._mask, self._terms = self._tables.rows, self._tables.mask, self._tables.terms
-        self._waits, self._illegal = self._tables.lost, self._tables.illegal
+        self._flags = {"waits": self._tables.lost, "illegal": self._tables.illegal}
 
     @property
     def candidates(self) -> npt.NDArray[np.int32]:
@@ -76,7 +78,8 @@ class DispatchVec(LayerVec):
         )
         return tuple(self._block.stepping()), tuple(memory)
 
-    def _open(self, index: int) -> None:
+    def _open(self, index: int, orders: Sequence[Delivery], seed: int) -> None:
+        self._put(index, orders, seed)
         block, tables = self._block, self._tables
         if tables.pressing.shape[1] < block.capacity:
             longer = np.zeros((self.n_envs, block.capacity), dtype=np.int32)

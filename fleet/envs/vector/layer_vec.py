@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -17,6 +17,7 @@ from fleet.envs.core.choices import ILLEGAL, whole_numbers
 from fleet.envs.grid.block import GridBlock
 from fleet.envs.layers.layer import LayerEnv
 from fleet.envs.vector.vec_env import Arrays, VecEnv, VecStep, VecView
+from fleet.tasks.order import Delivery
 
 CAR = "car"
 """The only type of agents of these layers."""
@@ -30,7 +31,7 @@ class LayerVec(VecEnv):
     Orders are drawn in Python when an episode begins, by the generators of the single environment; all else is kernels,
     so that what a step takes of Python does not depend on how many cars and environments there are.
 
-    A subclass owns observations `_rows`, `_mask` and `_terms` and writes `_memory`, `_open` and `_kernel`.
+    A subclass owns the arrays that it declares here, and writes `_memory`, `_open` and `_kernel`.
 
     Args:
         single: An environment of the kind, at fidelity `grid`.
@@ -43,8 +44,8 @@ class LayerVec(VecEnv):
     _rows: npt.NDArray[np.float32]
     _mask: npt.NDArray[np.int8]
     _terms: npt.NDArray[np.float64]
-    _waits: npt.NDArray[np.bool_]
-    _illegal: npt.NDArray[np.bool_]
+    _flags: dict[str, npt.NDArray[np.bool_]]
+    """What else infos tell, by name."""
 
     def __init__(self, single: LayerEnv[Any], n_envs: int, n_threads: int, terms: tuple[str, ...]) -> None:
         super().__init__(single, n_envs)
@@ -74,8 +75,14 @@ class LayerVec(VecEnv):
         """Memory for one thread, as the kernels take it."""
 
     @abstractmethod
-    def _open(self, index: int) -> None:
-        """Let the episode of an environment begin that has been put in its place in the block, and observe it."""
+    def _open(self, index: int, orders: Sequence[Delivery], seed: int) -> None:
+        """Begin an episode of an environment, from `_put` on, and observe it.
+
+        Args:
+            index: Which environment.
+            orders: Deliveries, ascending in release.
+            seed: Of its fleet.
+        """
 
     @abstractmethod
     def _kernel(self, actions: npt.NDArray[np.int64], left: npt.NDArray[np.float64]) -> Kernel:
@@ -105,7 +112,7 @@ class LayerVec(VecEnv):
                 done.result()
         rewards = self._terms.sum(axis=2)
         infos: Arrays = {name: self._terms[:, :, k] for k, name in enumerate(self._names)}
-        infos |= {"waits": self._waits, "illegal": self._illegal}
+        infos |= self._flags
         truncated = self._n_steps >= self.single.max_cycles
         final = None
         if truncated.any():
@@ -126,13 +133,16 @@ class LayerVec(VecEnv):
 
     def _begin(self, index: int) -> None:
         """Begin the next episode of an environment's series, as `FleetEnv.reset` and `LayerEnv` do."""
-        orders, of_fleet = self.single.drawn(int(self._series[index].integers(2**31)))
+        orders, seed = self.single.drawn(int(self._series[index].integers(2**31)))
+        self._n_steps[index] = 0
+        self._open(index, orders, seed)
+
+    def _put(self, index: int, orders: Sequence[Delivery], seed: int) -> None:
+        """Put a fleet where its episode begins, and see to it that memories have room for its tasks."""
         room = self._block.capacity
-        self._block.begin(index, orders, of_fleet)
+        self._block.begin(index, orders, seed)
         if not self._memories or self._block.capacity > room:
             self._memories = [self._memory() for _ in self._shares]
-        self._n_steps[index] = 0
-        self._open(index)
 
     def _view(self) -> VecView:
         return VecView(observations={CAR: self._rows}, masks={CAR: self._mask})

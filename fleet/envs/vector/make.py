@@ -11,18 +11,24 @@ from fleet.config.field_checks import is_whole
 from fleet.envs import ENVIRONMENTS
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.layers.layer import LayerEnv
+from fleet.envs.traffic.env import TrafficEnv
 from fleet.envs.vector.dispatch_vec import DispatchVec
 from fleet.envs.vector.loop import LoopVec
+from fleet.envs.vector.traffic_vec import TrafficVec
 from fleet.envs.vector.vec_env import VecEnv
 
-_KERNELS: dict[type[LayerEnv[Any]], Callable[[Any, int, int], VecEnv]] = {DispatchEnv: DispatchVec}
+_KERNELS: dict[type[LayerEnv[Any]], Callable[[Any, int, int], VecEnv]] = {
+    DispatchEnv: DispatchVec,
+    TrafficEnv: TrafficVec,
+}
 """Environments that have a kernel for many of them, at fidelity `grid`."""
 
 
 def make(layer: str, n_envs: int, n_threads: int, arguments: Mapping[str, Any]) -> VecEnv:
     """See `fleet.envs.make_vec`."""
-    require(layer in ENVIRONMENTS, "layer", layer, ", ".join(ENVIRONMENTS))
-    module = importlib.import_module(f"fleet.envs.{layer}_v0")
+    modules = {name.rpartition("_")[0]: name for name in ENVIRONMENTS}
+    require(layer in modules, "layer", layer, ", ".join(modules))
+    module = importlib.import_module(f"fleet.envs.{modules[layer]}")
     return vec_of(lambda: module.parallel_env(**arguments), n_envs, n_threads)
 
 
