@@ -211,7 +211,8 @@ def _observe(
     n_free = n_loaded = 0
     for car in range(n):
         state, phase, row = cars.state[car], cars.phase[car], rows[car]
-        row[0:4] = told.where[state]
+        for i in range(4):
+            row[i] = told.where[state, i]
         row[4 + phase] = 1.0
         row[9] = cars.held[car]
         goal_row = told.goal_row[cars.goal[car]]
