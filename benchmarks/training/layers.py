@@ -155,7 +155,7 @@ def _check_traffic(trial: Trial, env: TrafficEnv) -> None:
             observations, *_, infos = env.step(actions)
             cells = env.place.graph.state_cell[env.view.state]
             trial.check(len(np.unique(cells)) == n, f"{n} cars, {name}: two cars in one cell")
-            refused = name == "pibt" and any(info["waits"] for info in infos.values())
+            refused = name == "pibt" and any(info["waits"] or info["pushed"] for info in infos.values())
             trial.check(not refused, f"{n} cars: a move of PIBT was not granted")
         trial.check(name != "pibt" or n > 256 or env.n_delivered > 0, f"{n} cars, {name}: nothing delivered")
 

@@ -202,6 +202,8 @@ def decide(
         if wishes.locked[agent]:
             stay(claims, now, after, agent)
     _rank(options, wishes, claims, keys, salt, now)
+    if len(wishes.wished):
+        _prefer(options, wishes, claims, keys, salt, now)
     # The main loop of algorithm 1: by priority, whoever is undecided.
     for leader in wishes.order:
         if claims.goes[leader] != UNDECIDED:
@@ -234,9 +236,8 @@ def _rank(
     for agent in range(len(now)):
         if wishes.locked[agent]:
             continue
-        goal_row, wished = wishes.row[agent], _wish_of(wishes, agent)
-        content = goal_row < 0 or wishes.distances[goal_row, now[agent]] == 0
-        if content and (wished < 0 or wished == now[agent]):
+        goal_row = wishes.row[agent]
+        if goal_row < 0 or wishes.distances[goal_row, now[agent]] == 0:
             keys[agent, 0] = _UNRANKED
         else:
             _rank_options(options, wishes, claims, keys, salt, now, agent)
@@ -248,7 +249,6 @@ def _rank_options(
 ) -> None:  # pragma: no cover - compiled
     """Give every option of an agent its key; option 0 is to wait."""
     state, here, goal_row = now[agent], claims.home[agent], wishes.row[agent]
-    wished = _wish_of(wishes, agent)
     noise = (salt ^ (agent * 0x9E3779B97F4A7C1)) * 0x2545F4914F6CDD1D
     noise ^= noise >> 29
     keys[agent, 0] = 0
@@ -257,8 +257,6 @@ def _rank_options(
         own = np.int64(wishes.distances[goal_row, state]) + 1
         if own <= UNREACHABLE:
             keys[agent, 0] = (own << _DISTANCE_BIT) | _WAIT
-    if wished == state:
-        keys[agent, 0] = _WISHED
     for option in range(options.aim.shape[1]):
         target, to = options.aim[state, option, 0], options.aim[state, option, 1]
         if target < 0:
@@ -277,13 +275,28 @@ def _rank_options(
             key |= _TURN
         elif left == own and claims.cells[to, 0] != NOBODY:
             key |= _OCCUPIED
-        keys[agent, option + 1] = _WISHED if target == wished else key | (left << _DISTANCE_BIT)
+        keys[agent, option + 1] = key | (left << _DISTANCE_BIT)
 
 
-@inlined
-def _wish_of(wishes: NextWishes, agent: Int) -> Int:  # pragma: no cover - compiled
-    """State that an agent prefers, negative = none."""
-    return wishes.wished[agent] if len(wishes.wished) else np.int32(-1)
+@kernel
+def _prefer(
+    options: Options, wishes: NextWishes, claims: Claims, keys: Int64Array, salt: int, now: IntArray
+) -> None:  # pragma: no cover - compiled
+    """Put the option that each agent wishes for before its others."""
+    for agent in range(len(now)):
+        state, wished = now[agent], wishes.wished[agent]
+        if wished < 0 or wishes.locked[agent]:
+            continue
+        if wished == state:
+            # Whose options are not ranked waits anyway, unless it is pushed, and then it cannot.
+            if keys[agent, 0] != _UNRANKED:
+                keys[agent, 0] = _WISHED
+            continue
+        if keys[agent, 0] == _UNRANKED:
+            _rank_options(options, wishes, claims, keys, salt, now, agent)
+        for option in range(options.aim.shape[1]):
+            if options.aim[state, option, 0] == wished:
+                keys[agent, option + 1] = _WISHED
 
 
 @kernel

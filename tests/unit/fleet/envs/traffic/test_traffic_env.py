@@ -132,7 +132,7 @@ def test_a_share_of_each_parcel_is_that_of_the_team(share: float) -> None:
 
 @pytest.mark.parametrize("share", [-0.1, 1.1, float("nan"), True, "half"])
 def test_a_share_that_is_none_is_refused(share: Any) -> None:
-    with pytest.raises(ConfigError, match="team_share is .*; valid: a number from 0 to 1"):
+    with pytest.raises(ConfigError, match=r"team_share is .*; valid: a number from 0 to 1"):
         traffic_v1.parallel_env(team_share=share)
 
 
@@ -141,7 +141,6 @@ def test_a_fleet_that_delivers_nothing_for_long_is_jammed_and_waits_are_counted(
     mind, observations = make_policy("traffic", "pibt"), env._observations()
     while env.n_delivered < 2:
         observations, *_ = env.step(mind.act(env, observations))
-    n_before = env.n_steps
     saved, last, n_delivered = env.save_state(), env.n_steps, env.n_delivered
     while env.n_steps < 300:
         assert env.jammed is (env.n_steps - last >= JAM_S)
