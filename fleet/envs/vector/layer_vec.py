@@ -96,7 +96,10 @@ class LayerVec(VecEnv):
     def _reset(self, seeds: list[int]) -> VecView:
         if seeds:
             self._series = [np.random.default_rng(seed) for seed in seeds]
-        for index in range(self.n_envs):
+        return self._restart(range(self.n_envs))
+
+    def _restart(self, indices: Sequence[int]) -> VecView:
+        for index in indices:
             self._begin(index)
         return self._view()
 
@@ -114,12 +117,11 @@ class LayerVec(VecEnv):
         infos: Arrays = {name: self._terms[:, :, k] for k, name in enumerate(self._names)}
         infos |= self._flags
         truncated = self._n_steps >= self.single.max_cycles
-        final = None
+        final, final_state = None, None
         if truncated.any():
-            final = self._view().copy()
+            final, final_state = self._view().copy(), self.state()
             infos = {name: array.copy() for name, array in infos.items()}
-            for index in np.flatnonzero(truncated).tolist():
-                self._begin(index)
+            self._restart(np.flatnonzero(truncated).tolist())
         view = self._view()
         return VecStep(
             observations=view.observations,
@@ -128,6 +130,7 @@ class LayerVec(VecEnv):
             terminated=np.zeros(self.n_envs, dtype=np.bool_),
             truncated=truncated,
             final=final,
+            final_state=final_state,
             infos={CAR: infos},
         )
 

@@ -42,10 +42,16 @@ class LoopVec(VecEnv):
             self._put(index, env.reset(seed=seeds[index] if seeds else None)[0], self._seen)
         return self._seen
 
+    def _restart(self, indices: Sequence[int]) -> VecView:
+        for index in indices:
+            self._put(index, self.envs[index].reset()[0], self._seen)
+        return self._seen
+
     def _step(self, actions: Arrays) -> VecStep:
         rewards = {group.name: np.zeros((self.n_envs, group.n)) for group in self.groups}
         terminated, truncated = np.zeros((2, self.n_envs), dtype=np.bool_)
         final: VecView | None = None
+        final_state: npt.NDArray[np.float32] | None = None
         told: list[dict[str, dict[str, Any]]] = []
         for index, env in enumerate(self.envs):
             seen, got, terminations, truncations, infos = env.step(self._chosen(index, actions))
@@ -57,6 +63,10 @@ class LoopVec(VecEnv):
                 truncated[index] = not terminated[index] and any(truncations.values())
                 final = final or self._blank()
                 self._put(index, seen, final)
+                if hasattr(env, "state_space"):
+                    if final_state is None:
+                        final_state = np.zeros((self.n_envs, *env.state_space.shape), dtype=np.float32)
+                    final_state[index] = env.state()
                 seen = env.reset()[0]
             self._put(index, seen, self._seen)
         return VecStep(
@@ -66,6 +76,7 @@ class LoopVec(VecEnv):
             terminated=terminated,
             truncated=truncated,
             final=final,
+            final_state=final_state,
             infos={group.name: _stacked(group, told) for group in self.groups},
         )
 

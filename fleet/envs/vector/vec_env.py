@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -74,7 +74,9 @@ class VecStep(VecView):
     final: VecView | None
     """What was seen at the end of episodes that have ended; rows of other environments mean nothing. None if there is
     none."""
-    infos: dict[str, Arrays] = field(default_factory=dict)
+    final_state: npt.NDArray[np.float32] | None
+    """What `VecEnv.state` said there, shape (B, n_numbers); None if no episode has ended, or environments have none."""
+    infos: dict[str, Arrays]
     """By type and name, shape (B, n): the terms of the rewards and flags; of the episode that the actions were of."""
 
     @property
@@ -149,6 +151,19 @@ class VecEnv(ABC):
             raise EpisodeError("step: no episodes are under way; valid: reset() first")
         return self._step(self._resolved(actions))
 
+    def restart(self, indices: Sequence[int]) -> VecView:
+        """Begin the next episode of some environments at once, as if time had run out.
+
+        Args:
+            indices: Which environments.
+
+        Raises:
+            EpisodeError: There was no `reset` yet, or the environments are closed.
+        """
+        if not self._under_way:
+            raise EpisodeError("restart: no episodes are under way; valid: reset() first")
+        return self._restart(indices)
+
     @abstractmethod
     def state(self) -> npt.NDArray[np.float32]:
         """What `state()` of each environment says, shape (B, n_numbers)."""
@@ -161,6 +176,10 @@ class VecEnv(ABC):
     @abstractmethod
     def _reset(self, seeds: list[int]) -> VecView:
         """Begin an episode in every environment; without seeds in the series that are under way."""
+
+    @abstractmethod
+    def _restart(self, indices: Sequence[int]) -> VecView:
+        """Begin the next episode of some environments."""
 
     @abstractmethod
     def _step(self, actions: Arrays) -> VecStep:
