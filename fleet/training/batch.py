@@ -12,7 +12,7 @@ from gymnasium.spaces import Box, Dict, Discrete, Space
 
 from fleet.envs.policies.policy import Policy
 from fleet.training.errors import TrainingError
-from fleet.training.layout import Layout
+from fleet.training.layout import RowLayout
 
 Floats = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]
@@ -32,7 +32,7 @@ class AgentType:
     action: Box | Discrete
     masked: bool
     """Whether observations carry an `action_mask`."""
-    layout: Layout = Layout()  # noqa: RUF009 - frozen
+    layout: RowLayout = RowLayout()  # noqa: RUF009 - frozen
     """How observations are made up, with all sizes known."""
 
 
@@ -134,7 +134,7 @@ class EnvBatch:
         self,
         envs: Sequence[Any],
         figures: Sequence[str] = (),
-        layouts: Mapping[str, Layout] | None = None,
+        layouts: Mapping[str, RowLayout] | None = None,
         n_state: int = 0,
     ) -> None:
         self.envs = list(envs)
@@ -298,7 +298,7 @@ def team_of(env: Any) -> dict[str, tuple[str, ...]]:
     return {name: tuple(agent for agent in env.possible_agents if type_of(agent) == name) for name in names}
 
 
-def agent_types(env: Any, layouts: Mapping[str, Layout] | None = None) -> tuple[AgentType, ...]:
+def agent_types(env: Any, layouts: Mapping[str, RowLayout] | None = None) -> tuple[AgentType, ...]:
     """Types of the agents of an environment: the words before their numbers.
 
     Raises:
@@ -320,7 +320,7 @@ def agent_types(env: Any, layouts: Mapping[str, Layout] | None = None) -> tuple[
                 n_observed=n_observed,
                 action=action,
                 masked=isinstance(seen, Dict) and "action_mask" in seen.spaces,
-                layout=(layouts or {}).get(name, Layout()).sized(name, n_observed, action),
+                layout=(layouts or {}).get(name, RowLayout()).sized(name, n_observed, action),
             )
         )
     return tuple(kinds)

@@ -21,7 +21,7 @@ from fleet.training.batch import (
     team_of,
     types_of,
 )
-from fleet.training.layout import Layout
+from fleet.training.layout import RowLayout
 
 
 class VectorBatch:
@@ -45,7 +45,7 @@ class VectorBatch:
         make: Callable[..., Any],
         dealt: Sequence[Mapping[str, Any]],
         figures: Sequence[str] = (),
-        layouts: Mapping[str, Layout] | None = None,
+        layouts: Mapping[str, RowLayout] | None = None,
         n_state: int = 0,
     ) -> None:
         self._figures, self._n_state = tuple(figures), n_state

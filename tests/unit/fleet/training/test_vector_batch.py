@@ -11,11 +11,11 @@ import pytest
 from fleet.envs import dispatch_v0, traffic_v1
 from fleet.training.batch import BatchStep, EnvBatch, TypeView
 from fleet.training.errors import TrainingError
-from fleet.training.layout import Group, Layout
+from fleet.training.layout import Group, RowLayout
 from fleet.training.vector_batch import VectorBatch
 
-CHOICE = Layout(groups=(Group(first=12, n_each=11),), chosen=0)
-CASES: dict[str, tuple[Any, list[dict[str, Any]], Mapping[str, Layout], int]] = {
+CHOICE = RowLayout(groups=(Group(first=12, n_each=11),), chosen=0)
+CASES: dict[str, tuple[Any, list[dict[str, Any]], Mapping[str, RowLayout], int]] = {
     "dispatch, a choice": (
         dispatch_v0.parallel_env,
         [{"site": "small", "n_cars": 3, "max_cycles": 20}] * 3,
