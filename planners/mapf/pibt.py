@@ -172,7 +172,7 @@ class Stepper:
             self._keys = np.empty((n, self.options.widest + 1), dtype=np.int64)
         self.salt += 1
         # Plain tuples: numba takes named ones five times slower, and this is called in every timestep of every fleet.
-        _step(
+        decide(
             self._options,
             (distances, row, order, locked, allow_rotation, _NO_WISHES if wished is None else wished),
             self._claims,
@@ -185,7 +185,7 @@ class Stepper:
 
 
 @kernel
-def _step(
+def decide(
     option_arrays: tuple[Any, ...],
     wish_arrays: tuple[Any, ...],
     claim_arrays: tuple[Any, ...],

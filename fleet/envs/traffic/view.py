@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.envs.grid.compiled import compiled, inlined
 from fleet.envs.grid.fleet import N_KINDS, FleetSite
 from fleet.envs.grid.kernel import NONE, Bools, Distances, Ints, SmallInts
 from maps.grid import DCOL, DROW
@@ -107,7 +107,7 @@ class TrafficObserver:
         pose = graph.state_pose
         size = np.array([grid.cols, grid.rows]) * grid.cell_m
         where = np.column_stack((2.0 * pose[:, :2] / size - 1.0, np.cos(pose[:, 2]), np.sin(pose[:, 2])))
-        self._surroundings = FloorTold(
+        self.surroundings = FloorTold(
             distance=place.floor.distance,
             goal_row=place.goal_row,
             move_to=place.move_to,
@@ -118,7 +118,7 @@ class TrafficObserver:
             far_steps=float(place.far_steps),
             n_cols=int(grid.cols),
         )
-        self._memory = CellMemory(
+        self.memory = CellMemory(
             occupant=np.full(graph.n_cells, NONE, dtype=np.int32),
             rivals=np.zeros(graph.n_cells, dtype=np.int32),
             askers=np.zeros(graph.n_cells, dtype=np.int32),
@@ -135,11 +135,11 @@ class TrafficObserver:
         n = len(view.state)
         rows = np.zeros((n, N_ROW_NUMBERS), dtype=np.float32)
         mask = np.zeros((n, 1 + N_KINDS), dtype=np.int8)
-        observe(view, self._surroundings, self._memory, rows, mask)
+        observe(view, self.surroundings, self.memory, rows, mask)
         return rows, mask
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def observe(
     view: TrafficView,
     floor: FloorTold,
@@ -164,7 +164,7 @@ def observe(
     _forget(view, floor, memory)
 
 
-@njit(cache=True, nogil=True)
+@inlined
 def _gather(view: TrafficView, floor: FloorTold, memory: CellMemory) -> None:  # pragma: no cover - compiled
     """Enter all cars, and what they want, into the memory."""
     for car in range(len(view.state)):
@@ -184,7 +184,7 @@ def _gather(view: TrafficView, floor: FloorTold, memory: CellMemory) -> None:  #
             memory.best[cell] = max(memory.best[cell], view.priority[car])
 
 
-@njit(cache=True, nogil=True)
+@inlined
 def _forget(view: TrafficView, floor: FloorTold, memory: CellMemory) -> None:  # pragma: no cover - compiled
     """Take all that was entered out of the memory again."""
     for car in range(len(view.state)):
@@ -197,7 +197,7 @@ def _forget(view: TrafficView, floor: FloorTold, memory: CellMemory) -> None:  #
                 memory.rivals[cell], memory.askers[cell], memory.best[cell] = 0, 0, -np.inf
 
 
-@njit(cache=True, nogil=True)
+@inlined
 def _best_move(floor: FloorTold, goal: int, state: int) -> int:  # pragma: no cover - compiled
     """State that a car would be in next if it were alone; its own where no move brings it nearer to its goal."""
     best = state
@@ -210,13 +210,14 @@ def _best_move(floor: FloorTold, goal: int, state: int) -> int:  # pragma: no co
     return best
 
 
-@njit(cache=True, nogil=True)
+@inlined
 def _tell_own(
     view: TrafficView, floor: FloorTold, memory: CellMemory, car: int, told: npt.NDArray[np.float32]
 ) -> None:  # pragma: no cover - compiled
     """What a car is told of itself."""
     state, goal = view.state[car], view.goal[car]
-    told[0:4] = floor.where[state]
+    for k in range(4):
+        told[k] = floor.where[state, k]
     if view.phase[car] < 5:
         told[4 + view.phase[car]] = 1.0
     told[9] = view.held[car]
@@ -232,7 +233,7 @@ def _tell_own(
     told[18] = memory.best[floor.state_cell[state]] > view.priority[car]
 
 
-@njit(cache=True, nogil=True)
+@inlined
 def _tell_move(
     view: TrafficView, floor: FloorTold, memory: CellMemory, car: int, to: int, told: npt.NDArray[np.float32]
 ) -> None:  # pragma: no cover - compiled
@@ -262,7 +263,7 @@ def _tell_move(
     told[8] = n_cars / N_WAY
 
 
-@njit(cache=True, nogil=True)
+@inlined
 def _tell_cell(
     view: TrafficView, floor: FloorTold, memory: CellMemory, car: int, cell: int, told: npt.NDArray[np.float32]
 ) -> None:  # pragma: no cover - compiled
@@ -285,7 +286,7 @@ def _tell_cell(
     told[7] = max(-1.0, min(1.0, (view.priority[other] - view.priority[car]) / WAIT_UNIT))
 
 
-@njit(cache=True, nogil=True)
+@inlined
 def _turned(
     floor: FloorTold, state: int, dx: np.float32, dy: np.float32
 ) -> tuple[float, float]:  # pragma: no cover - compiled

@@ -3,10 +3,10 @@
 from fleet.training.recipes.dispatch import DISPATCH
 from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
-from fleet.training.recipes.recipe import Recipe, Stage
+from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.recipes.traffic import TRAFFIC
 
-__all__ = ["RECIPES", "Recipe", "Stage"]
+__all__ = ["RECIPES", "Recipe", "TrainingStage"]
 
 RECIPES: dict[str, Recipe] = {
     "navigate": NAVIGATE,

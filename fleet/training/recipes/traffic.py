@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fleet.envs.policies.policy import Policy
-from fleet.training.recipes.recipe import Recipe, Stage
+from fleet.training.batch import Batch
+from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
 
 FLOOR = {"rows": 18, "cols": 30, "pick": 4, "drop": 4, "parking": 60}
@@ -24,6 +25,12 @@ def _traffic(
     return parallel_env(weights=TrafficWeights(**weights or {}), **arguments)
 
 
+def _side_by_side(dealt: Sequence[Mapping[str, Any]], **told: Any) -> Batch:
+    from fleet.training.vector_batch import VectorBatch
+
+    return VectorBatch(_traffic, dealt, **told)
+
+
 def _pibt() -> Policy:
     from fleet.envs.policies.traffic import PibtTraffic
 
@@ -33,6 +40,7 @@ def _pibt() -> Policy:
 TRAFFIC = Recipe(
     summary="cars choose their lane moves, and push each other out of the way",
     make=_traffic,
+    batch=_side_by_side,
     scripted=_pibt,
     script="priority inheritance with backtracking",
     figures=("delivered", "progress", "waiting", "lost", "blocking"),
@@ -41,7 +49,7 @@ TRAFFIC = Recipe(
     ppo=PpoConfig(horizon_n=125, epochs_n=4, minibatch_n=4096, entropy=0.005, discount=0.98, learning_rate=1e-3),
     arguments={"site": "dense", "n_cars": 30},
     stages=(
-        Stage(
+        TrainingStage(
             name="teams",
             mix=(
                 *({"n_cars": n_cars} for n_cars in (10, 20, 20, 30, 30, 40)),
