@@ -55,13 +55,12 @@ class PibtTraffic:
 
 
 class PlannedTraffic:
-    """A planner of `planners.mapf.PLANNERS`, asked for a window of moves in every step, of which the first is made.
+    """A planner of `planners.mapf.PLANNERS`, asked for the next timestep in every step.
 
     Args:
         seed: Seed of the planner.
         planner: Its name.
         settings: Its settings; the others keep their defaults.
-        horizon_n: Timesteps of the window.
     """
 
     def __init__(
@@ -70,10 +69,8 @@ class PlannedTraffic:
         *,
         planner: str = "multi_step_pibt",
         settings: Mapping[str, Any] | None = None,
-        horizon_n: int = 1,
     ) -> None:
         self._planner = planner_named(planner, settings or {}, seed=seed, what="planner")
-        self._horizon_n = horizon_n
         self._tables: DistanceTable | None = None
 
     def act(self, env: TrafficEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,7 +89,7 @@ class PlannedTraffic:
             fixed=view.locked,
             blocked=nothing,
             allow_rotation=False,
-            horizon=self._horizon_n,
+            horizon=1,
         )
         return _actions(env, self._planner.plan(instance, self._tables).states[1])
 
