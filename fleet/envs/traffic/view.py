@@ -20,7 +20,7 @@ N_BEHIND, N_AHEAD, N_ASIDE = 1, 3, 2
 """Cells that a car sees behind it, ahead of it, and to either side."""
 N_SEEN = (N_BEHIND + 1 + N_AHEAD) * (2 * N_ASIDE + 1)
 OWN = slice(0, N_OWN)
-MOVES = slice(N_OWN, N_OWN + N_KINDS * N_PER_MOVE)
+MOVES = slice(OWN.stop, OWN.stop + N_KINDS * N_PER_MOVE)
 CELLS = slice(MOVES.stop, MOVES.stop + N_SEEN * N_PER_CELL)
 """Where the three parts of an observation stand; `MOVES` has `N_KINDS` groups, `CELLS` has `N_SEEN`."""
 N_ROW_NUMBERS = CELLS.stop
