@@ -30,9 +30,9 @@ from fleet.training.results import EPISODES, EVALUATION, LEARNED, PROGRESS, SCRI
 
 LEARNED_RECIPES = ("navigate", "dispatch", "reach")
 N_AT_ONCE = 2
-N_EPISODES, N_QUICK_EPISODES = {"navigate": 40, "dispatch": 40, "reach": 100}, 2
+N_EPISODES, N_QUICK_EPISODES = {"navigate": 40, "dispatch": 40, "reach": 100, "traffic": 20}, 2
 N_QUICK_STEPS = 20_000
-QUICK_ARGUMENTS = {"navigate": "kinematic", "dispatch": "grid", "reach": "kinematic"}
+QUICK_ARGUMENTS = {"navigate": "kinematic", "dispatch": "grid", "reach": "kinematic", "traffic": "grid"}
 """Fidelities of a quick run."""
 MINUTES = {"navigate": 30, "dispatch": 30, "reach": 15}
 """Longest time of a seed on one core."""
@@ -53,7 +53,7 @@ def measure_learning(trial: Trial) -> Iterable[Row]:
         folder = Path(quick) if trial.quick else FOLDER
         jobs = [(recipe, seed) for recipe in LEARNED_RECIPES for seed in trial.seeds]
         with ThreadPoolExecutor(N_AT_ONCE) as pool:
-            problems = list(pool.map(lambda job: _train(folder, *job, quick=trial.quick), jobs))
+            problems = list(pool.map(lambda job: train_seed(folder, *job, quick=trial.quick), jobs))
         for (recipe, seed), problem in zip(jobs, problems, strict=True):
             trial.check(problem is None, f"{recipe}, seed {seed}: {problem}")
         if trial.failures:
@@ -70,7 +70,7 @@ def measure_learning(trial: Trial) -> Iterable[Row]:
                 _document_shares(recipe, trial.seeds, runs, played)
 
 
-def _train(folder: Path, recipe: str, seed: int, *, quick: bool) -> str | None:
+def train_seed(folder: Path, recipe: str, seed: int, *, quick: bool) -> str | None:
     """Run one seed to its end; returns what went wrong."""
     out = folder / recipe / str(seed)
     if (out / EVALUATION).exists():

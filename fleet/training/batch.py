@@ -345,12 +345,16 @@ def types_of(found: Sequence[Sequence[AgentType]]) -> tuple[AgentType, ...]:
 
 def mask_of(observation: Mapping[str, Any], kind: AgentType) -> Bools:
     """The actions that an agent chooses among, shape (n_actions,)."""
-    mask: Bools = np.asarray(observation["action_mask"]) == 1
+    return masks_of(np.asarray(observation["action_mask"])[None], kind)[0]
+
+
+def masks_of(masks: npt.NDArray[np.int8], kind: AgentType) -> Bools:
+    """The actions that several agents of a type choose among, shape (n, n_actions), from their masks."""
+    mask: Bools = masks == 1
     layout = kind.layout
-    if layout.chosen is None or not layout.takes or layout.groups[layout.chosen].n_things == len(mask):
+    if layout.chosen is None or not layout.takes or layout.groups[layout.chosen].n_things == mask.shape[1]:
         return mask
-    if mask[1:].any():
-        mask[0] = False
+    mask[mask[:, 1:].any(axis=1), 0] = False
     return mask
 
 

@@ -88,6 +88,14 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         self._mask = np.ones((n_cars, n_actions), dtype=np.int8)
         self._recorder: PictureRecorder | None = None
         self._n_episodes = 0
+        self._duration_s = self.max_cycles * config.step_s
+
+    def drawn(self, seed: int) -> tuple[tuple[Delivery, ...], int]:
+        """What chance brings in the episode of a seed: its orders, ascending in release, and the seed of its fleet."""
+        of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
+        rng = np.random.default_rng(of_orders)
+        orders = episode_orders(self.place, self._n_cars, float(self.config.load), self._duration_s, rng)
+        return orders, int(of_fleet.generate_state(1)[0])
 
     @property
     def view(self) -> ViewT:
@@ -152,11 +160,8 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
 
     def _begin(self, seed: int) -> Infos:
         self._end()
-        of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
-        duration_s = self.max_cycles * self.config.step_s
-        rng = np.random.default_rng(of_orders)
-        orders = episode_orders(self.place, self._n_cars, float(self.config.load), duration_s, rng)
-        self.fleet = self._fleet_of(orders, int(of_fleet.generate_state(1)[0]), duration_s)
+        orders, of_fleet = self.drawn(seed)
+        self.fleet = self._fleet_of(orders, of_fleet, self._duration_s)
         self.n_delivered, self.late_s = 0, 0.0
         self._n_episodes += 1
         if self.render_mode == "rerun":

@@ -4,6 +4,7 @@ from fleet.training.recipes.dispatch import DISPATCH
 from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
+from fleet.training.recipes.traffic import TRAFFIC
 
 __all__ = ["RECIPES", "Recipe", "TrainingStage"]
 
@@ -12,5 +13,6 @@ RECIPES: dict[str, Recipe] = {
     "car": CAR,
     "reach": REACH,
     "dispatch": DISPATCH,
+    "traffic": TRAFFIC,
 }
 """What can be trained, by name."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE
 from fleet.envs.policies.policy import Policy
+from fleet.training.batch import Batch
 from fleet.training.layout import Group, RowLayout
 from fleet.training.recipes.recipe import Recipe
 from fleet.training.settings import PpoConfig
@@ -18,6 +19,12 @@ def _dispatch(*, weights: Mapping[str, float] | None = None, **arguments: Any) -
     return parallel_env(weights=DispatchWeights(**weights or {}), **arguments)
 
 
+def _side_by_side(dealt: Sequence[Mapping[str, Any]], **told: Any) -> Batch:
+    from fleet.training.vector_batch import VectorBatch
+
+    return VectorBatch(_dispatch, dealt, **told)
+
+
 def _nearest() -> Policy:
     from fleet.envs.policies.dispatch import Nearest
 
@@ -27,6 +34,7 @@ def _nearest() -> Policy:
 DISPATCH = Recipe(
     summary="cars choose their tasks",
     make=_dispatch,
+    batch=_side_by_side,
     scripted=_nearest,
     script="every free car takes the nearest task",
     figures=("delivered", "late", "waiting"),
