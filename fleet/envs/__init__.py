@@ -7,16 +7,17 @@ import gymnasium
 from pettingzoo import register
 
 ENVIRONMENTS = {
-    "warehouse": 1200,
-    "dispatch": 240,
-    "traffic": 500,
-    "navigate": 600,
+    "warehouse-v0": 1200,
+    "dispatch-v0": 240,
+    "traffic-v0": 500,
+    "navigate-v0": 600,
+    "navigate-v1": 600,
 }
-"""Longest episode of each environment, by name; `NAME_v0.py` has its `parallel_env` and its `env`."""
+"""Longest episode of each environment, by name; `NAME_VERSION.py` has its `parallel_env` and its `env`."""
 
 for _name, _max_cycles in ENVIRONMENTS.items():
     for _interface, _maker in (("parallel", "parallel_env"), ("aec", "env")):
-        _entry_point = f"fleet.envs.{_name}_v0:{_maker}"
-        register(_interface, f"fleet/{_name}-v0", entry_point=_entry_point, max_cycles=_max_cycles)
+        _entry_point = f"fleet.envs.{_name.replace('-', '_')}:{_maker}"
+        register(_interface, f"fleet/{_name}", entry_point=_entry_point, max_cycles=_max_cycles)
 gymnasium.register("fleet/KukaReach-v0", entry_point="fleet.envs.kuka_reach:KukaReachEnv")
 gymnasium.register("fleet/CarNavigate-v0", entry_point="fleet.envs.navigate.car_navigate:CarNavigateEnv")

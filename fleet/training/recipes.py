@@ -53,7 +53,7 @@ class Recipe:
 
 
 def _navigate(**arguments: Any) -> Any:
-    from fleet.envs.navigate_v0 import parallel_env
+    from fleet.envs.navigate_v1 import parallel_env
 
     return parallel_env(**arguments)
 

@@ -23,6 +23,9 @@ from fleet.world.ray_points import ray_points
 from fleet.world.scene import Scene
 from fleet.world.surroundings import Surroundings, SurroundingsSnapshot
 
+PASS, STOP = CONTACTS = ("pass", "stop")
+"""What collisions do in a kinematic world."""
+
 
 class CommandError(FleetError):
     """A command does not fit the world's robots."""
@@ -115,19 +118,22 @@ class PlanarSnapshot:
 class PlanarWorld:
     """A `World` without physics; only the way its cars move is left open.
 
-    Contacts and clearances are judged at the end of each tick, by geometry; nothing is stopped by them.
+    Contacts and clearances are judged at the end of each tick, by geometry. Nothing is stopped by them, unless cars are
+    `solid`.
 
     Args:
         scene: The world at the start.
         cars: Moves the cars.
         tick_s: Length of one tick [s].
+        solid: Whether cars stop at each other and at boxes; arms and parcels never stop them.
     """
 
-    def __init__(self, scene: Scene, cars: CarMotion, tick_s: float) -> None:
+    def __init__(self, scene: Scene, cars: CarMotion, tick_s: float, *, solid: bool = False) -> None:
         self.tick_s = tick_s
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
         self._cars = cars
+        self._solid = solid
         self._arms = ServoArms(scene.arm, scene.arm_base, scene.arm_start, tick_s)
         self._parcels = PlanarParcels(scene.boxes, scene.car, self.n_arms)
         self._failed = np.zeros(self.n_arms, dtype=np.bool_)
@@ -144,6 +150,8 @@ class PlanarWorld:
         if shapes != valid:
             raise CommandError(f"step: car_commands, arm_q, grip have shapes {shapes}; valid: {valid}")
         self._cars.step(car_commands)
+        if self._solid:
+            self._surroundings.set_apart(self._cars.poses, self._cars.speeds)
         self._arms.step(arm_q)
         self._failed &= grip
         self._parcels.update(self._cars.poses, self._arms.tips, grip & ~self._failed)
@@ -270,13 +278,19 @@ class PlanarWorld:
 
 @dataclass(frozen=True, kw_only=True)
 class KinematicConfig:
-    """Time steps of the kinematic world."""
+    """Time steps of the kinematic world, and what a collision does."""
 
     tick_s: float = 0.05
     substep_s: float = 0.0125
     """Greatest integration step of the car model [s]."""
+    contact: str = PASS
+    """`pass`: cars drive through each other and through walls, and only the touches are counted; `stop`: they are set
+    apart and lose their speed, see `fleet.world.collisions`."""
 
     def __post_init__(self) -> None:
+        if self.contact not in CONTACTS:
+            valid = ", ".join(CONTACTS)
+            raise ConfigError(f"kinematic world: contact is {self.contact!r}; valid: {valid}")
         for name in ("tick_s", "substep_s"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
@@ -288,13 +302,13 @@ class KinematicWorld(PlanarWorld):
 
     Args:
         scene: The world at the start.
-        config: Time steps.
+        config: Time steps, and what a collision does.
     """
 
     def __init__(self, scene: Scene, config: KinematicConfig | None = None) -> None:
         config = config or KinematicConfig()
         cars = BicycleCars(scene.car, scene.car_start, config.tick_s, config.substep_s)
-        super().__init__(scene, cars, config.tick_s)
+        super().__init__(scene, cars, config.tick_s, solid=config.contact == STOP)
 
 
 @njit(cache=True)

@@ -15,7 +15,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import fleet.envs  # noqa: F401 - makes the environments known
-from fleet.envs import navigate_v0
+from fleet.envs import navigate_v1
 from fleet.envs.core.base import ActionError, EpisodeError
 from fleet.envs.kuka_reach import TOLERANCE_M, KukaReachEnv, ReachPolicy
 from fleet.envs.navigate.car_navigate import CarNavigateEnv
@@ -29,7 +29,7 @@ FIDELITIES = ("kinematic", "physics")
 @pytest.fixture(params=FIDELITIES)
 def cars(request: pytest.FixtureRequest) -> Iterator[NavigationEnv]:
     """Return three cars on the small site."""
-    env = navigate_v0.parallel_env(n_cars=3, fidelity=request.param, max_cycles=40)
+    env = navigate_v1.parallel_env(n_cars=3, fidelity=request.param, max_cycles=40)
     yield env
     env.close()
 
@@ -70,7 +70,7 @@ def test_a_seed_decides_an_episode_also_the_second_time(cars: NavigationEnv) -> 
 
 def digest_of_an_episode() -> str:
     """Hash of all that a whole episode says."""
-    env = navigate_v0.parallel_env(n_cars=4)
+    env = navigate_v1.parallel_env(n_cars=4)
     said = hashlib.sha256(str(plain(trace(env, 3, 600))).encode()).hexdigest()
     env.close()
     return said
@@ -93,7 +93,7 @@ def test_a_saved_moment_comes_back(cars: NavigationEnv) -> None:
 
 
 def test_places_to_visit_do_not_depend_on_what_agents_do() -> None:
-    env = navigate_v0.parallel_env(n_cars=2, max_cycles=200)
+    env = navigate_v1.parallel_env(n_cars=2, max_cycles=200)
     policy = PursuitPolicy()
 
     def places(drives: bool) -> list[list[float]]:
@@ -117,7 +117,7 @@ def test_places_to_visit_do_not_depend_on_what_agents_do() -> None:
 
 
 def test_the_script_drives_to_places_and_stays_on_its_lanes() -> None:
-    env = navigate_v0.parallel_env(n_cars=1, max_cycles=600)
+    env = navigate_v1.parallel_env(n_cars=1, max_cycles=600)
     seen, _ = env.reset(seed=0)
     places, towed, off_lane = 0.0, 0.0, 0.0
     while env.agents:
@@ -131,7 +131,7 @@ def test_the_script_drives_to_places_and_stays_on_its_lanes() -> None:
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
 def test_a_lost_car_is_towed_back_and_stands(fidelity: str) -> None:
-    env = navigate_v0.parallel_env(n_cars=1, max_cycles=200, fidelity=fidelity)
+    env = navigate_v1.parallel_env(n_cars=1, max_cycles=200, fidelity=fidelity)
     env.reset(seed=0)
     away, towed = {"car_0": np.array([0.15, 1.0])}, 0.0
     while env.agents and not towed:
@@ -149,7 +149,7 @@ def test_a_lost_car_is_towed_back_and_stands(fidelity: str) -> None:
 
 
 def test_two_cars_in_one_place_touch_and_pay_for_it() -> None:
-    env = navigate_v0.parallel_env(n_cars=2)
+    env = navigate_v1.parallel_env(n_cars=2)
     env.reset(seed=0)
     poses = env._world.car_poses()
     env._world.push_car(1, *(0.78 * (poses[0] - poses[1])).tolist())
@@ -164,14 +164,14 @@ def test_two_cars_in_one_place_touch_and_pay_for_it() -> None:
 
 @pytest.mark.parametrize("action", [np.array([np.nan, 0.5]), np.array([2.0, 0.5]), None])
 def test_illegal_actions_are_made_legal_and_told(action: object) -> None:
-    env = navigate_v0.parallel_env(n_cars=2)
+    env = navigate_v1.parallel_env(n_cars=2)
     env.reset(seed=0)
     *_, infos = env.step({"car_0": action, "car_1": np.zeros(2)})
     assert [info["illegal"] for info in infos.values()] == [True, False]
 
 
 def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
-    env = navigate_v0.parallel_env(n_cars=1)
+    env = navigate_v1.parallel_env(n_cars=1)
     with pytest.raises(EpisodeError, match="reset"):
         env.step({})
     env.reset(seed=0)
@@ -196,7 +196,7 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
         ({"control_hz": "x"}, "control_hz is 'x'"),
         ({"control_hz": True}, "control_hz is True"),
         ({"max_cycles": True}, "max_cycles is True"),
-        ({"render_mode": "rerun"}, "render_mode is 'rerun'; valid: None, human, rgb_array"),
+        ({"contact": "bounce"}, "contact is 'bounce'; valid: pass, stop"),
         ({"site": 3}, "site is 3; valid: a name or a path"),
         ({"weights": {"late": 1}}, "NavigationWeights, or None"),
         ({"render_mode": "ascii"}, "render_mode is 'ascii'"),
@@ -204,11 +204,11 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
 )
 def test_arguments_outside_their_range_are_refused(arguments: dict[str, object], said: str) -> None:
     with pytest.raises(ConfigError, match=said):
-        navigate_v0.parallel_env(**arguments)
+        navigate_v1.parallel_env(**arguments)
 
 
 def test_it_is_copied_by_its_arguments() -> None:
-    copy = pickle.loads(pickle.dumps(navigate_v0.parallel_env(n_cars=2, max_cycles=7)))
+    copy = pickle.loads(pickle.dumps(navigate_v1.parallel_env(n_cars=2, max_cycles=7)))
     assert (len(copy.possible_agents), copy.max_cycles) == (2, 7)
 
 

@@ -12,7 +12,7 @@ import pytest
 import fleet.envs  # noqa: F401 - makes the environments known
 from benchmarks.harness import Trial
 from benchmarks.training import subproc
-from fleet.envs import dispatch_v0, navigate_v0
+from fleet.envs import dispatch_v0, navigate_v1
 from fleet.errors import ConfigError
 from tests.stacks.conftest import require_package
 
@@ -34,7 +34,7 @@ ROBOTS = {
 @pytest.fixture
 def cars() -> Iterator[TypeVecEnv]:
     """Return two floors with three cars each."""
-    vector = TypeVecEnv([lambda: navigate_v0.parallel_env(n_cars=3, max_cycles=5)] * 2)
+    vector = TypeVecEnv([lambda: navigate_v1.parallel_env(n_cars=3, max_cycles=5)] * 2)
     yield vector
     vector.close()
 
@@ -75,7 +75,7 @@ def test_a_seed_decides_the_episodes(cars: TypeVecEnv) -> None:
 
 def test_an_unknown_type_is_refused() -> None:
     with pytest.raises(ConfigError, match="kind is 'arm'; valid: car"):
-        TypeVecEnv([lambda: navigate_v0.parallel_env(n_cars=1)], kind="arm")
+        TypeVecEnv([lambda: navigate_v1.parallel_env(n_cars=1)], kind="arm")
 
 
 def test_scores_choose_the_best_legal_action() -> None:
