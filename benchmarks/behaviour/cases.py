@@ -820,7 +820,7 @@ def navigate() -> Played:
         played.parts[fidelity] = episode(env, chance(env, 1), n_steps, seed=3)
         env.close()
     for fidelity, n_steps in (("kinematic", 300), ("physics", 40)):
-        played.parts[f"alone_{fidelity}"] = single("CarNavigate-v0", n_steps, seed=4, fidelity=fidelity, n_others=3)
+        played.parts[f"alone_{fidelity}"] = single("CarNavigate-v1", n_steps, seed=4, fidelity=fidelity, n_others=3)
     return played
 
 

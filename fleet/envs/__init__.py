@@ -20,4 +20,5 @@ for _name, _max_cycles in ENVIRONMENTS.items():
         _entry_point = f"fleet.envs.{_name.replace('-', '_')}:{_maker}"
         register(_interface, f"fleet/{_name}", entry_point=_entry_point, max_cycles=_max_cycles)
 gymnasium.register("fleet/KukaReach-v0", entry_point="fleet.envs.kuka_reach:KukaReachEnv")
-gymnasium.register("fleet/CarNavigate-v0", entry_point="fleet.envs.navigate.car_navigate:CarNavigateEnv")
+gymnasium.register("fleet/CarNavigate-v0", entry_point="fleet.envs.navigate.car_navigate:replaced")
+gymnasium.register("fleet/CarNavigate-v1", entry_point="fleet.envs.navigate.car_navigate:CarNavigateEnv")

@@ -17,6 +17,7 @@ from gymnasium.utils.env_checker import check_env
 import fleet.envs  # noqa: F401 - makes the environments known
 from fleet.envs import navigate_v1
 from fleet.envs.core.base import ActionError, EpisodeError
+from fleet.envs.core.versions import VersionError
 from fleet.envs.kuka_reach import TOLERANCE_M, KukaReachEnv, ReachPolicy
 from fleet.envs.navigate.car_navigate import CarNavigateEnv
 from fleet.envs.navigate.navigation import BRAKE_S, TOW_S, NavigationEnv
@@ -101,7 +102,7 @@ def test_places_to_visit_do_not_depend_on_what_agents_do() -> None:
         met: dict[str, list[object]] = {}
         while env.agents:
             for car, agent in enumerate(env.agents):
-                goal = env._goal(car).tolist()
+                goal = env._goals[car].tolist()
                 line = met.setdefault(agent, [])
                 if goal not in line[-1:]:
                     line.append(goal)
@@ -162,6 +163,26 @@ def test_two_cars_in_one_place_touch_and_pay_for_it() -> None:
     assert all(info["touch"] == 0.0 for info in infos.values())
 
 
+def test_cars_stop_at_each_other_unless_they_may_pass() -> None:
+    ends = {}
+    for contact in ("stop", "pass"):
+        env = navigate_v1.parallel_env(n_cars=2, contact=contact)
+        env.reset(seed=0)
+        poses = env._world.car_poses()
+        # The second one stands a metre before the first, nose to nose.
+        ahead = np.array([np.cos(poses[0, 2]), np.sin(poses[0, 2])])
+        env._world.push_car(1, *(poses[0, :2] + ahead - poses[1, :2]), float(poses[0, 2] + np.pi - poses[1, 2]))
+        touches = 0.0
+        for _ in range(12):
+            *_, infos = env.step({"car_0": np.array([0.0, 0.5]), "car_1": np.zeros(2)})
+            touches += infos["car_0"]["touches"]
+        assert touches == 1.0
+        ends[contact] = float((env._world.car_poses()[0, :2] - poses[0, :2]) @ ahead)
+        env.close()
+    assert ends["stop"] < 0.3
+    assert ends["pass"] > 0.6
+
+
 @pytest.mark.parametrize("action", [np.array([np.nan, 0.5]), np.array([2.0, 0.5]), None])
 def test_illegal_actions_are_made_legal_and_told(action: object) -> None:
     env = navigate_v1.parallel_env(n_cars=2)
@@ -215,8 +236,8 @@ def test_it_is_copied_by_its_arguments() -> None:
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
-        ("fleet/CarNavigate-v0", {"fidelity": "kinematic", "max_steps": 20}),
-        ("fleet/CarNavigate-v0", {"fidelity": "physics", "max_steps": 20, "n_others": 1}),
+        ("fleet/CarNavigate-v1", {"fidelity": "kinematic", "max_steps": 20}),
+        ("fleet/CarNavigate-v1", {"fidelity": "physics", "max_steps": 20, "n_others": 1}),
         ("fleet/KukaReach-v0", {"fidelity": "kinematic", "max_steps": 20}),
         ("fleet/KukaReach-v0", {"fidelity": "physics", "max_steps": 20}),
     ],
@@ -227,6 +248,13 @@ def test_gymnasium_has_no_complaint_about_single_robots(name: str, arguments: di
         warnings.simplefilter("error")
         check_env(env.unwrapped)
     env.close()
+
+
+def test_the_first_version_of_a_single_car_is_refused_by_name() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # gymnasium says that there is a newer one
+        with pytest.raises(VersionError, match=r"^CarNavigate-v0 .*; valid: CarNavigate-v1$"):
+            gymnasium.make("fleet/CarNavigate-v0")
 
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)

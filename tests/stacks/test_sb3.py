@@ -24,8 +24,8 @@ from stable_baselines3.common.vec_env import SubprocVecEnv  # noqa: E402
 from fleet.training.stacks.sb3 import TypeVecEnv  # noqa: E402
 
 ROBOTS = {
-    "car": ("fleet/CarNavigate-v0", {"fidelity": "kinematic", "max_steps": 20}),
-    "physical car": ("fleet/CarNavigate-v0", {"fidelity": "physics", "n_others": 1, "max_steps": 20}),
+    "car": ("fleet/CarNavigate-v1", {"fidelity": "kinematic", "max_steps": 20}),
+    "physical car": ("fleet/CarNavigate-v1", {"fidelity": "physics", "n_others": 1, "max_steps": 20}),
     "arm": ("fleet/KukaReach-v0", {"fidelity": "kinematic", "max_steps": 20}),
     "physical arm": ("fleet/KukaReach-v0", {"fidelity": "physics", "max_steps": 20}),
 }

@@ -87,6 +87,8 @@ _AHEAD_M = 4.0
 """Length of way that is always known [m]."""
 
 Observation = npt.NDArray[np.float32]
+_Stop = tuple[float, int]
+"""A place on a way: arc length [m], and lane-graph state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,7 +236,11 @@ class NavigationEnv(FleetEnv):
         self._world.load(self._parked)
         self._paths = PathBuffer(n_cars)
         self._ends = list(self._starts)
-        self._stops: list[deque[float]] = [deque() for _ in range(n_cars)]
+        self._stops: list[deque[_Stop]] = [deque() for _ in range(n_cars)]
+        self._end_m, self._stop_m = np.zeros(n_cars), np.zeros(n_cars)
+        """Arc lengths at which each car's way ends, and its next place lies [m]."""
+        self._goals = np.zeros((n_cars, 2))
+        """The places that cars drive to, x, y."""
         for car, state in enumerate(self._starts):
             self._paths.reset(car, self._graph.state_pose[state])
             self._extend(car)
@@ -268,19 +274,19 @@ class NavigationEnv(FleetEnv):
         for _ in range(self._n_ticks):
             self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
         project(self._world.car_poses(), self._ways())
-        reached = [self._arrive(car) for car in range(len(self.possible_agents))]
+        reached = self._arrive()
         towed = self._tow()
         touched = self._seen.touches.copy()
         self._look(self.n_steps + 1)
         touches = self._seen.touches & ~touched
-        self._figures["places"] += sum(reached)
+        self._figures["places"] += int(reached.sum())
         self._figures["touches"] += int(touches.sum())
         off_lane = np.abs(self._aside_m) > OFF_LANE_M
         weights = self._weights
         terms = np.column_stack(
             (
                 weights.progress * (self._paths.progress - before_m),
-                weights.place * np.array(reached),
+                weights.place * reached,
                 weights.touch * touches,
                 weights.off_lane * off_lane,
                 weights.towed * towed,
@@ -292,7 +298,7 @@ class NavigationEnv(FleetEnv):
             for agent, row, n, touch, wrong in zip(
                 self.possible_agents,
                 terms.tolist(),
-                reached,
+                reached.tolist(),
                 touches.astype(np.float64).tolist(),
                 illegal.tolist(),
                 strict=True,
@@ -306,8 +312,7 @@ class NavigationEnv(FleetEnv):
     def _picture(self) -> Picture:
         self._drawing = self._drawing or FloorDrawing(self.config.place)
         poses = self._world.car_poses()
-        goals = np.array([self._goal(car) for car in range(len(poses))])
-        return self._drawing.picture(poses, np.zeros(len(poses), dtype=np.bool_), goals)
+        return self._drawing.picture(poses, np.zeros(len(poses), dtype=np.bool_), self._goals)
 
     def _record(self) -> None:
         self._pictures.show(self._picture(), self.n_steps / self.config.control_hz, self._figures)
@@ -328,16 +333,22 @@ class NavigationEnv(FleetEnv):
                 paths.append(car, graph.path_points[span], graph.path_s[span])
                 state = int(graph.move_to[move])
             self._ends[car] = state
-            self._stops[car].append(paths.end_s(car))
+            self._end_m[car] = paths.end_s(car)
+            self._stops[car].append((float(self._end_m[car]), state))
+        self._stop_m[car], state = self._stops[car][0]
+        self._goals[car] = graph.state_pose[state, :2]
 
-    def _arrive(self, car: int) -> int:
-        """Tick off the places a car has reached, and see that its way goes on; returns how many."""
-        stops = self._stops[car]
-        reached = 0
-        while stops and self._paths.progress[car] >= stops[0] - REACHED_M and abs(self._aside_m[car]) <= OFF_LANE_M:
-            stops.popleft()
-            reached += 1
-        self._extend(car)
+    def _arrive(self) -> npt.NDArray[np.int64]:
+        """Tick off the places that cars have reached, and see that their ways go on; returns how many, (n_cars,)."""
+        progress, on_lane = self._paths.progress, np.abs(self._aside_m) <= OFF_LANE_M
+        reached = np.zeros(len(progress), dtype=np.int64)
+        there = on_lane & (progress >= self._stop_m - REACHED_M)
+        for car in np.flatnonzero(there | (self._end_m - progress < _AHEAD_M)).tolist():
+            stops = self._stops[car]
+            while there[car] and stops and progress[car] >= stops[0][0] - REACHED_M:
+                stops.popleft()
+                reached[car] += 1
+            self._extend(car)
         return reached
 
     def _ways(self) -> WayLines:
@@ -372,20 +383,14 @@ class NavigationEnv(FleetEnv):
             poses=world.car_poses(),
             speeds=world.car_speeds() / self._limits[1],
             steering=world.car_steering() / self._limits[0],
-            left_m=np.array([stops[0] for stops in self._stops]) - self._paths.progress,
-            places=np.array([self._goal(car) for car in range(len(self._stops))]),
+            left_m=self._stop_m - self._paths.progress,
+            places=self._goals,
             in_tow=self._ticks_towed > 0,
             body=self._body,
             max_speed_mps=float(self._limits[1]),
             time_left=max(0.0, 1.0 - n_steps / self.max_cycles),
         )
         observe(cars, self._ways(), self._seen)
-
-    def _goal(self, car: int) -> FloatArray:
-        """The place that a car drives to, x, y."""
-        paths = self._paths
-        at = int(np.searchsorted(paths.s[car, : paths.count[car]], self._stops[car][0] - 1e-9))
-        return paths.points[car, min(at, paths.count[car] - 1), :2]
 
 
 def parallel_env(**settings: Any) -> NavigationEnv:

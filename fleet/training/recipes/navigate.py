@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from fleet.envs.policies.policy import Policy
+from fleet.training.layout import Group, Layout
 from fleet.training.recipes.recipe import Recipe
 from fleet.training.settings import PpoConfig
 from fleet.training.solo import SoloEnv
@@ -28,14 +29,19 @@ def _pursuit() -> Policy:
     return PursuitPolicy()
 
 
+CAR_LAYOUT = Layout(groups=(Group(first=19, n_each=16, n_things=4, present=0),))
+"""Other cars; numbers as in `fleet.envs.navigate.rows`: FIRST_OTHER, N_PER_OTHER, N_OTHERS."""
+
 NAVIGATE = Recipe(
     summary="cars drive to places, among each other",
     make=_navigate,
     scripted=_pursuit,
     script="pure pursuit that brakes for what is ahead",
-    figures=("places", "touch", "towed"),
+    figures=("places", "touches", "towed"),
     n_steps=1_500_000,
-    ppo=PpoConfig(learning_rate=1e-3),
+    teacher=_pursuit,
+    layouts={"car": CAR_LAYOUT},
+    ppo=PpoConfig(learning_rate=1e-3, clone_n=60_000, log_std=-1.2),
 )
 
 CAR = Recipe(
@@ -43,7 +49,7 @@ CAR = Recipe(
     make=_car,
     scripted=_pursuit,
     script="pure pursuit that brakes for what is ahead",
-    figures=("places", "touch", "towed"),
+    figures=("places", "touches", "towed"),
     n_steps=1_000_000,
     ppo=PpoConfig(envs_n=16, horizon_n=256),
 )
