@@ -58,7 +58,7 @@ def user_facing() -> set[str]:
         modules.append(importlib.import_module(f"fleet.config.{found.name}"))
     kinds = {kind for module in modules for kind in vars(module).values() if isinstance(kind, type)}
     for name in ENVIRONMENTS:
-        importlib.import_module(f"fleet.envs.{name.replace('-', '_')}")
+        importlib.import_module(f"fleet.envs.{name}")
     kinds |= set(_below(EnvConfig))
     for family in (ALLOCATORS, PLANNERS, ONE_SHOT_PLANNERS):
         kinds |= {kind for member in family.values() if (kind := config_type(member)) is not None}

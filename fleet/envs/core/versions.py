@@ -1,4 +1,4 @@
-"""Versions of environments: one that has been replaced is refused, and told what took its place."""
+"""Versions of environments: to make one that has been replaced is refused, and the message names the new one."""
 
 from __future__ import annotations
 

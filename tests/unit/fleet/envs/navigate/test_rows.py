@@ -19,6 +19,7 @@ from fleet.envs.navigate.rows import (
     time_to_collision,
 )
 from fleet.envs.navigate.ways import WayLines, meeting
+from fleet.training.recipes.navigate import CAR_LAYOUT
 
 BODY = np.array([0.16, 0.255, 0.145])
 
@@ -126,3 +127,8 @@ def test_ways_meet_at_the_first_point_of_the_own_way() -> None:
     own = np.column_stack((ahead, np.zeros(4)))
     assert meeting(own, np.column_stack((np.full(4, 2.1), ahead - 2.0)), ahead, 0.4) == (2.0, 2.0)
     assert meeting(own, own + np.array([0.0, 1.0]), ahead, 0.4) == (math.inf, math.inf)
+
+
+def test_the_recipe_s_layout_is_that_of_the_rows() -> None:
+    (others,) = CAR_LAYOUT.groups
+    assert (others.first, others.n_each, others.n_things) == (FIRST_OTHER, N_PER_OTHER, N_OTHERS)
