@@ -3,8 +3,8 @@
 A stand-in for contact where there is no physics. Bodies are rectangles in the plane, boxes are their footprints.
 Two cars each give way by half, along the axis on which they overlap least (separating axes); beside a box the car
 alone gives way. What is left is an overlap of `SLOP_M`, so that bodies which press on each other count as
-touching. A car that drives into a body keeps of its speed only the part along that body's side; one that drives away
-is free to, so nothing stays stuck that could drive off.
+touching. A car that drives into a body keeps of its speed only the part along that body's side, less Coulomb's
+friction; one that drives away is free to, so nothing stays stuck that could drive off.
 
 Source: C. Ericson, "Real-Time Collision Detection", 2005, section 4.4.1 (separating axes); slop and corrected positions
 as in E. Catto, "Iterative Dynamics with Temporal Coherence", GDC 2005.
@@ -21,6 +21,8 @@ from fleet.world.touches import BIN_M, BinnedBoxes, Body
 
 SLOP_M = 0.001
 """Overlap that stays [m]."""
+FRICTION = 0.5
+"""Of bodies on each other: speed lost along a side, as a share of that lost into it."""
 N_PASSES = 2
 """Passes over all pairs in a tick: one car may be pushed into the next."""
 
@@ -75,7 +77,10 @@ def _frame(poses: FloatArray, car: int, shift: float) -> tuple[float, float, flo
 @njit(cache=True)
 def _along(speed: float, into: float) -> float:  # pragma: no cover - compiled
     """Speed that is left beside a body; `into` is the cosine between the heading and the way out of it."""
-    return speed * (1.0 - into * into) if speed * into < 0.0 else speed
+    if speed * into >= 0.0:
+        return speed
+    beside = math.sqrt(max(1.0 - into * into, 0.0))
+    return speed * beside * max(beside - FRICTION * abs(into), 0.0)
 
 
 @njit(cache=True)

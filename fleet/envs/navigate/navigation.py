@@ -65,7 +65,7 @@ from fleet.envs.navigate.rows import N_CAR_NUMBERS, CarsSeen, Seen, observe
 from fleet.envs.navigate.ways import WayLines, project
 from fleet.robots.pursuit import PathBuffer
 from fleet.world import make_world
-from fleet.world.kinematic import CONTACTS, STOP, KinematicConfig, KinematicWorld
+from fleet.world.kinematic import CONTACTS, STOP, TYRE_GRIP_MPS2, KinematicConfig, KinematicWorld
 from fleet.world.protocol import World
 from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
@@ -410,7 +410,7 @@ def env(**settings: Any) -> Any:
 
 def _world_of(scene: Scene, graph: LaneGraph, config: NavigationConfig) -> World:
     if config.fidelity == Fidelity.KINEMATIC:
-        return KinematicWorld(scene, KinematicConfig(contact=config.contact))
+        return KinematicWorld(scene, KinematicConfig(contact=config.contact, grip_mps2=TYRE_GRIP_MPS2))
     return make_world(scene, graph, RunConfig(site=config.site, robots=config.n_cars, fidelity=Fidelity.PHYSICS))
 
 
