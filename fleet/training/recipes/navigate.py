@@ -33,7 +33,7 @@ def _pursuit() -> Policy:
 CAR_LAYOUT = Layout(groups=(Group(first=19, n_each=16, n_things=4, present=0),))
 """Other cars; numbers as in `fleet.envs.navigate.rows`: FIRST_OTHER, N_PER_OTHER, N_OTHERS."""
 
-_TWIN = {"site": "twin", "n_cars": 3}
+_TEAMS = ({"n_cars": 6}, {"n_cars": 9}, {"n_cars": 6}, {"site": "twin", "n_cars": 3})
 
 NAVIGATE = Recipe(
     summary="cars drive to places, among each other",
@@ -41,10 +41,14 @@ NAVIGATE = Recipe(
     scripted=_pursuit,
     script="pure pursuit that brakes for what is ahead",
     figures=("places", "touches", "towed"),
-    n_steps=2_000_000,
+    n_steps=2_500_000,
     # A touch that costs 10 is still worth a hurry: in physics such a policy touched twice as often as the script.
     arguments={"weights": {"touch": -30.0, "towed": -10.0}},
-    stages=(Stage(name="teams and sites", mix=({"n_cars": 6}, {"n_cars": 9}, {"n_cars": 6}, _TWIN)),),
+    stages=(
+        Stage(name="kinematic", mix=_TEAMS, longest=0.8),
+        # How cars drift in sharp curves, and what it takes to get away from a wall.
+        Stage(name="physics", arguments={"fidelity": "physics"}, mix=_TEAMS),
+    ),
     layouts={"car": CAR_LAYOUT},
     teacher=_pursuit,
     ppo=PpoConfig(learning_rate=1e-3, minibatch_n=2048, clone_n=60_000, log_std=-1.5),
