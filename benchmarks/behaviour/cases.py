@@ -812,15 +812,15 @@ def _layer(layer: str, policies: Sequence[str], n_steps: int, **arguments: Any) 
 @case
 def navigate() -> Played:
     """Cars that drive to places among each other, kinematic and in physics."""
-    from fleet.envs import navigate_v0
+    from fleet.envs import navigate_v1
 
     played = Played()
     for fidelity, n_cars, n_steps in (("kinematic", 6, 400), ("physics", 3, 60)):
-        env = navigate_v0.parallel_env(site="small", n_cars=n_cars, fidelity=fidelity)
+        env = navigate_v1.parallel_env(site="small", n_cars=n_cars, fidelity=fidelity)
         played.parts[fidelity] = episode(env, chance(env, 1), n_steps, seed=3)
         env.close()
     for fidelity, n_steps in (("kinematic", 300), ("physics", 40)):
-        played.parts[f"alone_{fidelity}"] = single("CarNavigate-v0", n_steps, seed=4, fidelity=fidelity, n_others=3)
+        played.parts[f"alone_{fidelity}"] = single("CarNavigate-v1", n_steps, seed=4, fidelity=fidelity, n_others=3)
     return played
 
 

@@ -17,10 +17,10 @@ ENVIRONMENTS = {
     "warehouse_v0": 1200,
     "dispatch_v0": 240,
     "traffic_v1": 500,
-    "navigate_v0": 600,
+    "navigate_v1": 600,
 }
 """Longest episode of each environment, by module, which has its `parallel_env` and its `env`."""
-REPLACED = {"traffic_v0": 500}
+REPLACED = {"traffic_v0": 500, "navigate_v0": 600}
 """The same of versions that another one has replaced: to make one is refused, and the message names the new one."""
 
 for _module, _max_cycles in (ENVIRONMENTS | REPLACED).items():
@@ -28,7 +28,8 @@ for _module, _max_cycles in (ENVIRONMENTS | REPLACED).items():
         _name = f"fleet/{_module.replace('_', '-')}"
         register(_interface, _name, entry_point=f"fleet.envs.{_module}:{_maker}", max_cycles=_max_cycles)
 gymnasium.register("fleet/KukaReach-v0", entry_point="fleet.envs.kuka_reach:KukaReachEnv")
-gymnasium.register("fleet/CarNavigate-v0", entry_point="fleet.envs.navigate.car_navigate:CarNavigateEnv")
+gymnasium.register("fleet/CarNavigate-v0", entry_point="fleet.envs.navigate.car_navigate:replaced")
+gymnasium.register("fleet/CarNavigate-v1", entry_point="fleet.envs.navigate.car_navigate:CarNavigateEnv")
 
 
 def make_vec(layer: str, n_envs: int, *, n_threads: int = 1, **arguments: Any) -> VecEnv:

@@ -186,7 +186,7 @@ def test_illegal_actions_do_nothing_and_are_flagged(make: Maker) -> None:
         wrong = {"car_0": 99, "car_1": -1, "car_2": math.nan, "car_3": 0.5}
         *_, infos = env.step(wrong)
         assert [info["illegal"] for info in infos.values()] == [True] * 4
-        observations, *_, infos = idle.step({"car_0": np.int64(0), "car_1": np.array([0])})
+        observations, *_, infos = idle.step({"car_0": np.int64(0), "car_1": np.array([0]), "car_2": 0, "car_3": 0.0})
         assert [info["illegal"] for info in infos.values()] == [False] * 4
         assert np.array_equal(env.state(), idle.state())
     observations, *_ = env.step(dict.fromkeys(env.agents, 1))

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
-from fleet.envs import dispatch_v0, make_vec, navigate_v0, traffic_v1
+from fleet.envs import dispatch_v0, make_vec, navigate_v1, traffic_v1
 from fleet.envs.core.base import ActionError, EpisodeError
 from fleet.envs.dispatch.env import DispatchWeights
 from fleet.envs.traffic.env import TrafficWeights
@@ -126,7 +126,7 @@ def test_threads_change_nothing(layer: str, keep: Callable[[Any], Any]) -> None:
 
 
 def test_the_loop_says_what_its_environments_say(keep: Callable[[Any], Any]) -> None:
-    envs = [keep(navigate_v0.parallel_env(n_cars=2, max_cycles=4)) for _ in range(2)]
+    envs = [keep(navigate_v1.parallel_env(n_cars=2, max_cycles=4)) for _ in range(2)]
     vec = keep(make_vec("navigate", 2, n_cars=2, max_cycles=4))
     assert isinstance(vec, LoopVec)
     view = vec.reset([3, 8])
@@ -275,7 +275,7 @@ def test_slots_of_gymnasium(keep: Callable[[Any], Any]) -> None:
 
 
 def test_slots_without_masks(keep: Callable[[Any], Any]) -> None:
-    slots = keep(AgentSlots(vec_of(lambda: navigate_v0.parallel_env(n_cars=2, max_cycles=2), 2)))
+    slots = keep(AgentSlots(vec_of(lambda: navigate_v1.parallel_env(n_cars=2, max_cycles=2), 2)))
     seen, _ = slots.reset(seed=0)
     assert slots.observation_space.contains(seen)
     slots.step(slots.action_space.sample())

@@ -12,7 +12,7 @@ import pytest
 import fleet.envs  # noqa: F401 - makes the environments known
 from benchmarks.harness import Trial
 from benchmarks.training import subproc
-from fleet.envs import dispatch_v0, navigate_v0
+from fleet.envs import dispatch_v0, navigate_v1
 from fleet.errors import ConfigError
 from fleet.training.errors import TrainingError
 from tests.stacks.conftest import require_package
@@ -26,8 +26,8 @@ from stable_baselines3.common.vec_env import SubprocVecEnv  # noqa: E402
 from fleet.training.stacks.sb3 import TypeVecEnv  # noqa: E402
 
 ROBOTS = {
-    "car": ("fleet/CarNavigate-v0", {"fidelity": "kinematic", "max_steps": 20}),
-    "physical car": ("fleet/CarNavigate-v0", {"fidelity": "physics", "n_others": 1, "max_steps": 20}),
+    "car": ("fleet/CarNavigate-v1", {"fidelity": "kinematic", "max_steps": 20}),
+    "physical car": ("fleet/CarNavigate-v1", {"fidelity": "physics", "n_others": 1, "max_steps": 20}),
     "arm": ("fleet/KukaReach-v0", {"fidelity": "kinematic", "max_steps": 20}),
     "physical arm": ("fleet/KukaReach-v0", {"fidelity": "physics", "max_steps": 20}),
 }
@@ -36,7 +36,7 @@ ROBOTS = {
 @pytest.fixture
 def cars() -> Iterator[TypeVecEnv]:
     """Return two floors with three cars each."""
-    vector = TypeVecEnv([lambda: navigate_v0.parallel_env(n_cars=3, max_cycles=5)] * 2)
+    vector = TypeVecEnv([lambda: navigate_v1.parallel_env(n_cars=3, max_cycles=5)] * 2)
     yield vector
     vector.close()
 
@@ -77,7 +77,7 @@ def test_a_seed_decides_the_episodes(cars: TypeVecEnv) -> None:
 
 def test_an_unknown_type_is_refused() -> None:
     with pytest.raises(ConfigError, match="kind is 'arm'; valid: car"):
-        TypeVecEnv([lambda: navigate_v0.parallel_env(n_cars=1)], kind="arm")
+        TypeVecEnv([lambda: navigate_v1.parallel_env(n_cars=1)], kind="arm")
 
 
 def test_maskable_ppo_chooses_legal_actions_only(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ Agents: `car_0`, `car_1`, ... and `arm_0`, `arm_1`, ... (one arm per station of 
 beyond `n_arms` and the `classical_cars` behind the agents' are the classical fleet's.
 
 Actions, all in [-1, 1]. Greater ones are clipped, entries that are no finite numbers count as 0, an agent without an
-action does nothing (cars brake, arms stand and let go); `infos[agent]["illegal"]` is 1 then, else 0. An action of
+action does nothing (cars brake, arms stand and let go); `infos[agent]["illegal"]` says so. An action of
 the wrong shape is refused and changes nothing.
 
 | agent | entries |
@@ -108,7 +108,6 @@ from fleet.world.protocol import World
 
 EYE_HEIGHT_M = 0.15
 """Of a car's camera, on its nose [m]."""
-_INFOS = (*TERMS, "illegal")
 _ENDED = frozenset((*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED))
 
 
@@ -223,8 +222,7 @@ class WarehouseEnv(FleetEnv):
         if self.render_mode == "rerun":
             simulation.counts_figures = True
             self._recording = Recording(simulation, self.config.recordings / f"episode_{self._n_episodes - 1:04}.rrd")
-        nothing = dict.fromkeys((*TERMS, "illegal"), 0.0)
-        return {agent: nothing.copy() for agent in self.possible_agents}
+        return {agent: {**dict.fromkeys(TERMS, 0.0), "illegal": False} for agent in self.possible_agents}
 
     def _resolved(self, actions: Mapping[str, Any]) -> LegalActions:
         return legal_actions(actions, self._cars, self._arms, self.config.n_entries)
@@ -238,9 +236,10 @@ class WarehouseEnv(FleetEnv):
                 self._recording.look()
         episode.observer.look()
         rows = episode.rewards.step(resolved).tolist()
-        rewards = {agent: row.pop() for agent, row in zip(self.agents, rows, strict=True)}
+        rewards = {agent: row.pop() for agent, row in zip(self.possible_agents, rows, strict=True)}
         infos: Infos = {
-            agent: dict(zip(_INFOS, row, strict=True)) for agent, row in zip(self.agents, rows, strict=True)
+            agent: {**dict(zip(TERMS, row, strict=True)), "illegal": bool(illegal)}
+            for agent, (*row, illegal) in zip(self.possible_agents, rows, strict=True)
         }
         done = all(task.state in _ENDED for task in simulation.board.tasks)
         return rewards, done, infos
