@@ -32,7 +32,9 @@ class Jobs(NamedTuple):
     """`NEVER` = any time."""
     pick: Ints
     drop: Ints
-    """Stations; all of shape (m,)."""
+    """Stations."""
+    rank: Ints
+    """Priority classes, 0 = most urgent; all of shape (m,)."""
 
 
 class Outlook(NamedTuple):
@@ -66,6 +68,34 @@ class Rule(NamedTuple):
     """Mean time of a delivery, in timesteps; 0 = the nearest delivery is next, whatever its due date."""
     late: float
     """Price of a timestep of tardiness, in deliveries."""
+    depth: int
+    """Deliveries of each pick station that can be chosen, the most pressing ones."""
+    strict: bool
+    """Whether those of a class go before those of the next, at any cost."""
+
+
+@njit(cache=True, nogil=True)
+def _line_up(jobs: Jobs, line: Ints, n: int, row: int) -> int:  # pragma: no cover - compiled
+    """Put a delivery where it belongs in a line, by class, due date and release; returns how many are in it."""
+    k = n
+    while k > 0:
+        other = line[k - 1]
+        if jobs.rank[other] < jobs.rank[row] or (jobs.rank[other] == jobs.rank[row] and jobs.due[other] <= jobs.due[row]):
+            break
+        line[k] = other
+        k -= 1
+    line[k] = row
+    return n + 1
+
+
+@njit(cache=True, nogil=True)
+def _leave(line: Ints, n: int, row: int) -> int:  # pragma: no cover - compiled
+    """Take a delivery out of a line; returns how many are left."""
+    k = 0
+    while line[k] != row:
+        k += 1
+    line[k : n - 1] = line[k + 1 : n]
+    return n - 1
 
 
 @njit(cache=True, nogil=True)
@@ -93,21 +123,30 @@ def score_choices(
         rule: How the fleet goes on.
         scores: Receives the worth of each choice in these futures, shape (c, n_futures).
     """
-    n, m, f = len(outlook.state), len(outlook.number), futures.release.shape[1]
-    release, due = np.empty(m + f, dtype=np.int32), np.empty(m + f, dtype=np.int32)
-    pick, drop = np.empty(m + f, dtype=np.int32), np.empty(m + f, dtype=np.int32)
-    jobs_now = Jobs(release, due, pick, drop)
-    release[:m], due[:m] = outlook.jobs.release, outlook.jobs.due
-    pick[:m], drop[:m] = outlook.jobs.pick, outlook.jobs.drop
-    memory = np.empty((5, n), dtype=np.int32)
-    arm, under_way = np.empty(len(floor.dock_row), dtype=np.int32), np.empty(len(floor.dock_row), dtype=np.int32)
-    waiting = np.empty(m + f, dtype=np.int32)
+    m, width = len(outlook.number), futures.release.shape[1]
+    table = np.empty((len(outlook.jobs), m + width), dtype=np.int32)
+    all_jobs = Jobs(table[0], table[1], table[2], table[3], table[4])
+    for column in range(len(table)):
+        table[column, :m] = outlook.jobs[column]
+    waits = np.ones(m, dtype=np.bool_)
+    for job in outlook.job:
+        if job != NONE:
+            waits[job] = False
+    line = np.empty(m + width, dtype=np.int32)
+    n_in_line = 0
+    for row in range(m):
+        if waits[row]:
+            n_in_line = _line_up(outlook.jobs, line, n_in_line, row)
+    memory = np.empty((4, len(outlook.state)), dtype=np.int32)
+    at_stations = np.empty((3, len(floor.dock_row)), dtype=np.int32)
+    waiting = np.empty(m + width, dtype=np.int32)
     for future in range(first, last):
-        release[m:], due[m:] = futures.release[future], futures.due[future]
-        pick[m:], drop[m:] = futures.pick[future], futures.drop[future]
+        for column in range(len(table)):
+            table[column, m:] = futures[column][future]
         for choice in range(len(cars)):
+            waiting[:n_in_line] = line[:n_in_line]
             scores[choice, future] = _play_on(
-                floor, outlook, jobs_now, cars[choice], jobs[choice], rule, memory, arm, under_way, waiting
+                floor, outlook, all_jobs, cars[choice], jobs[choice], rule, memory, at_stations, waiting, n_in_line
             )
 
 
@@ -120,26 +159,18 @@ def _play_on(
     chosen_job: int,
     rule: Rule,
     memory: npt.NDArray[np.int32],
-    arm: Ints,
-    under_way: Ints,
+    at_stations: npt.NDArray[np.int32],
     waiting: Ints,
+    n_waiting: int,
 ) -> float:  # pragma: no cover - compiled
     """Play one future to the horizon; returns what it is worth."""
     n, m = len(outlook.state), len(outlook.number)
     # When the next thing happens to each car, what it is about, where it stands, what it brings.
-    time, phase, place, job = memory[0], memory[1], memory[2], memory[3]
+    time, phase, place, job = memory
+    arm, under_way = at_stations[0], at_stations[1]
     end = outlook.now + rule.horizon
     arm[:] = outlook.now - CHANGE_STEPS
     under_way[:] = 0
-    n_waiting = 0
-    waiting[:m] = 1
-    for car in range(n):
-        if outlook.job[car] != NONE:
-            waiting[outlook.job[car]] = 0
-    for row in range(m):
-        if waiting[row]:
-            waiting[n_waiting] = row
-            n_waiting += 1
     coming = m
     for car in range(n):
         phase[car], place[car], job[car] = outlook.phase[car], outlook.state[car], outlook.job[car]
@@ -156,11 +187,7 @@ def _play_on(
             under_way[jobs.drop[job[car]]] += 1
             under_way[jobs.pick[job[car]]] += phase[car] in (TO_PICK, LOADING)
     if chosen_job != NONE:
-        for k in range(n_waiting):
-            if waiting[k] == chosen_job:
-                n_waiting -= 1
-                waiting[k] = waiting[n_waiting]
-                break
+        n_waiting = _leave(waiting, n_waiting, chosen_job)
         _set_off(floor, jobs, chosen_car, chosen_job, outlook.now, memory, under_way)
     worth = 0.0
     while True:
@@ -187,10 +214,9 @@ def _play_on(
             time[car] = outlook.now + -((outlook.now - now) // rule.step) * rule.step
         else:
             while coming < len(jobs.release) and jobs.release[coming] <= now:
-                waiting[n_waiting] = coming
-                n_waiting += 1
+                n_waiting = _line_up(jobs, waiting, n_waiting, coming)
                 coming += 1
-            n_waiting = _give_out(floor, jobs, now, rule, memory, under_way, waiting, n_waiting)
+            n_waiting = _give_out(floor, jobs, now, rule, memory, at_stations, waiting, n_waiting)
             next_time = now + rule.step
             if n_waiting == 0:
                 arrival = jobs.release[coming] if coming < len(jobs.release) else NEVER
@@ -218,19 +244,22 @@ def _give_out(
     now: int,
     rule: Rule,
     memory: npt.NDArray[np.int32],
-    under_way: Ints,
+    at_stations: npt.NDArray[np.int32],
     waiting: Ints,
     n_waiting: int,
 ) -> int:  # pragma: no cover - compiled
     """Give the free cars deliveries, the best pair of car and delivery first; returns how many still wait."""
-    time, phase, place = memory[0], memory[1], memory[2]
+    time, phase, place, _ = memory
+    _, under_way, seen = at_stations
     while n_waiting > 0:
-        best, best_car, best_k = 0.0, NONE, NONE
+        best, best_car, best_row = 0.0, NONE, NONE
+        seen[:] = 0
         for k in range(n_waiting):
             row = waiting[k]
             pick, drop = jobs.pick[row], jobs.drop[row]
-            if under_way[pick] >= rule.room or under_way[drop] >= rule.room:
+            if seen[pick] == rule.depth or under_way[pick] >= rule.room or under_way[drop] >= rule.room:
                 continue
+            seen[pick] += 1
             rest = floor.distance[floor.dock_row[drop], floor.dock_state[pick]] + 2.0 * floor.service_steps
             for car in range(len(phase)):
                 if phase[car] != FREE or time[car] > now:
@@ -242,14 +271,14 @@ def _give_out(
                     index = math.exp(-spare / (LOOK_AHEAD * rule.mean)) / (way + rest)
                 else:
                     index = 1.0 / (1.0 + way)
+                if rule.strict:
+                    index += 2.0 - jobs.rank[row]  # the index is below 1
                 if index > best:
-                    best, best_car, best_k = index, car, k
+                    best, best_car, best_row = index, car, row
         if best_car == NONE:
             break
-        row = waiting[best_k]
-        n_waiting -= 1
-        waiting[best_k] = waiting[n_waiting]
-        _set_off(floor, jobs, best_car, row, now, memory, under_way)
+        n_waiting = _leave(waiting, n_waiting, best_row)
+        _set_off(floor, jobs, best_car, best_row, now, memory, under_way)
     return n_waiting
 
 
@@ -257,7 +286,7 @@ def _give_out(
 def _set_off(
     floor: Floor, jobs: Jobs, car: int, row: int, now: int, memory: npt.NDArray[np.int32], under_way: Ints
 ) -> None:  # pragma: no cover - compiled
-    time, phase, place, job = memory[0], memory[1], memory[2], memory[3]
+    time, phase, place, job = memory
     under_way[jobs.pick[row]] += 1
     under_way[jobs.drop[row]] += 1
     phase[car], job[car] = TO_PICK, row

@@ -16,7 +16,7 @@ POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
         "nearest": Nearest,
         "greedy": partial(Allocated, "greedy"),
         "hungarian": partial(Allocated, "hungarian"),
-        "apparent_tardiness": partial(Allocated, "greedy", cost=apparent_tardiness),
+        "apparent_tardiness": partial(Allocated, "greedy", cost=apparent_tardiness, classes=False),
     },
     "traffic": {"random": Random, "shortest_way": ShortestWay, "pibt": PibtTraffic},
     "warehouse": {"random": Random, "pursuit": PursuitCars, "planned_arms": PlannedArms, "classical": Classical},

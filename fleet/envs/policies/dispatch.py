@@ -48,12 +48,16 @@ class Allocated:
         seed: Not used; every policy of the table takes one.
         cost: What each task costs each car. As it stands it is what it costs in any run: travel and lateness, less what
             the task presses for.
+        classes: Whether tasks of a class go before those of the next, at any cost.
     """
 
-    def __init__(self, allocator: str, seed: int = 0, *, cost: Price = DispatchObserver.cost_s) -> None:
+    def __init__(
+        self, allocator: str, seed: int = 0, *, cost: Price = DispatchObserver.cost_s, classes: bool = True
+    ) -> None:
         del seed
         self._allocator = allocator_named(allocator)
         self._cost = cost
+        self._classes = classes
 
     def act(self, env: DispatchEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
@@ -68,7 +72,9 @@ class Allocated:
         cost = np.full((len(candidates), len(view.task)), np.inf)
         cost[cars, columns] = self._cost(env.observer, view)[cars, columns]
         able = np.unique(cars)
-        problem = AllocationProblem(cost=cost[able], class_of=view.rank.astype(np.int32), since_s=-view.age_s)
+        rank = view.rank.astype(np.int32)
+        class_of = rank if self._classes else np.zeros_like(rank)
+        problem = AllocationProblem(cost=cost[able], class_of=class_of, since_s=-view.age_s)
         for row, column in self._allocator.allocate(problem).pairs.tolist():
             car = int(able[row])
             place = int(np.flatnonzero(candidates[car] == view.task[column])[0])

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from fleet.arrays import FloatArray
 from fleet.config import require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.outlook import Jobs, Outlook, Rule, score_choices
 from fleet.envs.grid.fleet import STATION_ROOM, TIMESTEP_S
-from fleet.envs.grid.kernel import NEVER, NONE
+from fleet.envs.grid.kernel import NEVER, NONE, Ints
 from fleet.envs.layers.order_streams import episode_orders, mean_cycle_s
+from fleet.envs.policies.dispatch import Allocated, apparent_tardiness
 from fleet.tasks.order import Delivery
 
 
@@ -37,6 +37,8 @@ class RolloutConfig:
     """Futures that are drawn for an episode; each decision looks at others of them."""
     late: float = 0.3
     """Price of a minute of tardiness, in deliveries."""
+    sure: float = 1.0
+    """A candidate is preferred to the rule's choice if it is better by so many standard errors."""
     rule: str = "apparent_tardiness"
     """What plays on: `apparent_tardiness` or `nearest`."""
 
@@ -74,6 +76,7 @@ class Rollout:
         self.n_rollouts = 0
         """Futures played so far."""
         self._rng = np.random.default_rng(seed)
+        self._usual = [Allocated("greedy", cost=apparent_tardiness, classes=strict) for strict in (False, True)]
         self._drawn: Jobs | None = None
         self._env: DispatchEnv | None = None
 
@@ -88,38 +91,60 @@ class Rollout:
             self._drawn, self._env = self._draw(env), env
         outlook = env.fleet.outlook()
         futures = self._futures(outlook.now, self._drawn)
-        rule = self._rule(env)
+        rule = self._better_rule(env, outlook, futures)
+        usual = self._usual[rule.strict].act(env, observations)
         for car in able.tolist():
+            agent = env.possible_agents[car]
             places = np.flatnonzero(env.candidates[car] != NONE)
             rows = np.searchsorted(outlook.number, env.candidates[car, places]).astype(np.int32)
             open_ = ~np.isin(rows, outlook.job)
             places, rows = places[open_], rows[open_]
-            if not len(rows):
-                continue
-            best = self._best(env, outlook, futures, car, rows, rule)
-            actions[env.possible_agents[car]] = int(places[best]) + 1
-            outlook = given(outlook, car, int(rows[best]))
+            best = self._best(env, outlook, futures, car, rows, rule) if len(rows) else NONE
+            if best == NONE:
+                best = int(np.flatnonzero(places == usual[agent] - 1)[0]) if usual[agent] - 1 in places else NONE
+            if best != NONE:
+                actions[agent] = int(places[best]) + 1
+                outlook = given(outlook, car, int(rows[best]))
         return actions
 
-    def _best(self, env: DispatchEnv, outlook: Outlook, futures: Jobs, car: int, rows: Any, rule: Rule) -> int:
-        """Place of the best of the deliveries `rows` for a car."""
+    def _best(self, env: DispatchEnv, outlook: Outlook, futures: Jobs, car: int, rows: Ints, rule: Rule) -> int:
+        """Place of the best of the deliveries `rows` for a car; `NONE` if none is clearly better than the rule's."""
+        config = self.config
+        choices = np.append(rows, np.int32(NONE))
         left = np.arange(len(rows))
-        scores = np.zeros((len(rows), self.config.futures_n))
-        seen, to_see = 0, min(self.config.first_n, self.config.futures_n)
-        while len(left) > 1 and seen < self.config.futures_n:
-            told: FloatArray = np.zeros((len(left), self.config.futures_n))
-            cars = np.full(len(left), car, dtype=np.int32)
-            score_choices(env.place.floor, outlook, futures, cars, rows[left], seen, to_see, rule, told)
-            scores[left, seen:to_see] = told[:, seen:to_see]
-            self.n_rollouts += len(left) * (to_see - seen)
-            seen, to_see = to_see, min(2 * to_see, self.config.futures_n)
-            worth = scores[left, :seen].mean(axis=1)
-            keep = np.argsort(-worth, kind="stable")[: (len(left) + 1) // 2 if seen < self.config.futures_n else 1]
-            left = left[keep]
-        return int(left[0])
+        scores = np.zeros((len(choices), config.futures_n))
+        seen, to_see = 0, min(config.first_n, config.futures_n)
+        while True:
+            played = np.append(left, len(rows))
+            told = np.zeros((len(played), config.futures_n))
+            cars = np.full(len(played), car, dtype=np.int32)
+            score_choices(env.place.floor, outlook, futures, cars, choices[played], seen, to_see, rule, told)
+            scores[played, seen:to_see] = told[:, seen:to_see]
+            self.n_rollouts += len(played) * (to_see - seen)
+            seen, to_see = to_see, min(2 * to_see, config.futures_n)
+            gain = scores[left, :seen] - scores[-1, :seen]
+            order = np.argsort(-gain.mean(axis=1), kind="stable")
+            if seen == config.futures_n:
+                break
+            left = left[order[: (len(left) + 1) // 2]]
+        gain = gain[order[0]]
+        surely = config.sure * gain.std() / np.sqrt(max(1, config.futures_n - 1))
+        return int(left[order[0]]) if gain.mean() > surely else NONE
+
+    def _better_rule(self, env: DispatchEnv, outlook: Outlook, futures: Jobs) -> Rule:
+        """The rule, with or without classes, by which the fleet does better from here on."""
+        free = self._rule(env)
+        nobody = np.array([NONE], dtype=np.int32)
+        rules, n = (free, free._replace(strict=True)), self.config.futures_n
+        scores = np.zeros((2, 1, n))
+        for rule, told in zip(rules, scores, strict=True):
+            score_choices(env.place.floor, outlook, futures, nobody, nobody, 0, n, rule, told)
+        self.n_rollouts += 2 * n
+        return rules[int(scores.mean(axis=(1, 2)).argmax())]
 
     def _rule(self, env: DispatchEnv) -> Rule:
         config = self.config
+        n_picks = len(env.place.site.station_names("pick"))
         cycle_s = mean_cycle_s(env.place)
         remains_s = (env.max_cycles - env.n_steps) * env.config.step_s
         return Rule(
@@ -128,6 +153,8 @@ class Rollout:
             room=STATION_ROOM,
             mean=cycle_s / TIMESTEP_S if config.rule == "apparent_tardiness" else 0.0,
             late=config.late * TIMESTEP_S / 60.0,
+            depth=-(-env.config.candidates_n // n_picks),
+            strict=False,
         )
 
     def _draw(self, env: DispatchEnv) -> Jobs:
@@ -167,7 +194,7 @@ def given(outlook: Outlook, car: int, row: int) -> Outlook:
 
 def _table(streams: list[tuple[Delivery, ...]], number: Mapping[str, int]) -> Jobs:
     longest = max(map(len, streams)) + 1
-    table = np.zeros((4, len(streams), longest), dtype=np.int32)
+    table = np.zeros((5, len(streams), longest), dtype=np.int32)
     table[:2] = NEVER
     for row, orders in enumerate(streams):
         n = len(orders)
@@ -175,4 +202,5 @@ def _table(streams: list[tuple[Delivery, ...]], number: Mapping[str, int]) -> Jo
         table[1, row, :n] = [min(order.due_s / TIMESTEP_S, NEVER) for order in orders]
         table[2, row, :n] = [number[order.pick] for order in orders]
         table[3, row, :n] = [number[order.drop] for order in orders]
+        table[4, row, :n] = [order.rank for order in orders]
     return Jobs(*table)
