@@ -96,6 +96,11 @@ class GridDispatch(FleetOnGrid):
             phase=cars.phase.copy(),
             left=cars.left.copy(),
             job=job,
-            jobs=Jobs(*(column[known] for column in (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32)))),
+            jobs=Jobs(
+                *(
+                    column[known]
+                    for column in (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32))
+                )
+            ),
             number=known,
         )

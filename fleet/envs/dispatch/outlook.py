@@ -80,7 +80,9 @@ def _line_up(jobs: Jobs, line: Ints, n: int, row: int) -> int:  # pragma: no cov
     k = n
     while k > 0:
         other = line[k - 1]
-        if jobs.rank[other] < jobs.rank[row] or (jobs.rank[other] == jobs.rank[row] and jobs.due[other] <= jobs.due[row]):
+        if jobs.rank[other] < jobs.rank[row] or (
+            jobs.rank[other] == jobs.rank[row] and jobs.due[other] <= jobs.due[row]
+        ):
             break
         line[k] = other
         k -= 1

@@ -13,7 +13,7 @@ from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.outlook import Jobs, Outlook, Rule, score_choices
 from fleet.envs.grid.fleet import STATION_ROOM, TIMESTEP_S
-from fleet.envs.grid.kernel import NEVER, NONE, Ints
+from fleet.envs.grid.kernel import NEVER, NONE, TO_PICK, Ints
 from fleet.envs.layers.order_streams import episode_orders, mean_cycle_s
 from fleet.envs.policies.dispatch import Allocated, apparent_tardiness
 from fleet.tasks.order import Delivery
@@ -27,18 +27,16 @@ class RolloutConfig:
         ConfigError: A setting is outside its valid range.
     """
 
-    horizon_s: float = 300.0
+    horizon_s: float = 900.0
     """How far the fleet is played on [s]."""
-    futures_n: int = 8
+    futures_n: int = 16
     """Futures in which the last candidates are compared."""
-    first_n: int = 2
+    first_n: int = 4
     """Futures in which all of them are; after these and after each doubling the worse half is given up."""
     drawn_n: int = 32
     """Futures that are drawn for an episode; each decision looks at others of them."""
-    late: float = 0.3
+    late: float = 2.0
     """Price of a minute of tardiness, in deliveries."""
-    sure: float = 1.0
-    """A candidate is preferred to the rule's choice if it is better by so many standard errors."""
     rule: str = "apparent_tardiness"
     """What plays on: `apparent_tardiness` or `nearest`."""
 
@@ -127,9 +125,7 @@ class Rollout:
             if seen == config.futures_n:
                 break
             left = left[order[: (len(left) + 1) // 2]]
-        gain = gain[order[0]]
-        surely = config.sure * gain.std() / np.sqrt(max(1, config.futures_n - 1))
-        return int(left[order[0]]) if gain.mean() > surely else NONE
+        return int(left[order[0]]) if gain[order[0]].mean() > 0.0 else NONE
 
     def _better_rule(self, env: DispatchEnv, outlook: Outlook, futures: Jobs) -> Rule:
         """The rule, with or without classes, by which the fleet does better from here on."""
@@ -185,8 +181,6 @@ class Rollout:
 
 def given(outlook: Outlook, car: int, row: int) -> Outlook:
     """The outlook in which a car has a delivery."""
-    from fleet.envs.grid.kernel import TO_PICK
-
     job, phase = outlook.job.copy(), outlook.phase.copy()
     job[car], phase[car] = row, TO_PICK
     return outlook._replace(job=job, phase=phase)
