@@ -87,6 +87,7 @@ class GridDispatch(FleetOnGrid):
         cars, tasks = self.grid.cars, self.grid.tasks
         stage = tasks.stage[: tasks.window[1]]
         known = np.flatnonzero((stage >= Stage.READY) & (stage < Stage.DELIVERED)).astype(np.int32)
+        columns = (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32))
         has_task = cars.task != NONE
         job = np.full(len(cars.task), NONE, dtype=np.int32)
         job[has_task] = np.searchsorted(known, cars.task[has_task])
@@ -96,11 +97,6 @@ class GridDispatch(FleetOnGrid):
             phase=cars.phase.copy(),
             left=cars.left.copy(),
             job=job,
-            jobs=Jobs(
-                *(
-                    column[known]
-                    for column in (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32))
-                )
-            ),
+            jobs=Jobs(*(column[known] for column in columns)),
             number=known,
         )

@@ -20,8 +20,6 @@ from planners.allocation.costs import LOOK_AHEAD
 
 CHANGE_STEPS = 3
 """Timesteps in which one car leaves a dock and the next one that waits for it drives in."""
-_OUT = -1
-"""Phase of a car that does nothing more."""
 
 
 class Jobs(NamedTuple):
@@ -169,25 +167,10 @@ def _play_on(
     n, m = len(outlook.state), len(outlook.number)
     # When the next thing happens to each car, what it is about, where it stands, what it brings.
     time, phase, place, job = memory
-    arm, under_way = at_stations[0], at_stations[1]
+    arm, under_way, _ = at_stations
     end = outlook.now + rule.horizon
-    arm[:] = outlook.now - CHANGE_STEPS
-    under_way[:] = 0
+    _begin(floor, outlook, jobs, memory, at_stations)
     coming = m
-    for car in range(n):
-        phase[car], place[car], job[car] = outlook.phase[car], outlook.state[car], outlook.job[car]
-        time[car] = outlook.now
-        if phase[car] in (TO_PICK, TO_DROP):
-            station = jobs.pick[job[car]] if phase[car] == TO_PICK else jobs.drop[job[car]]
-            time[car] += floor.distance[floor.dock_row[station], place[car]]
-        elif phase[car] in (LOADING, UNLOADING):
-            time[car] += outlook.left[car]
-            arm[jobs.pick[job[car]] if phase[car] == LOADING else jobs.drop[job[car]]] = time[car]
-        elif phase[car] != FREE:
-            phase[car], time[car] = _OUT, NEVER
-        if job[car] != NONE:
-            under_way[jobs.drop[job[car]]] += 1
-            under_way[jobs.pick[job[car]]] += phase[car] in (TO_PICK, LOADING)
     if chosen_job != NONE:
         n_waiting = _leave(waiting, n_waiting, chosen_job)
         _set_off(floor, jobs, chosen_car, chosen_job, outlook.now, memory, under_way)
@@ -209,34 +192,59 @@ def _play_on(
             phase[car] = TO_DROP
         elif phase[car] == UNLOADING:
             under_way[jobs.drop[job[car]]] -= 1
-            worth += 1.0
-            if now > jobs.due[job[car]]:
-                worth -= rule.late * (now - jobs.due[job[car]])
+            worth += 1.0 - rule.late * max(0, now - jobs.due[job[car]])
             phase[car], job[car] = FREE, NONE
-            time[car] = outlook.now + -((outlook.now - now) // rule.step) * rule.step
+            time[car] = _next_round(outlook.now, now, rule.step)
         else:
             while coming < len(jobs.release) and jobs.release[coming] <= now:
                 n_waiting = _line_up(jobs, waiting, n_waiting, coming)
                 coming += 1
             n_waiting = _give_out(floor, jobs, now, rule, memory, at_stations, waiting, n_waiting)
-            next_time = now + rule.step
+            again = now + rule.step
             if n_waiting == 0:
-                arrival = jobs.release[coming] if coming < len(jobs.release) else NEVER
-                next_time = end if arrival >= end else outlook.now - ((outlook.now - arrival) // rule.step) * rule.step
+                arrival = jobs.release[coming] if coming < len(jobs.release) else end
+                again = max(again, _next_round(outlook.now, min(arrival, end), rule.step))
             for other in range(n):
                 if phase[other] == FREE and time[other] <= now:
-                    time[other] = max(next_time, now + rule.step)
+                    time[other] = again
     # What is under way counts by how far it has come, what is late by how late it is already.
     for car in range(n):
         if job[car] != NONE:
-            if phase[car] in (TO_DROP, UNLOADING):
-                worth += 0.5
-            if end > jobs.due[job[car]]:
-                worth -= rule.late * (end - jobs.due[job[car]])
+            worth += 0.5 * (phase[car] in (TO_DROP, UNLOADING)) - rule.late * max(0, end - jobs.due[job[car]])
     for k in range(n_waiting):
-        if end > jobs.due[waiting[k]]:
-            worth -= rule.late * (end - jobs.due[waiting[k]])
+        worth -= rule.late * max(0, end - jobs.due[waiting[k]])
     return worth
+
+
+@njit(cache=True, nogil=True)
+def _begin(
+    floor: Floor, outlook: Outlook, jobs: Jobs, memory: npt.NDArray[np.int32], at_stations: npt.NDArray[np.int32]
+) -> None:  # pragma: no cover - compiled
+    """Fill in what cars and stations are about at the beginning."""
+    time, phase, place, job = memory
+    arm, under_way, _ = at_stations
+    arm[:] = outlook.now - CHANGE_STEPS
+    under_way[:] = 0
+    phase[:], place[:], job[:] = outlook.phase, outlook.state, outlook.job
+    time[:] = outlook.now
+    for car in range(len(time)):
+        if phase[car] in (TO_PICK, TO_DROP):
+            station = jobs.pick[job[car]] if phase[car] == TO_PICK else jobs.drop[job[car]]
+            time[car] += floor.distance[floor.dock_row[station], place[car]]
+        elif phase[car] in (LOADING, UNLOADING):
+            time[car] += outlook.left[car]
+            arm[jobs.pick[job[car]] if phase[car] == LOADING else jobs.drop[job[car]]] = time[car]
+        elif phase[car] != FREE:
+            time[car] = NEVER
+        if job[car] != NONE:
+            under_way[jobs.drop[job[car]]] += 1
+            under_way[jobs.pick[job[car]]] += phase[car] in (TO_PICK, LOADING)
+
+
+@njit(cache=True, nogil=True)
+def _next_round(first: int, time: int, step: int) -> int:  # pragma: no cover - compiled
+    """When tasks are given out next, at a time or after it."""
+    return first - ((first - time) // step) * step
 
 
 @njit(cache=True, nogil=True)

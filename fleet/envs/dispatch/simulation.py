@@ -122,7 +122,7 @@ class SimulatedDispatch(SimulatedFleet):
         )
         return Outlook(
             now=math.ceil(now_s / TIMESTEP_S),
-            state=simulation.executor.tail_states(),
+            state=simulation.executor.tail_states().astype(np.int32),
             phase=self._phases(),
             left=left,
             job=np.array(job, dtype=np.int32),

@@ -32,8 +32,8 @@ class LayerConfig(RecordedEnvConfig):
     load: float = 1.5
     """Orders, as a multiple of what the cars could carry if none was ever in the way of another."""
     stream: StreamConfig | Mapping[str, Any] | None = None
-    """How orders come, by the settings of a stream but for its rate, such as `{"kind": "skewed_waves"}`; None = a Poisson
-    stream with due dates."""
+    """How orders come, by the settings of a stream but for its rate, such as `{"kind": "skewed_waves"}`; None = a
+    Poisson stream with due dates."""
 
     def __post_init__(self) -> None:
         require(self.fidelity in list(Fidelity), "fidelity", self.fidelity, ", ".join(Fidelity))

@@ -44,7 +44,7 @@ class RolloutConfig:
         require(is_number(self.horizon_s) and self.horizon_s > 0, "horizon_s", self.horizon_s, "a number > 0")
         futures_ok = is_whole(self.futures_n) and is_whole(self.drawn_n) and 1 <= self.futures_n <= self.drawn_n
         require(futures_ok, "futures_n", self.futures_n, f"1 to drawn_n, which is {self.drawn_n}")
-        first_ok = is_whole(self.first_n) and 1 <= self.first_n
+        first_ok = is_whole(self.first_n) and self.first_n >= 1
         require(first_ok, "first_n", self.first_n, "an integer >= 1")
         require(is_number(self.late) and self.late >= 0, "late", self.late, "a number >= 0")
         rules = ("apparent_tardiness", "nearest")
