@@ -48,7 +48,9 @@ def stream_of(settings: StreamConfig | Mapping[str, Any] | None) -> StreamConfig
     valid = [field.name for field in fields(StreamConfig) if field.name != "rate_per_h"]
     for name in settings:
         require(name in valid, "stream", name, ", ".join(valid))
-    given = {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}
+    given: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
+    }
     return StreamConfig(**given)
 
 

@@ -80,7 +80,7 @@ class Allocated:
         return matched(env, observations, cost, self._allocator, classes=self._classes)
 
 
-def observed_tardiness(rows: FloatArray, mask: npt.NDArray[np.int8]) -> FloatArray:
+def observed_tardiness(rows: npt.NDArray[np.float32], mask: npt.NDArray[np.int8]) -> FloatArray:
     """The apparent tardiness cost rule from what cars observe: logarithm of its index, shape (n, n_actions).
 
     Args:
