@@ -1,6 +1,6 @@
 """Training: what environments cost, and what policies and learning make of them; one file per kind of groups.
 
-`python -m benchmarks.training [--only speed | grid | table | subproc | learning | traffic]`.
+`python -m benchmarks.training [--only speed | grid | table | due | subproc | learning | traffic]`.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 from benchmarks.harness import Benchmark, in_groups
 from benchmarks.training import layers
 from benchmarks.training.congestion import measure_traffic
+from benchmarks.training.due_dates import measure_due_dates
 from benchmarks.training.learning import measure_learning
 from benchmarks.training.speed import measure_speed
 from benchmarks.training.subproc import measure_subproc
@@ -15,6 +16,7 @@ from benchmarks.training.subproc import measure_subproc
 GROUPS = {
     "speed": measure_speed,
     **layers.GROUPS,
+    "due": measure_due_dates,
     "subproc": measure_subproc,
     "learning": measure_learning,
     "traffic": measure_traffic,

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fleet.config import StreamConfig
 from fleet.envs import dispatch_v0, traffic_v1
 from fleet.envs.core.base import ActionError, EnvState, EpisodeError, StateError
 from fleet.envs.dispatch.env import TERMS as DISPATCH_TERMS
 from fleet.envs.dispatch.env import DispatchWeights
+from fleet.envs.grid.kernel import NEVER
 from fleet.envs.layers.layer import LayerEnv
 from fleet.envs.policies import POLICIES, make_policy
 from fleet.envs.traffic.env import TERMS as TRAFFIC_TERMS
@@ -107,6 +109,29 @@ def test_observations_are_the_caller_s_own(make: Maker) -> None:
     assert np.array_equal(env.state(), twin.state())
     _, _, _, _, infos = env.step(dict.fromkeys(env.agents, 1))
     assert infos == twin.step(dict.fromkeys(twin.agents, 1))[4]
+
+
+def test_orders_come_as_the_stream_has_it(make: Maker) -> None:
+    usual, same = episode(make(load=0.9), 3, 20), episode(make(load=0.9, stream={"kind": "poisson"}), 3, 20)
+    np.testing.assert_equal(same, usual)
+    np.testing.assert_equal(episode(make(load=0.9, stream=StreamConfig()), 3, 20), usual)
+    other = make(load=0.9, stream={"due_share": 0.0, "slack_s": [1.0, 2.0]})
+    other.reset(seed=3)
+    assert (other.fleet.grid.tasks.due == NEVER).all()
+
+
+@pytest.mark.parametrize(
+    ("stream", "message"),
+    [
+        ("waves", "valid: a StreamConfig, or a dictionary of its settings"),
+        ({"kind": "flood"}, "valid: poisson"),
+        ({"rate_per_h": 9.0}, "stream is 'rate_per_h'; valid: kind, wave_s"),
+        ({"bottleneck_share": 2.0}, "valid: a number from 0 to 1"),
+    ],
+)
+def test_streams_that_are_none_are_refused(make: Maker, stream: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        make(stream=stream)
 
 
 def test_same_seed_same_episodes(make: Maker) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,8 +11,10 @@ from fleet.assembly import Parts
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.dispatch.allocation import Choice, TaskAllocation
 from fleet.dispatch.situation import CAN_TAKE, Situation
+from fleet.envs.dispatch.outlook import Jobs, Outlook
 from fleet.envs.dispatch.view import DispatchView
-from fleet.envs.grid.fleet import FleetSite
+from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite
+from fleet.envs.grid.kernel import NEVER, NONE
 from fleet.envs.layers.simulated_fleet import SimulatedFleet
 from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
 from fleet.simulation import Simulation
@@ -96,6 +99,35 @@ class SimulatedDispatch(SimulatedFleet):
             age_s=np.array([now_s - task.order.release_s for task in ready], dtype=np.float64),
             due_s=np.array([task.order.due_s - now_s for task in ready], dtype=np.float64),
             under_way=under_way,
+        )
+
+    def outlook(self) -> Outlook:
+        """See `DispatchFleet`; a service takes what is left of the mean time of its arm."""
+        simulation, number = self.simulation, self._number
+        missions, board, now_s = simulation.missions, simulation.board, simulation.sim_s
+        known = sorted(board.in_state(TaskState.READY, *UNDER_WAY), key=lambda task: task.index)
+        row = {task.index: k for k, task in enumerate(known)}
+        job = [row.get(task.index, NONE) if task is not None else NONE for task in missions.task_of]
+        left = np.zeros(len(job), dtype=np.int32)
+        being_served = np.flatnonzero(missions.served >= 0)
+        left_s = missions.stations.times.all_left_s(now_s)[being_served]
+        left[missions.served[being_served]] = np.ceil(left_s / TIMESTEP_S)
+        due_s = np.array([task.order.due_s for task in known], dtype=np.float64)
+        jobs = (
+            [math.ceil(task.order.release_s / TIMESTEP_S) for task in known],
+            np.minimum(due_s / TIMESTEP_S, NEVER),
+            [number[task.pick] for task in known],
+            [number[task.delivery.drop] for task in known],
+            [task.order.rank for task in known],
+        )
+        return Outlook(
+            now=math.ceil(now_s / TIMESTEP_S),
+            state=simulation.executor.tail_states().astype(np.int32),
+            phase=self._phases(),
+            left=left,
+            job=np.array(job, dtype=np.int32),
+            jobs=Jobs(*(np.array(column, dtype=np.int32) for column in jobs)),
+            number=np.array([task.index for task in known], dtype=np.int32),
         )
 
     def give(self, pairs: Sequence[tuple[int, int]]) -> None:

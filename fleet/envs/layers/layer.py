@@ -91,7 +91,8 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         """What chance brings in the episode of a seed: its orders, ascending in release, and the seed of its fleet."""
         of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
         rng = np.random.default_rng(of_orders)
-        orders = episode_orders(self.place, self._n_cars, float(self.config.load), self._duration_s, rng)
+        load, stream = float(self.config.load), self.config.order_stream
+        orders = episode_orders(self.place, self._n_cars, load, self._duration_s, rng, stream)
         return orders, int(of_fleet.generate_state(1)[0])
 
     @property

@@ -1,6 +1,6 @@
 """Recipes: what can be trained, with which settings, and which script it is measured against; one file per family."""
 
-from fleet.training.recipes.dispatch import DISPATCH
+from fleet.training.recipes.dispatch import DISPATCH, DISPATCH_DUE
 from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
@@ -14,5 +14,6 @@ RECIPES: dict[str, Recipe] = {
     "reach": REACH,
     "dispatch": DISPATCH,
     "traffic": TRAFFIC,
+    "dispatch_due": DISPATCH_DUE,
 }
 """What can be trained, by name."""
