@@ -704,15 +704,15 @@ def refusals() -> Played:
 @case
 def warehouse_kinematic() -> Played:
     """Cars and arms of the warehouse act by chance, kinematic; a moment is saved, and comes back."""
-    from fleet.envs import warehouse_v0
+    from fleet.envs import warehouse_v1
 
-    env = warehouse_v0.parallel_env(site="cell", fidelity="kinematic", n_cars=2, max_cycles=200)
+    env = warehouse_v1.parallel_env(site="cell", fidelity="kinematic", n_cars=2, max_cycles=200)
     played = Played(parts={"first": episode(env, chance(env, 1), 150, seed=1)})
     state = env.save_state()
     played.parts["after_saving"] = _further(env, state, 2)
     played.parts["again"] = _further(env, state, 2)
     state.write("state")
-    other = warehouse_v0.parallel_env(site="cell", fidelity="kinematic", n_cars=2, max_cycles=200)
+    other = warehouse_v1.parallel_env(site="cell", fidelity="kinematic", n_cars=2, max_cycles=200)
     played.parts["elsewhere"] = _further(other, type(state).read("state"), 2)
     played.parts["second"] = episode(env, chance(env, 3), 250, seed=4)
     env.close()
@@ -728,16 +728,16 @@ def _further(env: Any, state: Any, seed: int, n_steps: int = 30) -> list[str]:
 @case
 def warehouse_physics() -> Played:
     """Cars and arms of the warehouse act by chance in physics; a moment is saved, and comes back."""
-    from fleet.envs import warehouse_v0
+    from fleet.envs import warehouse_v1
 
-    env = warehouse_v0.parallel_env(site="cell", fidelity="physics", n_cars=2, classical_cars=1, max_cycles=90)
+    env = warehouse_v1.parallel_env(site="cell", fidelity="physics", n_cars=2, classical_cars=1, max_cycles=90)
     played = Played(parts={"first": episode(env, chance(env, 1), 50, seed=5)})
     state = env.save_state()
     played.parts["after_saving"] = _further(env, state, 2)
     played.parts["again"] = _further(env, state, 2)
     played.parts["second"] = episode(env, chance(env, 3), 40, seed=6)
     env.close()
-    seen = warehouse_v0.parallel_env(
+    seen = warehouse_v1.parallel_env(
         site="cell", fidelity="physics", n_cars=1, n_arms=0, camera=(32, 48), control_hz=20
     )
     played.parts["camera"] = episode(seen, chance(seen, 7), 20, seed=7)
@@ -748,7 +748,7 @@ def warehouse_physics() -> Played:
 @case
 def warehouse_scripted() -> Played:
     """The warehouse is played by the policies that ship."""
-    from fleet.envs import warehouse_v0
+    from fleet.envs import warehouse_v1
 
     played = Played()
     teams: dict[str, dict[str, Any]] = {
@@ -758,10 +758,10 @@ def warehouse_scripted() -> Played:
         "random": {"n_cars": 1, "n_arms": 1, "arm_action": "tip"},
     }
     for name, team in teams.items():
-        env = warehouse_v0.parallel_env(site="cell", fidelity="kinematic", **team)
+        env = warehouse_v1.parallel_env(site="cell", fidelity="kinematic", **team)
         played.parts[name] = episode(env, scripted(env, "warehouse", name), 400, seed=8)
         env.close()
-    env = warehouse_v0.parallel_env(site="small", fidelity="physics", n_cars=2)
+    env = warehouse_v1.parallel_env(site="small", fidelity="physics", n_cars=2)
     played.parts["classical_physics"] = episode(env, scripted(env, "warehouse", "classical"), 150, seed=9)
     env.close()
     return played

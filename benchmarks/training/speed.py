@@ -1,4 +1,4 @@
-"""Speed: steps of `warehouse_v0` per second of CPU time, beside the bare engine; one process, random actions."""
+"""Speed: steps of `warehouse_v1` per second of CPU time, beside the bare engine; one process, random actions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.harness import Kind, Row, Trial
 from benchmarks.training.bare import PHYSICS_HZ, BareLoop
 from fleet.config import RunConfig
-from fleet.envs import warehouse_v0
+from fleet.envs import warehouse_v1
 from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.run.setup import RunSetup
 from fleet.world.scene import Scene
@@ -105,11 +105,12 @@ def _scene(team: Team) -> Scene:
 
 
 def _env(team: Team, fidelity: str) -> WarehouseEnv:
-    return warehouse_v0.parallel_env(
+    return warehouse_v1.parallel_env(
         site=team.site,
         n_cars=team.n_cars,
         n_arms=team.n_arms,
         fidelity=fidelity,
+        lidar=True,
         control_hz=CONTROL_HZ,
         physics_hz=PHYSICS_HZ,
         max_cycles=300,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pytest
 
 from fleet.config import ArmConfig
-from fleet.envs import warehouse_v0
+from fleet.envs import warehouse_v1
 from fleet.envs.core.base import ActionError, EnvState, EpisodeError, StateError
 from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.envs.warehouse.rewards import TERMS, RewardWeights
@@ -40,7 +40,7 @@ def make() -> Iterator[Callable[..., WarehouseEnv]]:
     made = []
 
     def one(**arguments: object) -> WarehouseEnv:
-        made.append(warehouse_v0.parallel_env(**({"site": "cell", "fidelity": "kinematic"} | arguments)))
+        made.append(warehouse_v1.parallel_env(**({"site": "cell", "fidelity": "kinematic", "lidar": True} | arguments)))
         return made[-1]
 
     yield one
@@ -183,8 +183,8 @@ def test_every_look_of_the_lidar_has_noise_of_its_own(make: Callable[..., Wareho
 
 SHOW_HASH = """
 import hashlib, sys, numpy as np
-from fleet.envs import warehouse_v0
-env = warehouse_v0.parallel_env(site="cell", fidelity=sys.argv[1], control_hz=30, max_cycles=300)
+from fleet.envs import warehouse_v1
+env = warehouse_v1.parallel_env(site="cell", fidelity=sys.argv[1], lidar=True, control_hz=30, max_cycles=300)
 digest = hashlib.sha256()
 for n in range(600):
     if not env.agents:
@@ -312,10 +312,10 @@ def test_a_state_with_something_in_the_grip_comes_back_exactly(
 LOAD_AND_HASH = """
 import sys
 from pathlib import Path
-from fleet.envs import warehouse_v0
+from fleet.envs import warehouse_v1
 from fleet.envs.core.base import EnvState
 state = EnvState.read(Path(sys.argv[1]))
-env = warehouse_v0.parallel_env(**state.arguments)
+env = warehouse_v1.parallel_env(**state.arguments)
 print(env.load_state(state)["car_0"].tobytes().hex())
 """
 
@@ -363,6 +363,21 @@ def test_states_of_other_environments_are_refused(make: Callable[..., WarehouseE
         ({"camera": 64}, "height and width"),
         ({"site": None}, "a name or a path"),
         ({"arm_action": ["joint"]}, "joint, tip"),
+        ({"level": "l1"}, "dock, transfer, pair, all"),
+        ({"n_cars": (3, 2)}, "or two, ascending"),
+        ({"n_cars": (0, 2), "n_arms": 0}, "at least one agent"),
+        ({"car_action": "tip"}, "drive, residual"),
+        ({"dead_band": 1.0}, "0 to 0.9"),
+        ({"team_share": 1.5}, "team_share is 1.5; valid: a number from 0 to 1"),
+        ({"stop_m": 0.0}, "0.005 to 0.5"),
+        ({"start": {"cars": "home"}}, "parked, anywhere, near, docked"),
+        ({"start": {"speed": 1.0}}, "start is 'speed'; valid: cars, near_m"),
+        ({"start": "near"}, "Start, a table, or None"),
+        ({"start": {"near_m": (2.0, 1.0)}}, "ascending"),
+        ({"car_sensing": {"dropout": 1.0}}, "below 1"),
+        ({"arm_sensing": {"delay_n": -1}}, "0 to 100"),
+        ({"breakdowns": {"losses_per_h": -1.0}}, "breakdowns.losses_per_h"),
+        ({"battery": True}, "BatteryConfig"),
         ({"weights": {"progress": 1.0}}, "RewardWeights"),
         ({"render_mode": "ansi"}, "rgb_array"),
     ],
@@ -434,8 +449,10 @@ def drive(observation: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     x, y = goal + 0.4 * observation[8:10] if np.hypot(*goal) < 0.4 else points[0]
     steering = math.atan(0.325 * 2.0 * y / max(x * x + y * y, 0.04))
     is_served = observation[11] or observation[13]
-    speed = 0.0 if is_served or abs(ahead_m) < 0.01 else np.clip(1.5 * ahead_m, -0.3, 0.9)
-    return np.array([np.clip(steering / 0.8, -1, 1), speed / 2.0], dtype=np.float32)
+    # Slower than a tenth of a metre per second is a brake.
+    speed = 0.0 if is_served or abs(ahead_m) < 0.02 else np.clip(1.5 * ahead_m, -0.3, 0.9)
+    speed = speed if abs(speed) > 0.105 or speed == 0.0 else math.copysign(0.105, ahead_m)
+    return np.array([np.clip(steering / 0.8, -1, 1), speed], dtype=np.float32)
 
 
 def worked(env: WarehouseEnv, n_steps: int) -> list[object]:
@@ -519,6 +536,7 @@ def test_agents_that_know_their_work_finish_the_tasks(
         n_arms=0 if who == "cars" else None,
         fidelity=fidelity,
         max_cycles=2000,
+        team_share=1.0,
     )
     sums = delivered(env, 2000, cars=who != "arms", arms=who != "cars")
     assert sums["loaded"] == RewardWeights().loaded
@@ -540,7 +558,7 @@ def test_a_car_beside_its_path_is_neither_released_nor_recovered(make: Callable[
     visited, held = set(), []
     for n in range(60):
         # A wide circle across the lanes.
-        observations, *_ = env.step({"car_0": np.array([0.35, 0.5])})
+        observations, *_ = env.step({"car_0": np.array([0.35, 1.0])})
         if n == 10:
             held = dependencies.held_cells(0)
         elif n > 10:
@@ -557,12 +575,16 @@ def test_a_car_beside_its_path_is_neither_released_nor_recovered(make: Callable[
 def test_tips_go_where_they_are_told(make: Callable[..., WarehouseEnv]) -> None:
     env = make(n_cars=1, arm_action="tip", control_hz=20.0)
     observations, _ = env.reset(seed=0)
-    start = observations["arm_0"][14:20] * [1.5, 1.5, 1.5, 1, 1, 1]
-    action = np.array([0.4, 0.0, -0.2, 0.0, 0.0, 0.0, -1.0])
+    scale = np.array([1.5, 1.5, 1.5, 1, 1, 1])
+    x, y, z, *_ = observations["arm_0"][14:20] * scale
+    action = np.array([0.2, 0.3, -0.2, 0.0, -1.0])  # outwards, around the base, down
     for _ in range(20):
         observations, *_ = env.step({"arm_0": action})
-    way = observations["arm_0"][14:20] * [1.5, 1.5, 1.5, 1, 1, 1] - start
-    np.testing.assert_allclose(way, [0.2, 0.0, -0.1, 0.0, 0.0, 0.0], atol=0.01)
+    there_x, there_y, there_z, *points = observations["arm_0"][14:20] * scale
+    assert math.hypot(there_x, there_y) - math.hypot(x, y) == pytest.approx(0.1, abs=0.01)
+    assert math.remainder(math.atan2(there_y, there_x) - math.atan2(y, x), math.tau) == pytest.approx(0.3, abs=0.03)
+    assert there_z - z == pytest.approx(-0.1, abs=0.01)
+    np.testing.assert_allclose(points, [0.0, 0.0, -1.0], atol=0.03)
 
 
 @pytest.mark.bullet

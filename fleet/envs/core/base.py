@@ -85,9 +85,10 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     A subclass writes `_begin`, `_advance`, `_resolved` and `_picture`. It is pickled and copied by its settings: a copy
     begins before its first episode.
 
-    The agents of an environment are the same in all episodes, and all end together. Who plays may take agents out of
+    Who takes part is decided when an episode begins (`_team`, by default everybody). An agent that is out for good
+    (`_gone`) is terminated and leaves `agents`; it is back in the next episode. Who plays may take agents out of
     `agents`: they have left for the rest of the episode, nothing is told of them any more, and their robots do what
-    they do without an action.
+    they do without an action. All others end together.
 
     Args:
         config: All settings.
@@ -278,6 +279,14 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     def _observations(self) -> dict[str, Any]:
         """Observations of all possible agents now, in arrays that are the caller's own."""
 
+    def _team(self) -> list[str]:
+        """Agents of the episode that begins, in the order of `possible_agents`."""
+        return self.possible_agents[:]
+
+    def _gone(self) -> frozenset[str]:
+        """Agents that are out for the rest of the episode."""
+        return frozenset()
+
     @abstractmethod
     def _picture(self) -> Picture:
         """Draw this moment, shape (height, width, 3)."""
@@ -300,7 +309,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         seed, self._seed = self._seed, -1
         infos = self._begin(seed)
         self._seed = seed
-        self._play_on(self.possible_agents)
+        self._play_on(self._team())
         return self._observations(), infos
 
     def _let_leave(self) -> None:
@@ -313,7 +322,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
 
     def _of_players(self, told: dict[str, Any]) -> dict[str, Any]:
         """What is told of agents that have not left."""
-        if len(self._playing) == len(self.possible_agents):
+        if len(self._playing) == len(told):
             return told
         return {agent: of_agent for agent, of_agent in told.items() if agent in self._playing}
 
@@ -322,16 +331,16 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         self._log.append(resolved)
         self.n_steps += 1
         out_of_time = not done and self.n_steps >= self.max_cycles
-        agents = self.agents
+        agents, gone = self.agents, self._gone()
+        terminations, truncations = dict.fromkeys(agents, done), dict.fromkeys(agents, out_of_time)
         if done or out_of_time:
             self.agents = []
-        return (
-            self._of_players(self._observations()),
-            self._of_players(rewards),
-            dict.fromkeys(agents, done),
-            dict.fromkeys(agents, out_of_time),
-            self._of_players(infos),
-        )
+        told = self._of_players(self._observations()), self._of_players(rewards), self._of_players(infos)
+        if gone:
+            for agent in gone.intersection(agents):
+                terminations[agent], truncations[agent] = True, False
+            self._play_on([agent for agent in self.agents if agent not in gone])
+        return told[0], told[1], terminations, truncations, told[2]
 
     def _show(self) -> None:
         if self.render_mode in ("human", "rerun"):

@@ -5,6 +5,7 @@ from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.recipes.traffic import TRAFFIC
+from fleet.training.recipes.warehouse import DOCK, TRANSFER
 
 __all__ = ["RECIPES", "Recipe", "TrainingStage"]
 
@@ -15,5 +16,7 @@ RECIPES: dict[str, Recipe] = {
     "dispatch": DISPATCH,
     "traffic": TRAFFIC,
     "dispatch_due": DISPATCH_DUE,
+    "dock": DOCK,
+    "transfer": TRANSFER,
 }
 """What can be trained, by name."""

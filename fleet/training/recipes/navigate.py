@@ -7,7 +7,7 @@ from typing import Any
 
 from fleet.envs.policies.policy import Policy
 from fleet.training.layout import Group, Layout
-from fleet.training.recipes.recipe import Recipe, Stage
+from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
 from fleet.training.solo import SoloEnv
 
@@ -45,9 +45,9 @@ NAVIGATE = Recipe(
     # A touch that costs 10 is still worth a hurry: in physics such a policy touched twice as often as the script.
     arguments={"weights": {"touch": -30.0, "towed": -10.0}},
     stages=(
-        Stage(name="kinematic", mix=_TEAMS, longest=0.8),
+        TrainingStage(name="kinematic", mix=_TEAMS, longest=0.8),
         # How cars drift in sharp curves, and what it takes to get away from a wall.
-        Stage(name="physics", arguments={"fidelity": "physics"}, mix=_TEAMS),
+        TrainingStage(name="physics", arguments={"fidelity": "physics"}, mix=_TEAMS),
     ),
     layouts={"car": CAR_LAYOUT},
     teacher=_pursuit,

@@ -8,7 +8,7 @@ import pkgutil
 
 import pytest
 
-from fleet.envs import policies, warehouse_v0
+from fleet.envs import policies, warehouse_v1
 from fleet.envs.policies import POLICIES, make_policy
 from fleet.errors import ConfigError
 from fleet.tasks.board import DONE_STATES
@@ -33,7 +33,7 @@ def test_unknown_policies_are_refused() -> None:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_classical_stack_delivers_as_a_policy(seed: int) -> None:
-    env = warehouse_v0.parallel_env(site="cell", n_cars=1, fidelity="kinematic", max_cycles=600)
+    env = warehouse_v1.parallel_env(site="cell", n_cars=1, fidelity="kinematic", max_cycles=600)
     mind = make_policy("warehouse", "classical")
     observations, _ = env.reset(seed=seed)
     terminations: dict[str, bool] = {}

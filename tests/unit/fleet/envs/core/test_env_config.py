@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from fleet.envs import dispatch_v0, navigate_v1, traffic_v1, warehouse_v0
+from fleet.envs import dispatch_v0, navigate_v1, traffic_v1, warehouse_v1
 from fleet.envs.core.env_config import EnvConfig, UnknownSetting
 from fleet.envs.dispatch.env import DispatchConfig
 from fleet.envs.navigate.navigation import NavigationConfig
@@ -22,7 +22,7 @@ from fleet.training.recipes import RECIPES
 from maps.site import load_site
 
 KINDS: list[tuple[type[EnvConfig], ModuleType]] = [
-    (WarehouseConfig, warehouse_v0),
+    (WarehouseConfig, warehouse_v1),
     (DispatchConfig, dispatch_v0),
     (TrafficEnvConfig, traffic_v1),
     (NavigationConfig, navigate_v1),

@@ -1,0 +1,67 @@
+"""Recipes of the warehouse's ladder: a car docks, an arm picks and sets, both together, and what adds to the script."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from fleet.envs.policies.policy import Policy
+from fleet.training.recipes.recipe import Recipe, TrainingStage
+from fleet.training.settings import PpoConfig
+
+
+def _warehouse(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
+    from fleet.envs.warehouse.env import parallel_env
+    from fleet.envs.warehouse.rewards import RewardWeights
+
+    return parallel_env(weights=RewardWeights(**weights or {}), **arguments)
+
+
+def _classical() -> Policy:
+    from fleet.envs.policies.warehouse import Classical
+
+    return Classical()
+
+
+DOCK = Recipe(
+    summary="a car comes to a dock and stops there",
+    make=_warehouse,
+    scripted=_classical,
+    script="pure pursuit, and a stop at its end",
+    figures=("docked", "contact"),
+    n_steps=600_000,
+    ppo=PpoConfig(envs_n=16, horizon_n=128, learning_rate=1e-3, discount=0.98, entropy=0.001),
+    # A dock counts as one: the figure is the share of episodes.
+    arguments={"level": "dock", "weights": {"docked": 1.0, "time": -0.02}},
+    stages=(
+        TrainingStage(name="wide", arguments={"stop_m": 0.3, "stop_rad": 0.4}, longest=0.3, figure="docked", reached=0.95),
+        TrainingStage(name="half", arguments={"stop_m": 0.12, "stop_rad": 0.2}, longest=0.3, figure="docked", reached=0.95),
+        TrainingStage(name="true"),
+    ),
+)
+
+TRANSFER = Recipe(
+    summary="arms pick parcels and set them, between racks and cars that stand",
+    make=_warehouse,
+    scripted=_classical,
+    script="up, around and down",
+    figures=("loaded", "delivered", "gripped", "failed"),
+    n_steps=2_000_000,
+    ppo=PpoConfig(envs_n=16, horizon_n=128, minibatch_n=2048, learning_rate=1e-3, discount=0.98, entropy=0.001),
+    # What is loaded and delivered counts as one.
+    arguments={
+        "level": "transfer",
+        "arm_action": "tip",
+        "weights": {"gripped": 1.0, "loaded": 1.0, "delivered": 1.0, "failed": -1.0, "time": -0.02},
+    },
+    stages=(
+        TrainingStage(
+            name="at hand",
+            arguments={"start": {"reach_m": (0.02, 0.2)}, "max_cycles": 150},
+            longest=0.4,
+            figure="gripped",
+            reached=1.9,
+        ),
+        TrainingStage(name="from home"),
+    ),
+)
