@@ -55,6 +55,10 @@ COMMANDS = {
         "diff.Diff",
         "Compare two runs: the first tick that differs, its cause, the figures, and a recording of both.",
     ),
+    "evaluate": Command(
+        "evaluate.Evaluate",
+        "Play named scenarios with a policy; prints figures with intervals and the gain over the scripted fleet.",
+    ),
     "lorr": Command(
         "lorr.Lorr",
         "Play a League of Robot Runners problem; prints a table, writes the League's output format and a summary.",
