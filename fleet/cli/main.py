@@ -47,6 +47,10 @@ COMMANDS = {
         "calibrate.Calibrate",
         "Replay a measured joint motion and fit damping and friction of the joints.",
     ),
+    "dataset": Command(
+        "dataset.DatasetCommand",
+        "Play a scenario with a policy and keep every step of every agent as a data set in Parquet.",
+    ),
     "demo": Command(
         "demo.Demo",
         "Run a fleet: cars and arms deliver parcels on a site; prints a table, writes a recording and a result.",

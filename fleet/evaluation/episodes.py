@@ -41,8 +41,8 @@ def play_episode(env: Any, player: Player, seed: int, on_step: OnStep | None = N
         returned = env.step(actions)
         if on_step is not None:
             on_step(observations, actions, returned)
-        observations = returned[0]
         tally.add(returned[4])
+        observations = {agent: returned[0][agent] for agent in env.agents}  # without those that have left
     return tally, cpu_s
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import NEVER
+from fleet.tasks.board import DONE_STATES
 
 JAM_S = 100.0
 """An episode that ends with so long a time in which nothing was delivered has ended in a jam [s]."""
@@ -88,9 +89,8 @@ def _waits(episode: EpisodeTally) -> float:
 
 
 def _parcels(episode: EpisodeTally) -> float:
-    from fleet.tasks.board import TaskState
-
-    return float(episode.env.simulation.board.count(TaskState.DELIVERED))
+    board = episode.env.simulation.board
+    return float(sum(board.count(state) for state in DONE_STATES))
 
 
 def _contacts(episode: EpisodeTally) -> float:
