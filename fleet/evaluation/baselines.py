@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from fleet.evaluation.comparison import Finding, findings
 from fleet.evaluation.scenarios import SCENARIOS, SPLITS, Scenario
 from fleet.evaluation.scores import SplitScores
-from fleet.training.evaluation import Interval
+from fleet.training.intervals import Interval
 
 
 def headings(scenario: Scenario) -> list[str]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fleet.evaluation.intervals import interval_of
+from fleet.evaluation.measures import Measure
 from fleet.evaluation.scenarios import SCENARIOS, Scenario
 from fleet.evaluation.scores import SplitScores
-from fleet.training.evaluation import Interval, interval
+from fleet.training.intervals import Interval, bootstrap, share, share_difference
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,19 +39,17 @@ def findings(scores: Sequence[SplitScores]) -> list[Finding]:
 
 def _finding(scores: SplitScores, scenario: Scenario, among: Sequence[SplitScores]) -> Finding:
     figures = {
-        name: interval_of(values, scenario.measures[name])
+        name: _interval(values, scenario.measures[name])
         for name, values in scores.figures.items()
         if name in scenario.measures
     }
     reference = _reference(scores, scenario, among)
-    won, share = None, None
+    won, part = None, None
     if reference is not None:
-        more_is_better = scenario.measures[scenario.headline].more_is_better
-        sign = 1.0 if more_is_better else -1.0
         own, other = scores.figures[scenario.headline], reference.figures[scenario.headline]
-        won = interval([sign * (value - base) for value, base in zip(own, other, strict=True)])
+        won = _gain(own, other, scenario.measures[scenario.headline])
         mean = sum(other) / len(other)
-        share = won.mean / mean if more_is_better and mean else None
+        part = won.mean / mean if scenario.measures[scenario.headline].more_is_better and mean else None
     return Finding(
         scenario=scores.scenario,
         split=scores.split,
@@ -59,10 +57,22 @@ def _finding(scores: SplitScores, scenario: Scenario, among: Sequence[SplitScore
         n_episodes=scores.n_episodes,
         figures=figures,
         gain=won,
-        gain_share=share,
+        gain_share=part,
         illegal=scores.illegal,
         decision_ms=scores.decision_ms,
     )
+
+
+def _interval(values: Sequence[float], measure: Measure) -> Interval:
+    return share(round(sum(values)), len(values)) if measure.is_share else bootstrap(values)
+
+
+def _gain(own: Sequence[float], other: Sequence[float], measure: Measure) -> Interval:
+    """By how much a figure is better than the reference's, episode by episode."""
+    better, worse = (own, other) if measure.more_is_better else (other, own)
+    if measure.is_share:
+        return share_difference(better, worse)
+    return bootstrap([one - base for one, base in zip(better, worse, strict=True)])
 
 
 def _reference(scores: SplitScores, scenario: Scenario, among: Sequence[SplitScores]) -> SplitScores | None:

@@ -12,9 +12,6 @@ from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import NEVER
 from fleet.tasks.board import DONE_STATES
 
-JAM_S = 100.0
-"""An episode that ends with so long a time in which nothing was delivered has ended in a jam [s]."""
-
 
 @dataclass(kw_only=True)
 class EpisodeTally:
@@ -30,8 +27,6 @@ class EpisodeTally:
     """Sums, by name."""
     count: dict[str, int] = field(default_factory=dict)
     """How often an agent was told something else than zero, by name: for what is paid by a weight."""
-    last_step: dict[str, int] = field(default_factory=dict)
-    """The last step in which that was so, by name."""
 
     def add(self, infos: Mapping[str, Mapping[str, Any]]) -> None:
         """Take in what a step told."""
@@ -42,7 +37,6 @@ class EpisodeTally:
                 if value:
                     self.total[name] = self.total.get(name, 0.0) + float(value)
                     self.count[name] = self.count.get(name, 0) + 1
-                    self.last_step[name] = self.n_steps
         self.n_illegal = self.count.get("illegal", 0)
 
 
@@ -62,8 +56,7 @@ def _delivered(episode: EpisodeTally) -> float:
 
 
 def _jam(episode: EpisodeTally) -> float:
-    idle_s = (episode.n_steps - episode.last_step.get("delivered", 0)) * episode.env.config.step_s
-    return float(idle_s >= JAM_S)
+    return float(episode.env.jammed)
 
 
 def _tardiness_min(episode: EpisodeTally) -> float:
@@ -85,7 +78,7 @@ def _late_steps(episode: EpisodeTally) -> np.ndarray[Any, Any]:
 
 
 def _waits(episode: EpisodeTally) -> float:
-    return episode.count.get("waits", 0) / len(episode.env.possible_agents)
+    return float(episode.env.n_waits) / len(episode.env.possible_agents)
 
 
 def _parcels(episode: EpisodeTally) -> float:

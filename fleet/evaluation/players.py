@@ -12,13 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gymnasium.spaces import Box, Discrete
-
 from fleet.envs.policies import POLICIES
 from fleet.envs.policies.policy import Policy, Random
 from fleet.evaluation.errors import PolicyError
 from fleet.evaluation.scenarios import Scenario
-from fleet.training.batch import AgentType, agent_types
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT, CONFIG
 
@@ -37,19 +34,23 @@ class Player:
     """Makes it for one episode, whose seed is its source of chance."""
     digest: str = ""
     """SHA-256 of the file that it is made from; nothing for a script of the project."""
-    trained_on: Any = None
-    """The environment that it was trained on, of a training folder."""
+    trained_on: str | None = None
+    """Environment with version that it was trained on, of a training folder."""
 
     def check(self, scenario: Scenario, env: Any) -> None:
         """See that it can play an environment.
 
         Raises:
-            PolicyError: It plays another environment, version, kind of observation or size of team.
+            PolicyError: It plays another environment, version or size of team.
+        TrainingError: It was trained on other observations or actions.
         """
-        if self.trained_on is not None:
-            _require_alike(self.name, self.trained_on, env)
-            return
+        now = env.metadata["name"]
+        if self.trained_on not in (None, now):
+            raise PolicyError(f"policy {self.name} was trained on {self.trained_on}; valid: one trained on {now}")
         policy = self.make(0)
+        if self.trained_on is not None:
+            policy.check(env)  # type: ignore[attr-defined]  # only the trainer's own folder may import PyTorch
+            return
         played = getattr(policy, ENVIRONMENT, None)
         names = (played,) if isinstance(played, str) else played
         if names is not None and scenario.env not in names:
@@ -130,38 +131,13 @@ def _learned(folder: Path) -> Player:
         raise PolicyError(f"--policy {folder} needs PyTorch, which is not installed; valid: pip install '.[train]'")
     trained_on = RECIPES[env].make(**arguments)
     trained_on.close()
-    # By its name: only the trainer's own folder may import PyTorch.
-    policy: Policy = importlib.import_module("fleet.training.ppo.trainer").load_policy(folder)
+    learned = importlib.import_module("fleet.training.ppo.policy").load_policy(folder)
     return Player(
         name=folder.as_posix(),
-        make=lambda seed: policy,
+        make=learned.seeded,
         digest=_digest(folder / CHECKPOINT),
-        trained_on=trained_on,
+        trained_on=trained_on.metadata["name"],
     )
-
-
-def _require_alike(name: str, trained_on: Any, env: Any) -> None:
-    """Refuse an environment in which agents see or do something else than where a policy was trained."""
-    was, now = trained_on.metadata["name"], env.metadata["name"]
-    if was != now:
-        raise PolicyError(f"policy {name} was trained on {was}; valid: one that was trained on {now}")
-    known = {kind.name: kind for kind in agent_types(trained_on)}
-    for kind in agent_types(env):
-        if kind.name not in known:
-            raise PolicyError(f"policy {name} has no agents of type {kind.name}; valid: {', '.join(known)}")
-        before, after = _kind(known[kind.name]), _kind(kind)
-        if before != after:
-            raise PolicyError(f"policy {name} was trained on agents of type {kind.name} with {before}; valid: {after}")
-
-
-def _kind(kind: AgentType) -> str:
-    action = kind.action
-    acts = f"{action.n} choices" if isinstance(action, Discrete) else f"actions of shape {_shape(action)}"
-    return f"observations of {kind.n_observed} numbers and {acts}"
-
-
-def _shape(action: Box) -> str:
-    return " x ".join(map(str, action.shape))
 
 
 def _digest(path: Path) -> str:

@@ -130,8 +130,6 @@ def _cases(*floors: tuple[str | Hall, int]) -> tuple[Case, ...]:
     return tuple(Case(site=site, n_cars=n_cars) for site, n_cars in floors)
 
 
-_DENSE = Hall(rows=14, cols=22, stations=3, parking=40)
-_LARGE = Hall(rows=24, cols=40, stations=6, parking=120)
 _ODD = Hall(rows=18, cols=26, stations=3, parking=40)
 _WIDE = Hall(rows=30, cols=34, stations=6, parking=120)
 _DISPATCH_RULES = ("random", "nearest", "greedy", "hungarian")
@@ -147,7 +145,7 @@ SCENARIOS: dict[str, Scenario] = {
         baselines=_DISPATCH_RULES,
         splits={
             "train": _cases(("small", 6), ("medium", 16)),
-            "sites": _cases(("twin", 6), (_DENSE, 12), (_ODD, 12)),
+            "sites": _cases(("twin", 6), ("dense", 12), (_ODD, 12)),
             "teams": _cases(("small", 3), ("small", 12), ("medium", 32)),
         },
     ),
@@ -161,34 +159,34 @@ SCENARIOS: dict[str, Scenario] = {
         baselines=("random", "greedy", "hungarian", "apparent_tardiness"),
         splits={
             "train": _cases(("small", 6), ("medium", 16)),
-            "sites": _cases(("twin", 6), (_DENSE, 12), (_ODD, 12)),
+            "sites": _cases(("twin", 6), ("dense", 12), (_ODD, 12)),
             "teams": _cases(("small", 3), ("small", 12), ("medium", 32)),
         },
     ),
     "traffic_dense": Scenario(
         summary="cars choose their lane moves on a crowded floor",
-        env="traffic_v0",
+        env="traffic_v1",
         headline="delivered",
         beside=("jams", "refused"),
         reference="pibt",
-        baselines=("random", "shortest_way"),
+        baselines=("random", "shortest_way", "multi_step_pibt"),
         splits={
-            "train": _cases((_DENSE, 20), (_DENSE, 30)),
+            "train": _cases(("dense", 20), ("dense", 30)),
             "sites": _cases((_ODD, 25), ("medium", 24)),
-            "teams": _cases((_DENSE, 10), (_DENSE, 40)),
+            "teams": _cases(("dense", 10), ("dense", 40)),
         },
     ),
     "traffic_large": Scenario(
         summary="the same on a floor of 24 x 40 cells",
-        env="traffic_v0",
+        env="traffic_v1",
         headline="delivered",
         beside=("jams", "refused"),
         reference="pibt",
-        baselines=("random", "shortest_way"),
+        baselines=("random", "shortest_way", "multi_step_pibt"),
         splits={
-            "train": _cases((_LARGE, 60)),
+            "train": _cases(("dense_large", 60)),
             "sites": _cases((_WIDE, 60)),
-            "teams": _cases((_LARGE, 30), (_LARGE, 120)),
+            "teams": _cases(("dense_large", 30), ("dense_large", 120)),
         },
     ),
     "navigate": Scenario(

@@ -20,7 +20,7 @@ from fleet.evaluation.scenarios import FIRST_SEED, SCENARIOS, Case, Scenario
 TOYS = {
     "toy": Scenario(
         summary="choices, masks, two team sizes",
-        env="traffic_v0",
+        env="traffic_v1",
         headline="delivered",
         beside=(),
         reference="pibt",
@@ -53,7 +53,7 @@ def written(folder: Path, name: str = "toy", n: int = 2, **others: Any) -> Path:
 
 
 def test_what_was_played_is_read_back(tmp_path: Path) -> None:
-    dataset = read_dataset(written(tmp_path / "data"), env="traffic_v0")
+    dataset = read_dataset(written(tmp_path / "data"), env="traffic_v1")
     cars = dataset.types["car"]
     assert len(cars.rows) == 25 + 3 * 25
     # The same episode once more, beside what is kept of it.
@@ -136,7 +136,7 @@ def test_data_sets_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
 
 def test_data_sets_of_other_kinds_are_refused(tmp_path: Path) -> None:
     folder = written(tmp_path / "data", n=1)
-    with pytest.raises(DatasetError, match="is one of traffic_v0; valid: one of dispatch_v0"):
+    with pytest.raises(DatasetError, match="is one of traffic_v1; valid: one of dispatch_v0"):
         read_dataset(folder, env="dispatch_v0")
     about = json.loads((folder / ABOUT).read_text())
     (folder / ABOUT).write_text(json.dumps(about | {"format": 99}))

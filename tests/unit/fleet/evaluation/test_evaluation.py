@@ -10,13 +10,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from fleet.envs.grid.kernel import NEVER
 from fleet.evaluation import scenarios, scores
 from fleet.evaluation.baselines import page
 from fleet.evaluation.comparison import findings
 from fleet.evaluation.errors import EvaluationError, PolicyError
-from fleet.evaluation.intervals import wilson
 from fleet.evaluation.measures import MEASURES, EpisodeTally
 from fleet.evaluation.players import player_named, scripts_of
 from fleet.evaluation.results import ResultsFile
@@ -25,7 +26,7 @@ from fleet.evaluation.scores import SplitScores, play_split
 
 TOY = Scenario(
     summary="as short as it can be",
-    env="traffic_v0",
+    env="traffic_v1",
     headline="delivered",
     beside=("jams",),
     reference="pibt",
@@ -107,21 +108,20 @@ def test_episodes_go_through_the_cases_in_turn() -> None:
 
 
 def test_a_tally_counts_what_is_not_zero() -> None:
-    tally = EpisodeTally(env=SimpleNamespace(config=SimpleNamespace(step_s=10.0)))
-    tally.add({"a": {"delivered": 1.0, "touch": -3.0, "illegal": False}, "b": {"touch": -3.0, "illegal": True}})
-    for _ in range(9):
-        tally.add({"a": {"delivered": 0.0}, "b": {}})
-    assert (tally.n_steps, tally.n_decisions, tally.n_illegal) == (10, 20, 1)
+    tally = EpisodeTally(env=None)
+    tally.add({"a": {"touch": -3.0, "places": 2.0, "illegal": False}, "b": {"touch": -3.0, "illegal": True}})
+    tally.add({"a": {"touch": 0.0}, "b": {"places": 1.0}})
+    assert (tally.n_steps, tally.n_decisions, tally.n_illegal) == (2, 4, 1)
     assert MEASURES["touches"].of(tally) == 2.0
-    assert MEASURES["jams"].of(tally) == 0.0  # 90 s
-    tally.add({"a": {}})
-    assert MEASURES["jams"].of(tally) == 1.0  # 100 s
+    assert MEASURES["places"].of(tally) == 3.0
 
 
-def test_wilson_s_interval() -> None:
-    # R: prop.test(40, 40, correct = FALSE) and prop.test(8, 50, correct = FALSE)
-    assert dataclasses.astuple(wilson(40, 40)) == pytest.approx((1.0, 0.912375, 1.0), abs=1e-5)
-    assert dataclasses.astuple(wilson(8, 50)) == pytest.approx((0.16, 0.083386, 0.285103), abs=1e-4)
+def test_tardiness_counts_what_was_never_delivered_too() -> None:
+    # Due at 60, 100, 700, never; delivered at 120, never, in time, never; it is 400 now.
+    tasks = SimpleNamespace(due=np.array([60, 100, 700, NEVER]), done=np.array([120, NEVER, 300, NEVER]))
+    env = SimpleNamespace(fleet=SimpleNamespace(grid=SimpleNamespace(tasks=tasks, now=400)))
+    assert MEASURES["tardiness"].of(EpisodeTally(env=env)) == (60 + 300) / 60
+    assert MEASURES["on_time"].of(EpisodeTally(env=env)) == 0.0
 
 
 def test_a_gain_is_paired_and_positive_where_it_is_better(toy: Scenario) -> None:
@@ -191,7 +191,7 @@ def test_what_is_no_file_of_results_is_refused(tmp_path: Path) -> None:
 
 def test_a_class_of_one_s_own_plays(toy: Scenario, own: Path) -> None:
     own.write_text(
-        "class Waits:\n    environment = 'traffic_v0'\n    team_sizes = (1, 2)\n    def __init__(self, seed): pass\n"
+        "class Waits:\n    environment = 'traffic_v1'\n    team_sizes = (1, 2)\n    def __init__(self, seed): pass\n"
         "    def act(self, env, observations):\n        return {agent: 0 for agent in observations}\n"
     )
     player = player_named("own_policies:Waits", toy)
@@ -204,10 +204,10 @@ WRONG = [
     ("class P:\n    def act(self, env, observations): pass", "cannot be made with a seed: TypeError"),
     ("x = 1 / 0", "ZeroDivisionError.*line 1"),
     ("class Q: pass", "no attribute 'P'"),
-    ("class P:\n    environment = 'traffic_v7'\n{act}", "plays traffic_v7; valid: one that plays traffic_v0"),
+    ("class P:\n    environment = 'traffic_v7'\n{act}", "plays traffic_v7; valid: one that plays traffic_v1"),
     ("class P:\n    team_sizes = (2, 5)\n{act}", "cannot play 1 agents; valid: 2 to 5"),
     ("class P:\n{act}", "gives a NoneType; valid: a dictionary"),
-    ("class P:\n{init}    def act(self, env, observations): return 1 / 0", "failed on traffic_v0: ZeroDivisionError"),
+    ("class P:\n{init}    def act(self, env, observations): return 1 / 0", "failed on traffic_v1: ZeroDivisionError"),
 ]
 INIT = "    def __init__(self, seed): pass\n"
 ACT = INIT + "    def act(self, env, observations): pass\n"
@@ -223,8 +223,8 @@ def test_what_is_wrong_with_a_policy_is_told(toy: Scenario, own: Path, text: str
 @pytest.mark.parametrize(
     ("word", "words"),
     [
-        ("nearest", "is one of layer dispatch for traffic_v0; valid: random, shortest_way, pibt"),
-        ("nobody", "is no policy for traffic_v0"),
+        ("nearest", "is one of layer dispatch for traffic_v1; valid: random, shortest_way, pibt, multi_step_pibt"),
+        ("nobody", "is no policy for traffic_v1"),
         ("no_such_module:P", "No module named"),
         ("runs/nothing", "is no policy"),
     ],
@@ -247,18 +247,10 @@ def test_folders_without_what_was_learned_are_refused(toy: Scenario, tmp_path: P
 
 
 def test_what_was_learned_elsewhere_is_refused(toy: Scenario) -> None:
-    def trained(name: str, **arguments: Any) -> Any:
-        env = dataclasses.replace(toy, env=name).make(Case(site="cell", n_cars=1))
-        return dataclasses.replace(player_named("pibt", toy), trained_on=env)
-
+    player = dataclasses.replace(player_named("pibt", toy), trained_on="dispatch_v0")
     env = toy.make(Case(site="cell", n_cars=2))
-    trained("traffic_v0").check(toy, env)
-    with pytest.raises(PolicyError, match="was trained on dispatch_v0; valid: one that was trained on traffic_v0"):
-        trained("dispatch_v0").check(toy, env)
-    fewer = dataclasses.replace(toy, env="dispatch_v0", arguments={"candidates_n": 3}).make(Case(site="cell", n_cars=1))
-    more = dataclasses.replace(toy, env="dispatch_v0", arguments={}).make(Case(site="cell", n_cars=1))
-    with pytest.raises(PolicyError, match="with observations of 50 numbers and 4 choices; valid: observations of 105"):
-        dataclasses.replace(player_named("pibt", toy), trained_on=fewer).check(toy, more)
+    with pytest.raises(PolicyError, match="was trained on dispatch_v0; valid: one trained on traffic_v1"):
+        player.check(toy, env)
 
 
 def test_seeds_of_the_evaluation_are_no_others() -> None:
