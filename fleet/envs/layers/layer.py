@@ -155,7 +155,8 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
         duration_s = self.max_cycles * self.config.step_s
         rng = np.random.default_rng(of_orders)
-        orders = episode_orders(self.place, self._n_cars, float(self.config.load), duration_s, rng)
+        load, stream = float(self.config.load), self.config.order_stream
+        orders = episode_orders(self.place, self._n_cars, load, duration_s, rng, stream)
         self.fleet = self._fleet_of(orders, int(of_fleet.generate_state(1)[0]), duration_s)
         self.n_delivered, self.late_s = 0, 0.0
         self._n_episodes += 1
