@@ -88,9 +88,7 @@ class _Popular:
     Where some are a bottleneck, the most popular ones together have the bottleneck's share.
     """
 
-    def __init__(
-        self, names: list[str], config: StreamConfig, rng: np.random.Generator, *, n_busy: int = 0
-    ) -> None:
+    def __init__(self, names: list[str], config: StreamConfig, rng: np.random.Generator, *, n_busy: int = 0) -> None:
         skewed = config.kind in (StreamKind.SKEWED, StreamKind.SKEWED_WAVES)
         weight = np.arange(1.0, len(names) + 1.0) ** (-config.zipf if skewed else 0.0)
         if 0 < n_busy < len(names):

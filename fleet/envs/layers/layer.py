@@ -154,9 +154,7 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         self._end()
         of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
         duration_s = self.max_cycles * self.config.step_s
-        rng = np.random.default_rng(of_orders)
-        load, stream = float(self.config.load), self.config.order_stream
-        orders = episode_orders(self.place, self._n_cars, load, duration_s, rng, stream)
+        orders = self._orders(np.random.default_rng(of_orders), duration_s)
         self.fleet = self._fleet_of(orders, int(of_fleet.generate_state(1)[0]), duration_s)
         self.n_delivered, self.late_s = 0, 0.0
         self._n_episodes += 1
@@ -164,6 +162,11 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
             self._open_recorder()
         none = np.zeros(self._n_cars, dtype=np.bool_)
         return self._infos(np.zeros((self._n_cars, self._n_terms)), none, none)
+
+    def _orders(self, rng: np.random.Generator, duration_s: float) -> tuple[Delivery, ...]:
+        """Orders of an episode, ascending in release."""
+        load, stream = float(self.config.load), self.config.order_stream
+        return episode_orders(self.place, self._n_cars, load, duration_s, rng, stream)
 
     def _resolved(self, actions: Mapping[str, Any]) -> Int64Array:
         return whole_numbers(actions, self.possible_agents)
