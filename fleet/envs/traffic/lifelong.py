@@ -23,6 +23,7 @@ from maps.lane_graph import grid_lane_graph
 from maps.pogema import OpenFloor
 from maps.site import Site
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.multi_step.priorities import Priorities
 from planners.mapf.pibt import Stepper
 
 MOST_CELLS = 8000
@@ -32,27 +33,28 @@ _KINDS = (EAST, NORTH, SOUTH, WEST)
 
 
 def open_place(floor: OpenFloor) -> FleetSite:
-    """What the traffic layer needs to know of an open floor: its largest connected part.
+    """What the traffic layer needs to know of an open floor: its connected parts in which there are goals.
 
     Raises:
-        ConfigError: It has too many cells.
+        ConfigError: It has too many cells, or nowhere to go.
     """
-    from scipy.ndimage import label
-
-    part, _ = label(floor.grid.free)
-    largest = part == np.bincount(part[floor.grid.free]).argmax()
-    n_cells = int(largest.sum())
-    require(n_cells <= MOST_CELLS, "map", f"{floor.name}, {n_cells} connected cells", f"at most {MOST_CELLS}")
-    graph = grid_lane_graph(GridMap(largest), "pebble")
+    part = connected_parts(floor.grid)
+    n_goals = np.bincount(part[floor.goals], minlength=part.max() + 1)
+    n_goals[0] = 0  # the obstacles
+    used = n_goals[part] >= 2
+    n_cells = int(used.sum())
+    require(n_cells <= MOST_CELLS, "map", f"{floor.name}, {n_cells} free cells", f"at most {MOST_CELLS}")
+    starts = np.flatnonzero((floor.starts & used).ravel())
+    require(len(starts) > 0, "map", floor.name, "a map with two goals and a start that are connected")
+    graph = grid_lane_graph(GridMap(used), "pebble")
     every = np.arange(graph.n_states, dtype=np.int32)
     distance, row = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)).rows(every)
     nothing = np.zeros(0, dtype=np.int32)
-    starts = np.flatnonzero((floor.starts & largest).ravel())
     site = Site(
         name=floor.name,
-        grid=GridMap(largest),
-        walls=~largest,
-        shelves=np.zeros_like(largest),
+        grid=GridMap(used),
+        walls=~used,
+        shelves=np.zeros_like(used),
         lanes=np.zeros((0, 2), dtype=np.int32),
         stations=(),
         parking=tuple(starts.tolist()),
@@ -61,7 +63,7 @@ def open_place(floor: OpenFloor) -> FleetSite:
         allow_reverse=True,
         plan=(),
     )
-    goals = graph.state_index[np.flatnonzero((floor.goals & largest).ravel()), EAST]
+    goals = graph.state_index[np.flatnonzero((floor.goals & used).ravel()), EAST]
     return FleetSite(
         site=site,
         graph=graph,
@@ -78,16 +80,24 @@ def open_place(floor: OpenFloor) -> FleetSite:
             urgent_rank=0,
         ),
         goal_row=row.astype(np.int32),
-        move_to=_neighbours(graph.state_cell, graph.state_index[:, EAST], largest.shape),
+        move_to=_neighbours(graph.state_cell, graph.state_index[:, EAST], used.shape),
         far_steps=int(distance[distance < UNREACHABLE].max()),
     )
+
+
+def connected_parts(grid: GridMap) -> npt.NDArray[np.int32]:
+    """Number of the connected part of each free cell, from 1 on, 0 for obstacles, shape (rows, cols)."""
+    from scipy.ndimage import label
+
+    part: npt.NDArray[np.int32] = label(grid.free)[0]
+    return part
 
 
 class LifelongTraffic:
     """A `TrafficFleet` on an open floor: who reaches its goal is given another one at once.
 
     Every robot has a stream of goals of its own, which does not depend on when it arrives. As in POGEMA, closed rings
-    of robots may move on. The longer a robot has had its goal, the earlier it chooses.
+    of robots may move on. The longer a robot has had its goal, the earlier it chooses, in dead ends much earlier.
 
     Args:
         place: Of `open_place`; its spots are the cells that are goals, its parking the cells where robots begin.
@@ -97,7 +107,7 @@ class LifelongTraffic:
 
     def __init__(self, place: FleetSite, n_cars: int, seed: int) -> None:
         self.place = place
-        of_starts, of_ties, *of_goals = np.random.SeedSequence(seed).spawn(2 + n_cars)
+        of_starts, of_ties, of_ranks, *of_goals = np.random.SeedSequence(seed).spawn(3 + n_cars)
         starts = np.random.default_rng(of_starts).choice(place.site.parking, size=n_cars, replace=False)
         self.counts = Counts.of(n_cars, np.int32)
         self._streams = [np.random.default_rng(stream) for stream in of_goals]
@@ -105,9 +115,13 @@ class LifelongTraffic:
             place.graph, np.zeros(place.graph.n_cells, dtype=np.bool_), seed=np.random.default_rng(of_ties)
         )
         self._salt = self._stepper.salt
+        part = connected_parts(place.site.grid).ravel()[place.graph.state_cell]
+        goals = place.floor.spot_state
+        self._goals = {number: goals[part[goals] == number] for number in np.unique(part).tolist()}
+        self._part = part
         self._state = place.graph.state_index[starts, EAST].astype(np.int32)
         self._goal = np.array([self._next(car) for car in range(n_cars)], dtype=np.int32)
-        self._age = np.zeros(n_cars)
+        self._priorities = Priorities(place.graph, n_cars, seed=np.random.default_rng(of_ranks))
 
     def view(self) -> TrafficView:
         """See `TrafficFleet`."""
@@ -119,7 +133,7 @@ class LifelongTraffic:
             phase=np.full(n, Phase.TO_PICK, dtype=np.int8),
             held=nobody,
             locked=nobody,
-            priority=self._age,
+            priority=self._priorities.values,
             proposed=self._step(None),
         )
 
@@ -127,10 +141,10 @@ class LifelongTraffic:
         """See `TrafficFleet`."""
         self._state = self._step(wanted.astype(np.int32))
         self._salt = self._stepper.salt
-        self._age = self._age + 1.0
+        self._priorities.advance(self._state, self._goal)
         for car in np.flatnonzero(self._state == self._goal).tolist():
             self.counts.delivered[car] += 1
-            self._goal[car], self._age[car] = self._next(car), 0.0
+            self._goal[car] = self._next(car)
         return self._state
 
     def poses(self) -> FloatArray:
@@ -147,7 +161,7 @@ class LifelongTraffic:
         twin = copy.copy(self)
         twin.counts = Counts(*(count.copy() for count in self.counts))
         twin._streams = copy.deepcopy(self._streams)
-        twin._goal = self._goal.copy()
+        twin._priorities, twin._goal = copy.copy(self._priorities), self._goal.copy()
         return twin
 
     def close(self) -> None:
@@ -162,7 +176,7 @@ class LifelongTraffic:
             after,
             distances=self.place.floor.distance,
             row=self.place.goal_row[self._goal],
-            order=np.argsort(-self._age, kind="stable").astype(np.int32),
+            order=self._priorities.order(),
             locked=np.zeros(len(after), dtype=np.bool_),
             allow_rotation=True,
             wished=wished,
@@ -170,8 +184,9 @@ class LifelongTraffic:
         return after
 
     def _next(self, car: int) -> int:
-        """The next goal of a robot, another cell than the one it is in."""
-        goals, here = self.place.floor.spot_state, self._state[car]
+        """The next goal of a robot, another cell than the one it is in, of the part of the floor that it is in."""
+        here = self._state[car]
+        goals = self._goals[int(self._part[here])]
         goal = here
         while goal == here:
             goal = goals[self._streams[car].integers(len(goals))]

@@ -5,7 +5,7 @@ Observations, masks, rewards, wishes and their push are those of `fleet.envs.tra
 - Robots are pebbles: actions 1 to 4 are a step to the east, north, south and west, and a robot has no heading.
 - There are no orders and no stations. Who reaches its goal has delivered, and is given another goal at once.
 - Closed rings of robots may move on, as in POGEMA.
-- Robots begin in cells drawn by chance, in the map's largest connected part.
+- Robots begin in cells drawn by chance, and are sent to cells of the part of the map that they are in.
 
 `n_delivered` / steps is what POGEMA calls the average throughput; its episodes have 256 steps (mazes: 128).
 """

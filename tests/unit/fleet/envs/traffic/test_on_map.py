@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,7 @@ def test_it_is_a_pettingzoo_environment() -> None:
     assert by_name.possible_agents == ["car_0", "car_1"]
 
 
-@pytest.mark.parametrize("policy", ["pibt", "shortest_way", "random", "multi_step_pibt"])
+@pytest.mark.parametrize("policy", ["pibt", "shortest_way", "random"])
 def test_robots_step_to_neighbouring_cells_and_never_share_one(policy: str) -> None:
     env, mind = env_of(*ROOMS), make_policy("traffic", policy)
     observations, _ = env.reset(seed=1)
@@ -127,7 +128,17 @@ def test_goals_do_not_depend_on_when_robots_arrive() -> None:
     assert max(map(len, goals[1])) > 1
 
 
-def test_only_the_largest_part_is_used_and_marks_are_kept(tmp_path: Path) -> None:
+def test_robots_stay_in_their_part_of_the_map() -> None:
+    env, mind = env_of("..#.", "####", "....", n_cars=5, max_cycles=40), make_policy("traffic", "pibt")
+    observations, _ = env.reset(seed=0)
+    assert env.place.graph.n_states == 6, "nobody begins in a part of one cell"
+    while env.agents:
+        rows = env.place.graph.state_cell[env.view.state] // 4, env.place.graph.state_cell[env.view.goal] // 4
+        assert np.array_equal(*rows)
+        observations, *_ = env.step(mind.act(env, observations))
+
+
+def test_marks_say_where_robots_begin_and_where_they_are_sent(tmp_path: Path) -> None:
     (tmp_path / "maps.yaml").write_text("a: |-\n  $$.#.\n  @@.#.\n  ...#.\n")
     env = traffic_v1.parallel_env(map=f"{tmp_path}/maps.yaml", n_cars=2, max_cycles=40)
     mind = make_policy("traffic", "pibt")
@@ -157,17 +168,22 @@ def test_wrong_maps_are_refused(tmp_path: Path) -> None:
         traffic_v1.parallel_env(maps="x")
     with pytest.raises(PogemaError, match="cannot be read"):
         traffic_v1.parallel_env(map=tmp_path / "nothing.yaml")
-    with pytest.raises(ConfigError, match=f"10000 connected cells.; valid: at most {MOST_CELLS}"):
+    with pytest.raises(ConfigError, match=f"10000 free cells.; valid: at most {MOST_CELLS}"):
         traffic_v1.parallel_env(map=GridMap(np.ones((100, 100), dtype=np.bool_)), n_cars=2)
+    with pytest.raises(ConfigError, match="a map with two goals"):
+        env_of(".#.", n_cars=1)
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason=f"no published maps in {SHARED}")
 def test_pibt_s_throughput_is_what_is_known_of_the_published_maps() -> None:
-    throughputs = []
-    for number in range(0, 128, 32):
-        word = f"{SHARED}/01-random/maps.yaml:validation-random-seed-{number:03}"
-        env = traffic_v1.parallel_env(map=word, n_cars=32, max_cycles=256)
+    told = json.loads((SHARED / "01-random" / "RHCR.json").read_text())
+    published = {one["env_grid_search"]["map_name"]: one for one in told if one["env_grid_search"]["num_agents"] == 32}
+    ours, theirs = 0.0, 0.0
+    for number in (24, 40, 72, 120):  # of one part each, where it does not matter in which a robot begins
+        name = f"validation-random-seed-{number:03}"
+        env = traffic_v1.parallel_env(map=f"{SHARED}/01-random/maps.yaml:{name}", n_cars=32, max_cycles=256)
         played(env, make_policy("traffic", "pibt"), 0)
-        throughputs.append(env.n_delivered / 256)
-    # 2.108 over 16 of the maps, with a generator of starts and goals of its own
-    assert 1.9 < np.mean(throughputs) < 2.3
+        ours += env.n_delivered / 256
+        theirs += published[name]["metrics"]["avg_throughput"]
+    # Of 16 maps PIBT comes to 2.108 where RHCR comes to 2.329.
+    assert 0.85 < ours / theirs < 0.97
