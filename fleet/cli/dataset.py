@@ -28,10 +28,14 @@ class DatasetCommand:
     """Episodes to play."""
     seed: int = 0
     """Seed of the first episode; the others follow."""
+    minari: str | None = None
+    """Also make a data set of Minari with this name, such as fleet/reach/script-v0; for single robots."""
 
     def run(self) -> int:
         """Play and write; returns the exit status."""
         # The environments take a second to load: only for runs, not for --help.
+        from fleet.evaluation.dataset.minari_export import require_minari, write_minari
+        from fleet.evaluation.dataset.reading import read_dataset
         from fleet.evaluation.dataset.writing import write_dataset
         from fleet.evaluation.players import player_named
         from fleet.evaluation.scenarios import MOST_EPISODES, scenario_named
@@ -41,6 +45,8 @@ class DatasetCommand:
         episodes_ok = 1 <= self.episodes <= MOST_EPISODES
         require(episodes_ok, "--episodes", self.episodes, f"an integer from 1 to {MOST_EPISODES}")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        if self.minari is not None:
+            require_minari(self.scenario, self.minari)
         player = player_named(self.policy or scenario.reference, scenario)
         seeds = range(self.seed, self.seed + self.episodes)
         n_played = 0
@@ -53,5 +59,7 @@ class DatasetCommand:
                     bar.show(n_played, self.scenario, f"{n_played} of {self.episodes} episodes")
 
             write_dataset(self.out, self.scenario, self.split, player, seeds, progress)
+            if self.minari is not None:
+                write_minari(read_dataset(self.out), self.minari)
             bar.say(f"data set: {self.out}, {self.episodes} episodes of {player.name}")
         return DONE

@@ -56,9 +56,9 @@ class Evaluate:
             require(self.policy is None, "--policy", self.policy, "one with --scenario")
             _console().print(_list())
             return DONE
-        path = self.json if self.table is None else self.json or self.table.with_suffix(".json")
-        for file in filter(None, (path, self.table)):
+        for file in filter(None, (self.json, self.table)):
             require_writable(file)
+        path = self.json if self.table is None else self.json or self.table.with_suffix(".json")
         results = ResultsFile(path)
         turns = [turn for name in ([self.scenario] if self.scenario else SCENARIOS) for turn in self._turns(name)]
         self._play(results, turns)

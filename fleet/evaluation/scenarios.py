@@ -23,8 +23,6 @@ from fleet.training.recipes import RECIPES
 
 FIRST_SEED = 2_000_000_000
 """Seed of the first episode of every split."""
-N_EPISODES = 50
-"""Episodes of a split."""
 MOST_EPISODES = 10_000
 SPLITS = {
     "train": "sites and team sizes to train on",
@@ -163,6 +161,20 @@ SCENARIOS: dict[str, Scenario] = {
             "teams": _cases(("small", 3), ("small", 12), ("medium", 32)),
         },
     ),
+    "dispatch_waves": Scenario(
+        summary="cars choose their tasks; orders come in waves, most from few stations, and more than can be done",
+        env="dispatch_v0",
+        arguments={"load": 1.4, "stream": {"kind": "skewed_waves"}},
+        headline="on_time",
+        beside=("tardiness", "delivered"),
+        reference="apparent_tardiness",
+        baselines=_DISPATCH_RULES,
+        splits={
+            "train": _cases(("medium", 16)),
+            "sites": _cases(("small", 6), ("dense", 12), (_ODD, 12)),
+            "teams": _cases(("medium", 8), ("medium", 32)),
+        },
+    ),
     "traffic_dense": Scenario(
         summary="cars choose their lane moves on a crowded floor",
         env="traffic_v1",
@@ -212,6 +224,16 @@ SCENARIOS: dict[str, Scenario] = {
         reference="classical",
         baselines=("random",),
         splits={"train": _cases(("cell", 2)), "teams": _cases(("cell", 1), ("cell", 3))},
+    ),
+    "car": Scenario(
+        summary="one car drives to places among cars that a script drives, in physics",
+        env="car",
+        arguments={"fidelity": "physics"},
+        headline="places",
+        beside=("touches", "towed"),
+        reference="script",
+        baselines=("random",),
+        splits={"train": (Case(site="small"),), "sites": (Case(site="medium"),)},
     ),
     "reach": Scenario(
         summary="a Kuka brings the tip of its tool to a point, in physics",

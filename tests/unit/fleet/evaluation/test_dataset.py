@@ -11,6 +11,7 @@ import pytest
 
 from fleet.evaluation.dataset import writing
 from fleet.evaluation.dataset.layout import ABOUT, STEPS
+from fleet.evaluation.dataset.minari_export import require_minari, write_minari
 from fleet.evaluation.dataset.reading import read_dataset
 from fleet.evaluation.dataset.writing import write_dataset
 from fleet.evaluation.errors import DatasetError
@@ -149,3 +150,26 @@ def test_data_sets_of_other_kinds_are_refused(tmp_path: Path) -> None:
     (folder / STEPS).write_bytes((folder / STEPS).read_bytes()[:-20])
     with pytest.raises(DatasetError, match="valid: a folder"):
         read_dataset(folder)
+
+
+def test_a_data_set_of_a_single_robot_becomes_one_of_minari(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    minari = pytest.importorskip("minari", reason="minari is not installed (extra minari)")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    require_minari("toy_arm", "fleet/toy/script-v0")
+    dataset = read_dataset(written(tmp_path / "data", "toy_arm"))
+    write_minari(dataset, "fleet/toy/script-v0")
+    episodes = list(minari.load_dataset("fleet/toy/script-v0").iterate_episodes())
+    arm = dataset.types["arm"]
+    assert np.array_equal(np.concatenate([one.observations[:-1] for one in episodes]), arm.rows)
+    assert np.array_equal(np.concatenate([one.observations[1:] for one in episodes]), arm.next_rows)
+    assert np.array_equal(np.concatenate([one.actions for one in episodes]), arm.actions)
+    with pytest.raises(DatasetError, match="is there already"):
+        require_minari("toy_arm", "fleet/toy/script-v0")
+    with pytest.raises(DatasetError, match="is one of a team"):
+        require_minari("toy", "fleet/toy/script-v1")
+
+
+def test_without_minari_it_is_said_before_anything_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(DatasetError, match=r"valid: pip install '\.\[minari\]'"):
+        require_minari("toy_arm", "fleet/toy/script-v0")
