@@ -30,7 +30,7 @@ def play_episode(env: Any, player: Player, seed: int, on_step: OnStep | None = N
         What the episode came to, and the time of the processor that the policy took for it [s].
 
     Raises:
-        PolicyError: The policy failed, or acted for nobody.
+        PolicyError: The policy failed, or gave no dictionary.
     """
     observations, _ = env.reset(seed=seed)
     policy, tally, cpu_s = player.make(seed), EpisodeTally(env=env), 0.0
