@@ -90,9 +90,7 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
     def drawn(self, seed: int) -> tuple[tuple[Delivery, ...], int]:
         """What chance brings in the episode of a seed: its orders, ascending in release, and the seed of its fleet."""
         of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
-        rng = np.random.default_rng(of_orders)
-        load, stream = float(self.config.load), self.config.order_stream
-        orders = episode_orders(self.place, self._n_cars, load, self._duration_s, rng, stream)
+        orders = self._orders(np.random.default_rng(of_orders), self._duration_s)
         return orders, int(of_fleet.generate_state(1)[0])
 
     @property
@@ -163,6 +161,11 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
             self._pictures.begin()
         none = np.zeros(self._n_cars, dtype=np.bool_)
         return self._infos(np.zeros((self._n_cars, self._n_terms)), none, none)
+
+    def _orders(self, rng: np.random.Generator, duration_s: float) -> tuple[Delivery, ...]:
+        """Orders of an episode, ascending in release."""
+        load, stream = float(self.config.load), self.config.order_stream
+        return episode_orders(self.place, self._n_cars, load, duration_s, rng, stream)
 
     def _resolved(self, actions: Mapping[str, Any]) -> Int64Array:
         return whole_numbers(actions, self.possible_agents)

@@ -65,7 +65,7 @@ from fleet.config import Fidelity, require
 from fleet.config.field_checks import is_number
 from fleet.envs.core.base import Infos, in_order, turn_based
 from fleet.envs.core.weights import check_weights
-from fleet.envs.grid.fleet import N_KINDS, TIMESTEP_S
+from fleet.envs.grid.fleet import N_KINDS, TIMESTEP_S, FleetSite
 from fleet.envs.grid.kernel import NONE, Ints
 from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
 from fleet.envs.layers.layer_config import LayerConfig
@@ -130,6 +130,11 @@ class TrafficEnvConfig(LayerConfig):
         """Simulated time of a step [s]."""
         return TIMESTEP_S
 
+    @property
+    def floor(self) -> FleetSite:
+        """Site, lane graph and distances."""
+        return place_of(self.site)
+
 
 class TrafficEnv(LayerEnv[TrafficView]):
     """A fleet whose cars choose their moves; see the module's description.
@@ -142,7 +147,7 @@ class TrafficEnv(LayerEnv[TrafficView]):
     fleet: TrafficFleet | None
 
     def __init__(self, config: TrafficEnvConfig) -> None:
-        place = place_of(config.site)
+        place = config.floor
         super().__init__(config, place, n_terms=len(TERMS), n_numbers=N_ROW_NUMBERS, n_actions=1 + N_KINDS)
         self.n_waits = 0
         """Timesteps of cars that stood although they wished to move, of the episode."""

@@ -34,8 +34,20 @@ DOCK = Recipe(
     # A dock counts as one: the figure is the share of episodes.
     arguments={"level": "dock", "weights": {"docked": 1.0, "time": -0.02}},
     stages=(
-        TrainingStage(name="wide", arguments={"stop_m": 0.3, "stop_rad": 0.4}, longest=0.3, figure="docked", reached=0.95),
-        TrainingStage(name="half", arguments={"stop_m": 0.12, "stop_rad": 0.2}, longest=0.3, figure="docked", reached=0.95),
+        TrainingStage(
+            name="wide",
+            arguments={"stop_m": 0.3, "stop_rad": 0.4},
+            longest=0.3,
+            figure="docked",
+            reached=0.95,
+        ),
+        TrainingStage(
+            name="half",
+            arguments={"stop_m": 0.12, "stop_rad": 0.2},
+            longest=0.3,
+            figure="docked",
+            reached=0.95,
+        ),
         TrainingStage(name="true"),
     ),
 )
