@@ -1,0 +1,64 @@
+"""Decisions: how much of what a part decided was the policy's, and why the classical part decided the rest."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(kw_only=True)
+class Decisions:
+    """What one part had to decide in a run, counted robot by robot."""
+
+    policy: str
+    """Who decides, as it was named."""
+    made_n: int = 0
+    """Decisions in which there was something to choose."""
+    policy_n: int = 0
+    """Those that were the policy's, and legal."""
+    granted_n: int = 0
+    """Those of the policy's that were carried out as they were meant; the others had to wait for another robot."""
+    fallback_n: Counter[str] = field(default_factory=Counter)
+    """Those that the classical part took instead, by reason."""
+
+    @property
+    def policy_share(self) -> float | None:
+        """Share of the decisions that were the policy's; None if there was none."""
+        return self.policy_n / self.made_n if self.made_n else None
+
+    def fall_back(self, reason: str, n: int = 1) -> None:
+        """Count decisions that were not the policy's."""
+        self.made_n += n
+        self.fallback_n[reason] += n
+
+    def decide(self, n: int, granted: int) -> None:
+        """Count legal decisions of the policy, and how many of them were carried out."""
+        self.made_n += n
+        self.policy_n += n
+        self.granted_n += granted
+
+    def told(self) -> dict[str, Any]:
+        """All figures, as they go into a file."""
+        share = self.policy_share
+        return {**dataclasses.asdict(self), "policy_share": None if share is None else round(share, 6)}
+
+    def words(self) -> str:
+        """All figures on one line."""
+        if not self.made_n:
+            return f"{self.policy}: none"
+        text = f"{self.policy}: {self.policy_n / self.made_n:.1%} of {self.made_n}"
+        why = ", ".join(f"{n} {reason}" for reason, n in sorted(self.fallback_n.items()))
+        return f"{text}; fallback: {why}" if why else text
+
+
+def write_decisions(path: Path, decisions: Mapping[str, Decisions]) -> None:
+    """Write the figures of all layers, whole or not at all."""
+    part = path.with_name(f".{path.name}.part")
+    told = {layer: one.told() for layer, one in decisions.items()}
+    part.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+    part.replace(path)
