@@ -47,14 +47,6 @@ class Decisions:
         share = self.policy_share
         return {**dataclasses.asdict(self), "policy_share": None if share is None else round(share, 6)}
 
-    def words(self) -> str:
-        """All figures on one line."""
-        if not self.made_n:
-            return f"{self.policy}: none"
-        text = f"{self.policy}: {self.policy_n / self.made_n:.1%} of {self.made_n}"
-        why = ", ".join(f"{n} {reason}" for reason, n in sorted(self.fallback_n.items()))
-        return f"{text}; fallback: {why}" if why else text
-
 
 def write_decisions(path: Path, decisions: Mapping[str, Decisions]) -> None:
     """Write the figures of all layers, whole or not at all."""

@@ -12,8 +12,8 @@ from fleet.dispatch.situation import Situation
 from fleet.envs.dispatch.env import DispatchConfig, DispatchEnv
 from fleet.envs.dispatch.simulation import AgentAllocation, SimulatedDispatch
 from fleet.envs.grid.fleet import FleetSite
-from fleet.envs.policies import Policy, make_policy
-from fleet.play.decisions import Decisions
+from fleet.envs.policies import make_policy
+from fleet.play.policies import PlayedPolicy
 from fleet.simulation import Simulation
 from fleet.tasks.order import Delivery
 
@@ -79,20 +79,21 @@ class DispatchPlayer:
 
     Args:
         simulation: The run, before its first tick; its allocation is a `PolicyAllocation`.
-        policy: Decides.
-        settings: Settings of `DispatchConfig` that the policy knows the fleet by, such as `candidates_n`.
-        decisions: Counts.
+        played: Decides.
+
+    Raises:
+        ConfigError: It knows the fleet by a setting that there is not.
+        TrainingError: It has learned to see or do something else.
     """
 
-    def __init__(
-        self, simulation: Simulation, policy: Policy, settings: Mapping[str, Any], decisions: Decisions
-    ) -> None:
-        config = dispatch_config(simulation, settings)
+    def __init__(self, simulation: Simulation, played: PlayedPolicy) -> None:
+        config = dispatch_config(simulation, played.settings)
         self._simulation = simulation
-        self._policy = policy
+        self._policy = played.policy
         self._classical = make_policy("dispatch", CLASSICAL)
-        self._decisions = decisions
+        self._decisions = played.decisions
         self._env = _Env(config, simulation)
+        played.require_fits(self._env)
         self._env.reset(seed=simulation.config.seed)
         self._since_s = np.full(config.n_cars, np.inf)  # when each car was first offered what it has not taken
         allocation = simulation.view.assignments.allocation
@@ -125,6 +126,8 @@ class DispatchPlayer:
         if illegal:
             self._decisions.fall_back("illegal", illegal)
         lost = sum(bool(infos[agent]["waits"]) for agent in own)
+        if lost:
+            self._simulation.missions.changed = True  # who did not get its task is asked again soon
         self._decisions.decide(len(own) - illegal, len(own) - illegal - lost)
 
 
@@ -135,13 +138,7 @@ def dispatch_config(simulation: Simulation, settings: Mapping[str, Any]) -> Disp
         ConfigError: A setting is unknown, or outside its valid range.
     """
     config = simulation.config
-    return DispatchConfig.of(
-        {
-            **settings,
-            "site": config.site,
-            "n_cars": config.robots,
-            "fidelity": str(config.fidelity),
-            # An episode is as long as the run, which tells the policy how much is left.
-            "max_cycles": max(1, round(config.duration_s / float(settings.get("decision_s", DispatchConfig.decision_s)))),
-        }
-    )
+    decision_s = float(settings.get("decision_s", DispatchConfig.decision_s))
+    of_run = {"site": config.site, "n_cars": config.robots, "fidelity": str(config.fidelity)}
+    # An episode is as long as the run, which tells the policy how much is left.
+    return DispatchConfig.of({**settings, **of_run, "max_cycles": max(1, round(config.duration_s / decision_s))})

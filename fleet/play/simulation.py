@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from fleet.assembly import Parts
+from fleet.assembly import Parts, usual_driver
 from fleet.config import RunConfig
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.play.dispatch import DispatchPlayer, PolicyAllocation
+from fleet.play.docking import DockingPlayer, docking_driver
 from fleet.play.policies import PlayedPolicy
 from fleet.play.traffic import PolicyTraffic, TrafficPlayer
 from fleet.run.events import Event
@@ -30,11 +31,12 @@ class PlayedSimulation(Simulation):
 
     Args:
         config: Everything that decides the outcome.
-        policies: Who decides, by layer: `dispatch`, `traffic`.
+        policies: Who decides, by part: a name in `PLAYERS`.
         on_event: Called with every event as it happens.
 
     Raises:
         ConfigError: See `Simulation`; or a policy knows the fleet by a setting that there is not.
+        TrainingError: A policy has learned to see or do something else.
     """
 
     def __init__(
@@ -47,11 +49,12 @@ class PlayedSimulation(Simulation):
         parts = Parts(
             traffic=PolicyTraffic if "traffic" in policies else Traffic,
             allocation=PolicyAllocation if "dispatch" in policies else TaskAllocation,
+            driver=docking_driver if "docking" in policies else usual_driver,
         )
+        self.n_cars, self.n_arms = config.robots, 0
+        """Robots that observers of the warehouse layer look at."""
         super().__init__(config, on_event=on_event, parts=parts)
-        self._players: list[Player] = [
-            PLAYERS[layer](self, one.policy, one.settings, one.decisions) for layer, one in policies.items()
-        ]
+        self._players: list[Player] = [PLAYERS[part](self, played) for part, played in policies.items()]
 
     def tick(self, actions: Actions | None = None) -> None:
         """See `Simulation`."""
@@ -61,5 +64,9 @@ class PlayedSimulation(Simulation):
         super().tick(actions)
 
 
-PLAYERS: dict[str, Callable[..., Player]] = {"dispatch": DispatchPlayer, "traffic": TrafficPlayer}
-"""Who plays each layer."""
+PLAYERS: dict[str, Callable[[Simulation, PlayedPolicy], Player]] = {
+    "dispatch": DispatchPlayer,
+    "traffic": TrafficPlayer,
+    "docking": DockingPlayer,
+}
+"""Who plays each part."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import NONE
-from fleet.envs.policies import Policy, make_policy
+from fleet.envs.policies import make_policy
 from fleet.envs.traffic.env import TrafficEnv, TrafficEnvConfig
 from fleet.envs.traffic.simulation import AgentTraffic, SimulatedTraffic, TrafficSimulation
-from fleet.play.decisions import Decisions
+from fleet.play.policies import PlayedPolicy
 from fleet.simulation import Simulation
 from fleet.tasks.order import Delivery
 
@@ -77,20 +77,21 @@ class TrafficPlayer:
 
     Args:
         simulation: The run, before its first tick; its traffic is a `PolicyTraffic`.
-        policy: Decides.
-        settings: Settings of `TrafficEnvConfig` that the policy knows the fleet by.
-        decisions: Counts.
+        played: Decides.
+
+    Raises:
+        ConfigError: It knows the fleet by a setting that there is not.
+        TrainingError: It has learned to see or do something else.
     """
 
-    def __init__(
-        self, simulation: Simulation, policy: Policy, settings: Mapping[str, Any], decisions: Decisions
-    ) -> None:
+    def __init__(self, simulation: Simulation, played: PlayedPolicy) -> None:
         run = cast(TrafficSimulation, simulation)
         self._simulation = run
-        self._policy = policy
+        self._policy = played.policy
         self._classical = make_policy("traffic", CLASSICAL, simulation.config.seed)
-        self._decisions = decisions
-        self._env = _Env(traffic_config(simulation, settings), run)
+        self._decisions = played.decisions
+        self._env = _Env(traffic_config(simulation, played.settings), run)
+        played.require_fits(self._env)
         self._env.reset(seed=simulation.config.seed)
         self._period = round(TIMESTEP_S / simulation.tick_s)
         self._goals = run.traffic.goals.copy()
@@ -104,10 +105,8 @@ class TrafficPlayer:
             return
         env, now_s = self._env, self._simulation.sim_s
         seen = env.look()
-        goes = env.view.priority >= 0.0
-        choosing = [
-            agent for agent, go in zip(env.possible_agents, goes, strict=True) if go and seen[agent]["action_mask"][1:].any()
-        ]
+        cars = zip(env.possible_agents, env.view.priority >= 0.0, strict=True)
+        choosing = [agent for agent, goes in cars if goes and seen[agent]["action_mask"][1:].any()]
         if self._has_progress() or not choosing:
             self._progress_s = now_s
         elif now_s - self._progress_s > STALL_S:
