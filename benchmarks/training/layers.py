@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.harness import Kind, Row, Trial
 from fleet.charts.chart import Series, draw
 from fleet.charts.statistics import Estimate, estimate
-from fleet.envs import dispatch_v0, traffic_v0
+from fleet.envs import dispatch_v0, traffic_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
 from fleet.envs.layers.layer import LayerEnv
@@ -41,12 +41,12 @@ def measure_grid(trial: Trial) -> Iterator[Row]:
     """Agent steps per second of CPU time, resets included; the fastest of several rounds."""
     n_rounds = 3 if trial.quick else 7
     for n_cars, site in _floors():
-        env = traffic_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=N_CYCLES)
+        env = traffic_v1.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=N_CYCLES)
         _check_traffic(trial, env)
         rate = max(_rate(env, seed) for seed in range(n_rounds))
         target = TARGET if n_cars >= 256 else ""
         yield Row(
-            name=f"traffic_v0, {n_cars} cars, {site.name}",
+            name=f"traffic_v1, {n_cars} cars, {site.name}",
             value=rate,
             unit="agent steps/s",
             kind=Kind.RATE,

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from scipy.special import ndtri
-
-from fleet.charts.statistics import CONFIDENCE
 from fleet.envs.policies.policy import Random
 from fleet.training.evaluation import evaluate
+from fleet.training.intervals import share
 from fleet.training.recipes import RECIPES
 from fleet.training.results import (
     CONFIG,
@@ -42,7 +39,7 @@ def play_transfer(recipe: str, out: Path) -> Path:
         Folder with the episodes and the findings.
     """
     # PyTorch is an extra.
-    from fleet.training.ppo.trainer import load_policy
+    from fleet.training.ppo.policy import load_policy
 
     folder = out / TRANSFERS[recipe]
     if (folder / EVALUATION).exists():
@@ -87,23 +84,6 @@ def write_shares(path: Path, folders: Mapping[tuple[str, str], Sequence[Path]], 
         table.writerow(["trained_from", "fidelity", "policy", "episodes", "success", "low", "high"])
         for (trained, fidelity), played in folders.items():
             for policy, (won, n) in successes(played, figure).items():
-                low, high = share(won, n)
-                table.writerow([trained, fidelity, policy, n, *(f"{x:.4f}" for x in (won / n, low, high))])
-
-
-def share(n_successes: int, n: int) -> tuple[float, float]:
-    """Interval in which the true share of successes lies; honest also where all of them succeeded.
-
-    Args:
-        n_successes: Successes, from 0 to `n`.
-        n: Independent trials, >= 1.
-
-    Returns:
-        Lower and upper end, within [0, 1].
-
-    Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22(158), 1927.
-    """
-    square = float(ndtri(0.5 + CONFIDENCE / 2.0)) ** 2
-    middle = (n_successes + square / 2.0) / (n + square)
-    half = math.sqrt(square * (n_successes * (n - n_successes) / n + square / 4.0)) / (n + square)
-    return max(0.0, middle - half), min(1.0, middle + half)
+                found = share(won, n)
+                figures = (found.mean, found.low, found.high)
+                table.writerow([trained, fidelity, policy, n, *(f"{x:.4f}" for x in figures)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ from fleet.terminal.progress_bar import Bar
 from fleet.training.errors import TrainingError
 
 if TYPE_CHECKING:
+    from fleet.envs.policies.policy import Policy
+    from fleet.training.ppo.trainer import Trainer
     from fleet.training.recipes import Recipe
     from fleet.training.settings import TrainConfig
 
@@ -44,6 +47,8 @@ class Train:
     """How robots are moved, of those that the environment knows; default its own."""
     config: Path | None = None
     """TOML file with steps_n, checkpoint_n, tables [ppo] (settings of the algorithm) and [env] (its arguments)."""
+    demonstrations: Path | None = None
+    """File of what a teacher did, which is cloned first."""
     episodes: int = 20
     """Episodes that each policy plays in the evaluation."""
     out: Path = Path("runs/train")
@@ -63,7 +68,7 @@ class Train:
             raise TrainingError(f"training needs PyTorch, which is not installed; valid: {EXTRA}")
         recipe = RECIPES[self.env]
         config = self._config(recipe)
-        recipe.check(config.arguments)
+        recipe.survey(config.arguments, config.held)
         prepare_folder(self.out, resume=self.resume)
         return self._train(config, recipe)
 
@@ -71,14 +76,19 @@ class Train:
         from fleet.training.settings import TrainConfig, read_settings
 
         told: dict[str, Any] = read_settings(self.config) if self.config is not None else {}
-        arguments = {**recipe.arguments, **told.pop("env", {})}
+        asked = told.pop("env", {})
         if self.fidelity is not None:
-            arguments["fidelity"] = self.fidelity
+            asked["fidelity"] = self.fidelity
+        arguments = {**recipe.arguments, **asked}
         ppo = dataclasses.replace(recipe.ppo, **told.pop("ppo", {}))
         settings = {"steps_n": recipe.n_steps, **told}
         if self.steps is not None:
             settings["steps_n"] = self.steps
-        return TrainConfig(env=self.env, seed=self.seed, arguments=arguments, ppo=ppo, **settings)
+        if self.demonstrations is not None:
+            settings["demonstrations"] = str(self.demonstrations)
+        return TrainConfig(
+            env=self.env, seed=self.seed, arguments=arguments, held=tuple(sorted(asked)), ppo=ppo, **settings
+        )
 
     def _train(self, config: TrainConfig, recipe: Recipe) -> int:
         from fleet.recording.rerun_stream.curves import write_curves
@@ -87,17 +97,20 @@ class Train:
 
         chief = recipe.figures[0]
         trainer = Trainer(config, self.out, resume=self.resume)
-        write_config(self.out, config)  # not before the trainer has agreed to go on from what is there
+        write_config(self.out, config, recipe.stages)  # not before the trainer has agreed to go on from what is there
         curves = _tensorboard(self.out, trainer.rows)
         try:
-            with interrupts() as interrupted, Bar(trainer.n_updates, "updates", shown=True) as bar:
+            with interrupts() as interrupted, Bar(config.steps_n, "steps", shown=True) as bar:
 
                 def progress(row: Mapping[str, float]) -> None:
                     curves(row)
                     if bar.due():
-                        steps, done = int(row["steps"]), int(row["update"])
-                        figure = f"{chief} {row[chief]:.3g}" if row["episodes"] else "no episode ended"
-                        bar.show(done, figure, f"{steps} of {config.steps_n} steps, {figure}")
+                        steps = int(row["steps"])
+                        known = not math.isnan(row[chief])
+                        figure = f"{chief} {row[chief]:.3g}" if known else "no episode has ended yet"
+                        if len(recipe.stages) > 1:
+                            figure = f"{recipe.stages[int(row['stage']) - 1].name}: {figure}"
+                        bar.show(min(steps, config.steps_n), figure, f"{steps} of {config.steps_n} steps, {figure}")
 
                 complete = trainer.run(progress, interrupted)
         finally:
@@ -113,9 +126,9 @@ class Train:
             return INTERRUPTED
         write_progress(self.out, trainer.rows, chief)
         write_curves(self.out / RECORDING, f"{config.env}, seed {config.seed}", trainer.rows)
-        return self._evaluate(config, recipe, trainer.policy(), trainer.cpu_s, console)
+        return self._evaluate(config, recipe, trainer, console)
 
-    def _evaluate(self, config: TrainConfig, recipe: Recipe, learned: Any, cpu_s: float, console: Console) -> int:
+    def _evaluate(self, config: TrainConfig, recipe: Recipe, trainer: Trainer, console: Console) -> int:
         import numpy as np
 
         from fleet.envs.policies.policy import Random
@@ -124,7 +137,11 @@ class Train:
 
         sequence = np.random.SeedSequence([config.seed, _EVALUATION])
         seeds = [int(seed) for seed in sequence.generate_state(self.episodes) // 2]
-        policies = {LEARNED: learned, SCRIPTED: recipe.scripted(), RANDOM: Random(config.seed)}
+        ways = {LEARNED if k == 0 else f"{LEARNED}, {way}": way for k, way in enumerate(recipe.plays)}
+        policies: dict[str, Policy] = {
+            name: trainer.policy(config.seed if way == "drawn" else None) for name, way in ways.items()
+        }
+        policies |= {SCRIPTED: recipe.scripted(), RANDOM: Random(config.seed)}
         total = len(policies) * len(seeds)
         with Bar(total, "episodes", shown=True) as bar:
 
@@ -133,9 +150,9 @@ class Train:
                     bar.show(done, "evaluation", f"{done} of {total} episodes of the evaluation")
 
             scores = evaluate(recipe, config.arguments, policies, seeds, progress)
-        found = findings(scores, recipe.figures)
+        found = findings(scores, (*recipe.figures, *recipe.at_end))
         write_episodes(self.out, scores, seeds)
-        write_evaluation(self.out, found, cpu_s=cpu_s)
+        write_evaluation(self.out, found, cpu_s=trainer.cpu_s)
         console.print(_table(config, recipe, found))
         console.print(f"results: {self.out}", soft_wrap=True)
         return DONE
@@ -143,8 +160,6 @@ class Train:
 
 def _tensorboard(folder: Path, before: list[dict[str, float]]) -> Any:
     """What writes a row of figures for TensorBoard; does nothing where it is not installed."""
-    import math
-
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
@@ -167,7 +182,7 @@ def _console() -> Console:
 def _table(config: TrainConfig, recipe: Recipe, found: Mapping[str, Any]) -> Table:
     table = Table(title=f"{config.env}, seed {config.seed}: mean of {found['episodes']} episodes [95 % interval]")
     table.add_column("policy")
-    names = (*recipe.figures, "return")
+    names = (*recipe.figures, *recipe.at_end, "return")
     for name in names:
         table.add_column(name, justify="right")
     for policy, figures in found["policies"].items():

@@ -7,16 +7,18 @@ import gymnasium
 from pettingzoo import register
 
 ENVIRONMENTS = {
-    "warehouse": 1200,
-    "dispatch": 240,
-    "traffic": 500,
-    "navigate": 600,
+    "warehouse_v0": 1200,
+    "dispatch_v0": 240,
+    "traffic_v1": 500,
+    "navigate_v0": 600,
 }
-"""Longest episode of each environment, by name; `NAME_v0.py` has its `parallel_env` and its `env`."""
+"""Longest episode of each environment, by module, which has its `parallel_env` and its `env`."""
+REPLACED = {"traffic_v0": 500}
+"""The same of versions that another one has replaced: to make one is refused, and the message names the new one."""
 
-for _name, _max_cycles in ENVIRONMENTS.items():
+for _module, _max_cycles in (ENVIRONMENTS | REPLACED).items():
     for _interface, _maker in (("parallel", "parallel_env"), ("aec", "env")):
-        _entry_point = f"fleet.envs.{_name}_v0:{_maker}"
-        register(_interface, f"fleet/{_name}-v0", entry_point=_entry_point, max_cycles=_max_cycles)
+        _name = f"fleet/{_module.replace('_', '-')}"
+        register(_interface, _name, entry_point=f"fleet.envs.{_module}:{_maker}", max_cycles=_max_cycles)
 gymnasium.register("fleet/KukaReach-v0", entry_point="fleet.envs.kuka_reach:KukaReachEnv")
 gymnasium.register("fleet/CarNavigate-v0", entry_point="fleet.envs.navigate.car_navigate:CarNavigateEnv")

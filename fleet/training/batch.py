@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box, Dict, Discrete, Space
 
+from fleet.envs.policies.policy import Policy
 from fleet.training.errors import TrainingError
+from fleet.training.layout import Layout
 
 Floats = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]
@@ -22,44 +24,39 @@ def type_of(agent: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChoiceLayout:
-    """How an observation is made up of which one among alike things is chosen: action 0 is none, k the k-th of them.
-
-    None is chosen only where nothing is on offer: to wait costs nothing at once, which is easily mistaken for good.
-    """
-
-    n_own: int
-    """Numbers that come first and are not about one of them."""
-    n_each: int
-    """Numbers about each; zeros are a thing that is not there. What follows is about none of them again."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class AgentType:
     """Agents that share a network: all see and do the same kind of thing."""
 
     name: str
-    agents: tuple[str, ...]
     n_observed: int
     action: Box | Discrete
     masked: bool
     """Whether observations carry an `action_mask`."""
-    choice: ChoiceLayout | None = None
-    """Set if actions are a choice among things that observations describe one after the other."""
+    layout: Layout = Layout()  # noqa: RUF009 - frozen
+    """How observations are made up, with all sizes known."""
 
 
 @dataclass(kw_only=True)
 class TypeView:
-    """What the agents of one type see now, one row per agent, environment after environment."""
+    """What the agents of one type see now: n rows, one per possible agent, environment after environment."""
 
     rows: Floats
-    """Observations, shape (n_envs * n_agents, n_observed)."""
+    """Observations, shape (n, n_observed)."""
     mask: Bools | None
-    """Legal actions, shape (n_envs * n_agents, n_actions); None without masks."""
+    """Legal actions, shape (n, n_actions); None without masks."""
+    active: Bools
+    """Which agents there are now, shape (n,); the numbers of the others mean nothing."""
+    state: Floats | None = None
+    """`state()` of each agent's environment, filled up with zeros, shape (n, n_state); None if nobody asks for it."""
 
     def copy(self) -> TypeView:
         """A copy that later steps do not change."""
-        return TypeView(rows=self.rows.copy(), mask=None if self.mask is None else self.mask.copy())
+        return TypeView(
+            rows=self.rows.copy(),
+            mask=None if self.mask is None else self.mask.copy(),
+            active=self.active.copy(),
+            state=None if self.state is None else self.state.copy(),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,158 +72,284 @@ class EpisodeFigures:
 
 @dataclass(kw_only=True)
 class BatchStep:
-    """What one step of all environments brought."""
+    """What one step of all environments brought; arrays by type, one entry per row of its view, shape (n,)."""
 
     rewards: dict[str, Floats]
-    """By type, shape (n_envs * n_agents,)."""
-    ended: Bools
-    """Environments whose episode ended, shape (n_envs,)."""
-    truncated: Bools
-    """Those of them that ran out of time, shape (n_envs,)."""
+    ended: dict[str, Bools]
+    """Agents whose episode ended."""
+    truncated: dict[str, Bools]
+    """Those of them that ran out of time."""
     last: dict[str, TypeView]
-    """What agents saw at the end of truncated episodes, by type; other rows mean nothing. Empty if there is none."""
+    """What truncated agents saw at the end; other rows mean nothing. Empty if there is none."""
     episodes: list[EpisodeFigures] = field(default_factory=list)
+    """Episodes that ended as the environment ends them."""
 
 
-class EnvBatch:
-    """Steps several environments.
+class Batch(Protocol):
+    """Environments that are stepped side by side, whatever they are made of."""
 
-    Args:
-        envs: Environments of the same agents; they are closed with the batch.
-        figures: Names in `infos` whose sums over an episode are wanted.
-        choice: How observations with a mask are made up, if they are.
-
-    Raises:
-        TrainingError: A space is of a kind that cannot be learned on.
-    """
-
-    def __init__(self, envs: Sequence[Any], figures: Sequence[str] = (), choice: ChoiceLayout | None = None) -> None:
-        self._envs = list(envs)
-        self._figures = tuple(figures)
-        self.types = agent_types(self._envs[0], choice)
-        self._n_agents = sum(len(kind.agents) for kind in self.types)
-        self.views = {kind.name: self._blank(kind) for kind in self.types}
-        """What is seen now, by type; changed in place."""
-        self._lengths = [0] * len(self._envs)
-        self._returns = [dict.fromkeys((kind.name for kind in self.types), 0.0) for _ in self._envs]
-        self._sums = [dict.fromkeys(self._figures, 0.0) for _ in self._envs]
+    types: tuple[AgentType, ...]
+    views: dict[str, TypeView]
+    """What is seen now, by type; changed in place."""
 
     @property
     def n_agents(self) -> int:
-        """Agents of all environments."""
-        return self._n_agents * len(self._envs)
+        """Possible agents of all environments."""
 
-    def reset(self, seeds: Sequence[int]) -> None:
-        """Begin an episode in every environment, and the series of episodes that follow it."""
-        for index, (env, seed) in enumerate(zip(self._envs, seeds, strict=True)):
-            self._begin(index, env.reset(seed=seed)[0])
+    def reset(self, seeds: Sequence[int], cuts: Sequence[int] | None = None) -> None:
+        """Begin an episode in every environment, and the series of episodes that follow it.
+
+        Args:
+            seeds: One per environment.
+            cuts: Steps after which the first episode of each is cut off for all as if time had run out, and is no
+                episode of `BatchStep.episodes`; 0 = never. So that environments do not all begin and end together.
+        """
 
     def step(self, actions: Mapping[str, npt.NDArray[Any]]) -> BatchStep:
         """Step every environment; one whose episode ends begins the next at once.
 
         Args:
-            actions: By type, one row per agent, in the order of the views.
-
-        Raises:
-            TrainingError: An agent has left before the others.
+            actions: By type, one row per row of the views.
         """
-        n_envs = len(self._envs)
-        outcome = BatchStep(
-            rewards={kind.name: np.zeros(n_envs * len(kind.agents), dtype=np.float32) for kind in self.types},
-            ended=np.zeros(n_envs, dtype=np.bool_),
-            truncated=np.zeros(n_envs, dtype=np.bool_),
-            last={},
-        )
-        for index, env in enumerate(self._envs):
-            chosen: dict[str, Any] = {}
-            for kind in self.types:
-                first = index * len(kind.agents)
-                chosen.update(zip(kind.agents, actions[kind.name][first : first + len(kind.agents)], strict=True))
-            observations, rewards, terminations, truncations, infos = env.step(chosen)
-            if len(observations) != self._n_agents:
-                raise TrainingError(f"{len(observations)} of {self._n_agents} agents are left; valid: all, to the end")
-            self._lengths[index] += 1
-            for kind in self.types:
-                first = index * len(kind.agents)
-                got = [rewards[agent] for agent in kind.agents]
-                outcome.rewards[kind.name][first : first + len(got)] = got
-                self._returns[index][kind.name] += sum(got) / len(got)
-            for name in self._figures:
-                self._sums[index][name] += sum(float(info.get(name, 0.0)) for info in infos.values())
-            self._see(index, observations, self.views)
-            if not env.agents:
-                outcome.ended[index] = True
-                outcome.truncated[index] = any(truncations.values()) and not any(terminations.values())
-                if outcome.truncated[index]:
-                    outcome.last = outcome.last or {kind.name: self._blank(kind) for kind in self.types}
-                    self._see(index, observations, outcome.last)
-                outcome.episodes.append(
-                    EpisodeFigures(length=self._lengths[index], returns=self._returns[index], figures=self._sums[index])
-                )
-                self._begin(index, env.reset()[0])
-        return outcome
 
     def close(self) -> None:
         """Close all environments."""
-        for env in self._envs:
-            env.close()
-
-    def _begin(self, index: int, observations: Mapping[str, Any]) -> None:
-        self._lengths[index] = 0
-        self._returns[index] = dict.fromkeys((kind.name for kind in self.types), 0.0)
-        self._sums[index] = dict.fromkeys(self._figures, 0.0)
-        self._see(index, observations, self.views)
-
-    def _blank(self, kind: AgentType) -> TypeView:
-        n_rows = len(self._envs) * len(kind.agents)
-        mask = np.ones((n_rows, int(kind.action.n)), dtype=np.bool_) if isinstance(kind.action, Discrete) else None
-        rows = np.zeros((n_rows, kind.n_observed), dtype=np.float32)
-        return TypeView(rows=rows, mask=mask if kind.masked else None)
-
-    def _see(self, index: int, observations: Mapping[str, Any], views: dict[str, TypeView]) -> None:
-        for kind in self.types:
-            view = views[kind.name]
-            for row, agent in enumerate(kind.agents, start=index * len(kind.agents)):
-                seen = observations[agent]
-                if view.mask is not None:
-                    view.mask[row] = mask_of(seen, kind)
-                view.rows[row] = vector(seen)
 
 
-def agent_types(env: Any, choice: ChoiceLayout | None = None) -> tuple[AgentType, ...]:
-    """Group the agents of an environment by the words before their numbers.
+class EnvBatch:
+    """Steps several dictionary environments; a `Batch`.
+
+    Args:
+        envs: Agents of one type are alike in all of them, but there may be more or fewer; they are closed with the
+            batch.
+        figures: Names in `infos` whose sums over an episode are wanted.
+        layouts: How observations are made up, by type.
+        n_state: Numbers that `state()` is filled up to; 0: nobody asks for it.
 
     Raises:
         TrainingError: A space is of a kind that cannot be learned on, or agents of a type differ.
     """
+
+    def __init__(
+        self,
+        envs: Sequence[Any],
+        figures: Sequence[str] = (),
+        layouts: Mapping[str, Layout] | None = None,
+        n_state: int = 0,
+    ) -> None:
+        self.envs = list(envs)
+        """The environments."""
+        self._figures = tuple(figures)
+        self.types = types_of([agent_types(env, layouts) for env in self.envs])
+        self._rows: list[dict[str, dict[str, int]]] = []
+        """By environment, type and agent: the row."""
+        n_rows = dict.fromkeys((kind.name for kind in self.types), 0)
+        for env in self.envs:
+            team: dict[str, dict[str, int]] = {}
+            for name, agents in team_of(env).items():
+                team[name] = {agent: row for row, agent in enumerate(agents, start=n_rows[name])}
+                n_rows[name] += len(agents)
+            self._rows.append(team)
+        self._n_rows = n_rows
+        self.env_of = {name: np.zeros(n, dtype=np.int64) for name, n in n_rows.items()}
+        """By type: index of the environment of each row."""
+        for index, rows in enumerate(self._rows):
+            for name in rows:
+                self.env_of[name][list(rows[name].values())] = index
+        self._n_state = n_state
+        self.views = self._blank()
+        """What is seen now, by type; changed in place."""
+        n_envs = len(self.envs)
+        self._lengths, self._cuts = [0] * n_envs, [0] * n_envs
+        self._returns: list[dict[str, float]] = [{}] * n_envs
+        self._sums: list[dict[str, float]] = [{}] * n_envs
+        self.observations: list[dict[str, Any]] = [{}] * n_envs
+        """What agents see now, by environment, as a policy takes it."""
+
+    @property
+    def n_agents(self) -> int:
+        """See `Batch`."""
+        return sum(self._n_rows.values())
+
+    def reset(self, seeds: Sequence[int], cuts: Sequence[int] | None = None) -> None:
+        """See `Batch`."""
+        self._cuts = [0] * len(self.envs) if cuts is None else list(cuts)
+        for index, (env, seed) in enumerate(zip(self.envs, seeds, strict=True)):
+            self._begin(index, env.reset(seed=seed)[0])
+
+    def step(self, actions: Mapping[str, npt.NDArray[Any]]) -> BatchStep:
+        """See `Batch`."""
+        outcome = BatchStep(
+            rewards={name: np.zeros(n, dtype=np.float32) for name, n in self._n_rows.items()},
+            ended={name: np.zeros(n, dtype=np.bool_) for name, n in self._n_rows.items()},
+            truncated={name: np.zeros(n, dtype=np.bool_) for name, n in self._n_rows.items()},
+            last={},
+        )
+        for index in range(len(self.envs)):
+            self._step(index, actions, outcome)
+        return outcome
+
+    def ask(self, policies: Sequence[Policy]) -> dict[str, npt.NDArray[Any]]:
+        """What policies would do now.
+
+        Args:
+            policies: One per environment.
+
+        Returns:
+            Actions by type, one row per row of the views; zero where there is no agent.
+        """
+        found: dict[str, npt.NDArray[Any]] = {}
+        for kind in self.types:
+            shape = (self._n_rows[kind.name], *(kind.action.shape or ()))
+            found[kind.name] = np.zeros(shape, dtype=kind.action.dtype)
+        for env, policy, team, seen in zip(self.envs, policies, self._rows, self.observations, strict=True):
+            told = policy.act(env, seen)
+            for name, rows in team.items():
+                for agent in rows.keys() & told.keys():
+                    found[name][rows[agent]] = told[agent]
+        return found
+
+    def close(self) -> None:
+        """See `Batch`."""
+        for env in self.envs:
+            env.close()
+
+    def _step(self, index: int, actions: Mapping[str, npt.NDArray[Any]], outcome: BatchStep) -> None:
+        env, team = self.envs[index], self._rows[index]
+        playing = self.observations[index]
+        chosen = {
+            agent: actions[name][row] for name, rows in team.items() for agent, row in rows.items() if agent in playing
+        }
+        observations, rewards, terminations, truncations, infos = env.step(chosen)
+        self._lengths[index] += 1
+        for name in self._figures:
+            self._sums[index][name] += sum(float(info.get(name, 0.0)) for info in infos.values())
+        over = not env.agents
+        cut = not over and self._lengths[index] == self._cuts[index]
+        for name, rows in team.items():
+            total = 0.0
+            for agent, row in rows.items():
+                if agent not in rewards:
+                    continue
+                outcome.rewards[name][row] = rewards[agent]
+                total += rewards[agent]
+                if terminations[agent] or truncations[agent] or cut:
+                    outcome.ended[name][row] = True
+                    outcome.truncated[name][row] = not terminations[agent]
+            self._returns[index][name] += total / len(rows)
+            if outcome.truncated[name].any():
+                outcome.last = outcome.last or self._blank()
+        if outcome.last and (over or cut or any(truncations.values())):
+            self._see(index, observations, outcome.last)
+        if over:
+            outcome.episodes.append(
+                EpisodeFigures(length=self._lengths[index], returns=self._returns[index], figures=self._sums[index])
+            )
+        if over or cut:
+            self._cuts[index] = 0
+            self._begin(index, env.reset()[0])
+        else:
+            self.observations[index] = {agent: observations[agent] for agent in env.agents}
+            self._see(index, self.observations[index], self.views)
+
+    def _begin(self, index: int, observations: Mapping[str, Any]) -> None:
+        self._lengths[index] = 0
+        self._returns[index] = dict.fromkeys(self._rows[index], 0.0)
+        self._sums[index] = dict.fromkeys(self._figures, 0.0)
+        self.observations[index] = dict(observations)
+        self._see(index, observations, self.views)
+
+    def _blank(self) -> dict[str, TypeView]:
+        return {kind.name: blank_view(kind, self._n_rows[kind.name], self._n_state) for kind in self.types}
+
+    def _see(self, index: int, observations: Mapping[str, Any], views: dict[str, TypeView]) -> None:
+        state = self.envs[index].state() if self._n_state else None
+        for kind in self.types:
+            view = views[kind.name]
+            for agent, row in self._rows[index].get(kind.name, {}).items():
+                view.active[row] = agent in observations
+                if view.active[row]:
+                    seen = observations[agent]
+                    view.rows[row] = vector(seen)
+                    if view.mask is not None:
+                        view.mask[row] = mask_of(seen, kind)
+                else:
+                    view.rows[row] = 0.0
+                    if view.mask is not None:
+                        view.mask[row] = True
+                if view.state is not None and state is not None:
+                    view.state[row, : len(state)] = state
+
+
+def blank_view(kind: AgentType, n_rows: int, n_state: int = 0) -> TypeView:
+    """A view in which nobody sees anything."""
+    mask = np.ones((n_rows, int(kind.action.n)), dtype=np.bool_) if isinstance(kind.action, Discrete) else None
+    return TypeView(
+        rows=np.zeros((n_rows, kind.n_observed), dtype=np.float32),
+        mask=mask if kind.masked else None,
+        active=np.zeros(n_rows, dtype=np.bool_),
+        state=np.zeros((n_rows, n_state), dtype=np.float32) if n_state else None,
+    )
+
+
+def team_of(env: Any) -> dict[str, tuple[str, ...]]:
+    """Possible agents of an environment by type."""
     names = dict.fromkeys(type_of(agent) for agent in env.possible_agents)
+    return {name: tuple(agent for agent in env.possible_agents if type_of(agent) == name) for name in names}
+
+
+def agent_types(env: Any, layouts: Mapping[str, Layout] | None = None) -> tuple[AgentType, ...]:
+    """Types of the agents of an environment: the words before their numbers.
+
+    Raises:
+        TrainingError: A space is of a kind that cannot be learned on, agents of a type differ, or a layout does not
+            fit.
+    """
     kinds = []
-    for name in names:
-        agents = tuple(agent for agent in env.possible_agents if type_of(agent) == name)
+    for name, agents in team_of(env).items():
         spaces = [(env.observation_space(agent), env.action_space(agent)) for agent in agents]
         if any(space != spaces[0] for space in spaces):
             raise TrainingError(f"agents {', '.join(agents)} have different spaces; valid: one for all of a type")
         seen, action = spaces[0]
         if not isinstance(action, Box | Discrete):
             raise TrainingError(f"action space of {name} is {action}; valid: Box, Discrete")
-        masked = isinstance(seen, Dict)
+        n_observed = _width(name, seen)
         kinds.append(
             AgentType(
                 name=name,
-                agents=agents,
-                n_observed=_width(name, seen),
+                n_observed=n_observed,
                 action=action,
-                masked=masked,
-                choice=choice if masked else None,
+                masked=isinstance(seen, Dict) and "action_mask" in seen.spaces,
+                layout=(layouts or {}).get(name, Layout()).sized(name, n_observed, action),
             )
         )
     return tuple(kinds)
 
 
+def types_of(found: Sequence[Sequence[AgentType]]) -> tuple[AgentType, ...]:
+    """All types of several environments.
+
+    Raises:
+        TrainingError: Agents of a type differ between two of them.
+    """
+    known: dict[str, AgentType] = {}
+    for kind in (kind for kinds in found for kind in kinds):
+        first = known.setdefault(kind.name, kind)
+        if kind != first:
+            raise TrainingError(
+                f"agents of type {kind.name} observe {first.n_observed} numbers and do {first.action} in one "
+                f"environment, {kind.n_observed} and {kind.action} in another; valid: the same in all"
+            )
+    return tuple(known.values())
+
+
 def mask_of(observation: Mapping[str, Any], kind: AgentType) -> Bools:
     """The actions that an agent chooses among, shape (n_actions,)."""
     mask: Bools = np.asarray(observation["action_mask"]) == 1
-    if kind.choice is not None and mask[1:].any():
+    layout = kind.layout
+    if layout.chosen is None or not layout.takes or layout.groups[layout.chosen].n_things == len(mask):
+        return mask
+    if mask[1:].any():
         mask[0] = False
     return mask
 

@@ -1,39 +1,30 @@
-"""Evaluation: policies that play the same episodes, with intervals by bootstrap."""
+"""Evaluation: policies that play the same episodes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from fleet.envs.policies.policy import Policy
 from fleet.training.batch import type_of
 from fleet.training.recipes import Recipe
 
-CONFIDENCE = 0.95
-N_RESAMPLES = 10_000
 RETURN = "return"
 """Name of the mean return of an agent, summed over the types."""
+AGENT_MINUTES = "agent_minutes"
+"""Name of the simulated minutes for which agents took part, summed over them."""
 
 Score = dict[str, float]
 """Figures of one episode."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Interval:
-    """A mean and where the true one lies with 95 % confidence."""
-
-    mean: float
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        return f"{self.mean:.3g} [{self.low:.3g}, {self.high:.3g}]"
-
-
-def play(env: Any, policy: Policy, seed: int, figures: Sequence[str]) -> Score:
+def play(
+    env: Any,
+    policy: Policy,
+    seed: int,
+    figures: Sequence[str],
+    at_end: Mapping[str, Callable[[Any], float]] | None = None,
+) -> Score:
     """Play one episode to its end.
 
     Args:
@@ -41,18 +32,29 @@ def play(env: Any, policy: Policy, seed: int, figures: Sequence[str]) -> Score:
         policy: Decides for all agents.
         seed: Of the episode.
         figures: Names in `infos` to add up over the team and the episode.
+        at_end: Figures that the environment is asked for at the end.
     """
     observations, _ = env.reset(seed=seed)
     counts: dict[str, int] = {}
     for agent in env.possible_agents:
         counts[type_of(agent)] = counts.get(type_of(agent), 0) + 1
-    score = dict.fromkeys((RETURN, *figures), 0.0)
+    score = dict.fromkeys((RETURN, AGENT_MINUTES, *figures), 0.0)
+    minutes = seconds_per_step(env) / 60.0
     while env.agents:
-        observations, rewards, _, _, infos = env.step(policy.act(env, observations))
+        playing = {agent: observations[agent] for agent in env.agents}
+        observations, rewards, _, _, infos = env.step(policy.act(env, playing))
+        score[AGENT_MINUTES] += len(playing) * minutes
         score[RETURN] += sum(reward / counts[type_of(agent)] for agent, reward in rewards.items())
         for name in figures:
             score[name] += sum(float(info.get(name, 0.0)) for info in infos.values())
-    return score
+    return score | {name: float(ask(env)) for name, ask in (at_end or {}).items()}
+
+
+def seconds_per_step(env: Any) -> float:
+    """How long a step lasts [s]: what the settings of the environment say, else its frames per second."""
+    config = getattr(env, "config", None)
+    length_s = getattr(config, "step_s", None)
+    return float(length_s if length_s is not None else 1.0 / env.metadata["render_fps"])
 
 
 def evaluate(
@@ -80,27 +82,8 @@ def evaluate(
         for name, policy in policies.items():
             scores[name] = []
             for seed in seeds:
-                scores[name].append(play(env, policy, seed, recipe.figures))
+                scores[name].append(play(env, policy, seed, recipe.figures, recipe.at_end))
                 on_episode(sum(map(len, scores.values())))
     finally:
         env.close()
     return scores
-
-
-def interval(values: Sequence[float]) -> Interval:
-    """Mean of independent values with its percentile bootstrap interval.
-
-    The resamples are the same for equal numbers of values, so that an interval can be computed again.
-
-    Source: B. Efron, R. J. Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 13.
-    """
-    array = np.asarray(values, dtype=np.float64)
-    picks = np.random.default_rng(0).integers(len(array), size=(N_RESAMPLES, len(array)))
-    tail = (1.0 - CONFIDENCE) / 2.0
-    low, high = np.quantile(array[picks].mean(axis=1), (tail, 1.0 - tail))
-    return Interval(mean=float(array.mean()), low=float(low), high=float(high))
-
-
-def gain(scores: Sequence[Score], reference: Sequence[Score], name: str) -> Interval:
-    """Mean difference of a figure from a reference on the same seeds: what a seed brings to both cancels out."""
-    return interval([one[name] - other[name] for one, other in zip(scores, reference, strict=True)])

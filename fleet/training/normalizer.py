@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,15 +17,17 @@ class Normalizer:
 
     Args:
         n: Numbers in a row.
+        fixed: Indices of those that stay as they are.
 
     Source: T. F. Chan, G. H. Golub, R. J. LeVeque, "Updating formulae and a pairwise algorithm for computing sample
     variances", Stanford CS-TR-79-773, 1979.
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, fixed: Sequence[int] = ()) -> None:
         self.mean = np.zeros(n)
         self.variance = np.ones(n)
         self.count = 0.0
+        self._fixed = np.array(fixed, dtype=np.int64)
 
     def update(self, rows: npt.NDArray[np.floating]) -> None:
         """Take rows of shape (m, n) into account."""
@@ -32,11 +36,13 @@ class Normalizer:
         gap = mean - self.mean
         spread = self.variance * self.count + variance * count + gap**2 * self.count * count / total
         self.mean, self.variance, self.count = self.mean + gap * count / total, spread / total, total
+        self.mean[self._fixed], self.variance[self._fixed] = 0.0, 1.0
 
     def apply(self, rows: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Normalise rows of shape (m, n)."""
-        scaled = (rows - self.mean) / np.sqrt(self.variance + _EPSILON)
-        return np.clip(scaled, -CLIP, CLIP).astype(np.float32)
+        scaled = rows - self.mean.astype(np.float32)
+        scaled *= (1.0 / np.sqrt(self.variance + _EPSILON)).astype(np.float32)
+        return np.clip(scaled, -CLIP, CLIP, out=scaled)
 
     def scale(self) -> float:
         """Standard deviation of a single number."""

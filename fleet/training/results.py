@@ -14,7 +14,9 @@ from typing import Any
 from fleet.recording import versions
 from fleet.training.curve import LearningCurve, draw_curves
 from fleet.training.errors import TrainingError
-from fleet.training.evaluation import RETURN, Score, gain, interval
+from fleet.training.evaluation import AGENT_MINUTES, RETURN, Score
+from fleet.training.intervals import difference, interval
+from fleet.training.recipes import Stage
 from fleet.training.settings import TrainConfig
 
 CONFIG, PROGRESS, EPISODES, EVALUATION, PLOT, RECORDING = (
@@ -49,9 +51,9 @@ def prepare_folder(folder: Path, *, resume: bool) -> None:
         raise TrainingError(f"--out {folder}: holds a training run; valid: --resume, or another directory")
 
 
-def write_config(folder: Path, config: TrainConfig) -> None:
-    """Write what decides the run, and the versions it ran with."""
-    content = {**dataclasses.asdict(config), "versions": versions()}
+def write_config(folder: Path, config: TrainConfig, stages: Sequence[Stage]) -> None:
+    """Write what decides the run, the stages of its recipe, and the versions it ran with."""
+    content = {**dataclasses.asdict(config), "stages": list(map(dataclasses.asdict, stages)), "versions": versions()}
     _write(folder / CONFIG, json.dumps(content, indent=2) + "\n")
 
 
@@ -81,15 +83,27 @@ def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: S
 
 
 def findings(scores: Mapping[str, Sequence[Score]], figures: Sequence[str]) -> dict[str, Any]:
-    """Means by policy, and how far what was learned is from the others on the same episodes, with intervals."""
-    found: dict[str, Any] = {"episodes": len(scores[LEARNED]), "policies": {}, "gain": {}}
+    """Means by policy, and how far what was learned is from the others on the same episodes, with intervals.
+
+    Args:
+        scores: By policy, on the same episodes.
+        figures: Names of those that are wanted; the return is among them always.
+
+    Returns:
+        `episodes`; `policies` and `gain`: by policy and figure, the interval; `per_agent_minute`: by policy and figure,
+        the sum over all episodes for each minute of each agent.
+    """
+    names = (*figures, RETURN)
+    found: dict[str, Any] = {"episodes": len(scores[LEARNED]), "policies": {}, "gain": {}, "per_agent_minute": {}}
     for policy, played in scores.items():
-        found["policies"][policy] = {
-            name: dataclasses.asdict(interval([score[name] for score in played])) for name in (*figures, RETURN)
-        }
+        values = {name: [score[name] for score in played] for name in names}
+        found["policies"][policy] = {name: dataclasses.asdict(interval(values[name])) for name in names}
+        minutes = sum(score[AGENT_MINUTES] for score in played)
+        found["per_agent_minute"][policy] = {name: sum(values[name]) / minutes for name in names}
         if policy != LEARNED:
             found["gain"][policy] = {
-                name: dataclasses.asdict(gain(scores[LEARNED], played, name)) for name in (*figures, RETURN)
+                name: dataclasses.asdict(difference([score[name] for score in scores[LEARNED]], values[name]))
+                for name in names
             }
     return found
 

@@ -12,10 +12,14 @@ from typing import Any
 from fleet.config import require
 from fleet.training.errors import TrainingError
 
+NETWORKS, CRITICS = ("perceptron", "attention"), ("own", "central")
+N_HEADS = 4
+"""Of attention."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PpoConfig:
-    """Proximal policy optimisation; the names are those of the paper.
+    """Proximal policy optimisation, after cloning a teacher; the names are those of the paper.
 
     Source: J. Schulman et al., "Proximal Policy Optimization Algorithms", arXiv:1707.06347, 2017; of the details that
     matter (S. Huang et al., "The 37 Implementation Details of PPO", ICLR blog track, 2022) those that are named here.
@@ -30,7 +34,9 @@ class PpoConfig:
     minibatch_n: int = 1024
     """Samples per gradient step (M)."""
     learning_rate: float = 7e-4
-    """At the start; it falls to zero in a straight line."""
+    """At the start; it falls in a straight line."""
+    learning_rate_end: float = 0.0
+    """At the end."""
     discount: float = 0.98
     """gamma."""
     gae: float = 0.95
@@ -43,24 +49,46 @@ class PpoConfig:
     """Weight of the value loss (c1)."""
     max_grad_norm: float = 0.5
     """Gradients are scaled down to this norm."""
+    divergence: float = 0.0
+    """An update ends after the epoch in which the approximate divergence from the old policy is more; 0: never."""
     hidden: tuple[int, ...] = (64, 64)
-    """Widths of the hidden layers, of policy and value alike."""
+    """Widths of the hidden layers, of policy and value alike; with attention, what describes a thing is as wide as the
+    first of them."""
     log_std: float = -0.5
     """Logarithm of the standard deviation of continuous actions at the start."""
+    network: str = "perceptron"
+    """`perceptron`, or `attention`: things that the layout names are looked at together before one is chosen."""
+    critic: str = "own"
+    """What the value is told: `own`, what the agent sees (IPPO), or `central`, that and `state()` (MAPPO)."""
+    clone_n: int = 0
+    """Steps of agents at the start in which the recipe's teacher is cloned."""
+    clone_own: float = 0.5
+    """Share of the environments in which agents meanwhile do what they have learned, and the teacher only says what it
+    would do (S. Ross et al., "A Reduction of Imitation Learning and Structured Prediction to No-Regret Online
+    Learning", AISTATS 2011)."""
+    clone_epochs_n: int = 10
+    """Times that each sample of a file of demonstrations is used, before the first step."""
+    anchor: float = 0.0
+    """Weight of the divergence from the cloned policy after that; it falls to zero in a straight line."""
 
     def __post_init__(self) -> None:
-        for name in ("envs_n", "horizon_n", "epochs_n", "minibatch_n"):
+        for name in ("envs_n", "horizon_n", "epochs_n", "minibatch_n", "clone_epochs_n"):
             require(getattr(self, name) >= 1, f"ppo.{name}", getattr(self, name), "an integer >= 1")
+        require(self.clone_n >= 0, "ppo.clone_n", self.clone_n, "an integer >= 0")
         for name in ("learning_rate", "clip", "max_grad_norm"):
             value = getattr(self, name)
             require(math.isfinite(value) and value > 0, f"ppo.{name}", value, "a number > 0")
-        for name in ("discount", "gae"):
+        for name in ("discount", "gae", "clone_own"):
             require(0.0 <= getattr(self, name) <= 1.0, f"ppo.{name}", getattr(self, name), "a number from 0 to 1")
-        for name in ("entropy", "value"):
+        for name in ("entropy", "value", "learning_rate_end", "divergence", "anchor"):
             value = getattr(self, name)
             require(math.isfinite(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
         require(math.isfinite(self.log_std), "ppo.log_std", self.log_std, "a number")
         require(bool(self.hidden) and min(self.hidden) >= 1, "ppo.hidden", self.hidden, "widths >= 1")
+        require(self.network in NETWORKS, "ppo.network", self.network, ", ".join(NETWORKS))
+        require(self.critic in CRITICS, "ppo.critic", self.critic, ", ".join(CRITICS))
+        fits = self.network != "attention" or self.hidden[0] % N_HEADS == 0
+        require(fits, "ppo.hidden", self.hidden, f"with attention, a first width that {N_HEADS} divides")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +104,10 @@ class TrainConfig:
     """Updates between two checkpoints; environments begin new episodes after each, so that a resumed run is exact."""
     arguments: dict[str, Any] = field(default_factory=dict)
     """Arguments of the environment."""
+    held: tuple[str, ...] = ()
+    """Names of those that no stage of the recipe changes, because they were asked for."""
+    demonstrations: str | None = None
+    """File with what a teacher did, which is cloned before the first step (`fleet.training.demonstrations`)."""
     ppo: PpoConfig
 
     def __post_init__(self) -> None:
@@ -127,6 +159,8 @@ def _refuse_unknown(path: Path, where: str, found: dict[str, Any], valid: tuple[
 
 
 def _is_like(value: object, default: object) -> bool:
+    if isinstance(default, str):
+        return isinstance(value, str)
     if isinstance(default, tuple):
         return isinstance(value, list) and all(isinstance(x, int) and not isinstance(x, bool) for x in value)
     if isinstance(value, bool):

@@ -24,7 +24,7 @@ from pettingzoo.utils import parallel_to_aec
 
 import fleet.envs  # noqa: F401 - makes the environments known
 from fleet.config import Fidelity
-from fleet.envs import dispatch_v0, navigate_v0, traffic_v0, warehouse_v0
+from fleet.envs import REPLACED, dispatch_v0, navigate_v0, traffic_v1, warehouse_v0
 from fleet.errors import ConfigError
 
 HETEROGENEOUS = ("Agents have different observation space sizes", "Observations are different shapes")
@@ -58,7 +58,7 @@ class Case:
 
 _warehouse = partial(Case, name="warehouse", module=warehouse_v0, arguments={"site": "cell"}, warned=HETEROGENEOUS)
 _dispatch = partial(Case, name="dispatch", module=dispatch_v0, warned=MASKED)
-_traffic = partial(Case, name="traffic", module=traffic_v0, warned=MASKED)
+_traffic = partial(Case, name="traffic", module=traffic_v1, warned=MASKED)
 _navigate = partial(Case, name="navigate", module=navigate_v0, arguments={"n_cars": 2})
 # The whole fleet at work: steps of a second.
 PAIR = {"site": "cell", "n_cars": 2}
@@ -75,6 +75,7 @@ CASES = [
     _navigate(fidelity="physics"),
 ]
 ENVS = {case.name: case.module for case in CASES}
+IDS = {name: f"fleet/{module.__name__.rpartition('.')[2].replace('_', '-')}" for name, module in ENVS.items()}
 
 
 def marked(case: Case) -> Any:
@@ -87,7 +88,8 @@ of_every_case = pytest.mark.parametrize("case", [marked(case) for case in CASES]
 
 def test_the_table_has_every_environment_and_fidelity() -> None:
     known = {known for known in pettingzoo.parallel_registry if known.startswith("fleet/")}
-    assert known == {f"fleet/{name}-v0" for name in ENVS}
+    replaced = {f"fleet/{module.replace('_', '-')}" for module in REPLACED}
+    assert known == {*IDS.values()} | replaced
     assert known <= set(pettingzoo.aec_registry)
     for name, module in ENVS.items():
         tested = {case.fidelity for case in CASES if case.name == name}
@@ -140,7 +142,15 @@ def test_render(case: Case, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 @pytest.mark.parametrize("name", ENVS)
 def test_the_registries_make_it(name: str, kind: str) -> None:
     arguments = {"n_arms": 0} if name == "warehouse" else {}
-    env = pettingzoo.make(kind, f"fleet/{name}-v0", n_cars=2, max_cycles=7, **arguments)
+    env = pettingzoo.make(kind, IDS[name], n_cars=2, max_cycles=7, **arguments)
     assert env.possible_agents == ["car_0", "car_1"]
     assert env.unwrapped.max_cycles == 7
     env.close()
+
+
+@pytest.mark.parametrize("kind", ["parallel", "aec"])
+@pytest.mark.parametrize("module", REPLACED)
+def test_a_version_that_was_replaced_is_refused_and_the_new_one_named(module: str, kind: str) -> None:
+    layer, _, number = module.rpartition("_v")
+    with pytest.raises(ConfigError, match=f"^{module} has been replaced.*; valid: {layer}_v{int(number) + 1}$"):
+        pettingzoo.make(kind, f"fleet/{module.replace('_', '-')}", n_cars=2)

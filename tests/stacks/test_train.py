@@ -28,7 +28,8 @@ from fleet.training.batch import agent_types  # noqa: E402
 from fleet.training.evaluation import play  # noqa: E402
 from fleet.training.ppo.checkpoint import read_checkpoint  # noqa: E402
 from fleet.training.ppo.learner import Learner, Rollout  # noqa: E402
-from fleet.training.ppo.trainer import Trainer, load_policy  # noqa: E402
+from fleet.training.ppo.policy import load_policy  # noqa: E402
+from fleet.training.ppo.trainer import Trainer  # noqa: E402
 
 PPO = PpoConfig(envs_n=2, horizon_n=32, epochs_n=4, minibatch_n=64, learning_rate=3e-3, hidden=(16,))
 
@@ -38,6 +39,7 @@ class Guess:
 
     possible_agents = ["car_0", "car_1", "arm_0"]  # noqa: RUF012
     render_mode = None
+    metadata = {"render_fps": 1.0}  # noqa: RUF012
 
     def __init__(self, end: int = 8) -> None:
         self.end = end
@@ -167,7 +169,7 @@ def test_what_is_no_checkpoint_is_refused(tmp_path: Path, content: bytes) -> Non
 
 def test_a_gradient_step_makes_better_actions_likelier_and_illegal_ones_stay_impossible() -> None:
     arm = next(kind for kind in agent_types(Guess()) if kind.name == "arm")
-    learner = Learner(arm, replace(PPO, epochs_n=1, minibatch_n=1000), torch.Generator().manual_seed(0))
+    learner = Learner(arm, replace(PPO, epochs_n=1, minibatch_n=1000), 0, torch.Generator().manual_seed(0))
     rng = np.random.default_rng(0)
     rows = rng.normal(size=(1, 200, 4)).astype(np.float32)
     mask = np.ones((1, 200, 4), dtype=np.bool_)
@@ -177,13 +179,15 @@ def test_a_gradient_step_makes_better_actions_likelier_and_illegal_ones_stay_imp
 
     def shares() -> np.ndarray:
         with torch.no_grad():
-            scores = learner.network.actor(torch.from_numpy(rows[0])).masked_fill(~torch.from_numpy(mask[0]), -1e9)
-            return torch.softmax(scores, dim=1).mean(dim=0).numpy()
+            scores = learner.network.scores(torch.from_numpy(rows[0]), torch.from_numpy(mask[0]))
+            return scores.exp().mean(dim=0).numpy()
 
     before = shares()
     rollout = Rollout(
         rows=rows,
         mask=mask,
+        state=None,
+        active=np.ones((1, 200), dtype=np.bool_),
         actions=actions,
         log_shares=np.log(np.full((1, 200), 1 / 3, dtype=np.float32)),
         values=zeros,
@@ -192,7 +196,7 @@ def test_a_gradient_step_makes_better_actions_likelier_and_illegal_ones_stay_imp
         ended=np.ones((1, 200), dtype=np.bool_),
     )
     for _ in range(5):
-        learner.learn(rollout, 3e-3, torch.Generator().manual_seed(0))
+        learner.learn(rollout, 3e-3, 0.0, torch.Generator().manual_seed(0))
     after = shares()
     assert after[1] > before[1] + 0.005
     assert after[3] == before[3] == 0.0

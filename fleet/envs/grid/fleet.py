@@ -152,20 +152,19 @@ class GridFleet:
         kernel.direct(floor, self.cars, self.tasks, self.stations, self._spot_user, self._first, now)
         kernel.rank_cars(floor, self.cars, self.tasks, now, self.priority, self.locked)
 
-    def planned(self) -> npt.NDArray[np.int32]:
-        """Where PIBT lets every car go in the next timestep, shape (n_cars,); holds until the next call."""
-        self._stepper.salt = self._salt
-        self._stepper.step(
-            self.cars.state,
-            self._after,
-            distances=self.place.floor.distance,
-            row=self.cars.row,
-            order=np.argsort(-self.priority, kind="stable").astype(np.int32),
-            locked=self.locked,
-            allow_rotation=False,
-        )
+    def planned(self, wished: npt.NDArray[np.int32] | None = None) -> npt.NDArray[np.int32]:
+        """Where PIBT lets every car go in the next timestep, shape (n_cars,); holds until the next call.
+
+        Args:
+            wished: State that each car prefers, its own to wait, negative = none, shape (n_cars,); None = no wishes.
+        """
+        after = self._step(wished)
         self._salt = self._stepper.salt
-        return self._after
+        return after
+
+    def proposed(self) -> npt.NDArray[np.int32]:
+        """Where `planned` without wishes would let every car go; its chance is not drawn on."""
+        return self._step(None)
 
     def move(self, after: npt.NDArray[np.int32]) -> None:
         """Let a timestep pass.
@@ -186,6 +185,20 @@ class GridFleet:
         for name in ("priority", "locked", "_spot_user", "_first", "_after"):
             setattr(twin, name, getattr(self, name).copy())
         return twin
+
+    def _step(self, wished: npt.NDArray[np.int32] | None) -> npt.NDArray[np.int32]:
+        self._stepper.salt = self._salt
+        self._stepper.step(
+            self.cars.state,
+            self._after,
+            distances=self.place.floor.distance,
+            row=self.cars.row,
+            order=np.argsort(-self.priority, kind="stable").astype(np.int32),
+            locked=self.locked,
+            allow_rotation=False,
+            wished=wished,
+        )
+        return self._after
 
     def _turn(self) -> None:
         """Everything that happens between two moves."""

@@ -7,7 +7,7 @@ from fleet.config import require
 from fleet.envs.policies.dispatch import Allocated, Nearest, apparent_tardiness
 from fleet.envs.policies.policy import Policy as Policy
 from fleet.envs.policies.policy import Random
-from fleet.envs.policies.traffic import PibtTraffic, ShortestWay
+from fleet.envs.policies.traffic import PibtTraffic, PlannedTraffic, ShortestWay
 from fleet.envs.policies.warehouse import Classical, PlannedArms, PursuitCars
 
 POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
@@ -18,7 +18,12 @@ POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
         "hungarian": partial(Allocated, "hungarian"),
         "apparent_tardiness": partial(Allocated, "greedy", cost=apparent_tardiness),
     },
-    "traffic": {"random": Random, "shortest_way": ShortestWay, "pibt": PibtTraffic},
+    "traffic": {
+        "random": Random,
+        "shortest_way": ShortestWay,
+        "pibt": PibtTraffic,
+        "multi_step_pibt": PlannedTraffic,
+    },
     "warehouse": {"random": Random, "pursuit": PursuitCars, "planned_arms": PlannedArms, "classical": Classical},
 }
 """Policies by layer and name; each is made with a seed and has `act(env, observations) -> actions`."""

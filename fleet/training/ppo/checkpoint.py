@@ -11,7 +11,7 @@ import torch
 
 from fleet.training.errors import TrainingError
 
-_FORMAT = 1
+_FORMAT = 2
 
 
 def write_checkpoint(path: Path, content: dict[str, Any]) -> None:
@@ -36,6 +36,8 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         raise TrainingError(f"{path}: there is no checkpoint; valid: a folder of a training run") from None
     except (OSError, RuntimeError, EOFError, pickle.UnpicklingError, ValueError, KeyError) as error:
         raise TrainingError(f"{path}: cannot be read as a checkpoint; valid: what a training run wrote") from error
-    if not isinstance(content, dict) or content.get("format") != _FORMAT:
-        raise TrainingError(f"{path}: is no checkpoint of format {_FORMAT}; valid: what a training run wrote")
+    if not isinstance(content, dict) or "format" not in content:
+        raise TrainingError(f"{path}: is no checkpoint; valid: what a training run wrote")
+    if content["format"] != _FORMAT:
+        raise TrainingError(f"{path}: is a checkpoint of format {content['format']}; valid: {_FORMAT}, train again")
     return content

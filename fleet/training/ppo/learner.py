@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,11 +15,13 @@ from torch import Tensor
 
 from fleet.training.advantages import advantages
 from fleet.training.batch import AgentType, TypeView
+from fleet.training.demonstrations import Demonstration
 from fleet.training.normalizer import Normalizer
 from fleet.training.ppo.network import Network
 from fleet.training.settings import PpoConfig
 
 Floats = npt.NDArray[np.float32]
+LOSSES = ("value_loss", "policy_loss", "entropy", "divergence", "clipped")
 
 
 @dataclass(kw_only=True)
@@ -28,14 +32,43 @@ class Rollout:
     """Normalised observations, shape (T, n, n_observed)."""
     mask: npt.NDArray[np.bool_] | None
     """Legal actions, shape (T, n, n_actions)."""
+    state: Floats | None
+    """Normalised states, shape (T, n, n_state)."""
+    active: npt.NDArray[np.bool_]
+    """Agents that there were, shape (T, n)."""
     actions: npt.NDArray[Any]
-    """As drawn, shape (T, n, n_entries) or (T, n)."""
+    """As drawn, or those of a teacher, shape (T, n, n_entries) or (T, n)."""
     log_shares: Floats
     values: Floats
     after: Floats
     """Value of the state a step led to, zero where the episode terminated."""
     rewards: Floats
     ended: npt.NDArray[np.bool_]
+    seen: Floats | None = None
+    told: Floats | None = None
+    """Observations and states as they were, one line for each sample: what the normalisers learn from."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Samples:
+    """Samples of a rollout in one line, b of them."""
+
+    rows: Tensor
+    mask: Tensor | None
+    state: Tensor | None
+    actions: Tensor
+    targets: Tensor
+    """Of the value."""
+    gain: Tensor
+    log_shares: Tensor
+    chose: Tensor
+    """Whether the agent had a choice, and so teaches the policy."""
+    anchored: Tensor | None
+    """Scores of the cloned policy."""
+
+    def pick(self, index: Tensor) -> _Samples:
+        """Some of them."""
+        return _Samples(**{name: None if one is None else one[index] for name, one in vars(self).items()})
 
 
 class Learner:
@@ -44,43 +77,61 @@ class Learner:
     Args:
         kind: The agents.
         config: Settings.
+        n_state: Numbers of the state that a central critic is told; 0 without one.
         generator: Source of the first weights.
     """
 
-    def __init__(self, kind: AgentType, config: PpoConfig, generator: torch.Generator) -> None:
+    def __init__(self, kind: AgentType, config: PpoConfig, n_state: int, generator: torch.Generator) -> None:
         self.kind = kind
         self._config = config
-        self.network = Network(kind, config.hidden, config.log_std, generator)
+        self.network = Network(kind, config, n_state, generator)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate, eps=1e-5)
-        self.seen = Normalizer(kind.n_observed)
+        # Things that are compared have to be told in the same units.
+        own = kind.layout.own(kind.n_observed) if kind.layout.chosen is None else []
+        self.seen = Normalizer(kind.n_observed, sorted(set(range(kind.n_observed)) - set(own)))
+        self.told = Normalizer(n_state)
+        """States."""
         self.earned = Normalizer(1)
         """Discounted sums of rewards: rewards are divided by their spread."""
+        self.anchor: Network | None = None
+        """The policy that was cloned."""
 
     @torch.no_grad()
     def choose(
         self, view: TypeView, generator: torch.Generator
-    ) -> tuple[Floats, npt.NDArray[Any], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    ) -> tuple[Floats, npt.NDArray[Any], npt.NDArray[np.float32]]:
         """Draw an action for every row of a view.
 
         Returns:
-            Normalised observations, actions as drawn, logarithms of their probabilities, values.
+            Normalised observations, actions as drawn, logarithms of their probabilities.
         """
         rows = self.seen.apply(view.rows)
-        seen = torch.from_numpy(rows)
-        actions, log_shares = self.network.sample(seen, _tensor(view.mask), generator)
-        return rows, actions.numpy(), log_shares.numpy(), self.network.value(seen).numpy()
+        scores = self.network.scores(torch.from_numpy(rows), _tensor(view.mask))
+        actions, log_shares = self.network.draw(scores, generator)
+        return rows, actions.numpy(), log_shares.numpy()
 
     @torch.no_grad()
-    def values(self, view: TypeView) -> Floats:
-        """Values of every row of a view."""
-        found: Floats = self.network.value(torch.from_numpy(self.seen.apply(view.rows))).numpy()
+    def values(self, rows: Floats, state: Floats | None) -> Floats:
+        """Values of normalised observations (b, n_observed) and states (b, n_state), shape (b,)."""
+        found: Floats = self.network.value(torch.from_numpy(rows), _tensor(state)).numpy()
         return found
 
     @torch.no_grad()
-    def best(self, view: TypeView) -> npt.NDArray[Any]:
-        """The likeliest actions, as the environment takes them."""
+    def scores(self, view: TypeView) -> Floats:
+        """Logarithms of the shares of discrete actions, or the middle of continuous ones, shape (n, n_entries)."""
         rows = torch.from_numpy(self.seen.apply(view.rows))
-        return self.legal(self.network.best(rows, _tensor(view.mask)).numpy())
+        found: Floats = self.network.scores(rows, _tensor(view.mask)).numpy()
+        return found
+
+    @torch.no_grad()
+    def act(self, view: TypeView, generator: torch.Generator | None) -> npt.NDArray[Any]:
+        """Actions as the environment takes them: drawn, or without a source of chance the likeliest ones."""
+        scores = torch.from_numpy(self.scores(view))
+        if generator is not None:
+            actions = self.network.draw(scores, generator)[0]
+        else:
+            actions = scores.argmax(dim=1) if self.network.discrete else scores
+        return self.legal(actions.numpy())
 
     def legal(self, actions: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Actions as the environment takes them: continuous ones are cut to [-1, 1] and spread over their range."""
@@ -91,53 +142,93 @@ class Learner:
         scaled: npt.NDArray[Any] = (space.low + share * (space.high - space.low)).astype(np.float32)
         return scaled
 
-    def learn(self, rollout: Rollout, rate: float, generator: torch.Generator) -> dict[str, float]:
+    def plain(self, actions: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """The opposite of `legal`: actions of the environment as the network has them."""
+        space = self.kind.action
+        if not isinstance(space, Box):
+            return actions.astype(np.int64)
+        share = (actions - space.low) / (space.high - space.low)
+        return (np.clip(share, 0.0, 1.0) * 2.0 - 1.0).astype(np.float32)
+
+    def learn(self, rollout: Rollout, rate: float, anchor: float, generator: torch.Generator) -> dict[str, float]:
         """Improve policy and value by a rollout.
 
         Args:
             rollout: Made by this learner as it is.
             rate: Learning rate.
+            anchor: Weight of the divergence from the cloned policy, if there is one.
             generator: Source of the order of samples.
 
         Returns:
             Mean losses, entropy, approximate divergence from the old policy, and share of clipped samples.
         """
         config = self._config
-        gained = advantages(
-            rollout.rewards, rollout.values, rollout.after, rollout.ended, discount=config.discount, gae=config.gae
-        )
-        rows, actions = _flat(rollout.rows), _flat(rollout.actions)
-        mask = None if rollout.mask is None else _flat(rollout.mask)
-        # An agent without a choice teaches the value, not the policy.
-        chose = torch.ones(len(rows), dtype=torch.bool) if mask is None else mask.sum(dim=1) > 1
-        old, gain, targets = _flat(rollout.log_shares), _flat(gained), _flat(gained + rollout.values)
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
-        sums = dict.fromkeys(("value_loss", "policy_loss", "entropy", "divergence", "clipped"), 0.0)
+        samples = self._samples(rollout, anchor > 0.0)
+        sums = dict.fromkeys(LOSSES, 0.0)
         n_steps = 0
         for _ in range(config.epochs_n):
-            order = torch.randperm(len(rows), generator=generator)
-            for picked in order.split(config.minibatch_n):
-                found = self._descend(
-                    rows[picked],
-                    None if mask is None else mask[picked],
-                    actions[picked],
-                    old[picked],
-                    gain[picked],
-                    targets[picked],
-                    chose[picked],
-                )
+            before, since = sums["divergence"], n_steps
+            for picked in self._minibatches(len(samples.rows), generator):
+                found = self._descend(samples.pick(picked), rate, anchor)
                 n_steps += 1
                 for name, value in zip(sums, found, strict=True):
                     sums[name] += value
+            if config.divergence and (sums["divergence"] - before) / (n_steps - since) > config.divergence:
+                break
+        self._notice(rollout.seen, rollout.told)
         return {name: total / n_steps for name, total in sums.items()}
+
+    def clone(self, rollout: Rollout, rate: float, generator: torch.Generator) -> dict[str, float]:
+        """Imitate the actions of a rollout, and learn its values.
+
+        Returns:
+            Mean losses, as of `learn`; the policy's is how far it is from the teacher.
+        """
+        samples = self._samples(rollout, False)
+        sums, n_steps = np.zeros(2), 0
+        for _ in range(self._config.epochs_n):
+            for picked in self._minibatches(len(samples.rows), generator):
+                one = samples.pick(picked)
+                value_loss = 0.5 * ((self.network.value(one.rows, one.state) - one.targets) ** 2).mean()
+                policy_loss = self._imitation(one.rows, one.mask, one.actions, one.chose)
+                self._step(self._config.value * value_loss + policy_loss, rate)
+                sums += (value_loss.item(), policy_loss.item())
+                n_steps += 1
+        self._notice(rollout.seen, rollout.told)
+        value, policy = (sums / n_steps).tolist()
+        return {**dict.fromkeys(LOSSES, float("nan")), "value_loss": value, "policy_loss": policy}
+
+    def clone_samples(self, told: Demonstration, n_epochs: int, rate: float, generator: torch.Generator) -> None:
+        """Imitate what a teacher did.
+
+        Args:
+            told: What it saw and did.
+            n_epochs: Times that each sample is used.
+            rate: Learning rate.
+            generator: Source of the order of samples.
+        """
+        self._notice(told.rows, None)
+        rows = torch.from_numpy(self.seen.apply(told.rows))
+        actions = torch.from_numpy(self.plain(told.actions))
+        mask = _tensor(told.mask)
+        chose = torch.ones(len(rows), dtype=torch.bool) if mask is None else mask.sum(dim=1) > 1
+        for _ in range(n_epochs):
+            for picked in self._minibatches(len(rows), generator):
+                legal = None if mask is None else mask[picked]
+                self._step(self._imitation(rows[picked], legal, actions[picked], chose[picked]), rate)
+
+    def keep_anchor(self) -> None:
+        """Remember the policy as it is: what was cloned."""
+        self.anchor = copy.deepcopy(self.network).requires_grad_(False)
 
     def state(self) -> dict[str, Any]:
         """All there is to remember."""
         return {
             "network": self.network.state_dict(),
             "optimizer": self.optimizer.state_dict(),
+            "anchor": None if self.anchor is None else self.anchor.state_dict(),
             "seen": self.seen.state(),
+            "told": self.told.state(),
             "earned": self.earned.state(),
         }
 
@@ -145,50 +236,99 @@ class Learner:
         """Return to a `state`."""
         self.network.load_state_dict(state["network"])
         self.optimizer.load_state_dict(state["optimizer"])
+        if state["anchor"] is not None:
+            self.keep_anchor()
+            assert self.anchor is not None
+            self.anchor.load_state_dict(state["anchor"])
         self.seen.recall(state["seen"])
+        self.told.recall(state["told"])
         self.earned.recall(state["earned"])
 
-    def _descend(
-        self,
-        rows: Tensor,
-        mask: Tensor | None,
-        actions: Tensor,
-        old: Tensor,
-        gain: Tensor,
-        targets: Tensor,
-        chose: Tensor,
-    ) -> tuple[float, ...]:
+    def _samples(self, rollout: Rollout, anchored: bool) -> _Samples:
+        config = self._config
+        gained = advantages(
+            rollout.rewards, rollout.values, rollout.after, rollout.ended, discount=config.discount, gae=config.gae
+        )
+        there = None if rollout.active.all() else torch.from_numpy(rollout.active.ravel())
+
+        def flat(steps: npt.NDArray[Any]) -> Tensor:
+            line = torch.from_numpy(steps.reshape(-1, *steps.shape[2:]))
+            return line if there is None else line[there]
+
+        rows = flat(rollout.rows)
+        mask = None if rollout.mask is None else flat(rollout.mask)
+        scores = None
+        if anchored and self.anchor is not None:
+            with torch.no_grad():
+                scores = self.anchor.scores(rows, mask)
+        return _Samples(
+            rows=rows,
+            mask=mask,
+            state=None if rollout.state is None else flat(rollout.state),
+            actions=flat(rollout.actions),
+            targets=flat(gained + rollout.values),
+            gain=flat(gained),
+            log_shares=flat(rollout.log_shares),
+            chose=torch.ones(len(rows), dtype=torch.bool) if mask is None else mask.sum(dim=1) > 1,
+            anchored=scores,
+        )
+
+    def _notice(self, seen: Floats | None, told: Floats | None) -> None:
+        if seen is not None and len(seen):
+            self.seen.update(seen)
+        if told is not None and len(told):
+            self.told.update(told)
+
+    def _minibatches(self, n: int, generator: torch.Generator) -> Iterator[Tensor]:
+        yield from torch.randperm(n, generator=generator).split(self._config.minibatch_n)
+
+    def _imitation(self, rows: Tensor, mask: Tensor | None, actions: Tensor, chose: Tensor) -> Tensor:
+        """Mean distance from a teacher who had a choice and did what is legal."""
+        if mask is not None:
+            chose = chose & mask.gather(1, actions[:, None]).squeeze(1)
+        if not chose.any():
+            return torch.zeros(())
+        scores = self.network.scores(rows[chose], None if mask is None else mask[chose])
+        return self.network.imitation(scores, actions[chose]).mean()
+
+    def _descend(self, samples: _Samples, rate: float, anchor: float) -> tuple[float, ...]:
         """One gradient step on the clipped objective, eq. (7) and (9) of the paper."""
         config = self._config
-        loss = config.value * (value_loss := 0.5 * ((self.network.value(rows) - targets) ** 2).mean())
-        told = [float(value_loss.detach()), 0.0, 0.0, 0.0, 0.0]
-        if chose.any():
-            old, gain = old[chose], gain[chose]
-            gain = (gain - gain.mean()) / (gain.std(correction=0) + 1e-8)
-            log_shares, entropies = self.network.judge(
-                rows[chose], None if mask is None else mask[chose], actions[chose]
-            )
-            change = log_shares - old
+        value_loss = 0.5 * ((self.network.value(samples.rows, samples.state) - samples.targets) ** 2).mean()
+        loss = config.value * value_loss
+        told = [value_loss.detach(), *torch.zeros(4)]
+        if samples.mask is not None:
+            samples = samples.pick(samples.chose)
+        if len(samples.rows):
+            gain = (samples.gain - samples.gain.mean()) / (samples.gain.std(correction=0) + 1e-8)
+            scores = self.network.scores(samples.rows, samples.mask)
+            log_shares, entropies = self.network.judge(scores, samples.actions)
+            change = log_shares - samples.log_shares
             ratio = change.exp()
             clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
             policy_loss = -torch.minimum(ratio * gain, clipped * gain).mean()
             entropy = entropies.mean()
             loss = loss + policy_loss - config.entropy * entropy
+            if samples.anchored is not None and self.anchor is not None:
+                spread = None if self.network.discrete else self.anchor.log_std
+                loss = loss + anchor * self.network.divergence(scores, samples.anchored, spread).mean()
             with torch.no_grad():
                 divergence = (ratio - 1.0 - change).mean()  # J. Schulman, "Approximating KL Divergence", 2020: k3
                 outside = ((ratio - 1.0).abs() > config.clip).float().mean()
-            told[1:] = [float(x.detach()) for x in (policy_loss, entropy, divergence, outside)]
+            told[1:] = [one.detach() for one in (policy_loss, entropy, divergence, outside)]
+        self._step(loss, rate)
+        return tuple(torch.stack(told).tolist())
+
+    def _step(self, loss: Tensor, rate: float) -> None:
+        if not loss.requires_grad:
+            return
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
         self.optimizer.zero_grad()
         loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.max_grad_norm)
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), self._config.max_grad_norm)
         self.optimizer.step()
-        return tuple(told)
 
 
-def _tensor(mask: npt.NDArray[np.bool_] | None) -> Tensor | None:
-    return None if mask is None else torch.from_numpy(mask)
-
-
-def _flat(steps: npt.NDArray[Any]) -> Tensor:
-    """Steps (T, n, ...) as samples (T * n, ...)."""
-    return torch.from_numpy(steps.reshape(-1, *steps.shape[2:]))
+def _tensor(array: npt.NDArray[Any] | None) -> Tensor | None:
+    return None if array is None else torch.from_numpy(array)

@@ -10,108 +10,179 @@ from gymnasium.spaces import Discrete
 from torch import Tensor, nn
 
 from fleet.training.batch import AgentType
+from fleet.training.ppo.attention import Attention, linear
+from fleet.training.settings import PpoConfig
 
 _NEVER = -1e9
 """Score of an illegal action."""
 
 
 class Network(nn.Module):
-    """Two perceptrons, for the policy and for the value, shared by all agents of a type.
+    """Two networks, for the policy and for the value, shared by all agents of a type.
 
     Continuous actions are normally distributed about the policy's output, with a spread that does not depend on the
     observation; discrete ones have its outputs as scores. Weights are orthogonal, those of the policy's last layer
     small, so that it begins without preferences.
 
-    Where actions choose among alike things (`AgentType.choice`), one perceptron scores each of them from what is known
-    of it and of all else, so that what is learned of one holds for all; a thing that is not there stands for action 0.
+    Where actions choose among alike things (`Layout.chosen`), one perceptron scores each of them from what is known
+    of it and of all else, so that what is learned of one holds for all; action 0 is a thing of zeros. Without attention
+    it knows nothing of the others.
+
+    A central critic is a perceptron that is told the state of the environment beside what the agent sees.
 
     Args:
         kind: The agents.
-        hidden: Widths of the hidden layers.
-        log_std: Logarithm of the spread at the start.
+        config: Kind and widths of the networks, spread at the start.
+        n_state: Numbers of the state that a central critic is told.
         generator: Source of the weights.
+
+    Source: central critic: C. Yu et al., "The Surprising Effectiveness of PPO in Cooperative Multi-Agent Games",
+    arXiv:2103.01955, 2022, with the agent's own numbers beside the state.
     """
 
-    def __init__(self, kind: AgentType, hidden: tuple[int, ...], log_std: float, generator: torch.Generator) -> None:
+    def __init__(self, kind: AgentType, config: PpoConfig, n_state: int, generator: torch.Generator) -> None:
         super().__init__()
         space = kind.action
         self.discrete = isinstance(space, Discrete)
         n = int(space.n) if isinstance(space, Discrete) else int(space.shape[0])
-        self._choice, self._n = kind.choice, n
-        if kind.choice is None:
-            self.actor = _perceptron(kind.n_observed, hidden, n, 0.01, generator)
+        attends = config.network == "attention" and bool(kind.layout.groups)
+        self.actor: nn.Module
+        if kind.layout.chosen is not None:
+            self.actor = _Scorer(kind, config, attends, generator)
+        elif attends:
+            self.actor = _Looker(kind, config, n, 0.01, generator)
         else:
-            n_in = kind.n_observed - (n - 2) * kind.choice.n_each
-            self.actor = _perceptron(n_in, hidden, 1, 0.01, generator)
-        self.critic = _perceptron(kind.n_observed, hidden, 1, 1.0, generator)
+            self.actor = perceptron((kind.n_observed, *config.hidden, n), 0.01, generator)
+        self.critic: nn.Module
+        if config.critic == "own" and attends:
+            self.critic = _Looker(kind, config, 1, 1.0, generator)
+        else:
+            self.critic = perceptron((kind.n_observed + n_state, *config.hidden, 1), 1.0, generator)
         if not self.discrete:
-            self.log_std = nn.Parameter(torch.full((n,), log_std))
+            self.log_std = nn.Parameter(torch.full((n,), config.log_std))
 
-    def scores(self, rows: Tensor) -> Tensor:
-        """Scores of discrete actions, or the middle of continuous ones, shape (b, n)."""
-        choice = self._choice
-        if choice is None:
-            return self.actor(rows)
-        end = choice.n_own + (self._n - 1) * choice.n_each
-        each = rows[:, choice.n_own : end].reshape(len(rows), self._n - 1, choice.n_each)
-        each = torch.cat((torch.zeros_like(each[:, :1]), each), dim=1)
-        rest = torch.cat((rows[:, : choice.n_own], rows[:, end:]), dim=1)[:, None].expand(-1, self._n, -1)
-        return self.actor(torch.cat((rest, each), dim=2)).squeeze(2)
+    def scores(self, rows: Tensor, mask: Tensor | None) -> Tensor:
+        """Logarithms of the shares of discrete actions, or the middle of continuous ones, shape (b, n).
 
-    def value(self, rows: Tensor) -> Tensor:
-        """Values of observations (b, n), shape (b,)."""
-        return self.critic(rows).squeeze(-1)
+        Args:
+            rows: Observations, shape (b, n_observed).
+            mask: Legal actions, shape (b, n), or None.
+        """
+        out: Tensor = self.actor(rows)
+        if not self.discrete:
+            return out
+        return torch.log_softmax(out if mask is None else out.masked_fill(~mask, _NEVER), dim=1)
 
-    def sample(self, rows: Tensor, mask: Tensor | None, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    def value(self, rows: Tensor, state: Tensor | None = None) -> Tensor:
+        """Values of observations (b, n_observed) and states (b, n_state), shape (b,)."""
+        found: Tensor = self.critic(rows if state is None else torch.cat((rows, state), dim=1))
+        return found.squeeze(-1)
+
+    def draw(self, scores: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Draw actions.
 
         Args:
-            rows: Observations, shape (b, n).
-            mask: Legal actions, shape (b, n_actions), or None.
+            scores: Of `scores`.
             generator: Source of chance.
 
         Returns:
             Actions, shape (b, n_entries) or (b,), and the logarithms of their probabilities, shape (b,).
         """
-        out = self.scores(rows)
         if self.discrete:
-            shares = _log_shares(out, mask)
-            actions = torch.multinomial(shares.exp(), 1, generator=generator).squeeze(1)
-            return actions, shares.gather(1, actions[:, None]).squeeze(1)
-        noise = torch.randn(out.shape, generator=generator)
-        return out + noise * self.log_std.exp(), self._log_density(noise)
+            actions = torch.multinomial(scores.exp(), 1, generator=generator)
+            return actions.squeeze(1), scores.gather(1, actions).squeeze(1)
+        noise = torch.randn(scores.shape, generator=generator)
+        return scores + noise * self.log_std.exp(), self._log_density(noise)
 
-    def best(self, rows: Tensor, mask: Tensor | None) -> Tensor:
-        """Likeliest actions, shape (b, n_entries) or (b,)."""
-        out = self.scores(rows)
-        return _log_shares(out, mask).argmax(dim=1) if self.discrete else out
-
-    def judge(self, rows: Tensor, mask: Tensor | None, actions: Tensor) -> tuple[Tensor, Tensor]:
+    def judge(self, scores: Tensor, actions: Tensor) -> tuple[Tensor, Tensor]:
         """Logarithms of the probabilities of actions, and the entropies of what they were drawn from, shape (b,)."""
-        out = self.scores(rows)
         if self.discrete:
-            shares = _log_shares(out, mask)
-            return shares.gather(1, actions[:, None]).squeeze(1), -(shares.exp() * shares).sum(dim=1)
-        entropy = (self.log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum().expand(len(rows))
-        return self._log_density((actions - out) / self.log_std.exp()), entropy
+            entropies = -(scores.exp() * scores).sum(dim=1)
+            return scores.gather(1, actions[:, None]).squeeze(1), entropies
+        entropy = (self.log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum().expand(len(scores))
+        return self._log_density((actions - scores) / self.log_std.exp()), entropy
+
+    def imitation(self, scores: Tensor, actions: Tensor) -> Tensor:
+        """How far each policy is from doing an action, shape (b,): cross entropy, or half the squared distance."""
+        if self.discrete:
+            return -scores.gather(1, actions[:, None]).squeeze(1)
+        return 0.5 * ((actions - scores) ** 2).sum(dim=1)
+
+    def divergence(self, scores: Tensor, known: Tensor, known_log_std: Tensor | None) -> Tensor:
+        """Kullback-Leibler divergence of this policy from a known one, that one first, shape (b,).
+
+        Args:
+            scores: Of this network.
+            known: Of the other on the same observations.
+            known_log_std: Its spread, of continuous actions.
+        """
+        if known_log_std is None:
+            return (known.exp() * (known - scores)).sum(dim=1)
+        spread = self.log_std - known_log_std
+        square = (2.0 * known_log_std).exp() + (known - scores) ** 2
+        return (spread + 0.5 * square / (2.0 * self.log_std).exp() - 0.5).sum(dim=1)
 
     def _log_density(self, noise: Tensor) -> Tensor:
         return (-0.5 * noise**2 - self.log_std - 0.5 * math.log(2.0 * math.pi)).sum(dim=1)
 
 
-def _log_shares(scores: Tensor, mask: Tensor | None) -> Tensor:
-    return torch.log_softmax(scores if mask is None else scores.masked_fill(~mask, _NEVER), dim=1)
+class _Looker(nn.Module):
+    """A perceptron on what an agent knows after it has looked around."""
+
+    def __init__(
+        self, kind: AgentType, config: PpoConfig, n_out: int, last_gain: float, generator: torch.Generator
+    ) -> None:
+        super().__init__()
+        self.attention = Attention(kind, config.hidden[0], generator)
+        self.head = perceptron((*config.hidden, n_out), last_gain, generator)
+
+    def forward(self, rows: Tensor) -> Tensor:
+        found: Tensor = self.head(self.attention(rows)[0])
+        return found
 
 
-def _perceptron(
-    n_in: int, hidden: tuple[int, ...], n_out: int, last_gain: float, generator: torch.Generator
-) -> nn.Sequential:
+class _Scorer(nn.Module):
+    """A score for each thing that actions choose from, shape (b, n_actions)."""
+
+    def __init__(self, kind: AgentType, config: PpoConfig, attends: bool, generator: torch.Generator) -> None:
+        super().__init__()
+        assert kind.layout.chosen is not None
+        assert isinstance(kind.action, Discrete)
+        group = kind.layout.groups[kind.layout.chosen]
+        self._first, self._n_each, self._n_things = group.first, group.n_each, group.n_things or 0
+        self._none = int(kind.action.n) > self._n_things
+        self.attention = Attention(kind, config.hidden[0], generator) if attends else None
+        if attends:
+            self.head = perceptron((2 * config.hidden[0], *config.hidden[1:], 1), 0.01, generator)
+        else:
+            n_rest = kind.n_observed - self._n_things * self._n_each
+            self.head = perceptron((n_rest + self._n_each, *config.hidden, 1), 0.01, generator)
+
+    def forward(self, rows: Tensor) -> Tensor:
+        if self.attention is None:
+            end = self._first + self._n_things * self._n_each
+            each = rows[:, self._first : end].reshape(len(rows), self._n_things, self._n_each)
+            rest = torch.cat((rows[:, : self._first], rows[:, end:]), dim=1)
+        else:
+            rest, each = self.attention(rows)
+        if self._none:
+            each = torch.cat((torch.zeros_like(each[:, :1]), each), dim=1)
+        rest = rest[:, None].expand(-1, each.shape[1], -1)
+        found: Tensor = self.head(torch.cat((rest, each), dim=2))
+        return found.squeeze(2)
+
+
+def perceptron(widths: tuple[int, ...], last_gain: float, generator: torch.Generator) -> nn.Sequential:
+    """Layers with tanh between them.
+
+    Args:
+        widths: Of the input, the hidden layers and the output.
+        last_gain: Of the weights of the last layer.
+        generator: Source of the weights.
+    """
     layers: list[nn.Module] = []
-    widths = (n_in, *hidden, n_out)
     for k, (before, after) in enumerate(pairwise(widths)):
-        layer = nn.Linear(before, after)
         last = k == len(widths) - 2
-        nn.init.orthogonal_(layer.weight, last_gain if last else math.sqrt(2.0), generator=generator)
-        nn.init.zeros_(layer.bias)
+        layer = linear(before, after, last_gain if last else math.sqrt(2.0), generator)
         layers += [layer] if last else [layer, nn.Tanh()]
     return nn.Sequential(*layers)

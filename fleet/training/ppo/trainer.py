@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,18 +14,22 @@ from typing import Any
 import numpy as np
 import torch
 
-from fleet.training.batch import EnvBatch, EpisodeFigures, TypeView, agent_types, mask_of, type_of, vector
+from fleet.training.batch import Batch, EnvBatch, EpisodeFigures
+from fleet.training.curriculum import Curriculum
+from fleet.training.demonstrations import read_demonstrations
 from fleet.training.errors import TrainingError
 from fleet.training.ppo.checkpoint import read_checkpoint, write_checkpoint
-from fleet.training.ppo.learner import Learner, Rollout
-from fleet.training.recipes import RECIPES, Recipe
+from fleet.training.ppo.collector import Collector
+from fleet.training.ppo.learner import LOSSES, Learner
+from fleet.training.ppo.policy import LearnedPolicy, described, require_kinds
+from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT
-from fleet.training.settings import PpoConfig, TrainConfig
+from fleet.training.settings import TrainConfig
 
 Row = dict[str, float]
 """Figures of one update, as they go into the table of progress."""
-_WEIGHTS, _CHANCE, _EPISODES = 0, 1, 2
-"""Branches of the seed."""
+_WEIGHTS, _CHANCE, _EPISODES, _DEMONSTRATIONS = 0, 1, 2, 4
+"""Branches of the seed; 3 is that of the evaluation."""
 
 
 class Trainer:
@@ -32,7 +37,10 @@ class Trainer:
 
     The whole run follows from its settings: after every checkpoint the environments begin new episodes with seeds of
     that update, and every update has its own source of chance. So a run that is taken up from a checkpoint goes on to
-    the last bit like one that was never stopped, on the same machine and versions.
+    the last bit like one that was never stopped, on the same machine and versions. Stages change at checkpoints.
+
+    After a checkpoint the first episode of each environment is cut off after a time of its own, so that from then on
+    episodes end all the time.
 
     Args:
         config: Everything that decides the outcome.
@@ -40,7 +48,8 @@ class Trainer:
         resume: Go on from the checkpoint in the folder, if there is one.
 
     Raises:
-        TrainingError: The checkpoint is of other settings, or cannot be read.
+        TrainingError: The checkpoint is of other settings, or cannot be read; the recipe has no teacher to clone, or an
+            environment no state for a central critic.
     """
 
     def __init__(self, config: TrainConfig, folder: Path, *, resume: bool = False) -> None:
@@ -52,25 +61,29 @@ class Trainer:
         if state is not None:
             _require_same(config, json.loads(state["config"]), self._path)
         ppo = config.ppo
-        self._batch = EnvBatch(
-            [self.recipe.make(**config.arguments) for _ in range(ppo.envs_n)],
-            figures=self.recipe.figures,
-            choice=self.recipe.choice,
-        )
+        if ppo.clone_n and self.recipe.teacher is None:
+            raise TrainingError(f"ppo.clone_n is {ppo.clone_n}, and {config.env} has no teacher; valid: 0")
+        kinds, n_state = self.recipe.survey(config.arguments, config.held)
+        self._n_state = n_state if ppo.critic == "central" else 0
+        if ppo.critic == "central" and not n_state:
+            raise TrainingError(f"ppo.critic is central, and {config.env} has no state(); valid: own")
         generator = _generator(config.seed, _WEIGHTS, 0)
-        self.learners = {kind.name: Learner(kind, ppo, generator) for kind in self._batch.types}
-        self.n_per_update = ppo.horizon_n * self._batch.n_agents
-        self.n_updates = math.ceil(config.steps_n / self.n_per_update)
+        self.learners = {kind.name: Learner(kind, ppo, self._n_state, generator) for kind in kinds}
         self.n_done = 0
         """Updates done."""
+        self.n_steps = 0
+        """Steps of agents done."""
         self.rows: list[Row] = []
         """Figures of the updates done."""
         self.cpu_s = 0.0
         """Time of the processor spent on them, by the runs before this one too [s]."""
+        self._curriculum = Curriculum(self.recipe.stages, config.steps_n)
+        self._recent: deque[Row] = deque(maxlen=ppo.envs_n)
+        """Figures of the latest episodes of the stage."""
+        self._cloning = ppo.clone_n > 0
         if state is not None:
-            self.n_done, self.rows, self.cpu_s = state["done_n"], state["rows"], state["cpu_s"]
-            for name, learner in self.learners.items():
-                learner.recall(state["learners"][name])
+            self._recall(state)
+        self._batch: Batch | None = None
 
     def run(self, on_update: Callable[[Row], None], interrupted: list[int]) -> bool:
         """Train to the end.
@@ -83,169 +96,132 @@ class Trainer:
             Whether the end was reached.
         """
         since = time.process_time()
-        while self.n_done < self.n_updates:
+        if self.n_done == 0 and self.config.demonstrations is not None:
+            self._clone_file(Path(self.config.demonstrations))
+        while self.n_steps < self.config.steps_n:
             if self.n_done % self.config.checkpoint_n == 0:
                 self._begin()
             if interrupted:
                 return False
             self.rows.append(self._update())
-            self.n_done += 1
             now = time.process_time()
             self.cpu_s, since = self.cpu_s + now - since, now
-            if self.n_done % self.config.checkpoint_n == 0 or self.n_done == self.n_updates:
+            if self.n_done % self.config.checkpoint_n == 0 or self.n_steps >= self.config.steps_n:
                 self._save()
             on_update(self.rows[-1])
         return True
 
     def close(self) -> None:
         """Close the environments."""
-        self._batch.close()
+        if self._batch is not None:
+            self._batch.close()
+            self._batch = None
 
-    def policy(self) -> LearnedPolicy:
-        """What was learned so far."""
-        return LearnedPolicy(self.learners)
+    def policy(self, chance: int | None = None) -> LearnedPolicy:
+        """What was learned so far; see `LearnedPolicy`."""
+        return LearnedPolicy(self.learners, chance)
 
     def _begin(self) -> None:
+        """Begin new episodes, in the environments of this stage."""
+        ppo = self.config.ppo
+        advanced = self._curriculum.advance()
+        cloning = self.n_steps < ppo.clone_n
+        if advanced:
+            self._recent.clear()
+        if advanced or cloning != self._cloning or self._batch is None:
+            self.close()
+            self._cloning = cloning
+            self._batch = self._make_batch()
+            self._collector = Collector(self._batch, self.learners, ppo.discount)
+            made = isinstance(self._batch, EnvBatch) and self.recipe.teacher is not None and cloning
+            self._teachers = [self.recipe.teacher() for _ in range(ppo.envs_n)] if made and self.recipe.teacher else []
         sequence = np.random.SeedSequence([self.config.seed, _EPISODES, self.n_done])
-        seeds = sequence.generate_state(self.config.ppo.envs_n)
-        self._batch.reset([int(seed) for seed in seeds // 2])  # seeds of numpy's legacy generators end at 2^31
-        self._running = {name: np.zeros(len(view.rows)) for name, view in self._batch.views.items()}
+        seeds = sequence.generate_state(ppo.envs_n)
+        cuts = None
+        if self._recent:
+            length = float(np.mean([one["length"] for one in self._recent]))
+            cuts = [round(length * (k + 1) / ppo.envs_n) for k in range(ppo.envs_n - 1)] + [0]
+        # Seeds of numpy's legacy generators end at 2^31.
+        self._collector.begin([int(seed) for seed in seeds // 2], cuts)
+
+    def _make_batch(self) -> Batch:
+        recipe, config = self.recipe, self.config
+        mixed = recipe.environments(self._curriculum.stage, config.arguments, config.held)
+        dealt = [mixed[k % len(mixed)] for k in range(config.ppo.envs_n)]
+        told: dict[str, Any] = {"figures": recipe.figures, "layouts": recipe.layouts, "n_state": self._n_state}
+        if recipe.batch is not None and not self._cloning:
+            return recipe.batch(dealt, **told)
+        return EnvBatch([recipe.make(**one) for one in dealt], **told)
 
     def _update(self) -> Row:
+        assert self._batch is not None
+        ppo, recent = self.config.ppo, self._recent
         generator = _generator(self.config.seed, _CHANCE, self.n_done)
-        rollouts, seen, episodes = self._roll(generator)
-        rate = self.config.ppo.learning_rate * (1.0 - self.n_done / self.n_updates)
-        row: Row = {"update": self.n_done + 1, "steps": (self.n_done + 1) * self.n_per_update}
-        row |= _means(episodes, self.recipe)
+        n_own = round(ppo.clone_own * ppo.envs_n) if self.n_done else 0  # what knows nothing yet shows nothing
+        rollouts, episodes = self._collector.roll(ppo.horizon_n, generator, self._teachers, n_own)
+        left = 1.0 - self.n_steps / self.config.steps_n
+        rate = ppo.learning_rate_end + (ppo.learning_rate - ppo.learning_rate_end) * left
+        n_steps = ppo.horizon_n * self._batch.n_agents
+        stage = self._curriculum.index + 1
+        self.n_done += 1
+        self.n_steps += n_steps
+        figures = [_figures(one) for one in episodes]
+        recent.extend(figures)
+        self._curriculum.note(n_steps, figures)
+        row: Row = {"update": self.n_done, "steps": self.n_steps, "stage": stage, "episodes": len(episodes)}
+        for name in ("length", "return", *self.recipe.figures):
+            row[name] = float(np.mean([one[name] for one in recent])) if recent else math.nan
         for name, learner in self.learners.items():
-            losses = learner.learn(rollouts[name], rate, generator)
-            if learner.kind.choice is None:  # things of a kind have to be told in the same units
-                learner.seen.update(seen[name])
+            losses = dict.fromkeys(LOSSES, math.nan)
+            if name in rollouts and rollouts[name].active.any():
+                if self._teachers:
+                    losses = learner.clone(rollouts[name], rate, generator)
+                else:
+                    if ppo.anchor and learner.anchor is None and (ppo.clone_n or self.config.demonstrations):
+                        learner.keep_anchor()
+                    losses = learner.learn(rollouts[name], rate, ppo.anchor * left, generator)
             row |= {f"{name}_{loss}": value for loss, value in losses.items()}
         return row
 
-    def _roll(
-        self, generator: torch.Generator
-    ) -> tuple[dict[str, Rollout], dict[str, np.ndarray[Any, Any]], list[EpisodeFigures]]:
-        """Step all environments `horizon_n` times; returns samples, observations as they were seen, whole episodes."""
-        ppo, batch = self.config.ppo, self._batch
-        steps: dict[str, list[dict[str, Any]]] = {name: [] for name in self.learners}
-        seen: dict[str, list[Any]] = {name: [] for name in self.learners}
-        episodes: list[EpisodeFigures] = []
-        for _ in range(ppo.horizon_n):
-            acts = {}
-            for name, learner in self.learners.items():
-                view = batch.views[name].copy()
-                rows, actions, log_shares, values = learner.choose(view, generator)
-                steps[name].append(
-                    {"rows": rows, "mask": view.mask, "actions": actions, "log_shares": log_shares, "values": values}
-                )
-                seen[name].append(view.rows)
-                acts[name] = learner.legal(actions)
-            outcome = batch.step(acts)
-            episodes += outcome.episodes
-            for kind in batch.types:
-                ended = outcome.ended.repeat(len(kind.agents))
-                running = self._running[kind.name] * ppo.discount + outcome.rewards[kind.name]
-                learner = self.learners[kind.name]
-                learner.earned.update(running[:, None])
-                self._running[kind.name] = np.where(ended, 0.0, running)
-                last = np.zeros(len(ended), dtype=np.float32)
-                if outcome.last:
-                    out_of_time = outcome.truncated.repeat(len(kind.agents))
-                    last = np.where(out_of_time, learner.values(outcome.last[kind.name]), last)
-                steps[kind.name][-1] |= {"rewards": outcome.rewards[kind.name], "ended": ended, "last": last}
-        return (
-            {name: self._rollout(name, taken) for name, taken in steps.items()},
-            {name: np.concatenate(rows) for name, rows in seen.items()},
-            episodes,
-        )
-
-    def _rollout(self, name: str, taken: list[dict[str, Any]]) -> Rollout:
-        learner = self.learners[name]
-        stacked = {key: np.stack([step[key] for step in taken]) for key in taken[0] if key != "mask"}
-        mask = None if taken[0]["mask"] is None else np.stack([step["mask"] for step in taken])
-        onward = np.concatenate((stacked["values"][1:], learner.values(self._batch.views[name])[None]))
-        return Rollout(
-            rows=stacked["rows"],
-            mask=mask,
-            actions=stacked["actions"],
-            log_shares=stacked["log_shares"],
-            values=stacked["values"],
-            after=np.where(stacked["ended"], stacked["last"], onward),
-            rewards=(stacked["rewards"] / learner.earned.scale()).astype(np.float32),
-            ended=stacked["ended"],
-        )
+    def _clone_file(self, path: Path) -> None:
+        """Clone what a file of demonstrations says."""
+        ppo = self.config.ppo
+        told = read_demonstrations(path)
+        generator = _generator(self.config.seed, _DEMONSTRATIONS, 0)
+        for name, one in told.items():
+            if name not in self.learners:
+                raise TrainingError(f"{path}: is of agents of type {name}; valid: {', '.join(self.learners)}")
+            one.require(self.learners[name].kind, path)
+            self.learners[name].clone_samples(one, ppo.clone_epochs_n, ppo.learning_rate, generator)
 
     def _save(self) -> None:
         content = {
             "config": json.dumps(dataclasses.asdict(self.config)),
-            "done_n": self.n_done,
+            "kinds": {name: described(learner.kind) for name, learner in self.learners.items()},
+            "n_state": self._n_state,
+            "done": self.n_done,
+            "steps": self.n_steps,
             "rows": self.rows,
+            "recent": list(self._recent),
             "cpu_s": self.cpu_s,
+            "curriculum": self._curriculum.state(),
             "learners": {name: learner.state() for name, learner in self.learners.items()},
         }
         write_checkpoint(self._path, content)
 
-
-class LearnedPolicy:
-    """Does what was learned, without chance.
-
-    Args:
-        learners: By type.
-    """
-
-    def __init__(self, learners: dict[str, Learner]) -> None:
-        self._learners = learners
-
-    def act(self, env: Any, observations: Mapping[str, Any]) -> dict[str, Any]:
-        """Actions of all agents that observe; `env` is not used."""
-        del env
-        actions: dict[str, Any] = {}
-        for name, learner in self._learners.items():
-            agents = [agent for agent in observations if type_of(agent) == name]
-            if not agents:
-                continue
-            view = TypeView(
-                rows=np.stack([vector(observations[agent]) for agent in agents]),
-                mask=np.stack([mask_of(observations[agent], learner.kind) for agent in agents])
-                if learner.kind.masked
-                else None,
-            )
-            actions.update(zip(agents, learner.best(view), strict=True))
-        return actions
+    def _recall(self, state: Mapping[str, Any]) -> None:
+        require_kinds(self._path, state["kinds"], [learner.kind for learner in self.learners.values()])
+        self.n_done, self.n_steps = state["done"], state["steps"]
+        self.rows, self.cpu_s = state["rows"], state["cpu_s"]
+        self._recent.extend(state["recent"])
+        self._curriculum.recall(state["curriculum"])
+        for name, learner in self.learners.items():
+            learner.recall(state["learners"][name])
 
 
-def load_policy(folder: Path) -> LearnedPolicy:
-    """What a training run has learned.
-
-    Args:
-        folder: Where it wrote its checkpoint.
-
-    Raises:
-        TrainingError: There is no checkpoint, or it cannot be read.
-    """
-    state = read_checkpoint(folder / CHECKPOINT)
-    told = json.loads(state["config"])
-    env = RECIPES[told["env"]].make(**told["arguments"])
-    kinds = agent_types(env, RECIPES[told["env"]].choice)
-    env.close()
-    ppo = PpoConfig(**{**told["ppo"], "hidden": tuple(told["ppo"]["hidden"])})
-    learners = {kind.name: Learner(kind, ppo, torch.Generator()) for kind in kinds}
-    for name, learner in learners.items():
-        learner.recall(state["learners"][name])
-    return LearnedPolicy(learners)
-
-
-def _means(episodes: list[EpisodeFigures], recipe: Recipe) -> Row:
-    """Means over the episodes that ended; not a number if there was none."""
-
-    def mean(values: list[float]) -> float:
-        return float(np.mean(values)) if values else math.nan
-
-    row: Row = {"episodes": float(len(episodes)), "length": mean([float(one.length) for one in episodes])}
-    row["return"] = mean([sum(one.returns.values()) for one in episodes])
-    return row | {name: mean([one.figures[name] for one in episodes]) for name in recipe.figures}
+def _figures(episode: EpisodeFigures) -> Row:
+    """Figures of an episode as they go into a row."""
+    return {"length": float(episode.length), "return": sum(episode.returns.values()), **episode.figures}
 
 
 def _generator(seed: int, branch: int, update: int) -> torch.Generator:

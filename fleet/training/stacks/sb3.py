@@ -15,7 +15,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from fleet.config import require
 from fleet.envs.policies.policy import Policy
-from fleet.training.batch import agent_types, type_of, vector
+from fleet.training.batch import agent_types, team_of, type_of, vector
 
 
 class TypeVecEnv(VecEnv):
@@ -39,7 +39,7 @@ class TypeVecEnv(VecEnv):
         types = {one.name: one for one in agent_types(self.envs[0])}
         require(kind in types, "kind", kind, ", ".join(types))
         self._kind = types[kind]
-        self._agents = self._kind.agents
+        self._agents = team_of(self.envs[0])[kind]
         self._others = others
         self._observations: list[dict[str, Any]] = [{} for _ in self.envs]
         self._actions: npt.NDArray[Any] | None = None

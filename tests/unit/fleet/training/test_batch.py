@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete
 
-from fleet.training.batch import ChoiceLayout, EnvBatch, agent_types, mask_of
+from fleet.training.batch import EnvBatch, agent_types, mask_of, team_of
 from fleet.training.errors import TrainingError
+from fleet.training.layout import Group, Layout
 
 
 class Team:
     """Two cars and an arm; a car sees its number and the step, and earns its action; it ends after `end` steps."""
 
-    possible_agents = ["car_0", "arm_0", "car_1"]  # noqa: RUF012
-
-    def __init__(self, end: int = 3, truncates: bool = True, leaves: bool = False) -> None:
+    def __init__(
+        self,
+        end: int = 3,
+        truncates: bool = True,
+        leaves: int = 0,
+        agents: tuple[str, ...] = ("car_0", "arm_0", "car_1"),
+    ) -> None:
         self.end, self.truncates, self.leaves = end, truncates, leaves
+        self.possible_agents = list(agents)
         self.agents: list[str] = []
         self.seeds: list[int | None] = []
 
@@ -42,16 +47,22 @@ class Team:
 
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
         self.now += 1
-        rewards = {a: float(np.sum(actions[a])) for a in self.agents}
-        seen = self.see()
-        if self.leaves:
-            del seen["car_1"]
-        ended = self.now >= self.end
         agents = self.agents
-        self.agents = [] if ended else agents
+        assert set(actions) == set(agents)
+        rewards = {a: float(np.sum(actions[a])) for a in agents}
+        ended = self.now >= self.end
         over, infos = dict.fromkeys(agents, ended), {agent: {"work": 0.5} for agent in agents}
         no = dict.fromkeys(agents, False)
-        return seen, rewards, (no if self.truncates else over), (over if self.truncates else no), infos
+        seen = {agent: what for agent, what in self.see().items() if agent in agents}
+        terminations, truncations = (no, over) if self.truncates else (over, no)
+        self.agents = [] if ended else agents
+        if self.now == self.leaves:  # the second car dies
+            terminations = {**terminations, "car_1": True}
+            self.agents = [agent for agent in agents if agent != "car_1"]
+        return seen, rewards, terminations, truncations, infos
+
+    def state(self) -> np.ndarray:
+        return np.array([len(self.agents), self.now], dtype=np.float32)
 
 
 def actions(n_envs: int) -> dict[str, np.ndarray]:
@@ -60,8 +71,9 @@ def actions(n_envs: int) -> dict[str, np.ndarray]:
 
 def test_agents_are_grouped_by_the_words_before_their_numbers() -> None:
     car, arm = agent_types(Team())
-    assert (car.name, car.agents, car.masked) == ("car", ("car_0", "car_1"), False)
-    assert (arm.name, arm.agents, arm.masked, arm.n_observed) == ("arm", ("arm_0",), True, 2)
+    assert team_of(Team()) == {"car": ("car_0", "car_1"), "arm": ("arm_0",)}
+    assert (car.name, car.masked) == ("car", False)
+    assert (arm.name, arm.masked, arm.n_observed) == ("arm", True, 2)
 
 
 def test_rows_stand_environment_after_environment() -> None:
@@ -81,9 +93,10 @@ def test_a_truncated_episode_shows_its_last_state_and_the_next_begins_unseeded()
     team = Team(end=2)
     batch = EnvBatch([team, Team(end=5)], figures=["work"])
     batch.reset([5, 6])
-    assert not batch.step(actions(2)).ended.any()
+    assert not batch.step(actions(2)).ended["car"].any()
     outcome = batch.step(actions(2))
-    assert outcome.ended.tolist() == outcome.truncated.tolist() == [True, False]
+    for name, ends in (("car", [True, True, False, False]), ("arm", [True, False])):
+        assert outcome.ended[name].tolist() == outcome.truncated[name].tolist() == ends
     assert outcome.last["car"].rows[:2, 1].tolist() == [2, 2]
     assert batch.views["car"].rows[:, 1].tolist() == [0, 0, 2, 2]
     assert team.seeds == [5, None]
@@ -95,16 +108,75 @@ def test_a_terminated_episode_has_nothing_after_it() -> None:
     batch = EnvBatch([Team(end=1, truncates=False)])
     batch.reset([0])
     outcome = batch.step(actions(1))
-    assert outcome.ended.tolist() == [True]
-    assert outcome.truncated.tolist() == [False]
+    assert outcome.ended["car"].tolist() == [True, True]
+    assert outcome.truncated["car"].tolist() == [False, False]
     assert outcome.last == {}
 
 
-def test_agents_that_leave_early_are_refused() -> None:
-    batch = EnvBatch([Team(leaves=True)])
+def test_agents_that_leave_early_are_no_longer_active_until_the_next_episode() -> None:
+    batch = EnvBatch([Team(leaves=2)])
     batch.reset([0])
-    with pytest.raises(TrainingError, match="2 of 3 agents are left"):
-        batch.step(actions(1))
+    assert batch.views["car"].active.tolist() == [True, True]
+    batch.step(actions(1))
+    outcome = batch.step(actions(1))
+    assert outcome.ended["car"].tolist() == [False, True]
+    assert outcome.truncated["car"].tolist() == [False, False]
+    assert batch.views["car"].active.tolist() == [True, False]
+    assert batch.step(actions(1)).ended["car"].tolist() == [True, False]
+    assert batch.views["car"].active.tolist() == [True, True]
+
+
+def test_teams_of_different_sizes_stand_in_one_array() -> None:
+    batch = EnvBatch([Team(), Team(agents=("car_0",)), Team()])
+    batch.reset([0, 0, 0])
+    assert batch.n_agents == 7
+    assert batch.env_of["car"].tolist() == [0, 0, 1, 2, 2]
+    assert batch.env_of["arm"].tolist() == [0, 2]
+    outcome = batch.step({"car": np.arange(5, dtype=np.float32)[:, None], "arm": np.arange(2)})
+    assert outcome.rewards["car"].tolist() == [0, 1, 2, 3, 4]
+
+
+def test_first_episodes_are_cut_off_where_it_is_said_and_are_no_figures() -> None:
+    team, other = Team(end=4), Team(end=4)
+    batch = EnvBatch([team, other])
+    batch.reset([1, 2], [1, 0])
+    outcome = batch.step(actions(2))
+    assert outcome.ended["car"].tolist() == outcome.truncated["car"].tolist() == [True, True, False, False]
+    assert outcome.last["car"].rows[:2, 1].tolist() == [1, 1]
+    assert outcome.episodes == []
+    ends = [len(batch.step(actions(2)).episodes) for _ in range(4)]
+    assert ends == [0, 0, 1, 1]  # three steps of the other are left, four of the one that began again
+
+
+def test_states_are_filled_up_to_the_longest() -> None:
+    batch = EnvBatch([Team(), Team(agents=("car_0",))], n_state=4)
+    batch.reset([0, 0])
+    batch.step({"car": np.zeros((3, 1), dtype=np.float32), "arm": np.zeros(1)})
+    state = batch.views["car"].state
+    assert state is not None
+    assert state.tolist() == [[3, 1, 0, 0], [3, 1, 0, 0], [1, 1, 0, 0]]
+
+
+def test_policies_are_asked_for_what_agents_of_their_environment_would_do() -> None:
+    class Own:
+        def __init__(self, number: float) -> None:
+            self.number = number
+
+        def act(self, env: Any, observations: dict[str, Any]) -> dict[str, Any]:
+            return {agent: self.number for agent in observations if agent != "car_1"}
+
+    batch = EnvBatch([Team(), Team()])
+    batch.reset([0, 0])
+    found = batch.ask([Own(1.0), Own(2.0)])
+    assert found["car"][:, 0].tolist() == [1.0, 0.0, 2.0, 0.0]
+    assert found["arm"].tolist() == [1, 2]
+
+
+def test_agents_of_a_type_that_are_not_alike_in_all_environments_are_refused() -> None:
+    other = Team()
+    other.action_space = lambda agent: Box(-1.0, 1.0, (2,), np.float32)  # type: ignore[method-assign]
+    with pytest.raises(TrainingError, match="agents of type car observe 2 numbers and do Box"):
+        EnvBatch([Team(), other])
 
 
 @pytest.mark.parametrize(
@@ -122,6 +194,7 @@ def test_spaces_that_cannot_be_learned_on_are_refused(what: str, space: Any, wor
 
 
 def test_who_chooses_among_things_takes_one_if_there_is_any() -> None:
-    kind = replace(agent_types(Team())[1], choice=ChoiceLayout(n_own=0, n_each=1))
+    layout = Layout(groups=(Group(first=0, n_each=1),), chosen=0)
+    kind = agent_types(Team(), {"arm": layout})[1]
     assert mask_of({"action_mask": np.array([1, 0, 1], dtype=np.int8)}, kind).tolist() == [False, False, True]
     assert mask_of({"action_mask": np.array([1, 0, 0], dtype=np.int8)}, kind).tolist() == [True, False, False]

@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from fleet.envs import dispatch_v0, navigate_v0, traffic_v0, warehouse_v0
+from fleet.envs import dispatch_v0, navigate_v0, traffic_v1, warehouse_v0
 from fleet.envs.core.env_config import EnvConfig, UnknownSetting
 from fleet.envs.dispatch.env import DispatchConfig
 from fleet.envs.navigate.navigation import NavigationConfig
@@ -24,7 +24,7 @@ from maps.site import load_site
 KINDS: list[tuple[type[EnvConfig], ModuleType]] = [
     (WarehouseConfig, warehouse_v0),
     (DispatchConfig, dispatch_v0),
-    (TrafficEnvConfig, traffic_v0),
+    (TrafficEnvConfig, traffic_v1),
     (NavigationConfig, navigate_v0),
 ]
 of_every_kind = pytest.mark.parametrize(("kind", "module"), KINDS, ids=lambda one: one.__name__.rpartition(".")[2])

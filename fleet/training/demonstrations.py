@@ -1,0 +1,94 @@
+"""Demonstrations: what a teacher saw and did, as arrays in a file."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Discrete
+
+from fleet.training.batch import AgentType
+from fleet.training.errors import TrainingError
+
+_NAMES = ("rows", "mask", "actions")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demonstration:
+    """What agents of one type saw and did, in n samples."""
+
+    rows: npt.NDArray[np.float32]
+    """Observations, shape (n, n_observed)."""
+    mask: npt.NDArray[np.bool_] | None
+    """Legal actions, shape (n, n_actions); None without masks."""
+    actions: npt.NDArray[Any]
+    """As the environment takes them, shape (n,) or (n, n_entries)."""
+
+    def require(self, kind: AgentType, path: Path) -> None:
+        """Make sure that it is of these agents.
+
+        Raises:
+            TrainingError: Observations, masks or actions are of another shape.
+        """
+        n_actions = int(kind.action.n) if isinstance(kind.action, Discrete) else 0
+        wanted = {
+            "rows": (self.rows.shape[1:], (kind.n_observed,)),
+            "actions": (self.actions.shape[1:], kind.action.shape),
+            "mask": (None if self.mask is None else self.mask.shape[1:], (n_actions,) if kind.masked else None),
+        }
+        for name, (found, valid) in wanted.items():
+            if found != valid:
+                raise TrainingError(f"{path}: {kind.name}_{name} has rows of shape {found}; valid: {valid}")
+
+
+def write_demonstrations(path: Path, told: Mapping[str, Demonstration]) -> None:
+    """Write a file, whole or not at all.
+
+    Args:
+        path: An .npz file, with the arrays `<type>_rows`, `<type>_mask` and `<type>_actions`.
+        told: By type of agents.
+    """
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    for kind, one in told.items():
+        arrays |= {f"{kind}_rows": one.rows, f"{kind}_actions": one.actions}
+        if one.mask is not None:
+            arrays[f"{kind}_mask"] = one.mask
+    part = path.with_name(f".{path.name}.part")
+    with part.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+    part.replace(path)
+
+
+def read_demonstrations(path: Path) -> dict[str, Demonstration]:
+    """Read a file; nothing in it is run as code, arrays of other names are left alone.
+
+    Raises:
+        TrainingError: It cannot be read, or an array is missing or of another length.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            known = [name for name in file.files if name.rpartition("_")[2] in _NAMES]
+            arrays = {name: file[name] for name in known}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise TrainingError(f"{path}: cannot be read as demonstrations; valid: an .npz file of arrays") from error
+    kinds = [name.rpartition("_")[0] for name in arrays if name.endswith("_rows")]
+    if not kinds:
+        raise TrainingError(f"{path}: has no array of observations; valid: arrays TYPE_rows, TYPE_actions, TYPE_mask")
+    told = {}
+    for kind in kinds:
+        rows, actions, mask = (arrays.get(f"{kind}_{name}") for name in ("rows", "actions", "mask"))
+        assert rows is not None
+        for name, array in (("actions", actions), ("mask", mask if mask is not None else rows)):
+            if array is None or len(array) != len(rows):
+                n = 0 if array is None else len(array)
+                raise TrainingError(f"{path}: {kind}_{name} has {n} rows of {len(rows)}; valid: one for each")
+        assert actions is not None
+        told[kind] = Demonstration(
+            rows=rows.astype(np.float32), mask=None if mask is None else mask == 1, actions=actions
+        )
+    return told

@@ -1,0 +1,104 @@
+"""Intervals: where a true mean or share lies with 95 % confidence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+
+CONFIDENCE = 0.95
+N_RESAMPLES = 10_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """A mean and where the true one lies with 95 % confidence."""
+
+    mean: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.mean:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+
+def interval(values: Sequence[float]) -> Interval:
+    """Mean of independent values: of a share if all are 0 or 1, else with its bootstrap interval."""
+    return share(round(sum(values)), len(values)) if _are_shares(values) else bootstrap(values)
+
+
+def difference(values: Sequence[float], reference: Sequence[float]) -> Interval:
+    """Mean difference from a reference on the same seeds, in the same order: what a seed brings to both cancels out."""
+    if _are_shares(values) and _are_shares(reference):
+        return share_difference(values, reference)
+    return bootstrap([one - other for one, other in zip(values, reference, strict=True)])
+
+
+def bootstrap(values: Sequence[float]) -> Interval:
+    """Mean of independent values with its percentile bootstrap interval.
+
+    The resamples are the same for equal numbers of values, so that an interval can be computed again.
+
+    Source: B. Efron, R. J. Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 13.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    picks = np.random.default_rng(0).integers(len(array), size=(N_RESAMPLES, len(array)))
+    tail = (1.0 - CONFIDENCE) / 2.0
+    low, high = np.quantile(array[picks].mean(axis=1), (tail, 1.0 - tail))
+    return Interval(mean=float(array.mean()), low=float(low), high=float(high))
+
+
+def share(n_successes: int, n: int) -> Interval:
+    """Share of successes; its interval is honest also where all of them succeeded.
+
+    Args:
+        n_successes: Successes, from 0 to `n`.
+        n: Independent trials, >= 1.
+
+    Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22(158), 1927.
+    """
+    square = _quantile() ** 2
+    middle = (n_successes + square / 2.0) / (n + square)
+    half = math.sqrt(square * (n_successes * (n - n_successes) / n + square / 4.0)) / (n + square)
+    return Interval(mean=n_successes / n, low=max(0.0, middle - half), high=min(1.0, middle + half))
+
+
+def share_difference(values: Sequence[float], reference: Sequence[float]) -> Interval:
+    """Difference of two shares of successes on the same trials.
+
+    Args:
+        values: 0 or 1 in each trial.
+        reference: The same of the other, in the same order.
+
+    Source: R. G. Newcombe, "Improved confidence intervals for the difference between binomial proportions based on
+    paired data", Statistics in Medicine 17, 1998, method 10: Wilson's intervals, correlated as the trials are.
+    """
+    ours, theirs = np.asarray(values) == 1.0, np.asarray(reference) == 1.0
+    n = len(ours)
+    one, other = share(int(ours.sum()), n), share(int(theirs.sum()), n)
+    both, none = int((ours & theirs).sum()), int((~ours & ~theirs).sum())
+    only, others = int((ours & ~theirs).sum()), int((~ours & theirs).sum())
+    spread = math.sqrt(float((both + only) * (others + none) * (both + others) * (only + none)))
+    excess = float(both * none - only * others)
+    if excess > 0.0:
+        excess = max(excess - n / 2.0, 0.0)
+    correlation = excess / spread if spread > 0.0 else 0.0
+    gap = one.mean - other.mean
+
+    def reach(mine: float, its: float) -> float:
+        return math.sqrt(max(0.0, mine**2 - 2.0 * correlation * mine * its + its**2))
+
+    low = gap - reach(one.mean - one.low, other.high - other.mean)
+    high = gap + reach(one.high - one.mean, other.mean - other.low)
+    return Interval(mean=gap, low=low, high=high)
+
+
+def _are_shares(values: Sequence[float]) -> bool:
+    return all(value in (0.0, 1.0) for value in values)
+
+
+def _quantile() -> float:
+    return float(ndtri(0.5 + CONFIDENCE / 2.0))

@@ -1,0 +1,128 @@
+"""Collector: steps environments by what was learned, or by a teacher, and keeps what happened."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+
+from fleet.envs.policies.policy import Policy
+from fleet.training.batch import Batch, BatchStep, EnvBatch, EpisodeFigures, TypeView
+from fleet.training.ppo.learner import Floats, Learner, Rollout
+
+
+@dataclass(kw_only=True)
+class _Taken:
+    """What the agents of one type saw and did, step by step."""
+
+    rows: list[Floats] = field(default_factory=list)
+    views: list[TypeView] = field(default_factory=list)
+    actions: list[Any] = field(default_factory=list)
+    log_shares: list[Floats] = field(default_factory=list)
+    steps: list[BatchStep] = field(default_factory=list)
+
+
+class Collector:
+    """Makes rollouts.
+
+    Args:
+        batch: The environments.
+        learners: By type.
+        discount: gamma, by which the spread of the rewards is measured.
+    """
+
+    def __init__(self, batch: Batch, learners: dict[str, Learner], discount: float) -> None:
+        self._batch, self._discount = batch, discount
+        self._learners = {kind.name: learners[kind.name] for kind in batch.types}
+        self._running = {name: np.zeros(len(view.rows)) for name, view in batch.views.items()}
+
+    def begin(self, seeds: Sequence[int], cuts: Sequence[int] | None) -> None:
+        """Begin new episodes everywhere; see `Batch.reset`."""
+        self._batch.reset(seeds, cuts)
+        for running in self._running.values():
+            running[:] = 0.0
+
+    def roll(
+        self, n_steps: int, generator: torch.Generator, teachers: Sequence[Policy] = (), n_own: int = 0
+    ) -> tuple[dict[str, Rollout], list[EpisodeFigures]]:
+        """Step all environments.
+
+        Args:
+            n_steps: Of each.
+            generator: Source of chance.
+            teachers: One per environment; their actions are those of the rollout. None without.
+            n_own: Environments, from the first, that follow what was learned although there are teachers.
+
+        Returns:
+            Rollouts by type, and the episodes that ended.
+        """
+        batch = self._batch
+        taken = {name: _Taken() for name in self._learners}
+        episodes: list[EpisodeFigures] = []
+        for _ in range(n_steps):
+            acts: dict[str, Any] = {}
+            taught = batch.ask(teachers) if teachers and isinstance(batch, EnvBatch) else {}
+            for name, learner in self._learners.items():
+                view = batch.views[name].copy()
+                rows, actions, log_shares = learner.choose(view, generator)
+                acts[name] = learner.legal(actions)
+                if taught:
+                    led = batch.env_of[name] >= n_own if isinstance(batch, EnvBatch) else np.ones(len(rows), np.bool_)
+                    acts[name] = np.where(led.reshape(-1, *[1] * (actions.ndim - 1)), taught[name], acts[name])
+                    actions = learner.plain(taught[name])
+                one = taken[name]
+                one.rows.append(rows)
+                one.views.append(view)
+                one.actions.append(actions)
+                one.log_shares.append(log_shares)
+            outcome = batch.step(acts)
+            episodes += outcome.episodes
+            for name, learner in self._learners.items():
+                taken[name].steps.append(outcome)
+                self._earn(name, learner, outcome, taken[name].views[-1].active)
+        return {name: self._rollout(name, one) for name, one in taken.items()}, episodes
+
+    def _earn(self, name: str, learner: Learner, outcome: BatchStep, active: Any) -> None:
+        """Follow the discounted sums of rewards, whose spread is their unit."""
+        running = self._running[name] * self._discount + outcome.rewards[name]
+        if active.any():
+            learner.earned.update(running[active, None])
+        self._running[name] = np.where(outcome.ended[name], 0.0, running)
+
+    def _rollout(self, name: str, taken: _Taken) -> Rollout:
+        """All steps of a type as arrays; values are asked for at once, for the network does not change meanwhile."""
+        learner, now = self._learners[name], self._batch.views[name]
+        shape = (len(taken.rows), len(now.rows))
+        rows = np.stack(taken.rows)
+        ended = np.stack([step.ended[name] for step in taken.steps])
+        truncated = np.stack([step.truncated[name] for step in taken.steps])
+        states = [view.state for view in taken.views if view.state is not None]
+        state = None if not states else learner.told.apply(np.stack(states).reshape(-1, states[0].shape[1]))
+        values = learner.values(rows.reshape(-1, rows.shape[2]), state).reshape(shape)
+        after = np.concatenate((values[1:], self._values(learner, now)[None]))
+        after[ended] = 0.0
+        for t in np.flatnonzero(truncated.any(axis=1)).tolist():
+            last = self._values(learner, taken.steps[t].last[name])
+            after[t] = np.where(truncated[t], last, after[t])
+        active = np.stack([view.active for view in taken.views])
+        return Rollout(
+            rows=rows,
+            mask=None if now.mask is None else np.stack([view.mask for view in taken.views if view.mask is not None]),
+            state=None if state is None else state.reshape(*shape, -1),
+            active=active,
+            actions=np.stack(taken.actions),
+            log_shares=np.stack(taken.log_shares),
+            values=values,
+            after=after,
+            rewards=(np.stack([s.rewards[name] for s in taken.steps]) / learner.earned.scale()).astype(np.float32),
+            ended=ended,
+            seen=np.stack([view.rows for view in taken.views])[active],
+            told=np.stack(states)[active] if states else None,
+        )
+
+    def _values(self, learner: Learner, view: TypeView) -> Floats:
+        state = None if view.state is None else learner.told.apply(view.state)
+        return learner.values(learner.seen.apply(view.rows), state)

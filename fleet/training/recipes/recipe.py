@@ -1,0 +1,127 @@
+"""Recipe: an environment, how it is learned stage by stage, and what it is measured against."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from fleet.config import require
+from fleet.envs.core.env_config import UnknownSetting
+from fleet.envs.policies.policy import Policy
+from fleet.training.batch import AgentType, Batch, agent_types, types_of
+from fleet.training.errors import TrainingError
+from fleet.training.layout import Layout
+from fleet.training.settings import PpoConfig
+
+Play = Literal["likeliest", "drawn"]
+"""How a learned policy plays: its likeliest action, or one drawn from its distribution."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """A part of a training run, with arguments of its own for the environments.
+
+    It ends when its longest time is over, or, after its shortest, when a figure has been reached; the last one goes on
+    to the end of the run. Stages change at checkpoints only, so that a resumed run changes where the other did.
+    """
+
+    name: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    """Of the environment, over those of the recipe."""
+    mix: tuple[Mapping[str, Any], ...] = ({},)
+    """Arguments of environments that are learned on side by side, over those of the stage: the environments are dealt
+    these in turn. Teams and sites may differ; agents of one type see and do the same kind of thing in all."""
+    longest: float = 1.0
+    """Share of the run's steps after which it ends."""
+    shortest: float = 0.0
+    """Share of the run's steps before which it does not end."""
+    figure: str | None = None
+    """Of `Recipe.figures`, or `return`; None: only time ends it."""
+    reached: float = 0.0
+    """The mean of the figure over the last episodes with which the stage ends, at least."""
+    last_n: int = 50
+    """Those episodes; there have to be as many in this stage."""
+
+    def __post_init__(self) -> None:
+        require(
+            0.0 <= self.shortest <= self.longest <= 1.0, "shortest, longest", (self.shortest, self.longest), "0 to 1"
+        )
+        require(self.last_n >= 1, "last_n", self.last_n, "an integer >= 1")
+        require(len(self.mix) >= 1, "mix", self.mix, "one set of arguments or more")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """An environment and how it is learned."""
+
+    summary: str
+    """What agents learn."""
+    make: Callable[..., Any]
+    """Makes the environment from its arguments."""
+    scripted: Callable[[], Policy]
+    """Makes the policy to compare with."""
+    script: str
+    """What that one does, in words."""
+    figures: tuple[str, ...]
+    """Names in `infos` whose sums over an episode are reported; the first is what it is all about."""
+    n_steps: int
+    """Steps of agents."""
+    ppo: PpoConfig
+    at_end: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
+    """Further figures of the evaluation: each is asked of the environment at the end of an episode."""
+    layouts: Mapping[str, Layout] = field(default_factory=dict)
+    """How observations are made up, by type of agents; a type that is not named has numbers of its own only."""
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    """Arguments of the environment that differ from its own defaults: those of the evaluation, which stages change."""
+    stages: tuple[Stage, ...] = (Stage(name="all"),)
+    """One after the other."""
+    plays: tuple[Play, ...] = ("likeliest",)
+    """How what was learned plays in the evaluation; the first way is that of `load_policy`."""
+    batch: Callable[..., Batch] | None = None
+    """Steps environments side by side faster than one after the other: takes the arguments of each of them, then
+    `figures`, `layouts` and `n_state` as `EnvBatch` does; None: there is nothing faster."""
+    teacher: Callable[[], Policy] | None = None
+    """Makes the policy that is cloned for the first `PpoConfig.clone_n` steps."""
+
+    def environments(self, stage: Stage, arguments: Mapping[str, Any], held: Sequence[str]) -> list[dict[str, Any]]:
+        """Arguments of the environments that a stage mixes.
+
+        Args:
+            stage: Of this recipe.
+            arguments: Those of the run.
+            held: Names of those that no stage changes.
+        """
+        fixed = {name: arguments[name] for name in held}
+        return [{**arguments, **stage.arguments, **mixed, **fixed} for mixed in stage.mix]
+
+    def survey(self, arguments: Mapping[str, Any], held: Sequence[str] = ()) -> tuple[tuple[AgentType, ...], int]:
+        """Make every environment of every stage once, so that a mistake shows before the run begins.
+
+        Args:
+            arguments: Those of the run.
+            held: Names of those that no stage changes.
+
+        Returns:
+            All types of agents, and the numbers of the longest `state()`; 0 if an environment has none.
+
+        Raises:
+            TrainingError: An environment does not know an argument, or agents of a type are not alike in all.
+            ConfigError: A value is outside its valid range.
+        """
+        wanted = [dict(arguments)]
+        for stage in self.stages:
+            wanted += [one for one in self.environments(stage, arguments, held) if one not in wanted]
+        kinds, lengths = [], []
+        for one in wanted:
+            try:
+                env = self.make(**one)
+            except UnknownSetting as error:
+                raise TrainingError(f"[env]: {error}") from error
+            except TypeError as error:  # of a single robot's environment
+                raise TrainingError(f"[env]: {error}; valid: the arguments of the environment") from error
+            kinds.append(agent_types(env, self.layouts))
+            space = getattr(env, "state_space", None)
+            lengths.append(0 if space is None else int(space.shape[0]))
+            env.close()
+        return types_of(kinds), max(lengths) if all(lengths) else 0
