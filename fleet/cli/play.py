@@ -6,7 +6,7 @@ import functools
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from rich.table import Table
@@ -17,7 +17,7 @@ from fleet.errors import ConfigError
 from fleet.terminal.progress_bar import Bar
 
 if TYPE_CHECKING:  # takes a second to load
-    from fleet.play.policies import LearnedRun, PlayedPolicy
+    from fleet.play.policies import LearnedRun
 
 SCRIPTED = "scripted"
 """Heading and folder of the run without policies."""
@@ -115,24 +115,27 @@ class Play:
             columns[SCRIPTED] = vars(run_session(config, beside))
         console = plain_console()
         console.print(run_table(columns))
-        console.print(_decisions(policies))
+        for part, one in policies.items():
+            console.print(f"{part} by {one.decisions}", soft_wrap=True)
         if self.record:
             show_recording(console, self.out / RECORDING, view=self.view)
         return exit_status(console, result, self.duration)
 
     def _play_episodes(self, run: LearnedRun) -> int:
         """Episodes of the environment."""
-        from fleet.play.episodes import EPISODES, play_episodes, write_episodes
-        from fleet.training.evaluation import interval
+        from fleet.play.episodes import EPISODES, RERUN, play_episodes, write_episodes
+        from fleet.training.intervals import interval
         from fleet.training.recipes import RECIPES
 
         for option, given in (("--tasks", self.tasks), ("--stream", self.stream), ("--rate", self.rate)):
             if given is not None:
                 raise ConfigError(f"{option} is for a fleet, and {run.environment} is none; valid: without {option}")
+        if self.record and RERUN not in run.render_modes:
+            raise ConfigError(f"{run.environment} has no recordings; valid: without --record")
         changes = {"site": self.site, "n_cars": self.robots}
         changes["fidelity"] = None if self.fidelity is None else str(self.fidelity)
         changes = {name: value for name, value in changes.items() if value is not None}
-        policies = {"played": run.policy()}
+        policies = {"played": run.policy(self.seed)}
         if self.compare:
             policies[SCRIPTED] = RECIPES[run.recipe].scripted()
         seeds = list(range(self.seed, self.seed + self.episodes))
@@ -190,19 +193,3 @@ class Play:
             fidelity=Fidelity.PHYSICS if self.fidelity is None else self.fidelity,
             connect=Connect.GUI if self.gui else Connect.DIRECT,
         )
-
-
-def _decisions(policies: dict[str, PlayedPolicy]) -> Table:
-    table = Table(title="decisions")
-    for name in ("part", "policy"):
-        table.add_column(name)
-    for name in ("decisions", "the policy's", "granted"):
-        table.add_column(name, justify="right")
-    table.add_column("the classical part's, and why")
-    for part, played in policies.items():
-        one: Any = played.decisions
-        share = one.policy_share
-        told = "-" if share is None else f"{share:.1%}"
-        why = ", ".join(f"{n} {reason}" for reason, n in sorted(one.fallback_n.items())) or "none"
-        table.add_row(part, one.policy, str(one.made_n), told, str(one.granted_n), why)
-    return table

@@ -47,6 +47,15 @@ class Decisions:
         share = self.policy_share
         return {**dataclasses.asdict(self), "policy_share": None if share is None else round(share, 6)}
 
+    def __str__(self) -> str:
+        share = self.policy_share
+        text = f"{self.policy}: " + (
+            "nothing to decide" if share is None else f"{share:.1%} of {self.made_n} decisions"
+        )
+        text += f", {self.granted_n} carried out as meant"
+        why = ", ".join(f"{n} {reason}" for reason, n in sorted(self.fallback_n.items()))
+        return f"{text}; the classical part took {why}" if why else text
+
 
 def write_decisions(path: Path, decisions: Mapping[str, Decisions]) -> None:
     """Write the figures of all layers, whole or not at all."""

@@ -35,18 +35,19 @@ class LearnedRun:
     """Of its environment."""
     environment: str
     """Name of the environment, with its version: `dispatch_v0`."""
-    observed: Mapping[str, Any]
-    """Space of what agents observe, by type."""
-    acted: Mapping[str, Any]
-    """Space of what they do, by type."""
+    render_modes: tuple[str, ...]
+    """Ways to show it."""
 
     @property
     def layer(self) -> str:
         """The environment without its version."""
         return self.environment.rpartition("_v")[0]
 
-    def policy(self) -> Policy:
+    def policy(self, seed: int) -> Policy:
         """What was learned.
+
+        Args:
+            seed: Of the actions that are drawn, if it plays so.
 
         Raises:
             TrainingError: PyTorch is not installed, or the checkpoint cannot be read.
@@ -55,10 +56,25 @@ class LearnedRun:
             raise TrainingError(
                 f"{self.folder}: a learned policy needs PyTorch, which is not installed; valid: pip install '.[train]'"
             )
-        from fleet.training.ppo.trainer import load_policy
+        from fleet.training.ppo.policy import load_policy
 
-        policy: Policy = load_policy(self.folder)
+        policy: Policy = load_policy(self.folder, seed=seed)
         return policy
+
+    def require_fits(self, policy: Any, env: Any) -> None:
+        """Refuse an environment whose agents see or do something else than was learned.
+
+        Args:
+            policy: What was learned here.
+            env: The environment that it is to play.
+
+        Raises:
+            TrainingError: They do.
+        """
+        try:
+            policy.check(env)
+        except TrainingError as error:
+            raise TrainingError(f"{self.folder}, in {env.metadata['name']}: {error}") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,19 +96,8 @@ class PlayedPolicy:
         Raises:
             TrainingError: They do.
         """
-        run = self.learned
-        if run is None:
-            return
-        agent = env.possible_agents[0]
-        kind = agent.rpartition("_")[0]
-        if kind not in run.observed:
-            raise TrainingError(f"{run.folder}: has no policy for {agent}; valid: one of {kind}")
-        for what, was, now in (
-            ("observes", run.observed[kind], env.observation_space(agent)),
-            ("chooses from", run.acted[kind], env.action_space(agent)),
-        ):
-            if was != now:
-                raise TrainingError(f"{run.folder}: {kind} {what} {was}; valid: {now}, as {agent} of this run")
+        if self.learned is not None:
+            self.learned.require_fits(self.policy, env)
 
 
 def learned_run(folder: Path) -> LearnedRun:
@@ -114,18 +119,14 @@ def learned_run(folder: Path) -> LearnedRun:
         env = RECIPES[recipe].make(**arguments)
     except ConfigError as error:
         raise TrainingError(f"{folder}: its environment is none of this version: {error}") from error
-    try:
-        agents = {agent.rpartition("_")[0]: agent for agent in reversed(env.possible_agents)}
-        return LearnedRun(
-            folder=folder,
-            recipe=recipe,
-            arguments=arguments,
-            environment=str(env.metadata["name"]),
-            observed={kind: env.observation_space(agent) for kind, agent in agents.items()},
-            acted={kind: env.action_space(agent) for kind, agent in agents.items()},
-        )
-    finally:
-        env.close()
+    env.close()
+    return LearnedRun(
+        folder=folder,
+        recipe=recipe,
+        arguments=arguments,
+        environment=str(env.metadata["name"]),
+        render_modes=tuple(env.metadata.get("render_modes", ())),
+    )
 
 
 def played_policy(part: str, told: str, seed: int) -> PlayedPolicy:
@@ -150,7 +151,7 @@ def played_policy(part: str, told: str, seed: int) -> PlayedPolicy:
         fits = ", ".join(f"--{name}" for name, of in LAYERS.items() if of == run.layer) or "fleet play RUN"
         raise TrainingError(f"--{part} {told}: was trained in {run.environment}; valid: one of {layer}, or {fits}")
     return PlayedPolicy(
-        policy=run.policy(),
+        policy=run.policy(seed),
         decisions=Decisions(policy=told),
         settings={name: value for name, value in run.arguments.items() if name not in _OF_THE_RUN},
         learned=run,

@@ -120,8 +120,8 @@ class TrafficPlayer:
         illegal = sum(bool(infos[agent]["illegal"]) for agent in choosing)
         if illegal:
             self._decisions.fall_back("illegal", illegal)
-        waits = sum(bool(infos[agent]["waits"]) for agent in choosing)
-        self._decisions.decide(len(choosing) - illegal, len(choosing) - illegal - waits)
+        other = sum(bool(infos[agent]["waits"] or infos[agent]["pushed"]) for agent in choosing)
+        self._decisions.decide(len(choosing) - illegal, len(choosing) - illegal - other)
 
     def _has_progress(self) -> bool:
         """Whether a car has a new goal, or is nearer to its goal than it ever was."""

@@ -56,7 +56,7 @@ class AgentTraffic(Traffic):
         if self.wanted is None:
             return False
         wanted, self.wanted = self.wanted, None
-        states, self.sent = self.executor.tail_states(), self._step(tick, wanted)
+        states, self.sent = self.executor.tail_states(), self._stepped(tick, wanted)
         self.executor.accept(Plan(states=np.stack((states, self.sent)), status=Status.FEASIBLE, iterations=1))
         self.n_plans += 1
         return True
@@ -64,7 +64,7 @@ class AgentTraffic(Traffic):
     def proposed(self, tick: int) -> Ints:
         """Where PIBT would send each car, shape (n_cars,); its chance is not drawn on."""
         salt = self._stepper.salt
-        after = self._step(tick, None)
+        after = self._stepped(tick, None)
         self._stepper.salt = salt
         return after
 
@@ -86,7 +86,7 @@ class AgentTraffic(Traffic):
         priority: FloatArray = np.where(content, -1.0, waited_s / TIMESTEP_S)
         return priority
 
-    def _step(self, tick: int, wished: Ints | None) -> Ints:
+    def _stepped(self, tick: int, wished: Ints | None) -> Ints:
         if not self._stepper.fits(self.graph, self.blocked):
             self._stepper = Stepper(self.graph, self.blocked, seed=self._stepper.salt)
         states = self.executor.tail_states()
