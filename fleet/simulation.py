@@ -37,7 +37,7 @@ class Actions:
     """What agents decide instead of the executor and the arm manager, for the first robots; None leaves all to them.
 
     Made for a run whose driver and arm manager know which robots agents decide
-    (`fleet.envs.warehouse.agent_simulation`): in any other run the executor takes for granted that a car follows its
+    (`fleet.envs.warehouse.run.agent_simulation`): in any other run the executor takes for granted that a car follows its
     path, and recovery takes back one that does not.
     """
 

@@ -7,13 +7,13 @@ import gymnasium
 from pettingzoo import register
 
 ENVIRONMENTS = {
-    "warehouse_v0": 1200,
+    "warehouse_v1": 1200,
     "dispatch_v0": 240,
     "traffic_v1": 500,
     "navigate_v0": 600,
 }
 """Longest episode of each environment, by module, which has its `parallel_env` and its `env`."""
-REPLACED = {"traffic_v0": 500}
+REPLACED = {"warehouse_v0": 1200, "traffic_v0": 500}
 """The same of versions that another one has replaced: to make one is refused, and the message names the new one."""
 
 for _module, _max_cycles in (ENVIRONMENTS | REPLACED).items():

@@ -217,6 +217,10 @@ class PlanarWorld:
         """See `World`."""
         return Contacts(robot=self._surroundings.n_robot_contacts, static=self._surroundings.n_static_contacts)
 
+    def contacts_of(self) -> tuple[IntArray, IntArray]:
+        """See `World`."""
+        return self._surroundings.of_cars.copy(), self._surroundings.of_arms.copy()
+
     def min_clearance_m(self) -> float:
         """See `World`; arms are spheres here, so theirs is a coarse figure."""
         return self._surroundings.min_clearance_m
@@ -295,6 +299,12 @@ class KinematicWorld(PlanarWorld):
         config = config or KinematicConfig()
         cars = BicycleCars(scene.car, scene.car_start, config.tick_s, config.substep_s)
         super().__init__(scene, cars, config.tick_s)
+
+    def place(self, car_poses: FloatArray, arm_q: FloatArray) -> None:
+        """See `OpenWorld`."""
+        still = np.zeros(self.n_cars)
+        self._cars.load((car_poses, still, still))
+        self._arms.load((arm_q, np.zeros_like(arm_q)))
 
 
 @njit(cache=True)

@@ -35,6 +35,9 @@ class Support(IntEnum):
     TOOL = 2
 
 
+_ON_TOOL = int(Support.TOOL)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ParcelSnapshot:
     """State of `PlanarParcels` at one instant."""
@@ -163,13 +166,8 @@ class PlanarParcels:
 
     def _take(self, arm: int, tip: FloatArray) -> None:
         """Fix the parcel under the tool, if there is one that no other arm holds, to the tool."""
-        # A cup stops at the top face, fingers close beside the middle: what counts is the way to the upright axis.
-        offset = Rotation.from_quat(self.poses[:, 3:]).inv().apply(tip[:3] - self.poses[:, :3])
-        offset[:, 2] = np.maximum(np.abs(offset[:, 2]) - self._size_m[:, 2] / 2.0, 0.0)
-        distance = np.linalg.norm(offset, axis=1)
-        distance[self._support == Support.TOOL] = np.inf
-        row = int(np.argmin(distance))
-        if distance[row] > SUCTION_REACH_M:
+        row = _within_reach(tip, self.poses, self._size_m, self._support)
+        if row < 0:
             return
         tip_from_world = Rotation.from_quat(tip[3:]).inv()
         self._local[row, :3] = tip_from_world.apply(self.poses[row, :3] - tip[:3])
@@ -231,6 +229,25 @@ def _flat(x: float, y: float, z: float, yaw: float) -> FloatArray:
 def _turned(x: float, y: float, yaw: float) -> tuple[float, float]:
     cos, sin = math.cos(yaw), math.sin(yaw)
     return cos * x - sin * y, sin * x + cos * y
+
+
+@njit(cache=True)
+def _within_reach(tip: FloatArray, poses: FloatArray, size: FloatArray, support: IntArray) -> int:
+    """The parcel nearest to a tool, of those that no tool holds; -1 if none is in its reach."""
+    row, least = -1, math.inf
+    for k in range(len(poses)):
+        if support[k] == _ON_TOOL:
+            continue
+        # A cup stops at the top face, fingers close beside the middle: what counts is the way to the upright axis.
+        ax, ay, az, aw = -poses[k, 3], -poses[k, 4], -poses[k, 5], poses[k, 6]
+        x, y, z = tip[0] - poses[k, 0], tip[1] - poses[k, 1], tip[2] - poses[k, 2]
+        tx, ty, tz = 2.0 * (ay * z - az * y), 2.0 * (az * x - ax * z), 2.0 * (ax * y - ay * x)
+        beside_x, beside_y = x + aw * tx + ay * tz - az * ty, y + aw * ty + az * tx - ax * tz
+        over = max(abs(z + aw * tz + ax * ty - ay * tx) - size[k, 2] / 2.0, 0.0)
+        distance = math.sqrt(beside_x * beside_x + beside_y * beside_y + over * over)
+        if distance < least:
+            row, least = k, distance
+    return row if least <= SUCTION_REACH_M else -1
 
 
 @njit(cache=True)

@@ -107,6 +107,9 @@ class World(Protocol):
     def contacts(self) -> Contacts:
         """Contacts so far."""
 
+    def contacts_of(self) -> tuple[IntArray, IntArray]:
+        """Contacts of each robot so far, shapes (n_cars,) and (n_arms,); one between two robots counts for both."""
+
     def min_clearance_m(self) -> float:
         """Smallest clearance so far: car-car bodies, and arms against cars they do not serve [m]."""
 
@@ -144,3 +147,15 @@ class World(Protocol):
 
     def close(self) -> None:
         """Free what the world holds; calling twice is harmless."""
+
+
+class OpenWorld(World, Protocol):
+    """A world whose robots can be put anywhere."""
+
+    def place(self, car_poses: FloatArray, arm_q: FloatArray) -> None:
+        """Put all robots elsewhere at once, where they stand still; meant for the start of a run.
+
+        Args:
+            car_poses: Rear-axle poses x, y, yaw, shape (n_cars, 3).
+            arm_q: Joint positions [rad], shape (n_arms, n_joints).
+        """

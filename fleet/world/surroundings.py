@@ -12,7 +12,7 @@ from fleet.arrays import FloatArray, IntArray
 from fleet.errors import FleetError
 from fleet.world.arms import ServoArms
 from fleet.world.scene import Scene
-from fleet.world.touches import BIN_M, KIND_SHIFT, STATIC, ArmBalls, BinnedBoxes, Body, Touches
+from fleet.world.touches import BIN_M, KIND_SHIFT, STATIC, ArmBalls, BinnedBoxes, Body, Touches, robots_of
 
 _ADDED_KEY = 1 << 18
 """Keys of run-time boxes begin here, so that they do not depend on how many there are."""
@@ -26,6 +26,8 @@ class SurroundingsSnapshot:
     n_robot_contacts: int
     n_static_contacts: int
     min_clearance_m: float
+    of_cars: IntArray
+    of_arms: IntArray
     touching: frozenset[int]
     added: dict[int, tuple[float, float, float, float]]
 
@@ -39,6 +41,8 @@ class Surroundings:
     Attributes:
         n_robot_contacts: Touches between robots so far; one that lasts counts once.
         n_static_contacts: Touches of cars with boxes so far.
+        of_cars: Touches of each car so far, shape (n_cars,); one of two cars counts for both.
+        of_arms: Touches of each arm so far, shape (n_arms,).
 
     Args:
         scene: Boxes, floor and models.
@@ -69,6 +73,8 @@ class Surroundings:
         self._balls.spheres[:, :-1, 3] = arms.radii
         self.n_robot_contacts = 0
         self.n_static_contacts = 0
+        self.of_cars = np.zeros(len(scene.car_start), dtype=np.int64)
+        self.of_arms = np.zeros(n_arms, dtype=np.int64)
         self._touches = Touches(self._body, arms, self._balls)
         self._touching: frozenset[int] = frozenset()
         self._sort_boxes()
@@ -109,6 +115,10 @@ class Surroundings:
             static = sum(code >> KIND_SHIFT == STATIC for code in new)
             self.n_robot_contacts += len(new) - static
             self.n_static_contacts += static
+            for code in new:
+                cars, arms = robots_of(code)
+                self.of_cars[cars] += 1
+                self.of_arms[arms] += 1
             self._touching = now
 
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
@@ -127,6 +137,8 @@ class Surroundings:
             n_robot_contacts=self.n_robot_contacts,
             n_static_contacts=self.n_static_contacts,
             min_clearance_m=self.min_clearance_m,
+            of_cars=self.of_cars.copy(),
+            of_arms=self.of_arms.copy(),
             touching=self._touching,
             added=self._added.copy(),
         )
@@ -137,6 +149,7 @@ class Surroundings:
         self.n_robot_contacts = snapshot.n_robot_contacts
         self.n_static_contacts = snapshot.n_static_contacts
         self._touches.clearance_m = snapshot.min_clearance_m
+        self.of_cars[:], self.of_arms[:] = snapshot.of_cars, snapshot.of_arms
         self._touches.forget()
         self._touching = snapshot.touching
         if snapshot.added != self._added:

@@ -74,6 +74,16 @@ class _Seen(NamedTuple):
     arm_moved: BoolArray
 
 
+def robots_of(code: int) -> tuple[list[int], list[int]]:
+    """Cars and arms that a touch is one of, by its code in `Touches.codes`."""
+    kind, a, b = code >> KIND_SHIFT, (code >> _FIRST_SHIFT) & _SECOND, code & _SECOND
+    if kind == CAR_CAR:
+        return [a, b], []
+    if kind == CAR_ARM:
+        return [a], [b]
+    return ([], [a, b]) if kind == ARM_ARM else ([a], [])
+
+
 class Touches:
     """The touches of one tick after the other.
 

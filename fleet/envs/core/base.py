@@ -61,6 +61,8 @@ class EnvState:
     """Where the series of episodes goes on, as numpy tells the state of a generator."""
     actions: tuple[Any, ...]
     """What `FleetEnv._advance` was given so far."""
+    agents: tuple[str, ...]
+    """Who was still there."""
     quick: Any = None
     """What brings the moment back without running the episode again, in the environment that saved it."""
 
@@ -105,7 +107,9 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     A subclass writes `_begin`, `_advance`, `_resolved` and `_picture`. It is pickled and copied by its settings: a copy
     begins before its first episode.
 
-    The agents of an environment are the same in all episodes, and all end together.
+    Who takes part is decided when an episode begins (`_team`, by default everybody). An agent that is out for good
+    (`_gone`) is terminated and leaves `agents`; it is back in the next episode. Whom the caller takes out of `agents`
+    does nothing from then on. All others end together.
 
     Args:
         config: All settings.
@@ -212,6 +216,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
             seed=self._seed,
             series=self._series.bit_generator.state,
             actions=tuple(self._log),
+            agents=tuple(self.agents),
             quick=self._quick(),
         )
 
@@ -238,14 +243,14 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         self._seed = state.seed
         if state.quick is not None and self._restore(state.quick):
             self._log, self.n_steps = list(state.actions), len(state.actions)
-            self.agents = self.possible_agents[:]
         else:
             self._start()
             for resolved in state.actions:
                 self._do(resolved)
+        self.agents = list(state.agents)
         self._series = np.random.default_rng()
         self._series.bit_generator.state = state.series
-        return self._observations()
+        return self._observed(self.agents)
 
     def render(self) -> Picture | None:
         """Draw this moment: an array (height, width, 3) in mode `rgb_array`, None in the others, which show it."""
@@ -288,6 +293,14 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     def _observations(self) -> dict[str, Any]:
         """Observations of all agents now, in arrays that are the caller's own."""
 
+    def _team(self) -> list[str]:
+        """Agents of the episode that begins, in the order of `possible_agents`."""
+        return self.possible_agents[:]
+
+    def _gone(self) -> frozenset[str]:
+        """Agents that are out for the rest of the episode."""
+        return frozenset()
+
     @abstractmethod
     def _picture(self) -> Picture:
         """Draw this moment, shape (height, width, 3)."""
@@ -310,7 +323,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         seed, self._seed = self._seed, -1
         infos = self._begin(seed)
         self._seed = seed
-        self.agents = self.possible_agents[:]
+        self.agents = self._team()
         return self._observations(), infos
 
     def _do(self, resolved: Any) -> StepReturn:
@@ -318,16 +331,22 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         self._log.append(resolved)
         self.n_steps += 1
         out_of_time = not done and self.n_steps >= self.max_cycles
-        agents = self.agents
+        agents, gone = self.agents, self._gone()
+        terminations, truncations = dict.fromkeys(agents, done), dict.fromkeys(agents, out_of_time)
         if done or out_of_time:
             self.agents = []
-        return (
-            self._observations(),
-            rewards,
-            dict.fromkeys(agents, done),
-            dict.fromkeys(agents, out_of_time),
-            infos,
-        )
+        if gone:
+            for agent in gone.intersection(agents):
+                terminations[agent], truncations[agent] = True, False
+            self.agents = [agent for agent in self.agents if agent not in gone]
+        if len(rewards) > len(agents):  # some have left
+            rewards, infos = ({agent: said[agent] for agent in agents} for said in (rewards, infos))
+        return self._observed(agents), rewards, terminations, truncations, infos
+
+    def _observed(self, agents: list[str]) -> dict[str, Any]:
+        """Observations of those who are still there."""
+        seen = self._observations()
+        return seen if len(seen) == len(agents) else {agent: seen[agent] for agent in agents}
 
     def _show(self) -> None:
         if self.render_mode in ("human", "rerun"):

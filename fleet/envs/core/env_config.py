@@ -40,8 +40,8 @@ class EnvConfig(ABC):
 
     site: str | Path | Site
     """Name of a shipped site, or path of a site file."""
-    n_cars: int
-    """Cars that are agents."""
+    n_cars: Any
+    """Cars that are agents; where a team's size may differ, also the least and the greatest number."""
     fidelity: str
     """`physics`, `kinematic` or `grid`, as far as the environment has it."""
     max_cycles: int
@@ -89,8 +89,9 @@ class EnvConfig(ABC):
 
     @property
     def cars(self) -> list[str]:
-        """Names of the agents that are cars."""
-        return [f"car_{car}" for car in range(self.n_cars)]
+        """Names of the agents that are cars, of the largest team."""
+        most = self.n_cars if is_whole(self.n_cars) else max(self.n_cars)
+        return [f"car_{car}" for car in range(most)]
 
     def deciding(self) -> dict[str, Any]:
         """Settings that decide what happens in an episode, by name."""

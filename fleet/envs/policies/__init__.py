@@ -8,7 +8,7 @@ from fleet.envs.policies.dispatch import Allocated, Nearest, apparent_tardiness
 from fleet.envs.policies.policy import Policy as Policy
 from fleet.envs.policies.policy import Random
 from fleet.envs.policies.traffic import PibtTraffic, PlannedTraffic, ShortestWay
-from fleet.envs.policies.warehouse import Classical, PlannedArms, PursuitCars
+from fleet.envs.policies.warehouse import Classical, PlannedArms, PointingArms, PursuitCars
 
 POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
     "dispatch": {
@@ -24,7 +24,13 @@ POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
         "pibt": PibtTraffic,
         "multi_step_pibt": PlannedTraffic,
     },
-    "warehouse": {"random": Random, "pursuit": PursuitCars, "planned_arms": PlannedArms, "classical": Classical},
+    "warehouse": {
+        "random": Random,
+        "pursuit": PursuitCars,
+        "planned_arms": PlannedArms,
+        "pointing_arms": PointingArms,
+        "classical": Classical,
+    },
 }
 """Policies by layer and name; each is made with a seed and has `act(env, observations) -> actions`."""
 

@@ -1,4 +1,4 @@
-"""Scripted policies of the continuous layer: cars that pursue their path, arms that play the classical plans."""
+"""Scripted policies of the continuous layer: cars that pursue their path, arms that play plans or follow their eyes."""
 
 from __future__ import annotations
 
@@ -8,29 +8,34 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
-from fleet.config import ArmConfig
+from fleet.arrays import FloatArray
+from fleet.envs.warehouse.control.hands import N_TIP, TIP_MPS, TIP_RADPS
+from fleet.envs.warehouse.control.plans import Plans, planner_of
+from fleet.envs.warehouse.control.pursuit import Wheel, pursue
 from fleet.envs.warehouse.env import WarehouseEnv
-from fleet.envs.warehouse.rows import NEAR_M, WAY_POINTS_M
-from fleet.simulation import Simulation
-from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_manager import ArmManager
-from fleet.stations.arms.arm_planner import make_arm_planner
-from fleet.stations.arms.transfer import TransferRequest
+from fleet.envs.warehouse.rows import AROUND_AT, REACH_M, Rows
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
+from fleet.robots.iiwa import N_JOINTS
+from fleet.stations.arms.arm_manager import ArmPlanner
 
-LOOKAHEAD = 0
-"""Way-point that a car steers for: 0.4 m ahead, the wheelbase and a little more."""
-AT_GOAL_M = 0.4
-"""Nearer to its goal than this a car steers for a point beyond it, so that it ends straight [m]."""
-CRUISE_MPS, BACK_MPS, GAIN_PER_S = 0.9, 0.3, 1.5
-"""Speed on the way, back to a stop that was passed, and per metre that is left to go."""
-_AHEAD, _WAY, _GOAL, _TURN, _LOADS, _UNLOADS = 15, 19, 6, 8, 11, 13  # entries of a car's observation
+_TIP, _ASKED, _HOLDS = 14, 29, 30  # entries of an arm's observation
+_TRAVEL_M, _HOVER_M = 0.5, 0.12
+"""Height of the tip on its way with a parcel, and above a parcel that it comes for [m]."""
+_OVER_M, _TOUCH_M = 0.015, 0.008
+"""So near to the axis of what it comes for the tip goes down, and so near to the place a parcel is let go [m]."""
+_SET_M = 0.02
+"""A parcel that lies so near to the height of its place has been set [m]."""
+_REST_M = (0.40, 0.62)
+"""Where the tip waits, behind the base: out and up [m]."""
+_GAIN_PER_S = 4.0
 
 
 class PursuitCars:
     """Every car pursues its observed way-points and stops at its path's end; arms do nothing.
 
-    Source: R. C. Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR-92-01, 1992.
+    Residual cars add nothing to the classical controller, which does the same.
 
     Args:
         seed: Not used; every policy of the table takes one.
@@ -41,21 +46,26 @@ class PursuitCars:
 
     def act(self, env: WarehouseEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
-        scene = env.simulation.scene
-        diagonal_m = math.hypot(*scene.size_m)
-        rows = {agent: _row(seen) for agent, seen in observations.items() if agent.startswith("car_")}
-        car = scene.car
-        return {
-            agent: pursue(row, diagonal_m, car.wheelbase_m, car.max_steering_rad, car.max_speed_mps)
-            for agent, row in rows.items()
-        }
+        cars = [agent for agent in observations if agent.startswith("car_")]
+        actions = np.zeros((len(cars), 2))
+        if cars and env.config.car_action == "drive":
+            scene, model = env.simulation.scene, env.config.action_model
+            wheel = Wheel(
+                diagonal_m=math.hypot(*scene.size_m),
+                wheelbase_m=scene.car.wheelbase_m,
+                max_steering_rad=scene.car.max_steering_rad,
+                max_speed_mps=model.speed_mps,
+                dead_band=model.dead_band,
+            )
+            pursue(_rows(observations, cars), wheel, actions)
+        return dict(zip(cars, actions.astype(np.float32), strict=True))
 
 
 class PlannedArms:
     """Every arm plays the plan that the classical fleet makes for its transfer; cars do nothing.
 
-    The environment's arms must take joint velocities. A policy is for one episode after the other, not for two
-    environments at once.
+    The environment's arms must take joint velocities, or add to the plan: they then add nothing. A policy is for one
+    episode after the other, not for two environments at once.
 
     Args:
         seed: Not used.
@@ -63,82 +73,115 @@ class PlannedArms:
 
     def __init__(self, seed: int = 0) -> None:
         del seed
-        self._simulation: Simulation | None = None
-        self._asked: dict[int, TransferRequest] = {}
+        self._simulation: AgentSimulation | None = None
+        self._planner: ArmPlanner | None = None
+        self._planned_for: object = None
 
     def act(self, env: WarehouseEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
         agents = [agent for agent in observations if agent.startswith("arm_")]
+        if env.config.arm_action == "residual" or not agents:
+            return {agent: np.zeros(N_JOINTS + 1, dtype=np.float32) for agent in agents}
         simulation = env.simulation
-        if not agents:
-            return {}
         if simulation is not self._simulation:
             self._begin(simulation)
-        arm_manager, step_s = self._arm_manager, 1.0 / env.metadata["render_fps"]
-        before, held = arm_manager.q.copy(), simulation.world.held()
-        for agent in agents:
-            arm = int(agent.rpartition("_")[2])
-            transfer = simulation.arm_manager.transfer(arm)
-            if transfer is not None and transfer is not self._asked.get(arm) and arm_manager.is_idle(arm):
-                self._asked[arm] = transfer
-                arm_manager.submit(transfer, self._tick)
-        for _ in range(round(step_s / simulation.tick_s)):
-            arm_manager.tick(self._tick, held)
-            self._tick += 1
-        speeds = (arm_manager.q - before) / step_s / simulation.scene.arm.max_velocity_radps
-        grip = np.where(arm_manager.grip, 1.0, -1.0)
+        plans, step_s = self._plans, env.config.step_s
+        before, held = plans.q.copy(), simulation.world.held()
+        plans.ask(simulation)
+        for _ in range(env.config.n_ticks):
+            plans.tick(held)
+        speeds = (plans.q - before) / step_s / simulation.scene.arm.max_velocity_radps
+        grip = np.where(plans.grip, 1.0, -1.0)
+        arms = [int(agent.rpartition("_")[2]) for agent in agents]
         return {
-            agent: np.append(speeds[arm], grip[arm]).astype(np.float32)
-            for agent, arm in ((agent, int(agent.rpartition("_")[2])) for agent in agents)
+            agent: np.append(speeds[arm], grip[arm]).astype(np.float32) for agent, arm in zip(agents, arms, strict=True)
         }
 
-    def _begin(self, simulation: Simulation) -> None:
-        scene, names = simulation.scene, tuple(station.name for station in simulation.stations)
-        planner = make_arm_planner(arm_cells(simulation.site, scene), names, scene.arm, simulation.config)
-        self._arm_manager = ArmManager(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)
-        self._simulation, self._asked, self._tick = simulation, {}, 0
+    def _begin(self, simulation: AgentSimulation) -> None:
+        if self._planner is None or self._planned_for is not simulation.site:
+            self._planner, self._planned_for = planner_of(simulation), simulation.site
+        self._simulation, self._plans = simulation, Plans(simulation, self._planner)
 
 
-class Classical:
-    """The classical fleet's way: cars pursue their paths, arms play plans.
+class PointingArms:
+    """Every arm leads its tip over what it observes, down, and over to the place; cars do nothing.
+
+    Up, around the base and down, as arms that pick and set do; nothing is planned. The environment's arms must take
+    velocities of the tip.
 
     Args:
         seed: Not used.
     """
 
     def __init__(self, seed: int = 0) -> None:
-        self._cars, self._arms = PursuitCars(seed), PlannedArms(seed)
+        del seed
 
     def act(self, env: WarehouseEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
-        return self._cars.act(env, observations) | self._arms.act(env, observations)
+        del env
+        arms = [agent for agent in observations if agent.startswith("arm_")]
+        actions = np.zeros((len(arms), N_TIP + 1))
+        if arms:
+            _point(_rows(observations, arms), actions)
+        return dict(zip(arms, actions.astype(np.float32), strict=True))
 
 
-def pursue(
-    row: npt.NDArray[np.float32], diagonal_m: float, wheelbase_m: float, max_steering_rad: float, max_speed_mps: float
-) -> npt.NDArray[np.float32]:
-    """Action of one car.
+class Classical:
+    """The classical fleet's way, whatever actions are: cars pursue their paths, arms play plans.
+
+    Arms that take velocities of the tip follow what they observe instead.
 
     Args:
-        row: Its observation.
-        diagonal_m: Of the floor.
-        wheelbase_m: Of the car.
-        max_steering_rad: At full action.
-        max_speed_mps: At full action.
+        seed: Not used.
     """
-    points = row[_WAY : _WAY + 2 * len(WAY_POINTS_M)].reshape(-1, 2) * NEAR_M
-    goal = row[_GOAL : _GOAL + 2] * diagonal_m
-    at_goal = math.hypot(*goal) < AT_GOAL_M
-    x, y = goal + AT_GOAL_M * row[_TURN : _TURN + 2] if at_goal else points[LOOKAHEAD]
-    steering = math.atan(2.0 * wheelbase_m * y / max(x * x + y * y, 0.04))
-    # Near the goal, where it lies ahead; on the way, how far is granted.
-    left_m = float(goal[0]) if at_goal else float(row[_AHEAD]) * NEAR_M
-    is_served = row[_LOADS] > 0 or row[_UNLOADS] > 0
-    stands = is_served or abs(left_m) < 0.01
-    speed = 0.0 if stands else min(max(GAIN_PER_S * left_m, -BACK_MPS), CRUISE_MPS)
-    return np.clip([steering / max_steering_rad, speed / max_speed_mps], -1.0, 1.0).astype(np.float32)
+
+    def __init__(self, seed: int = 0) -> None:
+        self._cars, self._planned, self._pointing = PursuitCars(seed), PlannedArms(seed), PointingArms(seed)
+
+    def act(self, env: WarehouseEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
+        """See `Policy`."""
+        arms = self._pointing if env.config.arm_action == "tip" else self._planned
+        return self._cars.act(env, observations) | arms.act(env, observations)
 
 
-def _row(seen: Any) -> npt.NDArray[np.float32]:
-    row: npt.NDArray[np.float32] = seen["row"] if isinstance(seen, Mapping) else seen
-    return row
+def _rows(observations: Mapping[str, Any], agents: list[str]) -> npt.NDArray[np.float32]:
+    """Rows of agents, shape (n, k)."""
+    seen = [observations[agent] for agent in agents]
+    return np.stack([one["row"] if isinstance(one, Mapping) else one for one in seen])
+
+
+@njit(cache=True)
+def _point(rows: Rows, out: FloatArray) -> None:  # pragma: no cover - compiled
+    """Fill in the actions of arms that go up, around and down."""
+    for arm in range(len(rows)):
+        row = rows[arm].astype(np.float64)
+        x, y, z = row[_TIP] * REACH_M, row[_TIP + 1] * REACH_M, row[_TIP + 2] * REACH_M
+        radius = math.hypot(x, y)
+        grip = -1.0
+        is_set = (
+            math.hypot(row[AROUND_AT + 3], row[AROUND_AT + 4] * math.pi) < _OVER_M and abs(row[AROUND_AT + 5]) < _SET_M
+        )
+        if row[_ASKED] == 0.0 or is_set and row[_HOLDS] == 0.0:
+            away = _REST_M[0] - radius
+            # By the way it came: joints 1 and 3 tell which.
+            turn = -math.atan2(-y, -x)
+            if abs(turn) > 0.5 * math.pi and turn * (row[0] + row[2]) > 0.0:
+                turn += -2.0 * math.pi if turn > 0.0 else 2.0 * math.pi
+            up = _REST_M[1] - z
+        else:
+            holds = row[_HOLDS] > 0.0
+            at = AROUND_AT + 3 if holds else AROUND_AT
+            away, turn, up = row[at], row[at + 1] * math.pi, row[at + 2]
+            is_over = math.hypot(away, radius * turn) < _OVER_M
+            grip = 1.0
+            if not is_over:
+                up = _TRAVEL_M - z if holds else up + _HOVER_M
+                if holds and up > 0.05 or not holds and up > 0.05:
+                    away, turn = 0.0, 0.0
+            elif holds and up > -_TOUCH_M:
+                grip = -1.0
+        out[arm, 0] = min(max(_GAIN_PER_S * away / TIP_MPS, -1.0), 1.0)
+        out[arm, 1] = min(max(_GAIN_PER_S * turn / TIP_RADPS, -1.0), 1.0)
+        out[arm, 2] = min(max(_GAIN_PER_S * up / TIP_MPS, -1.0), 1.0)
+        out[arm, 3] = 0.0
+        out[arm, 4] = grip

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from fleet.config import ArmConfig, Fidelity, RunConfig, require
+from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.env_config import RecordedEnvConfig
-from fleet.envs.warehouse.hands import N_TIP
+from fleet.envs.warehouse.run.agent_driver import STOP_M, STOP_RAD
+from fleet.envs.warehouse.run.agent_simulation import Agents
+from fleet.envs.warehouse.run.breakdowns import Breakdowns
+from fleet.envs.warehouse.control.actions import ARM_ACTIONS, CAR_ACTIONS
+from fleet.envs.warehouse.control.commands import ActionModel
+from fleet.envs.warehouse.levels import LEVELS, End, Level
 from fleet.envs.warehouse.rewards import RewardWeights
-from fleet.robots.iiwa import N_JOINTS
+from fleet.envs.warehouse.sensing import Sensing
+from fleet.envs.warehouse.run.starts import Start
 from fleet.sensors.lidar import Lidar
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
-ARM_ACTIONS = {"joint": N_JOINTS, "tip": N_TIP}
-"""Ways to move an arm, and how many entries each has, without the grip."""
 TICKS_HZ = 20.0
 """Least rate of ticks: the car of the classical fleet steers well at it."""
 
@@ -31,31 +37,64 @@ class WarehouseConfig(RecordedEnvConfig):
         SiteError: The site cannot be read.
     """
 
-    NAME: ClassVar[str] = "warehouse_v0"
+    NAME: ClassVar[str] = "warehouse_v1"
     WEIGHTS: ClassVar[type] = RewardWeights
 
-    site: str = "small"
+    level: str = "all"
+    """`dock`: one car comes to a dock and stops there; `transfer`: arms move a parcel each between rack and car;
+    `pair`: a car comes to a dock and is served; `all`: everything. It decides when an episode ends, and the settings
+    that follow where they are None."""
+    site: str = "cell"
     """Name of a shipped site or path of a site file."""
-    n_cars: int = 2
-    """Cars that are agents."""
+    n_cars: int | tuple[int, int] | None = None
+    """Cars that are agents; with two numbers, drawn anew for each episode from the first to the second one; None = as
+    the level has it: 1 in `dock` and `pair`, 0 in `transfer`, else 2."""
     n_arms: int | None = None
-    """Arms that are agents, first ones first; None = all of the site."""
-    fidelity: str = "physics"
+    """Arms that are agents, first ones first; None = none in `dock`, else all of the site."""
+    fidelity: str = "kinematic"
     """`kinematic` or `physics`."""
     control_hz: float = 10.0
     """Steps per simulated second."""
-    max_cycles: int = 1200
-    """Steps after which an episode is truncated."""
+    max_cycles: int | None = None  # type: ignore[assignment]
+    """Steps after which an episode is truncated; None = 300 in `dock` and `transfer`, 600 in `pair`, else 1200."""
     tasks: int | None = None
-    """Deliveries on order in an episode; None = one per car."""
-    classical_cars: int = 0
-    """Cars of the classical fleet, beside those of agents."""
+    """Deliveries on order in an episode that begins with parked cars, or cars anywhere; None = one per car."""
+    classical_cars: int | None = None
+    """Cars of the classical fleet, beside those of agents; None = in `transfer` one for each dock, else none."""
+    start: Start | Mapping[str, Any] | None = None
+    """How an episode begins, or what differs there from the level's way; None = parked in `all`, near the dock in
+    `dock` and `pair`, in the dock in `transfer`."""
+    car_action: str = "drive"
+    """`drive`: steering and speed; `residual`: both are added to those of the classical controller."""
     arm_action: str = "joint"
-    """`joint` or `tip`."""
-    lidar: bool | Lidar = True
+    """`joint`: velocities of the joints; `tip`: of the tool's tip, which points down; `residual`: added to the plan."""
+    speed_mps: float = 1.0
+    """Speed of a car at full action [m/s]."""
+    dead_band: float = 0.1
+    """A car brakes when its speed is told to be less than this share of the full one."""
+    residual: float = 0.3
+    """Weight of residual actions."""
+    hold_s: float = 0.5
+    """A grip opens when it was told to for so long without a break [s]."""
+    stop_m: float = STOP_M
+    """A car that stands is at its stop when it is this close [m]."""
+    stop_rad: float = STOP_RAD
+    """And this straight [rad]."""
+    team_share: float = 0.0
+    """Share, from 0 to 1, of what all robots together have loaded, delivered, lost or touched in an agent's reward;
+    the rest is for what itself was part of."""
+    lidar: bool | Lidar = False
     """Lidar of the agents' cars: True = 36 rays of 5 m, False = none, or a description."""
     camera: tuple[int, int] | None = None
     """Height and width of the images that the agents' cars see, in fidelity physics [px]; None = none."""
+    car_sensing: Sensing | Mapping[str, Any] | None = None
+    """How well cars observe; None = all of it, at once."""
+    arm_sensing: Sensing | Mapping[str, Any] | None = None
+    """How well arms observe; None = all of it, at once."""
+    breakdowns: Breakdowns | Mapping[str, Any] | None = None
+    """How often cars break down; None = never."""
+    battery: BatteryConfig | None = None
+    """Batteries of the cars; None = they need none."""
     physics_hz: float = 240.0
     """Least rate of physics steps."""
     weights: RewardWeights | None = None
@@ -63,13 +102,20 @@ class WarehouseConfig(RecordedEnvConfig):
 
     def __post_init__(self) -> None:
         require(isinstance(self.site, str | Path), "site", self.site, "a name or a path")
+        require(self.level in list(LEVELS), "level", self.level, ", ".join(LEVELS))
+        self._fill_in()
         self._check_team()
         require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
         _require_number("control_hz", self.control_hz, 0.1, 1000.0)
         _require_number("physics_hz", self.physics_hz, 60.0, 10_000.0)
+        require(self.car_action in CAR_ACTIONS, "car_action", self.car_action, ", ".join(CAR_ACTIONS))
         require(self.arm_action in list(ARM_ACTIONS), "arm_action", self.arm_action, ", ".join(ARM_ACTIONS))
+        for name, low, high in _RANGES:
+            _require_number(name, getattr(self, name), low, high)
         lidar_ok = isinstance(self.lidar, bool | Lidar)
         require(lidar_ok, "lidar", self.lidar, "True, False or a fleet.sensors.lidar.Lidar")
+        battery_ok = self.battery is None or isinstance(self.battery, BatteryConfig)
+        require(battery_ok, "battery", self.battery, "a fleet.config.BatteryConfig, or None")
         if self.tasks is not None:
             _require_whole("tasks", self.tasks, 1, 10_000, "")
         self._check_camera()
@@ -83,13 +129,45 @@ class WarehouseConfig(RecordedEnvConfig):
     @property
     def arms(self) -> list[str]:
         """Names of the agents that are arms."""
-        n_arms = len(self.place.stations) if self.n_arms is None else self.n_arms
-        return [f"arm_{arm}" for arm in range(n_arms)]
+        return [f"arm_{arm}" for arm in range(self.n_arms or 0)]
 
     @property
-    def n_entries(self) -> int:
-        """Entries of an arm's action, without the grip."""
-        return ARM_ACTIONS[self.arm_action]
+    def team_sizes(self) -> tuple[int, int]:
+        """The least and the greatest number of cars that are agents."""
+        sizes = self.n_cars
+        return sizes if isinstance(sizes, tuple) else (sizes or 0, sizes or 0)
+
+    @property
+    def end(self) -> End:
+        """When an episode is over."""
+        return LEVELS[self.level].end
+
+    @property
+    def begins(self) -> Start:
+        """How an episode begins."""
+        return Start.of(self.start, LEVELS[self.level].start)
+
+    @property
+    def failures(self) -> Breakdowns:
+        """How often cars break down."""
+        return Breakdowns.of(self.breakdowns)
+
+    @functools.cached_property
+    def sensing(self) -> tuple[Sensing, Sensing]:
+        """How well cars and arms observe."""
+        return Sensing.of(self.car_sensing, "car_sensing"), Sensing.of(self.arm_sensing, "arm_sensing")
+
+    @functools.cached_property
+    def action_model(self) -> ActionModel:
+        """What actions stand for."""
+        return ActionModel(
+            car=self.car_action,
+            arm=self.arm_action,
+            speed_mps=self.speed_mps,
+            dead_band=self.dead_band,
+            residual=self.residual,
+            hold_s=self.hold_s,
+        )
 
     @property
     def car_lidar(self) -> Lidar | None:
@@ -108,28 +186,70 @@ class WarehouseConfig(RecordedEnvConfig):
         """Ticks of a step."""
         return max(1, math.ceil(TICKS_HZ / self.control_hz - 1e-9))
 
-    @property
-    def run_config(self) -> RunConfig:
-        """Settings of the run whose robots agents take over, but for the seed."""
-        n_robots = self.n_cars + self.classical_cars
+    def agents(self, n_cars: int) -> Agents:
+        """Robots that agents decide for in an episode with so many cars."""
+        n_arms = self.n_arms or 0
+        # Nobody plans for arms that no car is to be served by.
+        n_still = len(self.place.stations) - n_arms if self.end is End.DOCKED else 0
+        return Agents(n_cars=n_cars, n_arms=n_arms, n_still_arms=n_still, stop_m=self.stop_m, stop_rad=self.stop_rad)
+
+    def run_config(self, n_cars: int) -> RunConfig:
+        """Settings of the run with so many agents' cars, but for the seed."""
+        n_robots = n_cars + (self.classical_cars or 0)
         return RunConfig(
             site=self.site,
             robots=n_robots,
             tasks=n_robots if self.tasks is None else self.tasks,
             fidelity=Fidelity(self.fidelity),
             arms=ArmConfig(workers_n=0),
+            battery=self.battery or BatteryConfig(),
         )
+
+    def _fill_in(self) -> None:
+        """Let the level, and tables, decide what was left open."""
+        level, place = LEVELS[self.level], self.place
+        n_arms = self.n_arms
+        if n_arms is None:
+            n_arms = len(place.stations) if level.n_arms is None else level.n_arms
+        n_cars: Any = level.n_cars if self.n_cars is None else self.n_cars
+        if isinstance(n_cars, list):
+            n_cars = tuple(n_cars)
+        filled: dict[str, Any] = {
+            "n_arms": n_arms,
+            "n_cars": n_cars,
+            "max_cycles": level.max_cycles if self.max_cycles is None else self.max_cycles,
+            "classical_cars": self._docks_of(level, n_arms) if self.classical_cars is None else self.classical_cars,
+            "start": Start.of(self.start, level.start),
+            "breakdowns": Breakdowns.of(self.breakdowns),
+            "car_sensing": Sensing.of(self.car_sensing, "car_sensing"),
+            "arm_sensing": Sensing.of(self.arm_sensing, "arm_sensing"),
+        }
+        for name, value in filled.items():
+            object.__setattr__(self, name, value)
+
+    def _docks_of(self, level: Level, n_arms: object) -> int:
+        """How many docks the agents' arms have between them, as far as there are cars for them."""
+        if not level.with_docks or not is_whole(n_arms):
+            return 0
+        docks = {station.dock.cell for station in self.place.stations[: max(n_arms, 0)]}
+        return min(max(len(docks), 1), len(self.place.parking))
 
     def _check_team(self) -> None:
         place, n_cars = self.place, self.n_cars
         most_cars, most_arms = len(place.parking), len(place.stations)
-        _require_whole("n_cars", n_cars, 0, most_cars, f" on site {place.name}")
-        n_arms = most_arms if self.n_arms is None else self.n_arms
+        if isinstance(n_cars, tuple):
+            ok = len(n_cars) == 2 and all(map(is_whole, n_cars)) and 0 <= n_cars[0] <= n_cars[1] <= most_cars
+            valid = f"an integer from 0 to {most_cars} on site {place.name}, or two, ascending"
+            require(ok, "n_cars", n_cars, valid)
+        else:
+            _require_whole("n_cars", n_cars, 0, most_cars, f" on site {place.name}, or two, ascending")
+        least, most = self.team_sizes
+        n_arms = self.n_arms
         _require_whole("n_arms", n_arms, 0, most_arms, f" on site {place.name}, or None for all")
-        require(n_cars + n_arms >= 1, "n_cars + n_arms", n_cars + n_arms, "at least one agent")
-        room = f" with n_cars {n_cars} on site {place.name}"
-        _require_whole("classical_cars", self.classical_cars, 0, most_cars - n_cars, room)
-        n_robots = n_cars + self.classical_cars
+        require(least + (n_arms or 0) >= 1, "n_cars + n_arms", least + (n_arms or 0), "at least one agent")
+        room = f" with n_cars {most} on site {place.name}"
+        _require_whole("classical_cars", self.classical_cars, 0, most_cars - most, room)
+        n_robots = least + (self.classical_cars or 0)
         require(n_robots >= 1, "n_cars + classical_cars", n_robots, "at least one car")
 
     def _check_camera(self) -> None:
@@ -140,6 +260,18 @@ class WarehouseConfig(RecordedEnvConfig):
         require(sizes_ok and len(camera) == 2, "camera", camera, "height and width from 8 to 1024, or None")
         has_light = self.fidelity == Fidelity.PHYSICS
         require(has_light, "camera", camera, "None in fidelity kinematic, which has nothing to see")
+
+
+_RANGES = (
+    ("speed_mps", 0.1, 2.0),
+    ("dead_band", 0.0, 0.9),
+    ("residual", 0.0, 1.0),
+    ("hold_s", 0.0, 10.0),
+    ("stop_m", 0.005, 0.5),
+    ("stop_rad", 0.01, 1.0),
+    ("team_share", 0.0, 1.0),
+)
+"""Settings that are numbers, with the least and the greatest value."""
 
 
 def _require_whole(what: str, value: object, low: int, high: int, where: str) -> None:

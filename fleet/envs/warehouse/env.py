@@ -1,12 +1,23 @@
 """Warehouse: a PettingZoo environment in which agents drive the cars and move the arms of a running warehouse.
 
 Orders, allocation, right of way and the judgement of transfers are those of any run (`fleet.simulation`); the agents'
-actions take the place of the path follower and of the arm planner. An episode begins with all cars parked and
-`tasks` deliveries on order. It terminates for all agents when every task is delivered or has failed, and is
-truncated for all after `max_cycles` steps.
+actions take the place of the path follower and of the arm planner. `level` says how much of the work an episode is:
+
+| level | agents, unless others are asked for | an episode begins | and ends when |
+|---|---|---|---|
+| `dock` | one car | a few metres before a dock, half of the time with a parcel for it | it stands there |
+| `transfer` | all arms | with a standing car at each of their docks | each has moved its parcel |
+| `pair` | one car, all arms | a few metres before a dock | its parcel was moved |
+| `all` | two cars, all arms | with parked cars and `tasks` deliveries on order | all are delivered or lost |
+
+It is terminated for all agents then, and truncated for all after `max_cycles` steps. `start` has cars begin elsewhere
+(`fleet.envs.warehouse.run.starts`); each level can be played with any team, start, actions and fidelity.
 
 Agents: `car_0`, `car_1`, ... and `arm_0`, `arm_1`, ... (one arm per station of the site, pick stations first). Arms
-beyond `n_arms` and the `classical_cars` behind the agents' are the classical fleet's.
+beyond `n_arms` and the `classical_cars` behind the agents' are the classical fleet's. With `n_cars=(2, 5)` each episode
+has a team of 2 to 5 cars; `possible_agents` has the largest. A car that is lost for good (`breakdowns`, an empty
+`battery`) is terminated: it leaves `agents` and is back in the next episode. One that only stops for a while stays an
+agent, and is told so (entry 63).
 
 Actions, all in [-1, 1]. Greater ones are clipped, entries that are no finite numbers count as 0, an agent without an
 action does nothing (cars brake, arms stand and let go); `infos[agent]["illegal"]` is 1 then, else 0. An action of
@@ -14,14 +25,19 @@ the wrong shape is refused and changes nothing.
 
 | agent | entries |
 |---|---|
-| car | steering / 0.8 rad (positive = left), speed / 2 m/s (negative = reverse) |
+| car, `car_action="drive"` | steering / 0.8 rad (positive = left), speed / `speed_mps` (negative = reverse) |
+| car, `"residual"` | the same, times `residual`, added to pure pursuit of its route |
 | arm, `arm_action="joint"` | 7 joint velocities / the joints' limits, grip (> 0 = hold) |
-| arm, `arm_action="tip"` | velocity of the tip / 0.5 m/s, turn / 1 rad/s, along and about x, y, z of its frame; grip |
+| arm, `"tip"` | tip outwards from the base / 0.5 m/s, around it / 1 rad/s, up / 0.5 m/s, turn / 1 rad/s; grip |
+| arm, `"residual"` | 7 joints away from the classical plan / 0.2 rad, pace of the plan above 1; both times `residual` |
+
+A speed within `dead_band` brakes. With `tip` the tool points down. A grip closes at once, and opens when it was told
+to for `hold_s` without a break; then it stays open for twice as long.
 
 A car does what its task asks for when it follows the granted path, which the observed way-points show, and stands at
-its end: within 5 cm and 0.1 rad of the dock's stop pose a transfer begins. A car that leaves its path makes no progress
-until it returns. An arm's transfer ends when it has let go of the parcel; one that lies neither in the tray or on the
-slot it was meant for nor where it came from is lost, and its task has failed.
+its end: within `stop_m` and `stop_rad` of the dock's stop pose a transfer begins. A car that leaves its path makes no
+progress until it returns. An arm's transfer ends when it has let go of the parcel; one that lies neither in the tray or
+on the slot it was meant for nor where it came from is asked for twice more, then its task has failed.
 
 Observations, all clipped to [-1, 1]. A car's frame lies at its rear axle, x ahead, y to the left; an arm's is its base,
 x towards the dock. A route is a car's granted path and up to two moves of what is planned beyond:
@@ -39,9 +55,15 @@ x towards the dock. A route is a car's granted path and up to two moves of what 
 | 16 | offset from the route, positive to its left [m] |
 | 17-18 | cos, sin of the route's direction in the car's frame |
 | 19-26 | points of the route 0.4, 0.8, 1.2 and 2.0 m ahead, at most its end, in the car's frame / 3 m |
-| 27-44 | the nearest three other cars within 3 m: there is one (0 or 1), offset / 3 m, cos, sin of yaw, speed / 2 m/s |
-| 45-48 | its station: there is one, its arm is idle, the arm serves this car, another car is in the dock (0 or 1) |
-| 49- | lidar: distances / range from the middle of the car, first ray ahead, then to the left, 1 = nothing met |
+| 27-50 | the nearest three other cars within 3 m: there is one (0 or 1), offset / 3 m, cos, sin of yaw, speed / 2 m/s, goal's offset / 3 m |
+| 51-54 | its station: there is one, its arm is idle, the arm serves this car, another car is in the dock (0 or 1) |
+| 55-57 | its stop pose: how far it lies ahead and to the left, seen along its own heading [m], turn that is left [rad] |
+| 58 | stands (0 or 1) |
+| 59 | how long it has been served / 30 s |
+| 60 | share of the episode's steps that is left |
+| 61-62 | its last action, as it was played |
+| 63 | 0 while it has broken down, else 1 |
+| 64- | lidar: distances / range from the middle of the car, first ray ahead, then to the left, 1 = nothing met |
 
 | arm | entries |
 |---|---|
@@ -55,13 +77,23 @@ x towards the dock. A route is a car's granted path and up to two moves of what 
 | 29 | transfer asked for: 1 = slot to tray, -1 = tray to slot, 0 = none |
 | 30-31 | something is in the grip, a parcel is in view (0 or 1) |
 | 32-36 | the nearest car within 1.5 m: there is one (0 or 1), offset / 1.5 m, cos, sin of its heading |
+| 37-42 | tip to parcel, parcel to place, in cylinder coordinates: out [m], around / pi, up [m] |
+| 43-48 | the same when it is small: out, around, up / 0.1 m |
+| 49-52 | cos, sin of the parcel's yaw from the tool, and of the yaw of its place from the parcel's |
+| 53 | the grip is told to hold (0 or 1) |
+| 54 | how much of `hold_s` it has been told to open; negative while it stays open |
+| 55 | how long it has held / 10 s |
+| 56 | a car is served: it stands in the dock (0 or 1) |
+| 57 | how long the transfer has gone on / 30 s |
+| 58 | share of the episode's steps that is left |
+| 59-66 | its last action, as it was played |
 
-An arm's parcel is that of its transfer, else the one in its grip, else the nearest within 1.5 m. With `camera`, a
-car's observation is a dictionary of its row (`row`) and of what a camera on its nose sees (`image`, height x width x 3,
-uint8).
+An arm's parcel is that of its transfer, else the one in its grip, else the nearest within 1.5 m. With `camera`, all
+observations are dictionaries with the row (`row`), those of cars also with what a camera on the nose sees (`image`,
+height x width x 3, uint8). `car_sensing` and `arm_sensing` shorten sight, and let rows get lost or come late.
 
 Rewards: the sum of the terms in `RewardWeights`; `infos[agent]` holds each weighted term. `state()` is the rows of all
-agents without lidar, one after the other.
+agents without lidar, as they are, one after the other; zeros for cars that are not in this episode.
 
 Physics runs at `physics_hz` at least; orders, right of way and the other decisions are made once per tick, of which
 there are at least 20 a second and a whole number per step. Agents' cars change their speed as fast as motors and tyres
@@ -74,7 +106,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -83,33 +115,31 @@ import numpy.typing as npt
 from fleet.arrays import FloatArray
 from fleet.config import Fidelity
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
-from fleet.envs.warehouse.actions import LegalActions, legal_actions
-from fleet.envs.warehouse.agent_arm_manager import NoPlanner
-from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.config import WarehouseConfig
+from fleet.envs.warehouse.control.actions import ARM_ACTIONS, N_CAR_ENTRIES, LegalActions, legal_actions
+from fleet.envs.warehouse.control.commands import Commands
+from fleet.envs.warehouse.control.hands import hand_model
+from fleet.envs.warehouse.control.plans import Plans
+from fleet.envs.warehouse.control.reach import reach_down
 from fleet.envs.warehouse.drawing import RunDrawing
-from fleet.envs.warehouse.hands import N_TIP, joint_velocities, move_targets, shares_of
-from fleet.envs.warehouse.observations import Observer
+from fleet.envs.warehouse.levels import is_over
+from fleet.envs.warehouse.observations import Observer, Told
 from fleet.envs.warehouse.recorded import Recording
 from fleet.envs.warehouse.rewards import TERMS, Rewards, RewardWeights
-from fleet.envs.warehouse.rows import N_CAR_NUMBERS
+from fleet.envs.warehouse.rows import N_CAR_NUMBERS, REACH_M, Rows
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
+from fleet.envs.warehouse.run.breakdowns import BreakdownClock
+from fleet.envs.warehouse.run.grounds import Ground, Grounds
+from fleet.envs.warehouse.run.starts import Errand, draw_beginning
+from fleet.envs.warehouse.sensing import Receiver
 from fleet.envs.warehouse.spaces import action_spaces, observation_spaces, state_space
-from fleet.robots.iiwa import N_JOINTS
-from fleet.run.setup import RunSetup
+from fleet.missions.phases import CarPhase
 from fleet.sensors.camera import Camera
 from fleet.sensors.lidar import LidarRing
-from fleet.simulation import Actions
-from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_manager import ArmPlanner
-from fleet.stations.arms.arm_planner import make_arm_planner
-from fleet.tasks.board import DONE_STATES, TaskState
-from fleet.world.kinematic import KinematicConfig, KinematicWorld
-from fleet.world.protocol import World
 
 EYE_HEIGHT_M = 0.15
 """Of a car's camera, on its nose [m]."""
 _INFOS = (*TERMS, "illegal")
-_ENDED = frozenset((*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED))
 
 
 @dataclass(kw_only=True)
@@ -117,12 +147,16 @@ class WarehouseEpisode:
     """All that changes in an episode, but for the world."""
 
     simulation: AgentSimulation
+    errands: tuple[Errand, ...]
+    """What cars were about when it began."""
+    commands: Commands
+    breakdowns: BreakdownClock
     observer: Observer
     rewards: Rewards
-    targets: FloatArray
-    """Set-points of the agents' arms' joints [rad], shape (n_agent_arms, n_joints)."""
-    car_limits: FloatArray
-    """Greatest steering [rad] and speed [m/s], shape (2,)."""
+    receivers: tuple[Receiver, Receiver]
+    """Of what cars and arms observe."""
+    seen: tuple[Rows, Rows]
+    """What came of it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,10 +164,12 @@ class _Quick:
     """What brings a moment back at once."""
 
     episode: WarehouseEpisode
-    world: World
+    ground: Ground
     """Where it was."""
     moment: object
     """The world's own snapshot."""
+    agents: tuple[list[str], list[str]]
+    """Cars and arms of the episode."""
 
 
 class WarehouseEnv(FleetEnv):
@@ -151,13 +187,16 @@ class WarehouseEnv(FleetEnv):
         super().__init__(config, observation_spaces(config), action_spaces(config))
         self.state_space = state_space(config)
         self._cars, self._arms = config.cars, config.arms
-        self._run_config = config.run_config
         self._lidar = config.car_lidar
         self._weights = config.weights or RewardWeights()
-        self._ground: RunSetup | None = None
-        self._start_of_world: object = None
-        self._start_hits: FloatArray | None = None  # what all rays meet there
-        self._planner: ArmPlanner = NoPlanner()
+        agents = config.agents(len(self._cars))
+        all_by_agents = agents.n_arms + agents.n_still_arms >= len(config.place.stations)
+        self._grounds = Grounds(
+            config.step_s / config.n_ticks,
+            config.physics_hz,
+            plans=not all_by_agents or config.arm_action == "residual",
+        )
+        self._ground: Ground | None = None
         self._episode: WarehouseEpisode | None = None
         self._drawing: RunDrawing | None = None
         self._recording: Recording | None = None
@@ -179,107 +218,168 @@ class WarehouseEnv(FleetEnv):
             EpisodeError: There was no `reset` yet.
         """
         observer = self._now().observer
-        return np.concatenate((observer.car_rows[:, :N_CAR_NUMBERS].ravel(), observer.arm_rows.ravel()))
+        rows = np.zeros((len(self.config.cars), N_CAR_NUMBERS), dtype=np.float32)
+        rows[: len(self._cars)] = observer.car_rows[:, :N_CAR_NUMBERS]
+        return np.concatenate((rows.ravel(), observer.arm_rows.ravel()))
 
     def close(self) -> None:
         """Free what the environment holds; calling twice is harmless."""
         super().close()
         self._close_recording()
-        self._episode = self._drawing = None
-        if self._ground is not None and self._ground.world is not None:
-            self._ground.world.close()
-        self._planner.close()
-        self._ground, self._planner = None, NoPlanner()
+        self._episode = self._drawing = self._ground = None
+        self._grounds.close()
+
+    def _team(self) -> list[str]:
+        return self._cars + self._arms
+
+    def _gone(self) -> frozenset[str]:
+        phases = self._now().simulation.missions.phase
+        return frozenset(agent for agent, phase in zip(self._cars, phases, strict=False) if phase is CarPhase.DEAD)
 
     def _begin(self, seed: int) -> Infos:
-        ground = self._opened()
-        world = _world(ground)
+        config = self.config
+        orders, lidar, start, senses, fate = np.random.SeedSequence(seed).generate_state(5).tolist()
+        rng = np.random.default_rng(start)
+        least, most = config.team_sizes
+        n_cars = int(rng.integers(least, most + 1))
+        self._cars = config.cars[:n_cars]
+        agents, run_config = config.agents(n_cars), config.run_config(n_cars)
+        ground = self._ground = self._grounds.open(run_config)
+        world, begins = ground.world, config.begins
         self._close_recording()
-        world.load(self._start_of_world)
-        orders, lidar = np.random.SeedSequence(seed).generate_state(2).tolist()
+        world.load(ground.first)
+        stations = range(config.n_arms or len(config.place.stations))
+        beginning = draw_beginning(begins, ground.setup, n_cars, stations, rng)
+        if begins.is_elsewhere:
+            world.place(beginning.poses, world.arm_positions())
         simulation = AgentSimulation(
-            self._run_config.seeded(orders),
-            setup=ground,
-            planner=self._planner,
-            n_cars=len(self._cars),
-            n_arms=len(self._arms),
+            run_config.seeded(orders),
+            setup=ground.setup,
+            planner=self._grounds.planner,
+            agents=agents,
+            beginning=beginning,
         )
-        car = simulation.scene.car
-        ring = None
+        if begins.reach_m is not None:
+            world.place(world.car_poses(), self._postures(simulation, beginning.errands, begins.reach_m, rng))
+        car, ring = simulation.scene.car, None
         if self._lidar is not None:
             ring = LidarRing(self._lidar, car.front_m, car.rear_m, car.half_width_m)
-        observer = Observer(simulation, ring, np.random.default_rng(lidar))
-        observer.look(self._start_hits)
-        self._start_hits = observer.hits
+        of_cars, of_arms = config.sensing
+        observer = Observer(
+            simulation,
+            ring,
+            np.random.default_rng(lidar),
+            (of_cars.range_m, min(of_arms.range_m, REACH_M)),
+            config.step_s,
+        )
+        plans = Plans(simulation, self._grounds.planner) if config.arm_action == "residual" else None
+        commands = Commands(simulation, config.action_model, plans)
+        fates, sights, views = (np.random.default_rng(one) for one in (fate, senses, senses + 1))
+        clock = BreakdownClock(config.failures, n_cars, fates)
+        nothing = Told(
+            cars=np.zeros((n_cars, N_CAR_ENTRIES)),
+            arms=np.zeros((len(self._arms), ARM_ACTIONS[config.arm_action])),
+            in_order=clock.in_order,
+            closed=commands.latches.closed,
+            opening=commands.latches.opening,
+            time_left=1.0,
+        )
+        observer.look(nothing, None if begins.is_elsewhere else ground.hits)
+        if not begins.is_elsewhere:
+            ground.hits = observer.hits
+        receivers = Receiver(of_cars, sights), Receiver(of_arms, views)
         self._episode = WarehouseEpisode(
             simulation=simulation,
+            errands=beginning.errands,
+            commands=commands,
+            breakdowns=clock,
             observer=observer,
-            rewards=Rewards(simulation, observer, self._weights, self.config.step_s),
-            targets=world.arm_positions()[: len(self._arms)],
-            car_limits=np.array([car.max_steering_rad, car.max_speed_mps]),
+            rewards=Rewards(simulation, observer, self._weights, config.team_share, config.step_s),
+            receivers=receivers,
+            seen=(receivers[0].receive(observer.car_rows), receivers[1].receive(observer.arm_rows)),
         )
         self._drawing = None
         self._n_episodes += 1
         if self.render_mode == "rerun":
             simulation.counts_figures = True
-            self._recording = Recording(simulation, self.config.recordings / f"episode_{self._n_episodes - 1:04}.rrd")
-        nothing = dict.fromkeys((*TERMS, "illegal"), 0.0)
-        return {agent: nothing.copy() for agent in self.possible_agents}
+            self._recording = Recording(simulation, config.recordings / f"episode_{self._n_episodes - 1:04}.rrd")
+        return {agent: dict.fromkeys(_INFOS, 0.0) for agent in self._team()}
 
     def _resolved(self, actions: Mapping[str, Any]) -> LegalActions:
-        return legal_actions(actions, self._cars, self._arms, self.config.n_entries)
+        here = self.agents if len(self.agents) < len(self._cars) + len(self._arms) else None
+        acting = actions if here is None else {agent: actions[agent] for agent in here if agent in actions}
+        return legal_actions(acting, self._cars, self._arms, self.config.arm_action)
 
     def _advance(self, resolved: LegalActions) -> tuple[dict[str, float], bool, Infos]:
-        episode = self._now()
-        simulation = episode.simulation
-        for _ in range(self.config.n_ticks):
-            simulation.tick(self._commands(episode, resolved))
+        episode, config = self._now(), self.config
+        simulation, observer, commands = episode.simulation, episode.observer, episode.commands
+        for car in episode.breakdowns.look(simulation.sim_s):
+            simulation.lose_car(car, f"car_{car} has broken down")
+        commands.take(resolved, observer.car_rows, episode.breakdowns.in_order)
+        for _ in range(config.n_ticks):
+            simulation.tick(commands.tick())
             if self._recording is not None:
                 self._recording.look()
-        episode.observer.look()
+        told = Told(
+            cars=resolved.cars,
+            arms=resolved.arms,
+            in_order=episode.breakdowns.in_order,
+            closed=commands.latches.closed,
+            opening=commands.latches.opening,
+            time_left=1.0 - (self.n_steps + 1) / self.max_cycles,
+        )
+        observer.look(told)
+        of_cars, of_arms = episode.receivers
+        episode.seen = of_cars.receive(observer.car_rows), of_arms.receive(observer.arm_rows)
         rows = episode.rewards.step(resolved).tolist()
-        rewards = {agent: row.pop() for agent, row in zip(self.agents, rows, strict=True)}
-        infos: Infos = {
-            agent: dict(zip(_INFOS, row, strict=True)) for agent, row in zip(self.agents, rows, strict=True)
-        }
-        done = all(task.state in _ENDED for task in simulation.board.tasks)
+        team = self._team()
+        rewards = {agent: row.pop() for agent, row in zip(team, rows, strict=True)}
+        infos: Infos = {agent: dict(zip(_INFOS, row, strict=True)) for agent, row in zip(team, rows, strict=True)}
+        done = is_over(config.end, simulation.board.tasks, [errand.loaded for errand in episode.errands])
         return rewards, done, infos
 
     def _observations(self) -> dict[str, Any]:
-        observer = self._now().observer
         # One copy for all: nothing else has a view of it.
-        cars, arms = observer.car_rows.copy(), observer.arm_rows.copy()
-        seen: dict[str, Any] = dict(zip(self._cars, cars, strict=True))
-        if self.config.camera is not None:
-            seen = {agent: {"row": seen[agent], "image": self._image(car)} for car, agent in enumerate(self._cars)}
-        seen.update(zip(self._arms, arms, strict=True))
-        return seen
+        cars, arms = (rows.copy() for rows in self._now().seen)
+        seen: dict[str, Any] = dict(zip(self._cars, cars, strict=True)) | dict(zip(self._arms, arms, strict=True))
+        if self.config.camera is None:
+            return seen
+        pictured = {agent: {"row": row} for agent, row in seen.items()}
+        for car, agent in enumerate(self._cars):
+            pictured[agent]["image"] = self._image(car)
+        return pictured
 
     def _picture(self) -> Picture:
         self._drawing = self._drawing or RunDrawing(self.simulation)
         return self._drawing.picture()
 
     def _quick(self) -> _Quick | None:
-        episode, world = self._now(), _world(self._opened())
-        if self._run_config.fidelity is Fidelity.PHYSICS or episode.simulation.arm_manager.awaits_plans:
+        episode, ground = self._now(), self._ground
+        if ground is None or self.config.fidelity == Fidelity.PHYSICS or episode.simulation.arm_manager.awaits_plans:
             return None  # what the engine remembers of touches is in no snapshot
-        return _Quick(episode=self._copied(episode), world=world, moment=world.save())
+        return _Quick(
+            episode=self._copied(episode, ground),
+            ground=ground,
+            moment=ground.world.save(),
+            agents=(self._cars, self._arms),
+        )
 
     def _restore(self, quick: _Quick) -> bool:
-        world = _world(self._opened())
-        if self._episode is None or quick.world is not world:
+        if self._episode is None or not self._grounds.has(quick.ground):
             return False
         self._close_recording()
-        world.load(quick.moment)
-        self._episode = self._copied(quick.episode)
+        quick.ground.world.load(quick.moment)
+        self._ground = quick.ground
+        self._cars, self._arms = quick.agents
+        self._episode = self._copied(quick.episode, quick.ground)
         self._drawing = None
         return True
 
-    def _copied(self, episode: WarehouseEpisode) -> WarehouseEpisode:
+    def _copied(self, episode: WarehouseEpisode, ground: Ground) -> WarehouseEpisode:
         """A copy that shares what lasts from episode to episode."""
-        ground = self._opened()
-        parts = ground.site, ground.graph, ground.graph.state_pose, ground.scene, ground.distances, ground.world
-        lasting = (*parts, self._planner, self._run_config)
+        setup = ground.setup
+        parts = setup.site, setup.graph, setup.graph.state_pose, setup.scene, setup.distances, setup.world
+        lasting = (*parts, self._grounds.planner, episode.simulation.config)
         return copy.deepcopy(episode, {id(thing): thing for thing in lasting})
 
     def _now(self) -> WarehouseEpisode:
@@ -287,48 +387,27 @@ class WarehouseEnv(FleetEnv):
             raise EpisodeError("there was no episode yet; valid: reset() first")
         return self._episode
 
-    def _opened(self) -> RunSetup:
-        """Site, world and arm planner, made once."""
-        if self._ground is None:
-            ground = RunSetup.of(self._run_config)
-            world = self._made_world(ground)
-            self._ground = replace(ground, world=world)
-            # Also the first episode begins as a return to the start, so that it is like all others.
-            self._start_of_world = world.save(settle=True)
-            if len(self._arms) < world.n_arms:
-                names = tuple(station.name for station in ground.site.stations)
-                cells = arm_cells(ground.site, ground.scene)
-                self._planner = make_arm_planner(cells, names, ground.scene.arm, self._run_config)
-        return self._ground
-
-    def _made_world(self, ground: RunSetup) -> World:
-        tick_s = self.config.step_s / self.config.n_ticks
-        if self._run_config.fidelity is Fidelity.KINEMATIC:
-            return KinematicWorld(ground.scene, KinematicConfig(tick_s=tick_s))
-        # The engine takes a moment to load and is needed by this world alone.
-        from fleet.world.bullet.engine.config import BulletConfig, exact_tick_s
-        from fleet.world.bullet.world import BulletWorld
-
-        n_steps = max(1, math.ceil(self.config.physics_hz * tick_s - 1e-6))
-        exact_s = exact_tick_s(n_steps, n_steps / tick_s)
-        return BulletWorld(ground.scene, BulletConfig(tick_s=exact_s, n_steps_per_call=n_steps))
-
-    def _commands(self, episode: WarehouseEpisode, resolved: LegalActions) -> Actions:
-        """The actions of one tick; joint velocities become targets that move on."""
-        simulation = episode.simulation
-        world, arm = simulation.world, simulation.scene.arm
-        cars = np.empty_like(resolved.cars)
-        shares_of(episode.car_limits, resolved.cars, cars)
-        if not self._arms:
-            return Actions(cars=cars)
-        q = world.arm_positions()[: len(self._arms)]
-        if self.config.n_entries == N_JOINTS:
-            qd = np.empty_like(q)
-            shares_of(arm.max_velocity_radps, resolved.arms, qd)
-        else:
-            qd = joint_velocities(arm, q, resolved.arms[:, :N_TIP])
-        move_targets(episode.targets, qd, q, arm.lower_rad, arm.upper_rad, simulation.tick_s)
-        return Actions(cars=cars, arms=episode.targets, arms_qd=qd, grip=resolved.arms[:, -1] > 0.0)
+    def _postures(
+        self,
+        simulation: AgentSimulation,
+        errands: tuple[Errand, ...],
+        reach_m: tuple[float, float],
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Joint positions of all arms [rad]: agents' arms near the parcels that they are to move."""
+        world, scene = simulation.world, simulation.scene
+        q, hand = world.arm_positions(), hand_model(scene.arm)
+        for task, errand in zip(simulation.board.tasks, errands, strict=True):
+            if errand.station >= len(self._arms) or task.parcel not in world.parcel_ids():
+                continue
+            away = np.append(rng.uniform(-1.0, 1.0, 2), rng.uniform(0.3, 1.0))
+            away *= rng.uniform(*reach_m) / np.linalg.norm(away)
+            top = simulation.view.knowledge.inventory.pose(task)[:3] + [0.0, 0.0, task.delivery.size_m[2] / 2]
+            x, y, z, yaw = scene.arm_base[errand.station].tolist()
+            dx, dy, up = (top + away - [x, y, z]).tolist()
+            cos, sin = math.cos(yaw), math.sin(yaw)
+            q[errand.station] = reach_down(hand, scene.arm, np.array([cos * dx + sin * dy, cos * dy - sin * dx, up]))
+        return q
 
     def _image(self, car: int) -> npt.NDArray[np.uint8]:
         """What the camera on a car's nose sees, shape (height, width, 3)."""
@@ -362,10 +441,3 @@ def raw_env(**settings: Any) -> Any:
 def env(**settings: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
     return in_order(raw_env(**settings))
-
-
-def _world(ground: RunSetup) -> World:
-    """The world of an opened ground."""
-    if ground.world is None:
-        raise EpisodeError("there is no world; valid: reset() first")
-    return ground.world

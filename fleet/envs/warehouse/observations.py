@@ -4,27 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
-from fleet.envs.warehouse.agent_simulation import AgentSimulation
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.rows import (
     MOST_ROUTE_POINTS,
     N_ARM_NUMBERS,
     N_CAR_NUMBERS,
     ArmGround,
     ArmsAtWork,
+    ArmsDoing,
     ArmsNow,
     CarGround,
+    CarsDoing,
     CarsNow,
     ParcelsNow,
     Routes,
     arm_rows,
     car_rows,
 )
-from fleet.missions.phases import PHASES, CarPhase
+from fleet.missions.phases import AT_DOCK, PHASES, CarPhase
 from fleet.sensors.lidar import LidarRing
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.arms.transfer import TRAY, TransferRequest
@@ -35,7 +38,25 @@ N_PLANNED = 2
 """Moves that are planned and not granted, as far as a route shows them."""
 _LOOKS_AT_ONCE = 16
 """Looks whose noise is drawn at once."""
+_SERVED = np.array([phase in AT_DOCK for phase in PHASES])
 _MISSION_OF = np.array([MISSIONS.index(phase) if phase in MISSIONS else -1 for phase in PHASES])
+
+
+class Told(NamedTuple):
+    """What agents were told to do, and what became of it."""
+
+    cars: FloatArray
+    """Actions, shape (n_agent_cars, 2)."""
+    arms: FloatArray
+    """Actions, shape (n_agent_arms, n_entries)."""
+    in_order: npt.NDArray[np.bool_]
+    """False for a car that does not do what it is told, shape (n_agent_cars,)."""
+    closed: npt.NDArray[np.bool_]
+    """Whether each grip holds what it gets hold of, shape (n_agent_arms,)."""
+    opening: FloatArray
+    """Share of the time that has passed for which a grip has to be told to open, shape (n_agent_arms,)."""
+    time_left: float
+    """Share of the episode's steps that is left."""
 
 
 class Observer:
@@ -45,9 +66,18 @@ class Observer:
         simulation: The run.
         ring: Lidar of the agents' cars; None = they have none.
         rng: Source of its noise.
+        sight_m: How far cars and arms see what moves [m].
+        step_s: Time from one look to the next [s].
     """
 
-    def __init__(self, simulation: AgentSimulation, ring: LidarRing | None, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        simulation: AgentSimulation,
+        ring: LidarRing | None,
+        rng: np.random.Generator,
+        sight_m: tuple[float, float],
+        step_s: float,
+    ) -> None:
         self._simulation = simulation
         self._ring = ring
         self._rng = rng
@@ -91,21 +121,27 @@ class Observer:
         self._ids: list[int] = []
         self._parcel_sizes = np.zeros((0, 3))
         self._asked: list[TransferRequest | None] = [None] * n_arms
-        self._transfers = np.zeros((n_arms, 5))  # parcel or -1, place x, y, z, direction
+        self._sight_m = sight_m
+        self._step_s = step_s
+        self._car_service_s = np.zeros(n_cars)
+        self._arm_service_s = np.zeros(n_arms)
+        self._held_s = np.zeros(n_arms)
+        self._transfers = np.zeros((n_arms, 6))  # parcel or -1, place x, y, z, yaw, direction
         self._transfers[:, 0] = -1
         self.transfer_keys = [-1] * n_arms
         """Numbers that tell what each agent's arm is asked to do from what it was asked before; -1 for nothing."""
 
-    def look(self, hits: FloatArray | None = None) -> None:
+    def look(self, told: Told, hits: FloatArray | None = None) -> None:
         """Take in this moment: fills the rows.
 
         Args:
+            told: What agents were told to do in the step that ends now.
             hits: What `hits` is now, if that is known; None = it is found out.
         """
         if len(self.car_rows):
-            self._look_at_cars(hits)
+            self._look_at_cars(told, hits)
         if len(self.arm_rows):
-            self._look_at_arms()
+            self._look_at_arms(told)
 
     @property
     def agent_poses(self) -> list[list[float]]:
@@ -114,7 +150,7 @@ class Observer:
         return poses
 
     def place(self, transfer: TransferRequest) -> FloatArray:
-        """Where the centre of a transfer's parcel should come to rest, in the world [m], shape (3,)."""
+        """Where a transfer's parcel should come to rest, in the world: its centre [m] and yaw [rad], shape (4,)."""
         simulation = self._simulation
         if transfer.place_via == TRAY:
             car = simulation.scene.car
@@ -122,9 +158,10 @@ class Observer:
             top = np.array([x + car.tray_x_m * math.cos(yaw), y + car.tray_x_m * math.sin(yaw), car.tray_floor_z_m])
         else:
             top = np.asarray(simulation.stations[transfer.arm].place.slots[transfer.place_via], dtype=np.float64)
-        return top_of(top, transfer.size_m)
+            yaw = float(simulation.scene.arm_base[transfer.arm, 3])
+        return np.append(top_of(top, transfer.size_m), yaw)
 
-    def _look_at_cars(self, hits: FloatArray | None) -> None:
+    def _look_at_cars(self, told: Told, hits: FloatArray | None) -> None:
         simulation = self._simulation
         world, driver = simulation.world, simulation.driver
         n_cars = len(self.car_rows)
@@ -142,7 +179,15 @@ class Observer:
         )
         idle = np.array([service.state is ArmPhase.IDLE for service in services])
         arms = ArmsAtWork(idle=idle, served=missions.served)
-        car_rows(self.car_rows, self._car_ground, cars, self._routes, arms)
+        _last(self._car_service_s, _SERVED[missions.phase_index[:n_cars]], self._step_s)
+        doing = CarsDoing(
+            actions=told.cars,
+            service_s=self._car_service_s,
+            in_order=told.in_order,
+            time_left=told.time_left,
+            sight_m=self._sight_m[0],
+        )
+        car_rows(self.car_rows, self._car_ground, cars, self._routes, arms, doing)
         if self._ring is not None:
             # A lidar is where the car is, not where it is believed to be.
             self.hits = world.rays(*self._ring.rays(world.car_poses()[:n_cars])) if hits is None else hits
@@ -190,14 +235,15 @@ class Observer:
                 self._routes.granted_m[car] = line[at - 1, 2]
         self._routes.counts[car] = at
 
-    def _look_at_arms(self) -> None:
+    def _look_at_arms(self, told: Told) -> None:
         simulation = self._simulation
         world, n_arms = simulation.world, len(self.arm_rows)
         for arm, asked in enumerate(self._asked):
             transfer = simulation.arm_manager.transfer(arm)
             if transfer is not asked:
                 self._asked[arm] = transfer
-                self._transfers[arm] = -1.0, 0.0, 0.0, 0.0, 0.0
+                self._transfers[arm] = -1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                self._arm_service_s[arm] = -self._step_s
                 self.transfer_keys[arm] = -1
                 if transfer is not None:
                     direction = 1.0 if transfer.place_via == TRAY else -1.0
@@ -215,10 +261,27 @@ class Observer:
             held=world.held(),
             transfers=self._transfers,
         )
+        _last(self._arm_service_s, self._transfers[:, 0] >= 0, self._step_s)
+        _last(self._held_s, arms.held[:n_arms] >= 0, self._step_s)
+        doing = ArmsDoing(
+            actions=told.arms,
+            closed=told.closed,
+            opening=told.opening,
+            held_s=self._held_s,
+            service_s=self._arm_service_s,
+            time_left=told.time_left,
+            sight_m=self._sight_m[1],
+        )
         parcels = ParcelsNow(ids=ids, poses=world.parcel_poses(), sizes=self._parcel_sizes)
-        arm_rows(self.arm_rows, self.arm_ways, self._arm_ground, arms, parcels, world.car_poses())
+        arm_rows(self.arm_rows, self.arm_ways, self._arm_ground, arms, parcels, world.car_poses(), doing)
 
 
 def top_of(centre: FloatArray, size_m: Sequence[float] | npt.NDArray[np.float64]) -> FloatArray:
     """The point half a box's height above another point [m], shape (3,)."""
     return centre + np.array([0.0, 0.0, size_m[2] / 2])
+
+
+def _last(lasted_s: FloatArray, goes_on: npt.NDArray[np.bool_], step_s: float) -> None:
+    """Let what goes on have lasted for a step more, and the rest for no time."""
+    lasted_s += step_s
+    lasted_s *= goes_on

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fleet.envs.warehouse.agent_simulation import AgentSimulation
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.recording import OutputError
 from fleet.session.frames import Watch, open_recorder
 

@@ -12,27 +12,34 @@ from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.envs.core.weights import check_weights
-from fleet.envs.warehouse.actions import LegalActions
-from fleet.envs.warehouse.agent_simulation import AgentSimulation
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
+from fleet.envs.warehouse.control.actions import LegalActions
 from fleet.envs.warehouse.observations import Observer
-from fleet.run.events import Event
-from fleet.tasks.board import TaskState
+from fleet.tasks.board import Task, TaskState
 
 
 @dataclass(frozen=True, kw_only=True)
 class RewardWeights:
-    """What things are worth; the terms of an agent's reward, by name."""
+    """What things are worth; the terms of an agent's reward, by name.
+
+    Of what is loaded, delivered, lost and touched an agent is paid for its own part, or for its team's, as the
+    environment's `team_share` says.
+    """
 
     progress: float = 1.0
     """Per metre: a car comes nearer to its goal; an arm's tip to its parcel, and the parcel to its place."""
+    docked: float = 2.0
+    """To a car, each time that it stands at the dock it was bound for and its service begins."""
+    gripped: float = 2.0
+    """To an arm, once per transfer, when it has the parcel in its grip."""
     loaded: float = 5.0
-    """Per parcel set into a tray, for every agent."""
+    """Per parcel set into a tray."""
     delivered: float = 10.0
-    """Per parcel set on its slot, for every agent."""
+    """Per parcel set on its slot."""
     failed: float = -10.0
-    """Per task that has failed, for every agent."""
+    """Per task that has failed."""
     contact: float = -1.0
-    """Per new contact between robots or with walls, shelves and pedestals, for every agent."""
+    """Per new contact between robots or with walls, shelves and pedestals."""
     effort: float = 0.0
     """Per second at full action: the mean of the squares of an agent's entries, grip left out."""
     time: float = 0.0
@@ -44,8 +51,8 @@ class RewardWeights:
 
 TERMS = tuple(field.name for field in fields(RewardWeights))
 """Names of the terms."""
-_WORK = {TaskState.CARRIED: 1, TaskState.DELIVERED: 2, TaskState.FAILED: 3}
-"""Terms that events count for."""
+_PROGRESS, _DOCKED, _GRIPPED, _LOADED, _DELIVERED, _FAILED, _CONTACT, _EFFORT, _TIME = range(len(TERMS))
+_AT_WORK = (TaskState.LOADING, TaskState.UNLOADING)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +82,17 @@ class _WaysLeft(NamedTuple):
     """What is left of its way [m], shape (n_agents,)."""
 
 
+class _Counts(NamedTuple):
+    """What has happened in a step, by term."""
+
+    own: FloatArray
+    """What each agent was part of, shape (n_agents, n_terms)."""
+    team: FloatArray
+    """What anybody was part of, shape (n_terms,)."""
+    share: FloatArray
+    """Share of the team's part in what an agent is paid for, shape (n_terms,)."""
+
+
 class Rewards:
     """Judges one run, step by step.
 
@@ -85,20 +103,35 @@ class Rewards:
         simulation: The run, before its first tick.
         observer: Has looked at it.
         weights: What things are worth.
+        team_share: Share of what the whole team does in what each agent is paid for.
         step_s: Length of a step [s].
     """
 
-    def __init__(self, simulation: AgentSimulation, observer: Observer, weights: RewardWeights, step_s: float) -> None:
+    def __init__(
+        self,
+        simulation: AgentSimulation,
+        observer: Observer,
+        weights: RewardWeights,
+        team_share: float,
+        step_s: float,
+    ) -> None:
         self._simulation = simulation
         self._observer = observer
         self._weights = np.array([getattr(weights, term) for term in TERMS])
         self._step_s = step_s
-        self._contacts = 0
-        self._shared = np.zeros(len(TERMS))
-        self._shared[6] = step_s
-        self._lanes = [_NOWHERE] * simulation.n_cars
+        self._n_cars, self._n_arms = simulation.n_cars, simulation.n_arms
+        self._counts = _Counts(
+            own=np.zeros((self._n_cars + self._n_arms, len(TERMS))),
+            team=np.zeros(len(TERMS)),
+            share=np.zeros(len(TERMS)),
+        )
+        self._counts.share[[_LOADED, _DELIVERED, _FAILED, _CONTACT]] = team_share
+        self._touched = simulation.world.contacts_of()
+        self._n_touches = self._touches()
+        self._gripped_for = [-1] * self._n_arms
+        self._lanes = [_NOWHERE] * self._n_cars
         self._left = self._measured()
-        simulation.events.subscribe(self._count)
+        simulation.board.subscribe(self._count)
 
     def step(self, actions: LegalActions) -> FloatArray:
         """Weighted terms since the last call.
@@ -110,19 +143,66 @@ class Rewards:
             Terms in the order of `TERMS`, 1 for an illegal action, and the sum of the terms, cars first, shape
             (n_agents, n_terms + 2).
         """
-        contacts = self._simulation.world.contacts()
-        touched = contacts.robot + contacts.static
-        self._shared[4] = touched - self._contacts
-        self._contacts = touched
+        counts = self._counts
+        self._count_contacts()
+        self._count_grips()
+        counts.own[:, _TIME] = self._step_s
         before, self._left = self._left, self._measured()
         table = np.empty((len(before.keys), len(TERMS) + 2))
-        _fill(table, self._weights, self._shared, before, self._left, actions, self._step_s)
-        self._shared[1:4] = 0.0
+        _fill(table, self._weights, counts, before, self._left, actions, self._step_s)
+        counts.own[:] = 0.0
+        counts.team[:] = 0.0
         return table
 
-    def _count(self, event: Event) -> None:
-        if event.kind == "task" and event.facts["state"] in _WORK:
-            self._shared[_WORK[TaskState(str(event.facts["state"]))]] += 1.0
+    def _count(self, task: Task, before: TaskState, now_s: float) -> None:
+        """Count what has become of a task, for those who had to do with it."""
+        del now_s
+        if task.state in _AT_WORK:
+            if task.car is not None and task.car < self._n_cars:
+                self._counts.own[task.car, _DOCKED] += 1.0
+            return
+        if task.state is TaskState.CARRIED and before is TaskState.LOADING:
+            self._add(_LOADED, task, before)
+        elif task.state is TaskState.DELIVERED:
+            self._add(_DELIVERED, task, before)
+        elif task.state is TaskState.FAILED:
+            self._add(_FAILED, task, before)
+
+    def _add(self, term: int, task: Task, before: TaskState) -> None:
+        counts = self._counts
+        counts.team[term] += 1.0
+        if task.car is not None and task.car < self._n_cars:
+            counts.own[task.car, term] += 1.0
+        if before in _AT_WORK and task.visit is None:
+            name = task.pick if before is TaskState.LOADING else task.delivery.drop
+            arm = self._simulation.missions.stations.named(name).arm
+            if arm < self._n_arms:
+                counts.own[self._n_cars + arm, term] += 1.0
+
+    def _count_contacts(self) -> None:
+        n_touches, n_before = self._touches(), self._n_touches
+        if n_touches == n_before:
+            return
+        counts, n_cars = self._counts, self._n_cars
+        (cars, arms), (cars_before, arms_before) = self._simulation.world.contacts_of(), self._touched
+        counts.team[_CONTACT] = n_touches - n_before
+        counts.own[:n_cars, _CONTACT] = (cars - cars_before)[:n_cars]
+        counts.own[n_cars:, _CONTACT] = (arms - arms_before)[: self._n_arms]
+        self._touched, self._n_touches = (cars, arms), n_touches
+
+    def _touches(self) -> int:
+        contacts = self._simulation.world.contacts()
+        return contacts.robot + contacts.static
+
+    def _count_grips(self) -> None:
+        held = self._simulation.world.held()
+        for arm in range(self._n_arms):
+            key = self._observer.transfer_keys[arm]
+            if key < 0:
+                self._gripped_for[arm] = -1
+            elif key != self._gripped_for[arm] and held[arm] == key // 2:
+                self._gripped_for[arm] = key
+                self._counts.own[self._n_cars + arm, _GRIPPED] = 1.0
 
     def _measured(self) -> _WaysLeft:
         """What each agent is about, and the way that is left: of a car straight to its next state, then along lanes."""
@@ -154,7 +234,7 @@ class Rewards:
 def _fill(
     table: FloatArray,
     weights: FloatArray,
-    shared: FloatArray,
+    counts: _Counts,
     before: _WaysLeft,
     now: _WaysLeft,
     actions: LegalActions,
@@ -176,10 +256,11 @@ def _fill(
                 square += arms[agent - len(cars), k] * arms[agent - len(cars), k] / n_moves
         total = 0.0
         for term in range(n_terms):
-            value = shared[term]
-            if term == 0 and before.keys[agent] == now.keys[agent]:
+            share = counts.share[term]
+            value = (1.0 - share) * counts.own[agent, term] + share * counts.team[term]
+            if term == _PROGRESS and before.keys[agent] == now.keys[agent]:
                 value = before.ways[agent] - now.ways[agent]
-            elif term == 5:
+            elif term == _EFFORT:
                 value = square * step_s
             table[agent, term] = weights[term] * value + 0.0  # + 0.0: no negative zeros
             total += table[agent, term]

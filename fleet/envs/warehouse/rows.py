@@ -14,6 +14,7 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.traffic.drivers import AT_REST_MPS
 from planners.motion.arm.kinematics import link_frames_into
 
 WAY_POINTS_M = (0.4, 0.8, 1.2, 2.0)
@@ -28,15 +29,36 @@ EDGE_M = 0.1
 """Greatest edge of a parcel [m]."""
 MOST_ROUTE_POINTS = 512
 """Most points of a route: a dozen moves of up to 40."""
+STOP_M = 1.0
+"""Range of the offset to the pose at which a car is to stop [m]."""
+CLOSE_M = 0.1
+"""Range of an arm's offsets to what it is close to [m]."""
+SERVICE_S, HELD_S = 30.0, 10.0
+"""A transfer, and a parcel in the grip, are told how long they have lasted, up to this [s]."""
 N_JOINTS = 7
+N_ARM_ENTRIES = N_JOINTS + 1
+"""Most entries of an arm's action."""
 
-_WAY_AT, _NEIGHBOURS_AT = 19, 19 + 2 * len(WAY_POINTS_M)
-_N_PER_NEIGHBOUR = 6
-_STATION_AT = _NEIGHBOURS_AT + _N_PER_NEIGHBOUR * N_NEIGHBOURS
-N_CAR_NUMBERS = _STATION_AT + 4
+_WAY_AT, NEIGHBOURS_AT = 19, 19 + 2 * len(WAY_POINTS_M)
+N_PER_NEIGHBOUR = 8
+_STATION_AT = NEIGHBOURS_AT + N_PER_NEIGHBOUR * N_NEIGHBOURS
+STOP_AT = _STATION_AT + 4
+"""First entry of the offset to the stop pose."""
+_DOING_AT = STOP_AT + 3
+N_CAR_NUMBERS = _DOING_AT + 6
 """Numbers in a car's observation, without lidar."""
-N_ARM_NUMBERS = 2 * N_JOINTS + 18 + 5
+AROUND_AT = 37
+"""First entry of an arm's offsets in cylinder coordinates: to the parcel, and from there to its place."""
+CLOSE_AT = AROUND_AT + 6
+"""First entry of the same offsets when they are small."""
+YAW_AT = CLOSE_AT + 6
+"""First entry of the yaws: of the parcel from the tool, and of its place from the parcel."""
+GRIP_AT = YAW_AT + 4
+"""First entry of what the grip does."""
+N_ARM_NUMBERS = GRIP_AT + 6 + N_ARM_ENTRIES
 """Numbers in an arm's observation."""
+_BEFORE_RAD = 2.6
+"""Farther from straight behind the base than this something lies before it [rad]."""
 _WAYS = np.array(WAY_POINTS_M)
 _DOCK_M = 0.6
 """Nearer to the stop pose than this a car is in the dock [m]."""
@@ -75,6 +97,21 @@ class CarsNow(NamedTuple):
     loaded: Int64Array
     place_of: npt.NDArray[np.integer]
     """The place that is booked, negative = none."""
+
+
+class CarsDoing(NamedTuple):
+    """What agents' cars were told last, and how long they have been at it."""
+
+    actions: FloatArray
+    """Shape (n_agent_cars, 2)."""
+    service_s: FloatArray
+    """How long each has been served [s], shape (n_agent_cars,)."""
+    in_order: Bools
+    """False for a car that does not do what it is told, shape (n_agent_cars,)."""
+    time_left: float
+    """Share of the episode's steps that is left."""
+    sight_m: float
+    """Other cars are seen up to this distance [m]."""
 
 
 class Routes(NamedTuple):
@@ -119,7 +156,26 @@ class ArmsNow(NamedTuple):
     held: npt.NDArray[np.integer]
     """Parcel in each grip, -1 = none."""
     transfers: FloatArray
-    """Parcel or -1, x, y, z of its place, and direction, shape (n_agent_arms, 5)."""
+    """Parcel or -1, x, y, z and yaw of its place, and direction, shape (n_agent_arms, 6)."""
+
+
+class ArmsDoing(NamedTuple):
+    """What agents' arms were told last, and how long they have been at it."""
+
+    actions: FloatArray
+    """Shape (n_agent_arms, n_entries)."""
+    closed: Bools
+    """Whether each grip holds what it gets hold of, shape (n_agent_arms,)."""
+    opening: FloatArray
+    """How much of the time has passed for which a grip has to be told to open, shape (n_agent_arms,)."""
+    held_s: FloatArray
+    """How long each has had its parcel in the grip [s], shape (n_agent_arms,)."""
+    service_s: FloatArray
+    """How long its transfer has gone on [s], shape (n_agent_arms,)."""
+    time_left: float
+    """Share of the episode's steps that is left."""
+    sight_m: float
+    """Cars and parcels are seen up to this distance [m]."""
 
 
 class ParcelsNow(NamedTuple):
@@ -130,18 +186,6 @@ class ParcelsNow(NamedTuple):
     """Shape (n_parcels, 7)."""
     sizes: FloatArray
     """Edges [m], shape (n_parcels, 3)."""
-
-
-@njit(cache=True)
-def make_legal(rows: FloatArray, illegal: Bools) -> None:  # pragma: no cover - compiled
-    """Make actions legal: entries that are no finite numbers 0, others between -1 and 1; notes rows that were not."""
-    for k in range(len(rows)):
-        for j in range(rows.shape[1]):
-            value = rows[k, j]
-            if not math.isfinite(value):
-                rows[k, j], illegal[k] = 0.0, True
-            elif value > 1.0 or value < -1.0:
-                rows[k, j], illegal[k] = min(max(value, -1.0), 1.0), True
 
 
 @njit(cache=True)
@@ -191,7 +235,7 @@ def _point_at(line: FloatArray, n: int, s: float, k: int) -> tuple[float, float,
 
 @njit(cache=True)
 def car_rows(
-    rows: Rows, ground: CarGround, cars: CarsNow, routes: Routes, arms: ArmsAtWork
+    rows: Rows, ground: CarGround, cars: CarsNow, routes: Routes, arms: ArmsAtWork, doing: CarsDoing
 ) -> None:  # pragma: no cover - compiled
     """Fill the first N_CAR_NUMBERS entries of the rows of the first `len(rows)` cars."""
     poses, limits, size, docks = cars.poses, ground.limits, ground.size_m, ground.docks
@@ -211,6 +255,10 @@ def car_rows(
             dx, dy, turn = goal[0] - x, goal[1] - y, goal[2] - yaw
             row[6], row[7] = (cos * dx + sin * dy) / diagonal, (cos * dy - sin * dx) / diagonal
             row[8], row[9] = math.cos(turn), math.sin(turn)
+            cos_g, sin_g = math.cos(goal[2]), math.sin(goal[2])
+            row[STOP_AT] = (cos_g * dx + sin_g * dy) / STOP_M
+            row[STOP_AT + 1] = (cos_g * dy - sin_g * dx) / STOP_M
+            row[STOP_AT + 2] = math.atan2(math.sin(turn), math.cos(turn))
         mission = ground.mission_of[cars.phases[car]]
         if mission >= 0:
             row[10 + mission] = 1.0
@@ -232,15 +280,19 @@ def car_rows(
             gaps[other] = math.hypot(poses[other, 0] - x, poses[other, 1] - y) if other != car else math.inf
         for place in range(N_NEIGHBOURS):
             other = int(np.argmin(gaps))
-            if gaps[other] >= NEAR_M:
+            if gaps[other] >= min(NEAR_M, doing.sight_m):
                 break
             gaps[other] = math.inf
             dx, dy, turn = poses[other, 0] - x, poses[other, 1] - y, poses[other, 2] - yaw
-            first = _NEIGHBOURS_AT + _N_PER_NEIGHBOUR * place
+            first = NEIGHBOURS_AT + N_PER_NEIGHBOUR * place
             row[first] = 1.0
             row[first + 1], row[first + 2] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
             row[first + 3], row[first + 4] = math.cos(turn), math.sin(turn)
             row[first + 5] = cars.speeds[other] / limits[0]
+            if cars.goals[other] >= 0:
+                goal = ground.state_pose[cars.goals[other]]
+                dx, dy = goal[0] - x, goal[1] - y
+                row[first + 6], row[first + 7] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
 
         station = cars.place_of[car]
         if 0 <= station < len(docks):
@@ -251,12 +303,23 @@ def car_rows(
                 gap = math.hypot(poses[other, 0] - docks[station, 0], poses[other, 1] - docks[station, 1])
                 if other != car and gap < _DOCK_M:
                     row[_STATION_AT + 3] = 1.0
+        row[_DOING_AT] = abs(cars.speeds[car]) < AT_REST_MPS
+        row[_DOING_AT + 1] = doing.service_s[car] / SERVICE_S
+        row[_DOING_AT + 2] = doing.time_left
+        row[_DOING_AT + 3], row[_DOING_AT + 4] = doing.actions[car]
+        row[_DOING_AT + 5] = doing.in_order[car]
         _bounded(row)
 
 
 @njit(cache=True)
 def arm_rows(
-    rows: Rows, ways: FloatArray, ground: ArmGround, arms: ArmsNow, parcels: ParcelsNow, cars: FloatArray
+    rows: Rows,
+    ways: FloatArray,
+    ground: ArmGround,
+    arms: ArmsNow,
+    parcels: ParcelsNow,
+    cars: FloatArray,
+    doing: ArmsDoing,
 ) -> None:  # pragma: no cover - compiled
     """Fill the rows of the first `len(rows)` arms, and their ways."""
     q, lower, upper, base = arms.q, ground.lower, ground.upper, ground.base
@@ -280,35 +343,67 @@ def arm_rows(
 
         wanted = int(transfers[arm, 0])
         chosen = wanted if wanted >= 0 else held[arm]
-        parcel, nearest = -1, REACH_M
+        parcel, nearest = -1, doing.sight_m
         for k in range(len(parcels.ids)):
-            if chosen >= 0:
-                if parcels.ids[k] == chosen:
-                    parcel = k
-            else:
-                gap = math.hypot(poses[k, 0] - x0, poses[k, 1] - y0)
-                if gap < nearest:
-                    parcel, nearest = k, gap
+            gap = math.hypot(poses[k, 0] - x0, poses[k, 1] - y0)
+            if gap < doing.sight_m and parcels.ids[k] == chosen:
+                parcel = k
+            elif chosen < 0 and gap < nearest:
+                parcel, nearest = k, gap
         ways[arm] = 0.0
         if parcel >= 0:
             dx, dy = poses[parcel, 0] - x0, poses[parcel, 1] - y0
             px, py, pz = cos * dx + sin * dy, cos * dy - sin * dx, poses[parcel, 2] - z0
-            gx, gy, gz = px - tip[0], py - tip[1], pz + sizes[parcel, 2] / 2.0 - tip[2]
-            row[20], row[21], row[22] = gx / REACH_M, gy / REACH_M, gz / REACH_M
+            top = pz + sizes[parcel, 2] / 2.0
+            row[20], row[21], row[22] = (px - tip[0]) / REACH_M, (py - tip[1]) / REACH_M, (top - tip[2]) / REACH_M
+            # Home is behind the base, and joints end there and back: what lies before it is reached by either side, and
+            # left by the same.
+            at_tip = _behind(tip[0], tip[1], q[arm, 0] + q[arm, 2])
+            at_parcel = _behind(px, py, 0.0)
+            yaw = _yaw(poses[parcel]) - base[arm, 3]
+            turn = yaw - math.atan2(flange[1, 0], flange[0, 0])
+            row[YAW_AT], row[YAW_AT + 1] = math.cos(turn), math.sin(turn)
             if wanted >= 0:
                 dx, dy = transfers[arm, 1] - x0, transfers[arm, 2] - y0
-                wx = cos * dx + sin * dy - px
-                wy = cos * dy - sin * dx - py
+                wx, wy = cos * dx + sin * dy, cos * dy - sin * dx
                 wz = transfers[arm, 3] - z0 - pz
-                row[23], row[24], row[25] = wx / REACH_M, wy / REACH_M, wz / REACH_M
-                ways[arm] = math.sqrt(gx * gx + gy * gy + gz * gz) + math.sqrt(wx * wx + wy * wy + wz * wz)
+                row[23], row[24], row[25] = (wx - px) / REACH_M, (wy - py) / REACH_M, wz / REACH_M
+                at_place = _behind(wx, wy, 0.0)
+                at_parcel = _behind(px, py, at_tip if held[arm] == wanted else at_place)
+                at_place = _behind(wx, wy, at_parcel)
+                ways[arm] = _fill_offset(
+                    row,
+                    AROUND_AT + 3,
+                    CLOSE_AT + 3,
+                    (math.hypot(px, py), at_parcel),
+                    (math.hypot(wx, wy), at_place),
+                    wz,
+                )
+                turn = transfers[arm, 4] - base[arm, 3] - yaw
+                row[YAW_AT + 2], row[YAW_AT + 3] = math.cos(turn), math.sin(turn)
+            ways[arm] += _fill_offset(
+                row,
+                AROUND_AT,
+                CLOSE_AT,
+                (math.hypot(tip[0], tip[1]), at_tip),
+                (math.hypot(px, py), at_parcel),
+                top - tip[2],
+            )
             for a in range(3):
                 row[26 + a] = sizes[parcel, a] / EDGE_M
-        row[29] = transfers[arm, 4]
+        row[29] = transfers[arm, 5]
         row[30] = held[arm] >= 0
         row[31] = parcel >= 0
+        row[GRIP_AT] = doing.closed[arm]
+        row[GRIP_AT + 1] = doing.opening[arm]
+        row[GRIP_AT + 2] = doing.held_s[arm] / HELD_S
+        row[GRIP_AT + 3] = wanted >= 0
+        row[GRIP_AT + 4] = doing.service_s[arm] / SERVICE_S
+        row[GRIP_AT + 5] = doing.time_left
+        for k in range(doing.actions.shape[1]):
+            row[GRIP_AT + 6 + k] = doing.actions[arm, k]
 
-        nearest, car = REACH_M, -1
+        nearest, car = doing.sight_m, -1
         for k in range(len(cars)):
             gap = math.hypot(cars[k, 0] - x0, cars[k, 1] - y0)
             if gap < nearest:
@@ -319,3 +414,31 @@ def arm_rows(
             row[33], row[34] = (cos * dx + sin * dy) / REACH_M, (cos * dy - sin * dx) / REACH_M
             row[35], row[36] = math.cos(turn), math.sin(turn)
         _bounded(row)
+
+
+@njit(cache=True)
+def _fill_offset(
+    row: Rows, at: int, close_at: int, here: tuple[float, float], there: tuple[float, float], up: float
+) -> float:  # pragma: no cover - compiled
+    """Fill in how far out, around the base and up it is from here to there; returns the length of that way [m]."""
+    out, turn = there[0] - here[0], there[1] - here[1]
+    around = 0.5 * (here[0] + there[0]) * turn
+    row[at], row[at + 1], row[at + 2] = out, turn / math.pi, up
+    row[close_at], row[close_at + 1], row[close_at + 2] = out / CLOSE_M, around / CLOSE_M, up / CLOSE_M
+    return math.sqrt(out * out + around * around + up * up)
+
+
+@njit(cache=True)
+def _behind(x: float, y: float, side: float) -> float:  # pragma: no cover - compiled
+    """Angle of a point around the base, from straight behind it [rad]; of what lies before it, on the side of `side`."""
+    angle = math.atan2(-y, -x)
+    if abs(angle) > _BEFORE_RAD and angle * side < 0.0:
+        angle += 2.0 * math.pi if side > 0.0 else -2.0 * math.pi
+    return angle
+
+
+@njit(cache=True)
+def _yaw(pose: FloatArray) -> float:  # pragma: no cover - compiled
+    """Direction of a box's own x axis, seen from above [rad]."""
+    qx, qy, qz, qw = pose[3], pose[4], pose[5], pose[6]
+    return math.atan2(2.0 * (qx * qy + qw * qz), 1.0 - 2.0 * (qy * qy + qz * qz))

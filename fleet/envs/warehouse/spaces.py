@@ -8,19 +8,20 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 
 from fleet.envs.warehouse.config import WarehouseConfig
+from fleet.envs.warehouse.control.actions import ARM_ACTIONS, N_CAR_ENTRIES
 from fleet.envs.warehouse.rows import N_ARM_NUMBERS, N_CAR_NUMBERS
 
 
 def observation_spaces(config: WarehouseConfig) -> dict[str, Space[Any]]:
     """Spaces by agent, each its own: seeding one must not seed another."""
     cars: dict[str, Space[Any]] = {car: _car_space(config) for car in config.cars}
-    return cars | {arm: _box(N_ARM_NUMBERS) for arm in config.arms}
+    return cars | {arm: _arm_space(config) for arm in config.arms}
 
 
 def action_spaces(config: WarehouseConfig) -> dict[str, Space[Any]]:
     """Spaces by agent, each its own."""
-    cars: dict[str, Space[Any]] = {car: _box(2) for car in config.cars}
-    return cars | {arm: _box(config.n_entries + 1) for arm in config.arms}
+    cars: dict[str, Space[Any]] = {car: _box(N_CAR_ENTRIES) for car in config.cars}
+    return cars | {arm: _box(ARM_ACTIONS[config.arm_action]) for arm in config.arms}
 
 
 def state_space(config: WarehouseConfig) -> Box:
@@ -34,6 +35,12 @@ def _car_space(config: WarehouseConfig) -> Space[Any]:
     if config.camera is None:
         return row
     return Dict({"row": row, "image": Box(0, 255, (*config.camera, 3), np.uint8)})
+
+
+def _arm_space(config: WarehouseConfig) -> Space[Any]:
+    row = _box(N_ARM_NUMBERS)
+    # With cameras all observations are dictionaries: PettingZoo's test compares those of different agents.
+    return row if config.camera is None else Dict({"row": row})
 
 
 def _box(n: int, n_distances: int = 0) -> Box:

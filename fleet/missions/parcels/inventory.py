@@ -91,6 +91,16 @@ class Inventory:
         self.n_entered += 1
         self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
 
+    def enter_tray(self, task: Task, car: int) -> None:
+        """Put the parcel of a task into the middle of a car's tray: the run begins with it there."""
+        x, y, yaw = self._world.car_poses()[car].tolist()
+        ahead_m, size = self._car.tray_x_m, task.delivery.size_m
+        place = x + ahead_m * np.cos(yaw), y + ahead_m * np.sin(yaw), self._car.tray_floor_z_m + size[2] / 2 + DROP_M
+        pose = np.array([*place, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
+        self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.delivery.mass_kg, pose=pose))
+        self.n_entered += 1
+        self._log("parcel_entered", task=task.order.name, car=f"car_{car}")
+
     def withdraw(self, task: Task, now_s: float, reason: str) -> None:
         """Cancel a task that has no parcel in a car; a parcel on its slot leaves the warehouse."""
         if task.pick_slot is not None:

@@ -195,6 +195,17 @@ class Arms:
         for k, (body, joint) in enumerate(joints):
             self._client.resetJointState(body, joint, state[2 * k], state[2 * k + 1])
 
+    def stand(self, q: FloatArray) -> None:
+        """Let the arms stand elsewhere.
+
+        Args:
+            q: Joint positions [rad], shape (m, n_joints).
+        """
+        for body, positions in zip(self.bodies, q.tolist(), strict=True):
+            for joint, position in zip(self._joints, positions, strict=True):
+                self._client.resetJointState(body, joint, position, 0.0)
+        self.recall(np.array([np.zeros_like(q), q, np.zeros_like(q)]))
+
     def memory(self) -> FloatArray:
         """What the engine's own snapshot does not hold: last target velocities, last readings, shape (3, m, joints)."""
         return np.array([self._targets.qd, self.q, self.qd])

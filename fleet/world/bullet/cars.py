@@ -275,6 +275,31 @@ class Cars:
             for joint, (position, velocity) in zip(joints, _split(numbers[13:], 2), strict=True):
                 client.resetJointState(body, joint, position, velocity)
 
+    def stand(self, poses: FloatArray) -> None:
+        """Let the cars stand elsewhere, on their wheels as they do now.
+
+        Args:
+            poses: Of the rear axles, x, y, yaw, shape (n, 3).
+        """
+        client = self._client
+        for body, now, then in zip(self.bodies, self.now.poses, poses, strict=True):
+            place, quat = client.getBasePositionAndOrientation(body)
+            turn = float(then[2] - now[2])
+            x, y = place[0] - now[0], place[1] - now[1]
+            cos, sin = math.cos(turn), math.sin(turn)
+            there = (then[0] + cos * x - sin * y, then[1] + sin * x + cos * y, place[2])
+            about = client.multiplyTransforms((0, 0, 0), quaternion(turn), (0, 0, 0), quat)[1]
+            client.resetBasePositionAndOrientation(body, there, about)
+            client.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0))
+            for joint in self._wheels:
+                client.resetJointState(body, joint, client.getJointState(body, joint)[0], 0.0)
+            for joint in self._hinges:
+                client.resetJointState(body, joint, 0.0, 0.0)
+        self._release(np.flatnonzero(self._parked))
+        self._pushes.clear()
+        self._unset[:] = True
+        self.now = self.reading()
+
     def memory(self) -> _Memory:
         """What the engine's own snapshot does not hold."""
         memory = _Memory(sent=self._sent, pushes=self._pushes, parked=self._parked, parked_at=self._parked_at)

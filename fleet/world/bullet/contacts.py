@@ -53,6 +53,10 @@ class ContactMonitor:
         self._step = 0
         self._last: dict[tuple[int, int], int] = {}
         self.counts = Contacts()
+        self.of_cars: IntArray = np.zeros(len(cars), dtype=np.int64)
+        """Contacts of each car so far, shape (n_cars,)."""
+        self.of_arms: IntArray = np.zeros(len(arms), dtype=np.int64)
+        """Contacts of each arm so far, shape (n_arms,)."""
         self.fixed: set[int] = set()
         """Bodies of walls, shelves and obstacles."""
         self.pedestals: set[int] = set()
@@ -105,13 +109,15 @@ class ContactMonitor:
 
     def memory(self) -> Any:
         """State of the counting."""
-        return self._step, dict(self._last), self.counts.robot, self.counts.static, self.serving.copy()
+        counts = self.counts.robot, self.counts.static, self.of_cars.copy(), self.of_arms.copy()
+        return self._step, dict(self._last), counts, self.serving.copy()
 
     def recall(self, memory: Any) -> None:
         """Return to `memory`."""
-        self._step, last, robot, static, serving = memory
+        self._step, last, (robot, static, of_cars, of_arms), serving = memory
         self._last = dict(last)
         self.counts = Contacts(robot=robot, static=static)
+        self.of_cars[:], self.of_arms[:] = of_cars, of_arms
         self.serving[:] = serving
         self.look_again()
 
@@ -133,19 +139,27 @@ class ContactMonitor:
         other = point[2]
         if other in self._cars:
             if not self._in_tray(arm, other, point):
-                self._touch(body, other, robot=True)
+                self._touch(body, other, robot=True, holder=arm)
         elif other in self._arms:
             if self._arms[other] != arm:
-                self._touch(body, other, robot=True)
+                self._touch(body, other, robot=True, holder=arm)
         elif other in self.fixed:
-            self._touch(body, other, robot=False)
+            self._touch(body, other, robot=False, holder=arm)
 
-    def _touch(self, body: int, other: int, *, robot: bool) -> None:
+    def _touch(self, body: int, other: int, *, robot: bool, holder: int = -1) -> None:
+        """Count a touch of two bodies, if it is new; `holder` is the arm whose parcel `body` is."""
         key = (body, other) if body < other else (other, body)
         last = self._last.get(key)
         self._last[key] = self._step
         if last is not None and self._step - last <= self._pause:
             return
+        for one in (body, other):
+            if one in self._cars:
+                self.of_cars[self._cars[one]] += 1
+            elif one in self._arms:
+                self.of_arms[self._arms[one]] += 1
+        if holder >= 0:
+            self.of_arms[holder] += 1
         if robot:
             self.counts.robot += 1
         else:

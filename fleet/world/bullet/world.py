@@ -255,6 +255,19 @@ class BulletWorld:
         """Contacts so far; `fleet.world.bullet.contacts` says what counts."""
         return Contacts(robot=self._monitor.counts.robot, static=self._monitor.counts.static)
 
+    def contacts_of(self) -> tuple[IntArray, IntArray]:
+        """Contacts of each robot so far, shapes (n_cars,) and (n_arms,)."""
+        return self._monitor.of_cars.copy(), self._monitor.of_arms.copy()
+
+    def place(self, car_poses: FloatArray, arm_q: FloatArray) -> None:
+        """Put all robots elsewhere at once; see `OpenWorld.place`. The engine finds all pairs of bodies anew."""
+        self._search(on=False)
+        self._cars.stand(np.asarray(car_poses, dtype=np.float64))
+        self._arms.stand(np.asarray(arm_q, dtype=np.float64))
+        self._search(on=True)
+        self._monitor.look_again()
+        self._near = self._measure()
+
     def min_clearance_m(self) -> float:
         """Smallest clearance so far, infinite with fewer than two robots that can meet [m].
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,19 @@ STOP_M, STOP_RAD = 0.05, 0.1
 """A standing car is at its stop when it is this close and this straight: planned arms served 118 of 120 such trays."""
 
 
+class AgentCars(NamedTuple):
+    """Cars that agents drive."""
+
+    by_agent: npt.NDArray[np.bool_]
+    """True for each of them, shape (n_cars,)."""
+    poses: FloatArray
+    """Where cars begin, x, y, yaw, shape (n_cars, 3): beside their states, maybe."""
+    stop_m: float = STOP_M
+    """A standing car is at its stop when it is this close [m]."""
+    stop_rad: float = STOP_RAD
+    """And this straight [rad]."""
+
+
 class AgentDriver(PathDriver):
     """Leaves the cars of agents to their agents and drives the others.
 
@@ -38,7 +52,7 @@ class AgentDriver(PathDriver):
         tick_s: Control period [s].
         config: Quality of the pose estimate.
         rng: Source of measurement noise.
-        by_agent: True for each car that an agent drives, shape (n_cars,).
+        agents: Cars that agents drive.
     """
 
     def __init__(
@@ -50,12 +64,15 @@ class AgentDriver(PathDriver):
         config: EstimateConfig,
         rng: np.random.Generator,
         *,
-        by_agent: npt.NDArray[np.bool_],
+        agents: AgentCars,
     ) -> None:
         super().__init__(graph, spec, graph.state_pose[start_states], tick_s, config, rng)
+        self.estimate = agents.poses.copy()
+        by_agent = agents.by_agent
         n_cars = len(start_states)
         self._wheelbase_m = spec.wheelbase_m
         self._tick_s = tick_s
+        self._stop_m, self._stop_rad = agents.stop_m, agents.stop_rad
         self._by_agent = by_agent
         self._is_agent: list[bool] = by_agent.tolist()
         self._all_agents = bool(by_agent.all())
@@ -106,7 +123,8 @@ class AgentDriver(PathDriver):
             return False
         x, y, yaw = self._graph.state_pose[self._reached[car]].tolist()
         at_x, at_y, at_yaw = self.estimate[car].tolist()
-        return math.hypot(at_x - x, at_y - y) < STOP_M and abs(math.remainder(at_yaw - yaw, math.tau)) < STOP_RAD
+        near = math.hypot(at_x - x, at_y - y) < self._stop_m
+        return near and abs(math.remainder(at_yaw - yaw, math.tau)) < self._stop_rad
 
     def remaining(self, car: int) -> FloatArray:
         """See `Driver`; from the last state reached, so that a car off its lane sees where to come back to."""

@@ -1,0 +1,1 @@
+"""From agents' actions to the commands of cars and arms."""

@@ -1,0 +1,131 @@
+"""Commands: what the agents' actions of a step make their cars and arms do, tick by tick."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from fleet.arrays import FloatArray
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
+from fleet.envs.warehouse.control.actions import LegalActions
+from fleet.envs.warehouse.control.hands import N_TIP, HandModel, hand_model, lead_tips, move_targets, shares_of
+from fleet.envs.warehouse.control.latch import Latches
+from fleet.envs.warehouse.control.plans import Plans
+from fleet.envs.warehouse.control.pursuit import Wheel, pursue
+from fleet.envs.warehouse.rows import Rows
+from fleet.robots.iiwa import N_JOINTS
+from fleet.simulation import Actions
+
+RESIDUAL_RAD = 0.2
+"""Joints are moved away from the classical plan by up to the residual's share of this [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActionModel:
+    """What actions stand for."""
+
+    car: str
+    """A name in `CAR_ACTIONS`."""
+    arm: str
+    """A name in `ARM_ACTIONS`."""
+    speed_mps: float
+    """Of a car at full action [m/s]."""
+    dead_band: float
+    """Smaller shares of the full speed are brakes."""
+    residual: float
+    """Weight of what is added to the classical controllers."""
+    hold_s: float
+    """How long a grip has to be told to open [s]."""
+
+
+class Commands:
+    """Plays the actions of agents.
+
+    Args:
+        simulation: The run, before its first tick.
+        model: What actions stand for.
+        plans: The classical plans, if arms add to them.
+    """
+
+    def __init__(self, simulation: AgentSimulation, model: ActionModel, plans: Plans | None) -> None:
+        scene, n_arms = simulation.scene, simulation.n_arms
+        self._simulation = simulation
+        self._model = model
+        self._plans = plans
+        self._hand: HandModel = hand_model(scene.arm)
+        self._wheel = Wheel(
+            diagonal_m=math.hypot(*scene.size_m),
+            wheelbase_m=scene.car.wheelbase_m,
+            max_steering_rad=scene.car.max_steering_rad,
+            max_speed_mps=model.speed_mps,
+            dead_band=model.dead_band,
+        )
+        self._car_limits = np.array([scene.car.max_steering_rad, model.speed_mps])
+        self._targets = simulation.world.arm_positions()[:n_arms]
+        self._cars = np.zeros((simulation.n_cars, 2))
+        self._arms = np.zeros((n_arms, 0))
+        self.latches = Latches(n_arms, model.hold_s)
+        """The grips of the agents' arms."""
+
+    @property
+    def targets(self) -> FloatArray:
+        """Set-points of the agents' arms' joints [rad], shape (n_arms, n_joints)."""
+        return self._targets
+
+    def take(self, actions: LegalActions, car_rows: Rows, in_order: npt.NDArray[np.bool_]) -> None:
+        """Take in the actions of a step.
+
+        Args:
+            actions: Of all agents.
+            car_rows: What cars observed, shape (n_cars, >= N_CAR_NUMBERS).
+            in_order: False for a car that does not do what it is told, and brakes, shape (n_cars,).
+        """
+        model = self._model
+        shares = actions.cars
+        if model.car == "residual":
+            shares = np.empty_like(actions.cars)
+            pursue(car_rows, self._wheel, shares)
+            shares += model.residual * actions.cars
+        _drive(shares, self._car_limits, model.dead_band, in_order, self._cars)
+        self._arms = actions.arms
+        if self._plans is not None:
+            for arm, pace in enumerate(actions.arms[:, -1].tolist()):
+                self._plans.pace(arm, 1.0 + model.residual * pace)
+
+    def tick(self) -> Actions:
+        """What the robots are to do in the coming tick."""
+        if not len(self._targets):
+            return Actions(cars=self._cars)
+        simulation = self._simulation
+        world, arm, n_arms = simulation.world, simulation.scene.arm, len(self._targets)
+        if self._plans is not None:
+            self._plans.ask(simulation)
+            self._plans.tick(world.held())
+            away = self._model.residual * RESIDUAL_RAD * self._arms[:, :N_JOINTS]
+            self._targets = np.clip(self._plans.q[:n_arms] + away, arm.lower_rad, arm.upper_rad)
+            qd, grip = self._plans.qd[:n_arms].copy(), self._plans.grip[:n_arms].copy()
+            return Actions(cars=self._cars, arms=self._targets, arms_qd=qd, grip=grip)
+        q = world.arm_positions()[:n_arms]
+        qd = np.empty_like(q)
+        if self._model.arm == "joint":
+            shares_of(arm.max_velocity_radps, self._arms[:, :N_JOINTS], qd)
+        else:
+            lead_tips(self._hand, q, self._arms[:, :N_TIP], qd)
+        move_targets(self._targets, qd, q, arm.lower_rad, arm.upper_rad, simulation.tick_s)
+        self.latches.tick(self._arms[:, -1], world.held()[:n_arms], simulation.tick_s)
+        return Actions(cars=self._cars, arms=self._targets, arms_qd=qd, grip=self.latches.closed)
+
+
+@njit(cache=True)
+def _drive(
+    shares: FloatArray, limits: FloatArray, dead_band: float, in_order: npt.NDArray[np.bool_], out: FloatArray
+) -> None:  # pragma: no cover - compiled
+    """Fill in steering [rad] and speed [m/s] of cars; those in the dead band, and those that are out, brake."""
+    for car in range(len(out)):
+        share = min(max(shares[car, 1], -1.0), 1.0)
+        out[car, 0] = min(max(shares[car, 0], -1.0), 1.0) * limits[0]
+        out[car, 1] = share * limits[1] if abs(share) >= dead_band and in_order[car] else 0.0

@@ -1,0 +1,1 @@
+"""Runs in which agents decide for some robots."""
