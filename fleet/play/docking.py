@@ -12,16 +12,22 @@ import numpy.typing as npt
 from fleet.arrays import CellArray, FloatArray
 from fleet.config import EstimateConfig, RunConfig
 from fleet.envs.core.base import Infos
-from fleet.envs.warehouse.agent_driver import STOP_M, STOP_RAD, AgentDriver
-from fleet.envs.warehouse.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.config import WarehouseConfig
+from fleet.envs.warehouse.control.actions import N_CAR_ENTRIES
+from fleet.envs.warehouse.control.commands import Commands
 from fleet.envs.warehouse.env import WarehouseEnv, WarehouseEpisode
-from fleet.envs.warehouse.observations import Observer
+from fleet.envs.warehouse.observations import Observer, Told
 from fleet.envs.warehouse.rewards import Rewards, RewardWeights
+from fleet.envs.warehouse.rows import REACH_M
+from fleet.envs.warehouse.run.agent_driver import STOP_M, STOP_RAD, AgentCars, AgentDriver
+from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
+from fleet.envs.warehouse.run.breakdowns import BreakdownClock, Breakdowns
+from fleet.envs.warehouse.sensing import Receiver
 from fleet.missions.phases import CarPhase
 from fleet.play.policies import PlayedPolicy
 from fleet.robots.spec import CarSpec
 from fleet.run.setup import RunSetup
+from fleet.sensors.lidar import LidarRing
 from fleet.simulation import Simulation
 from fleet.traffic.drivers import AT_REST_MPS
 from fleet.world.protocol import World
@@ -65,8 +71,8 @@ class DockingDriver(AgentDriver):
         rng: np.random.Generator,
     ) -> None:
         n_cars = len(start_states)
-        by_agent = np.zeros(n_cars, dtype=np.bool_)
-        super().__init__(graph, spec, start_states, tick_s, config, rng, by_agent=by_agent)
+        nobody = AgentCars(by_agent=np.zeros(n_cars, dtype=np.bool_), poses=graph.state_pose[start_states])
+        super().__init__(graph, spec, start_states, tick_s, config, rng, agents=nobody)
         self.docking = np.zeros(n_cars, dtype=np.bool_)
         """Cars that a policy docks, shape (n_cars,)."""
         self.docked = np.zeros(n_cars, dtype=np.bool_)
@@ -154,31 +160,53 @@ class _Env(WarehouseEnv):
     def __init__(self, config: WarehouseConfig, simulation: AgentSimulation) -> None:
         super().__init__(config)
         self._run = simulation
+        self._told = np.zeros((simulation.n_cars, N_CAR_ENTRIES))
 
     def look(self) -> dict[str, Any]:
         """What the cars see now."""
-        self._now().observer.look()
+        episode = self._now()
+        self._look(episode.observer)
+        of_cars, of_arms = episode.receivers
+        episode.seen = of_cars.receive(episode.observer.car_rows), of_arms.receive(episode.observer.arm_rows)
         return self._observations()
 
     def commands(self, actions: Mapping[str, Any]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """Steering [rad] and speed [m/s] that actions mean, shape (n_cars, 2), and which were illegal, (n_cars,)."""
-        resolved = self._resolved(actions)
-        cars = self._commands(self._now(), resolved).cars
-        return np.zeros((len(resolved.cars), 2)) if cars is None else cars, resolved.illegal_cars
+        episode, resolved = self._now(), self._resolved(actions)
+        episode.commands.take(resolved, episode.observer.car_rows, episode.breakdowns.in_order)
+        self._told = resolved.cars
+        cars = episode.commands.tick().cars
+        return np.zeros_like(self._told) if cars is None else cars, resolved.illegal_cars
 
     def _begin(self, seed: int) -> Infos:
-        simulation = self._run
-        observer = Observer(simulation, None, np.random.default_rng(seed))
-        observer.look()
-        car = simulation.scene.car
+        simulation, config = self._run, self.config
+        noise, sights, views, fates = (np.random.default_rng([seed, k]) for k in range(4))
+        of_cars, of_arms = config.sensing
+        ring = None
+        if config.car_lidar is not None:
+            car = simulation.scene.car
+            ring = LidarRing(config.car_lidar, car.front_m, car.rear_m, car.half_width_m)
+        observer = Observer(simulation, ring, noise, (of_cars.range_m, REACH_M), config.step_s)
+        self._look(observer)
+        receivers = Receiver(of_cars, sights), Receiver(of_arms, views)
         self._episode = WarehouseEpisode(
             simulation=simulation,
+            errands=(),
+            commands=Commands(simulation, config.action_model, None),
+            breakdowns=BreakdownClock(Breakdowns(), simulation.n_cars, fates),
             observer=observer,
-            rewards=Rewards(simulation, observer, RewardWeights(), self.config.step_s),
-            targets=np.zeros((0, 0)),
-            car_limits=np.array([car.max_steering_rad, car.max_speed_mps]),
+            rewards=Rewards(simulation, observer, RewardWeights(), config.team_share, config.step_s),
+            receivers=receivers,
+            seen=(receivers[0].receive(observer.car_rows), receivers[1].receive(observer.arm_rows)),
         )
-        return {agent: {} for agent in self.possible_agents}
+        return {agent: {} for agent in self._team()}
+
+    def _look(self, observer: Observer) -> None:
+        """Look at the run; an approach is never late."""
+        nobody = np.zeros((0, 0))
+        in_order = np.ones(len(self._told), dtype=np.bool_)
+        told = Told(self._told, nobody, in_order, np.zeros(0, dtype=np.bool_), np.zeros(0), time_left=1.0)
+        observer.look(told)
 
 
 class DockingPlayer:
@@ -265,13 +293,5 @@ def docking_config(simulation: Simulation, settings: Mapping[str, Any]) -> Wareh
         ConfigError: A setting is unknown, or outside its valid range.
     """
     config = simulation.config
-    return WarehouseConfig.of(
-        {
-            "lidar": False,
-            **settings,
-            "site": config.site,
-            "n_cars": config.robots,
-            "n_arms": 0,
-            "fidelity": str(config.fidelity),
-        }
-    )
+    of_run = {"site": config.site, "n_cars": config.robots, "n_arms": 0, "fidelity": str(config.fidelity)}
+    return WarehouseConfig.of({**settings, **of_run})
