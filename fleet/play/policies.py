@@ -19,7 +19,21 @@ from fleet.training.results import CHECKPOINT, CONFIG
 LAYERS = {"dispatch": "dispatch", "traffic": "traffic", "docking": "warehouse"}
 """Parts of a fleet that policies can play, and the environments in which such policies are learned."""
 _OF_THE_RUN = frozenset(
-    "site n_cars n_arms classical_cars fidelity load max_cycles weights tasks team_share level start breakdowns".split()
+    (
+        "site",
+        "n_cars",
+        "n_arms",
+        "classical_cars",
+        "fidelity",
+        "load",
+        "max_cycles",
+        "weights",
+        "tasks",
+        "team_share",
+        "level",
+        "start",
+        "breakdowns",
+    )
 )
 """Settings of environments that a run has of its own, or that mean nothing in one."""
 

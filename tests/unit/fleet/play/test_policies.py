@@ -29,13 +29,17 @@ def test_a_run_says_in_which_environment_it_was_made(tmp_path: Path) -> None:
 
 def test_scripted_policies_have_names() -> None:
     assert played_policy("docking", "pursuit", 0).learned is None
-    with pytest.raises(TrainingError, match=r"--traffic is 'fast'; valid: random, .*pibt.*, or a folder of fleet train"):
+    with pytest.raises(
+        TrainingError, match=r"--traffic is 'fast'; valid: random, .*pibt.*, or a folder of fleet train"
+    ):
         played_policy("traffic", "fast", 0)
 
 
 def test_a_policy_of_another_layer_is_refused(tmp_path: Path) -> None:
     folder = folder_of(tmp_path / "run")
-    with pytest.raises(TrainingError, match=r"--traffic .*was trained in dispatch_v.; valid: one of traffic, or --disp"):
+    with pytest.raises(
+        TrainingError, match=r"--traffic .*was trained in dispatch_v.; valid: one of traffic, or --disp"
+    ):
         played_policy("traffic", str(folder), 0)
 
 
