@@ -17,30 +17,30 @@ class Decisions:
 
     policy: str
     """Who decides, as it was named."""
-    made_n: int = 0
+    n_made: int = 0
     """Decisions in which there was something to choose."""
-    policy_n: int = 0
+    n_policy: int = 0
     """Those that were the policy's, and legal."""
-    granted_n: int = 0
+    n_granted: int = 0
     """Those of the policy's that were carried out as they were meant; the others had to wait for another robot."""
-    fallback_n: Counter[str] = field(default_factory=Counter)
+    n_fallback: Counter[str] = field(default_factory=Counter)
     """Those that the classical part took instead, by reason."""
 
     @property
     def policy_share(self) -> float | None:
         """Share of the decisions that were the policy's; None if there was none."""
-        return self.policy_n / self.made_n if self.made_n else None
+        return self.n_policy / self.n_made if self.n_made else None
 
     def fall_back(self, reason: str, n: int = 1) -> None:
         """Count decisions that were not the policy's."""
-        self.made_n += n
-        self.fallback_n[reason] += n
+        self.n_made += n
+        self.n_fallback[reason] += n
 
     def decide(self, n: int, granted: int) -> None:
         """Count legal decisions of the policy, and how many of them were carried out."""
-        self.made_n += n
-        self.policy_n += n
-        self.granted_n += granted
+        self.n_made += n
+        self.n_policy += n
+        self.n_granted += granted
 
     def told(self) -> dict[str, Any]:
         """All figures, as they go into a file."""
@@ -50,10 +50,10 @@ class Decisions:
     def __str__(self) -> str:
         share = self.policy_share
         text = f"{self.policy}: " + (
-            "nothing to decide" if share is None else f"{share:.1%} of {self.made_n} decisions"
+            "nothing to decide" if share is None else f"{share:.1%} of {self.n_made} decisions"
         )
-        text += f", {self.granted_n} carried out as meant"
-        why = ", ".join(f"{n} {reason}" for reason, n in sorted(self.fallback_n.items()))
+        text += f", {self.n_granted} carried out as meant"
+        why = ", ".join(f"{n} {reason}" for reason, n in sorted(self.n_fallback.items()))
         return f"{text}; the classical part took {why}" if why else text
 
 

@@ -49,7 +49,7 @@ def test_a_checkpoint_gives_the_tasks_of_a_fleet_to_its_cars(trained: Path, tmp_
     result, decisions = (json.loads((out / name).read_text()) for name in ("result.json", "decisions.json"))
     assert (result["tasks_done"], result["robot_contacts"]) == (3, 0)
     assert decisions["dispatch"]["policy"] == str(trained)
-    assert decisions["dispatch"]["policy_n"] == decisions["dispatch"]["made_n"] > 0
+    assert decisions["dispatch"]["n_policy"] == decisions["dispatch"]["n_made"] > 0
 
 
 def test_a_checkpoint_of_another_size_is_refused(

@@ -12,7 +12,7 @@ def test_a_share_is_that_of_all_decisions() -> None:
     decisions.decide(6, 4)
     decisions.fall_back("illegal")
     decisions.fall_back("nothing moved on", 3)
-    assert (decisions.made_n, decisions.policy_n, decisions.granted_n) == (10, 6, 4)
+    assert (decisions.n_made, decisions.n_policy, decisions.n_granted) == (10, 6, 4)
     assert decisions.policy_share == 0.6
     assert str(decisions) == (
         "pibt: 60.0% of 10 decisions, 4 carried out as meant; the classical part took 1 illegal, 3 nothing moved on"
@@ -26,10 +26,10 @@ def test_all_figures_are_in_the_file(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "decisions.json").read_text()) == {
         "dispatch": {
             "policy": "nearest",
-            "made_n": 2,
-            "policy_n": 2,
-            "granted_n": 1,
-            "fallback_n": {},
+            "n_made": 2,
+            "n_policy": 2,
+            "n_granted": 1,
+            "n_fallback": {},
             "policy_share": 1.0,
         }
     }

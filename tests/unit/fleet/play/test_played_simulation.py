@@ -77,7 +77,7 @@ def test_policies_of_dispatch_and_traffic_do_all_the_work(fidelity: Fidelity) ->
     assert why == []
     for one in policies.values():
         assert one.decisions.policy_share == 1.0
-    assert policies["dispatch"].decisions.granted_n == 6
+    assert policies["dispatch"].decisions.n_granted == 6
 
 
 def test_the_same_seed_is_the_same_run() -> None:
@@ -95,16 +95,16 @@ def test_a_policy_docks_cars() -> None:
     docking = played_policy("docking", "pursuit", 0)
     summary, why = played({"docking": docking})
     check(summary)
-    assert (docking.decisions.made_n, docking.decisions.policy_n, why) == (6, 6, [])
+    assert (docking.decisions.n_made, docking.decisions.n_policy, why) == (6, 6, [])
 
 
 def test_a_car_that_swerves_is_given_back_to_the_path_follower() -> None:
     docking = of(Swerving())
     summary, why = played({"docking": docking}, duration_s=60.0)
     assert (summary.robot_contacts, summary.static_contacts) == (0, 0)
-    assert docking.decisions.policy_n == 0
+    assert docking.decisions.n_policy == 0
     assert set(why) == {"left its lane"}
-    assert docking.decisions.fallback_n == {"left its lane": len(why)}
+    assert docking.decisions.n_fallback == {"left its lane": len(why)}
 
 
 def test_cars_that_take_nothing_are_given_tasks() -> None:
@@ -112,8 +112,8 @@ def test_cars_that_take_nothing_are_given_tasks() -> None:
     summary, why = played({"dispatch": dispatch})
     check(summary)
     assert set(why) == {"took nothing for too long"}
-    assert dispatch.decisions.fallback_n["took nothing for too long"] == len(why)
-    assert dispatch.decisions.policy_n > 0  # it was free to wait, for a while
+    assert dispatch.decisions.n_fallback["took nothing for too long"] == len(why)
+    assert dispatch.decisions.n_policy > 0  # it was free to wait, for a while
 
 
 def test_cars_that_go_nowhere_are_moved_on() -> None:
@@ -128,5 +128,5 @@ def test_cars_that_go_nowhere_are_moved_on() -> None:
 def test_illegal_answers_are_told() -> None:
     dispatch = of(Wrong())
     check(played({"dispatch": dispatch}, n_tasks=1, robots=1)[0])
-    assert dispatch.decisions.policy_n == 0
-    assert dispatch.decisions.fallback_n["illegal"] > 0
+    assert dispatch.decisions.n_policy == 0
+    assert dispatch.decisions.n_fallback["illegal"] > 0
