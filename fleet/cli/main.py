@@ -71,6 +71,10 @@ COMMANDS = {
         "plan.PlanCommand",
         "Plan the paths of many robots at once, from a MovingAI map and scenario to a SMART path file.",
     ),
+    "play": Command(
+        "play.Play",
+        "Let what was learned drive the demo, under the executor's grants, or play the environment it was learned in.",
+    ),
     "report": Command(
         "report.Report",
         "Write a run as one HTML page with plots that opens offline, and its tables as CSV.",

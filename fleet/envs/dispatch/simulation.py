@@ -41,16 +41,17 @@ class SimulatedDispatch(SimulatedFleet):
 
     Args:
         place: The site.
-        site: Its name or path.
-        n_cars: Number of cars.
-        orders: Deliveries, ascending in release.
-        seed: Seed of the run.
-        fidelity: `kinematic` or `physics`.
-        duration_s: Length of the episode [s].
+        simulation: The run, before its first tick.
     """
 
-    def __init__(
-        self,
+    def __init__(self, place: FleetSite, simulation: Simulation) -> None:
+        super().__init__(simulation)
+        self.simulation = simulation
+        self._number = {station.name: k for k, station in enumerate(place.site.stations)}
+
+    @classmethod
+    def begun(
+        cls,
         place: FleetSite,
         site: str,
         n_cars: int,
@@ -58,7 +59,18 @@ class SimulatedDispatch(SimulatedFleet):
         seed: int,
         fidelity: Fidelity,
         duration_s: float,
-    ) -> None:
+    ) -> SimulatedDispatch:
+        """The fleet of a new run, after its first tick.
+
+        Args:
+            place: The site.
+            site: Its name or path.
+            n_cars: Number of cars.
+            orders: Deliveries, ascending in release.
+            seed: Seed of the run.
+            fidelity: `kinematic` or `physics`.
+            duration_s: Length of the episode [s].
+        """
         config = RunConfig(
             site=site,
             robots=n_cars,
@@ -68,11 +80,10 @@ class SimulatedDispatch(SimulatedFleet):
             arms=ArmConfig(workers_n=0),
         )
         parts = Parts(orders=orders, allocation=AgentAllocation, figures=False)
-        self.simulation = Simulation(config, parts=parts)
-        super().__init__(self.simulation)
-        self._number = {station.name: k for k, station in enumerate(place.site.stations)}
+        fleet = cls(place, Simulation(config, parts=parts))
         # The first tasks become ready in the first tick.
-        self.run(self.simulation.tick_s)
+        fleet.run(fleet.simulation.tick_s)
+        return fleet
 
     def view(self, left: float) -> DispatchView:
         """See `DispatchFleet`."""

@@ -180,7 +180,7 @@ class TrafficEnv(LayerEnv[TrafficView]):
         from fleet.envs.traffic.simulation import SimulatedTraffic
 
         site, fidelity = str(self.config.site), Fidelity(self.config.fidelity)
-        return SimulatedTraffic(site, self._n_cars, orders, seed, fidelity, duration_s)
+        return SimulatedTraffic.begun(site, self._n_cars, orders, seed, fidelity, duration_s)
 
     def _look(self) -> TrafficView:
         assert self.fleet is not None

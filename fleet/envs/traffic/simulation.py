@@ -115,23 +115,33 @@ class SimulatedTraffic(SimulatedFleet):
     """A `TrafficFleet` that is a whole simulation.
 
     Args:
-        site: Its name or path.
-        n_cars: Number of cars.
-        orders: Deliveries, ascending in release.
-        seed: Seed of the run.
-        fidelity: `kinematic` or `physics`.
-        duration_s: Length of the episode [s].
+        simulation: The run, before its first tick.
     """
 
-    def __init__(
-        self,
+    def __init__(self, simulation: TrafficSimulation) -> None:
+        super().__init__(simulation)
+        self.simulation = simulation
+
+    @classmethod
+    def begun(
+        cls,
         site: str,
         n_cars: int,
         orders: Sequence[Delivery],
         seed: int,
         fidelity: Fidelity,
         duration_s: float,
-    ) -> None:
+    ) -> SimulatedTraffic:
+        """The fleet of a new run, after its first tick.
+
+        Args:
+            site: Its name or path.
+            n_cars: Number of cars.
+            orders: Deliveries, ascending in release.
+            seed: Seed of the run.
+            fidelity: `kinematic` or `physics`.
+            duration_s: Length of the episode [s].
+        """
         config = RunConfig(
             site=site,
             robots=n_cars,
@@ -141,10 +151,11 @@ class SimulatedTraffic(SimulatedFleet):
             allocation=AllocationConfig(allocator="greedy"),
             arms=ArmConfig(workers_n=0),
         )
-        self.simulation = TrafficSimulation(config, parts=Parts(orders=orders, traffic=AgentTraffic, figures=False))
-        super().__init__(self.simulation)
+        parts = Parts(orders=orders, traffic=AgentTraffic, figures=False)
+        fleet = cls(TrafficSimulation(config, parts=parts))
         # The first tasks are given out, and goals with them.
-        self.run(self.simulation.tick_s)
+        fleet.run(fleet.simulation.tick_s)
+        return fleet
 
     def view(self) -> TrafficView:
         """See `TrafficFleet`."""
