@@ -1,6 +1,6 @@
 """Training: what environments cost, and what policies and learning make of them; one file per kind of groups.
 
-`python -m benchmarks.training [--only speed | grid | table | subproc | learning]`.
+`python -m benchmarks.training [--only speed | grid | table | vec | subproc | learning]`.
 """
 
 from __future__ import annotations
@@ -10,8 +10,15 @@ from benchmarks.training import layers
 from benchmarks.training.learning import measure_learning
 from benchmarks.training.speed import measure_speed
 from benchmarks.training.subproc import measure_subproc
+from benchmarks.training.vec import measure_vec
 
-GROUPS = {"speed": measure_speed, **layers.GROUPS, "subproc": measure_subproc, "learning": measure_learning}
+GROUPS = {
+    "speed": measure_speed,
+    **layers.GROUPS,
+    "vec": measure_vec,
+    "subproc": measure_subproc,
+    "learning": measure_learning,
+}
 
 BENCHMARK = Benchmark(
     name="training",
