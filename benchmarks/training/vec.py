@@ -22,7 +22,7 @@ TEAMS: tuple[tuple[str, dict[str, Any], str], ...] = (
     ("dispatch", {"site": "small", "n_cars": 6}, ">= 5"),
     ("dispatch", {"site": "medium", "n_cars": 24}, ""),
     ("dispatch", {"n_cars": 1000}, ">= 1.7"),
-    ("traffic", {"site": "dense", "n_cars": 20}, ">= 4"),
+    ("traffic", {"site": "dense", "n_cars": 20}, ""),
     ("traffic", {"n_cars": 1000}, ">= 1.7"),
 )
 """Layer, settings without those of the large floor, and how many times faster it is to be."""

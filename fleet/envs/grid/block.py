@@ -122,11 +122,8 @@ class GridBlock:
         n = len(orders)
         if n > self.capacity:
             self._make_room(int(_MORE * n))
-        pairs: Iterable[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = zip(self.tasks, tasks, strict=True)
-        for table, values in pairs:
-            table[index, : len(values)] = values
-        for table, row in zip(self.cars, self._start, strict=True):
-            table[index] = row
+        _set_row(self.tasks, index, tasks)
+        _set_row(self.cars, index, self._start)
         for group in (self.stations, self.counts):
             for table in group:
                 table[index] = 0
@@ -160,6 +157,12 @@ class GridBlock:
 def _repeated(table: Iterable[npt.NDArray[Any]], n: int) -> list[Any]:
     """Arrays with a leading axis, along which they are all alike."""
     return [np.repeat(array[None], n, axis=0) for array in table]
+
+
+def _set_row(table: Iterable[npt.NDArray[Any]], index: int, rows: Iterable[npt.NDArray[Any]]) -> None:
+    """Make the rows of one fleet begin with those of another table."""
+    for array, row in zip(table, rows, strict=True):
+        array[index, : len(row)] = row
 
 
 @compiled
