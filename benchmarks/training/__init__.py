@@ -1,6 +1,6 @@
 """Training: what environments cost, and what policies and learning make of them; one file per kind of groups.
 
-`python -m benchmarks.training [--only speed | grid | table | due | subproc | learning | traffic]`.
+`python -m benchmarks.training [--only speed | grid | table | due | vec | subproc | learning | traffic]`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ from benchmarks.training.due_dates import measure_due_dates
 from benchmarks.training.learning import measure_learning
 from benchmarks.training.speed import measure_speed
 from benchmarks.training.subproc import measure_subproc
+from benchmarks.training.vec import measure_vec
 
 GROUPS = {
     "speed": measure_speed,
     **layers.GROUPS,
     "due": measure_due_dates,
+    "vec": measure_vec,
     "subproc": measure_subproc,
     "learning": measure_learning,
     "traffic": measure_traffic,

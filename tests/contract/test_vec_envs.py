@@ -209,6 +209,8 @@ def test_bad_input_is_refused(keep: Callable[[Any], Any]) -> None:
     vec = keep(make_vec("dispatch", 2, **settings))
     with pytest.raises(EpisodeError, match="valid: reset"):
         vec.step(np.zeros((2, 6), dtype=int))
+    with pytest.raises(EpisodeError, match="restart: no episodes"):
+        vec.restart([0])
     with pytest.raises(ConfigError, match="number of seeds is 3; valid: 2"):
         vec.reset([1, 2, 3])
     with pytest.raises(ConfigError, match="seed is -1"):

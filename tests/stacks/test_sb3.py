@@ -12,7 +12,7 @@ import pytest
 import fleet.envs  # noqa: F401 - makes the environments known
 from benchmarks.harness import Trial
 from benchmarks.training import subproc
-from fleet.envs import dispatch_v0, navigate_v1
+from fleet.envs import dispatch_v0, make_vec, navigate_v1
 from fleet.errors import ConfigError
 from fleet.training.errors import TrainingError
 from tests.stacks.conftest import require_package
@@ -24,6 +24,7 @@ from stable_baselines3.common.env_checker import check_env  # noqa: E402
 from stable_baselines3.common.vec_env import SubprocVecEnv  # noqa: E402
 
 from fleet.training.stacks.sb3 import TypeVecEnv  # noqa: E402
+from fleet.training.stacks.sb3_slots import VectorSlots  # noqa: E402
 
 ROBOTS = {
     "car": ("fleet/CarNavigate-v1", {"fidelity": "kinematic", "max_steps": 20}),
@@ -143,3 +144,28 @@ def test_the_benchmark_of_processes_has_the_same_episodes_in_all(monkeypatch: py
 def test_the_example_trains(run_example: Callable[..., str], env: str) -> None:
     said = run_example("sb3_cars.py", "--env", env, "--steps", "1500", "--horizon", "15")
     assert math.isfinite(float(said.split(":")[1]))
+
+
+def test_arrays_are_slots_too() -> None:
+    slots = VectorSlots(make_vec("dispatch", 2, site="small", n_cars=3, max_cycles=4))
+    twin = make_vec("dispatch", 2, site="small", n_cars=3, max_cycles=4)
+    slots.seed(5)
+    # Its seeds go up by one from slot to slot; the first slot of an environment decides.
+    rows, view = slots.reset(), twin.reset([5, 8])
+    assert slots.num_envs == 6
+    for step in range(1, 6):
+        assert (rows == view.observations["car"].reshape(6, -1)).all()
+        masks = np.stack(slots.env_method("action_masks"))
+        assert (masks == (view.masks["car"].reshape(6, -1) == 1)).all()
+        actions = masks[:, 1].astype(np.int64)
+        rows, rewards, dones, infos = slots.step(actions)
+        view = told = twin.step(actions.reshape(2, 3))
+        assert (rewards == told.rewards["car"].ravel().astype(np.float32)).all()
+        assert dones.all() == (step == 4)
+        if step == 4:
+            assert told.final is not None
+            assert (infos[4]["terminal_observation"] == told.final.observations["car"][1, 1]).all()
+            assert infos[4]["TimeLimit.truncated"]
+    with pytest.raises(ConfigError, match="kind is 'arm'; valid: car"):
+        VectorSlots(twin, "arm")
+    slots.close()

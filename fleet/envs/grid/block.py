@@ -6,7 +6,7 @@ a block goes the same way as a `GridFleet`, to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,10 +87,10 @@ class GridBlock:
         self._start = cars_at_start(place.floor, n_cars)
         self._spots = spot_users_at_start(place.floor, n_cars)
         k = len(self._names)
-        self.cars = CarTable(*(np.repeat(array[None], n_fleets, axis=0) for array in self._start))
-        self.tasks = TaskTable(*(np.repeat(array[None], n_fleets, axis=0) for array in tasks_of((), [])))
+        self.cars = CarTable(*_repeated(self._start, n_fleets))
+        self.tasks = TaskTable(*_repeated(tasks_of((), []), n_fleets))
         self.stations = StationTable(*np.zeros((2, n_fleets, k), dtype=np.int32))
-        self.counts = Counts(*np.zeros((3, n_fleets, n_cars), dtype=np.int32), np.zeros((n_fleets, 1), dtype=np.int32))
+        self.counts = Counts(*_repeated(Counts.of(n_cars, np.int32), n_fleets))
         self.rows = BlockRows(
             spot_user=np.repeat(self._spots[None], n_fleets, axis=0),
             priority=np.zeros((n_fleets, n_cars)),
@@ -122,13 +122,11 @@ class GridBlock:
         n = len(orders)
         if n > self.capacity:
             self._make_room(int(_MORE * n))
-        for table, row in zip(self.tasks[:-1], tasks[:-1], strict=True):
-            table[index, :n] = row
-        self.tasks.window[index] = tasks.window
-        for table, row in zip(self.cars, self._start, strict=True):
-            table[index] = row
-        for table in (*self.stations, *self.counts):
-            table[index] = 0
+        _set_row(self.tasks, index, tasks)
+        _set_row(self.cars, index, self._start)
+        for group in (self.stations, self.counts):
+            for table in group:
+                table[index] = 0
         rows = self.rows
         rows.spot_user[index] = self._spots
         # As `Stepper` draws it.
@@ -150,11 +148,21 @@ class GridBlock:
         )
 
     def _make_room(self, capacity: int) -> None:
-        old = self.tasks
-        longer = [np.zeros((len(table), capacity), dtype=table.dtype) for table in old[:-1]]
-        for new, table in zip(longer, old[:-1], strict=True):
-            new[:, : table.shape[1]] = table
-        self.tasks = TaskTable(*longer, old.window)
+        window = self.tasks.window
+        more = ((0, 0), (0, capacity - self.capacity))
+        longer: list[Any] = [np.pad(table, more) for table in self.tasks]
+        self.tasks = TaskTable(*longer)._replace(window=window)
+
+
+def _repeated(table: Iterable[npt.NDArray[Any]], n: int) -> list[Any]:
+    """Arrays with a leading axis, along which they are all alike."""
+    return [np.repeat(array[None], n, axis=0) for array in table]
+
+
+def _set_row(table: Iterable[npt.NDArray[Any]], index: int, rows: Iterable[npt.NDArray[Any]]) -> None:
+    """Make the rows of one fleet begin with those of another table."""
+    for array, row in zip(table, rows, strict=True):
+        array[index, : len(row)] = row
 
 
 @compiled

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,9 +32,8 @@ class AgentSlots(VectorEnv[Any, Any, Any]):
         ConfigError: No agent is of that type.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": AutoresetMode.SAME_STEP}
-
     def __init__(self, vec: VecEnv, kind: str = "car") -> None:
+        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
         self.vec = vec
         """The environments."""
         self._group = group_named(vec, kind)

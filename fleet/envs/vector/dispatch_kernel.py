@@ -26,6 +26,8 @@ class DispatchFloor(NamedTuple):
     """Row of `Floor.distance` of each state that is a goal, else `NONE`, shape (S,)."""
     where: Floats
     """What a car in each state is told of where it is, shape (S, 4)."""
+    pose: Doubles
+    """Shape (S, 3)."""
     far_steps: int
     """The longest way between two places, in timesteps."""
 
@@ -269,11 +271,11 @@ def _ready(
             found += 1
             if found == m:
                 break
-    # Poses are in the table of what is told of states; nobody reads them here.
+    # Poses of all states, not of the cars: nobody reads them here.
     return DispatchView(
         0.0,
         0.0,
-        told.where,
+        told.pose,
         cars.state,
         cars.goal,
         cars.phase,

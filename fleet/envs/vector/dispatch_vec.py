@@ -38,7 +38,10 @@ class DispatchVec(LayerVec):
         self._floor = tuple(place.floor)
         self._told = tuple(
             DispatchFloor(
-                goal_row=place.goal_row, where=_where(place.graph, place.site.grid), far_steps=place.far_steps
+                goal_row=place.goal_row,
+                where=_where(place.graph, place.site.grid),
+                pose=place.graph.state_pose,
+                far_steps=place.far_steps,
             )
         )
         n, k = config.n_cars, config.candidates_n
