@@ -86,7 +86,7 @@ test-stacks: $(STAMP) ## One environment for each training library, in .stacks, 
 	  echo "$$stack: setting up .stacks/$$stack, one or two gigabytes"; \
 	  if ! $$python -c '' >/dev/null 2>&1; then $(BIN)/python -m venv --clear .stacks/$$stack; fi; \
 	  $$python -m pip install --quiet --quiet --disable-pip-version-check --editable ".[$$stack]" pytest; \
-	  $$python -m pytest -q tests/stacks/test_$$stack.py $(ARGS); \
+	  $$python -m pytest -q tests/stacks/test_$$stack*.py $(ARGS); \
 	done
 
 check: $(STAMP) ## Linter, formatter, type checker, import rules.

@@ -795,9 +795,9 @@ def layers_simulated() -> Played:
 
 def _layer(layer: str, policies: Sequence[str], n_steps: int, **arguments: Any) -> Played:
     """An environment of a layer, by chance from its spaces, and by policies; a moment is saved, and comes back."""
-    from fleet.envs import dispatch_v0, traffic_v0
+    from fleet.envs import dispatch_v0, traffic_v1
 
-    env = {"dispatch": dispatch_v0, "traffic": traffic_v0}[layer].parallel_env(max_cycles=1000, **arguments)
+    env = {"dispatch": dispatch_v0, "traffic": traffic_v1}[layer].parallel_env(max_cycles=1000, **arguments)
     played = Played(parts={"chance": episode(env, chance(env, 1), n_steps, seed=1)})
     state = env.save_state()
     played.parts["after_saving"] = _further(env, state, 2, min(n_steps, 30))
@@ -812,15 +812,15 @@ def _layer(layer: str, policies: Sequence[str], n_steps: int, **arguments: Any) 
 @case
 def navigate() -> Played:
     """Cars that drive to places among each other, kinematic and in physics."""
-    from fleet.envs import navigate_v0
+    from fleet.envs import navigate_v1
 
     played = Played()
     for fidelity, n_cars, n_steps in (("kinematic", 6, 400), ("physics", 3, 60)):
-        env = navigate_v0.parallel_env(site="small", n_cars=n_cars, fidelity=fidelity)
+        env = navigate_v1.parallel_env(site="small", n_cars=n_cars, fidelity=fidelity)
         played.parts[fidelity] = episode(env, chance(env, 1), n_steps, seed=3)
         env.close()
     for fidelity, n_steps in (("kinematic", 300), ("physics", 40)):
-        played.parts[f"alone_{fidelity}"] = single("CarNavigate-v0", n_steps, seed=4, fidelity=fidelity, n_others=3)
+        played.parts[f"alone_{fidelity}"] = single("CarNavigate-v1", n_steps, seed=4, fidelity=fidelity, n_others=3)
     return played
 
 

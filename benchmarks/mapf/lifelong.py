@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Trial
-from benchmarks.mapf.priorities import Priorities
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.mapf.distance_table import DistanceTable
+from planners.mapf.multi_step.priorities import Priorities
 from planners.mapf.pibt import Stepper
 from planners.mapf.problem import Plan
 from planners.mapf.validate import conflicts

@@ -1,17 +1,28 @@
 """Training: what environments cost, and what policies and learning make of them; one file per kind of groups.
 
-`python -m benchmarks.training [--only speed | grid | table | subproc | learning]`.
+`python -m benchmarks.training [--only speed | grid | table | due | vec | subproc | learning | traffic]`.
 """
 
 from __future__ import annotations
 
 from benchmarks.harness import Benchmark, in_groups
 from benchmarks.training import layers
+from benchmarks.training.congestion import measure_traffic
+from benchmarks.training.due_dates import measure_due_dates
 from benchmarks.training.learning import measure_learning
 from benchmarks.training.speed import measure_speed
 from benchmarks.training.subproc import measure_subproc
+from benchmarks.training.vec import measure_vec
 
-GROUPS = {"speed": measure_speed, **layers.GROUPS, "subproc": measure_subproc, "learning": measure_learning}
+GROUPS = {
+    "speed": measure_speed,
+    **layers.GROUPS,
+    "due": measure_due_dates,
+    "vec": measure_vec,
+    "subproc": measure_subproc,
+    "learning": measure_learning,
+    "traffic": measure_traffic,
+}
 
 BENCHMARK = Benchmark(
     name="training",

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
-from benchmarks.training.transfer import TRANSFERS, play_transfer, write_shares
+from benchmarks.training.transfer import SHARES, TRANSFERS, play_transfer, write_shares
 from fleet.charts.statistics import estimate
 from fleet.training.curve import LearningCurve, draw_curves
 from fleet.training.recipes import RECIPES
@@ -30,12 +30,15 @@ from fleet.training.results import EPISODES, EVALUATION, LEARNED, PROGRESS, SCRI
 
 LEARNED_RECIPES = ("navigate", "dispatch", "reach")
 N_AT_ONCE = 2
-N_EPISODES, N_QUICK_EPISODES = {"navigate": 40, "dispatch": 40, "reach": 100}, 2
+N_EPISODES, N_QUICK_EPISODES = {"navigate": 40, "dispatch": 40, "reach": 100, "traffic": 20}, 2
 N_QUICK_STEPS = 20_000
-QUICK_ARGUMENTS = {"navigate": "kinematic", "dispatch": "grid", "reach": "kinematic"}
+QUICK_ARGUMENTS = {"navigate": "kinematic", "dispatch": "grid", "reach": "kinematic", "traffic": "grid"}
 """Fidelities of a quick run."""
 MINUTES = {"navigate": 30, "dispatch": 30, "reach": 15}
 """Longest time of a seed on one core."""
+PLACES = (">= 1.05", ">= 1.1")
+"""Places of `navigate` in physics, as a multiple of the script's: on sites and with teams that were not learned on, and
+where it learned."""
 N_POINTS = 60
 """Points of a curve in the documents."""
 
@@ -53,7 +56,7 @@ def measure_learning(trial: Trial) -> Iterable[Row]:
         folder = Path(quick) if trial.quick else FOLDER
         jobs = [(recipe, seed) for recipe in LEARNED_RECIPES for seed in trial.seeds]
         with ThreadPoolExecutor(N_AT_ONCE) as pool:
-            problems = list(pool.map(lambda job: _train(folder, *job, quick=trial.quick), jobs))
+            problems = list(pool.map(lambda job: train_seed(folder, *job, quick=trial.quick), jobs))
         for (recipe, seed), problem in zip(jobs, problems, strict=True):
             trial.check(problem is None, f"{recipe}, seed {seed}: {problem}")
         if trial.failures:
@@ -62,15 +65,16 @@ def measure_learning(trial: Trial) -> Iterable[Row]:
             runs = [folder / recipe / str(seed) for seed in trial.seeds]
             found = [_read(out) for out in runs]
             yield from _rows(recipe, found, promised=not trial.quick)
-            played = [play_transfer(recipe, out) for out in runs] if recipe in TRANSFERS else []
-            yield from _transfer_rows(recipe, played, promised=not trial.quick)
             if not trial.quick:
                 _document(recipe, trial.seeds, found)
-            if played and not trial.quick:
-                _document_shares(recipe, trial.seeds, runs, played)
+            for where in TRANSFERS.get(recipe, {}):
+                played = [play_transfer(recipe, out, where) for out in runs]
+                yield from _transfer_rows(recipe, where, played, promised=not trial.quick)
+                if recipe in SHARES and not trial.quick:
+                    _document_shares(recipe, trial.seeds, runs, played)
 
 
-def _train(folder: Path, recipe: str, seed: int, *, quick: bool) -> str | None:
+def train_seed(folder: Path, recipe: str, seed: int, *, quick: bool) -> str | None:
     """Run one seed to its end; returns what went wrong."""
     out = folder / recipe / str(seed)
     if (out / EVALUATION).exists():
@@ -119,19 +123,28 @@ def _rows(recipe: str, found: Sequence[Mapping[str, Any]], *, promised: bool) ->
     yield Row(name="  longest seed", value=minutes, unit="min of CPU", kind=Kind.TIME, target=target)
 
 
-def _transfer_rows(recipe: str, played: Sequence[Path], *, promised: bool) -> Iterable[Row]:
-    """Means over the seeds at the other fidelity."""
+def _transfer_rows(recipe: str, where: str, played: Sequence[Path], *, promised: bool) -> Iterable[Row]:
+    """Means over the seeds somewhere else; of `navigate` also what was learned as a multiple of the script's."""
     found = [json.loads((folder / EVALUATION).read_text(encoding="utf-8"))["policies"] for folder in played]
     chief = RECIPES[recipe].figures[0]
-    for policy in found[0] if found else ():
+    for policy in found[0]:
         value = float(np.mean([one[policy][chief]["mean"] for one in found]))
-        target = ">= 0.95" if promised and policy == LEARNED else ""
-        yield Row(name=f"  {TRANSFERS[recipe]}: {chief}, {policy}", value=value, unit="per episode", target=target)
+        target = ">= 0.95" if promised and recipe in SHARES and policy == LEARNED else ""
+        yield Row(name=f"  {where}: {chief}, {policy}", value=value, unit="per episode", target=target)
+    if recipe != "navigate":
+        return
+    for name, target in (("places", PLACES[where == "physics"]), ("touches", "<= 1.0")):
+        shares = [one[LEARNED][name]["mean"] / max(one[SCRIPTED][name]["mean"], 1e-9) for one in found]
+        gained = estimate(shares)
+        assert gained is not None
+        value = gained.mean if len(shares) == 1 else gained.low if name == "places" else gained.high
+        unit = "times the script's, the worse end of 95 %"
+        yield Row(name=f"  {where}: {name}, learned", value=value, unit=unit, target=target if promised else "")
 
 
 def _document_shares(recipe: str, seeds: Sequence[int], runs: Sequence[Path], played: Sequence[Path]) -> None:
     """Write how often every seed succeeded at both fidelities, with intervals."""
-    fidelities = {RECIPES[recipe].arguments["fidelity"]: runs, TRANSFERS[recipe]: played}
+    fidelities = {str(RECIPES[recipe].arguments["fidelity"]): runs, "physics": played}
     folders = {("all", fidelity): list(found) for fidelity, found in fidelities.items()}
     for fidelity, found in fidelities.items():
         folders |= {(str(seed), fidelity): [one] for seed, one in zip(seeds, found, strict=True)}

@@ -22,7 +22,7 @@ from benchmarks.harness import Kind, Row, Trial
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
 
-ROBOTS = {"CarNavigate": "fleet.envs:fleet/CarNavigate-v0", "KukaReach": "fleet.envs:fleet/KukaReach-v0"}
+ROBOTS = {"CarNavigate": "fleet.envs:fleet/CarNavigate-v1", "KukaReach": "fleet.envs:fleet/KukaReach-v0"}
 N_PROCESSES = 2
 TARGET = ">= 1.6"
 N_ACTIONS = 64

@@ -1,4 +1,4 @@
-"""Transfer: what was learned at one fidelity, played at another on the same episodes beside the script and chance."""
+"""Transfer: what was learned in one place, played in another on the same episodes beside the script."""
 
 from __future__ import annotations
 
@@ -24,16 +24,28 @@ from fleet.training.results import (
     write_evaluation,
 )
 
-TRANSFERS: dict[str, str] = {"reach": "physics"}
-"""Fidelity at which what was learned is played as well, by recipe; those are recipes of success or failure."""
+TRANSFERS: dict[str, dict[str, dict[str, Any]]] = {
+    "reach": {"physics": {"fidelity": "physics"}},
+    "navigate": {
+        "physics": {"fidelity": "physics"},
+        "another site, physics": {"site": "medium", "n_cars": 8, "fidelity": "physics"},
+        "another team, physics": {"n_cars": 12, "fidelity": "physics"},
+    },
+}
+"""Where what was learned is played as well, by recipe and name: arguments of the environment."""
+SHARES = ("reach",)
+"""Recipes of success or failure."""
+N_PHYSICAL = 20
+"""Episodes at most: one of `navigate` takes seconds in physics."""
 
 
-def play_transfer(recipe: str, out: Path) -> Path:
-    """Play a trained seed at the other fidelity, unless that was done before.
+def play_transfer(recipe: str, out: Path, where: str) -> Path:
+    """Play a trained seed somewhere else, unless that was done before.
 
     Args:
         recipe: A key of `TRANSFERS`.
         out: Folder of the training run.
+        where: A key of `TRANSFERS[recipe]`.
 
     Returns:
         Folder with the episodes and the findings.
@@ -41,15 +53,19 @@ def play_transfer(recipe: str, out: Path) -> Path:
     # PyTorch is an extra.
     from fleet.training.ppo.policy import load_policy
 
-    folder = out / TRANSFERS[recipe]
+    folder = out / where.replace(", ", "_").replace(" ", "_")
     if (folder / EVALUATION).exists():
         return folder
     folder.mkdir(exist_ok=True)
     config = json.loads((out / CONFIG).read_text(encoding="utf-8"))
     found = RECIPES[recipe]
-    policies = {LEARNED: load_policy(out), SCRIPTED: found.scripted(), RANDOM: Random(config["seed"])}
+    policies = {LEARNED: load_policy(out), SCRIPTED: found.scripted()}
+    if recipe in SHARES:
+        policies[RANDOM] = Random(config["seed"])
     seeds = [int(row["seed"]) for row in read_episodes(out) if row["policy"] == LEARNED]
-    scores = evaluate(found, {**config["arguments"], "fidelity": TRANSFERS[recipe]}, policies, seeds)
+    if recipe not in SHARES:
+        seeds = seeds[:N_PHYSICAL]
+    scores = evaluate(found, {**config["arguments"], **TRANSFERS[recipe][where]}, policies, seeds)
     write_episodes(folder, scores, seeds)
     spent_s = json.loads((out / EVALUATION).read_text(encoding="utf-8"))["train_cpu_s"]
     write_evaluation(folder, findings(scores, found.figures), cpu_s=spent_s)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
-from rich.table import Table
 
+from fleet.cli.run_output import exit_status, plain_console, run_table, show_recording
 from fleet.config import (
     AllocationConfig,
     BatteryConfig,
@@ -32,8 +28,6 @@ from fleet.config.scenario_file import read_events
 from fleet.errors import ConfigError
 from planners.allocation import ALLOCATORS
 from planners.mapf import PLANNERS
-
-ALL_DONE, TASKS_FAILED, INTERRUPTED = 0, 1, 130
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,19 +136,11 @@ class Demo:
             speed=self.speed,
         )
         result = run_session(config, session)
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
-        console.print(_table(vars(result)))
+        console = plain_console()
+        console.print(run_table({"value": vars(result)}))
         if not self.no_record:
-            _show(console, self.out / RECORDING, view=self.view)
-        if result.interrupted:
-            console.print("interrupted: the files hold the run up to here")
-            return INTERRUPTED
-        n_open = result.tasks_total - result.tasks_done - result.tasks_failed - result.tasks_cancelled
-        timely = result.sim_s >= self.duration
-        if n_open:
-            why = "the time was up" if timely else "nothing went on any more"
-            console.print(f"{n_open} tasks were left open: {why}")
-        return TASKS_FAILED if result.tasks_failed or (n_open and not timely) else ALL_DONE
+            show_recording(console, self.out / RECORDING, view=self.view)
+        return exit_status(console, result, self.duration)
 
     def _check(self) -> None:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
@@ -179,77 +165,3 @@ class Demo:
             return None
         usual = StreamConfig(kind=StreamKind(self.stream))
         return usual if self.rate is None else replace(usual, rate_per_h=self.rate)
-
-
-def _table(result: dict[str, object]) -> Table:
-    rows = (
-        ("tasks done", "{tasks_done} of {tasks_total}"),
-        ("tasks failed", "{tasks_failed}"),
-        ("visits done", "{visits_done}"),
-        ("batches done", "{batches_done} of {batches}"),
-        ("batch span, mean", "{batch_span_mean_s:.1f} s"),
-        ("throughput", "{throughput_per_h:.0f} per hour"),
-        ("task time, mean", "{task_time_mean_s:.1f} s"),
-        ("task time, 95th percentile", "{task_time_p95_s:.1f} s"),
-        ("in time, of those with a due date", "{on_time_share:.1%}"),
-        ("tardiness, mean", "{tardiness_mean_s:.1f} s"),
-        ("distance loaded", "{distance_loaded_m:.1f} m"),
-        ("distance empty", "{distance_empty_m:.1f} m"),
-        ("waiting in lanes, all cars", "{waiting_s:.1f} s"),
-        ("arm utilisation, mean", "{arm_utilisation:.1%}"),
-        ("parcels dropped", "{parcels_dropped}"),
-        ("slip in the grip, median", "{slip_median_m:.4f} m"),
-        ("slip in the grip, most", "{slip_max_m:.4f} m"),
-        ("parcels located by cameras", "{parcels_located}"),
-        ("looks without a result", "{looks_failed}"),
-        ("error of a located parcel, median", "{pose_error_median_mm:.2f} mm"),
-        ("error of a located parcel, most", "{pose_error_max_mm:.2f} mm"),
-        ("lowest charge", "{lowest_charge:.0%}"),
-        ("charging sessions, all cars", "{charging_sessions}"),
-        ("bottleneck", "{bottleneck}"),
-        ("contacts between robots", "{robot_contacts}"),
-        ("contacts with walls and shelves", "{static_contacts}"),
-        ("smallest clearance between robots", "{min_clearance_m:.2f} m"),
-        ("parcel balance", "{parcel_balance}"),
-        ("parcels not where booked", "{parcels_misplaced}"),
-        ("simulated time", "{sim_s:.1f} s"),
-        ("wall time", "{wall_s:.1f} s"),
-        ("real-time factor", "{real_time_factor:.1f}"),
-    )
-    cars = f"{result['robots']} car{'s' if result['robots'] != 1 else ''}"
-    table = Table(title=f"{cars} on {result['site']}, seed {result['seed']}", show_header=False)
-    table.add_column("figure")
-    table.add_column("value", justify="right")
-    for name, form in rows:
-        field = form.split("{")[1].split("}")[0].split(":")[0]
-        if "charg" in field and result["lowest_charge"] is None:
-            continue  # cars without batteries
-        if field in ("parcels_located", "looks_failed", "pose_error_median_mm", "pose_error_max_mm") and not (
-            result["parcels_located"] or result["looks_failed"]
-        ):
-            continue  # no cameras
-        if ("batch" in field and not result["batches"]) or (field == "visits_done" and not result[field]):
-            continue
-        table.add_row(name, "-" if result[field] is None else form.format(**result))
-    shares = result["time_share_percent"]
-    if isinstance(shares, dict):
-        for account, percent in shares.items():
-            if percent:
-                table.add_row(f"time of the cars, {account.replace('_', ' ')}", f"{percent:.1f} %")
-    idle = result["idle_percent"]
-    if isinstance(idle, dict):
-        for why, percent in idle.items():
-            table.add_row(f"  idle: {why.replace('_', ' ')}", f"{percent:.1f} %")
-    return table
-
-
-def _show(console: Console, recording: Path, *, view: bool) -> None:
-    viewer = Path(sys.executable).parent / "rerun"
-    if view and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform in ("darwin", "win32")):
-        subprocess.Popen(
-            [viewer, "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        console.print(f"viewer opened on {recording}", soft_wrap=True)
-        return
-    why = "no display to open the viewer on; " if view else ""
-    console.print(f"{why}recording: {recording} (look at it with: {viewer} {recording})", soft_wrap=True)

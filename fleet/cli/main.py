@@ -47,6 +47,10 @@ COMMANDS = {
         "calibrate.Calibrate",
         "Replay a measured joint motion and fit damping and friction of the joints.",
     ),
+    "dataset": Command(
+        "dataset.DatasetCommand",
+        "Play a scenario with a policy and keep every step of every agent as a data set in Parquet.",
+    ),
     "demo": Command(
         "demo.Demo",
         "Run a fleet: cars and arms deliver parcels on a site; prints a table, writes a recording and a result.",
@@ -55,6 +59,10 @@ COMMANDS = {
         "diff.Diff",
         "Compare two runs: the first tick that differs, its cause, the figures, and a recording of both.",
     ),
+    "evaluate": Command(
+        "evaluate.Evaluate",
+        "Play named scenarios with a policy; prints figures with intervals and the gain over the scripted fleet.",
+    ),
     "lorr": Command(
         "lorr.Lorr",
         "Play a League of Robot Runners problem; prints a table, writes the League's output format and a summary.",
@@ -62,6 +70,10 @@ COMMANDS = {
     "plan": Command(
         "plan.PlanCommand",
         "Plan the paths of many robots at once, from a MovingAI map and scenario to a SMART path file.",
+    ),
+    "play": Command(
+        "play.Play",
+        "Let what was learned drive the demo, under the executor's grants, or play the environment it was learned in.",
     ),
     "report": Command(
         "report.Report",

@@ -25,6 +25,10 @@ class StreamConfig(Settings):
     """Part of that time in which the orders of a wave arrive."""
     zipf: float = 1.0
     """Exponent of a skewed stream: the k-th most popular station is drawn with a weight of 1 / k ** zipf."""
+    bottleneck_n: int = 0
+    """So many of the pick stations are a bottleneck, drawn anew for every stream; 0 = none."""
+    bottleneck_share: float = 0.7
+    """Part of the orders that begin at them."""
     due_share: float = 0.8
     """Part of the orders that have a due date."""
     slack_s: tuple[float, float] = (120.0, 600.0)
@@ -48,7 +52,8 @@ class StreamConfig(Settings):
         positive("stream.wave_s", self.wave_s)
         not_negative("stream.zipf", self.zipf)
         require(0 < self.wave_share <= 1, "stream.wave_share", self.wave_share, "a number > 0, at most 1")
-        for name in ("due_share", "emergency_share", "idle_share"):
+        not_negative("stream.bottleneck_n", self.bottleneck_n)
+        for name in ("bottleneck_share", "due_share", "emergency_share", "idle_share"):
             require(0 <= getattr(self, name) <= 1, f"stream.{name}", getattr(self, name), "a number from 0 to 1")
         classes = self.emergency_share + self.idle_share
         require(classes <= 1, "stream.emergency_share + stream.idle_share", classes, "at most 1")

@@ -20,6 +20,9 @@ from fleet.tasks.board import Task
 from fleet.tasks.reasons import PAIR_REASONS, PairReason, ReasonBook, TaskReason
 from planners.allocation.problem import Assignment
 
+TOLD_IN_TURNS = 6
+"""Why a task waits is found out anew in one of so many rounds in which tasks change hands: it seldom changes."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
@@ -62,6 +65,7 @@ class TaskAllocation:
         self._turns = turns
         self._horizon = horizon
         self._reasons = reason_book
+        self._turn = 0
 
     @property
     def plans_ahead(self) -> bool:
@@ -77,6 +81,8 @@ class TaskAllocation:
         held, soon_s = situation.held, self._solver.soon_s
         soon = situation.soon(soon_s)
         cars = ((situation.standing == CAN_TAKE) | soon).nonzero()[0]
+        if not len(cars) and not situation.exchange:
+            return Choice(taken=[], given=[])  # why tasks wait is told in the rounds in which they change hands
         booked = self._turns.all(now_s)
         offer = self._offers.of(cars, len(held), situation.begins(soon_s)[cars], booked.turns)
         n = len(offer.tasks)
@@ -149,7 +155,7 @@ class TaskAllocation:
     ) -> None:
         """Keep how the cars were judged for each task, and say why those tasks wait that nobody got.
 
-        Of those that have been told why before it is found out anew only now and then: it seldom changes.
+        Of those that have been told why before it is found out anew only now and then.
         """
         takers = np.flatnonzero(column_of >= 0)
         taker_of = np.full(len(costs.tasks), -1)
@@ -170,14 +176,20 @@ class TaskAllocation:
         for column, car in sorted(later.items()):
             text = f"car_{car} is to take it, and will be free in {costs.free_s[car]:.0f} s"
             self._reasons.note(costs.tasks[column], TaskReason.PLANNED, text, costs.now_s)
+        self._turn += anew
         untold = [
             column
             for column in np.flatnonzero(taker_of < 0).tolist()
-            if column not in later and (anew or self._reasons.present(costs.tasks[column]) is None)
+            if column not in later and self._is_told(costs.tasks[column], anew)
         ]
         for column, codes in zip(untold, judged.codes(untold), strict=True):
             why = self._why_open(costs.tasks[column], codes, column in full)
             self._reasons.note(costs.tasks[column], *why, costs.now_s)
+
+    def _is_told(self, task: Task, anew: bool) -> bool:
+        """Whether it is found out why a task waits."""
+        in_turn = anew and (task.index + self._turn) % TOLD_IN_TURNS == 0
+        return in_turn or self._reasons.present(task) is None
 
     def _why_open(self, task: Task, codes: npt.NDArray[np.int8], full: bool) -> tuple[TaskReason, str]:
         """Why nobody got a ready task; what lasts longest counts first."""

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import FloatArray, IntArray
 from fleet.config import AllocationConfig
 from fleet.dispatch.fitness import Codes, Fitness
+from fleet.dispatch.pair_times import CarSide, TaskSide, pair_times
 from fleet.dispatch.situation import CAN_TAKE, Situation
-from fleet.missions.admission import CALL_EARLY_S
 from fleet.missions.charging import Charging
 from fleet.missions.state import Missions
-from fleet.missions.turns import Booked, Deliveries, waits
+from fleet.missions.turns import Booked, free_times
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.ways import MOVE_S, Ways
 from fleet.tasks.board import Task, TaskState
@@ -23,15 +25,10 @@ from fleet.tasks.reasons import CODE_OF_REASON, PairReason
 from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
 
-LONG_WAIT_COST = 3.0
-"""What a second of waiting for an arm costs beyond itself, past the wait that keeps arms from waiting for cars: so a
-car goes further to an arm that is idle, rather than to wait as long for one that is not."""
 FULL_S = 300.0
 """To charge a car that is full costs so much more than to charge an empty one, as seconds of travel [s]."""
 _CODE = CODE_OF_REASON
 _NO_WAY, _OUT = _CODE[PairReason.NO_WAY], _CODE[PairReason.CAR_OUT]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +59,22 @@ class CostMatrix:
         for column in columns:
             np.minimum(least_s, self.cost_s[:, column], out=least_s)
         return np.flatnonzero(least_s < np.inf)
+
+
+class _Work(NamedTuple):
+    """What some tasks ask of cars."""
+
+    moves: FloatArray
+    """Of each car to where tasks begin, shape (n_rows, n_cars)."""
+    begin: IntArray
+    """The row of each task, shape (n_tasks,)."""
+    pick: IntArray
+    drop: IntArray
+    """Arms of both ends, -1 = it is a visit, shape (n_tasks,)."""
+    n_rest_moves: FloatArray
+    """Moves from where it begins on, shape (n_tasks,)."""
+    service_s: FloatArray
+    """Time at docks or places, shape (n_tasks,) [s]."""
 
 
 class CostModel:
@@ -115,79 +128,64 @@ class CostModel:
         states = situation.begins(soon_s)
         free_s = np.where(soon, situation.free_s, 0.0)
         out = np.where(soon, CAN_TAKE, situation.standing)
-        moves, n_rest_moves, service_s = self._work(tasks, states)
-        codes = self._codes(tasks, out, (moves >= UNREACHABLE) | (n_rest_moves >= UNREACHABLE), situation.kept)
+        work = self._work(tasks, states)
+        codes = self._codes(tasks, out, work, situation.kept)
         if self._charging is not None:
             for k, task in enumerate(tasks):
-                self._refuse_low(self._charging, codes[:, k], task, moves[:, k])
-        travel_s = free_s[:, None] + moves * MOVE_S
-        way_s, able = n_rest_moves * MOVE_S, (out == CAN_TAKE).nonzero()[0]
-        waits_s = np.zeros_like(travel_s)
-        waits_s[able] = self._waits(tasks, travel_s[able], way_s, not_before_s, booked)
+                self._refuse_low(self._charging, codes[k], task, work.moves[work.begin[k]])
         column_of = {task.index: k for k, task in enumerate(tasks)}
-        for car, task in situation.held.items():
-            # Its own turn does not keep it. Who would take the task over is kept by it: without that brake, tasks of a
-            # fleet that sets off at once change hands so often that 300 cars deliver an eighth less.
-            own = car, column_of[task.index]
-            waits_s[own] = min(waits_s[own], booked.early_s[car])
-        travel_s += waits_s
-        np.copyto(travel_s, np.inf, where=codes != CAN_TAKE)
+        own = np.full(len(states), -1)
+        own[list(situation.held)] = [column_of[task.index] for task in situation.held.values()]
+        times = pair_times(
+            work.moves,
+            codes,
+            CarSide(free_s, own, booked.early_s),
+            TaskSide(work.begin, work.pick, work.drop, work.n_rest_moves * MOVE_S, not_before_s),
+            free_times(booked.turns),
+        )
         cost_s, pressure_s = task_costs(
-            travel_s=travel_s,
-            rest_s=n_rest_moves * MOVE_S,
-            service_s=service_s,
+            travel_s=times.travel_s.T,
+            rest_s=work.n_rest_moves * MOVE_S,
+            service_s=work.service_s,
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
             due_s=np.array([task.order.due_s for task in tasks]),
             now_s=now_s,
             weights=CostWeights(self._config.lateness, self._config.ageing, self._config.due),
         )
-        cost_s += LONG_WAIT_COST * np.maximum(waits_s - CALL_EARLY_S, 0.0)
+        cost_s += times.dear_s.T
         for k, task in enumerate(tasks):
             if task.visit is not None and task.visit.until_full and self._charging is not None:
                 cost_s[:, k] += FULL_S * self._charging.batteries.charge
         return CostMatrix(
-            now_s=now_s, tasks=tasks, cost_s=cost_s, codes=codes, pressure_s=pressure_s, states=states, free_s=free_s
+            now_s=now_s, tasks=tasks, cost_s=cost_s, codes=codes.T, pressure_s=pressure_s, states=states, free_s=free_s
         )
 
-    def _waits(
-        self,
-        tasks: Sequence[Task],
-        comes_s: FloatArray,
-        way_s: FloatArray,
-        not_before_s: FloatArray,
-        booked: Booked,
-    ) -> FloatArray:
-        """How long cars that come at some times would wait for arms, shape of `comes_s`; nobody waits on a visit."""
-        waits_s = np.zeros_like(comes_s)
-        columns = np.array([k for k, task in enumerate(tasks) if task.visit is None], dtype=np.intp)
-        if not columns.size:
-            return waits_s
-        ends = self._stations.arms_of([(tasks[k].pick, tasks[k].delivery.drop) for k in columns.tolist()])
-        deliveries = Deliveries(ends[:, 0], ends[:, 1], way_s[columns], not_before_s[columns])
-        waits_s[:, columns] = waits(booked.turns, comes_s[:, columns], deliveries)
-        return waits_s
-
-    def _work(self, tasks: Sequence[Task], states: npt.NDArray[np.int32]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Moves of each car to each task, shape (n_cars, n_tasks), moves of each task from there on and time it takes
-        at docks or places, shape (n_tasks,) each."""
-        moves = np.empty((len(tasks), len(states)))
-        n_rest_moves, service_s = np.empty(len(tasks)), np.empty(len(tasks))
+    def _work(self, tasks: Sequence[Task], states: npt.NDArray[np.int32]) -> _Work:
+        """What tasks ask for."""
+        n = len(tasks)
+        begin, pick, drop = np.empty(n, dtype=np.int64), np.full(n, -1), np.full(n, -1)
+        n_rest_moves, service_s = np.empty(n), np.empty(n)
         deliveries, ends = [], []
+        rows: list[FloatArray] = []
         for k, task in enumerate(tasks):
             if isinstance(task.order, Delivery):
                 deliveries.append(k)
                 ends.append((task.pick, task.order.drop))
             else:
-                moves[k] = self._routes.to_errand(task, states)
+                begin[k] = len(rows)
+                rows.append(self._routes.to_errand(task, states))
                 n_rest_moves[k], service_s[k] = self._routes.rest(task)
+        moves = np.array(rows, dtype=np.float64).reshape(len(rows), len(states))
         if deliveries:
             docks, mean_s = self._stations.dock_states, self._stations.mean_s()
             picks, drops = self._stations.arms_of(ends).T
             used, which = np.unique(picks, return_inverse=True)  # many tasks begin at few stations
-            moves[deliveries] = self._ways.moves_to(states, docks[used])[which]
+            begin[deliveries] = len(rows) + which
+            moves = np.concatenate((moves, self._ways.moves_to(states, docks[used])))
+            pick[deliveries], drop[deliveries] = picks, drops
             n_rest_moves[deliveries] = self._ways.moves_each(docks[picks], docks[drops])
             service_s[deliveries] = mean_s[picks] + mean_s[drops]
-        return moves.T, n_rest_moves, service_s
+        return _Work(moves, begin, pick, drop, n_rest_moves, service_s)
 
     def least_s(self, task: Task, move_s: float) -> float:
         """The least time from the best pick station to the delivery, or from the first place of a visit to its end [s].
@@ -213,24 +211,23 @@ class CostModel:
         named, time = self._stations.named, self._stations.time
         return time(named(pick)).mean_s + time(named(drop)).mean_s
 
-    def _codes(
-        self,
-        tasks: Sequence[Task],
-        out: Codes,
-        unreachable: npt.NDArray[np.bool_],
-        kept: Mapping[int, Task],
-    ) -> Codes:
-        """Why each car cannot take each task, `CAN_TAKE` for those that can; what lasts longest counts first."""
-        codes = np.where(unreachable, np.int8(_NO_WAY), out[:, None].astype(np.int8))
-        codes[out == _OUT] = _OUT
+    def _codes(self, tasks: Sequence[Task], out: Codes, work: _Work, kept: Mapping[int, Task]) -> Codes:
+        """Why each car cannot take each task, `CAN_TAKE` for those that can; what lasts longest counts first.
+
+        Returns:
+            Indices into `PAIR_REASONS`, shape (n_tasks, n_cars).
+        """
+        no_way = (work.moves >= UNREACHABLE)[work.begin] | (work.n_rest_moves >= UNREACHABLE)[:, None]
+        codes = np.where(no_way, np.int8(_NO_WAY), out.astype(np.int8))
+        codes[:, out == _OUT] = _OUT
         for k, task in enumerate(tasks):
             unfit = self._fitness.codes(task)
             if unfit is not None:
-                codes[:, k] = np.where(unfit != CAN_TAKE, unfit, codes[:, k])
+                codes[k] = np.where(unfit != CAN_TAKE, unfit, codes[k])
             if task.shunned:
-                _refuse_shunned(codes[:, k], task)
+                _refuse_shunned(codes[k], task)
             if kept:
-                _refuse_kept(codes[:, k], task, kept)
+                _refuse_kept(codes[k], task, kept)
         return codes
 
     def _refuse_low(self, charging: Charging, codes: Codes, task: Task, moves: FloatArray) -> None:

@@ -86,6 +86,7 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
         EzPickle.__init__(self, fidelity, control_hz, max_steps, render_mode)
         require(fidelity in FIDELITIES, "fidelity", fidelity, ", ".join(FIDELITIES))
         ticks = 1.0 / (control_hz * TICK_S) if is_number(control_hz) and control_hz > 0 else 0.0
+        self.metadata = {**self.metadata, "render_fps": control_hz}
         self._n_ticks = round(ticks)
         fits = self._n_ticks >= 1 and math.isclose(ticks, self._n_ticks, rel_tol=1e-6)
         require(fits, "control_hz", control_hz, "60 / 1, 2, 3, ...")

@@ -161,33 +161,37 @@ def first_turn(turns: TakenTurns, station: int, comes_s: float) -> float:
     return float(_first_turn(turns, station, comes_s))
 
 
-class Deliveries(NamedTuple):
-    """Deliveries that cars could make, shape (n,) each."""
+class FreeTimes(NamedTuple):
+    """When turns can begin: the stretches that are left between those that are taken."""
 
-    pick: IntArray
-    drop: IntArray
-    """Stations at which they begin and end."""
-    way_s: FloatArray
-    """Time on the way between [s]."""
-    not_before_s: FloatArray
-    """Time before which each is not begun, because others are [s]."""
+    first: IntArray
+    """Where the stretches of each station begin, and the end, shape (n_stations + 1,)."""
+    from_s: FloatArray
+    """Begin of each stretch, ascending at each station, shape (n,) [s]."""
+    until_s: FloatArray
+    """When the turn after it begins, by which a turn in the stretch has to be over, shape (n,) [s]; inf = none does."""
+    pace: ArmPace
+    """How long turns are."""
 
 
-def waits(turns: TakenTurns, comes_s: FloatArray, deliveries: Deliveries) -> FloatArray:
-    """How long cars would wait for arms.
+def free_times(turns: TakenTurns) -> FreeTimes:
+    """What some turns leave."""
+    n_stations = len(turns.pace.cycle_s)
+    first = np.zeros(n_stations + 1, dtype=np.int64)
+    from_s, until_s = np.empty(len(turns.begin_s) + n_stations), np.empty(len(turns.begin_s) + n_stations)
+    n = _free_times(turns, first, from_s, until_s)
+    return FreeTimes(first, from_s[:n], until_s[:n], turns.pace)
 
-    Args:
-        turns: What is taken.
-        comes_s: When each car can be where each delivery begins, shape (n_cars, n).
-        deliveries: What they could do.
 
-    Returns:
-        Time at both ends together, shape (n_cars, n) [s].
-    """
-    by_delivery = np.ascontiguousarray(comes_s.T)
-    waits_s = np.empty_like(by_delivery)
-    _waits(turns, by_delivery, deliveries, waits_s)
-    return waits_s.T
+@njit(cache=True, nogil=True)
+def free_turn(free: FreeTimes, station: int, comes_s: float) -> float:  # pragma: no cover - compiled
+    """When a car that comes to a station at some time could be served [s], as `first_turn`, for many cars at once."""
+    comes_s = max(comes_s, free.pace.free_s[station])
+    cycle_s = free.pace.cycle_s[station]
+    k = free.first[station]
+    while free.until_s[k] < max(comes_s, free.from_s[k]) + cycle_s:
+        k += 1
+    return max(comes_s, free.from_s[k])
 
 
 @njit(cache=True, nogil=True)
@@ -244,13 +248,20 @@ def _line_up(
 
 
 @njit(cache=True, nogil=True)
-def _waits(
-    turns: TakenTurns, comes_s: FloatArray, deliveries: Deliveries, waits_s: FloatArray
-) -> None:  # pragma: no cover - compiled
-    for k in range(comes_s.shape[0]):
-        pick, drop = deliveries.pick[k], deliveries.drop[k]
-        for car in range(comes_s.shape[1]):
-            comes = comes_s[k, car]
-            picked = _first_turn(turns, pick, max(comes, deliveries.not_before_s[k]))
-            arrives = picked + turns.pace.cycle_s[pick] + deliveries.way_s[k]
-            waits_s[k, car] = picked - comes + _first_turn(turns, drop, arrives) - arrives
+def _free_times(
+    turns: TakenTurns, first: IntArray, from_s: FloatArray, until_s: FloatArray
+) -> int:  # pragma: no cover - compiled
+    """Fill in the stretches of all stations; returns how many there are."""
+    n = 0
+    for station in range(len(first) - 1):
+        cycle_s = turns.pace.cycle_s[station]
+        free_s = -np.inf
+        for k in range(turns.first[station], turns.first[station + 1]):
+            if free_s + cycle_s <= turns.begin_s[k]:
+                from_s[n], until_s[n] = free_s, turns.begin_s[k]
+                n += 1
+            free_s = max(free_s, turns.begin_s[k] + cycle_s)
+        from_s[n], until_s[n] = free_s, np.inf
+        n += 1
+        first[station + 1] = n
+    return n

@@ -12,6 +12,7 @@ from fleet.recording.header import Header as Header
 from fleet.recording.rerun_recorder import RerunRecorder as RerunRecorder
 from fleet.recording.rerun_recorder import require_free_port as require_free_port
 from fleet.recording.rerun_stream.pictures import PictureRecorder as PictureRecorder
+from fleet.recording.run_file import DECISIONS as DECISIONS
 from fleet.recording.run_file import RECORDING as RECORDING
 from fleet.recording.run_file import RunFile as RunFile
 from fleet.recording.run_file import RunRecord as RunRecord

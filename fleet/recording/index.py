@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
-import pyarrow as pa  # type: ignore[import-untyped]
+import pyarrow as pa
 import rerun as rr
 
 _DURATION, _INT64 = pa.duration("ns"), pa.int64()

@@ -25,6 +25,7 @@ from fleet.recording.trace_file import TRACE
 RECORDING = "recording.rrd"
 EVENTS = "run.jsonl"
 RESULT = "result.json"
+DECISIONS = "decisions.json"
 _PACKAGES = (
     "pybullet",
     "ompl",
@@ -107,7 +108,7 @@ def prepare_output(directory: Path) -> Path:
                 path.rmdir()
         reason = error.strerror or str(error)
         raise OutputError(f"--out {directory}: {reason}; valid: a directory that can be written") from error
-    old = [directory / name for name in (RECORDING, EVENTS, TRACE, RESULT)]
+    old = [directory / name for name in (RECORDING, EVENTS, TRACE, RESULT, DECISIONS)]
     for path in old:
         if path.is_dir():
             raise OutputError(f"--out {directory}: {path.name} is a directory; valid: a file, or nothing there")

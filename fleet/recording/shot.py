@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -64,44 +65,50 @@ def screenshot(
     """
     if not rrd.is_file():
         raise RecordingError(f"no recording at {rrd}")
-    with _viewer(size) as client:
-        client.open(str(rrd.resolve()))
+    with _viewer(size) as (client, process):
+        patiently = partial(_patiently, process)
+        patiently(lambda: client.open(str(rrd.resolve())))
         deadline = time.monotonic() + _LOAD_S
-        while _patiently(client.get_state).loading:
+        while patiently(client.get_state).loading:
             if time.monotonic() > deadline:
                 raise RecordingError(f"the viewer did not load {rrd} within {_LOAD_S:.0f} s")
             time.sleep(0.1)
         if time_s is not None:
-            _patiently(lambda: client.set_time("sim_time", duration=time_s, play_state="paused"))
+            patiently(lambda: client.set_time("sim_time", duration=time_s, play_state="paused"))
         deadline = time.monotonic() + _SETTLE_S
         n_painted = 0
         while time.monotonic() < deadline or n_painted < _N_PAINTED:
-            _patiently(lambda: client.take_screenshot(max_size=64))
+            patiently(lambda: client.take_screenshot(max_size=64))
             n_painted += 1
             time.sleep(0.05)
-        state = _patiently(client.get_state)
+        state = patiently(client.get_state)
         ids = {v.name: v.view_id for v in state.views}
         if view is not None and view not in ids:
             raise RecordingError(f"no view {view!r} in {rrd}; valid: {', '.join(sorted(map(str, ids)))}")
-        png.write_bytes(_patiently(lambda: client.take_screenshot(view_id=None if view is None else ids[view])))
+        png.write_bytes(patiently(lambda: client.take_screenshot(view_id=None if view is None else ids[view])))
         complaints = [f"{v.name}: {r.severity}: {r.summary}" for v in state.views for r in v.reports]
         complaints += [f"{e.level}: {e.message}" for e in client.get_logs() if e.level == "ERROR"]
         return tuple(complaints)
 
 
-def _patiently(ask: Callable[[], T]) -> T:
-    """Ask again when the viewer has not answered in the time that its client allows: painting in software is slow."""
+def _patiently(process: subprocess.Popen[bytes], ask: Callable[[], T]) -> T:
+    """Ask again when the viewer has not answered in the time that its client allows: painting in software is slow.
+
+    It answers before it has looked for a graphics driver, and ends without one: then there is no answer any more.
+    """
     deadline = time.monotonic() + _LOAD_S
     while True:
         try:
             return ask()
         except (ConnectionError, TimeoutError) as error:
+            if process.poll() is not None:
+                raise _ended(process) from error
             if time.monotonic() > deadline:
                 raise TooSlow(f"the viewer did not paint within {_LOAD_S:.0f} s: {error}") from error
 
 
 @contextmanager
-def _viewer(size: tuple[int, int]) -> Iterator[ViewerClient]:
+def _viewer(size: tuple[int, int]) -> Iterator[tuple[ViewerClient, subprocess.Popen[bytes]]]:
     """A headless viewer on a free loopback port."""
     from rerun.experimental import ViewerClient
 
@@ -119,7 +126,7 @@ def _viewer(size: tuple[int, int]) -> Iterator[ViewerClient]:
             environment.update(VK_ICD_FILENAMES=str(driver), VK_DRIVER_FILES=str(driver))
         process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
-            yield _connect(ViewerClient, port, process)
+            yield _connect(ViewerClient, port, process), process
         finally:
             process.terminate()
             try:
@@ -133,10 +140,7 @@ def _connect(client_type: type[ViewerClient], port: int, process: subprocess.Pop
     deadline = time.monotonic() + _START_S
     while time.monotonic() < deadline:
         if process.poll() is not None:
-            raise RecordingError(
-                f"the viewer ended at once (exit status {process.returncode}): no graphics driver found; "
-                f"on Debian or Ubuntu: apt-get install {_PACKAGES}"
-            )
+            raise _ended(process)
         try:
             client = client_type.connect(f"rerun+http://127.0.0.1:{port}/proxy")
             client.get_state()
@@ -145,6 +149,14 @@ def _connect(client_type: type[ViewerClient], port: int, process: subprocess.Pop
         else:
             return client
     raise RecordingError(f"the viewer did not answer within {_START_S:.0f} s")
+
+
+def _ended(process: subprocess.Popen[bytes]) -> RecordingError:
+    """What it means that the viewer has ended by itself."""
+    return RecordingError(
+        f"the viewer ended at once (exit status {process.returncode}): no graphics driver found; "
+        f"on Debian or Ubuntu: apt-get install {_PACKAGES}"
+    )
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -73,12 +74,20 @@ class SessionConfig:
     progress: bool = True
 
 
-def run_session(config: RunConfig, session: SessionConfig) -> Result:
+class MakeSimulation(Protocol):
+    """Makes the simulation of a session."""
+
+    def __call__(self, config: RunConfig, *, on_event: Callable[[Event], None]) -> Simulation:
+        """Make it; every event is to be told from the first one on."""
+
+
+def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation = Simulation) -> Result:
     """Run to the end, or to an interrupt, and leave recording, run file and result behind.
 
     Args:
         config: What to run.
         session: How to watch and keep it.
+        make: Makes the run.
 
     Returns:
         The result, as written.
@@ -89,7 +98,7 @@ def run_session(config: RunConfig, session: SessionConfig) -> Result:
     started = time.perf_counter()
     with ExitStack() as stack:
         events: list[Event] = []
-        simulation = stack.enter_context(Simulation(config, on_event=events.append))
+        simulation = stack.enter_context(make(config, on_event=events.append))
         if session.serve:
             require_free_port(session.port)
         # From here on there are files: an interrupt ends the run, and the files are finished.

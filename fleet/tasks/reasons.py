@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -188,6 +188,23 @@ _DETAILS = {
 }
 
 
+class _KeptRound:
+    """A round, and where each task stands in it."""
+
+    def __init__(self, judged: DecisionRound) -> None:
+        self._round = judged
+        self.column_of = {task.index: column for column, task in enumerate(judged.tasks)}
+
+    def without(self, *others: Container[int]) -> list[int]:
+        """Its tasks that are in none of some others."""
+        return [index for index in self.column_of if not any(index in other for other in others)]
+
+    def judged(self, tasks: Sequence[int]) -> dict[int, Decision]:
+        """How the cars were judged for some of its tasks."""
+        decisions = self._round.decisions([self.column_of[index] for index in tasks])
+        return dict(zip(tasks, decisions, strict=True))
+
+
 class ReasonBook:
     """The present reason of every task, and the last decision about it.
 
@@ -198,11 +215,10 @@ class ReasonBook:
     def __init__(self, log: Callable[..., None]) -> None:
         self._log = log
         self._reason: dict[int, tuple[TaskReason, str, float]] = {}
-        self._round: DecisionRound | None = None
-        self._column_of: dict[int, int] = {}
-        """Where the tasks of the last round stand in it."""
+        self._kept: list[_KeptRound] = []
+        """The last round, and one before it: two at most."""
         self._decision: dict[int, Decision] = {}
-        """Of the tasks of the last round those that were asked about."""
+        """How tasks were judged that were asked about, or that are in no kept round any more."""
         self._told: dict[int, set[TaskReason]] = {}
         self._warning: dict[int, str] = {}
 
@@ -223,20 +239,34 @@ class ReasonBook:
 
     def decision(self, task: Task) -> Decision | None:
         """How the cars were judged for a task when the allocator last considered it."""
-        if task.index not in self._decision and self._round is not None and task.index in self._column_of:
-            (self._decision[task.index],) = self._round.decisions([self._column_of[task.index]])
+        if task.index not in self._decision:
+            for kept in self._kept:
+                if task.index in kept.column_of:
+                    self._decision |= kept.judged([task.index])
+                    break
         return self._decision.get(task.index)
 
     def keep(self, latest: DecisionRound) -> None:
-        """Keep how the cars were judged for tasks; of the round before, what this one does not tell anew."""
-        column_of = {task.index: column for column, task in enumerate(latest.tasks)}
-        if self._round is not None:
-            gone = [index for index in self._column_of if index not in column_of and index not in self._decision]
-            judged = self._round.decisions([self._column_of[index] for index in gone])
-            self._decision.update(zip(gone, judged, strict=True))
-        for index in column_of:
+        """Keep how the cars were judged for tasks.
+
+        Few tasks are ever asked about, and pairs are judged when they are. So two rounds are kept whole, and of the one
+        that goes only what no other tells: between two rounds of many tasks those of few come and go at little cost.
+        """
+        new = _KeptRound(latest)
+        for index in new.column_of:
             self._decision.pop(index, None)
-        self._round, self._column_of = latest, column_of
+        if len(self._kept) == 2:
+            middle, oldest = self._kept
+            told = (new.column_of, self._decision)
+            only_middle = middle.without(*told)
+            only_oldest = oldest.without(*told, middle.column_of)
+            if len(only_middle) < len(only_oldest):
+                self._kept.remove(middle)
+                self._decision |= middle.judged(only_middle)
+            else:
+                self._kept.remove(oldest)
+                self._decision |= oldest.judged(only_oldest)
+        self._kept.insert(0, new)
 
     def forget(self, task: Task) -> None:
         """A task does not wait any more for what it waited for."""

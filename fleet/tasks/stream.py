@@ -41,7 +41,7 @@ def stream_orders(
     require(n_orders is not None or duration_s <= longest_s, "--duration", duration_s, valid)
     arrivals, places, parcels, terms = rng.spawn(4)
     times = _arrivals(config, duration_s, n_orders, arrivals)
-    picks = _Popular(site.station_names("pick"), config, places)
+    picks = _Popular(site.station_names("pick"), config, places, n_busy=config.bottleneck_n)
     drops = _Popular(site.station_names("drop"), config, places)
     shares = (config.emergency_share, 1.0 - config.emergency_share - config.idle_share, config.idle_share)
     classes, priorities = np.cumsum(shares).tolist(), list(Priority)
@@ -83,11 +83,17 @@ def _arrivals(config: StreamConfig, duration_s: float, n_orders: int | None, rng
 
 
 class _Popular:
-    """Stations drawn by popularity: all alike, or by Zipf's law in an order of popularity that is drawn first."""
+    """Stations drawn by popularity: all alike, or by Zipf's law in an order of popularity that is drawn first.
 
-    def __init__(self, names: list[str], config: StreamConfig, rng: np.random.Generator) -> None:
+    Where some are a bottleneck, the most popular ones together have the bottleneck's share.
+    """
+
+    def __init__(self, names: list[str], config: StreamConfig, rng: np.random.Generator, *, n_busy: int = 0) -> None:
         skewed = config.kind in (StreamKind.SKEWED, StreamKind.SKEWED_WAVES)
         weight = np.arange(1.0, len(names) + 1.0) ** (-config.zipf if skewed else 0.0)
+        if 0 < n_busy < len(names):
+            weight[:n_busy] *= config.bottleneck_share / weight[:n_busy].sum()
+            weight[n_busy:] *= (1.0 - config.bottleneck_share) / weight[n_busy:].sum()
         self._names = [names[k] for k in rng.permutation(len(names))]
         self._up_to: list[float] = np.cumsum(weight / weight.sum()).tolist()
 

@@ -12,7 +12,7 @@ from gymnasium.spaces import Box, Dict, Discrete, Space
 
 from fleet.envs.policies.policy import Policy
 from fleet.training.errors import TrainingError
-from fleet.training.layout import Layout
+from fleet.training.layout import RowLayout
 
 Floats = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]
@@ -32,7 +32,7 @@ class AgentType:
     action: Box | Discrete
     masked: bool
     """Whether observations carry an `action_mask`."""
-    layout: Layout = Layout()  # noqa: RUF009 - frozen
+    layout: RowLayout = RowLayout()  # noqa: RUF009 - frozen
     """How observations are made up, with all sizes known."""
 
 
@@ -134,7 +134,7 @@ class EnvBatch:
         self,
         envs: Sequence[Any],
         figures: Sequence[str] = (),
-        layouts: Mapping[str, Layout] | None = None,
+        layouts: Mapping[str, RowLayout] | None = None,
         n_state: int = 0,
     ) -> None:
         self.envs = list(envs)
@@ -298,7 +298,7 @@ def team_of(env: Any) -> dict[str, tuple[str, ...]]:
     return {name: tuple(agent for agent in env.possible_agents if type_of(agent) == name) for name in names}
 
 
-def agent_types(env: Any, layouts: Mapping[str, Layout] | None = None) -> tuple[AgentType, ...]:
+def agent_types(env: Any, layouts: Mapping[str, RowLayout] | None = None) -> tuple[AgentType, ...]:
     """Types of the agents of an environment: the words before their numbers.
 
     Raises:
@@ -320,7 +320,7 @@ def agent_types(env: Any, layouts: Mapping[str, Layout] | None = None) -> tuple[
                 n_observed=n_observed,
                 action=action,
                 masked=isinstance(seen, Dict) and "action_mask" in seen.spaces,
-                layout=(layouts or {}).get(name, Layout()).sized(name, n_observed, action),
+                layout=(layouts or {}).get(name, RowLayout()).sized(name, n_observed, action),
             )
         )
     return tuple(kinds)
@@ -345,12 +345,16 @@ def types_of(found: Sequence[Sequence[AgentType]]) -> tuple[AgentType, ...]:
 
 def mask_of(observation: Mapping[str, Any], kind: AgentType) -> Bools:
     """The actions that an agent chooses among, shape (n_actions,)."""
-    mask: Bools = np.asarray(observation["action_mask"]) == 1
+    return masks_of(np.asarray(observation["action_mask"])[None], kind)[0]
+
+
+def masks_of(masks: npt.NDArray[np.int8], kind: AgentType) -> Bools:
+    """The actions that several agents of a type choose among, shape (n, n_actions), from their masks."""
+    mask: Bools = masks == 1
     layout = kind.layout
-    if layout.chosen is None or not layout.takes or layout.groups[layout.chosen].n_things == len(mask):
+    if layout.chosen is None or not layout.takes or layout.groups[layout.chosen].n_things == mask.shape[1]:
         return mask
-    if mask[1:].any():
-        mask[0] = False
+    mask[mask[:, 1:].any(axis=1), 0] = False
     return mask
 
 

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fleet.training.recipes.recipe import Stage
+from fleet.training.recipes.recipe import TrainingStage
 
 
 class Curriculum:
@@ -17,15 +17,15 @@ class Curriculum:
         n_steps: Of the whole run.
     """
 
-    def __init__(self, stages: Sequence[Stage], n_steps: int) -> None:
+    def __init__(self, stages: Sequence[TrainingStage], n_steps: int) -> None:
         self._stages, self._n_steps = tuple(stages), n_steps
         self.index = 0
         """Of the stage."""
         self._n_taken = 0
-        self._figures: deque[float] = deque(maxlen=self.stage.last_n)
+        self._figures: deque[float] = deque(maxlen=self.stage.n_last)
 
     @property
-    def stage(self) -> Stage:
+    def stage(self) -> TrainingStage:
         """The one that is learned now."""
         return self._stages[self.index]
 
@@ -47,7 +47,7 @@ class Curriculum:
             return False
         self.index += 1
         self._n_taken = 0
-        self._figures = deque(maxlen=self.stage.last_n)
+        self._figures = deque(maxlen=self.stage.n_last)
         return True
 
     def state(self) -> dict[str, Any]:
@@ -57,10 +57,10 @@ class Curriculum:
     def recall(self, state: Mapping[str, Any]) -> None:
         """Return to a `state`."""
         self.index, self._n_taken = state["index"], state["taken_n"]
-        self._figures = deque(state["figures"], maxlen=self.stage.last_n)
+        self._figures = deque(state["figures"], maxlen=self.stage.n_last)
 
-    def _is_over(self, stage: Stage) -> bool:
+    def _is_over(self, stage: TrainingStage) -> bool:
         share = self._n_taken / self._n_steps
-        known = stage.figure is not None and len(self._figures) == stage.last_n
-        reached = known and sum(self._figures) / stage.last_n >= stage.reached
+        known = stage.figure is not None and len(self._figures) == stage.n_last
+        reached = known and sum(self._figures) / stage.n_last >= stage.reached
         return share >= stage.longest or (reached and share >= stage.shortest)

@@ -71,7 +71,7 @@ def read_demonstrations(path: Path) -> dict[str, Demonstration]:
         TrainingError: It cannot be read, or an array is missing or of another length.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as source, np.load(source, allow_pickle=False) as file:
             known = [name for name in file.files if name.rpartition("_")[2] in _NAMES]
             arrays = {name: file[name] for name in known}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:

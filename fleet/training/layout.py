@@ -1,4 +1,4 @@
-"""Layout: which numbers of an observation are about alike things, and which of these actions choose among."""
+"""RowLayout: which numbers of an observation are about alike things, and which of these actions choose among."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Group:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class RowLayout:
     """What an observation is made up of: numbers about the agent itself, and groups of alike things.
 
     Numbers that are in no group are the agent's own. The groups do not overlap.
@@ -38,7 +38,7 @@ class Layout:
     """Whether none is chosen only where no thing is on offer: to wait costs nothing at once, which is easily mistaken
     for good."""
 
-    def sized(self, name: str, n_observed: int, action: Box | Discrete) -> Layout:
+    def sized(self, name: str, n_observed: int, action: Box | Discrete) -> RowLayout:
         """The same with all sizes known.
 
         Args:
@@ -72,7 +72,7 @@ class Layout:
                     f"layout of {name}: {n_actions} actions choose among {n_things} things; "
                     f"valid: as many, or one more for none"
                 )
-        return Layout(groups=tuple(groups), chosen=self.chosen, takes=self.takes)
+        return RowLayout(groups=tuple(groups), chosen=self.chosen, takes=self.takes)
 
     def own(self, n_observed: int) -> list[int]:
         """Indices of the numbers that are in no group, ascending."""

@@ -16,7 +16,7 @@ from fleet.training.curve import LearningCurve, draw_curves
 from fleet.training.errors import TrainingError
 from fleet.training.evaluation import AGENT_MINUTES, RETURN, Score
 from fleet.training.intervals import difference, interval
-from fleet.training.recipes import Stage
+from fleet.training.recipes import TrainingStage
 from fleet.training.settings import TrainConfig
 
 CONFIG, PROGRESS, EPISODES, EVALUATION, PLOT, RECORDING = (
@@ -51,7 +51,7 @@ def prepare_folder(folder: Path, *, resume: bool) -> None:
         raise TrainingError(f"--out {folder}: holds a training run; valid: --resume, or another directory")
 
 
-def write_config(folder: Path, config: TrainConfig, stages: Sequence[Stage]) -> None:
+def write_config(folder: Path, config: TrainConfig, stages: Sequence[TrainingStage]) -> None:
     """Write what decides the run, the stages of its recipe, and the versions it ran with."""
     content = {**dataclasses.asdict(config), "stages": list(map(dataclasses.asdict, stages)), "versions": versions()}
     _write(folder / CONFIG, json.dumps(content, indent=2) + "\n")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 from pettingzoo.utils import ParallelEnv
@@ -17,10 +17,9 @@ class SoloEnv(ParallelEnv[str, Any, Any]):
         agent: Name of its only agent, `<type>_0`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"name": "solo_v0"}
-
     def __init__(self, env: gymnasium.Env[Any, Any], agent: str) -> None:
         self.env = env
+        self.metadata = {**env.metadata, "name": "solo_v0"}
         self.render_mode = env.render_mode
         self.possible_agents = [agent]
         self.agents: list[str] = []

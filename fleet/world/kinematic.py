@@ -23,6 +23,11 @@ from fleet.world.ray_points import ray_points
 from fleet.world.scene import Scene
 from fleet.world.surroundings import Surroundings, SurroundingsSnapshot
 
+TYRE_GRIP_MPS2 = 0.9 * 9.81
+"""Sideways acceleration that a racecar's tyres hold in physics: their friction on the floor times gravity [m/s^2]."""
+PASS, STOP = CONTACTS = ("pass", "stop")
+"""What collisions do in a kinematic world."""
+
 
 class CommandError(FleetError):
     """A command does not fit the world's robots."""
@@ -53,22 +58,28 @@ class CarMotion(Protocol):
 
 
 class BicycleCars:
-    """Cars as bicycles: speed and steering go to their commands steadily over each tick, within the limits; no slip.
+    """Cars as bicycles: speed and steering go to their commands steadily over each tick, within the limits.
+
+    Tyres do not slip, unless a curve asks for more than their grip: then the car drives a wider one.
 
     Args:
         spec: Car model with the limits.
         start: Poses x, y, yaw, shape (n_cars, 3).
         tick_s: Length of a tick [s].
         substep_s: Greatest integration step [s].
+        grip_mps2: Greatest sideways acceleration [m/s^2].
     """
 
-    def __init__(self, spec: CarSpec, start: FloatArray, tick_s: float, substep_s: float) -> None:
+    def __init__(
+        self, spec: CarSpec, start: FloatArray, tick_s: float, substep_s: float, grip_mps2: float = math.inf
+    ) -> None:
         self.poses = np.array(start, dtype=np.float64)
         self.speeds = np.zeros(len(start))
         self.steering = np.zeros(len(start))
         self._spec = spec
         self._n_substeps = max(1, math.ceil(tick_s / substep_s - 1e-9))
         self._substep_s = tick_s / self._n_substeps
+        self._grip_mps2 = grip_mps2
 
     def step(self, commands: FloatArray) -> None:
         """See `CarMotion`."""
@@ -86,6 +97,7 @@ class BicycleCars:
             spec.max_brake_mps2,
             spec.max_steering_rad,
             spec.max_steering_rate_radps,
+            self._grip_mps2,
         )
 
     def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
@@ -115,19 +127,22 @@ class PlanarSnapshot:
 class PlanarWorld:
     """A `World` without physics; only the way its cars move is left open.
 
-    Contacts and clearances are judged at the end of each tick, by geometry; nothing is stopped by them.
+    Contacts and clearances are judged at the end of each tick, by geometry. Nothing is stopped by them, unless cars are
+    `solid`.
 
     Args:
         scene: The world at the start.
         cars: Moves the cars.
         tick_s: Length of one tick [s].
+        solid: Whether cars stop at each other and at boxes; arms and parcels never stop them.
     """
 
-    def __init__(self, scene: Scene, cars: CarMotion, tick_s: float) -> None:
+    def __init__(self, scene: Scene, cars: CarMotion, tick_s: float, *, solid: bool = False) -> None:
         self.tick_s = tick_s
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
         self._cars = cars
+        self._solid = solid
         self._arms = ServoArms(scene.arm, scene.arm_base, scene.arm_start, tick_s)
         self._parcels = PlanarParcels(scene.boxes, scene.car, self.n_arms)
         self._failed = np.zeros(self.n_arms, dtype=np.bool_)
@@ -144,6 +159,8 @@ class PlanarWorld:
         if shapes != valid:
             raise CommandError(f"step: car_commands, arm_q, grip have shapes {shapes}; valid: {valid}")
         self._cars.step(car_commands)
+        if self._solid:
+            self._surroundings.set_apart(self._cars.poses, self._cars.speeds)
         self._arms.step(arm_q)
         self._failed &= grip
         self._parcels.update(self._cars.poses, self._arms.tips, grip & ~self._failed)
@@ -274,13 +291,23 @@ class PlanarWorld:
 
 @dataclass(frozen=True, kw_only=True)
 class KinematicConfig:
-    """Time steps of the kinematic world."""
+    """Time steps of the kinematic world, and what a collision does."""
 
     tick_s: float = 0.05
     substep_s: float = 0.0125
     """Greatest integration step of the car model [s]."""
+    grip_mps2: float = math.inf
+    """Greatest sideways acceleration of cars [m/s^2]; that of a racecar's tyres in physics is `TYRE_GRIP_MPS2`."""
+    contact: str = PASS
+    """`pass`: cars drive through each other and through walls, and only the touches are counted; `stop`: they are set
+    apart and lose their speed, see `fleet.world.collisions`."""
 
     def __post_init__(self) -> None:
+        if self.contact not in CONTACTS:
+            valid = ", ".join(CONTACTS)
+            raise ConfigError(f"kinematic world: contact is {self.contact!r}; valid: {valid}")
+        if not self.grip_mps2 > 0:
+            raise ConfigError(f"kinematic world: grip_mps2 is {self.grip_mps2!r}; valid: a number > 0")
         for name in ("tick_s", "substep_s"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
@@ -292,13 +319,13 @@ class KinematicWorld(PlanarWorld):
 
     Args:
         scene: The world at the start.
-        config: Time steps.
+        config: Time steps, and what a collision does.
     """
 
     def __init__(self, scene: Scene, config: KinematicConfig | None = None) -> None:
         config = config or KinematicConfig()
-        cars = BicycleCars(scene.car, scene.car_start, config.tick_s, config.substep_s)
-        super().__init__(scene, cars, config.tick_s)
+        cars = BicycleCars(scene.car, scene.car_start, config.tick_s, config.substep_s, config.grip_mps2)
+        super().__init__(scene, cars, config.tick_s, solid=config.contact == STOP)
 
     def place(self, car_poses: FloatArray, arm_q: FloatArray) -> None:
         """See `OpenWorld`."""
@@ -321,6 +348,7 @@ def _drive(  # flat: bundled, it would take 2 us instead of 0.7, as often as the
     brake: float,
     max_steering: float,
     steering_rate: float,
+    grip: float,
 ) -> None:
     """Bicycle model by the midpoint rule; speed and steering reach what they can of the command at the tick's end."""
     tick = n_substeps * dt
@@ -342,6 +370,8 @@ def _drive(  # flat: bundled, it would take 2 us instead of 0.7, as often as the
             part = (step + 0.5) / n_substeps
             way = (old_speed + part * (speeds[i] - old_speed)) * dt
             turn = way * math.tan(old_steering + part * (steering[i] - old_steering)) / wheelbase
+            if abs(way * turn) > grip * dt * dt:
+                turn = math.copysign(grip * dt * dt / way, turn)
             middle = poses[i, 2] + 0.5 * turn
             poses[i, 0] += way * math.cos(middle)
             poses[i, 1] += way * math.sin(middle)

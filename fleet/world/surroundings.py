@@ -11,6 +11,7 @@ from numba import njit
 from fleet.arrays import FloatArray, IntArray
 from fleet.errors import FleetError
 from fleet.world.arms import ServoArms
+from fleet.world.collisions import set_apart
 from fleet.world.scene import Scene
 from fleet.world.touches import BIN_M, KIND_SHIFT, STATIC, ArmBalls, BinnedBoxes, Body, Touches, robots_of
 
@@ -120,6 +121,15 @@ class Surroundings:
                 self.of_cars[cars] += 1
                 self.of_arms[arms] += 1
             self._touching = now
+
+    def set_apart(self, car_poses: FloatArray, car_speeds: FloatArray) -> None:
+        """Set cars apart that overlap each other or a box, in place; see `fleet.world.collisions`.
+
+        Args:
+            car_poses: Rear-axle poses x, y, yaw, shape (n_cars, 3).
+            car_speeds: Shape (n_cars,) [m/s].
+        """
+        set_apart(car_poses, car_speeds, self._body, self._boxes)
 
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
         """Hit fractions in the plane, shape (r,); a body that contains a ray's origin does not stop it.

@@ -31,6 +31,9 @@ _CHANCE = (1 << _CLASS_BIT) - (1 << _NUMBER_BITS)
 _USED_UP = 2**62
 _UNRANKED = -1
 """In place of the key of waiting: an agent that wants to stay where it is, whose options nobody has asked for yet."""
+_WISHED = -2
+"""Key of the option that an agent is told to prefer: less than any other."""
+_NO_WISHES = np.empty(0, dtype=np.int32)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +108,8 @@ class NextWishes(NamedTuple):
     """Agents that do not move, shape (n,)."""
     allow_rotation: bool
     """Whether a closed ring of followers is legal."""
+    wished: IntArray
+    """State that each agent prefers, negative = what brings it nearest to its goal, shape (n,); or nobody's, (0,)."""
 
 
 class Stepper:
@@ -140,8 +145,12 @@ class Stepper:
         order: IntArray,
         locked: BoolArray,
         allow_rotation: bool,
+        wished: IntArray | None = None,
     ) -> None:
         """Decide one timestep.
+
+        An agent with a wish tries that first, whenever its turn comes or it is pushed, and what remains in the usual
+        order. So whatever is wished for, the timestep is as legal as without.
 
         Args:
             now: State of each agent, shape (n,), in distinct cells.
@@ -151,6 +160,11 @@ class Stepper:
             order: Agents, the one that chooses first in front, shape (n,).
             locked: Agents that do not move, shape (n,).
             allow_rotation: Whether a closed ring of followers is legal.
+            wished: State that each agent would rather aim at than at any other, its own to wait, negative = no wish,
+                shape (n,); None = nobody has one.
+
+        Source of the wishes: R. Veerapaneni et al., "Improving Learnt Local MAPF Policies with Heuristic Search", 2024,
+        https://arxiv.org/abs/2403.20300 (CS-PIBT: collisions are shielded by PIBT over a policy's preferences).
         """
         n = len(now)
         if len(self._keys) < n:
@@ -158,9 +172,9 @@ class Stepper:
             self._keys = np.empty((n, self.options.widest + 1), dtype=np.int64)
         self.salt += 1
         # Plain tuples: numba takes named ones five times slower, and this is called in every timestep of every fleet.
-        _step(
+        decide(
             self._options,
-            (distances, row, order, locked, allow_rotation),
+            (distances, row, order, locked, allow_rotation, _NO_WISHES if wished is None else wished),
             self._claims,
             self._keys,
             self.graph.state_cell,
@@ -171,7 +185,7 @@ class Stepper:
 
 
 @kernel
-def _step(
+def decide(
     option_arrays: tuple[Any, ...],
     wish_arrays: tuple[Any, ...],
     claim_arrays: tuple[Any, ...],
@@ -188,6 +202,8 @@ def _step(
         if wishes.locked[agent]:
             stay(claims, now, after, agent)
     _rank(options, wishes, claims, keys, salt, now)
+    if len(wishes.wished):
+        _prefer(options, wishes, claims, keys, salt, now)
     # The main loop of algorithm 1: by priority, whoever is undecided.
     for leader in wishes.order:
         if claims.goes[leader] != UNDECIDED:
@@ -260,6 +276,27 @@ def _rank_options(
         elif left == own and claims.cells[to, 0] != NOBODY:
             key |= _OCCUPIED
         keys[agent, option + 1] = key | (left << _DISTANCE_BIT)
+
+
+@kernel
+def _prefer(
+    options: Options, wishes: NextWishes, claims: Claims, keys: Int64Array, salt: int, now: IntArray
+) -> None:  # pragma: no cover - compiled
+    """Put the option that each agent wishes for before its others."""
+    for agent in range(len(now)):
+        state, wished = now[agent], wishes.wished[agent]
+        if wished < 0 or wishes.locked[agent]:
+            continue
+        if wished == state:
+            # Whose options are not ranked waits anyway, unless it is pushed, and then it cannot.
+            if keys[agent, 0] != _UNRANKED:
+                keys[agent, 0] = _WISHED
+            continue
+        if keys[agent, 0] == _UNRANKED:
+            _rank_options(options, wishes, claims, keys, salt, now, agent)
+        for option in range(options.aim.shape[1]):
+            if options.aim[state, option, 0] == wished:
+                keys[agent, option + 1] = _WISHED
 
 
 @kernel

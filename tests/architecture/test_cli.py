@@ -20,6 +20,7 @@ LISTED = {
 ALL = {name: command.load() for name, command in LISTED.items()}
 REQUIRED = {
     "calibrate": ["motion.csv"],
+    "dataset": ["--scenario", "dispatch_due", "--out", "data"],
     "diff": ["run_1", "run_2"],
     "lorr": ["problem.json"],
     "plan": ["--map", "in.map", "--scen", "in.scen"],

@@ -17,6 +17,7 @@ import fleet.config
 import fleet.insight.metrics
 import fleet.study.table
 import fleet.training.settings
+from fleet.envs import ENVIRONMENTS
 from fleet.envs.core.env_config import EnvConfig
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
@@ -56,8 +57,8 @@ def user_facing() -> set[str]:
     for found in pkgutil.iter_modules(fleet.config.__path__):
         modules.append(importlib.import_module(f"fleet.config.{found.name}"))
     kinds = {kind for module in modules for kind in vars(module).values() if isinstance(kind, type)}
-    for name in ("dispatch", "navigate", "traffic", "warehouse"):
-        importlib.import_module(f"fleet.envs.{name}_v0")
+    for module in ENVIRONMENTS:
+        importlib.import_module(f"fleet.envs.{module}")
     kinds |= set(_below(EnvConfig))
     for family in (ALLOCATORS, PLANNERS, ONE_SHOT_PLANNERS):
         kinds |= {kind for member in family.values() if (kind := config_type(member)) is not None}

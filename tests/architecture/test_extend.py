@@ -332,7 +332,7 @@ def test_a_site(tree: Copy, row: Row, repository: Path) -> None:
 
 @of_part("environment")
 def test_an_environment(tree: Copy, row: Row) -> None:
-    tree.add(row, ENVIRONMENT, line='"toy": 50,')
+    tree.add(row, ENVIRONMENT, line='"toy_v0": 50,')
     tree.run("-W", "error", "-W", "ignore::DeprecationWarning", "-c", USE_ENVIRONMENT)
 
 

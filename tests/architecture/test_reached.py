@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from tests.architecture.source_tree import SourceTree, source_tree, unreached, users
 
-ENTRIES = ("fleet.__main__", "fleet.demo", "fleet.train", "fleet.recording.shot", "fleet.envs")
+ENTRIES = ("fleet.__main__", "fleet.demo", "fleet.evaluate", "fleet.train", "fleet.recording.shot", "fleet.envs")
+VERSION = re.compile(r"_v\d+$")
 VERSIONS = ("env", "parallel_env", "raw_env")
 """What modules of environments with a version offer."""
 
@@ -29,7 +31,7 @@ KNOWN = {
 
 def test_all_code_is_reached(repository: Path) -> None:
     tree = source_tree(repository)
-    versions = [f"{name}:{one}" for name in tree.modules if name.endswith("_v0") for one in VERSIONS]
+    versions = [f"{name}:{one}" for name in tree.modules if VERSION.search(name) for one in VERSIONS]
     commands, texts = users(repository)
     found = unreached(tree, [*ENTRIES, *versions, *commands], texts)
     assert sorted(found - set(KNOWN)) == [], "reached by no product path: use it, or delete it"

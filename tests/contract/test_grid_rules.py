@@ -21,7 +21,6 @@ from fleet.envs.grid import kernel
 from fleet.envs.grid.fleet import FleetSite, GridFleet
 from fleet.envs.grid.kernel import NONE, Phase, Stage
 from fleet.envs.layers.order_streams import episode_orders
-from fleet.envs.traffic.right_of_way import RightOfWay
 from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.phases import STATES_IN, CarPhase
 from fleet.tasks import board
@@ -150,14 +149,14 @@ class Watched:
                 fleet.assign(int(car), int(task))
         fleet.direct()
 
-    def wished_at_random(self, rng: np.random.Generator, right_of_way: RightOfWay) -> Any:
+    def wished_at_random(self, rng: np.random.Generator) -> Any:
         """Where cars come to whose agents mostly go where PIBT sends them, and now and then anywhere."""
         fleet = self.fleet
-        state, wanted = fleet.cars.state, fleet.planned().copy()
+        state, wanted = fleet.cars.state, fleet.proposed().copy()
         for car in np.flatnonzero(rng.random(len(state)) < 0.2):
             ways = SMALL.move_to[state[car]]
             wanted[car] = rng.choice([state[car], *ways[ways != NONE]])
-        return right_of_way.resolve(state, wanted, fleet.priority, fleet.locked)
+        return fleet.planned(wanted)
 
 
 @pytest.mark.parametrize("agents", ["nobody", "dispatch", "traffic"])
@@ -166,13 +165,13 @@ def test_every_step_on_the_grid_is_one_of_a_run(
     agents: str, n_cars: int, seed: int, load: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watched, rng = Watched(n_cars, seed, load, monkeypatch), np.random.default_rng(seed)
-    fleet, right_of_way = watched.fleet, RightOfWay(SMALL.graph.state_cell, SMALL.graph.n_cells)
+    fleet = watched.fleet
     for _ in range(600):
         if agents == "dispatch":
             watched.assign_at_random(rng)
         else:
             fleet.assign_nearest()
-        fleet.move(watched.wished_at_random(rng, right_of_way) if agents == "traffic" else fleet.planned())
+        fleet.move(watched.wished_at_random(rng) if agents == "traffic" else fleet.planned())
     # The way of a delivery, and no step of it is left out.
     way = (
         TaskState.ORDERED,

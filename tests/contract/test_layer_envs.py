@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.envs import dispatch_v0, traffic_v0
+from fleet.config import StreamConfig
+from fleet.envs import dispatch_v0, traffic_v1
 from fleet.envs.core.base import ActionError, EnvState, EpisodeError, StateError
 from fleet.envs.dispatch.env import TERMS as DISPATCH_TERMS
 from fleet.envs.dispatch.env import DispatchWeights
+from fleet.envs.grid.kernel import NEVER
 from fleet.envs.layers.layer import LayerEnv
 from fleet.envs.policies import POLICIES, make_policy
 from fleet.envs.traffic.env import TERMS as TRAFFIC_TERMS
@@ -25,8 +27,9 @@ from fleet.errors import ConfigError, FleetError
 from maps.errors import MapsError
 from maps.warehouse import generate_warehouse
 
-ENVS = {"dispatch": dispatch_v0, "traffic": traffic_v0}
+ENVS = {"dispatch": dispatch_v0, "traffic": traffic_v1}
 TERMS = {"dispatch": DISPATCH_TERMS, "traffic": TRAFFIC_TERMS}
+MORE: dict[str, tuple[str, ...]] = {"dispatch": (), "traffic": ("pushed",)}
 N_CYCLES = {"dispatch": 60, "traffic": 120}
 Maker = Callable[..., LayerEnv]
 
@@ -88,7 +91,7 @@ def test_every_step_keeps_to_the_spaces_and_the_team(layer: str, make: Maker, fi
         assert set(terminations.values()) == {False}
         assert set(truncations.values()) == {n == 30}
         for agent in team:
-            assert set(infos[agent]) == {*TERMS[layer], "waits", "illegal"}
+            assert set(infos[agent]) == {*TERMS[layer], *MORE[layer], "waits", "illegal"}
             assert rewards[agent] == pytest.approx(sum(infos[agent][term] for term in TERMS[layer]))
             assert infos[agent]["illegal"] is False
     assert env.agents == []
@@ -106,6 +109,29 @@ def test_observations_are_the_caller_s_own(make: Maker) -> None:
     assert np.array_equal(env.state(), twin.state())
     _, _, _, _, infos = env.step(dict.fromkeys(env.agents, 1))
     assert infos == twin.step(dict.fromkeys(twin.agents, 1))[4]
+
+
+def test_orders_come_as_the_stream_has_it(make: Maker) -> None:
+    usual, same = episode(make(load=0.9), 3, 20), episode(make(load=0.9, stream={"kind": "poisson"}), 3, 20)
+    np.testing.assert_equal(same, usual)
+    np.testing.assert_equal(episode(make(load=0.9, stream=StreamConfig()), 3, 20), usual)
+    other = make(load=0.9, stream={"due_share": 0.0, "slack_s": [1.0, 2.0]})
+    other.reset(seed=3)
+    assert (other.fleet.grid.tasks.due == NEVER).all()
+
+
+@pytest.mark.parametrize(
+    ("stream", "message"),
+    [
+        ("waves", "valid: a StreamConfig, or a dictionary of its settings"),
+        ({"kind": "flood"}, "valid: poisson"),
+        ({"rate_per_h": 9.0}, "stream is 'rate_per_h'; valid: kind, wave_s"),
+        ({"bottleneck_share": 2.0}, "valid: a number from 0 to 1"),
+    ],
+)
+def test_streams_that_are_none_are_refused(make: Maker, stream: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        make(stream=stream)
 
 
 def test_same_seed_same_episodes(make: Maker) -> None:
@@ -126,8 +152,8 @@ def test_same_seed_same_episode_of_the_whole_fleet(make: Maker) -> None:
 
 SHOW_HASH = """
 import hashlib, numpy as np
-from fleet.envs import {layer}_v0
-env = {layer}_v0.parallel_env(n_cars=5)
+from fleet.envs import {module} as layer
+env = layer.parallel_env(n_cars=5)
 env.reset(seed=5)
 digest = hashlib.sha256()
 for n in range(120):
@@ -140,7 +166,7 @@ print(digest.hexdigest())
 def test_same_seed_same_episode_in_another_process(
     layer: str, repository: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code = SHOW_HASH.format(layer=layer)
+    code = SHOW_HASH.format(module=ENVS[layer].__name__.rpartition(".")[2])
     there = subprocess.run([sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, check=True)
     exec(code, {})
     assert capsys.readouterr().out == there.stdout != ""
@@ -185,7 +211,7 @@ def test_illegal_actions_do_nothing_and_are_flagged(make: Maker) -> None:
         wrong = {"car_0": 99, "car_1": -1, "car_2": math.nan, "car_3": 0.5}
         *_, infos = env.step(wrong)
         assert [info["illegal"] for info in infos.values()] == [True] * 4
-        observations, *_, infos = idle.step({"car_0": np.int64(0), "car_1": np.array([0])})
+        observations, *_, infos = idle.step({"car_0": np.int64(0), "car_1": np.array([0]), "car_2": 0, "car_3": 0.0})
         assert [info["illegal"] for info in infos.values()] == [False] * 4
         assert np.array_equal(env.state(), idle.state())
     observations, *_ = env.step(dict.fromkeys(env.agents, 1))
@@ -334,17 +360,17 @@ def test_every_dispatch_policy_beats_chance(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name in POLICIES["traffic"] if name != "random"])
 def test_every_traffic_policy_beats_chance(name: str) -> None:
-    env = traffic_v0.parallel_env(n_cars=6, max_cycles=300)
+    env = traffic_v1.parallel_env(n_cars=6, max_cycles=300)
     assert played(env, "traffic", name)[0] >= 10 > played(env, "traffic", "random")[0]
 
 
 def test_pibt_as_a_policy_is_always_granted() -> None:
-    env = traffic_v0.parallel_env(site="small", n_cars=14, max_cycles=200)
+    env = traffic_v1.parallel_env(site="small", n_cars=14, max_cycles=200)
     mind = make_policy("traffic", "pibt")
     observations, _ = env.reset(seed=0)
     while env.agents:
         observations, *_, infos = env.step(mind.act(env, observations))
-        assert not any(info["waits"] for info in infos.values())
+        assert not any(info["waits"] or info["pushed"] for info in infos.values())
 
 
 @pytest.mark.parametrize(("layer", "policy"), [("dispatch", "hungarian"), ("traffic", "pibt")])
@@ -372,9 +398,9 @@ def test_two_cars_that_choose_one_task_are_told_who_waits() -> None:
     assert DispatchWeights().lost == infos[f"car_{losers[0]}"]["lost"]
 
 
-@pytest.mark.parametrize("policy", ["random", "shortest_way"])
+@pytest.mark.parametrize("policy", ["random", "shortest_way", "multi_step_pibt"])
 def test_nobody_collides_whatever_agents_choose(policy: str) -> None:
-    env = traffic_v0.parallel_env(site="small", n_cars=12, fidelity="kinematic", max_cycles=60)
+    env = traffic_v1.parallel_env(site="small", n_cars=12, fidelity="kinematic", max_cycles=60)
     played(env, "traffic", policy)
     fleet = env.fleet
     assert fleet.simulation.world.contacts().robot == 0

@@ -15,8 +15,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import fleet.envs  # noqa: F401 - makes the environments known
-from fleet.envs import navigate_v0
+from fleet.envs import navigate_v1
 from fleet.envs.core.base import ActionError, EpisodeError
+from fleet.envs.core.versions import VersionError
 from fleet.envs.kuka_reach import TOLERANCE_M, KukaReachEnv, ReachPolicy
 from fleet.envs.navigate.car_navigate import CarNavigateEnv
 from fleet.envs.navigate.navigation import BRAKE_S, TOW_S, NavigationEnv
@@ -29,7 +30,7 @@ FIDELITIES = ("kinematic", "physics")
 @pytest.fixture(params=FIDELITIES)
 def cars(request: pytest.FixtureRequest) -> Iterator[NavigationEnv]:
     """Return three cars on the small site."""
-    env = navigate_v0.parallel_env(n_cars=3, fidelity=request.param, max_cycles=40)
+    env = navigate_v1.parallel_env(n_cars=3, fidelity=request.param, max_cycles=40)
     yield env
     env.close()
 
@@ -70,7 +71,7 @@ def test_a_seed_decides_an_episode_also_the_second_time(cars: NavigationEnv) -> 
 
 def digest_of_an_episode() -> str:
     """Hash of all that a whole episode says."""
-    env = navigate_v0.parallel_env(n_cars=4)
+    env = navigate_v1.parallel_env(n_cars=4)
     said = hashlib.sha256(str(plain(trace(env, 3, 600))).encode()).hexdigest()
     env.close()
     return said
@@ -93,7 +94,7 @@ def test_a_saved_moment_comes_back(cars: NavigationEnv) -> None:
 
 
 def test_places_to_visit_do_not_depend_on_what_agents_do() -> None:
-    env = navigate_v0.parallel_env(n_cars=2, max_cycles=200)
+    env = navigate_v1.parallel_env(n_cars=2, max_cycles=200)
     policy = PursuitPolicy()
 
     def places(drives: bool) -> list[list[float]]:
@@ -101,7 +102,7 @@ def test_places_to_visit_do_not_depend_on_what_agents_do() -> None:
         met: dict[str, list[object]] = {}
         while env.agents:
             for car, agent in enumerate(env.agents):
-                goal = env._goal(car).tolist()
+                goal = env._goals[car].tolist()
                 line = met.setdefault(agent, [])
                 if goal not in line[-1:]:
                     line.append(goal)
@@ -117,7 +118,7 @@ def test_places_to_visit_do_not_depend_on_what_agents_do() -> None:
 
 
 def test_the_script_drives_to_places_and_stays_on_its_lanes() -> None:
-    env = navigate_v0.parallel_env(n_cars=1, max_cycles=600)
+    env = navigate_v1.parallel_env(n_cars=1, max_cycles=600)
     seen, _ = env.reset(seed=0)
     places, towed, off_lane = 0.0, 0.0, 0.0
     while env.agents:
@@ -131,7 +132,7 @@ def test_the_script_drives_to_places_and_stays_on_its_lanes() -> None:
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)
 def test_a_lost_car_is_towed_back_and_stands(fidelity: str) -> None:
-    env = navigate_v0.parallel_env(n_cars=1, max_cycles=200, fidelity=fidelity)
+    env = navigate_v1.parallel_env(n_cars=1, max_cycles=200, fidelity=fidelity)
     env.reset(seed=0)
     away, towed = {"car_0": np.array([0.15, 1.0])}, 0.0
     while env.agents and not towed:
@@ -149,7 +150,7 @@ def test_a_lost_car_is_towed_back_and_stands(fidelity: str) -> None:
 
 
 def test_two_cars_in_one_place_touch_and_pay_for_it() -> None:
-    env = navigate_v0.parallel_env(n_cars=2)
+    env = navigate_v1.parallel_env(n_cars=2)
     env.reset(seed=0)
     poses = env._world.car_poses()
     env._world.push_car(1, *(0.78 * (poses[0] - poses[1])).tolist())
@@ -162,16 +163,36 @@ def test_two_cars_in_one_place_touch_and_pay_for_it() -> None:
     assert all(info["touch"] == 0.0 for info in infos.values())
 
 
+def test_cars_stop_at_each_other_unless_they_may_pass() -> None:
+    ends = {}
+    for contact in ("stop", "pass"):
+        env = navigate_v1.parallel_env(n_cars=2, contact=contact)
+        env.reset(seed=0)
+        poses = env._world.car_poses()
+        # The second one stands a metre before the first, nose to nose.
+        ahead = np.array([np.cos(poses[0, 2]), np.sin(poses[0, 2])])
+        env._world.push_car(1, *(poses[0, :2] + ahead - poses[1, :2]), float(poses[0, 2] + np.pi - poses[1, 2]))
+        touches = 0.0
+        for _ in range(12):
+            *_, infos = env.step({"car_0": np.array([0.0, 0.5]), "car_1": np.zeros(2)})
+            touches += infos["car_0"]["touches"]
+        assert touches == 1.0
+        ends[contact] = float((env._world.car_poses()[0, :2] - poses[0, :2]) @ ahead)
+        env.close()
+    assert ends["stop"] < 0.3
+    assert ends["pass"] > 0.6
+
+
 @pytest.mark.parametrize("action", [np.array([np.nan, 0.5]), np.array([2.0, 0.5]), None])
 def test_illegal_actions_are_made_legal_and_told(action: object) -> None:
-    env = navigate_v0.parallel_env(n_cars=2)
+    env = navigate_v1.parallel_env(n_cars=2)
     env.reset(seed=0)
     *_, infos = env.step({"car_0": action, "car_1": np.zeros(2)})
     assert [info["illegal"] for info in infos.values()] == [True, False]
 
 
 def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
-    env = navigate_v0.parallel_env(n_cars=1)
+    env = navigate_v1.parallel_env(n_cars=1)
     with pytest.raises(EpisodeError, match="reset"):
         env.step({})
     env.reset(seed=0)
@@ -196,7 +217,7 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
         ({"control_hz": "x"}, "control_hz is 'x'"),
         ({"control_hz": True}, "control_hz is True"),
         ({"max_cycles": True}, "max_cycles is True"),
-        ({"render_mode": "rerun"}, "render_mode is 'rerun'; valid: None, human, rgb_array"),
+        ({"contact": "bounce"}, "contact is 'bounce'; valid: pass, stop"),
         ({"site": 3}, "site is 3; valid: a name or a path"),
         ({"weights": {"late": 1}}, "NavigationWeights, or None"),
         ({"render_mode": "ascii"}, "render_mode is 'ascii'"),
@@ -204,19 +225,19 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
 )
 def test_arguments_outside_their_range_are_refused(arguments: dict[str, object], said: str) -> None:
     with pytest.raises(ConfigError, match=said):
-        navigate_v0.parallel_env(**arguments)
+        navigate_v1.parallel_env(**arguments)
 
 
 def test_it_is_copied_by_its_arguments() -> None:
-    copy = pickle.loads(pickle.dumps(navigate_v0.parallel_env(n_cars=2, max_cycles=7)))
+    copy = pickle.loads(pickle.dumps(navigate_v1.parallel_env(n_cars=2, max_cycles=7)))
     assert (len(copy.possible_agents), copy.max_cycles) == (2, 7)
 
 
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
-        ("fleet/CarNavigate-v0", {"fidelity": "kinematic", "max_steps": 20}),
-        ("fleet/CarNavigate-v0", {"fidelity": "physics", "max_steps": 20, "n_others": 1}),
+        ("fleet/CarNavigate-v1", {"fidelity": "kinematic", "max_steps": 20}),
+        ("fleet/CarNavigate-v1", {"fidelity": "physics", "max_steps": 20, "n_others": 1}),
         ("fleet/KukaReach-v0", {"fidelity": "kinematic", "max_steps": 20}),
         ("fleet/KukaReach-v0", {"fidelity": "physics", "max_steps": 20}),
     ],
@@ -227,6 +248,13 @@ def test_gymnasium_has_no_complaint_about_single_robots(name: str, arguments: di
         warnings.simplefilter("error")
         check_env(env.unwrapped)
     env.close()
+
+
+def test_the_first_version_of_a_single_car_is_refused_by_name() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # gymnasium says that there is a newer one
+        with pytest.raises(VersionError, match=r"^CarNavigate-v0 .*; valid: CarNavigate-v1$"):
+            gymnasium.make("fleet/CarNavigate-v0")
 
 
 @pytest.mark.parametrize("fidelity", FIDELITIES)

@@ -12,6 +12,8 @@ EXPECTED = {
     "cell": {"picks": 1, "drops": 1, "parking": 2, "rows": (6, 9), "cols": (8, 14)},
     "small": {"picks": 2, "drops": 2, "parking": 10, "rows": (11, 14), "cols": (15, 18)},
     "twin": {"picks": 2, "drops": 2, "parking": 12, "rows": (9, 12), "cols": (12, 16)},
+    "dense": {"picks": 3, "drops": 3, "parking": 40, "rows": (14, 14), "cols": (22, 22)},
+    "dense_large": {"picks": 6, "drops": 6, "parking": 120, "rows": (24, 24), "cols": (40, 40)},
     "medium": {"picks": 6, "drops": 6, "parking": 24, "rows": (22, 26), "cols": (38, 42)},
 }
 

@@ -1,4 +1,4 @@
-"""Pages for those who write code: Python, environments, training, benchmarks, development."""
+"""Pages for those who write code: Python, environments, training, evaluation, benchmarks, development."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/python.md",
     "docs/guide/environments.md",
     "docs/guide/training.md",
+    "docs/guide/evaluate.md",
     "docs/guide/benchmarks.md",
     "docs/guide/development.md",
     "docs/guide/extend.md",

@@ -12,20 +12,23 @@ import pytest
 import fleet.envs  # noqa: F401 - makes the environments known
 from benchmarks.harness import Trial
 from benchmarks.training import subproc
-from fleet.envs import dispatch_v0, navigate_v0
+from fleet.envs import dispatch_v0, make_vec, navigate_v1
 from fleet.errors import ConfigError
+from fleet.training.errors import TrainingError
 from tests.stacks.conftest import require_package
 
 require_package("stable_baselines3", "sb3")
 
+from sb3_contrib import MaskablePPO  # noqa: E402
 from stable_baselines3.common.env_checker import check_env  # noqa: E402
 from stable_baselines3.common.vec_env import SubprocVecEnv  # noqa: E402
 
 from fleet.training.stacks.sb3 import TypeVecEnv  # noqa: E402
+from fleet.training.stacks.sb3_slots import VectorSlots  # noqa: E402
 
 ROBOTS = {
-    "car": ("fleet/CarNavigate-v0", {"fidelity": "kinematic", "max_steps": 20}),
-    "physical car": ("fleet/CarNavigate-v0", {"fidelity": "physics", "n_others": 1, "max_steps": 20}),
+    "car": ("fleet/CarNavigate-v1", {"fidelity": "kinematic", "max_steps": 20}),
+    "physical car": ("fleet/CarNavigate-v1", {"fidelity": "physics", "n_others": 1, "max_steps": 20}),
     "arm": ("fleet/KukaReach-v0", {"fidelity": "kinematic", "max_steps": 20}),
     "physical arm": ("fleet/KukaReach-v0", {"fidelity": "physics", "max_steps": 20}),
 }
@@ -34,7 +37,7 @@ ROBOTS = {
 @pytest.fixture
 def cars() -> Iterator[TypeVecEnv]:
     """Return two floors with three cars each."""
-    vector = TypeVecEnv([lambda: navigate_v0.parallel_env(n_cars=3, max_cycles=5)] * 2)
+    vector = TypeVecEnv([lambda: navigate_v1.parallel_env(n_cars=3, max_cycles=5)] * 2)
     yield vector
     vector.close()
 
@@ -75,21 +78,42 @@ def test_a_seed_decides_the_episodes(cars: TypeVecEnv) -> None:
 
 def test_an_unknown_type_is_refused() -> None:
     with pytest.raises(ConfigError, match="kind is 'arm'; valid: car"):
-        TypeVecEnv([lambda: navigate_v0.parallel_env(n_cars=1)], kind="arm")
+        TypeVecEnv([lambda: navigate_v1.parallel_env(n_cars=1)], kind="arm")
 
 
-def test_scores_choose_the_best_legal_action() -> None:
-    cars = TypeVecEnv([lambda: dispatch_v0.parallel_env(site="small", n_cars=2, max_cycles=30)])
+def test_maskable_ppo_chooses_legal_actions_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    cars = TypeVecEnv([lambda: dispatch_v0.parallel_env(site="small", n_cars=2, max_cycles=30)] * 2)
+    illegal = []
+    step = cars.step_async
+
+    def watched(actions: np.ndarray) -> None:
+        masks = cars.action_masks()
+        illegal.extend(~masks[np.arange(4), actions])
+        step(actions)
+
+    monkeypatch.setattr(cars, "step_async", watched)
+    model = MaskablePPO("MlpPolicy", cars, n_steps=30, batch_size=40, n_epochs=1, seed=0, device="cpu")
+    model.learn(120)
+    assert len(illegal) == 120
+    assert not any(illegal)
+    assert not cars.action_masks().all()
+    cars.close()
+
+
+def test_masks_of_slots_are_those_of_their_agents() -> None:
+    cars = TypeVecEnv([lambda: dispatch_v0.parallel_env(site="small", n_cars=2, max_cycles=30)] * 2)
     cars.seed(0)
     cars.reset()
-    seen = cars._observations[0]
-    legal = np.flatnonzero(seen["car_0"]["action_mask"])
-    scores = np.linspace(1.0, -1.0, cars.action_space.shape[0])
-    scores[legal[-1]] = 0.9 if legal[-1] else 1.0
-    scores[legal[:-1]] = -1.0
-    chosen = cars._decided(0, np.tile(scores, (2, 1)))
-    assert chosen["car_0"] == legal[-1]
+    wanted = [seen[agent]["action_mask"] == 1 for seen in cars._observations for agent in ("car_0", "car_1")]
+    assert (cars.action_masks() == wanted).all()
+    assert (cars.env_method("action_masks", indices=[2])[0] == wanted[2]).all()
+    assert (cars.get_attr("action_masks", indices=3)[0]() == wanted[3]).all()
     cars.close()
+
+
+def test_continuous_actions_have_no_masks(cars: TypeVecEnv) -> None:
+    with pytest.raises(TrainingError, match="valid with masks: Discrete"):
+        cars.action_masks()
 
 
 def test_robots_are_stepped_in_processes_of_their_own() -> None:
@@ -120,3 +144,28 @@ def test_the_benchmark_of_processes_has_the_same_episodes_in_all(monkeypatch: py
 def test_the_example_trains(run_example: Callable[..., str], env: str) -> None:
     said = run_example("sb3_cars.py", "--env", env, "--steps", "1500", "--horizon", "15")
     assert math.isfinite(float(said.split(":")[1]))
+
+
+def test_arrays_are_slots_too() -> None:
+    slots = VectorSlots(make_vec("dispatch", 2, site="small", n_cars=3, max_cycles=4))
+    twin = make_vec("dispatch", 2, site="small", n_cars=3, max_cycles=4)
+    slots.seed(5)
+    # Its seeds go up by one from slot to slot; the first slot of an environment decides.
+    rows, view = slots.reset(), twin.reset([5, 8])
+    assert slots.num_envs == 6
+    for step in range(1, 6):
+        assert (rows == view.observations["car"].reshape(6, -1)).all()
+        masks = np.stack(slots.env_method("action_masks"))
+        assert (masks == (view.masks["car"].reshape(6, -1) == 1)).all()
+        actions = masks[:, 1].astype(np.int64)
+        rows, rewards, dones, infos = slots.step(actions)
+        view = told = twin.step(actions.reshape(2, 3))
+        assert (rewards == told.rewards["car"].ravel().astype(np.float32)).all()
+        assert dones.all() == (step == 4)
+        if step == 4:
+            assert told.final is not None
+            assert (infos[4]["terminal_observation"] == told.final.observations["car"][1, 1]).all()
+            assert infos[4]["TimeLimit.truncated"]
+    with pytest.raises(ConfigError, match="kind is 'arm'; valid: car"):
+        VectorSlots(twin, "arm")
+    slots.close()

@@ -7,18 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Dict, Discrete
 
 from fleet.cli.main import main
 from fleet.envs.policies.policy import Random
 from fleet.training.errors import TrainingError
-from fleet.training.recipes import RECIPES, Recipe
+from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT
-from fleet.training.settings import PpoConfig, TrainConfig
+from fleet.training.settings import TrainConfig
 from tests.stacks.conftest import require_package
+from tests.stacks.guess import PPO, RECIPE, Guess
 
 require_package("torch", "train")
 
@@ -31,74 +30,10 @@ from fleet.training.ppo.learner import Learner, Rollout  # noqa: E402
 from fleet.training.ppo.policy import load_policy  # noqa: E402
 from fleet.training.ppo.trainer import Trainer  # noqa: E402
 
-PPO = PpoConfig(envs_n=2, horizon_n=32, epochs_n=4, minibatch_n=64, learning_rate=3e-3, hidden=(16,))
-
-
-class Guess:
-    """A car should say the number it is shown; an arm should choose the larger of its two legal numbers."""
-
-    possible_agents = ["car_0", "car_1", "arm_0"]  # noqa: RUF012
-    render_mode = None
-    metadata = {"render_fps": 1.0}  # noqa: RUF012
-
-    def __init__(self, end: int = 8) -> None:
-        self.end = end
-        self.agents: list[str] = []
-        self._rng = np.random.default_rng(0)
-        self._car = Box(-1.0, 1.0, (1,), np.float32)
-        self._arm = Dict({"observation": Box(-1.0, 1.0, (4,), np.float32), "action_mask": Box(0, 1, (4,), np.int8)})
-        self._number, self._choice = Box(-1.0, 1.0, (1,), np.float32), Discrete(4)
-
-    def observation_space(self, agent: str) -> gymnasium.Space[Any]:
-        return self._arm if agent == "arm_0" else self._car
-
-    def action_space(self, agent: str) -> gymnasium.Space[Any]:
-        return self._choice if agent == "arm_0" else self._number
-
-    def reset(self, seed: int | None = None, options: None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-        if seed is not None:
-            self._rng = np.random.default_rng(seed)
-        self._now, self.agents = 0, self.possible_agents[:]
-        return self._see(), {agent: {} for agent in self.agents}
-
-    def step(self, actions: dict[str, Any]) -> tuple[Any, ...]:
-        rewards = {car: -abs(float(actions[car][0] - self._shown[car][0])) for car in ("car_0", "car_1")}
-        arm = self._shown["arm_0"]
-        assert arm["action_mask"][actions["arm_0"]] == 1, "an illegal action was chosen"
-        best = np.argmax(np.where(arm["action_mask"] == 1, arm["observation"], -2.0))
-        rewards["arm_0"] = float(actions["arm_0"] == best)
-        self._now += 1
-        agents, over = self.agents, self._now >= self.end
-        if over:
-            self.agents = []
-        no = dict.fromkeys(agents, False)
-        infos = {agent: {"hits": float(agent == "arm_0" and rewards[agent])} for agent in agents}
-        return self._see(), rewards, no, dict.fromkeys(agents, over), infos
-
-    def close(self) -> None:
-        pass
-
-    def _see(self) -> dict[str, Any]:
-        mask = np.zeros(4, dtype=np.int8)
-        mask[self._rng.choice(4, 2, replace=False)] = 1
-        row = self._rng.uniform(-1, 1, 4).astype(np.float32)
-        self._shown = {car: self._rng.uniform(-1, 1, 1).astype(np.float32) for car in ("car_0", "car_1")}
-        self._shown["arm_0"] = {"observation": row, "action_mask": mask}
-        return dict(self._shown)
-
 
 @pytest.fixture(autouse=True)
 def _guess(monkeypatch: pytest.MonkeyPatch) -> None:
-    recipe = Recipe(
-        summary="",
-        make=Guess,
-        scripted=lambda: Random(0),
-        script="chance",
-        figures=("hits",),
-        n_steps=1000,
-        ppo=PPO,
-    )
-    monkeypatch.setitem(RECIPES, "guess", recipe)
+    monkeypatch.setitem(RECIPES, "guess", RECIPE)
 
 
 def config(n_updates: int, **changes: Any) -> TrainConfig:

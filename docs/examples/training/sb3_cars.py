@@ -1,4 +1,4 @@
-"""Stable-Baselines3: PPO, one policy shared by all cars.
+"""Stable-Baselines3: PPO, one policy shared by all cars; with masks it is sb3-contrib's.
 
 pip install '.[sb3]'
 python docs/examples/training/sb3_cars.py                  # cars drive to places: two numbers each
@@ -7,12 +7,14 @@ python docs/examples/training/sb3_cars.py --env dispatch   # cars choose their t
 
 import argparse
 
+from sb3_contrib import MaskablePPO
 from stable_baselines3 import PPO
 
-from fleet.envs import dispatch_v0, navigate_v0
+from fleet.envs import dispatch_v0, navigate_v1
 from fleet.training.stacks.sb3 import TypeVecEnv
 
-ENVS = {"navigate": navigate_v0.parallel_env, "dispatch": dispatch_v0.parallel_env}
+ENVS = {"navigate": navigate_v1.parallel_env, "dispatch": dispatch_v0.parallel_env}
+ALGORITHMS = {"navigate": PPO, "dispatch": MaskablePPO}
 
 
 def main() -> None:
@@ -23,7 +25,7 @@ def main() -> None:
     options = parser.parse_args()
 
     cars = TypeVecEnv([lambda: ENVS[options.env](n_cars=6)] * 8, kind="car")
-    model = PPO(
+    model = ALGORITHMS[options.env](
         "MlpPolicy",
         cars,
         n_steps=options.horizon,

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import copy
-import pickle
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from hashlib import sha256
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +17,7 @@ from pettingzoo.utils import ParallelEnv, parallel_to_aec
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from fleet.envs.core.env_config import EnvConfig, require_seed
+from fleet.envs.core.state_file import StateError, plain, read_state, write_state
 from fleet.envs.core.window import PictureWindow
 from fleet.errors import FleetError
 
@@ -28,20 +27,12 @@ StepReturn = tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, 
 """Observations, rewards, terminations, truncations and infos of all agents."""
 
 
-_DIGEST_BYTES = sha256().digest_size
-"""Written before a moment: a pickle with a changed byte may be read as another moment."""
-
-
 class EpisodeError(FleetError):
     """The environment was asked for something that its episode does not allow now."""
 
 
 class ActionError(FleetError):
     """Actions of an agent that is not in the team, or of the wrong shape or kind."""
-
-
-class StateError(FleetError):
-    """A saved state cannot be read, or is one of another environment."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +53,7 @@ class EnvState:
     actions: tuple[Any, ...]
     """What `FleetEnv._advance` was given so far."""
     agents: tuple[str, ...]
-    """Who was still there."""
+    """Agents that had not left."""
     quick: Any = None
     """What brings the moment back without running the episode again, in the environment that saved it."""
 
@@ -70,35 +61,22 @@ class EnvState:
         """Write to a file, whole or not at all.
 
         Raises:
-            StateError: The file cannot be written.
+            StateError: The file cannot be written, or the state holds what no file can.
         """
-        path = Path(path)
-        part = path.with_name(f".{path.name}.part")
-        try:
-            moment = pickle.dumps(replace(self, quick=None))
-            part.write_bytes(sha256(moment).digest() + moment)
-            part.replace(path)
-        except OSError as reason:
-            raise StateError(f"saved state {path}: {reason}; valid: a file that can be written") from reason
+        told = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "quick"}
+        write_state(Path(path), told)
 
     @staticmethod
     def read(path: str | Path) -> EnvState:
-        """Read what `write` wrote; a pickle: read only files that you trust.
+        """Read what `write` wrote; nothing in the file is run as code.
 
         Raises:
             StateError: No such file, or it holds something else.
         """
-        try:
-            content = Path(path).read_bytes()
-            digest, moment = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
-            if sha256(moment).digest() != digest:
-                raise ValueError("it is damaged, or no saved state")
-            state = pickle.loads(moment)
-        except Exception as reason:  # the pickle of another version can raise anything
-            raise StateError(f"saved state {path}: {reason}; valid: a file that EnvState.write wrote") from reason
-        if not isinstance(state, EnvState):
-            raise StateError(f"saved state {path} holds a {type(state).__name__}; valid: an EnvState")
-        return state
+        told = read_state(Path(path))
+        if told.keys() != {field.name for field in fields(EnvState)} - {"quick"}:
+            raise StateError(f"saved state {path} holds {', '.join(told)}; valid: a file that EnvState.write wrote")
+        return EnvState(**told)
 
 
 class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
@@ -108,8 +86,9 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
     begins before its first episode.
 
     Who takes part is decided when an episode begins (`_team`, by default everybody). An agent that is out for good
-    (`_gone`) is terminated and leaves `agents`; it is back in the next episode. Whom the caller takes out of `agents`
-    does nothing from then on. All others end together.
+    (`_gone`) is terminated and leaves `agents`; it is back in the next episode. Who plays may take agents out of
+    `agents`: they have left for the rest of the episode, nothing is told of them any more, and their robots do what
+    they do without an action. All others end together.
 
     Args:
         config: All settings.
@@ -138,6 +117,10 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         self.action_spaces = dict(action_spaces)
         self.possible_agents = list(observation_spaces)
         self.agents: list[str] = []
+        self._roster: list[str] = []
+        """The agents as this class left them: others may take some out of `agents`."""
+        self._playing: frozenset[str] = frozenset()
+        """The same, as a set."""
         self.n_steps = 0
         """Steps of the episode so far."""
         self._series = np.random.default_rng(config.seed)
@@ -181,22 +164,25 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         """Let every agent act.
 
         Args:
-            actions: By agent; what is missing or illegal is made legal, and `infos[agent]["illegal"]` says so.
+            actions: By agent; what is missing, None or illegal is made legal, and `infos[agent]["illegal"]`, a truth
+                value, says so.
 
         Returns:
             Observations, rewards, terminations, truncations and infos of all agents.
 
         Raises:
             EpisodeError: No episode is under way.
-            ActionError: An agent is not one of the team, or an action has the wrong shape.
+            ActionError: An agent is not one of the team or has left, or an action has the wrong shape or kind.
         """
         if not self.agents:
             raise EpisodeError("step: no episode is under way; valid: reset() first")
+        if self.agents != self._roster:
+            self._let_leave()
         if not isinstance(actions, dict | Mapping):  # nearly always a dict, which is known at once
             raise ActionError(f"step: actions are a {type(actions).__name__}; valid: a dictionary by agent")
-        if not actions.keys() <= self.action_spaces.keys():
-            unknown = sorted(map(str, actions.keys() - self.action_spaces.keys()))
-            raise ActionError(f"step: actions of {', '.join(unknown)}; valid: {_listed(self.possible_agents)}")
+        if not actions.keys() <= self._playing:
+            unknown = sorted(map(str, actions.keys() - self._playing))
+            raise ActionError(f"step: actions of {', '.join(unknown)}; valid: {_listed(self.agents)}")
         resolved = self._resolved(actions)
         told = self._do(resolved)
         self._show()
@@ -237,8 +223,8 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         if state.name != self.metadata["name"]:
             raise StateError(f"load_state: the state is one of {state.name}; valid: one of {self.metadata['name']}")
         for key, value in self.config.deciding().items():
-            # Repr: dataclasses of weights and the like come from another process.
-            if repr(state.arguments.get(key)) != repr(value):
+            # As files have them: dataclasses of weights and the like come from another process.
+            if plain(state.arguments.get(key)) != plain(value):
                 raise StateError(f"load_state: saved with {key} = {state.arguments.get(key)!r}; valid: {value!r}")
         self._seed = state.seed
         if state.quick is not None and self._restore(state.quick):
@@ -247,10 +233,10 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
             self._start()
             for resolved in state.actions:
                 self._do(resolved)
-        self.agents = list(state.agents)
+        self._play_on(state.agents)
         self._series = np.random.default_rng()
         self._series.bit_generator.state = state.series
-        return self._observed(self.agents)
+        return self._of_players(self._observations())
 
     def render(self) -> Picture | None:
         """Draw this moment: an array (height, width, 3) in mode `rgb_array`, None in the others, which show it."""
@@ -275,7 +261,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
 
     @abstractmethod
     def _begin(self, seed: int) -> Infos:
-        """Begin the episode of a seed; returns all agents' infos."""
+        """Begin the episode of a seed; returns all possible agents' infos."""
 
     @abstractmethod
     def _resolved(self, actions: Mapping[str, Any]) -> Any:
@@ -287,11 +273,11 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
 
     @abstractmethod
     def _advance(self, resolved: Any) -> tuple[dict[str, float], bool, Infos]:
-        """Make one step; returns rewards, whether the work is done, and infos."""
+        """Make one step; returns rewards, whether the work is done, and infos, all of all possible agents."""
 
     @abstractmethod
     def _observations(self) -> dict[str, Any]:
-        """Observations of all agents now, in arrays that are the caller's own."""
+        """Observations of all possible agents now, in arrays that are the caller's own."""
 
     def _team(self) -> list[str]:
         """Agents of the episode that begins, in the order of `possible_agents`."""
@@ -323,8 +309,22 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         seed, self._seed = self._seed, -1
         infos = self._begin(seed)
         self._seed = seed
-        self.agents = self._team()
+        self._play_on(self._team())
         return self._observations(), infos
+
+    def _let_leave(self) -> None:
+        """Take note of who was taken out of `agents`; whatever else was done to the list is undone."""
+        left = self._playing & frozenset(self.agents)
+        self._play_on([agent for agent in self.possible_agents if agent in left])
+
+    def _play_on(self, agents: Sequence[str]) -> None:
+        self.agents, self._roster, self._playing = list(agents), list(agents), frozenset(agents)
+
+    def _of_players(self, told: dict[str, Any]) -> dict[str, Any]:
+        """What is told of agents that have not left."""
+        if len(self._playing) == len(told):
+            return told
+        return {agent: of_agent for agent, of_agent in told.items() if agent in self._playing}
 
     def _do(self, resolved: Any) -> StepReturn:
         rewards, done, infos = self._advance(resolved)
@@ -335,19 +335,12 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         terminations, truncations = dict.fromkeys(agents, done), dict.fromkeys(agents, out_of_time)
         if done or out_of_time:
             self.agents = []
+        told = self._of_players(self._observations()), self._of_players(rewards), self._of_players(infos)
         if gone:
             for agent in gone.intersection(agents):
                 terminations[agent], truncations[agent] = True, False
-            self.agents = [agent for agent in self.agents if agent not in gone]
-        if len(rewards) > len(agents):  # some have left
-            rewards = {agent: rewards[agent] for agent in agents}
-            infos = {agent: infos[agent] for agent in agents}
-        return self._observed(agents), rewards, terminations, truncations, infos
-
-    def _observed(self, agents: list[str]) -> dict[str, Any]:
-        """Observations of those who are still there."""
-        seen = self._observations()
-        return seen if len(seen) == len(agents) else {agent: seen[agent] for agent in agents}
+            self._play_on([agent for agent in self.agents if agent not in gone])
+        return told[0], told[1], terminations, truncations, told[2]
 
     def _show(self) -> None:
         if self.render_mode in ("human", "rerun"):

@@ -13,19 +13,21 @@ from fleet.envs.core.base import ActionError
 
 Int64Array = npt.NDArray[np.int64]
 ILLEGAL = -1
-"""What an action becomes that is no whole number."""
+"""What an action becomes that is missing or no whole number."""
+_NUMBERS = "iuf"
+"""Kinds of numpy's types that are numbers."""
 
 
 def whole_numbers(actions: Mapping[str, Any], agents: list[str]) -> Int64Array:
-    """Actions as whole numbers in the order of the agents, shape (n,); 0 for agents that are missing.
+    """Actions as whole numbers in the order of the agents, shape (n,).
 
-    Numbers that are not whole, nan among them, become `ILLEGAL`.
+    Agents that are missing, None and numbers that are not whole, nan among them, become `ILLEGAL`.
 
     Raises:
-        ActionError: An action is no number, or more than one.
+        ActionError: An action is no number, or more than one; texts are none, truth values are 0 and 1.
     """
     in_order = len(actions) == len(agents) and list(actions) == agents
-    values = list(actions.values()) if in_order else [actions.get(agent, 0) for agent in agents]
+    values = list(actions.values()) if in_order else [actions.get(agent) for agent in agents]
     with suppress(ValueError):  # of unequal shapes
         found = np.array(values)
         if found.shape == (len(agents),) and found.dtype.kind in "iu":
@@ -37,15 +39,17 @@ def row_of(agent: str, action: Any, n_entries: int) -> npt.NDArray[np.float64]:
     """A continuous action as a row of numbers, shape (n_entries,).
 
     Raises:
-        ActionError: It is no row of so many numbers.
+        ActionError: It is no row of so many numbers; texts and truth values are none.
     """
     try:
-        row = np.asarray(action, dtype=np.float64)
+        row = np.asarray(action)
     except (TypeError, ValueError, OverflowError) as reason:
         raise ActionError(f"action of {agent} is {action!r}; valid: {n_entries} numbers in [-1, 1]") from reason
+    if row.dtype.kind not in _NUMBERS:
+        raise ActionError(f"action of {agent} is {action!r}; valid: {n_entries} numbers in [-1, 1]")
     if row.shape != (n_entries,):
         raise ActionError(f"action of {agent} has shape {row.shape}; valid: ({n_entries},)")
-    return row
+    return row.astype(np.float64)
 
 
 def resolve_choices(wanted: npt.NDArray[np.integer[Any]], priority: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
@@ -67,9 +71,9 @@ def resolve_choices(wanted: npt.NDArray[np.integer[Any]], priority: npt.NDArray[
 
 def _whole(agent: str, value: Any) -> int:
     if value is None:
-        return 0
-    try:
-        number = float(np.asarray(value).reshape(()))
-    except (ValueError, TypeError):
-        raise ActionError(f"action of {agent} is {value!r}; valid: one whole number") from None
+        return ILLEGAL
+    found = np.asarray(value)
+    if found.size != 1 or found.dtype.kind not in f"b{_NUMBERS}":
+        raise ActionError(f"action of {agent} is {value!r}; valid: one whole number")
+    number = float(found.reshape(()))
     return int(number) if number == np.rint(number) and abs(number) < 2**31 else ILLEGAL

@@ -151,7 +151,7 @@ class DispatchEnv(LayerEnv[DispatchView]):
         from fleet.envs.dispatch.simulation import SimulatedDispatch
 
         site, fidelity = str(self.config.site), Fidelity(self.config.fidelity)
-        return SimulatedDispatch(self.place, site, self._n_cars, orders, seed, fidelity, duration_s)
+        return SimulatedDispatch.begun(self.place, site, self._n_cars, orders, seed, fidelity, duration_s)
 
     def _look(self) -> DispatchView:
         assert self.fleet is not None

@@ -7,9 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
+from fleet.envs.dispatch.outlook import Jobs, Outlook
 from fleet.envs.dispatch.view import DispatchView
 from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
-from fleet.envs.grid.kernel import NEVER, Phase, Stage
+from fleet.envs.grid.kernel import NEVER, NONE, Phase, Stage
 from fleet.envs.layers.fleets import Fleet, FleetOnGrid
 from fleet.tasks.order import Delivery
 
@@ -25,6 +26,9 @@ class DispatchFleet(Fleet, Protocol):
 
     def run(self, duration_s: float) -> None:
         """Let time pass."""
+
+    def outlook(self) -> Outlook:
+        """The fleet now, to be played on; it knows no order before its release."""
 
 
 class GridDispatch(FleetOnGrid):
@@ -77,3 +81,22 @@ class GridDispatch(FleetOnGrid):
         """See `DispatchFleet`."""
         for _ in range(round(duration_s / TIMESTEP_S)):
             self.grid.move(self.grid.planned())
+
+    def outlook(self) -> Outlook:
+        """See `DispatchFleet`."""
+        cars, tasks = self.grid.cars, self.grid.tasks
+        stage = tasks.stage[: tasks.window[1]]
+        known = np.flatnonzero((stage >= Stage.READY) & (stage < Stage.DELIVERED)).astype(np.int32)
+        columns = (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32))
+        has_task = cars.task != NONE
+        job = np.full(len(cars.task), NONE, dtype=np.int32)
+        job[has_task] = np.searchsorted(known, cars.task[has_task])
+        return Outlook(
+            now=self.grid.now,
+            state=cars.state.copy(),
+            phase=cars.phase.copy(),
+            left=cars.left.copy(),
+            job=job,
+            jobs=Jobs(*(column[known] for column in columns)),
+            number=known,
+        )

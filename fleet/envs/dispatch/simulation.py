@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,8 +11,10 @@ from fleet.assembly import Parts
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.dispatch.allocation import Choice, TaskAllocation
 from fleet.dispatch.situation import CAN_TAKE, Situation
+from fleet.envs.dispatch.outlook import Jobs, Outlook
 from fleet.envs.dispatch.view import DispatchView
-from fleet.envs.grid.fleet import FleetSite
+from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite
+from fleet.envs.grid.kernel import NEVER, NONE
 from fleet.envs.layers.simulated_fleet import SimulatedFleet
 from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
 from fleet.simulation import Simulation
@@ -38,16 +41,17 @@ class SimulatedDispatch(SimulatedFleet):
 
     Args:
         place: The site.
-        site: Its name or path.
-        n_cars: Number of cars.
-        orders: Deliveries, ascending in release.
-        seed: Seed of the run.
-        fidelity: `kinematic` or `physics`.
-        duration_s: Length of the episode [s].
+        simulation: The run, before its first tick.
     """
 
-    def __init__(
-        self,
+    def __init__(self, place: FleetSite, simulation: Simulation) -> None:
+        super().__init__(simulation)
+        self.simulation = simulation
+        self._number = {station.name: k for k, station in enumerate(place.site.stations)}
+
+    @classmethod
+    def begun(
+        cls,
         place: FleetSite,
         site: str,
         n_cars: int,
@@ -55,7 +59,18 @@ class SimulatedDispatch(SimulatedFleet):
         seed: int,
         fidelity: Fidelity,
         duration_s: float,
-    ) -> None:
+    ) -> SimulatedDispatch:
+        """The fleet of a new run, after its first tick.
+
+        Args:
+            place: The site.
+            site: Its name or path.
+            n_cars: Number of cars.
+            orders: Deliveries, ascending in release.
+            seed: Seed of the run.
+            fidelity: `kinematic` or `physics`.
+            duration_s: Length of the episode [s].
+        """
         config = RunConfig(
             site=site,
             robots=n_cars,
@@ -65,11 +80,10 @@ class SimulatedDispatch(SimulatedFleet):
             arms=ArmConfig(workers_n=0),
         )
         parts = Parts(orders=orders, allocation=AgentAllocation, figures=False)
-        self.simulation = Simulation(config, parts=parts)
-        super().__init__(self.simulation)
-        self._number = {station.name: k for k, station in enumerate(place.site.stations)}
+        fleet = cls(place, Simulation(config, parts=parts))
         # The first tasks become ready in the first tick.
-        self.run(self.simulation.tick_s)
+        fleet.run(fleet.simulation.tick_s)
+        return fleet
 
     def view(self, left: float) -> DispatchView:
         """See `DispatchFleet`."""
@@ -96,6 +110,35 @@ class SimulatedDispatch(SimulatedFleet):
             age_s=np.array([now_s - task.order.release_s for task in ready], dtype=np.float64),
             due_s=np.array([task.order.due_s - now_s for task in ready], dtype=np.float64),
             under_way=under_way,
+        )
+
+    def outlook(self) -> Outlook:
+        """See `DispatchFleet`; a service takes what is left of the mean time of its arm."""
+        simulation, number = self.simulation, self._number
+        missions, board, now_s = simulation.missions, simulation.board, simulation.sim_s
+        known = sorted(board.in_state(TaskState.READY, *UNDER_WAY), key=lambda task: task.index)
+        row = {task.index: k for k, task in enumerate(known)}
+        job = [row.get(task.index, NONE) if task is not None else NONE for task in missions.task_of]
+        left = np.zeros(len(job), dtype=np.int32)
+        being_served = np.flatnonzero(missions.served >= 0)
+        left_s = missions.stations.times.all_left_s(now_s)[being_served]
+        left[missions.served[being_served]] = np.ceil(left_s / TIMESTEP_S)
+        due_s = np.array([task.order.due_s for task in known], dtype=np.float64)
+        jobs = (
+            [math.ceil(task.order.release_s / TIMESTEP_S) for task in known],
+            np.minimum(due_s / TIMESTEP_S, NEVER),
+            [number[task.pick] for task in known],
+            [number[task.delivery.drop] for task in known],
+            [task.order.rank for task in known],
+        )
+        return Outlook(
+            now=math.ceil(now_s / TIMESTEP_S),
+            state=simulation.executor.tail_states().astype(np.int32),
+            phase=self._phases(),
+            left=left,
+            job=np.array(job, dtype=np.int32),
+            jobs=Jobs(*(np.array(column, dtype=np.int32) for column in jobs)),
+            number=np.array([task.index for task in known], dtype=np.int32),
         )
 
     def give(self, pairs: Sequence[tuple[int, int]]) -> None:

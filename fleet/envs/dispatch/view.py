@@ -179,7 +179,7 @@ class DispatchObserver:
         )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, _nrt=True)  # it allocates, and kernels that count no references call it
 def fill_candidates(
     floor: Floor,
     view: DispatchView,

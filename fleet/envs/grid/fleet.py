@@ -107,31 +107,15 @@ class GridFleet:
         self.place = place
         self.now = 0
         floor, graph = place.floor, place.graph
-        k = len(floor.dock_state)
-        start = floor.spot_state[:n_cars].copy()
-        self.cars = CarTable(
-            state=start,
-            phase=np.zeros(n_cars, dtype=np.int8),
-            held=np.zeros(n_cars, dtype=np.bool_),
-            booked=np.zeros(n_cars, dtype=np.bool_),
-            task=_none(n_cars),
-            station=_none(n_cars),
-            spot=np.arange(n_cars, dtype=np.int32),
-            left=_zero(n_cars),
-            bound=_zero(n_cars),
-            since=_zero(n_cars),
-            goal=start.copy(),
-            row=floor.spot_row[:n_cars].copy(),
-        )
-        self.tasks = _tasks_of(orders, [station.name for station in place.site.stations])
-        self.stations = StationTable(booked=_zero(k), under_way=_zero(k))
+        self.cars = cars_at_start(floor, n_cars)
+        self.tasks = tasks_of(orders, [station.name for station in place.site.stations])
+        self.stations = StationTable(booked=_zero(len(floor.dock_state)), under_way=_zero(len(floor.dock_state)))
         self.counts = Counts.of(n_cars, np.int32)
         self.priority = np.zeros(n_cars)
         self.locked = np.zeros(n_cars, dtype=np.bool_)
-        self._spot_user = np.where(np.arange(len(floor.spot_state)) < n_cars, np.arange(len(floor.spot_state)), NONE)
-        self._spot_user = self._spot_user.astype(np.int32)
-        self._first = _none(k)
-        self._after = start.copy()
+        self._spot_user = spot_users_at_start(floor, n_cars)
+        self._first = _none(len(floor.dock_state))
+        self._after = self.cars.state.copy()
         # Copies share it: all that it remembers from one step to the next is the salt of the tie-breaking.
         self._stepper = Stepper(graph, np.zeros(graph.n_cells, dtype=np.bool_), seed=seed)
         self._salt = self._stepper.salt
@@ -152,20 +136,19 @@ class GridFleet:
         kernel.direct(floor, self.cars, self.tasks, self.stations, self._spot_user, self._first, now)
         kernel.rank_cars(floor, self.cars, self.tasks, now, self.priority, self.locked)
 
-    def planned(self) -> npt.NDArray[np.int32]:
-        """Where PIBT lets every car go in the next timestep, shape (n_cars,); holds until the next call."""
-        self._stepper.salt = self._salt
-        self._stepper.step(
-            self.cars.state,
-            self._after,
-            distances=self.place.floor.distance,
-            row=self.cars.row,
-            order=np.argsort(-self.priority, kind="stable").astype(np.int32),
-            locked=self.locked,
-            allow_rotation=False,
-        )
+    def planned(self, wished: npt.NDArray[np.int32] | None = None) -> npt.NDArray[np.int32]:
+        """Where PIBT lets every car go in the next timestep, shape (n_cars,); holds until the next call.
+
+        Args:
+            wished: State that each car prefers, its own to wait, negative = none, shape (n_cars,); None = no wishes.
+        """
+        after = self._step(wished)
         self._salt = self._stepper.salt
-        return self._after
+        return after
+
+    def proposed(self) -> npt.NDArray[np.int32]:
+        """Where `planned` without wishes would let every car go; its chance is not drawn on."""
+        return self._step(None)
 
     def move(self, after: npt.NDArray[np.int32]) -> None:
         """Let a timestep pass.
@@ -187,6 +170,20 @@ class GridFleet:
             setattr(twin, name, getattr(self, name).copy())
         return twin
 
+    def _step(self, wished: npt.NDArray[np.int32] | None) -> npt.NDArray[np.int32]:
+        self._stepper.salt = self._salt
+        self._stepper.step(
+            self.cars.state,
+            self._after,
+            distances=self.place.floor.distance,
+            row=self.cars.row,
+            order=np.argsort(-self.priority, kind="stable").astype(np.int32),
+            locked=self.locked,
+            allow_rotation=False,
+            wished=wished,
+        )
+        return self._after
+
     def _turn(self) -> None:
         """Everything that happens between two moves."""
         kernel.serve(self.place.floor, self.cars, self.tasks, self.stations, self.counts, self.now)
@@ -198,7 +195,38 @@ def _room_near(place: StationPlace) -> int:
     return min(STATION_CAP, len(place.slots)) if place.kind == "pick" else STATION_CAP
 
 
-def _tasks_of(orders: Sequence[Delivery], names: list[str]) -> TaskTable:
+def cars_at_start(floor: Floor, n_cars: int) -> CarTable:
+    """Cars without a task, each in a parking place of its own, before their first `direct`."""
+    start = floor.spot_state[:n_cars].copy()
+    return CarTable(
+        state=start,
+        phase=np.zeros(n_cars, dtype=np.int8),
+        held=np.zeros(n_cars, dtype=np.bool_),
+        booked=np.zeros(n_cars, dtype=np.bool_),
+        task=_none(n_cars),
+        station=_none(n_cars),
+        spot=np.arange(n_cars, dtype=np.int32),
+        left=_zero(n_cars),
+        bound=_zero(n_cars),
+        since=_zero(n_cars),
+        goal=start.copy(),
+        row=floor.spot_row[:n_cars].copy(),
+    )
+
+
+def spot_users_at_start(floor: Floor, n_cars: int) -> npt.NDArray[np.int32]:
+    """Car whose own each parking place is in the beginning, or `NONE`, shape (p,)."""
+    spots = np.arange(len(floor.spot_state), dtype=np.int32)
+    return np.where(spots < n_cars, spots, NONE).astype(np.int32)
+
+
+def tasks_of(orders: Sequence[Delivery], names: list[str]) -> TaskTable:
+    """Tasks that are not released yet.
+
+    Args:
+        orders: Deliveries, ascending in release.
+        names: Names of the stations, in their order.
+    """
     number = {name: k for k, name in enumerate(names)}
     n = len(orders)
     due = [order.due_s / TIMESTEP_S if math.isfinite(order.due_s) else NEVER for order in orders]

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from fleet.envs.grid.compiled import compiled, inlined
 
 Ints = npt.NDArray[np.int32]
 SmallInts = npt.NDArray[np.int8]
@@ -149,7 +150,7 @@ class Counts(NamedTuple):
             count[:] = 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def assign(
     cars: CarTable, tasks: TaskTable, stations: StationTable, car: int, task: int, now: int
 ) -> None:  # pragma: no cover
@@ -161,7 +162,7 @@ def assign(
     _bind(cars, car, TO_PICK, tasks.pick[task], now)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def assign_nearest(
     floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, room: int, now: int
 ) -> None:  # pragma: no cover - compiled
@@ -188,7 +189,7 @@ def assign_nearest(
                 return
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def count_moves(cars: CarTable, after: Ints, counts: Counts) -> None:  # pragma: no cover - compiled
     """Count the moves to pick stations, and put the cars where they are after the timestep."""
     for car in range(len(after)):
@@ -197,7 +198,7 @@ def count_moves(cars: CarTable, after: Ints, counts: Counts) -> None:  # pragma:
         cars.state[car] = after[car]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def serve(
     floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, counts: Counts, now: int
 ) -> None:  # pragma: no cover - compiled
@@ -226,7 +227,7 @@ def serve(
             cars.left[car] = floor.service_steps
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def release(tasks: TaskTable, counts: Counts, now: int) -> None:  # pragma: no cover - compiled
     """Let orders come in: they are ready at once."""
     window = tasks.window
@@ -239,7 +240,7 @@ def release(tasks: TaskTable, counts: Counts, now: int) -> None:  # pragma: no c
         counts.open[0] += tasks.stage[task] <= ASSIGNED
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def direct(
     floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, spot_user: Ints, first: Ints, now: int
 ) -> None:  # pragma: no cover - compiled
@@ -291,7 +292,7 @@ def direct(
             cars.goal[car], cars.row[car], cars.since[car] = goal, row, now
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def rank_cars(
     floor: Floor, cars: CarTable, tasks: TaskTable, now: int, priority: npt.NDArray[np.float64], locked: Bools
 ) -> None:  # pragma: no cover - compiled
@@ -312,13 +313,13 @@ def rank_cars(
         priority[car] = -1.0 if at_goal else waited
 
 
-@njit(cache=True, nogil=True)
+@inlined
 def _bind(cars: CarTable, car: int, phase: int, station: int, now: int) -> None:  # pragma: no cover - compiled
     cars.phase[car], cars.station[car], cars.bound[car] = phase, station, now
     cars.held[car] = cars.booked[car] = False
 
 
-@njit(cache=True, nogil=True)
+@inlined
 def _nearest_spot(floor: Floor, spot_user: Ints, state: int) -> int:  # pragma: no cover - compiled
     nearest, least = NONE, NEVER
     for spot in range(len(spot_user)):

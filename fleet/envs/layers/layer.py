@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from gymnasium.spaces import Box, Dict, Discrete
 from fleet.arrays import FloatArray
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture
 from fleet.envs.core.choices import whole_numbers
+from fleet.envs.core.episode_pictures import EpisodePictures
 from fleet.envs.core.floor_drawing import FloorDrawing
 from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite
 from fleet.envs.grid.kernel import Counts, Ints, Phase, SmallInts
@@ -21,9 +22,6 @@ from fleet.envs.layers.fleets import Fleet
 from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.tasks.order import Delivery
-
-if TYPE_CHECKING:  # heavy, and most trainings record nothing
-    from fleet.recording import PictureRecorder
 
 Bools = npt.NDArray[np.bool_]
 Int64Array = npt.NDArray[np.int64]
@@ -86,8 +84,14 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         self._cars = np.arange(n_cars)
         self._view: ViewT | None = None
         self._mask = np.ones((n_cars, n_actions), dtype=np.int8)
-        self._recorder: PictureRecorder | None = None
-        self._n_episodes = 0
+        self._pictures = EpisodePictures(config.recordings, f"{config.NAME}, {n_cars} cars")
+        self._duration_s = self.max_cycles * config.step_s
+
+    def drawn(self, seed: int) -> tuple[tuple[Delivery, ...], int]:
+        """What chance brings in the episode of a seed: its orders, ascending in release, and the seed of its fleet."""
+        of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
+        orders = self._orders(np.random.default_rng(of_orders), self._duration_s)
+        return orders, int(of_fleet.generate_state(1)[0])
 
     @property
     def view(self) -> ViewT:
@@ -146,23 +150,22 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         if self.fleet is not None:
             self.fleet.close()
             self.fleet = None
-        if self._recorder is not None:
-            self._recorder.close()
-            self._recorder = None
+        self._pictures.close()
 
     def _begin(self, seed: int) -> Infos:
         self._end()
-        of_orders, of_fleet = np.random.SeedSequence(seed).spawn(2)
-        duration_s = self.max_cycles * self.config.step_s
-        rng = np.random.default_rng(of_orders)
-        orders = episode_orders(self.place, self._n_cars, float(self.config.load), duration_s, rng)
-        self.fleet = self._fleet_of(orders, int(of_fleet.generate_state(1)[0]), duration_s)
+        orders, of_fleet = self.drawn(seed)
+        self.fleet = self._fleet_of(orders, of_fleet, self._duration_s)
         self.n_delivered, self.late_s = 0, 0.0
-        self._n_episodes += 1
         if self.render_mode == "rerun":
-            self._open_recorder()
+            self._pictures.begin()
         none = np.zeros(self._n_cars, dtype=np.bool_)
         return self._infos(np.zeros((self._n_cars, self._n_terms)), none, none)
+
+    def _orders(self, rng: np.random.Generator, duration_s: float) -> tuple[Delivery, ...]:
+        """Orders of an episode, ascending in release."""
+        load, stream = float(self.config.load), self.config.order_stream
+        return episode_orders(self.place, self._n_cars, load, duration_s, rng, stream)
 
     def _resolved(self, actions: Mapping[str, Any]) -> Int64Array:
         return whole_numbers(actions, self.possible_agents)
@@ -201,16 +204,8 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         return self._drawing.picture(self.fleet.poses(), np.isin(view.phase, LOADED), goals)
 
     def _record(self) -> None:
-        recorder = self._recorder or self._open_recorder()
         figures = {"delivered": float(self.n_delivered), "late_min": self.late_s / 60.0}
-        recorder.show(self._picture(), self.n_steps * self.config.step_s, figures)
-
-    def _open_recorder(self) -> PictureRecorder:
-        from fleet.recording import PictureRecorder
-
-        path = self.config.recordings / f"episode_{self._n_episodes - 1:04}.rrd"
-        self._recorder = PictureRecorder(path, f"{self.metadata['name']}, {self._n_cars} cars")
-        return self._recorder
+        self._pictures.show(self._picture(), self.n_steps * self.config.step_s, figures)
 
 
 def _space(n_numbers: int, n_actions: int) -> Dict:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from fleet.config import Fidelity, require
+from fleet.config import Fidelity, StreamConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.env_config import RecordedEnvConfig
+from fleet.envs.layers.order_streams import stream_of
 from maps.site import Site
 
 
@@ -28,6 +31,9 @@ class LayerConfig(RecordedEnvConfig):
     """`grid`, `kinematic` or `physics`."""
     load: float = 1.5
     """Orders, as a multiple of what the cars could carry if none was ever in the way of another."""
+    stream: StreamConfig | Mapping[str, Any] | None = None
+    """How orders come, by the settings of a stream but for its rate, such as `{"kind": "skewed_waves"}`; None = a
+    Poisson stream with due dates."""
 
     def __post_init__(self) -> None:
         require(self.fidelity in list(Fidelity), "fidelity", self.fidelity, ", ".join(Fidelity))
@@ -42,7 +48,13 @@ class LayerConfig(RecordedEnvConfig):
         require(cars_ok, "n_cars", self.n_cars, f"1 to {n_spots} (parking cells of site {self.place.name})")
         load_ok = is_number(self.load) and 0 < self.load <= 100
         require(load_ok, "load", self.load, "a number > 0, at most 100")
+        stream_of(self.stream)
         super().__post_init__()
+
+    @property
+    def order_stream(self) -> StreamConfig:
+        """How orders come; its rate is not that of the episode, which the load decides."""
+        return stream_of(self.stream)
 
     @property
     @abstractmethod

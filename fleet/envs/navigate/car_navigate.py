@@ -15,10 +15,13 @@ from gymnasium.utils import EzPickle
 
 from fleet.config import require
 from fleet.config.field_checks import is_whole
+from fleet.envs.core.versions import Replaced
 from fleet.envs.navigate.navigation import NavigationConfig, NavigationEnv, Observation
 from fleet.envs.navigate.navigation_policy import PursuitPolicy
 
 SELF = "car_0"
+replaced = Replaced("CarNavigate-v0", "CarNavigate-v1", "whose cars stop at each other and see more of each other")
+"""Stands for the first version."""
 
 
 class CarNavigateEnv(gymnasium.Env[Any, Any], EzPickle):

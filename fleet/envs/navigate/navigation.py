@@ -3,7 +3,8 @@
 Every car has a stream of places to visit, drawn from the episode's seed and the same whatever the agents do. Its way
 there is the shortest along the lanes of the site; no car is given right of way: to keep clear of the others is the agents'
 own affair. A car that gets more than 0.8 m away from its way is out of its agent's hands for a second and a half: it
-brakes, is towed back to its way, and stands there. An episode begins with all cars parked and is truncated for all after
+brakes, is towed back to its way, and stands there. Cars stop at each other, at walls and at shelves, in fidelity
+`kinematic` too unless `contact` is `pass`: then they drive through each other, and only pay. An episode begins with all cars parked and is truncated for all after
 `max_cycles` steps.
 
 Agents: `car_0`, `car_1`, ...
@@ -17,12 +18,25 @@ Observations, all clipped to [-1, 1]; a car's frame lies at its rear axle, x ahe
 |---|---|
 | 0-1 | speed / 2 m/s, steering / 0.8 rad |
 | 2-3 | distance to the left of the way / 1 m, way left to the place / 10 m |
-| 4-15 | points of the way 0.3, 0.6, 1.0, 1.5, 2.2 and 3.0 m ahead / 3 m |
-| 16-23 | the nearest other car within 4 m: there is one (0 or 1), offset / 4 m, cos and sin of its heading, its speed / 2 m/s, the point 1 m ahead on its way / 4 m |
-| 24-31, 32-39 | the second and third nearest |
+| 4-6 | share of the episode that is left, whether it touches another car, whether it is out of its agent's hands (0 or 1) |
+| 7-18 | points of the way 0.3, 0.6, 1.0, 1.5, 2.2 and 3.0 m ahead / 3 m |
+| 19-34 | the nearest other car within 4 m, see below |
+| 35-50, 51-66, 67-82 | the second, third and fourth nearest |
 
-Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places`, the number
-of places that were reached in this step. `state()` is all observations, one after the other.
+Of another car:
+
+| entries | |
+|---|---|
+| 0 | there is one (0 or 1) |
+| 1-4 | offset / 4 m, cos and sin of its heading |
+| 5-7 | its velocity less the own one / 4 m/s, the speed at which both come closer / 4 m/s |
+| 8 | how soon they collide if nobody turns or brakes: 1 now, 0 in 3 s or never |
+| 9-12 | the point 1 m ahead on its way / 4 m, its place / 10 m |
+| 13-14 | where the ways of both meet: the own way to there / 3 m, its way to there / 3 m; 1 each if not within 3 m |
+| 15 | whether its number is lower (0 or 1): something by which agents can agree who goes first |
+
+Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places` and `touches`,
+the numbers of places that were reached and of touches that began in this step. `state()` is all observations, one after the other.
 """  # noqa: E501 - a table's row
 
 from __future__ import annotations
@@ -43,14 +57,19 @@ from fleet.config import Fidelity, Grip, RunConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.core.choices import row_of
-from fleet.envs.core.env_config import EnvConfig
+from fleet.envs.core.env_config import RecordedEnvConfig
+from fleet.envs.core.episode_pictures import EpisodePictures
 from fleet.envs.core.floor_drawing import FloorDrawing
 from fleet.envs.core.weights import check_weights
-from fleet.envs.navigate.rows import N_CAR_NUMBERS, WAY_POINTS_M, CarsSeen, Seen, WayLines, observe, project
+from fleet.envs.navigate.rows import N_CAR_NUMBERS, CarsSeen, Seen, observe
+from fleet.envs.navigate.ways import WayLines, project
 from fleet.robots.pursuit import PathBuffer
 from fleet.world import make_world
+from fleet.world.kinematic import CONTACTS, STOP, TYRE_GRIP_MPS2, KinematicConfig, KinematicWorld
+from fleet.world.protocol import World
+from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
-from maps.lane_graph import MoveKind, build_lane_graph
+from maps.lane_graph import LaneGraph, MoveKind, build_lane_graph
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
@@ -68,6 +87,8 @@ _AHEAD_M = 4.0
 """Length of way that is always known [m]."""
 
 Observation = npt.NDArray[np.float32]
+_Stop = tuple[float, int]
+"""A place on a way: arc length [m], and lane-graph state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +115,7 @@ TERMS = ("progress", "place", "touch", "off_lane", "towed")
 
 
 @dataclass(frozen=True, kw_only=True)
-class NavigationConfig(EnvConfig):
+class NavigationConfig(RecordedEnvConfig):
     """Settings of `NavigationEnv`.
 
     Raises:
@@ -102,7 +123,7 @@ class NavigationConfig(EnvConfig):
         SiteError: The site cannot be read.
     """
 
-    NAME: ClassVar[str] = "navigate_v0"
+    NAME: ClassVar[str] = "navigate_v1"
     WEIGHTS: ClassVar[type] = NavigationWeights
 
     site: str = "small"
@@ -111,6 +132,8 @@ class NavigationConfig(EnvConfig):
     """Number of cars."""
     fidelity: str = "kinematic"
     """`kinematic` or `physics`."""
+    contact: str = STOP
+    """What a collision does in fidelity `kinematic`: `stop` or `pass`, see `fleet.world.kinematic.KinematicConfig`."""
     control_hz: float = 10.0
     """Steps per simulated second; the world's tick rate (kinematic 20, physics 60) is a multiple."""
     max_cycles: int = 600
@@ -124,6 +147,7 @@ class NavigationConfig(EnvConfig):
         cars_ok = is_whole(self.n_cars) and 1 <= self.n_cars <= n_spots
         require(cars_ok, "n_cars", self.n_cars, f"1 to {n_spots} on site {self.place.name}")
         require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
+        require(self.contact in CONTACTS, "contact", self.contact, ", ".join(CONTACTS))
         hz_ok = is_number(self.control_hz) and self.control_hz > 0
         require(hz_ok, "control_hz", self.control_hz, "a number > 0")
         super().__post_init__()
@@ -157,6 +181,9 @@ class NavigationEnv(FleetEnv):
         self.state_space = _box(n_cars * N_CAR_NUMBERS)
         self._weights = config.weights or NavigationWeights()
         self._drawing: FloorDrawing | None = None
+        self._pictures = EpisodePictures(config.recordings, f"{config.NAME}, {n_cars} cars")
+        self._figures = {"places": 0.0, "touches": 0.0}
+        """Sums over team and episode, for recordings."""
 
         graph = self._graph = build_lane_graph(config.place)
         forward = not (graph.move_kind == MoveKind.REVERSE).any()
@@ -168,8 +195,7 @@ class NavigationEnv(FleetEnv):
         scene = scene_of(config.place, graph.state_pose[self._starts], Grip.SUCTION)
         # Arms would only stand about.
         scene = replace(scene, arm_base=scene.arm_base[:0], arm_start=scene.arm_start[:0])
-        run = RunConfig(site=config.site, robots=n_cars, fidelity=Fidelity(config.fidelity))
-        self._world = make_world(scene, graph, run)
+        self._world = _world_of(scene, graph, config)
         ticks = 1.0 / (config.control_hz * self._world.tick_s)
         self._n_ticks = round(ticks)
         fits = self._n_ticks >= 1 and math.isclose(ticks, self._n_ticks, rel_tol=1e-6)
@@ -186,7 +212,6 @@ class NavigationEnv(FleetEnv):
         self._seen = Seen(
             rows=np.zeros((n_cars, N_CAR_NUMBERS), dtype=np.float32),
             touches=np.zeros(n_cars, dtype=np.bool_),
-            aims=np.zeros((n_cars, 2)),
         )
 
     def state(self) -> Observation:
@@ -202,6 +227,7 @@ class NavigationEnv(FleetEnv):
     def close(self) -> None:
         """Free what the environment holds; calling twice is harmless."""
         self._world.close()
+        self._pictures.close()
         super().close()
 
     def _begin(self, seed: int) -> Infos:
@@ -210,15 +236,25 @@ class NavigationEnv(FleetEnv):
         self._world.load(self._parked)
         self._paths = PathBuffer(n_cars)
         self._ends = list(self._starts)
-        self._stops: list[deque[float]] = [deque() for _ in range(n_cars)]
+        self._stops: list[deque[_Stop]] = [deque() for _ in range(n_cars)]
+        self._end_m, self._stop_m = np.zeros(n_cars), np.zeros(n_cars)
+        """Arc lengths at which each car's way ends, and its next place lies [m]."""
+        self._goals = np.zeros((n_cars, 2))
+        """The places that cars drive to, x, y."""
         for car, state in enumerate(self._starts):
             self._paths.reset(car, self._graph.state_pose[state])
             self._extend(car)
         self._ticks_towed = np.zeros(n_cars, dtype=np.int64)
         """Ticks for which each car is still out of its agent's hands."""
         self._aside_m[:] = 0.0
-        self._look()
-        return {agent: {**dict.fromkeys((*TERMS, "places"), 0.0), "illegal": False} for agent in self.possible_agents}
+        self._look(0)
+        self._figures = dict.fromkeys(self._figures, 0.0)
+        if self.render_mode == "rerun":
+            self._pictures.begin()
+        return {
+            agent: {**dict.fromkeys((*TERMS, "places", "touches"), 0.0), "illegal": False}
+            for agent in self.possible_agents
+        }
 
     def _resolved(self, actions: Mapping[str, Any]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """Shares of steering and speed, shape (n_cars, 2), and which cars' actions were illegal or missing."""
@@ -238,26 +274,34 @@ class NavigationEnv(FleetEnv):
         for _ in range(self._n_ticks):
             self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
         project(self._world.car_poses(), self._ways())
-        reached = [self._arrive(car) for car in range(len(self.possible_agents))]
+        reached = self._arrive()
         towed = self._tow()
         touched = self._seen.touches.copy()
-        self._look()
+        self._look(self.n_steps + 1)
+        touches = self._seen.touches & ~touched
+        self._figures["places"] += int(reached.sum())
+        self._figures["touches"] += int(touches.sum())
         off_lane = np.abs(self._aside_m) > OFF_LANE_M
         weights = self._weights
         terms = np.column_stack(
             (
                 weights.progress * (self._paths.progress - before_m),
-                weights.place * np.array(reached),
-                weights.touch * (self._seen.touches & ~touched),
+                weights.place * reached,
+                weights.touch * touches,
                 weights.off_lane * off_lane,
                 weights.towed * towed,
             )
         )
         rewards = dict(zip(self.possible_agents, terms.sum(axis=1).tolist(), strict=True))
         infos: Infos = {
-            agent: {**dict(zip(TERMS, row, strict=True)), "places": float(places), "illegal": wrong}
-            for agent, row, places, wrong in zip(
-                self.possible_agents, terms.tolist(), reached, illegal.tolist(), strict=True
+            agent: {**dict(zip(TERMS, row, strict=True)), "places": float(n), "touches": touch, "illegal": wrong}
+            for agent, row, n, touch, wrong in zip(
+                self.possible_agents,
+                terms.tolist(),
+                reached.tolist(),
+                touches.astype(np.float64).tolist(),
+                illegal.tolist(),
+                strict=True,
             )
         }
         return rewards, False, infos
@@ -268,8 +312,10 @@ class NavigationEnv(FleetEnv):
     def _picture(self) -> Picture:
         self._drawing = self._drawing or FloorDrawing(self.config.place)
         poses = self._world.car_poses()
-        goals = np.array([self._goal(car) for car in range(len(poses))])
-        return self._drawing.picture(poses, np.zeros(len(poses), dtype=np.bool_), goals)
+        return self._drawing.picture(poses, np.zeros(len(poses), dtype=np.bool_), self._goals)
+
+    def _record(self) -> None:
+        self._pictures.show(self._picture(), self.n_steps / self.config.control_hz, self._figures)
 
     def _extend(self, car: int) -> None:
         """Lengthen a car's way by the places that come next, until enough of it is known."""
@@ -287,16 +333,22 @@ class NavigationEnv(FleetEnv):
                 paths.append(car, graph.path_points[span], graph.path_s[span])
                 state = int(graph.move_to[move])
             self._ends[car] = state
-            self._stops[car].append(paths.end_s(car))
+            self._end_m[car] = paths.end_s(car)
+            self._stops[car].append((float(self._end_m[car]), state))
+        self._stop_m[car], state = self._stops[car][0]
+        self._goals[car] = graph.state_pose[state, :2]
 
-    def _arrive(self, car: int) -> int:
-        """Tick off the places a car has reached, and see that its way goes on; returns how many."""
-        stops = self._stops[car]
-        reached = 0
-        while stops and self._paths.progress[car] >= stops[0] - REACHED_M and abs(self._aside_m[car]) <= OFF_LANE_M:
-            stops.popleft()
-            reached += 1
-        self._extend(car)
+    def _arrive(self) -> npt.NDArray[np.int64]:
+        """Tick off the places that cars have reached, and see that their ways go on; returns how many, (n_cars,)."""
+        progress, on_lane = self._paths.progress, np.abs(self._aside_m) <= OFF_LANE_M
+        reached = np.zeros(len(progress), dtype=np.int64)
+        there = on_lane & (progress >= self._stop_m - REACHED_M)
+        for car in np.flatnonzero(there | (self._end_m - progress < _AHEAD_M)).tolist():
+            stops = self._stops[car]
+            while there[car] and stops and progress[car] >= stops[0][0] - REACHED_M:
+                stops.popleft()
+                reached[car] += 1
+            self._extend(car)
         return reached
 
     def _ways(self) -> WayLines:
@@ -324,22 +376,21 @@ class NavigationEnv(FleetEnv):
             self._world.push_car(car, float(x), float(y), math.remainder(yaw, 2.0 * math.pi))
         return lost
 
-    def _look(self) -> None:
+    def _look(self, n_steps: int) -> None:
+        """Look at all cars, after so many steps of the episode."""
         world = self._world
         cars = CarsSeen(
             poses=world.car_poses(),
             speeds=world.car_speeds() / self._limits[1],
             steering=world.car_steering() / self._limits[0],
-            left_m=np.array([stops[0] for stops in self._stops]) - self._paths.progress,
+            left_m=self._stop_m - self._paths.progress,
+            places=self._goals,
+            in_tow=self._ticks_towed > 0,
             body=self._body,
+            max_speed_mps=float(self._limits[1]),
+            time_left=max(0.0, 1.0 - n_steps / self.max_cycles),
         )
-        observe(cars, self._ways(), WAY_POINTS_M, self._seen)
-
-    def _goal(self, car: int) -> FloatArray:
-        """The place that a car drives to, x, y."""
-        paths = self._paths
-        at = int(np.searchsorted(paths.s[car, : paths.count[car]], self._stops[car][0] - 1e-9))
-        return paths.points[car, min(at, paths.count[car] - 1), :2]
+        observe(cars, self._ways(), self._seen)
 
 
 def parallel_env(**settings: Any) -> NavigationEnv:
@@ -355,6 +406,12 @@ def raw_env(**settings: Any) -> Any:
 def env(**settings: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
     return in_order(raw_env(**settings))
+
+
+def _world_of(scene: Scene, graph: LaneGraph, config: NavigationConfig) -> World:
+    if config.fidelity == Fidelity.KINEMATIC:
+        return KinematicWorld(scene, KinematicConfig(contact=config.contact, grip_mps2=TYRE_GRIP_MPS2))
+    return make_world(scene, graph, RunConfig(site=config.site, robots=config.n_cars, fidelity=Fidelity.PHYSICS))
 
 
 def _box(n: int) -> Box:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.navigate.rows import N_OTHERS, N_PER_OTHER, NEAR_M, WAY_POINTS_M
+from fleet.envs.navigate.rows import FIRST_OTHER, N_OTHERS, N_OWN, N_PER_OTHER, NEAR_M
 from fleet.robots.racecar import racecar_spec
 
 AIM = 1
@@ -52,12 +52,12 @@ class PursuitPolicy:
 
     def actions(self, rows: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Actions for observations of shape (n, N_CAR_NUMBERS), shape (n, 2)."""
-        points = 3.0 * rows[:, 4 : 4 + 2 * len(WAY_POINTS_M)].reshape(len(rows), -1, 2).astype(np.float64)
+        points = 3.0 * rows[:, N_OWN:FIRST_OTHER].reshape(len(rows), -1, 2).astype(np.float64)
         curvature = 2.0 * points[..., 1] / np.maximum((points**2).sum(axis=2), 1e-6)
         steering = np.arctan(self._wheelbase_m * curvature[:, AIM])
         sharpest = np.abs(curvature[:, : AIM + 2]).max(axis=1)
         speed = np.minimum(self._max_speed_mps, np.sqrt(LATERAL_MPS2 / np.maximum(sharpest, 1e-6)))
-        others = rows[:, 4 + 2 * len(WAY_POINTS_M) :].reshape(len(rows), N_OTHERS, N_PER_OTHER)
+        others = rows[:, FIRST_OTHER:].reshape(len(rows), N_OTHERS, N_PER_OTHER)
         ahead, left = NEAR_M * others[..., 1], NEAR_M * others[..., 2]
         in_way = (others[..., 0] > 0.0) & (ahead > 0.0) & (np.abs(left) < CORRIDOR_M)
         free_m = np.where(in_way, np.maximum(ahead - GAP_M, 0.0), np.inf).min(axis=1)

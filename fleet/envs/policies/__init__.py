@@ -4,10 +4,11 @@ from collections.abc import Callable
 from functools import partial
 
 from fleet.config import require
-from fleet.envs.policies.dispatch import Allocated, Nearest, apparent_tardiness
+from fleet.envs.policies.dispatch import Allocated, Nearest, ScoredMatching, apparent_tardiness
 from fleet.envs.policies.policy import Policy as Policy
 from fleet.envs.policies.policy import Random
-from fleet.envs.policies.traffic import PibtTraffic, ShortestWay
+from fleet.envs.policies.rollout import Rollout
+from fleet.envs.policies.traffic import PibtTraffic, PlannedTraffic, ShortestWay
 from fleet.envs.policies.warehouse import Classical, PlannedArms, PointingArms, PursuitCars
 
 POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
@@ -16,9 +17,17 @@ POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
         "nearest": Nearest,
         "greedy": partial(Allocated, "greedy"),
         "hungarian": partial(Allocated, "hungarian"),
-        "apparent_tardiness": partial(Allocated, "greedy", cost=apparent_tardiness),
+        "regret_lns": partial(Allocated, "regret_lns"),
+        "apparent_tardiness": partial(Allocated, "greedy", cost=apparent_tardiness, classes=False),
+        "scored_matching": ScoredMatching,
+        "rollout": Rollout,
     },
-    "traffic": {"random": Random, "shortest_way": ShortestWay, "pibt": PibtTraffic},
+    "traffic": {
+        "random": Random,
+        "shortest_way": ShortestWay,
+        "pibt": PibtTraffic,
+        "multi_step_pibt": PlannedTraffic,
+    },
     "warehouse": {
         "random": Random,
         "pursuit": PursuitCars,

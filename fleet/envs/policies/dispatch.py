@@ -6,13 +6,16 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from fleet.arrays import FloatArray
 from fleet.envs.dispatch.env import DispatchEnv
-from fleet.envs.dispatch.view import DispatchObserver, DispatchView
+from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE, TIME_S, DispatchObserver, DispatchView
+from fleet.envs.grid.kernel import NONE
 from planners.allocation import allocator_named
 from planners.allocation.apparent_tardiness import tardiness_index
-from planners.allocation.problem import AllocationProblem
+from planners.allocation.costs import LOOK_AHEAD
+from planners.allocation.problem import AllocationProblem, Allocator
 
 
 class Nearest:
@@ -31,6 +34,10 @@ class Nearest:
         return {agent: int(seen["action_mask"][1]) for agent, seen in observations.items()}
 
 
+MEAN_TASK_S = 80.0
+"""Mean time of a task, where it is not worked out [s]."""
+Score = Callable[[npt.NDArray[np.float32], npt.NDArray[np.int8]], npt.NDArray[Any]]
+"""From observations and legal actions to how much each action is wanted."""
 Price = Callable[[DispatchObserver, DispatchView], FloatArray]
 """What each task costs each car, shape (n_cars, n_tasks) [s]."""
 
@@ -48,29 +55,107 @@ class Allocated:
         seed: Not used; every policy of the table takes one.
         cost: What each task costs each car. As it stands it is what it costs in any run: travel and lateness, less what
             the task presses for.
+        classes: Whether tasks of a class go before those of the next, at any cost.
     """
 
-    def __init__(self, allocator: str, seed: int = 0, *, cost: Price = DispatchObserver.cost_s) -> None:
+    def __init__(
+        self, allocator: str, seed: int = 0, *, cost: Price = DispatchObserver.cost_s, classes: bool = True
+    ) -> None:
         del seed
         self._allocator = allocator_named(allocator)
         self._cost = cost
+        self._classes = classes
 
     def act(self, env: DispatchEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
-        actions: dict[str, Any] = dict.fromkeys(observations, 0)
         view, candidates = env.view, env.candidates
-        cars, places = np.nonzero(candidates >= 0)
+        cars, places = np.nonzero(candidates != NONE)
         if not len(cars):
-            return actions
+            return dict.fromkeys(observations, 0)
         # Most of what is ready is nobody's candidate.
         view = view.only(np.searchsorted(view.task, np.unique(candidates[cars, places])))
         columns = np.searchsorted(view.task, candidates[cars, places])
-        cost = np.full((len(candidates), len(view.task)), np.inf)
-        cost[cars, columns] = self._cost(env.observer, view)[cars, columns]
-        able = np.unique(cars)
-        problem = AllocationProblem(cost=cost[able], class_of=view.rank.astype(np.int32), since_s=-view.age_s)
-        for row, column in self._allocator.allocate(problem).pairs.tolist():
-            car = int(able[row])
-            place = int(np.flatnonzero(candidates[car] == view.task[column])[0])
-            actions[env.possible_agents[car]] = place + 1
+        cost = np.full(candidates.shape, np.inf)
+        cost[cars, places] = self._cost(env.observer, view)[cars, columns]
+        return matched(env, observations, cost, self._allocator, classes=self._classes)
+
+
+def observed_tardiness(rows: npt.NDArray[np.float32], mask: npt.NDArray[np.int8]) -> FloatArray:
+    """The apparent tardiness cost rule from what cars observe: logarithm of its index, shape (n, n_actions).
+
+    Args:
+        rows: Observations, shape (n, n_numbers).
+        mask: Legal actions, shape (n, n_actions).
+    """
+    n, n_actions = mask.shape
+    end = N_OWN + (n_actions - 1) * N_PER_CANDIDATE
+    each = rows[:, N_OWN:end].reshape(n, n_actions - 1, N_PER_CANDIDATE)
+    takes = each[:, :, 1] + each[:, :, 2]
+    # In units of the longest way and of 300 s: the mean of a task is the first, time to spare the second.
+    spare = np.where(each[:, :, 4] > 0.0, np.maximum(each[:, :, 5], 0.0), 1.0)
+    scores = np.full((n, n_actions), -np.inf)
+    scores[:, 1:] = -np.log(np.maximum(takes, 0.1)) - TIME_S * spare / (LOOK_AHEAD * MEAN_TASK_S)
+    return scores
+
+
+class ScoredMatching:
+    """Cars say how much they want each of their candidates, and get what makes the sum of it greatest.
+
+    So what is learned may be one number for each car and candidate, and two cars never choose the same task. A
+    candidate that a car wants less than to take nothing is not given to it.
+
+    Args:
+        seed: Not used; every policy of the table takes one.
+        score: From observations, shape (n, n_numbers), and legal actions, shape (n, n_actions), to how much each
+            action is wanted, same shape as these; -inf for 0 = anything is better than nothing. As it stands it is a
+            rule.
+    """
+
+    def __init__(self, seed: int = 0, *, score: Score = observed_tardiness) -> None:
+        del seed
+        self._score = score
+        self._allocator = allocator_named("hungarian")
+
+    def act(self, env: DispatchEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
+        """See `Policy`."""
+        # Only who can choose is asked.
+        able = np.flatnonzero(env.candidates[:, 0] != NONE)
+        cost = np.full(env.candidates.shape, np.inf)
+        if len(able):
+            seen = [observations[env.possible_agents[car]] for car in able]
+            mask = np.stack([one["action_mask"] for one in seen])
+            scores = self._score(np.stack([one["observation"] for one in seen]), mask)
+            wanted = (mask[:, 1:] == 1) & (scores[:, 1:] > scores[:, :1])
+            cost[able] = np.where(wanted, -scores[:, 1:], np.inf)
+        return matched(env, observations, cost, self._allocator, classes=False)
+
+
+def matched(
+    env: DispatchEnv, observations: Mapping[str, Any], cost: FloatArray, allocator: Allocator, *, classes: bool
+) -> dict[str, Any]:
+    """Actions that an allocator chooses.
+
+    Args:
+        env: The environment.
+        observations: By agent.
+        cost: Of each candidate of each car, inf = not to be had, shape (n_cars, candidates_n).
+        allocator: Chooses.
+        classes: Whether tasks of a class go before those of the next, at any cost.
+    """
+    actions: dict[str, Any] = dict.fromkeys(observations, 0)
+    view, candidates = env.view, env.candidates
+    cars, places = np.nonzero(np.isfinite(cost))
+    if not len(cars):
         return actions
+    able, rows = np.unique(cars, return_inverse=True)
+    tasks, columns = np.unique(candidates[cars, places], return_inverse=True)
+    of_task = np.full((len(able), len(tasks)), np.inf)
+    of_task[rows, columns] = cost[cars, places]
+    known = np.searchsorted(view.task, tasks)
+    class_of = view.rank[known].astype(np.int32) if classes else np.zeros(len(tasks), dtype=np.int32)
+    problem = AllocationProblem(cost=of_task, class_of=class_of, since_s=-view.age_s[known])
+    for row, column in allocator.allocate(problem).pairs.tolist():
+        car = int(able[row])
+        place = int(np.flatnonzero(candidates[car] == tasks[column])[0])
+        actions[env.possible_agents[car]] = place + 1
+    return actions

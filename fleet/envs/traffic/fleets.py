@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from fleet.envs.grid.fleet import FleetSite, GridFleet
 from fleet.envs.grid.kernel import Ints
 from fleet.envs.layers.fleets import Fleet, FleetOnGrid
-from fleet.envs.traffic.right_of_way import RightOfWay
 from fleet.envs.traffic.view import TrafficView
 from fleet.tasks.order import Delivery
 
@@ -22,14 +20,14 @@ class TrafficFleet(Fleet, Protocol):
     def view(self) -> TrafficView:
         """The fleet now; holds until the next `move`."""
 
-    def move(self, wanted: Ints) -> npt.NDArray[np.bool_]:
+    def move(self, wanted: Ints) -> Ints:
         """Let a timestep pass.
 
         Args:
             wanted: State that each car wishes to go to, its own to wait, shape (n_cars,).
 
         Returns:
-            True for each car that may go where it wished to, shape (n_cars,).
+            State that each car is sent to, its own to wait, shape (n_cars,).
         """
 
 
@@ -44,7 +42,6 @@ class GridTraffic(FleetOnGrid):
 
     def __init__(self, place: FleetSite, n_cars: int, orders: Sequence[Delivery]) -> None:
         super().__init__(GridFleet(place, n_cars, orders, seed=0))
-        self._right_of_way = RightOfWay(place.graph.state_cell, place.graph.n_cells)
         self.grid.assign_nearest()
 
     def view(self) -> TrafficView:
@@ -57,13 +54,13 @@ class GridTraffic(FleetOnGrid):
             held=cars.held,
             locked=grid.locked,
             priority=grid.priority,
+            proposed=grid.proposed().copy(),
         )
 
-    def move(self, wanted: Ints) -> npt.NDArray[np.bool_]:
+    def move(self, wanted: Ints) -> Ints:
         """See `TrafficFleet`."""
         grid = self.grid
-        after = self._right_of_way.resolve(grid.cars.state, wanted, grid.priority, grid.locked)
-        granted: npt.NDArray[np.bool_] = after == wanted
+        after = grid.planned(wanted.astype(np.int32)).copy()
         grid.move(after)
         grid.assign_nearest()
-        return granted
+        return after

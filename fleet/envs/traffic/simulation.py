@@ -13,7 +13,6 @@ from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, Traff
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import Ints
 from fleet.envs.layers.simulated_fleet import SimulatedFleet
-from fleet.envs.traffic.right_of_way import RightOfWay
 from fleet.envs.traffic.view import TrafficView
 from fleet.simulation import Simulation
 from fleet.tasks.order import Delivery
@@ -21,6 +20,7 @@ from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.replanning import NO_GOAL, Traffic
 from maps.lane_graph import LaneGraph
+from planners.mapf.pibt import Stepper
 from planners.mapf.problem import Plan
 from planners.status import Status
 
@@ -47,22 +47,26 @@ class AgentTraffic(Traffic):
         super().__init__(graph, executor, config, tick_s, seed, free)
         self.wanted: Ints | None = None
         """Where each car wishes to go; None once that is decided."""
-        self.granted = np.ones(len(self.goals), dtype=np.bool_)
-        """Whether each car was granted its last wish."""
-        self._right_of_way = RightOfWay(graph.state_cell, graph.n_cells)
+        self.sent = executor.tail_states().copy()
+        """Where each car was sent last."""
+        self._stepper = Stepper(graph, self.blocked, seed=seed)
 
     def tick(self, tick: int) -> bool:
         """Decide on the wishes, if there are new ones; see `Traffic`."""
         if self.wanted is None:
             return False
-        states = self.executor.tail_states()
         wanted, self.wanted = self.wanted, None
-        blocked = self.blocked[self.graph.state_cell[wanted]] & (wanted != states)
-        after = self._right_of_way.resolve(states, wanted, self.priority(tick), self.locked() | blocked)
-        self.granted = after == wanted
-        self.executor.accept(Plan(states=np.stack((states, after)), status=Status.FEASIBLE, iterations=1))
+        states, self.sent = self.executor.tail_states(), self._decide(tick, wanted)
+        self.executor.accept(Plan(states=np.stack((states, self.sent)), status=Status.FEASIBLE, iterations=1))
         self.n_plans += 1
         return True
+
+    def proposed(self, tick: int) -> Ints:
+        """Where PIBT would send each car, shape (n_cars,); its chance is not drawn on."""
+        salt = self._stepper.salt
+        after = self._decide(tick, None)
+        self._stepper.salt = salt
+        return after
 
     def locked(self) -> npt.NDArray[np.bool_]:
         """Cars that cannot choose: they are served, stand at their dock, or have not made their moves yet."""
@@ -82,6 +86,24 @@ class AgentTraffic(Traffic):
         priority: FloatArray = np.where(content, -1.0, waited_s / TIMESTEP_S)
         return priority
 
+    def _decide(self, tick: int, wished: Ints | None) -> Ints:
+        if not self._stepper.fits(self.graph, self.blocked):
+            self._stepper = Stepper(self.graph, self.blocked, seed=self._stepper.salt)
+        states = self.executor.tail_states()
+        after = np.empty_like(states)
+        distances, row = self.ways.rows(self.goals)
+        self._stepper.step(
+            states,
+            after,
+            distances=distances,
+            row=row,
+            order=np.argsort(-self.priority(tick), kind="stable").astype(np.int32),
+            locked=self.locked(),
+            allow_rotation=False,
+            wished=wished,
+        )
+        return after
+
 
 class TrafficSimulation(Simulation):
     """A `Simulation` whose cars agents send from state to state."""
@@ -93,23 +115,33 @@ class SimulatedTraffic(SimulatedFleet):
     """A `TrafficFleet` that is a whole simulation.
 
     Args:
-        site: Its name or path.
-        n_cars: Number of cars.
-        orders: Deliveries, ascending in release.
-        seed: Seed of the run.
-        fidelity: `kinematic` or `physics`.
-        duration_s: Length of the episode [s].
+        simulation: The run, before its first tick.
     """
 
-    def __init__(
-        self,
+    def __init__(self, simulation: TrafficSimulation) -> None:
+        super().__init__(simulation)
+        self.simulation = simulation
+
+    @classmethod
+    def begun(
+        cls,
         site: str,
         n_cars: int,
         orders: Sequence[Delivery],
         seed: int,
         fidelity: Fidelity,
         duration_s: float,
-    ) -> None:
+    ) -> SimulatedTraffic:
+        """The fleet of a new run, after its first tick.
+
+        Args:
+            site: Its name or path.
+            n_cars: Number of cars.
+            orders: Deliveries, ascending in release.
+            seed: Seed of the run.
+            fidelity: `kinematic` or `physics`.
+            duration_s: Length of the episode [s].
+        """
         config = RunConfig(
             site=site,
             robots=n_cars,
@@ -119,10 +151,11 @@ class SimulatedTraffic(SimulatedFleet):
             allocation=AllocationConfig(allocator="greedy"),
             arms=ArmConfig(workers_n=0),
         )
-        self.simulation = TrafficSimulation(config, parts=Parts(orders=orders, traffic=AgentTraffic, figures=False))
-        super().__init__(self.simulation)
+        parts = Parts(orders=orders, traffic=AgentTraffic, figures=False)
+        fleet = cls(TrafficSimulation(config, parts=parts))
         # The first tasks are given out, and goals with them.
-        self.run(self.simulation.tick_s)
+        fleet.run(fleet.simulation.tick_s)
+        return fleet
 
     def view(self) -> TrafficView:
         """See `TrafficFleet`."""
@@ -135,10 +168,11 @@ class SimulatedTraffic(SimulatedFleet):
             held=self._held(),
             locked=traffic.locked(),
             priority=traffic.priority(simulation.now),
+            proposed=traffic.proposed(simulation.now),
         )
 
-    def move(self, wanted: Ints) -> npt.NDArray[np.bool_]:
+    def move(self, wanted: Ints) -> Ints:
         """See `TrafficFleet`."""
         self.simulation.traffic.wanted = wanted.astype(np.int32)
         self.run(TIMESTEP_S)
-        return self.simulation.traffic.granted
+        return self.simulation.traffic.sent

@@ -20,7 +20,7 @@ has a team of 2 to 5 cars; `possible_agents` has the largest. A car that is lost
 agent, and is told so (entry 63).
 
 Actions, all in [-1, 1]. Greater ones are clipped, entries that are no finite numbers count as 0, an agent without an
-action does nothing (cars brake, arms stand and let go); `infos[agent]["illegal"]` is 1 then, else 0. An action of
+action does nothing (cars brake, arms stand and let go); `infos[agent]["illegal"]` says so. An action of
 the wrong shape is refused and changes nothing.
 
 | agent | entries |
@@ -139,7 +139,6 @@ from fleet.sensors.lidar import LidarRing
 
 EYE_HEIGHT_M = 0.15
 """Of a car's camera, on its nose [m]."""
-_INFOS = (*TERMS, "illegal")
 
 
 @dataclass(kw_only=True)
@@ -303,12 +302,10 @@ class WarehouseEnv(FleetEnv):
         if self.render_mode == "rerun":
             simulation.counts_figures = True
             self._recording = Recording(simulation, config.recordings / f"episode_{self._n_episodes - 1:04}.rrd")
-        return {agent: dict.fromkeys(_INFOS, 0.0) for agent in self._team()}
+        return {agent: {**dict.fromkeys(TERMS, 0.0), "illegal": False} for agent in self._team()}
 
     def _resolved(self, actions: Mapping[str, Any]) -> LegalActions:
-        here = self.agents if len(self.agents) < len(self._cars) + len(self._arms) else None
-        acting = actions if here is None else {agent: actions[agent] for agent in here if agent in actions}
-        return legal_actions(acting, self._cars, self._arms, self.config.arm_action)
+        return legal_actions(actions, self._cars, self._arms, self.config.arm_action)
 
     def _advance(self, resolved: LegalActions) -> tuple[dict[str, float], bool, Infos]:
         episode, config = self._now(), self.config
@@ -334,7 +331,10 @@ class WarehouseEnv(FleetEnv):
         rows = episode.rewards.step(resolved).tolist()
         team = self._team()
         rewards = {agent: row.pop() for agent, row in zip(team, rows, strict=True)}
-        infos: Infos = {agent: dict(zip(_INFOS, row, strict=True)) for agent, row in zip(team, rows, strict=True)}
+        infos: Infos = {
+            agent: {**dict(zip(TERMS, row, strict=True)), "illegal": bool(illegal)}
+            for agent, (*row, illegal) in zip(team, rows, strict=True)
+        }
         done = is_over(config.end, simulation.board.tasks, [errand.loaded for errand in episode.errands])
         return rewards, done, infos
 

@@ -85,7 +85,7 @@ class Learner:
         self.kind = kind
         self._config = config
         self.network = Network(kind, config, n_state, generator)
-        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate, eps=1e-5)
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate, eps=1e-5, fused=True)
         # Things that are compared have to be told in the same units.
         own = kind.layout.own(kind.n_observed) if kind.layout.chosen is None else []
         self.seen = Normalizer(kind.n_observed, sorted(set(range(kind.n_observed)) - set(own)))

@@ -24,7 +24,7 @@ class Network(nn.Module):
     observation; discrete ones have its outputs as scores. Weights are orthogonal, those of the policy's last layer
     small, so that it begins without preferences.
 
-    Where actions choose among alike things (`Layout.chosen`), one perceptron scores each of them from what is known
+    Where actions choose among alike things (`RowLayout.chosen`), one perceptron scores each of them from what is known
     of it and of all else, so that what is learned of one holds for all; action 0 is a thing of zeros. Without attention
     it knows nothing of the others.
 

@@ -34,6 +34,10 @@ class LearnedPolicy:
         self._learners = dict(learners)
         self._generator = None if chance is None else torch.Generator().manual_seed(chance)
 
+    def seeded(self, seed: int) -> LearnedPolicy:
+        """The same policy; if it draws its actions, from a source of its own with this seed."""
+        return LearnedPolicy(self._learners, None if self._generator is None else seed)
+
     def act(self, env: Any, observations: Mapping[str, Any]) -> dict[str, Any]:
         """Actions of all agents that observe; `env` is not used.
 

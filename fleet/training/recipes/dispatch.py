@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE
+from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.policies.policy import Policy
-from fleet.training.layout import Group, Layout
+from fleet.training.batch import Batch
+from fleet.training.layout import Group, RowLayout
 from fleet.training.recipes.recipe import Recipe
 from fleet.training.settings import PpoConfig
 
@@ -18,21 +23,70 @@ def _dispatch(*, weights: Mapping[str, float] | None = None, **arguments: Any) -
     return parallel_env(weights=DispatchWeights(**weights or {}), **arguments)
 
 
+def _side_by_side(dealt: Sequence[Mapping[str, Any]], **told: Any) -> Batch:
+    from fleet.training.vector_batch import VectorBatch
+
+    return VectorBatch(_dispatch, dealt, **told)
+
+
 def _nearest() -> Policy:
     from fleet.envs.policies.dispatch import Nearest
 
     return Nearest()
 
 
+def _apparent_tardiness() -> Policy:
+    from fleet.envs.policies import make_policy
+
+    return make_policy("dispatch", "apparent_tardiness")
+
+
+def _rollout() -> Policy:
+    from fleet.envs.policies.rollout import Rollout, RolloutConfig
+
+    return Rollout(config=RolloutConfig(futures_n=8, first_n=2))
+
+
+def tardiness_min(env: Any) -> float:
+    """Tardiness of all orders that have come in, delivered or not, at the end of an episode on the grid [min]."""
+    tasks, now = env.fleet.grid.tasks, env.fleet.grid.now
+    end = np.minimum(tasks.done, now).astype(np.float64)
+    late = np.maximum(0.0, end - tasks.due)[tasks.release <= now]
+    return float(late.sum()) * TIMESTEP_S / 60.0
+
+
 DISPATCH = Recipe(
     summary="cars choose their tasks",
     make=_dispatch,
+    batch=_side_by_side,
     scripted=_nearest,
     script="every free car takes the nearest task",
     figures=("delivered", "late", "waiting"),
     n_steps=2_000_000,
     ppo=PpoConfig(horizon_n=240, minibatch_n=4096, entropy=0.003, discount=0.98, learning_rate=1e-3),
-    layouts={"car": Layout(groups=(Group(first=N_OWN, n_each=N_PER_CANDIDATE),), chosen=0)},
+    layouts={"car": RowLayout(groups=(Group(first=N_OWN, n_each=N_PER_CANDIDATE),), chosen=0)},
     # A car that pays for the lateness of what it delivers leaves late tasks to the others, which do the same.
     arguments={"site": "small", "n_cars": 6, "weights": {"late": -0.02, "empty": -0.03}},
+)
+DISPATCH_DUE = Recipe(
+    summary="cars choose their tasks, and due dates count",
+    make=_dispatch,
+    scripted=_apparent_tardiness,
+    script="the apparent tardiness cost rule",
+    figures=("delivered", "late", "waiting"),
+    at_end={"tardiness_min": tardiness_min},
+    n_steps=600_000,
+    ppo=PpoConfig(
+        horizon_n=240,
+        minibatch_n=4096,
+        entropy=0.001,
+        discount=0.98,
+        learning_rate=1e-3,
+        network="attention",
+        clone_n=180_000,
+        anchor=0.1,
+    ),
+    layouts={"car": RowLayout(groups=(Group(first=N_OWN, n_each=N_PER_CANDIDATE),), chosen=0)},
+    teacher=_rollout,
+    arguments={**SCENARIOS["due_rush"].arguments, "weights": {"late": -0.3, "waiting": -0.2, "empty": 0.0}},
 )

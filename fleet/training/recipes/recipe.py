@@ -11,15 +11,17 @@ from fleet.envs.core.env_config import UnknownSetting
 from fleet.envs.policies.policy import Policy
 from fleet.training.batch import AgentType, Batch, agent_types, types_of
 from fleet.training.errors import TrainingError
-from fleet.training.layout import Layout
+from fleet.training.layout import RowLayout
 from fleet.training.settings import PpoConfig
 
+PolicyMaker = Callable[[], Policy]
+BatchMaker = Callable[..., Batch]
 Play = Literal["likeliest", "drawn"]
 """How a learned policy plays: its likeliest action, or one drawn from its distribution."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stage:
+class TrainingStage:
     """A part of a training run, with arguments of its own for the environments.
 
     It ends when its longest time is over, or, after its shortest, when a figure has been reached; the last one goes on
@@ -40,14 +42,14 @@ class Stage:
     """Of `Recipe.figures`, or `return`; None: only time ends it."""
     reached: float = 0.0
     """The mean of the figure over the last episodes with which the stage ends, at least."""
-    last_n: int = 50
+    n_last: int = 50
     """Those episodes; there have to be as many in this stage."""
 
     def __post_init__(self) -> None:
         require(
             0.0 <= self.shortest <= self.longest <= 1.0, "shortest, longest", (self.shortest, self.longest), "0 to 1"
         )
-        require(self.last_n >= 1, "last_n", self.last_n, "an integer >= 1")
+        require(self.n_last >= 1, "n_last", self.n_last, "an integer >= 1")
         require(len(self.mix) >= 1, "mix", self.mix, "one set of arguments or more")
 
 
@@ -59,7 +61,7 @@ class Recipe:
     """What agents learn."""
     make: Callable[..., Any]
     """Makes the environment from its arguments."""
-    scripted: Callable[[], Policy]
+    scripted: PolicyMaker
     """Makes the policy to compare with."""
     script: str
     """What that one does, in words."""
@@ -70,21 +72,23 @@ class Recipe:
     ppo: PpoConfig
     at_end: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
     """Further figures of the evaluation: each is asked of the environment at the end of an episode."""
-    layouts: Mapping[str, Layout] = field(default_factory=dict)
+    layouts: Mapping[str, RowLayout] = field(default_factory=dict)
     """How observations are made up, by type of agents; a type that is not named has numbers of its own only."""
     arguments: Mapping[str, Any] = field(default_factory=dict)
     """Arguments of the environment that differ from its own defaults: those of the evaluation, which stages change."""
-    stages: tuple[Stage, ...] = (Stage(name="all"),)
+    stages: tuple[TrainingStage, ...] = (TrainingStage(name="all"),)
     """One after the other."""
     plays: tuple[Play, ...] = ("likeliest",)
     """How what was learned plays in the evaluation; the first way is that of `load_policy`."""
-    batch: Callable[..., Batch] | None = None
+    batch: BatchMaker | None = None
     """Steps environments side by side faster than one after the other: takes the arguments of each of them, then
     `figures`, `layouts` and `n_state` as `EnvBatch` does; None: there is nothing faster."""
-    teacher: Callable[[], Policy] | None = None
+    teacher: PolicyMaker | None = None
     """Makes the policy that is cloned for the first `PpoConfig.clone_n` steps."""
 
-    def environments(self, stage: Stage, arguments: Mapping[str, Any], held: Sequence[str]) -> list[dict[str, Any]]:
+    def environments(
+        self, stage: TrainingStage, arguments: Mapping[str, Any], held: Sequence[str]
+    ) -> list[dict[str, Any]]:
         """Arguments of the environments that a stage mixes.
 
         Args:

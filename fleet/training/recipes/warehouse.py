@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fleet.envs.policies.policy import Policy
-from fleet.training.recipes.recipe import Recipe, Stage
+from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
 
 
@@ -34,9 +34,21 @@ DOCK = Recipe(
     # A dock counts as one: the figure is the share of episodes.
     arguments={"level": "dock", "weights": {"docked": 1.0, "time": -0.02}},
     stages=(
-        Stage(name="wide", arguments={"stop_m": 0.3, "stop_rad": 0.4}, longest=0.3, figure="docked", reached=0.95),
-        Stage(name="half", arguments={"stop_m": 0.12, "stop_rad": 0.2}, longest=0.3, figure="docked", reached=0.95),
-        Stage(name="true"),
+        TrainingStage(
+            name="wide",
+            arguments={"stop_m": 0.3, "stop_rad": 0.4},
+            longest=0.3,
+            figure="docked",
+            reached=0.95,
+        ),
+        TrainingStage(
+            name="half",
+            arguments={"stop_m": 0.12, "stop_rad": 0.2},
+            longest=0.3,
+            figure="docked",
+            reached=0.95,
+        ),
+        TrainingStage(name="true"),
     ),
 )
 
@@ -55,13 +67,13 @@ TRANSFER = Recipe(
         "weights": {"gripped": 1.0, "loaded": 1.0, "delivered": 1.0, "failed": -1.0, "time": -0.02},
     },
     stages=(
-        Stage(
+        TrainingStage(
             name="at hand",
             arguments={"start": {"reach_m": (0.02, 0.2)}, "max_cycles": 150},
             longest=0.4,
             figure="gripped",
             reached=1.9,
         ),
-        Stage(name="from home"),
+        TrainingStage(name="from home"),
     ),
 )

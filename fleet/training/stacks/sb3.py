@@ -1,11 +1,12 @@
 """Stable-Baselines3: the agents of one type as a `VecEnv`, the others scripted or as they were trained.
 
-Needs `stable-baselines3` (extra `sb3`).
+Needs `stable-baselines3`, and `sb3-contrib` for its `MaskablePPO`, which heeds masks (extra `sb3`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,17 @@ from stable_baselines3.common.vec_env import VecEnv
 from fleet.config import require
 from fleet.envs.policies.policy import Policy
 from fleet.training.batch import agent_types, team_of, type_of, vector
+from fleet.training.errors import TrainingError
+
+_MASKS = "action_masks"
 
 
 class TypeVecEnv(VecEnv):
     """Every agent of one type, in every environment, is one of the vector's slots: they share a policy.
 
-    Discrete actions are offered as a box with one score per action, of which the legal one with the greatest score is
-    taken: so all types look alike, and masks work with algorithms that know none.
+    Discrete actions stay discrete. Which of them are legal is what `action_masks` says, slot by slot, as `MaskablePPO`
+    of sb3-contrib asks for it; an algorithm that does not ask chooses illegal ones too, which the environment takes
+    for none.
 
     Args:
         makers: Make the parallel environments, all alike.
@@ -43,11 +48,8 @@ class TypeVecEnv(VecEnv):
         self._others = others
         self._observations: list[dict[str, Any]] = [{} for _ in self.envs]
         self._actions: npt.NDArray[Any] | None = None
-        action = self._kind.action
-        if isinstance(action, Discrete):
-            action = Box(-1.0, 1.0, (int(action.n),), np.float32)
         observation = Box(-1.0, 1.0, (self._kind.n_observed,), np.float32)
-        super().__init__(len(self.envs) * len(self._agents), observation, action)
+        super().__init__(len(self.envs) * len(self._agents), observation, self._kind.action)
 
     def reset(self) -> npt.NDArray[np.float32]:
         """Begin an episode in every environment; seeds that `seed` gave are used once."""
@@ -86,8 +88,23 @@ class TypeVecEnv(VecEnv):
         for env in self.envs:
             env.close()
 
+    def action_masks(self) -> npt.NDArray[np.bool_]:
+        """Legal actions of every slot, shape (num_envs, n_actions).
+
+        Raises:
+            TrainingError: Actions are continuous.
+        """
+        if not isinstance(self._kind.action, Discrete):
+            raise TrainingError(f"actions of {self._kind.name} are {self._kind.action}; valid with masks: Discrete")
+        if not self._kind.masked:
+            return np.ones((self.num_envs, int(self._kind.action.n)), dtype=np.bool_)
+        return np.stack([seen[agent]["action_mask"] == 1 for seen in self._observations for agent in self._agents])
+
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """See `VecEnv`."""
+        """See `VecEnv`; `action_masks` is one of this class, for every slot."""
+        if attr_name == _MASKS:
+            masks = self.action_masks()
+            return [partial(masks.__getitem__, slot) for slot in self._get_indices(indices)]
         return [getattr(env, attr_name) for env in self._of(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
@@ -96,7 +113,9 @@ class TypeVecEnv(VecEnv):
             setattr(env, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """See `VecEnv`."""
+        """See `VecEnv`; `action_masks` is one of this class, for every slot."""
+        if method_name == _MASKS:
+            return list(self.action_masks()[list(self._get_indices(indices))])
         return [getattr(env, method_name)(*args, **kwargs) for env in self._of(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
@@ -114,11 +133,7 @@ class TypeVecEnv(VecEnv):
         rest = {agent: what for agent, what in seen.items() if type_of(agent) != self._kind.name}
         actions = dict(self._others.act(self.envs[index], rest)) if rest and self._others is not None else {}
         for agent, row in zip(self._agents, rows, strict=True):
-            if isinstance(self._kind.action, Discrete):
-                legal = seen[agent]["action_mask"] == 1 if self._kind.masked else np.ones(len(row), dtype=np.bool_)
-                actions[agent] = int(np.argmax(np.where(legal, row, -np.inf)))
-            else:
-                actions[agent] = row
+            actions[agent] = int(row) if isinstance(self._kind.action, Discrete) else row
         return actions
 
     def _rows(self) -> npt.NDArray[np.float32]:

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.harness import Trial
 from benchmarks.training import layers
-from fleet.envs import traffic_v0
+from fleet.envs import traffic_v1
 from fleet.envs.policies import POLICIES
 from maps.site import load_site
 
@@ -29,5 +29,5 @@ def test_the_table_has_every_policy_and_writes_its_files(monkeypatch: pytest.Mon
 
 def test_the_check_of_traffic_finds_no_fault() -> None:
     trial = Trial(quick=True, seeds=(0,))
-    layers._check_traffic(trial, traffic_v0.parallel_env(site="small", n_cars=6, max_cycles=300))
+    layers._check_traffic(trial, traffic_v1.parallel_env(site="small", n_cars=6, max_cycles=300))
     assert trial.failures == []

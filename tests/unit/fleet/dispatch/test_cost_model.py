@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, BatteryConfig
-from fleet.dispatch.cost_model import FULL_S, LONG_WAIT_COST, CostMatrix
+from fleet.dispatch.cost_model import FULL_S, CostMatrix
+from fleet.dispatch.pair_times import LONG_WAIT_COST
 from fleet.dispatch.situation import CAN_TAKE
 from fleet.missions.admission import CALL_EARLY_S
 from fleet.missions.phases import CarPhase

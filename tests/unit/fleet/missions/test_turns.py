@@ -10,15 +10,15 @@ import pytest
 from fleet.missions.turns import (
     CHANGE_S,
     ArmPace,
-    Deliveries,
     GivenTurns,
     StationArrivals,
     TakenTurns,
     TurnBook,
     first_turn,
+    free_times,
+    free_turn,
     line_up,
     next_turns,
-    waits,
 )
 from tests.unit.fleet.missions.floor import Floor, delivery, visit
 
@@ -122,16 +122,18 @@ def test_the_next_turns_fill_what_is_left() -> None:
     assert next_turns(taken(), 0, 0).tolist() == []
 
 
-def test_cars_wait_at_both_ends() -> None:
-    """The arm of station 0 is taken from 5 s and that of station 1 from 30 s and 38 s on."""
-    pace = ArmPace(np.array([10.0, 8.0]), np.zeros(2))
-    turns = TakenTurns(np.array([0, 1, 3]), np.array([5.0, 30.0, 38.0]), pace)
-    both = Deliveries(np.array([0, 0]), np.array([1, 1]), np.array([6.0, 40.0]), np.array([0.0, 20.0]))
-    waits_s = waits(turns, np.array([[6.0, 6.0], [15.0, 15.0], [21.0, 21.0]]), both)
-    # The first is picked at 15 s, comes at 31 s to be unloaded at 46 s; the third is picked at once and comes at 37 s.
-    assert waits_s[:, 0].tolist() == [9.0 + 15.0, 0.0 + 15.0, 0.0 + 9.0]
-    # Of the second delivery others come first until 20 s, and at its end there is nobody any more.
-    assert waits_s[:, 1].tolist() == [14.0, 5.0, 0.0]
+@pytest.mark.parametrize("seed", range(20))
+def test_the_times_that_are_left_are_those_of_single_cars(seed: int) -> None:
+    """Two stations, whose turns lie apart, touch, and overlap."""
+    rng = np.random.default_rng(seed)
+    n = rng.integers(0, 9, 2)
+    begin_s = np.concatenate([np.sort(rng.integers(0, 60, k)).astype(np.float64) for k in n])
+    pace = ArmPace(rng.integers(3, 12, 2).astype(np.float64), rng.integers(0, 9, 2).astype(np.float64))
+    turns = TakenTurns(np.array([0, n[0], n.sum()]), begin_s, pace)
+    free = free_times(turns)
+    for station in (0, 1):
+        for comes_s in range(90):
+            assert free_turn(free, station, float(comes_s)) == first_turn(turns, station, float(comes_s))
 
 
 # --- TurnBook: 5 moves of 1.1 s to pick_1 for car 0, 10 for car 1, 12 for car 2 and 8 for car 3

@@ -1,11 +1,13 @@
 """Pictures without a display."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from fleet.recording import Header, RecordingError, RerunRecorder
-from fleet.recording.shot import TooSlow, main, screenshot
+from fleet.recording.shot import TooSlow, _patiently, main, screenshot
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
 
 SOFTWARE_DRIVER = any(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"))
@@ -31,6 +33,16 @@ def test_without_a_graphics_driver_the_packages_are_named(
     monkeypatch.setenv("LIBGL_DRIVERS_PATH", str(tmp_path))
     assert main([str(tmp_path / "a.rrd"), str(tmp_path / "a.png")]) == 2
     assert "mesa-vulkan-drivers" in capsys.readouterr().err
+
+
+def test_a_viewer_that_ends_after_it_has_answered_has_no_graphics_driver() -> None:
+    def ask() -> None:
+        raise ConnectionError("transport error")
+
+    with subprocess.Popen([sys.executable, "-c", ""]) as process:
+        process.wait()
+        with pytest.raises(RecordingError, match=r"no graphics driver found; .*mesa-vulkan-drivers"):
+            _patiently(process, ask)
 
 
 @pytest.mark.slow

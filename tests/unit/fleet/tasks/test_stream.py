@@ -65,6 +65,16 @@ def test_few_stations_get_most_of_a_skewed_stream(medium_site: Site) -> None:
     assert Counter(order.pick for order in even).most_common(1)[0][1] / 2000 < 0.2
 
 
+def test_a_bottleneck_has_its_share_of_the_picks_alone(medium_site: Site) -> None:
+    usual = drawn(medium_site, rate_per_h=2000.0)
+    orders = drawn(medium_site, rate_per_h=2000.0, bottleneck_n=2, bottleneck_share=0.7)
+    counts = np.sort(np.unique([order.pick for order in orders], return_counts=True)[1])  # type: ignore[attr-defined]
+    assert 0.65 < counts[-2:].sum() / len(orders) < 0.75
+    assert counts[-1] < 1.3 * counts[-2]
+    assert [order.drop for order in orders] == [order.drop for order in usual]  # type: ignore[attr-defined]
+    assert drawn(medium_site, bottleneck_n=6) == drawn(medium_site)
+
+
 def test_due_dates_and_classes_have_their_shares(medium_site: Site) -> None:
     orders = drawn(medium_site, n=2000, due_share=0.5, slack_s=(60.0, 90.0), emergency_share=0.1, idle_share=0.3)
     slack = [order.due_s - order.release_s for order in orders if order.due_s < math.inf]

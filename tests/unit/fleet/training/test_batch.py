@@ -10,7 +10,7 @@ from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete
 
 from fleet.training.batch import EnvBatch, agent_types, mask_of, team_of
 from fleet.training.errors import TrainingError
-from fleet.training.layout import Group, Layout
+from fleet.training.layout import Group, RowLayout
 
 
 class Team:
@@ -194,7 +194,7 @@ def test_spaces_that_cannot_be_learned_on_are_refused(what: str, space: Any, wor
 
 
 def test_who_chooses_among_things_takes_one_if_there_is_any() -> None:
-    layout = Layout(groups=(Group(first=0, n_each=1),), chosen=0)
+    layout = RowLayout(groups=(Group(first=0, n_each=1),), chosen=0)
     kind = agent_types(Team(), {"arm": layout})[1]
     assert mask_of({"action_mask": np.array([1, 0, 1], dtype=np.int8)}, kind).tolist() == [False, False, True]
     assert mask_of({"action_mask": np.array([1, 0, 0], dtype=np.int8)}, kind).tolist() == [True, False, False]

@@ -1,7 +1,9 @@
 """Evaluation: policies that play the same seeds, and what is said of them."""
 
+import pytest
+
 from fleet.envs.policies.policy import Random
-from fleet.training.evaluation import AGENT_MINUTES, RETURN, evaluate
+from fleet.training.evaluation import AGENT_MINUTES, RETURN, evaluate, play, seconds_per_step
 from fleet.training.recipes import RECIPES
 from fleet.training.results import findings
 
@@ -35,3 +37,19 @@ def test_findings_compare_with_everybody_else() -> None:
     assert found["gain"]["scripted"]["x"]["mean"] == 1.0
     assert "learned" not in found["gain"]
     assert found["per_agent_minute"]["learned"]["x"] == 0.5
+
+
+@pytest.mark.parametrize(("name", "length_s"), [("navigate", 0.1), ("car", 0.1), ("reach", 0.05), ("dispatch", 5.0)])
+def test_the_minutes_of_agents_are_simulated_ones(name: str, length_s: float) -> None:
+    recipe = RECIPES[name]
+    env = recipe.make(**{**recipe.arguments, **({} if name == "dispatch" else {"fidelity": "kinematic"})})
+    assert seconds_per_step(env) == pytest.approx(length_s)
+    env.close()
+
+
+def test_figures_at_the_end_are_asked_of_the_environment_before_it_begins_anew() -> None:
+    env = RECIPES["dispatch"].make(site="small", n_cars=2, max_cycles=10)
+    found = play(env, Random(0), 1, ["delivered"], {"steps": lambda one: one.n_steps})
+    assert found["steps"] == 10
+    assert found[AGENT_MINUTES] == pytest.approx(10 * 2 * 5.0 / 60.0)
+    env.close()

@@ -29,3 +29,12 @@ def test_what_is_remembered_comes_back_exactly() -> None:
     rows = np.ones((1, 3), dtype=np.float32)
     assert (one.apply(rows) == other.apply(rows)).all()
     assert one.count == other.count
+
+
+def test_numbers_that_are_fixed_stay_as_they_are() -> None:
+    normal = Normalizer(3, fixed=[1])
+    rows = np.random.default_rng(0).normal(3.0, 2.0, (100, 3)).astype(np.float32)
+    normal.update(rows)
+    normal.update(rows)
+    assert np.allclose(normal.apply(rows)[:, 1], rows[:, 1], atol=1e-6)
+    assert np.allclose(normal.apply(rows)[:, 0].mean(), 0.0, atol=1e-5)

@@ -37,6 +37,7 @@ def test_a_file_sets_steps_algorithm_and_environment(written: Write) -> None:
         ('steps_n = "many"', "steps_n is 'many'; valid: an integer"),
         ('[ppo]\nclip = "x"', "ppo.clip is 'x'; valid: a value like 0.2"),
         ("[ppo]\nhidden = 64", "ppo.hidden is 64"),
+        ("[ppo]\ncritic = 1", "ppo.critic is 1; valid: a value like 'own'"),
         ("steps_n = ", "valid: a TOML file"),
     ],
 )
@@ -54,11 +55,20 @@ def test_what_means_nothing_is_refused(written: Write, text: str, words: str) ->
         ("hidden", ()),
         ("clip", 0.0),
         ("log_std", float("nan")),
+        ("network", "convolution"),
+        ("critic", "shared"),
+        ("clone_own", 1.5),
+        ("anchor", -1.0),
     ],
 )
 def test_values_outside_their_range_are_refused(name: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"ppo.{name} is"):
         PpoConfig(**{name: value})
+
+
+def test_attention_wants_a_width_that_its_heads_divide() -> None:
+    with pytest.raises(ConfigError, match=r"ppo.hidden is \(30,\); valid: with attention, .* that 4 divides"):
+        PpoConfig(network="attention", hidden=(30,))
 
 
 @pytest.mark.parametrize(

@@ -59,6 +59,26 @@ def test_car_obeys_its_limits_and_turns_on_its_circle(hall: Scene) -> None:
     assert cars.speeds[0] == pytest.approx(spec.max_speed_mps - spec.max_brake_mps2 * 0.05)
 
 
+def test_a_car_in_too_sharp_a_curve_drives_the_circle_that_its_tyres_hold(hall: Scene) -> None:
+    held, free = (BicycleCars(hall.car, np.zeros((1, 3)), 0.05, 0.0125, grip) for grip in (8.0, math.inf))
+    for cars in (held, free):
+        for _ in range(60):
+            cars.step(np.array([[0.8, 2.0]]))
+    turned = []
+    for cars in (held, free):
+        before = cars.poses[0, 2]
+        cars.step(np.array([[0.8, 2.0]]))
+        turned.append(math.remainder(cars.poses[0, 2] - before, 2.0 * math.pi) / 0.05)
+    assert turned[0] == pytest.approx(8.0 / 2.0)
+    assert turned[1] == pytest.approx(2.0 * math.tan(0.8) / hall.car.wheelbase_m)
+    # At the speed at which the fleet drives curves nothing is different.
+    slow = [BicycleCars(hall.car, np.zeros((1, 3)), 0.05, 0.0125, grip) for grip in (8.0, math.inf)]
+    for _ in range(40):
+        for cars in slow:
+            cars.step(np.array([[-0.8, 1.0]]))
+    assert np.array_equal(slow[0].poses, slow[1].poses)
+
+
 def test_change_of_direction_passes_through_a_stand(hall: Scene) -> None:
     cars = BicycleCars(hall.car, np.zeros((1, 3)), 0.05, 0.0125)
     cars.step(np.array([[0.0, 0.05]]))
@@ -239,3 +259,6 @@ def test_wrong_shapes_and_settings_are_refused(hall: Scene) -> None:
         KinematicConfig(tick_s=0.0)
     with pytest.raises(ConfigError, match="substep_s is nan"):
         KinematicConfig(substep_s=math.nan)
+    for grip_mps2 in (0.0, math.nan):
+        with pytest.raises(ConfigError, match="grip_mps2"):
+            KinematicConfig(grip_mps2=grip_mps2)

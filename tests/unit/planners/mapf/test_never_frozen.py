@@ -6,11 +6,11 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from benchmarks.mapf.priorities import Priorities
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.multi_step.pockets import pocket_depth
+from planners.mapf.multi_step.priorities import Priorities
 from planners.mapf.pibt import Pibt
 from planners.mapf.problem import Instance
 from planners.mapf.validate import breaches

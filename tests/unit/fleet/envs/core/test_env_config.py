@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from fleet.envs import dispatch_v0, navigate_v0, traffic_v0, warehouse_v1
+from fleet.envs import dispatch_v0, navigate_v1, traffic_v1, warehouse_v1
 from fleet.envs.core.env_config import EnvConfig, UnknownSetting
 from fleet.envs.dispatch.env import DispatchConfig
 from fleet.envs.navigate.navigation import NavigationConfig
@@ -24,8 +24,8 @@ from maps.site import load_site
 KINDS: list[tuple[type[EnvConfig], ModuleType]] = [
     (WarehouseConfig, warehouse_v1),
     (DispatchConfig, dispatch_v0),
-    (TrafficEnvConfig, traffic_v0),
-    (NavigationConfig, navigate_v0),
+    (TrafficEnvConfig, traffic_v1),
+    (NavigationConfig, navigate_v1),
 ]
 of_every_kind = pytest.mark.parametrize(("kind", "module"), KINDS, ids=lambda one: one.__name__.rpartition(".")[2])
 
@@ -82,7 +82,7 @@ def test_a_site_itself_is_only_for_the_grid() -> None:
 
 def test_a_recipe_names_what_its_environment_does_not_know() -> None:
     for name in ("navigate", "dispatch"):
-        with pytest.raises(TrainingError, match=r"^\[env\]: \w+_v0: unknown setting speed; valid: site, n_cars, "):
+        with pytest.raises(TrainingError, match=r"^\[env\]: \w+_v\d: unknown setting speed; valid: site, n_cars, "):
             RECIPES[name].survey({"speed": 3})
     with pytest.raises(TrainingError, match=r"^\[env\]: .*speed.*; valid: the arguments of the environment$"):
         RECIPES["reach"].survey({"speed": 3})

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.mapf.priorities import Priorities
 from maps.grid import GridMap
 from maps.lane_graph import grid_lane_graph
 from planners.mapf.multi_step.pockets import pocket_depth
+from planners.mapf.multi_step.priorities import Priorities
 from tests.unit.planners.mapf.lanes import one_way_loop, open_grid
 
 

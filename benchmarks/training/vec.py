@@ -1,0 +1,92 @@
+"""Vec: agent steps per second of CPU time of many environments in one, beside the environments with dictionaries."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from benchmarks.harness import Kind, Row, Trial
+from fleet.envs import dispatch_v0, make_vec, traffic_v1
+from fleet.envs.vector.loop import LoopVec
+from fleet.envs.vector.vec_env import VecEnv
+from maps.warehouse import generate_warehouse
+
+N_ENVS = 16
+N_ACTIONS = 20
+MAKERS = {"dispatch": dispatch_v0.parallel_env, "traffic": traffic_v1.parallel_env}
+_LARGE = {"rows": 150, "cols": 160, "pick": 46, "drop": 46, "parking": 1000}
+TEAMS: tuple[tuple[str, dict[str, Any], str], ...] = (
+    ("dispatch", {"site": "small", "n_cars": 6}, ">= 5"),
+    ("dispatch", {"site": "medium", "n_cars": 24}, ""),
+    ("dispatch", {"n_cars": 1000}, ">= 1.7"),
+    ("traffic", {"site": "dense", "n_cars": 20}, ""),
+    ("traffic", {"n_cars": 1000}, ">= 1.7"),
+)
+"""Layer, settings without those of the large floor, and how many times faster it is to be."""
+
+
+def measure_vec(trial: Trial) -> Iterator[Row]:
+    """Steps of both, after a check that both say the same."""
+    n_rounds = 2 if trial.quick else 5
+    large = generate_warehouse(**_LARGE)  # type: ignore[arg-type]
+    for layer, settings, target in TEAMS:
+        n_cars, site = settings["n_cars"], settings.get("site", large)
+        crowd = n_cars >= 1000
+        n_envs, n_steps = (2, 40) if crowd else (N_ENVS, 240)
+        told = {"site": site, "n_cars": n_cars, "max_cycles": n_steps}
+        name = f"{layer}, {n_cars} cars, {site if isinstance(site, str) else site.name}"
+        _check(trial, layer, {**told, "max_cycles": 10 if crowd else 60}, name)
+        vec, loop = make_vec(layer, n_envs, **told), LoopVec([MAKERS[layer](**told)])
+        rates = np.array([[_rate(vec, seed), _dictionary_rate(loop.single, seed)] for seed in range(n_rounds)])
+        fast, slow = rates.max(axis=0).tolist()
+        yield Row(name=name, value=fast, unit="agent steps/s", kind=Kind.RATE)
+        yield Row(name="  with dictionaries", value=slow, unit="agent steps/s", kind=Kind.RATE)
+        yield Row(name="  ratio", value=fast / slow, unit="", target=target)
+        vec.close()
+        loop.close()
+    trial.notes.append(
+        "Per second of CPU time of one process and thread: episodes of 240 steps (1,000 cars: 40) of random actions "
+        f"and a reset, {N_ENVS} environments in one (1,000 cars: 2) against one; rounds in turn, the fastest of each. "
+        "Before that both are played with the same actions, and all that they say is the same to the last bit."
+    )
+
+
+def _check(trial: Trial, layer: str, settings: dict[str, Any], name: str) -> None:
+    vec, loop = make_vec(layer, 2, **settings), LoopVec([MAKERS[layer](**settings) for _ in range(2)])
+    rng = np.random.default_rng(0)
+    view, other = vec.reset(3), loop.reset(3)
+    for _ in range(settings["max_cycles"] + 2):
+        mask = view.masks["car"]
+        alike = all(np.array_equal(view.observations[k], other.observations[k]) for k in view.observations)
+        trial.check(alike and np.array_equal(mask, other.masks["car"]), f"{name}: observations differ")
+        actions = (rng.random(mask.shape) * mask).argmax(axis=2)
+        view, other = step, told = vec.step(actions), loop.step(actions)
+        same = np.array_equal(step.rewards["car"], told.rewards["car"]) and np.array_equal(step.ended, told.ended)
+        trial.check(same, f"{name}: rewards or ends differ")
+    vec.close()
+    loop.close()
+
+
+def _rate(vec: VecEnv, seed: int) -> float:
+    rng, group = np.random.default_rng(seed), vec.groups[0]
+    n_actions, n_steps = int(group.action.n), vec.single.max_cycles  # type: ignore[union-attr]
+    plays = [rng.integers(n_actions, size=(vec.n_envs, group.n)) for _ in range(N_ACTIONS)]
+    vec.reset(seed)
+    began = time.process_time()
+    for step in range(n_steps):  # the last one begins all episodes anew
+        vec.step(plays[step % N_ACTIONS])
+    return n_steps * vec.n_envs * group.n / (time.process_time() - began)
+
+
+def _dictionary_rate(env: Any, seed: int) -> float:
+    rng, team = np.random.default_rng(seed), env.possible_agents
+    n_actions, n_steps = int(env.action_space(team[0]).n), env.max_cycles
+    plays = [dict(zip(team, rng.integers(n_actions, size=len(team)).tolist(), strict=True)) for _ in range(N_ACTIONS)]
+    began = time.process_time()
+    env.reset(seed=seed)
+    for step in range(n_steps):
+        env.step(plays[step % N_ACTIONS])
+    return n_steps * len(team) / (time.process_time() - began)

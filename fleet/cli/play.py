@@ -1,0 +1,195 @@
+"""The play command: what was learned drives the demo, or plays the environment that it was learned in."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.table import Table
+
+from fleet.cli.run_output import exit_status, plain_console, run_table, show_recording
+from fleet.config import Connect, Fidelity, RunConfig, StreamConfig, StreamKind, require
+from fleet.errors import ConfigError
+from fleet.terminal.progress_bar import Bar
+
+if TYPE_CHECKING:  # takes a second to load
+    from fleet.play.policies import LearnedRun
+
+SCRIPTED = "scripted"
+"""Heading and folder of the run without policies."""
+USUAL_SITE, USUAL_ROBOTS = "small", 3
+"""Those of the demo."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Play:
+    """Let what was learned drive the demo, under the executor's grants, or play the environment it was learned in."""
+
+    folder: Annotated[str | None, tyro.conf.Positional] = None
+    """Folder of `fleet train`. What was learned about dispatch or traffic plays that part of a fleet; all else plays
+    its own environment."""
+    dispatch: str | None = None
+    """Who gives tasks to cars: a folder of `fleet train` or a scripted policy (nearest, greedy, hungarian, ...)."""
+    traffic: str | None = None
+    """Who says where cars go next: a folder of `fleet train` or a scripted policy (pibt, shortest_way, ...)."""
+    docking: str | None = None
+    """Who drives cars on the last metre to a station: a folder of `fleet train` or a scripted policy (pursuit)."""
+    compare: bool = False
+    """Also make the run, or the episodes, without what was learned, on the same seed; shows both side by side."""
+    robots: int | None = None
+    """Number of cars; default 3, or that of the training where its own environment is played."""
+    site: str | None = None
+    """Name of a shipped site or path of a site file; default small, or that of the training."""
+    tasks: int | None = None
+    """Number of deliveries; default two per car, at least 6, or all that a stream brings in the time."""
+    stream: str | None = None
+    """Orders that arrive over time with due dates and priorities: poisson, waves, skewed or skewed_waves."""
+    rate: float | None = None
+    """Orders per hour of a stream; default 120."""
+    seed: int = 0
+    """Seed of everything random; the same seed gives the same run."""
+    duration: float = 3600.0
+    """End after this much simulated time even if tasks are open [s]."""
+    fidelity: Fidelity | None = None
+    """How robots are moved; default physics, or that of the training."""
+    episodes: int = 1
+    """Episodes of the environment, with seeds from --seed on."""
+    record: bool = False
+    """Write a recording."""
+    view: bool = False
+    """Open the viewer on the recording afterwards; without a display say how to look at it."""
+    serve: bool = False
+    """Stream to viewers on the loopback interface while it runs."""
+    port: int = 9876
+    """Port of --serve."""
+    speed: float = 0.0
+    """Simulated seconds per second of wall time; 0 = as fast as possible."""
+    gui: bool = False
+    """Show the physics engine's own window."""
+    out: Path = Path("runs/play")
+    """Directory for result.json, run.jsonl, decisions.json and recording.rrd, or for episodes.csv and recordings."""
+
+    def run(self) -> int:
+        """Run and print the result; returns the exit status."""
+        self._check()
+        told = {
+            name: value for name in ("dispatch", "traffic", "docking") if (value := getattr(self, name)) is not None
+        }
+        if self.folder is not None:
+            from fleet.play.policies import LAYERS, learned_run
+
+            run = learned_run(Path(self.folder))
+            if run.layer not in told and run.layer in LAYERS:
+                told[run.layer] = self.folder
+            elif run.layer in LAYERS:
+                raise ConfigError(f"{self.folder} plays {run.layer}, too; valid: it, or --{run.layer}")
+            elif told:
+                option = next(iter(told))
+                raise ConfigError(f"{self.folder} plays {run.environment} alone; valid: it without --{option}")
+            else:
+                return self._play_episodes(run)
+        if not told:
+            raise ConfigError("there is no policy; valid: FOLDER, --dispatch, --traffic or --docking")
+        return self._play_fleet(told)
+
+    def _play_fleet(self, told: dict[str, str]) -> int:
+        """A run of the fleet."""
+        from fleet.play.decisions import write_decisions
+        from fleet.play.policies import played_policy
+        from fleet.play.simulation import PlayedSimulation
+        from fleet.recording import DECISIONS, RECORDING
+        from fleet.session import SessionConfig, run_session
+
+        config = self._run_config()
+        policies = {part: played_policy(part, policy, self.seed) for part, policy in sorted(told.items())}
+        session = SessionConfig(out=self.out, record=self.record, serve=self.serve, port=self.port, speed=self.speed)
+        result = run_session(config, session, functools.partial(PlayedSimulation, policies=policies))
+        write_decisions(self.out / DECISIONS, {part: one.decisions for part, one in policies.items()})
+        columns = {"played": vars(result)}
+        if self.compare and not result.interrupted:
+            beside = replace(session, out=self.out / SCRIPTED, record=False, serve=False)
+            columns[SCRIPTED] = vars(run_session(config, beside))
+        console = plain_console()
+        console.print(run_table(columns))
+        for part, one in policies.items():
+            console.print(f"{part} by {one.decisions}", soft_wrap=True)
+        if self.record:
+            show_recording(console, self.out / RECORDING, view=self.view)
+        return exit_status(console, result, self.duration)
+
+    def _play_episodes(self, run: LearnedRun) -> int:
+        """Episodes of the environment."""
+        from fleet.play.episodes import EPISODES, RERUN, play_episodes, write_episodes
+        from fleet.training.intervals import interval
+        from fleet.training.recipes import RECIPES
+
+        for option, given in (("--tasks", self.tasks), ("--stream", self.stream), ("--rate", self.rate)):
+            if given is not None:
+                raise ConfigError(f"{option} is for a fleet, and {run.environment} is none; valid: without {option}")
+        if self.record and RERUN not in run.render_modes:
+            raise ConfigError(f"{run.environment} has no recordings; valid: without --record")
+        changes = {"site": self.site, "n_cars": self.robots}
+        changes["fidelity"] = None if self.fidelity is None else str(self.fidelity)
+        changes = {name: value for name, value in changes.items() if value is not None}
+        policies = {"played": run.policy(self.seed)}
+        if self.compare:
+            policies[SCRIPTED] = RECIPES[run.recipe].scripted()
+        seeds = list(range(self.seed, self.seed + self.episodes))
+        total = len(seeds) * len(policies)
+        with Bar(total, "episodes", shown=True) as bar:
+
+            def progress(done: int) -> None:
+                if bar.due():
+                    bar.show(done, run.environment, f"{done} of {total} episodes")
+
+            scores = play_episodes(run, policies, changes, seeds, self.out if self.record else None, progress)
+        write_episodes(self.out, scores, seeds)
+        table = Table(title=f"{run.environment}: mean of {len(seeds)} episodes [95 % interval]")
+        table.add_column("figure")
+        for name in scores:
+            table.add_column(name, justify="right")
+        for figure in next(iter(scores.values()))[0]:
+            table.add_row(figure, *(str(interval([one[figure] for one in played])) for played in scores.values()))
+        console = plain_console()
+        console.print(table)
+        console.print(f"results: {self.out / EPISODES}", soft_wrap=True)
+        if self.record:
+            for recording in sorted(self.out.glob("episode_*.rrd"))[: len(seeds)]:
+                show_recording(console, recording, view=self.view)
+        return 0
+
+    def _check(self) -> None:
+        """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
+        require(math.isfinite(self.speed) and self.speed >= 0, "--speed", self.speed, "a number >= 0")
+        require(0 < self.port < 1 << 16, "--port", self.port, f"an integer from 1 to {(1 << 16) - 1}")
+        require(self.stream in (None, *StreamKind), "--stream", self.stream, ", ".join(StreamKind))
+        require(self.episodes >= 1, "--episodes", self.episodes, "an integer >= 1")
+        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        for option, given, fits, valid in (
+            ("--gui", self.gui, self.fidelity in (None, Fidelity.PHYSICS), "with --fidelity physics"),
+            ("--serve", self.serve, self.record, "with --record"),
+            ("--view", self.view, self.record, "with --record"),
+            ("--rate", self.rate is not None, self.stream is not None, "with --stream"),
+        ):
+            if given and not fits:
+                raise ConfigError(f"{option} does not go with the other options; valid: {option} {valid}")
+
+    def _run_config(self) -> RunConfig:
+        stream = None
+        if self.stream is not None:
+            stream = StreamConfig(kind=StreamKind(self.stream))
+            stream = stream if self.rate is None else replace(stream, rate_per_h=self.rate)
+        return RunConfig(
+            site=USUAL_SITE if self.site is None else self.site,
+            robots=USUAL_ROBOTS if self.robots is None else self.robots,
+            tasks=self.tasks,
+            stream=stream,
+            seed=self.seed,
+            duration_s=self.duration,
+            fidelity=Fidelity.PHYSICS if self.fidelity is None else self.fidelity,
+            connect=Connect.GUI if self.gui else Connect.DIRECT,
+        )

@@ -1,0 +1,133 @@
+"""Output of a run on the command line: the table of its figures, its recording, and the exit status."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:  # takes a second to load
+    from fleet.session.runner import Result
+
+ALL_DONE, TASKS_FAILED, INTERRUPTED = 0, 1, 130
+ROWS = (
+    ("tasks done", "{tasks_done} of {tasks_total}"),
+    ("tasks failed", "{tasks_failed}"),
+    ("visits done", "{visits_done}"),
+    ("batches done", "{batches_done} of {batches}"),
+    ("batch span, mean", "{batch_span_mean_s:.1f} s"),
+    ("throughput", "{throughput_per_h:.0f} per hour"),
+    ("task time, mean", "{task_time_mean_s:.1f} s"),
+    ("task time, 95th percentile", "{task_time_p95_s:.1f} s"),
+    ("in time, of those with a due date", "{on_time_share:.1%}"),
+    ("tardiness, mean", "{tardiness_mean_s:.1f} s"),
+    ("distance loaded", "{distance_loaded_m:.1f} m"),
+    ("distance empty", "{distance_empty_m:.1f} m"),
+    ("waiting in lanes, all cars", "{waiting_s:.1f} s"),
+    ("arm utilisation, mean", "{arm_utilisation:.1%}"),
+    ("parcels dropped", "{parcels_dropped}"),
+    ("slip in the grip, median", "{slip_median_m:.4f} m"),
+    ("slip in the grip, most", "{slip_max_m:.4f} m"),
+    ("parcels located by cameras", "{parcels_located}"),
+    ("looks without a result", "{looks_failed}"),
+    ("error of a located parcel, median", "{pose_error_median_mm:.2f} mm"),
+    ("error of a located parcel, most", "{pose_error_max_mm:.2f} mm"),
+    ("lowest charge", "{lowest_charge:.0%}"),
+    ("charging sessions, all cars", "{charging_sessions}"),
+    ("bottleneck", "{bottleneck}"),
+    ("contacts between robots", "{robot_contacts}"),
+    ("contacts with walls and shelves", "{static_contacts}"),
+    ("smallest clearance between robots", "{min_clearance_m:.2f} m"),
+    ("parcel balance", "{parcel_balance}"),
+    ("parcels not where booked", "{parcels_misplaced}"),
+    ("simulated time", "{sim_s:.1f} s"),
+    ("wall time", "{wall_s:.1f} s"),
+    ("real-time factor", "{real_time_factor:.1f}"),
+)
+"""Figures of a run, and how they are told."""
+
+
+def plain_console() -> Console:
+    """A console that prints what it is given as it is."""
+    return Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+
+
+def run_table(results: Mapping[str, Mapping[str, Any]]) -> Table:
+    """The figures of runs on the same site, side by side.
+
+    Args:
+        results: `Result` of each run as a dictionary, by the heading of its column; the first one names the table.
+    """
+    first = next(iter(results.values()))
+    cars = f"{first['robots']} car{'s' if first['robots'] != 1 else ''}"
+    title = f"{cars} on {first['site']}, seed {first['seed']}"
+    table = Table(title=title, show_header=len(results) > 1)
+    table.add_column("figure")
+    for name in results:
+        table.add_column(name, justify="right")
+    for name, form in ROWS:
+        field = form.split("{")[1].split("}")[0].split(":")[0]
+        if any(_tells(result, field) for result in results.values()):
+            values = ("-" if result[field] is None else form.format(**result) for result in results.values())
+            table.add_row(name, *values)
+    for key, heading in (("time_share_percent", "time of the cars, {}"), ("idle_percent", "  idle: {}")):
+        _add_shares(table, heading, [result[key] for result in results.values()])
+    return table
+
+
+def show_recording(console: Console, recording: Path, *, view: bool) -> None:
+    """Open the viewer on a recording if that is wanted and possible, else say how to look at it."""
+    viewer = Path(sys.executable).parent / "rerun"
+    if view and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform in ("darwin", "win32")):
+        subprocess.Popen(
+            [viewer, "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        console.print(f"viewer opened on {recording}", soft_wrap=True)
+        return
+    why = "no display to open the viewer on; " if view else ""
+    console.print(f"{why}recording: {recording} (look at it with: {viewer} {recording})", soft_wrap=True)
+
+
+def exit_status(console: Console, result: Result, duration_s: float) -> int:
+    """The exit status of a run; says why it ended, if not because all was done.
+
+    Args:
+        console: To say it on.
+        result: Of the run.
+        duration_s: After so long it was to end [s].
+    """
+    if result.interrupted:
+        console.print("interrupted: the files hold the run up to here")
+        return INTERRUPTED
+    n_open = result.tasks_total - result.tasks_done - result.tasks_failed - result.tasks_cancelled
+    timely = result.sim_s >= duration_s
+    if n_open:
+        why = "the time was up" if timely else "nothing went on any more"
+        console.print(f"{n_open} tasks were left open: {why}")
+    return TASKS_FAILED if result.tasks_failed or (n_open and not timely) else ALL_DONE
+
+
+def _tells(result: Mapping[str, Any], field: str) -> bool:
+    """Whether a figure means anything in a run."""
+    if "charg" in field:
+        return result["lowest_charge"] is not None  # cars without batteries
+    if field in ("parcels_located", "looks_failed", "pose_error_median_mm", "pose_error_max_mm"):
+        return bool(result["parcels_located"] or result["looks_failed"])  # no cameras
+    if "batch" in field:
+        return bool(result["batches"])
+    return field != "visits_done" or bool(result[field])
+
+
+def _add_shares(table: Table, heading: str, shares: list[Any]) -> None:
+    """Add a row for each share that is not zero in one of the runs."""
+    for name in dict.fromkeys(name for one in shares for name in one or ()):
+        percents = [(one or {}).get(name) for one in shares]
+        if any(percents):
+            values = ("-" if percent is None else f"{percent:.1f} %" for percent in percents)
+            table.add_row(heading.format(name.replace("_", " ")), *values)

@@ -1,0 +1,64 @@
+"""Scenarios of dispatch: settings of the environment under which choices make a difference, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from maps.warehouse import generate_warehouse
+
+
+@dataclass(frozen=True, kw_only=True)
+class DispatchScenario:
+    """Settings of `DispatchConfig`, and what is asked of policies."""
+
+    summary: str
+    """What is special about it."""
+    arguments: Mapping[str, Any]
+    """Settings, by name; plain values."""
+
+
+SCENARIOS: dict[str, DispatchScenario] = {
+    "due_dates": DispatchScenario(
+        summary="fewer orders than the cars can carry, four in five with a due date",
+        arguments={"site": "small", "n_cars": 6, "load": 0.9},
+    ),
+    "due_rush": DispatchScenario(
+        summary="more orders than the cars can carry, four in five with a due date",
+        arguments={"site": "small", "n_cars": 6, "load": 1.5},
+    ),
+    "tight_dates": DispatchScenario(
+        summary="fewer orders than the cars can carry, all due within one to five minutes",
+        arguments={
+            "site": "small",
+            "n_cars": 6,
+            "load": 0.9,
+            "stream": {"due_share": 1.0, "slack_s": (60.0, 300.0)},
+        },
+    ),
+    "due_waves": DispatchScenario(
+        summary="waves of orders for popular stations, 700 an hour: more than the cars can carry",
+        arguments={"site": "medium", "n_cars": 16, "load": 1.3375, "stream": {"kind": "skewed_waves"}},
+    ),
+    "fair_waves": DispatchScenario(
+        summary="waves of orders for popular stations, no more in all than the cars can carry",
+        arguments={"site": "medium", "n_cars": 16, "load": 0.9, "stream": {"kind": "skewed_waves"}},
+    ),
+    "bottleneck": DispatchScenario(
+        summary="seven of ten orders begin at two of the six pick stations",
+        arguments={"site": "medium", "n_cars": 16, "load": 1.2, "stream": {"bottleneck_n": 2}},
+    ),
+}
+"""Scenarios by name."""
+HELD_OUT_SITES = {
+    "narrow_held_out": {"rows": 30, "cols": 14, "pick": 3, "drop": 3, "parking": 12},
+    "wide_held_out": {"rows": 14, "cols": 30, "pick": 3, "drop": 3, "parking": 12},
+    "square_held_out": {"rows": 20, "cols": 22, "pick": 4, "drop": 4, "parking": 16},
+}
+"""Floors that nothing is trained on: arguments of `maps.warehouse.generate_warehouse`, by name."""
+
+
+def held_out_site(name: str) -> Any:
+    """The site of a name in `HELD_OUT_SITES`."""
+    return generate_warehouse(**HELD_OUT_SITES[name], name=name)

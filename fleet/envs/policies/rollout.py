@@ -1,0 +1,200 @@
+"""Rollout: every car takes the candidate that turns out best when the fleet is played on by a rule."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fleet.config import require
+from fleet.config.field_checks import is_number, is_whole
+from fleet.envs.dispatch.env import DispatchEnv
+from fleet.envs.dispatch.outlook import Jobs, Outlook, Rule, score_choices
+from fleet.envs.grid.fleet import STATION_ROOM, TIMESTEP_S
+from fleet.envs.grid.kernel import NEVER, NONE, TO_PICK, Ints
+from fleet.envs.layers.order_streams import episode_orders, mean_cycle_s
+from fleet.envs.policies.dispatch import Allocated, apparent_tardiness
+from fleet.tasks.order import Delivery
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolloutConfig:
+    """Settings of `Rollout`.
+
+    Raises:
+        ConfigError: A setting is outside its valid range.
+    """
+
+    horizon_s: float = 900.0
+    """How far the fleet is played on [s]."""
+    futures_n: int = 16
+    """Futures in which the last candidates are compared."""
+    first_n: int = 4
+    """Futures in which all of them are; after these and after each doubling the worse half is given up."""
+    drawn_n: int = 32
+    """Futures that are drawn for an episode; each decision looks at others of them."""
+    late: float = 2.0
+    """Price of a minute of tardiness, in deliveries."""
+    rule: str = "apparent_tardiness"
+    """What plays on: `apparent_tardiness` or `nearest`."""
+
+    def __post_init__(self) -> None:
+        require(is_number(self.horizon_s) and self.horizon_s > 0, "horizon_s", self.horizon_s, "a number > 0")
+        futures_ok = is_whole(self.futures_n) and is_whole(self.drawn_n) and 1 <= self.futures_n <= self.drawn_n
+        require(futures_ok, "futures_n", self.futures_n, f"1 to drawn_n, which is {self.drawn_n}")
+        first_ok = is_whole(self.first_n) and self.first_n >= 1
+        require(first_ok, "first_n", self.first_n, "an integer >= 1")
+        require(is_number(self.late) and self.late >= 0, "late", self.late, "a number >= 0")
+        rules = ("apparent_tardiness", "nearest")
+        require(self.rule in rules, "rule", self.rule, ", ".join(rules))
+
+
+class Rollout:
+    """One step of policy improvement over a rule, by simulation.
+
+    Every candidate of a car that can choose is given to it in a copy of the fleet, which a rule plays on for some
+    minutes (`fleet.envs.dispatch.outlook`) with orders drawn from the process that the episode's orders come from -
+    not with those orders themselves. The candidate with the best mean is taken; then the next car chooses, the one
+    that waits longest first. All candidates meet the same futures, and most of them are given up after few: sequential
+    halving (Karnin, Koren, Somekh, "Almost optimal exploration in multi-armed bandits", ICML 2013).
+
+    Source: Bertsekas, Tsitsiklis, Wu, "Rollout algorithms for combinatorial optimization", Journal of Heuristics 3,
+    1997.
+
+    Args:
+        seed: Source of the futures.
+        config: Settings.
+    """
+
+    def __init__(self, seed: int = 0, config: RolloutConfig | None = None) -> None:
+        self.config = config or RolloutConfig()
+        """Settings."""
+        self.n_rollouts = 0
+        """Futures played so far."""
+        self._rng = np.random.default_rng(seed)
+        self._usual = [Allocated("greedy", cost=apparent_tardiness, classes=strict) for strict in (False, True)]
+        self._drawn: Jobs | None = None
+        self._env: DispatchEnv | None = None
+
+    def act(self, env: DispatchEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
+        """See `Policy`."""
+        actions: dict[str, Any] = dict.fromkeys(observations, 0)
+        # The first candidate is there if any is.
+        able = np.flatnonzero(env.candidates[:, 0] != NONE)
+        if not len(able) or env.fleet is None:
+            return actions
+        if self._drawn is None or self._env is not env or env.n_steps == 0:
+            self._drawn, self._env = self._draw(env), env
+        outlook = env.fleet.outlook()
+        futures = self._futures(outlook.now, self._drawn)
+        rule = self._better_rule(env, outlook, futures)
+        usual = self._usual[rule.strict].act(env, observations)
+        for car in able.tolist():
+            agent = env.possible_agents[car]
+            places = np.flatnonzero(env.candidates[car] != NONE)
+            rows = np.searchsorted(outlook.number, env.candidates[car, places]).astype(np.int32)
+            open_ = ~np.isin(rows, outlook.job)
+            places, rows = places[open_], rows[open_]
+            best = self._best(env, outlook, futures, car, rows, rule) if len(rows) else NONE
+            if best == NONE:
+                best = int(np.flatnonzero(places == usual[agent] - 1)[0]) if usual[agent] - 1 in places else NONE
+            if best != NONE:
+                actions[agent] = int(places[best]) + 1
+                outlook = given(outlook, car, int(rows[best]))
+        return actions
+
+    def _best(self, env: DispatchEnv, outlook: Outlook, futures: Jobs, car: int, rows: Ints, rule: Rule) -> int:
+        """Place of the best of the deliveries `rows` for a car; `NONE` if none is clearly better than the rule's."""
+        config = self.config
+        choices = np.append(rows, np.int32(NONE))
+        left = np.arange(len(rows))
+        scores = np.zeros((len(choices), config.futures_n))
+        seen, to_see = 0, min(config.first_n, config.futures_n)
+        while True:
+            played = np.append(left, len(rows))
+            told = np.zeros((len(played), config.futures_n))
+            cars = np.full(len(played), car, dtype=np.int32)
+            score_choices(env.place.floor, outlook, futures, cars, choices[played], seen, to_see, rule, told)
+            scores[played, seen:to_see] = told[:, seen:to_see]
+            self.n_rollouts += len(played) * (to_see - seen)
+            seen, to_see = to_see, min(2 * to_see, config.futures_n)
+            gain = scores[left, :seen] - scores[-1, :seen]
+            order = np.argsort(-gain.mean(axis=1), kind="stable")
+            if seen == config.futures_n:
+                break
+            left = left[order[: (len(left) + 1) // 2]]
+        return int(left[order[0]]) if gain[order[0]].mean() > 0.0 else NONE
+
+    def _better_rule(self, env: DispatchEnv, outlook: Outlook, futures: Jobs) -> Rule:
+        """The rule, with or without classes, by which the fleet does better from here on."""
+        free = self._rule(env)
+        nobody = np.array([NONE], dtype=np.int32)
+        rules, n = (free, free._replace(strict=True)), self.config.futures_n
+        scores = np.zeros((2, 1, n))
+        for rule, told in zip(rules, scores, strict=True):
+            score_choices(env.place.floor, outlook, futures, nobody, nobody, 0, n, rule, told)
+        self.n_rollouts += 2 * n
+        return rules[int(scores.mean(axis=(1, 2)).argmax())]
+
+    def _rule(self, env: DispatchEnv) -> Rule:
+        config = self.config
+        n_picks = len(env.place.site.station_names("pick"))
+        cycle_s = mean_cycle_s(env.place)
+        remains_s = (env.max_cycles - env.n_steps) * env.config.step_s
+        return Rule(
+            horizon=round(min(config.horizon_s, remains_s) / TIMESTEP_S),
+            step=round(env.config.step_s / TIMESTEP_S),
+            room=STATION_ROOM,
+            mean=cycle_s / TIMESTEP_S if config.rule == "apparent_tardiness" else 0.0,
+            late=config.late * TIMESTEP_S / 60.0,
+            depth=-(-env.config.candidates_n // n_picks),
+            strict=False,
+        )
+
+    def _draw(self, env: DispatchEnv) -> Jobs:
+        """Futures of an episode, shape (drawn_n, f)."""
+        config, duration_s = env.config, env.max_cycles * env.config.step_s + self.config.horizon_s
+        n_cars, load, stream = config.n_cars, float(config.load), config.order_stream
+        drawn = [
+            episode_orders(env.place, n_cars, load, duration_s, rng, stream)
+            for rng in self._rng.spawn(self.config.drawn_n)
+        ]
+        number = {station.name: k for k, station in enumerate(env.place.site.stations)}
+        return _table(drawn, number)
+
+    def _futures(self, now: int, drawn: Jobs) -> Jobs:
+        """Some of the drawn futures, from now on."""
+        picked = self._rng.choice(self.config.drawn_n, self.config.futures_n, replace=False)
+        end = now + round(self.config.horizon_s / TIMESTEP_S)
+        release = drawn.release[picked]
+        first = (release <= now).sum(axis=1)
+        width = int(((release > now) & (release <= end)).sum(axis=1).max(initial=0))
+        at = np.minimum(first[:, None] + np.arange(width), release.shape[1] - 1)
+        rows = np.arange(len(picked))[:, None]
+        cut = Jobs(*(column[picked][rows, at] for column in drawn))
+        behind = first[:, None] + np.arange(width) >= release.shape[1]
+        cut.release[behind | (cut.release > end)] = NEVER
+        return cut
+
+
+def given(outlook: Outlook, car: int, row: int) -> Outlook:
+    """The outlook in which a car has a delivery."""
+    job, phase = outlook.job.copy(), outlook.phase.copy()
+    job[car], phase[car] = row, TO_PICK
+    return outlook._replace(job=job, phase=phase)
+
+
+def _table(streams: list[tuple[Delivery, ...]], number: Mapping[str, int]) -> Jobs:
+    longest = max(map(len, streams)) + 1
+    table = np.zeros((5, len(streams), longest), dtype=np.int32)
+    table[:2] = NEVER
+    for row, orders in enumerate(streams):
+        n = len(orders)
+        table[0, row, :n] = [np.ceil(order.release_s / TIMESTEP_S) for order in orders]
+        table[1, row, :n] = [min(order.due_s / TIMESTEP_S, NEVER) for order in orders]
+        table[2, row, :n] = [number[order.pick] for order in orders]
+        table[3, row, :n] = [number[order.drop] for order in orders]
+        table[4, row, :n] = [order.rank for order in orders]
+    return Jobs(*table)

@@ -1,0 +1,1 @@
+"""Data sets: trajectories of policies as Parquet files."""

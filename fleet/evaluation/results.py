@@ -1,0 +1,100 @@
+"""Results: the file that keeps what was played, so that nothing is played twice."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fleet.evaluation.comparison import findings
+from fleet.evaluation.errors import EvaluationError
+from fleet.evaluation.players import Player
+from fleet.evaluation.scenarios import scenario_named
+from fleet.evaluation.scores import SplitScores
+
+FORMAT = 1
+"""Of the file."""
+
+
+class ResultsFile:
+    """Scores that are kept, so that nothing is played twice.
+
+    Args:
+        path: A JSON file, written after every split; None keeps nothing.
+
+    Raises:
+        EvaluationError: The file is there and holds something else.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._path = path
+        self.scores: list[SplitScores] = []
+        """In the order in which they were played."""
+        if path is not None and path.exists():
+            self.scores = _read(path)
+
+    def find(self, scenario: str, split: str, player: Player, n_episodes: int) -> SplitScores | None:
+        """What was played before, of the same policy and definition, with as many episodes; None if nothing was."""
+        wanted = scenario_named(scenario)
+        known = {
+            "scenario": scenario,
+            "split": split,
+            "policy": player.name,
+            "digest": player.digest,
+            "definition": json.loads(json.dumps(wanted.definition(split))),
+        }
+        for one in self.scores:
+            alike = all(getattr(one, name) == value for name, value in known.items())
+            if alike and one.n_episodes == n_episodes and set(one.figures) == set(wanted.measures):
+                return one
+        return None
+
+    def add(self, scores: SplitScores) -> None:
+        """Keep scores, in place of older ones of the same policy, and write the file, whole or not at all."""
+        key = (scores.scenario, scores.split, scores.policy)
+        self.scores = [one for one in self.scores if (one.scenario, one.split, one.policy) != key]
+        self.scores.append(scores)
+        if self._path is not None:
+            played, found = _lines(self.scores), _lines(findings(self.scores))
+            write_whole(self._path, f'{{"format": {FORMAT},\n"scores": [\n{played}\n],\n"findings": [\n{found}\n]}}\n')
+
+
+def require_writable(path: Path) -> None:
+    """Refuse a file that cannot be written, before minutes are spent.
+
+    Raises:
+        EvaluationError: It is a folder, or its folder is not there or may not be written to.
+    """
+    if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise EvaluationError(f"{path} cannot be written; valid: a file in a folder that is there and can be written")
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file, whole or not at all.
+
+    Raises:
+        EvaluationError: It cannot be written.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as reason:
+        raise EvaluationError(f"{path}: {reason.strerror}; valid: a file that can be written") from reason
+
+
+def _read(path: Path) -> list[SplitScores]:
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        if told["format"] != FORMAT:
+            raise ValueError(f"format {told['format']!r}")
+        return [SplitScores(**one) for one in told["scores"]]
+    except (OSError, ValueError, KeyError, TypeError) as reason:
+        raise EvaluationError(f"{path}: {reason}; valid: results of fleet.evaluate, format {FORMAT}") from reason
+
+
+def _lines(found: Sequence[Any]) -> str:
+    return ",\n".join(json.dumps(dataclasses.asdict(one)) for one in found)

@@ -1,0 +1,84 @@
+"""Episodes: what was learned plays the environment that it was learned in, with figures and recordings."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fleet.envs.core.env_config import UnknownSetting
+from fleet.envs.policies import Policy
+from fleet.play.policies import LearnedRun
+from fleet.training.errors import TrainingError
+from fleet.training.evaluation import Score, play
+from fleet.training.recipes import RECIPES
+
+EPISODES = "episodes.csv"
+RERUN = "rerun"
+"""Render mode of environments that record their episodes."""
+
+
+def play_episodes(
+    run: LearnedRun,
+    policies: Mapping[str, Policy],
+    changes: Mapping[str, Any],
+    seeds: Sequence[int],
+    folder: Path | None,
+    on_episode: Callable[[int], None],
+) -> dict[str, list[Score]]:
+    """Let policies play episodes of the environment in which one of them was learned.
+
+    Args:
+        run: Where.
+        policies: By name; the first one is what was learned, and is recorded.
+        changes: Arguments of the environment that differ from those of the training.
+        seeds: Of the episodes.
+        folder: Where recordings go, one for each episode; None = nothing is recorded.
+        on_episode: Called with the number of episodes played so far.
+
+    Returns:
+        Scores by policy, in the order of the seeds.
+
+    Raises:
+        TrainingError: The environment has no such argument, cannot record, or its agents see something else then.
+        ConfigError: A value is outside its valid range.
+    """
+    recipe = RECIPES[run.recipe]
+    scores: dict[str, list[Score]] = {}
+    for index, (name, policy) in enumerate(policies.items()):
+        recorded = {} if folder is None or index else {"render_mode": RERUN, "record_to": folder}
+        env = _made(run, {**run.arguments, **changes, **recorded})
+        try:
+            if not index:
+                run.require_fits(policy, env)
+            scores[name] = []
+            for seed in seeds:
+                scores[name].append(play(env, policy, seed, recipe.figures))
+                on_episode(sum(map(len, scores.values())))
+        finally:
+            env.close()
+    return scores
+
+
+def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: Sequence[int]) -> None:
+    """Write the figures of all episodes as a table, whole or not at all."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    names = list(next(iter(scores.values()))[0])
+    table.writerow(["policy", "seed", *names])
+    for policy, played in scores.items():
+        for seed, score in zip(seeds, played, strict=True):
+            table.writerow([policy, seed, *(f"{score[name]:.6g}" for name in names)])
+    folder.mkdir(parents=True, exist_ok=True)
+    part = folder / f".{EPISODES}.part"
+    part.write_text(text.getvalue(), encoding="utf-8")
+    part.replace(folder / EPISODES)
+
+
+def _made(run: LearnedRun, arguments: Mapping[str, Any]) -> Any:
+    try:
+        return RECIPES[run.recipe].make(**arguments)
+    except (UnknownSetting, TypeError) as error:  # TypeError: of a single robot's environment
+        raise TrainingError(f"{run.folder}: {error}; valid: what {run.environment} knows") from error

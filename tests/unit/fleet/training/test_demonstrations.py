@@ -1,0 +1,52 @@
+"""Demonstrations: they come back from their file, and half a file is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fleet.training.demonstrations import Demonstration, read_demonstrations, write_demonstrations
+from fleet.training.errors import TrainingError
+
+ROWS = np.arange(6, dtype=np.float32).reshape(3, 2)
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    mask = np.array([[True, False]] * 3)
+    told = {
+        "car": Demonstration(rows=ROWS, mask=None, actions=ROWS[:, :1]),
+        "arm": Demonstration(rows=ROWS, mask=mask, actions=np.zeros(3, dtype=np.int64)),
+    }
+    write_demonstrations(tmp_path / "told.npz", told)
+    found = read_demonstrations(tmp_path / "told.npz")
+    assert [path.name for path in tmp_path.iterdir()] == ["told.npz"]
+    assert set(found) == {"car", "arm"}
+    assert found["car"].mask is None
+    assert (found["car"].actions == ROWS[:, :1]).all()
+    assert found["arm"].mask is not None
+    assert (found["arm"].mask == mask).all()
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({"car_rows": ROWS}, "car_actions has 0 rows of 3; valid: one for each"),
+        ({"car_rows": ROWS, "car_actions": ROWS[:2]}, "car_actions has 2 rows of 3"),
+        ({"car_rows": ROWS, "car_actions": ROWS, "car_mask": ROWS[:1]}, "car_mask has 1 rows of 3"),
+        ({"numbers": ROWS}, "has no array of observations"),
+        ({"car_rows": np.array([{}]), "car_actions": ROWS[:1]}, "cannot be read as demonstrations"),
+    ],
+)
+def test_what_is_missing_is_named(tmp_path: Path, arrays: dict[str, np.ndarray], words: str) -> None:
+    np.savez(tmp_path / "told.npz", **arrays)
+    with pytest.raises(TrainingError, match=words):
+        read_demonstrations(tmp_path / "told.npz")
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no archive", b"PK\x03\x04"])
+def test_what_is_no_file_of_arrays_is_refused(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "told.npz"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(TrainingError, match=r"cannot be read as demonstrations; valid: an \.npz file"):
+        read_demonstrations(path)
