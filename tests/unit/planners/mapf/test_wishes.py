@@ -84,6 +84,14 @@ def random_floor(seed: int) -> tuple[LaneGraph, np.random.Generator, list[int], 
     return graph, rng, rng.permutation(30)[:22].tolist(), rng.permutation(30)[:22].tolist()
 
 
+def test_everybody_s_wish_counts() -> None:
+    graph = grid_lane_graph(GridMap(np.ones((5, 6), dtype=np.bool_)), "pebble")
+    now = [6 * row + col for row in range(5) for col in (0, 2, 4)]
+    aside = [state + 1 for state in now]
+    for goals in (now, [29 - state for state in now], [NONE] * 15):
+        assert stepped(graph, now, goals, aside) == aside
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_who_wishes_for_what_pibt_does_is_granted_it(seed: int) -> None:
     graph, _, now, goals = random_floor(seed)
