@@ -88,7 +88,7 @@ def crowds_of(
     env = traffic_v1.parallel_env(site=site, n_cars=n_cars, **settings)
     found = {}
     planners: dict[str, Policy] = {PIBT: PibtTraffic(), PLANNED: PlannedTraffic(settings={"rounds": ROUNDS})}
-    for name, policy in (policies | planners).items():
+    for name, policy in (dict(policies) | planners).items():
         delivered, n_jams, spent_s, n_steps = [], 0, 0.0, 0
         for seed in seeds:
             observations, _ = env.reset(seed=seed)

@@ -234,7 +234,7 @@ class DockingPlayer:
         played.require_fits(self._env)
         self._env.reset(seed=simulation.config.seed)
         self._period = max(1, round(config.step_s / simulation.tick_s))
-        self._begun_s = np.zeros(config.n_cars)
+        self._begun_s = np.zeros(len(config.cars))
 
     def tick(self) -> None:
         """Take cars over, give them back, and decide for them, if it is time to."""

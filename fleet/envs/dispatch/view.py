@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.config import AllocationConfig
+from fleet.envs.grid.compiled import allocating
 from fleet.envs.grid.fleet import STATION_ROOM, TIMESTEP_S, FleetSite
 from fleet.envs.grid.kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
 from planners.allocation.costs import CostWeights, task_costs
@@ -179,7 +179,7 @@ class DispatchObserver:
         )
 
 
-@njit(cache=True, nogil=True, _nrt=True)  # it allocates, and kernels that count no references call it
+@allocating
 def fill_candidates(
     floor: Floor,
     view: DispatchView,

@@ -19,15 +19,22 @@ def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
     """Compile a kernel that gets all its memory handed in, bundled in named tuples, and allocates none.
 
     For `_nrt=False` see `planners.mapf.kernel`. What it calls is compiled alike, unless that says `_nrt=True` itself; a
-    kernel that returns arrays must not be called by one that counts references, which would count it down. And numba keeps a compiled kernel until the file it stands in changes,
-    whatever happens to the kernels in other files that are compiled into it: here it is kept until any file of the
-    environments or of `planners.mapf` changes.
+    kernel that returns arrays must not be called by one that counts references, which would count it down. And numba
+    keeps a compiled kernel until the file it stands in changes, whatever happens to the kernels in other files that are
+    compiled into it: here it is kept until any file of the environments or of `planners.mapf` changes.
     """
     options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False, **more}
     made: Callable[..., Any] = njit(**options)(function)
     kept = getattr(getattr(made, "_cache", None), "_cache_file", None)
     if kept is not None:
         kept._source_stamp = _STAMP
+    return made
+
+
+def allocating(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel that allocates, and that kernels call which count no references."""
+    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": True}
+    made: Callable[..., Any] = njit(**options)(function)
     return made
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fleet.envs.policies.policy import Policy
-from fleet.training.layout import Group, Layout
+from fleet.training.layout import Group, RowLayout
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
 from fleet.training.solo import SoloEnv
@@ -30,7 +30,7 @@ def _pursuit() -> Policy:
     return PursuitPolicy()
 
 
-CAR_LAYOUT = Layout(groups=(Group(first=19, n_each=16, n_things=4, present=0),))
+CAR_LAYOUT = RowLayout(groups=(Group(first=19, n_each=16, n_things=4, present=0),))
 """Other cars; numbers as in `fleet.envs.navigate.rows`: FIRST_OTHER, N_PER_OTHER, N_OTHERS."""
 
 _TEAMS = ({"n_cars": 6}, {"n_cars": 9}, {"n_cars": 6}, {"site": "twin", "n_cars": 3})
