@@ -217,7 +217,7 @@ SCENARIOS: dict[str, Scenario] = {
     ),
     "cell": Scenario(
         summary="two cars and two arms deliver two parcels, in physics",
-        env="warehouse_v0",
+        env="warehouse_v1",
         arguments={"fidelity": "physics"},
         headline="parcels",
         beside=("contacts", "steps"),
