@@ -149,6 +149,33 @@ def test_a_lost_car_is_towed_back_and_stands(fidelity: str) -> None:
     env.close()
 
 
+def test_a_car_that_stands_off_its_lane_is_towed_after_a_while() -> None:
+    env = navigate_v1.parallel_env(n_cars=1)
+    env.reset(seed=0)
+    yaw = env._world.car_poses()[0, 2]
+    env._world.push_car(0, -0.4 * np.sin(yaw), 0.4 * np.cos(yaw), 0.0)
+    towed = []
+    for _ in range(40):
+        *_, infos = env.step({"car_0": np.zeros(2)})
+        towed.append(infos["car_0"]["towed"] != 0.0)
+    assert (True in towed[:28], towed.count(True)) == (False, 1)
+    env.close()
+
+
+def test_knocks_come_from_the_seed_and_leave_the_places_alone() -> None:
+    ends, goals = [], []
+    for knocks_per_min in (0.0, 120.0, 120.0):
+        env = navigate_v1.parallel_env(n_cars=2, knocks_per_min=knocks_per_min)
+        env.reset(seed=3)
+        goals.append(env._goals.tolist())
+        for _ in range(30):
+            env.step({})
+        ends.append(env._world.car_poses().tolist())
+        env.close()
+    assert goals[0] == goals[1]
+    assert ends[1] == ends[2] != ends[0]
+
+
 def test_two_cars_in_one_place_touch_and_pay_for_it() -> None:
     env = navigate_v1.parallel_env(n_cars=2)
     env.reset(seed=0)
@@ -214,6 +241,7 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
         ({"control_hz": 7.0}, "control_hz is 7.0"),
         ({"control_hz": float("nan")}, "control_hz is nan"),
         ({"n_cars": "2"}, "n_cars is '2'"),
+        ({"knocks_per_min": -1.0}, "knocks_per_min is -1.0; valid: a number >= 0"),
         ({"control_hz": "x"}, "control_hz is 'x'"),
         ({"control_hz": True}, "control_hz is True"),
         ({"max_cycles": True}, "max_cycles is True"),

@@ -2,8 +2,8 @@
 
 Every car has a stream of places to visit, drawn from the episode's seed and the same whatever the agents do. Its way
 there is the shortest along the lanes of the site; no car is given right of way: to keep clear of the others is the agents'
-own affair. A car that gets more than 0.8 m away from its way is out of its agent's hands for a second and a half: it
-brakes, is towed back to its way, and stands there. Cars stop at each other, at walls and at shelves, in fidelity
+own affair. A car that gets more than 0.8 m away from its way, or stands off its lane for three seconds, is out of its
+agent's hands for a second and a half: it brakes, is towed back to its way, and stands there. Cars stop at each other, at walls and at shelves, in fidelity
 `kinematic` too unless `contact` is `pass`: then they drive through each other, and only pay. An episode begins with all cars parked and is truncated for all after
 `max_cycles` steps.
 
@@ -34,6 +34,8 @@ Of another car:
 | 9-12 | the point 1 m ahead on its way / 4 m, its place / 10 m |
 | 13-14 | where the ways of both meet: the own way to there / 3 m, its way to there / 3 m; 1 each if not within 3 m |
 | 15 | whether its number is lower (0 or 1): something by which agents can agree who goes first |
+
+With `knocks_per_min` cars are knocked off their courses now and then, so that agents learn to come back.
 
 Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places` and `touches`,
 the numbers of places that were reached and of touches that began in this step. `state()` is all observations, one after the other.
@@ -77,8 +79,12 @@ OFF_LANE_M = 0.3
 """A car further than this from its way is off its lane [m]: in the middle, its sides are 0.36 m from the walls."""
 LOST_M = 0.8
 """A car further than this from its way is towed back [m]."""
+STUCK_S, STANDS_MPS = 3.0, 0.1
+"""A car that is off its lane and slower than this for so long is towed back, too: it is stuck at a wall."""
 BRAKE_S, TOW_S = 1.0, 0.5
 """Times in which a lost car comes to a stand, from any speed, and in which it is then brought back, in physics [s]."""
+KNOCK_M, KNOCK_RAD = 0.35, 1.2
+"""Greatest shift of a car that is knocked, along x and y [m], and greatest turn [rad]: its nose may meet a wall."""
 REACHED_M = 0.1
 """A place counts as reached this far before it [m]."""
 TOUCH_M = 0.01
@@ -134,6 +140,8 @@ class NavigationConfig(RecordedEnvConfig):
     """`kinematic` or `physics`."""
     contact: str = STOP
     """What a collision does in fidelity `kinematic`: `stop` or `pass`, see `fleet.world.kinematic.KinematicConfig`."""
+    knocks_per_min: float = 0.0
+    """Times per minute that each car is knocked off its course: by up to `KNOCK_M` and `KNOCK_RAD`, for training."""
     control_hz: float = 10.0
     """Steps per simulated second; the world's tick rate (kinematic 20, physics 60) is a multiple."""
     max_cycles: int = 600
@@ -148,6 +156,8 @@ class NavigationConfig(RecordedEnvConfig):
         require(cars_ok, "n_cars", self.n_cars, f"1 to {n_spots} on site {self.place.name}")
         require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
         require(self.contact in CONTACTS, "contact", self.contact, ", ".join(CONTACTS))
+        knocks_ok = is_number(self.knocks_per_min) and self.knocks_per_min >= 0
+        require(knocks_ok, "knocks_per_min", self.knocks_per_min, "a number >= 0")
         hz_ok = is_number(self.control_hz) and self.control_hz > 0
         require(hz_ok, "control_hz", self.control_hz, "a number > 0")
         super().__post_init__()
@@ -232,7 +242,7 @@ class NavigationEnv(FleetEnv):
 
     def _begin(self, seed: int) -> Infos:
         n_cars = len(self.possible_agents)
-        self._streams = np.random.default_rng(seed).spawn(n_cars)
+        *self._streams, self._knocks = np.random.default_rng(seed).spawn(n_cars + 1)
         self._world.load(self._parked)
         self._paths = PathBuffer(n_cars)
         self._ends = list(self._starts)
@@ -246,6 +256,8 @@ class NavigationEnv(FleetEnv):
             self._extend(car)
         self._ticks_towed = np.zeros(n_cars, dtype=np.int64)
         """Ticks for which each car is still out of its agent's hands."""
+        self._ticks_stuck = np.zeros(n_cars, dtype=np.int64)
+        """Ticks for which each car has been standing off its lane."""
         self._aside_m[:] = 0.0
         self._look(0)
         self._figures = dict.fromkeys(self._figures, 0.0)
@@ -270,6 +282,8 @@ class NavigationEnv(FleetEnv):
     def _advance(self, resolved: tuple[FloatArray, npt.NDArray[np.bool_]]) -> tuple[dict[str, float], bool, Infos]:
         shares, illegal = resolved
         commands = np.where((self._ticks_towed > 0)[:, None], 0.0, shares * self._limits)
+        if self.config.knocks_per_min:
+            self._knock()
         before_m = self._paths.progress.copy()
         for _ in range(self._n_ticks):
             self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
@@ -363,12 +377,25 @@ class NavigationEnv(FleetEnv):
             aside=self._aside_m,
         )
 
+    def _knock(self) -> None:
+        """Knock some cars off their courses."""
+        n_cars = len(self.possible_agents)
+        chance = self.config.knocks_per_min / (60.0 * self.config.control_hz)
+        hit = self._knocks.random(n_cars) < chance
+        sizes = self._knocks.uniform(-1.0, 1.0, (n_cars, 3)) * (KNOCK_M, KNOCK_M, KNOCK_RAD)
+        for car in np.flatnonzero(hit & (self._ticks_towed == 0)).tolist():
+            self._world.push_car(car, *sizes[car].tolist())
+
     def _tow(self) -> npt.NDArray[np.bool_]:
         """Stop lost cars and bring them back to where their way is nearest; returns which got lost now, (n_cars,)."""
         tow, brake = (round(time_s / self._world.tick_s) for time_s in (TOW_S, BRAKE_S))
         left = np.maximum(self._ticks_towed - self._n_ticks, 0)
         stands = (self._ticks_towed > tow) & (left <= tow)
-        lost: npt.NDArray[np.bool_] = (np.abs(self._aside_m) > LOST_M) & (self._ticks_towed == 0)
+        aside_m = np.abs(self._aside_m)
+        sticks = (aside_m > OFF_LANE_M) & (np.abs(self._world.car_speeds()) < STANDS_MPS)
+        self._ticks_stuck = np.where(sticks, self._ticks_stuck + self._n_ticks, 0)
+        is_stuck = self._ticks_stuck * self._world.tick_s > STUCK_S
+        lost: npt.NDArray[np.bool_] = ((aside_m > LOST_M) | is_stuck) & (self._ticks_towed == 0)
         self._ticks_towed = np.where(lost, brake + tow, left)
         poses = self._world.car_poses()
         for car in np.flatnonzero(stands).tolist():
