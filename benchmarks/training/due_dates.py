@@ -14,7 +14,7 @@ from benchmarks.harness import Kind, Row, Trial
 from fleet.charts.statistics import estimate
 from fleet.envs import dispatch_v0
 from fleet.envs.dispatch.env import DispatchEnv
-from fleet.envs.dispatch.scenarios import SCENARIOS
+from fleet.envs.dispatch.scenarios import HELD_OUT_SITES, SCENARIOS, held_out_site
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import NEVER, Stage
 from fleet.envs.policies import POLICIES, Policy, make_policy
@@ -22,6 +22,8 @@ from fleet.envs.policies import POLICIES, Policy, make_policy
 FIRST_SEED = 50_000
 """Nothing is trained or chosen on episodes from here on."""
 N_SEEDS, N_QUICK_SEEDS, N_QUICK_CYCLES = 20, 2, 24
+ELSEWHERE = "due_rush"
+"""Scenario that is played on the held-out floors, too."""
 HEAD = ("scenario", "policy", "seed", "delivered", "tardiness_min", "on_time", "cpu_s")
 EPISODES = Path("runs/dispatch_due/episodes.csv")
 TABLE = Path("docs/learning/dispatch_due.csv")
@@ -35,17 +37,18 @@ def measure_due_dates(trial: Trial) -> Iterator[Row]:
     n_seeds = N_QUICK_SEEDS if trial.quick else N_SEEDS
     known = {} if trial.quick else _read(EPISODES)
     table: list[tuple[object, ...]] = []
-    for scenario, about in SCENARIOS.items():
-        arguments = {**about.arguments, **({"max_cycles": N_QUICK_CYCLES} if trial.quick else {})}
-        env = dispatch_v0.parallel_env(**arguments)
+    for scenario, arguments in _cases().items():
+        env = dispatch_v0.parallel_env(**arguments, **({"max_cycles": N_QUICK_CYCLES} if trial.quick else {}))
         for policy in POLICIES["dispatch"]:
             told = []
             for seed in range(n_seeds):
                 key = (scenario, policy, str(seed))
                 if key not in known:
-                    known[key] = played(env, make_policy("dispatch", policy, seed), FIRST_SEED + seed)
+                    figures = played(env, make_policy("dispatch", policy, seed), FIRST_SEED + seed)
+                    written = [f"{value:.4g}" for value in figures]
+                    known[key] = tuple(map(float, written))
                     if not trial.quick:
-                        _append(EPISODES, (*key, *(f"{value:.4g}" for value in known[key])))
+                        _append(EPISODES, (*key, *written))
                 told.append(known[key])
             yield from _rows(scenario, policy, told, table, promised=not trial.quick and env.config.n_cars == 6)
         env.close()
@@ -60,6 +63,13 @@ def measure_due_dates(trial: Trial) -> Iterator[Row]:
         f"all orders that came in, minutes an episode; ± 95 %. Episodes: {EPISODES}; those that are there are not "
         f"played again. Table: {TABLE}"
     )
+
+
+def _cases() -> dict[str, dict[str, Any]]:
+    """Settings by name: every scenario, and one of them on the floors that nothing is trained on."""
+    cases = {name: dict(scenario.arguments) for name, scenario in SCENARIOS.items()}
+    rush = SCENARIOS[ELSEWHERE].arguments
+    return cases | {f"{ELSEWHERE} on {name}": {**rush, "site": held_out_site(name)} for name in HELD_OUT_SITES}
 
 
 def played(env: DispatchEnv, policy: Policy, seed: int) -> tuple[float, float, float, float]:
