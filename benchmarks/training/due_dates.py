@@ -14,16 +14,23 @@ from benchmarks.harness import Kind, Row, Trial
 from fleet.charts.statistics import estimate
 from fleet.envs import dispatch_v0
 from fleet.envs.dispatch.env import DispatchEnv
-from fleet.envs.dispatch.scenarios import HELD_OUT_SITES, SCENARIOS, held_out_site
+from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import NEVER, Stage
 from fleet.envs.policies import POLICIES, Policy, make_policy
+from maps.warehouse import generate_warehouse
 
 FIRST_SEED = 50_000
 """Nothing is trained or chosen on episodes from here on."""
 N_SEEDS, N_QUICK_SEEDS, N_QUICK_CYCLES = 20, 2, 24
 ELSEWHERE = "due_rush"
 """Scenario that is played on the held-out floors, too."""
+HELD_OUT_SITES = {
+    "narrow_held_out": {"rows": 30, "cols": 14, "pick": 3, "drop": 3, "parking": 12},
+    "wide_held_out": {"rows": 14, "cols": 30, "pick": 3, "drop": 3, "parking": 12},
+    "square_held_out": {"rows": 20, "cols": 22, "pick": 4, "drop": 4, "parking": 16},
+}
+"""Floors that nothing is trained on: arguments of `maps.warehouse.generate_warehouse`, by name."""
 HEAD = ("scenario", "policy", "seed", "delivered", "tardiness_min", "on_time", "cpu_s")
 EPISODES = Path("runs/dispatch_due/episodes.csv")
 TABLE = Path("docs/learning/dispatch_due.csv")
@@ -69,7 +76,8 @@ def _cases() -> dict[str, dict[str, Any]]:
     """Settings by name: every scenario, and one of them on the floors that nothing is trained on."""
     cases = {name: dict(scenario.arguments) for name, scenario in SCENARIOS.items()}
     rush = SCENARIOS[ELSEWHERE].arguments
-    return cases | {f"{ELSEWHERE} on {name}": {**rush, "site": held_out_site(name)} for name in HELD_OUT_SITES}
+    sites = [generate_warehouse(**settings, name=name) for name, settings in HELD_OUT_SITES.items()]
+    return cases | {f"{ELSEWHERE} on {site.name}": {**rush, "site": site} for site in sites}
 
 
 def played(env: DispatchEnv, policy: Policy, seed: int) -> tuple[float, float, float, float]:

@@ -9,7 +9,7 @@ import pytest
 
 from fleet.envs import dispatch_v0
 from fleet.envs.dispatch.env import DispatchEnv
-from fleet.envs.dispatch.scenarios import HELD_OUT_SITES, SCENARIOS, held_out_site
+from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.envs.grid.kernel import NONE, Stage
 from fleet.envs.policies import make_policy
 from fleet.envs.policies.dispatch import ScoredMatching
@@ -135,10 +135,3 @@ def test_every_scenario_can_be_played(name: str) -> None:
     while env.agents:
         observations, *_ = env.step(dict.fromkeys(observations, 1))
     env.close()
-
-
-@pytest.mark.parametrize("name", HELD_OUT_SITES)
-def test_held_out_sites_have_room_for_six_cars(name: str) -> None:
-    site = held_out_site(name)
-    assert site.name == name
-    assert len(site.parking) >= 6
