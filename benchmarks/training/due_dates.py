@@ -18,10 +18,19 @@ from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import NEVER, Stage
 from fleet.envs.policies import POLICIES, Policy, make_policy
+from maps.warehouse import generate_warehouse
 
 FIRST_SEED = 50_000
 """Nothing is trained or chosen on episodes from here on."""
 N_SEEDS, N_QUICK_SEEDS, N_QUICK_CYCLES = 20, 2, 24
+ELSEWHERE = "due_rush"
+"""Scenario that is played on the held-out floors, too."""
+HELD_OUT_SITES = {
+    "narrow_held_out": {"rows": 30, "cols": 14, "pick": 3, "drop": 3, "parking": 12},
+    "wide_held_out": {"rows": 14, "cols": 30, "pick": 3, "drop": 3, "parking": 12},
+    "square_held_out": {"rows": 20, "cols": 22, "pick": 4, "drop": 4, "parking": 16},
+}
+"""Floors that nothing is trained on: arguments of `maps.warehouse.generate_warehouse`, by name."""
 HEAD = ("scenario", "policy", "seed", "delivered", "tardiness_min", "on_time", "cpu_s")
 EPISODES = Path("runs/dispatch_due/episodes.csv")
 TABLE = Path("docs/learning/dispatch_due.csv")
@@ -35,17 +44,18 @@ def measure_due_dates(trial: Trial) -> Iterator[Row]:
     n_seeds = N_QUICK_SEEDS if trial.quick else N_SEEDS
     known = {} if trial.quick else _read(EPISODES)
     table: list[tuple[object, ...]] = []
-    for scenario, about in SCENARIOS.items():
-        arguments = {**about.arguments, **({"max_cycles": N_QUICK_CYCLES} if trial.quick else {})}
-        env = dispatch_v0.parallel_env(**arguments)
+    for scenario, arguments in _cases().items():
+        env = dispatch_v0.parallel_env(**arguments, **({"max_cycles": N_QUICK_CYCLES} if trial.quick else {}))
         for policy in POLICIES["dispatch"]:
             told = []
             for seed in range(n_seeds):
                 key = (scenario, policy, str(seed))
                 if key not in known:
-                    known[key] = played(env, make_policy("dispatch", policy, seed), FIRST_SEED + seed)
+                    figures = played(env, make_policy("dispatch", policy, seed), FIRST_SEED + seed)
+                    written = [f"{value:.4g}" for value in figures]
+                    known[key] = tuple(map(float, written))
                     if not trial.quick:
-                        _append(EPISODES, (*key, *(f"{value:.4g}" for value in known[key])))
+                        _append(EPISODES, (*key, *written))
                 told.append(known[key])
             yield from _rows(scenario, policy, told, table, promised=not trial.quick and env.config.n_cars == 6)
         env.close()
@@ -60,6 +70,14 @@ def measure_due_dates(trial: Trial) -> Iterator[Row]:
         f"all orders that came in, minutes an episode; ± 95 %. Episodes: {EPISODES}; those that are there are not "
         f"played again. Table: {TABLE}"
     )
+
+
+def _cases() -> dict[str, dict[str, Any]]:
+    """Settings by name: every scenario, and one of them on the floors that nothing is trained on."""
+    cases = {name: dict(scenario.arguments) for name, scenario in SCENARIOS.items()}
+    rush = SCENARIOS[ELSEWHERE].arguments
+    sites = [generate_warehouse(**settings, name=name) for name, settings in HELD_OUT_SITES.items()]
+    return cases | {f"{ELSEWHERE} on {site.name}": {**rush, "site": site} for site in sites}
 
 
 def played(env: DispatchEnv, policy: Policy, seed: int) -> tuple[float, float, float, float]:

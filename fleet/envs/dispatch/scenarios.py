@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from maps.warehouse import generate_warehouse
-
 
 @dataclass(frozen=True, kw_only=True)
 class DispatchScenario:
@@ -51,14 +49,3 @@ SCENARIOS: dict[str, DispatchScenario] = {
     ),
 }
 """Scenarios by name."""
-HELD_OUT_SITES = {
-    "narrow_held_out": {"rows": 30, "cols": 14, "pick": 3, "drop": 3, "parking": 12},
-    "wide_held_out": {"rows": 14, "cols": 30, "pick": 3, "drop": 3, "parking": 12},
-    "square_held_out": {"rows": 20, "cols": 22, "pick": 4, "drop": 4, "parking": 16},
-}
-"""Floors that nothing is trained on: arguments of `maps.warehouse.generate_warehouse`, by name."""
-
-
-def held_out_site(name: str) -> Any:
-    """The site of a name in `HELD_OUT_SITES`."""
-    return generate_warehouse(**HELD_OUT_SITES[name], name=name)

@@ -7,7 +7,7 @@ from fleet.config import require
 from fleet.envs.policies.dispatch import Allocated, Nearest, ScoredMatching, apparent_tardiness
 from fleet.envs.policies.policy import Policy as Policy
 from fleet.envs.policies.policy import Random
-from fleet.envs.policies.rollout import Rollout
+from fleet.envs.policies.rollout import RolloutPolicy
 from fleet.envs.policies.traffic import PibtTraffic, PlannedTraffic, ShortestWay
 from fleet.envs.policies.warehouse import Classical, PlannedArms, PointingArms, PursuitCars
 
@@ -20,7 +20,7 @@ POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
         "regret_lns": partial(Allocated, "regret_lns"),
         "apparent_tardiness": partial(Allocated, "greedy", cost=apparent_tardiness, classes=False),
         "scored_matching": ScoredMatching,
-        "rollout": Rollout,
+        "rollout": RolloutPolicy,
     },
     "traffic": {
         "random": Random,

@@ -1,4 +1,4 @@
-"""Rollout: every car takes the candidate that turns out best when the fleet is played on by a rule."""
+"""RolloutPolicy: every car takes the candidate that turns out best when the fleet is played on by a rule."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fleet.tasks.order import Delivery
 
 @dataclass(frozen=True, kw_only=True)
 class RolloutConfig:
-    """Settings of `Rollout`.
+    """Settings of `RolloutPolicy`.
 
     Raises:
         ConfigError: A setting is outside its valid range.
@@ -29,11 +29,11 @@ class RolloutConfig:
 
     horizon_s: float = 900.0
     """How far the fleet is played on [s]."""
-    futures_n: int = 16
+    n_futures: int = 16
     """Futures in which the last candidates are compared."""
-    first_n: int = 4
+    n_first: int = 4
     """Futures in which all of them are; after these and after each doubling the worse half is given up."""
-    drawn_n: int = 32
+    n_drawn: int = 32
     """Futures that are drawn for an episode; each decision looks at others of them."""
     late: float = 2.0
     """Price of a minute of tardiness, in deliveries."""
@@ -42,16 +42,16 @@ class RolloutConfig:
 
     def __post_init__(self) -> None:
         require(is_number(self.horizon_s) and self.horizon_s > 0, "horizon_s", self.horizon_s, "a number > 0")
-        futures_ok = is_whole(self.futures_n) and is_whole(self.drawn_n) and 1 <= self.futures_n <= self.drawn_n
-        require(futures_ok, "futures_n", self.futures_n, f"1 to drawn_n, which is {self.drawn_n}")
-        first_ok = is_whole(self.first_n) and self.first_n >= 1
-        require(first_ok, "first_n", self.first_n, "an integer >= 1")
+        futures_ok = is_whole(self.n_futures) and is_whole(self.n_drawn) and 1 <= self.n_futures <= self.n_drawn
+        require(futures_ok, "n_futures", self.n_futures, f"1 to n_drawn, which is {self.n_drawn}")
+        first_ok = is_whole(self.n_first) and self.n_first >= 1
+        require(first_ok, "n_first", self.n_first, "an integer >= 1")
         require(is_number(self.late) and self.late >= 0, "late", self.late, "a number >= 0")
         rules = ("apparent_tardiness", "nearest")
         require(self.rule in rules, "rule", self.rule, ", ".join(rules))
 
 
-class Rollout:
+class RolloutPolicy:
     """One step of policy improvement over a rule, by simulation.
 
     Every candidate of a car that can choose is given to it in a copy of the fleet, which a rule plays on for some
@@ -110,19 +110,19 @@ class Rollout:
         config = self.config
         choices = np.append(rows, np.int32(NONE))
         left = np.arange(len(rows))
-        scores = np.zeros((len(choices), config.futures_n))
-        seen, to_see = 0, min(config.first_n, config.futures_n)
+        scores = np.zeros((len(choices), config.n_futures))
+        seen, to_see = 0, min(config.n_first, config.n_futures)
         while True:
             played = np.append(left, len(rows))
-            told = np.zeros((len(played), config.futures_n))
+            told = np.zeros((len(played), config.n_futures))
             cars = np.full(len(played), car, dtype=np.int32)
             score_choices(env.place.floor, outlook, futures, cars, choices[played], seen, to_see, rule, told)
             scores[played, seen:to_see] = told[:, seen:to_see]
             self.n_rollouts += len(played) * (to_see - seen)
-            seen, to_see = to_see, min(2 * to_see, config.futures_n)
+            seen, to_see = to_see, min(2 * to_see, config.n_futures)
             gain = scores[left, :seen] - scores[-1, :seen]
             order = np.argsort(-gain.mean(axis=1), kind="stable")
-            if seen == config.futures_n:
+            if seen == config.n_futures:
                 break
             left = left[order[: (len(left) + 1) // 2]]
         return int(left[order[0]]) if gain[order[0]].mean() > 0.0 else NONE
@@ -131,7 +131,7 @@ class Rollout:
         """The rule, with or without classes, by which the fleet does better from here on."""
         free = self._rule(env)
         nobody = np.array([NONE], dtype=np.int32)
-        rules, n = (free, free._replace(strict=True)), self.config.futures_n
+        rules, n = (free, free._replace(strict=True)), self.config.n_futures
         scores = np.zeros((2, 1, n))
         for rule, told in zip(rules, scores, strict=True):
             score_choices(env.place.floor, outlook, futures, nobody, nobody, 0, n, rule, told)
@@ -154,19 +154,19 @@ class Rollout:
         )
 
     def _draw(self, env: DispatchEnv) -> Jobs:
-        """Futures of an episode, shape (drawn_n, f)."""
+        """Futures of an episode, shape (n_drawn, f)."""
         config, duration_s = env.config, env.max_cycles * env.config.step_s + self.config.horizon_s
         n_cars, load, stream = config.n_cars, float(config.load), config.order_stream
         drawn = [
             episode_orders(env.place, n_cars, load, duration_s, rng, stream)
-            for rng in self._rng.spawn(self.config.drawn_n)
+            for rng in self._rng.spawn(self.config.n_drawn)
         ]
         number = {station.name: k for k, station in enumerate(env.place.site.stations)}
         return _table(drawn, number)
 
     def _futures(self, now: int, drawn: Jobs) -> Jobs:
         """Some of the drawn futures, from now on."""
-        picked = self._rng.choice(self.config.drawn_n, self.config.futures_n, replace=False)
+        picked = self._rng.choice(self.config.n_drawn, self.config.n_futures, replace=False)
         end = now + round(self.config.horizon_s / TIMESTEP_S)
         release = drawn.release[picked]
         first = (release <= now).sum(axis=1)

@@ -42,9 +42,9 @@ def _apparent_tardiness() -> Policy:
 
 
 def _rollout() -> Policy:
-    from fleet.envs.policies.rollout import Rollout, RolloutConfig
+    from fleet.envs.policies.rollout import RolloutConfig, RolloutPolicy
 
-    return Rollout(config=RolloutConfig(futures_n=8, first_n=2))
+    return RolloutPolicy(config=RolloutConfig(n_futures=8, n_first=2))
 
 
 def tardiness_min(env: Any) -> float:

@@ -26,7 +26,7 @@ def test_episodes_that_are_there_are_not_played_again(monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     (tmp_path / "docs/learning").mkdir(parents=True)
     monkeypatch.setattr(due_dates, "N_SEEDS", 2)
-    monkeypatch.setattr(due_dates, "SCENARIOS", {"due_rush": SCENARIOS["due_rush"]})
+    monkeypatch.setattr(due_dates, "_cases", lambda: {"due_rush": SCENARIOS["due_rush"].arguments})
     monkeypatch.setattr(due_dates, "POLICIES", {"dispatch": {"nearest": None}})
     first = list(due_dates.measure_due_dates(Trial(quick=False, seeds=(0,))))
     monkeypatch.setattr(due_dates, "played", lambda *_: pytest.fail("played again"))

@@ -1,0 +1,45 @@
+"""What a policy did is kept whole, and only where there was a choice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fleet.envs import dispatch_v0
+from fleet.envs.policies import make_policy
+from fleet.training.demonstrate import demonstrate
+from fleet.training.demonstrations import read_demonstrations
+
+
+def test_choices_are_written_and_read(tmp_path: Path) -> None:
+    env = dispatch_v0.parallel_env(site="small", n_cars=3, max_cycles=30)
+    path = tmp_path / "nearest.npz"
+    n = demonstrate(path, env, make_policy("dispatch", "nearest"), (0, 1))
+    told = read_demonstrations(path)["car"]
+    assert told.mask is not None
+    assert len(told.actions) == n > 6
+    assert (told.mask.sum(axis=1) > 1).all()
+    assert (told.actions == 1).all()
+    assert told.rows.shape == (n, env.observation_space("car_0")["observation"].shape[0])  # type: ignore[index]
+    assert np.isfinite(told.rows).all()
+    env.close()
+
+
+def test_an_interrupted_file_is_none(tmp_path: Path) -> None:
+    env = dispatch_v0.parallel_env(site="small", n_cars=3, max_cycles=30)
+    policy = make_policy("dispatch", "nearest")
+
+    class Broken:
+        """Fails in the middle."""
+
+        def act(self, env: object, observations: object) -> dict[str, int]:
+            if env.n_steps == 9:  # type: ignore[attr-defined]
+                raise KeyboardInterrupt
+            return policy.act(env, observations)  # type: ignore[arg-type]
+
+    with pytest.raises(KeyboardInterrupt):
+        demonstrate(tmp_path / "half.npz", env, Broken(), (0,))
+    assert list(tmp_path.iterdir()) == []
+    env.close()
