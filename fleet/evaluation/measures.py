@@ -91,6 +91,16 @@ def _contacts(episode: EpisodeTally) -> float:
     return float(contacts.robot + contacts.static)
 
 
+def _docked(episode: EpisodeTally) -> float:
+    return float(episode.count.get("docked", 0) > 0)
+
+
+def _moved(episode: EpisodeTally) -> float:
+    """Of the parcels that agents' arms were to move."""
+    n_moved = episode.count.get("loaded", 0) + episode.count.get("delivered", 0)
+    return 100.0 * n_moved / len(episode.env.config.arms)
+
+
 def _told(name: str) -> Callable[[EpisodeTally], float]:
     return lambda episode: episode.total.get(name, 0.0)
 
@@ -104,10 +114,12 @@ MEASURES: dict[str, Measure] = {
     "parcels": Measure(unit="parcels", of=_parcels),
     "tardiness": Measure(unit="min", of=_tardiness_min, more_is_better=False),
     "on_time": Measure(unit="%", of=_on_time),
+    "docked": Measure(unit="share", of=_docked, is_share=True),
+    "moved": Measure(unit="% of parcels", of=_moved),
     "jams": Measure(unit="share", of=_jam, more_is_better=False, is_share=True),
     "refused": Measure(unit="moves per car", of=_waits, more_is_better=False),
     "places": Measure(unit="places", of=_told("places")),
-    "touches": Measure(unit="touches", of=_times("touch"), more_is_better=False),
+    "touches": Measure(unit="touches", of=_told("touches"), more_is_better=False),
     "towed": Measure(unit="times", of=_times("towed"), more_is_better=False),
     "contacts": Measure(unit="contacts", of=_contacts, more_is_better=False),
     "success": Measure(unit="share", of=_told("is_success"), is_share=True),

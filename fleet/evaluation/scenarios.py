@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from fleet.config import require
+from fleet.envs.dispatch.scenarios import SCENARIOS as DISPATCH_SCENARIOS
 from fleet.evaluation.measures import MEASURES, Measure
 from fleet.training.recipes import RECIPES
 
@@ -130,13 +131,20 @@ def _cases(*floors: tuple[str | Hall, int]) -> tuple[Case, ...]:
 
 _ODD = Hall(rows=18, cols=26, stations=3, parking=40)
 _WIDE = Hall(rows=30, cols=34, stations=6, parking=120)
-_DISPATCH_RULES = ("random", "nearest", "greedy", "hungarian")
+_DISPATCH_RULES = ("random", "nearest", "greedy", "hungarian", "regret_lns", "rollout")
+
+
+def _orders_of(name: str) -> dict[str, Any]:
+    """What a scenario of dispatch says of orders, whoever delivers them."""
+    told = DISPATCH_SCENARIOS[name].arguments
+    return {key: value for key, value in told.items() if key not in ("site", "n_cars")}
+
 
 SCENARIOS: dict[str, Scenario] = {
     "dispatch_due": Scenario(
         summary="cars choose their tasks; all can be delivered, and what counts is when",
         env="dispatch_v0",
-        arguments={"load": 0.9},
+        arguments=_orders_of("due_dates"),
         headline="tardiness",
         beside=("on_time", "delivered"),
         reference="apparent_tardiness",
@@ -164,7 +172,7 @@ SCENARIOS: dict[str, Scenario] = {
     "dispatch_waves": Scenario(
         summary="cars choose their tasks; orders come in waves, most from few stations, and more than can be done",
         env="dispatch_v0",
-        arguments={"load": 1.4, "stream": {"kind": "skewed_waves"}},
+        arguments=_orders_of("due_waves"),
         headline="on_time",
         beside=("tardiness", "delivered"),
         reference="apparent_tardiness",
@@ -203,7 +211,7 @@ SCENARIOS: dict[str, Scenario] = {
     ),
     "navigate": Scenario(
         summary="cars drive to places, among each other, in physics",
-        env="navigate_v0",
+        env="navigate_v1",
         arguments={"fidelity": "physics"},
         headline="places",
         beside=("touches", "towed"),
@@ -214,6 +222,26 @@ SCENARIOS: dict[str, Scenario] = {
             "sites": _cases(("medium", 6), ("twin", 6)),
             "teams": _cases(("small", 3), ("small", 10)),
         },
+    ),
+    "dock": Scenario(
+        summary="a car comes to a dock and stands within 5 cm and 0.1 rad of its stop, in physics",
+        env="warehouse_v1",
+        arguments={"level": "dock", "fidelity": "physics"},
+        headline="docked",
+        beside=("contacts", "steps"),
+        reference="classical",
+        baselines=("random",),
+        splits={"train": (Case(site="cell"),), "sites": _cases(("small", 0), ("twin", 0))},
+    ),
+    "transfer": Scenario(
+        summary="arms move a parcel each between rack and car by the tips of their tools, in physics",
+        env="warehouse_v1",
+        arguments={"level": "transfer", "arm_action": "tip", "fidelity": "physics"},
+        headline="moved",
+        beside=("contacts", "steps"),
+        reference="pointing_arms",
+        baselines=("random",),
+        splits={"train": (Case(site="cell"),), "sites": _cases(("small", 0))},
     ),
     "cell": Scenario(
         summary="two cars and two arms deliver two parcels, in physics",

@@ -59,8 +59,16 @@ ALL, BODIES = ("grid", "kinematic", "physics"), ("kinematic", "physics")
 VARIANTS: dict[str, tuple[tuple[str, ...], tuple[dict[str, Any], ...]]] = {
     "dispatch_v0": (ALL, ({"site": "small", "n_cars": 4, "decision_s": 1.0},)),
     "traffic_v1": (ALL, ({"site": "small", "n_cars": 4},)),
-    "navigate_v0": (BODIES, ({"site": "small", "n_cars": 3},)),
-    "warehouse_v0": (BODIES, ({"site": "cell", "n_cars": 2}, {"site": "cell", "n_cars": 1, "arm_action": "tip"})),
+    "navigate_v1": (BODIES, ({"site": "small", "n_cars": 3},)),
+    "warehouse_v1": (
+        BODIES,
+        (
+            {"site": "cell", "n_cars": 2},
+            {"level": "pair", "arm_action": "tip"},
+            {"level": "transfer"},
+            {"level": "dock"},
+        ),
+    ),
     "KukaReach": (BODIES, ({},)),
     "CarNavigate": (BODIES, ({},)),
 }

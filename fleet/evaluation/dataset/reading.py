@@ -60,7 +60,7 @@ def read_dataset(folder: str | Path, env: str | None = None) -> Dataset:
 
     Args:
         folder: Of the data set.
-        env: Environment with version that it has to be of, such as `traffic_v0`; None = any.
+        env: Environment with version that it has to be of, such as `traffic_v1`; None = any.
 
     Raises:
         DatasetError: It is no data set, was not written to its end, or is one of another environment.
