@@ -35,19 +35,22 @@ CAR_LAYOUT = RowLayout(groups=(Group(first=19, n_each=16, n_things=4, present=0)
 
 _TEAMS = ({"n_cars": 6}, {"n_cars": 9}, {"n_cars": 6}, {"site": "twin", "n_cars": 3})
 
+_CAREFUL = {"touch": -60.0, "towed": -20.0, "off_lane": -0.2}
+
 NAVIGATE = Recipe(
     summary="cars drive to places, among each other",
     make=_navigate,
     scripted=_pursuit,
     script="pure pursuit that brakes for what is ahead",
     figures=("places", "touches", "towed"),
-    n_steps=2_500_000,
+    n_steps=3_500_000,
     # A touch that costs 10 is still worth a hurry: in physics such a policy touched twice as often as the script.
     arguments={"weights": {"touch": -30.0, "towed": -10.0}},
     stages=(
-        TrainingStage(name="kinematic", mix=_TEAMS, longest=0.8),
-        # How cars drift in sharp curves, and what it takes to get away from a wall.
-        TrainingStage(name="physics", arguments={"fidelity": "physics"}, mix=_TEAMS),
+        TrainingStage(name="on course", mix=_TEAMS, longest=0.55),
+        # Cars drift in physics, and their noses end at walls: who has never been there does not reverse.
+        TrainingStage(name="knocked", arguments={"knocks_per_min": 4.0}, mix=_TEAMS, longest=0.2),
+        TrainingStage(name="careful", arguments={"knocks_per_min": 2.0, "weights": _CAREFUL}, mix=_TEAMS),
     ),
     layouts={"car": CAR_LAYOUT},
     teacher=_pursuit,
