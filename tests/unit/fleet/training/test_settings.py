@@ -64,7 +64,7 @@ def test_values_outside_their_range_are_refused(name: str, value: object) -> Non
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--env", "chess"], "--env is 'chess'; valid: navigate, car, reach, dispatch"),
+        (["--env", "chess"], "--env is 'chess'; valid: navigate, car, reach, dispatch, dispatch_due"),
         (["--episodes", "0"], "--episodes is 0; valid: an integer >= 1"),
     ],
 )
