@@ -92,7 +92,8 @@ def played(env: DispatchEnv, policy: Policy, seed: int) -> tuple[float, float, f
     is_done = tasks.stage == Stage.DELIVERED
     late = np.maximum(0, np.minimum(tasks.done, grid.now).astype(np.int64) - tasks.due)
     is_due = (tasks.due != NEVER) & (tasks.release <= grid.now) & ((tasks.due <= grid.now) | is_done)
-    on_time = float(np.count_nonzero(is_due & is_done & (late == 0))) / max(1, int(np.count_nonzero(is_due)))
+    n_due = int(np.count_nonzero(is_due))
+    on_time = int(np.count_nonzero(is_due & is_done & (late == 0))) / max(1, n_due)
     return float(env.n_delivered), float(late[tasks.release <= grid.now].sum()) * TIMESTEP_S / 60.0, on_time, cpu_s
 
 

@@ -74,7 +74,7 @@ def test_attention_wants_a_width_that_its_heads_divide() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--env", "chess"], "--env is 'chess'; valid: navigate, car, reach, dispatch"),
+        (["--env", "chess"], "--env is 'chess'; valid: navigate, car, reach, dispatch, dispatch_due"),
         (["--episodes", "0"], "--episodes is 0; valid: an integer >= 1"),
     ],
 )
