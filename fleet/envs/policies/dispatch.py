@@ -119,7 +119,7 @@ class ScoredMatching:
     def act(self, env: DispatchEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
         # Only who can choose is asked.
-        able = np.flatnonzero(env.candidates[:, 0] != NONE)
+        able = np.flatnonzero(env.view.free & (env.candidates[:, 0] != NONE))
         cost = np.full(env.candidates.shape, np.inf)
         if len(able):
             seen = [observations[env.possible_agents[car]] for car in able]

@@ -82,7 +82,7 @@ class RolloutPolicy:
         """See `Policy`."""
         actions: dict[str, Any] = dict.fromkeys(observations, 0)
         # The first candidate is there if any is.
-        able = np.flatnonzero(env.candidates[:, 0] != NONE)
+        able = np.flatnonzero(env.view.free & (env.candidates[:, 0] != NONE))
         if not len(able) or env.fleet is None:
             return actions
         if self._drawn is None or self._env is not env or env.n_steps == 0:
