@@ -48,7 +48,7 @@ COMMANDS = {
         "Replay a measured joint motion and fit damping and friction of the joints.",
     ),
     "dataset": Command(
-        "dataset.DatasetCommand",
+        "learning.dataset.DatasetCommand",
         "Play a scenario with a policy and keep every step of every agent as a data set in Parquet.",
     ),
     "demo": Command(
@@ -60,7 +60,7 @@ COMMANDS = {
         "Compare two runs: the first tick that differs, its cause, the figures, and a recording of both.",
     ),
     "evaluate": Command(
-        "evaluate.Evaluate",
+        "learning.evaluate.Evaluate",
         "Play named scenarios with a policy; prints figures with intervals and the gain over the scripted fleet.",
     ),
     "lorr": Command(
@@ -72,7 +72,7 @@ COMMANDS = {
         "Plan the paths of many robots at once, from a MovingAI map and scenario to a SMART path file.",
     ),
     "play": Command(
-        "play.Play",
+        "learning.play.Play",
         "Let what was learned drive the demo, under the executor's grants, or play the environment it was learned in.",
     ),
     "report": Command(
@@ -84,7 +84,7 @@ COMMANDS = {
         "Compare fleet sizes and allocators on the same orders; prints a table, writes a CSV file, plots and a page.",
     ),
     "train": Command(
-        "train.Train",
+        "learning.train.Train",
         "Train agents with PPO; prints how they do against a script and chance, writes curves and a checkpoint.",
     ),
     "why": Command("why.Why", "Say why a robot waited at some time of a run, or why it had no task."),

@@ -9,8 +9,7 @@ import pytest
 
 from fleet.envs import dispatch_v0
 from fleet.envs.policies import make_policy
-from fleet.training.demonstrate import demonstrate
-from fleet.training.demonstrations import read_demonstrations
+from fleet.training.demonstrations import demonstrate, read_demonstrations
 
 
 def test_choices_are_written_and_read(tmp_path: Path) -> None:
