@@ -17,7 +17,7 @@ from fleet.simulation import Actions, Simulation
 from fleet.traffic.replanning import Traffic
 
 
-class Player(Protocol):
+class PartPlayer(Protocol):
     """Lets a policy play one layer."""
 
     def tick(self) -> None:
@@ -54,7 +54,7 @@ class PlayedSimulation(Simulation):
         self.n_cars, self.n_arms = config.robots, 0
         """Robots that observers of the warehouse layer look at."""
         super().__init__(config, on_event=on_event, parts=parts)
-        self._players: list[Player] = [PLAYERS[part](self, played) for part, played in policies.items()]
+        self._players: list[PartPlayer] = [PLAYERS[part](self, played) for part, played in policies.items()]
 
     def tick(self, actions: Actions | None = None) -> None:
         """See `Simulation`."""
@@ -64,7 +64,7 @@ class PlayedSimulation(Simulation):
         super().tick(actions)
 
 
-PLAYERS: dict[str, Callable[[Simulation, PlayedPolicy], Player]] = {
+PLAYERS: dict[str, Callable[[Simulation, PlayedPolicy], PartPlayer]] = {
     "dispatch": DispatchPlayer,
     "traffic": TrafficPlayer,
     "docking": DockingPlayer,

@@ -121,6 +121,7 @@ def demonstrate(path: Path, env: Any, policy: Policy, seeds: Sequence[int]) -> i
                 if mask is None or np.count_nonzero(mask) > 1:
                     told[kind.name].append((vector(seen), mask, actions[agent]))
             observations, *_ = env.step(actions)
+            observations = {agent: observations[agent] for agent in env.agents}  # without those that have left
     found = {
         name: Demonstration(
             rows=np.stack([one[0] for one in samples]).astype(np.float32),

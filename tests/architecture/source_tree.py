@@ -17,8 +17,8 @@ Definition = Function | ast.ClassDef
 
 _DOTTED = re.compile(r"(?:fleet|maps|planners)(?:\.\w+)+(?::\w+)?")
 """Text that names a module, or an object in one as entry points do."""
-_BESIDE = re.compile(r"\w+\.\w+")
-"""Text that may name an object in a module of the same folder, as tables of commands do."""
+_BESIDE = re.compile(r"\w+(?:\.\w+)+")
+"""Text that may name an object in a module of the same folder, or below it, as tables of commands do."""
 _CODE_BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _COMMAND = re.compile(r"-m (fleet(?:\.\w+)*)")
 

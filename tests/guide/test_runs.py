@@ -11,6 +11,7 @@ from tests.guide.pages import Block, each_block, run_block
     "README.md",
     "docs/guide/README.md",
     "docs/guide/demo.md",
+    "docs/guide/play.md",
     "docs/guide/results.md",
     "docs/guide/looking.md",
     "docs/guide/waits.md",

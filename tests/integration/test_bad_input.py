@@ -104,7 +104,7 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
             ["--allocator is 'no_such_package.Mine'", "No module named", "greedy"],
         ),
         (["--allocator", "nope"], ["--allocator is 'nope'", "greedy, hungarian"]),
-        (["--site", "nope"], ["'nope'", "cell, medium, small"]),
+        (["--site", "nope"], ["'nope'", "cell, dense, dense_large, medium, small"]),
         (["--site", "cell", "--robots", "4"], ["--robots is 4", "1 to 3", "site cell"]),
         (["--orders", "nope.csv"], ["nope.csv", "No such file"]),
         (["--events", "nope.toml"], ["nope.toml", "No such file"]),
@@ -268,10 +268,13 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["frob"], ["'frob'", "demo, diff, lorr, plan, report, study, train, why, site"]),
+        (
+            ["frob"],
+            ["'frob'", "calibrate, dataset, demo, diff, evaluate, lorr, plan, play, report, study, train, why, site"],
+        ),
         (["site", "frob"], ["'frob'", "check, list, generate, convert"]),
         (["site", "check"], ["SITE", "missing"]),
-        (["site", "check", "nope"], ["'nope'", "cell, medium, small"]),
+        (["site", "check", "nope"], ["'nope'", "cell, dense, dense_large, medium, small"]),
         (["site", "check", "small", "--plot"], ["--plot", "--no-draw"]),
         (["site", "generate", "OUT", "--rows", "0"], ["--rows is 0", "1 to 1000"]),
         (["site", "generate", "OUT", "--rows", "5"], ["rows is 5", "at least 7"]),

@@ -63,7 +63,7 @@ import numpy.typing as npt
 from fleet.arrays import FloatArray
 from fleet.config import Fidelity, require
 from fleet.config.field_checks import is_number
-from fleet.envs.core.base import Infos, in_order, turn_based
+from fleet.envs.core.base import Infos
 from fleet.envs.core.weights import check_weights
 from fleet.envs.grid.fleet import N_KINDS, TIMESTEP_S, FleetSite
 from fleet.envs.grid.kernel import NONE, Ints
@@ -249,13 +249,3 @@ class TrafficEnv(LayerEnv[TrafficView]):
 def parallel_env(**settings: Any) -> TrafficEnv:
     """Make the environment; the settings are those of `TrafficEnvConfig`."""
     return TrafficEnv(TrafficEnvConfig.of(settings))
-
-
-def raw_env(**settings: Any) -> Any:
-    """Make the environment in turn-based (AEC) form; the settings are those of `TrafficEnvConfig`."""
-    return turn_based(parallel_env(**settings))
-
-
-def env(**settings: Any) -> Any:
-    """Make the turn-based environment that complains about calls in a wrong order."""
-    return in_order(raw_env(**settings))

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fleet.cli import demo
+from fleet.cli import run_output
 from fleet.cli.main import main
 
 OWN = "tests.unit.planners.own_members"
@@ -30,7 +30,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 
     # Not the module that all share: the run itself starts a planning process.
     names = {"Popen": open_viewer, "DEVNULL": subprocess.DEVNULL}
-    monkeypatch.setattr(demo, "subprocess", SimpleNamespace(**names))
+    monkeypatch.setattr(run_output, "subprocess", SimpleNamespace(**names))
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     return commands

@@ -8,6 +8,7 @@ import pytest
 from fleet.cli.main import BAD_INPUT, main
 from fleet.errors import ConfigError
 from fleet.training.errors import TrainingError
+from fleet.training.recipes import RECIPES
 from fleet.training.settings import PpoConfig, read_settings
 
 Write = Callable[[str], Path]
@@ -74,7 +75,7 @@ def test_attention_wants_a_width_that_its_heads_divide() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--env", "chess"], "--env is 'chess'; valid: navigate, car, reach, dispatch, dispatch_due"),
+        (["--env", "chess"], f"--env is 'chess'; valid: {', '.join(RECIPES)}"),
         (["--episodes", "0"], "--episodes is 0; valid: an integer >= 1"),
     ],
 )

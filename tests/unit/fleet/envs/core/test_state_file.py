@@ -18,7 +18,7 @@ from fleet.envs import dispatch_v0
 from fleet.envs.core.base import EnvState
 from fleet.envs.core.state_file import StateError, plain, read_state, write_state
 from fleet.envs.navigate.navigation import NavigationWeights
-from fleet.envs.warehouse.actions import LegalActions
+from fleet.envs.warehouse.control.actions import LegalActions
 from fleet.sensors.lidar import Lidar
 from maps.site import load_site
 
