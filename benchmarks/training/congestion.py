@@ -48,11 +48,8 @@ def measure_traffic(trial: Trial) -> Iterable[Row]:
     if importlib.util.find_spec("torch") is None:
         trial.notes.append("traffic: left out, PyTorch is not installed: pip install '.[train]'")
         return
-    import torch
-
     from fleet.training.ppo.policy import load_policy
 
-    torch.set_num_threads(1)  # a few cars at a time: two threads wait for each other most of the time
     with tempfile.TemporaryDirectory() as quick:
         folder = Path(quick) if trial.quick else FOLDER
         for seed in trial.seeds:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +47,9 @@ class LearnedPolicy:
         """
         del env
         actions: dict[str, Any] = {}
-        for learner, agents, view in self._views(observations):
-            actions.update(zip(agents, learner.act(view, self._generator), strict=True))
+        with _one_thread():
+            for learner, agents, view in self._views(observations):
+                actions.update(zip(agents, learner.act(view, self._generator), strict=True))
         return actions
 
     def scores(self, observations: Mapping[str, Any]) -> dict[str, npt.NDArray[np.float32]]:
@@ -57,8 +59,9 @@ class LearnedPolicy:
             TrainingError: An agent is of a type that was not trained, or observes something else.
         """
         found: dict[str, npt.NDArray[np.float32]] = {}
-        for learner, agents, view in self._views(observations):
-            found.update(zip(agents, learner.scores(view), strict=True))
+        with _one_thread():
+            for learner, agents, view in self._views(observations):
+                found.update(zip(agents, learner.scores(view), strict=True))
         return found
 
     def check(self, env: Any) -> None:
@@ -99,6 +102,17 @@ class LearnedPolicy:
         if name not in self._learners:
             raise TrainingError(f"agents of type {name} were not trained; valid: {', '.join(self._learners)}")
         return self._learners[name]
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let PyTorch compute with one thread: with a few rows, several threads wait for each other most of the time."""
+    n_threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(n_threads)
 
 
 def load_policy(folder: Path, *, play: Play | None = None, seed: int = 0) -> LearnedPolicy:
