@@ -5,7 +5,7 @@ from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.recipes.traffic import TRAFFIC
-from fleet.training.recipes.warehouse import DOCK, TRANSFER
+from fleet.training.recipes.warehouse import CELL, DOCK, TRANSFER
 
 __all__ = ["RECIPES", "Recipe", "TrainingStage"]
 
@@ -18,5 +18,6 @@ RECIPES: dict[str, Recipe] = {
     "dispatch_due": DISPATCH_DUE,
     "dock": DOCK,
     "transfer": TRANSFER,
+    "cell": CELL,
 }
 """What can be trained, by name."""

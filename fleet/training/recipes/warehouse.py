@@ -77,3 +77,45 @@ TRANSFER = Recipe(
         TrainingStage(name="from home"),
     ),
 )
+
+CELL = Recipe(
+    summary="cars and arms deliver together on a small site",
+    make=_warehouse,
+    scripted=_classical,
+    script="pure pursuit; up, around and down",
+    figures=("delivered", "loaded", "docked", "contact", "failed"),
+    n_steps=4_000_000,
+    ppo=PpoConfig(envs_n=16, horizon_n=128, minibatch_n=2048, learning_rate=1e-3, discount=0.98, entropy=0.001),
+    # What is docked, loaded and delivered counts as one.
+    arguments={
+        "level": "all",
+        "site": "cell",
+        "n_cars": 2,
+        "arm_action": "tip",
+        "weights": {"docked": 1.0, "gripped": 1.0, "loaded": 1.0, "delivered": 1.0, "failed": -1.0, "time": -0.02},
+    },
+    stages=(
+        # Each learns its own part: cars to stop where they should, arms with the parcel at hand.
+        TrainingStage(
+            name="apart",
+            mix=(
+                {"level": "dock", "n_cars": 1, "stop_m": 0.3, "stop_rad": 0.4},
+                {"level": "dock", "n_cars": 1, "stop_m": 0.12, "stop_rad": 0.2},
+                {"level": "transfer", "n_cars": 0, "start": {"reach_m": (0.02, 0.2)}, "max_cycles": 150},
+                {"level": "transfer", "n_cars": 0, "start": {"reach_m": (0.02, 0.2)}, "max_cycles": 150},
+            ),
+            longest=0.25,
+        ),
+        TrainingStage(
+            name="true",
+            mix=(
+                {"level": "dock", "n_cars": 1},
+                {"level": "transfer", "n_cars": 0},
+                {"level": "transfer", "n_cars": 0},
+                {"n_cars": 1, "n_arms": 0, "max_cycles": 600},
+            ),
+            longest=0.35,
+        ),
+        TrainingStage(name="together", mix=({}, {"level": "pair", "n_cars": 1})),
+    ),
+)
