@@ -29,7 +29,7 @@ DOCK = Recipe(
     scripted=_classical,
     script="pure pursuit, and a stop at its end",
     figures=("docked", "contact"),
-    n_steps=600_000,
+    n_steps=500_000,
     ppo=PpoConfig(envs_n=16, horizon_n=128, learning_rate=1e-3, discount=0.98, entropy=0.001),
     # A dock counts as one: the figure is the share of episodes.
     arguments={"level": "dock", "weights": {"docked": 1.0, "time": -0.02}},
@@ -48,7 +48,13 @@ DOCK = Recipe(
             figure="docked",
             reached=0.95,
         ),
-        TrainingStage(name="true"),
+        TrainingStage(name="true", longest=0.65, figure="docked", reached=0.98, n_last=200),
+        # In physics cars slide and come askew to where they never were before: from there they have to find back, too.
+        TrainingStage(
+            name="slippery",
+            arguments={"start": {"side_m": 0.15, "turn_rad": 0.4}},
+            mix=({}, {"fidelity": "physics"}),
+        ),
     ),
 )
 
@@ -83,8 +89,8 @@ CELL = Recipe(
     make=_warehouse,
     scripted=_classical,
     script="pure pursuit; up, around and down",
-    figures=("delivered", "loaded", "docked", "contact", "failed"),
-    n_steps=4_000_000,
+    figures=("delivered", "loaded", "gripped", "docked", "contact", "failed"),
+    n_steps=3_000_000,
     ppo=PpoConfig(envs_n=16, horizon_n=128, minibatch_n=2048, learning_rate=1e-3, discount=0.98, entropy=0.001),
     # What is docked, loaded and delivered counts as one.
     arguments={
