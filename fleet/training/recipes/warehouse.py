@@ -63,9 +63,19 @@ TRANSFER = Recipe(
     make=_warehouse,
     scripted=_classical,
     script="up, around and down",
+    teacher=_classical,
     figures=("loaded", "delivered", "gripped", "failed"),
-    n_steps=2_000_000,
-    ppo=PpoConfig(envs_n=16, horizon_n=128, minibatch_n=2048, learning_rate=1e-3, discount=0.98, entropy=0.001),
+    n_steps=900_000,
+    ppo=PpoConfig(
+        envs_n=16,
+        horizon_n=128,
+        learning_rate=1e-3,
+        discount=0.98,
+        hidden=(128, 128),
+        # What was cloned is not lost in noise.
+        log_std=-1.0,
+        clone_n=300_000,
+    ),
     # What is loaded and delivered counts as one.
     arguments={
         "level": "transfer",
@@ -73,14 +83,10 @@ TRANSFER = Recipe(
         "weights": {"gripped": 1.0, "loaded": 1.0, "delivered": 1.0, "failed": -1.0, "time": -0.02},
     },
     stages=(
-        TrainingStage(
-            name="at hand",
-            arguments={"start": {"reach_m": (0.02, 0.2)}, "max_cycles": 150},
-            longest=0.4,
-            figure="gripped",
-            reached=1.9,
-        ),
-        TrainingStage(name="from home"),
+        # The clone grips, and seldom lets go: the half second in which it should is too short to be seen often.
+        TrainingStage(name="without physics", shortest=0.5, longest=0.7, figure="loaded", reached=0.97),
+        # In physics joints lag behind: 98 % of the transfers fail with what was learned without.
+        TrainingStage(name="slippery", mix=({}, {"fidelity": "physics"})),
     ),
 )
 
