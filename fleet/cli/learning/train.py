@@ -9,8 +9,9 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import tyro
 from rich.console import Console
 from rich.table import Table
 
@@ -18,6 +19,7 @@ from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 from fleet.training.errors import TrainingError
+from fleet.training.recipes import RECIPES
 
 if TYPE_CHECKING:
     from fleet.envs.policies.policy import Policy
@@ -37,8 +39,10 @@ _EVALUATION = 3
 class Train:
     """Train agents with PPO; prints how they do against a script and chance, writes curves and a checkpoint."""
 
-    env: str = "navigate"
-    """What is learned: navigate (cars drive to places), car (one of them), reach (an arm) or dispatch (tasks)."""
+    env: Annotated[
+        str,
+        tyro.conf.arg(help=f"What is learned: {'; '.join(f'{name} ({one.summary})' for name, one in RECIPES.items())}."),
+    ] = "navigate"
     seed: int = 0
     """Seed of everything random."""
     steps: int | None = None
@@ -59,7 +63,6 @@ class Train:
     def run(self) -> int:
         """Train, evaluate and print; returns the exit status."""
         # The environments take a second to load: only for runs, not for --help.
-        from fleet.training.recipes import RECIPES
         from fleet.training.results import prepare_folder
 
         require(self.env in RECIPES, "--env", self.env, ", ".join(RECIPES))

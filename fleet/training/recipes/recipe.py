@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from fleet.config import require
-from fleet.envs.core.env_config import UnknownSetting
-from fleet.envs.policies.policy import Policy
-from fleet.training.batch import AgentType, Batch, agent_types, types_of
 from fleet.training.errors import TrainingError
 from fleet.training.layout import RowLayout
 from fleet.training.settings import PpoConfig
 
-PolicyMaker = Callable[[], Policy]
-BatchMaker = Callable[..., Batch]
+if TYPE_CHECKING:  # the command line lists recipes, and the environments take a second to load
+    from fleet.envs.policies.policy import Policy
+    from fleet.training.batch import AgentType, Batch
+
 Play = Literal["likeliest", "drawn"]
 """How a learned policy plays: its likeliest action, or one drawn from its distribution."""
 
@@ -61,7 +60,7 @@ class Recipe:
     """What agents learn."""
     make: Callable[..., Any]
     """Makes the environment from its arguments."""
-    scripted: PolicyMaker
+    scripted: Callable[[], Policy]
     """Makes the policy to compare with."""
     script: str
     """What that one does, in words."""
@@ -80,10 +79,10 @@ class Recipe:
     """One after the other."""
     plays: tuple[Play, ...] = ("likeliest",)
     """How what was learned plays in the evaluation; the first way is that of `load_policy`."""
-    batch: BatchMaker | None = None
+    batch: Callable[..., Batch] | None = None
     """Steps environments side by side faster than one after the other: takes the arguments of each of them, then
     `figures`, `layouts` and `n_state` as `EnvBatch` does; None: there is nothing faster."""
-    teacher: PolicyMaker | None = None
+    teacher: Callable[[], Policy] | None = None
     """Makes the policy that is cloned for the first `PpoConfig.clone_n` steps."""
 
     def environments(
@@ -113,6 +112,9 @@ class Recipe:
             TrainingError: An environment does not know an argument, or agents of a type are not alike in all.
             ConfigError: A value is outside its valid range.
         """
+        from fleet.envs.core.env_config import UnknownSetting
+        from fleet.training.batch import agent_types, types_of
+
         wanted = [dict(arguments)]
         for stage in self.stages:
             wanted += [one for one in self.environments(stage, arguments, held) if one not in wanted]

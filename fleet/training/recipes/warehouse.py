@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fleet.envs.policies.policy import Policy
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
+
+if TYPE_CHECKING:
+    from fleet.envs.policies.policy import Policy
 
 
 def _warehouse(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
