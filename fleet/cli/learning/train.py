@@ -41,7 +41,9 @@ class Train:
 
     env: Annotated[
         str,
-        tyro.conf.arg(help=f"What is learned: {'; '.join(f'{name} ({one.summary})' for name, one in RECIPES.items())}."),
+        tyro.conf.arg(
+            help=f"What is learned: {'; '.join(f'{name} ({one.summary})' for name, one in RECIPES.items())}."
+        ),
     ] = "navigate"
     seed: int = 0
     """Seed of everything random."""
@@ -96,16 +98,25 @@ class Train:
     def _train(self, config: TrainConfig, recipe: Recipe) -> int:
         from fleet.recording.rerun_stream.curves import write_curves
         from fleet.training.ppo.trainer import Trainer
-        from fleet.training.results import CHECKPOINT, RECORDING, write_config, write_progress
+        from fleet.training.results import (
+            CHECKPOINT,
+            RECORDING,
+            append_progress,
+            draw_progress,
+            write_config,
+            write_progress,
+        )
 
         chief = recipe.figures[0]
         trainer = Trainer(config, self.out, resume=self.resume)
         write_config(self.out, config, recipe.stages)  # not before the trainer has agreed to go on from what is there
+        write_progress(self.out, trainer.rows)
         curves = _tensorboard(self.out, trainer.rows)
         try:
             with interrupts() as interrupted, Bar(config.steps_n, "steps", shown=True) as bar:
 
                 def progress(row: Mapping[str, float]) -> None:
+                    append_progress(self.out, row)
                     curves(row)
                     if bar.due():
                         steps = int(row["steps"])
@@ -127,7 +138,7 @@ class Train:
             )
             console.print(f"interrupted: --resume {since}", soft_wrap=True)
             return INTERRUPTED
-        write_progress(self.out, trainer.rows, chief)
+        draw_progress(self.out, trainer.rows, chief)
         write_curves(self.out / RECORDING, f"{config.env}, seed {config.seed}", trainer.rows)
         return self._evaluate(config, recipe, trainer, console)
 
