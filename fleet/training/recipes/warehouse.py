@@ -25,6 +25,16 @@ def _classical() -> Policy:
     return Classical()
 
 
+def n_parcels(env: Any) -> int:
+    """Parcels that there were to move in an episode."""
+    return len(env.simulation.board.tasks)
+
+
+def n_deliveries(env: Any) -> int:
+    """Parcels that were delivered in an episode: car and arm are both paid for each."""
+    return sum(task.done_s is not None for task in env.simulation.board.tasks)
+
+
 DOCK = Recipe(
     summary="a car comes to a dock and stops there",
     make=_warehouse,
@@ -66,6 +76,7 @@ TRANSFER = Recipe(
     scripted=_classical,
     script="up, around and down",
     figures=("loaded", "delivered", "gripped", "failed"),
+    at_end={"parcels": n_parcels},
     n_steps=2_000_000,
     ppo=PpoConfig(envs_n=16, horizon_n=128, minibatch_n=2048, learning_rate=1e-3, discount=0.98, entropy=0.001),
     # What is loaded and delivered counts as one.
@@ -92,6 +103,7 @@ CELL = Recipe(
     scripted=_classical,
     script="pure pursuit; up, around and down",
     figures=("delivered", "loaded", "gripped", "docked", "contact", "failed"),
+    at_end={"deliveries": n_deliveries},
     n_steps=3_000_000,
     ppo=PpoConfig(envs_n=16, horizon_n=128, minibatch_n=2048, learning_rate=1e-3, discount=0.98, entropy=0.001),
     # What is docked, loaded and delivered counts as one.
