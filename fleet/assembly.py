@@ -263,12 +263,12 @@ def _check(config: RunConfig, setup: RunSetup) -> None:
         config.battery.chargers_n,
         f"1 to {known} (chargers of site {site})" if known else "no batteries: the site has no charger",
     )
-    cap_n = config.allocation.station_cap_n
+    cap = config.allocation.station_cap_n
     most = max((len(station.slots) for station in setup.site.stations), default=1)
     require(
-        cap_n <= max(most, AllocationConfig.station_cap_n),
+        cap <= max(most, AllocationConfig.station_cap_n),
         "allocation.station_cap_n",
-        cap_n,
+        cap,
         f"1 to {most} (slots of the largest station of site {site})",
     )
     # Names and settings are refused before anything is started that would have to be stopped.

@@ -55,7 +55,7 @@ class Success(Goal):
     def row(self, folders: Sequence[Path]) -> Row:
         """The figure, without its target."""
         won, n = self.successes(folders)[LEARNED]
-        return Row(name=f"{won} of {n} learned", value=share(won, n).low, unit="share, lower end of 95 %")
+        return Row(name="success, lower end", value=share(won, n).low, unit=f"of 1, 95 %; {won} of {n}")
 
     def successes(self, folders: Sequence[Path]) -> dict[str, tuple[int, int]]:
         """Successes and trials, by policy, of some evaluations taken together."""
@@ -75,7 +75,7 @@ class Mean(Goal):
 
     def row(self, folders: Sequence[Path]) -> Row:
         """The figure, without its target."""
-        return Row(name=f"{self.figure}, learned", value=mean_of(folders, self.figure, LEARNED), unit="per episode")
+        return Row(name=f"{self.figure}, mean", value=mean_of(folders, self.figure, LEARNED), unit="per episode")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ class TimesScript(Goal):
         found = estimate([learned / max(scripted, 1e-9) for learned, scripted in pairs])
         assert found is not None
         value = found.mean if len(folders) == 1 else found.low if self.target.startswith(">") else found.high
-        return Row(name=f"{self.figure}, learned", value=value, unit="times the script's, the worse end of 95 %")
+        return Row(name=f"{self.figure}, worse end", value=value, unit="times the script's, 95 %")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,4 +108,4 @@ class Gap(Goal):
         best = min(means, key=lambda policy: means[policy])
         saved = means[best] - least
         value = (means[best] - learned) / saved if saved > 0.0 else float("nan")
-        return Row(name=f"{self.figure}, learned", value=value, unit=f"share of the gap from {best} to {ORACLE}")
+        return Row(name=f"{self.figure}, gap", value=value, unit=f"of 1, from {best} to {ORACLE}")

@@ -104,15 +104,17 @@ def _told(
     """Means over the seeds for all who played, and what is promised."""
     for policy in _evaluation(folders[0])["policies"]:
         if lesson.success is None:
-            value, unit = mean_of(folders, lesson.figure, policy), "per episode"
+            yield Row(
+                name=f"{where}{lesson.figure}, {policy}",
+                value=mean_of(folders, lesson.figure, policy),
+                unit="per episode",
+            )
         else:
             won, n = lesson.success.successes(folders)[policy]
-            value, unit = won / n, f"of {n}"
-        yield Row(name=f"{where}{lesson.figure}, {policy}", value=value, unit=unit)
+            yield Row(name=f"{where}success, {policy}", value=won / n, unit=f"of 1; {won} of {n}")
     for goal in goals:
         row = goal.row(folders)
-        name = f"{'  ' if where.startswith(' ') else ''}  {row.name}"
-        yield replace(row, name=name, target=goal.target if promised else "")
+        yield replace(row, name=f"{where}{row.name}", target=goal.target if promised else "")
 
 
 def _gains(lesson: Lesson, found: Sequence[Mapping[str, Any]], *, promised: bool) -> Iterable[Row]:

@@ -332,10 +332,10 @@ def test_the_process_itself_says_one_line_and_ends_with_2(
     assert [path.name for path in tmp_path.iterdir() if path.name != "orders.csv"] == []
 
 
-@pytest.mark.parametrize(("cap_n", "valid"), [(0, "an integer >= 1"), (5, "1 to 4 (slots of the largest station")])
-def test_a_cap_that_no_station_has_room_for_is_named(cap_n: int, valid: str) -> None:
-    with pytest.raises(ConfigError, match=re.escape(f"allocation.station_cap_n is {cap_n}; valid: {valid}")):
-        Simulation(RunConfig(robots=1, fidelity=Fidelity.GRID, allocation=AllocationConfig(station_cap_n=cap_n)))
+@pytest.mark.parametrize(("cap", "valid"), [(0, "an integer >= 1"), (5, "1 to 4 (slots of the largest station")])
+def test_a_cap_that_no_station_has_room_for_is_named(cap: int, valid: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(f"allocation.station_cap_n is {cap}; valid: {valid}")):
+        Simulation(RunConfig(robots=1, fidelity=Fidelity.GRID, allocation=AllocationConfig(station_cap_n=cap)))
 
 
 @pytest.mark.parametrize("setting", [{"robots": 2.0}, {"robots": True}, {"tasks": 2.5}, {"seed": 1.5}, {"seed": "1"}])

@@ -15,6 +15,9 @@ if TYPE_CHECKING:  # the command line lists recipes, and the environments take a
     from fleet.envs.policies.policy import Policy
     from fleet.training.batch import AgentType, Batch
 
+    PolicyMaker = Callable[[], Policy]
+    BatchMaker = Callable[..., Batch]
+
 Play = Literal["likeliest", "drawn"]
 """How a learned policy plays: its likeliest action, or one drawn from its distribution."""
 
@@ -60,7 +63,7 @@ class Recipe:
     """What agents learn."""
     make: Callable[..., Any]
     """Makes the environment from its arguments."""
-    scripted: Callable[[], Policy]
+    scripted: PolicyMaker
     """Makes the policy to compare with."""
     script: str
     """What that one does, in words."""
@@ -79,10 +82,10 @@ class Recipe:
     """One after the other."""
     plays: tuple[Play, ...] = ("likeliest",)
     """How what was learned plays in the evaluation; the first way is that of `load_policy`."""
-    batch: Callable[..., Batch] | None = None
+    batch: BatchMaker | None = None
     """Steps environments side by side faster than one after the other: takes the arguments of each of them, then
     `figures`, `layouts` and `n_state` as `EnvBatch` does; None: there is nothing faster."""
-    teacher: Callable[[], Policy] | None = None
+    teacher: PolicyMaker | None = None
     """Makes the policy that is cloned for the first `PpoConfig.clone_n` steps."""
 
     def environments(

@@ -32,7 +32,7 @@ def test_successes_are_counted_of_the_trials_of_all_seeds(tmp_path: Path) -> Non
     goal = Success(figures=("loaded", "delivered"), of="parcels", target=">= 0.9")
     assert goal.successes(folders) == {"learned": (6, 8)}
     row = goal.row(folders)
-    assert (row.name, row.value) == ("6 of 8 learned", share(6, 8).low)
+    assert (row.unit[-6:], row.value) == ("6 of 8", share(6, 8).low)
     assert Success(figures=("delivered",), target=">= 0.9").successes(folders) == {"learned": (4, 4)}
 
 
