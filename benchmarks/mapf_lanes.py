@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Benchmark, Kind, Row, Trial, main
-from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig
+from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.simulation import Simulation
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, load_site, save_site
@@ -40,9 +40,9 @@ def rows(trial: Trial) -> Iterator[Row]:
     seed = trial.seeds[0]
     yield from _planned(trial, medium, 40, seed)
     yield from _planned(trial, large, 200, seed)
-    yield from _driven(trial, medium, 40, Fidelity.KINEMATIC, seed, tasks=200, station_cap=4)
-    yield from _driven(trial, large, 200, Fidelity.KINEMATIC, seed, tasks=600, station_cap=6)
-    yield from _driven(trial, medium, 40, Fidelity.PHYSICS, seed, tasks=400, station_cap=4, duration_s=300.0)
+    yield from _driven(trial, medium, 40, Fidelity.KINEMATIC, seed, tasks=200)
+    yield from _driven(trial, large, 200, Fidelity.KINEMATIC, seed, tasks=600)
+    yield from _driven(trial, medium, 40, Fidelity.PHYSICS, seed, tasks=400, duration_s=300.0)
 
 
 def large_site() -> Site:
@@ -157,7 +157,6 @@ def _driven(
     seed: int,
     *,
     tasks: int,
-    station_cap: int,
     duration_s: float = 7200.0,
 ) -> list[Row]:
     """Run the whole fleet, arms included, until every task is done or for `duration_s`."""
@@ -172,7 +171,6 @@ def _driven(
             fidelity=fidelity,
             duration_s=30.0 if trial.quick and fidelity is Fidelity.PHYSICS else duration_s,
             arms=ArmConfig(workers_n=0),
-            allocation=AllocationConfig(station_cap_n=station_cap),
         )
         with Simulation(config) as simulation:
             begin = time.process_time()

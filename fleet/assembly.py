@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fleet.config import CarConfig, Perception, RunConfig, require
+from fleet.config import AllocationConfig, CarConfig, Perception, RunConfig, require
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
 from fleet.dispatch.cost_model import CostModel
@@ -123,7 +123,7 @@ def assemble(
         undo: Closes the world and the planning process of a run that is refused, and afterwards of one that ends.
 
     Raises:
-        ConfigError: The site has too few chargers.
+        ConfigError: The site has too few chargers, or no station room for so many cars.
         PlanningError: No planner or allocator has that name, or these settings.
         OrdersError: The orders file cannot be read, or none of its orders can be accepted.
         SiteError: An arm cannot serve its station.
@@ -262,6 +262,14 @@ def _check(config: RunConfig, setup: RunSetup) -> None:
         "battery.chargers_n",
         config.battery.chargers_n,
         f"1 to {known} (chargers of site {site})" if known else "no batteries: the site has no charger",
+    )
+    cap = config.allocation.station_cap_n
+    most = max((len(station.slots) for station in setup.site.stations), default=1)
+    require(
+        cap <= max(most, AllocationConfig.station_cap_n),
+        "allocation.station_cap_n",
+        cap,
+        f"1 to {most} (slots of the largest station of site {site})",
     )
     # Names and settings are refused before anything is started that would have to be stopped.
     config.traffic.make_planner(seed=0)

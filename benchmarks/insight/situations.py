@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from fleet.config import (
-    AllocationConfig,
     ArmConfig,
     BatteryConfig,
     CarConfig,
@@ -337,7 +336,6 @@ SITUATIONS: dict[str, Situation] = {
     "queue spill": Situation(
         summary="cars queue for a slow arm into the aisle, and keep one that only wants to pass",
         settings={"site": "small", "robots": 6, "duration_s": 90.0}
-        | {"allocation": AllocationConfig(station_cap_n=6)}
         | {"events": (_event(6.0, "arm_slow", "arm_0", factor=0.15, duration_s=60.0),)},
         orders=_FIELDS + _deliveries(4) + _deliveries(4, "pick_2", "drop_2", release_s=4.0),
         robots=tuple(f"car_{car}" for car in range(6)),

@@ -16,29 +16,24 @@ import sys
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
-from benchmarks.training.transfer import SHARES, TRANSFERS, play_transfer, write_shares
+from benchmarks.training.goals import Goal, mean_of
+from benchmarks.training.lessons import LESSONS, Lesson
+from benchmarks.training.transfer import play_transfer, write_shares
 from fleet.charts.statistics import estimate
 from fleet.training.curve import LearningCurve, draw_curves
+from fleet.training.evaluation import RETURN
 from fleet.training.recipes import RECIPES
-from fleet.training.results import EPISODES, EVALUATION, LEARNED, PROGRESS, SCRIPTED
+from fleet.training.results import CONFIG, EPISODES, EVALUATION, PROGRESS, SCRIPTED
 
-LEARNED_RECIPES = ("navigate", "dispatch", "reach")
 N_AT_ONCE = 2
-N_EPISODES, N_QUICK_EPISODES = {"navigate": 40, "dispatch": 40, "reach": 100, "traffic": 20}, 2
-N_QUICK_STEPS = 20_000
-QUICK_ARGUMENTS = {"navigate": "kinematic", "dispatch": "grid", "reach": "kinematic", "traffic": "grid"}
-"""Fidelities of a quick run."""
-MINUTES = {"navigate": 30, "dispatch": 30, "reach": 15}
-"""Longest time of a seed on one core."""
-PLACES = (">= 1.05", ">= 1.1")
-"""Places of `navigate` in physics, as a multiple of the script's: on sites and with teams that were not learned on, and
-where it learned."""
+N_QUICK_EPISODES, N_QUICK_STEPS = 2, 20_000
 N_POINTS = 60
 """Points of a curve in the documents."""
 
@@ -54,36 +49,30 @@ def measure_learning(trial: Trial) -> Iterable[Row]:
         return
     with tempfile.TemporaryDirectory() as quick:
         folder = Path(quick) if trial.quick else FOLDER
-        jobs = [(recipe, seed) for recipe in LEARNED_RECIPES for seed in trial.seeds]
+        jobs = [(recipe, lesson, seed) for recipe, lesson in LESSONS.items() for seed in trial.seeds]
         with ThreadPoolExecutor(N_AT_ONCE) as pool:
             problems = list(pool.map(lambda job: train_seed(folder, *job, quick=trial.quick), jobs))
-        for (recipe, seed), problem in zip(jobs, problems, strict=True):
+        for (recipe, _, seed), problem in zip(jobs, problems, strict=True):
             trial.check(problem is None, f"{recipe}, seed {seed}: {problem}")
         if trial.failures:
             return
-        for recipe in LEARNED_RECIPES:
+        for recipe, lesson in LESSONS.items():
             runs = [folder / recipe / str(seed) for seed in trial.seeds]
-            found = [_read(out) for out in runs]
-            yield from _rows(recipe, found, promised=not trial.quick)
+            yield from _rows(recipe, lesson, runs, promised=not trial.quick)
             if not trial.quick:
-                _document(recipe, trial.seeds, found)
-            for where in TRANSFERS.get(recipe, {}):
-                played = [play_transfer(recipe, out, where) for out in runs]
-                yield from _transfer_rows(recipe, where, played, promised=not trial.quick)
-                if recipe in SHARES and not trial.quick:
-                    _document_shares(recipe, trial.seeds, runs, played)
+                _document(recipe, lesson, trial.seeds, runs)
 
 
-def train_seed(folder: Path, recipe: str, seed: int, *, quick: bool) -> str | None:
+def train_seed(folder: Path, recipe: str, lesson: Lesson, seed: int, *, quick: bool) -> str | None:
     """Run one seed to its end; returns what went wrong."""
     out = folder / recipe / str(seed)
     if (out / EVALUATION).exists():
         return None
     out.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "fleet", "train", "--env", recipe, "--seed", str(seed), "--out", str(out)]
-    command += ["--resume", "--episodes", str(N_QUICK_EPISODES if quick else N_EPISODES[recipe])]
+    command += ["--resume", "--episodes", str(N_QUICK_EPISODES if quick else lesson.n_episodes)]
     if quick:
-        command += ["--steps", str(N_QUICK_STEPS), "--fidelity", QUICK_ARGUMENTS[recipe]]
+        command += ["--steps", str(N_QUICK_STEPS), "--fidelity", lesson.fidelity]
     # One core each: the numerical libraries would else fight for both.
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     with (out / "log.txt").open("a", encoding="utf-8") as log:
@@ -91,90 +80,98 @@ def train_seed(folder: Path, recipe: str, seed: int, *, quick: bool) -> str | No
     return None if status.returncode == 0 else f"status {status.returncode}, see {out / 'log.txt'}"
 
 
-def _read(out: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((out / EVALUATION).read_text(encoding="utf-8"))
-    with (out / PROGRESS).open(encoding="utf-8", newline="") as table:
-        found["progress"] = list(csv.DictReader(table))
-    found["config"] = json.loads((out / "config.json").read_text(encoding="utf-8"))
-    found["episodes_csv"] = (out / EPISODES).read_text(encoding="utf-8")
-    return found
+def longest(runs: Sequence[Path], minutes: float, *, promised: bool) -> Row:
+    """Time of the seed that took longest to train."""
+    spent_s = max(_evaluation(out)["train_cpu_s"] for out in runs)
+    target = f"<= {minutes:g}" if promised else ""
+    return Row(name="  longest seed", value=spent_s / 60.0, unit="min of CPU", kind=Kind.TIME, target=target)
 
 
-def _rows(recipe: str, found: Sequence[Mapping[str, Any]], *, promised: bool) -> Iterable[Row]:
-    """Means over the seeds, and the lower end of the gain's interval, which is what is promised."""
-    chief = RECIPES[recipe].figures[0]
-    for policy in found[0]["policies"]:
-        values = [one["policies"][policy][chief]["mean"] for one in found]
-        target = ">= 0.95" if promised and recipe == "reach" and policy == "learned" else ""
-        yield Row(name=f"{recipe}: {chief}, {policy}", value=float(np.mean(values)), unit="per episode", target=target)
+def _rows(recipe: str, lesson: Lesson, runs: Sequence[Path], *, promised: bool) -> Iterable[Row]:
+    """Rows of a lesson: where it was learned, how long it took, and everywhere else."""
+    yield from _told(lesson, f"{recipe}: ", runs, lesson.goals, promised=promised)
+    if lesson.level_with:
+        yield from _gains(lesson, [_evaluation(out) for out in runs], promised=promised)
+    yield longest(runs, lesson.minutes, promised=promised)
+    for name, place in lesson.places.items():
+        played = [play_transfer(recipe, out, name, place) for out in runs]
+        yield from _told(lesson, f"  {name}: ", played, place.goals, promised=promised)
+
+
+def _told(
+    lesson: Lesson, where: str, folders: Sequence[Path], goals: Iterable[Goal], *, promised: bool
+) -> Iterable[Row]:
+    """Means over the seeds for all who played, and what is promised."""
+    for policy in _evaluation(folders[0])["policies"]:
+        if lesson.success is None:
+            yield Row(
+                name=f"{where}{lesson.figure}, {policy}",
+                value=mean_of(folders, lesson.figure, policy),
+                unit="per episode",
+            )
+        else:
+            won, n = lesson.success.successes(folders)[policy]
+            yield Row(name=f"{where}success, {policy}", value=won / n, unit=f"of 1; {won} of {n}")
+    for goal in goals:
+        row = goal.row(folders)
+        yield replace(row, name=f"{where}{row.name}", target=goal.target if promised else "")
+
+
+def _gains(lesson: Lesson, found: Sequence[Mapping[str, Any]], *, promised: bool) -> Iterable[Row]:
+    """The lower ends of the gains' intervals over the seeds, which are what is promised."""
     for policy in found[0]["gain"]:
-        for name in (chief, "return"):
+        for name in (lesson.figure, RETURN):
             gained = estimate([one["gain"][policy][name]["mean"] for one in found])
             assert gained is not None
             unit = "per episode, lower end of 95 %" if len(found) > 1 else "per episode"
             value = gained.low if len(found) > 1 else gained.mean
-            # Nobody can do better than the script where that never fails.
-            kept = promised and not (recipe == "reach" and policy == SCRIPTED)
             level = -0.02 * abs(np.mean([one["policies"][policy][name]["mean"] for one in found]))
-            target = "" if not kept else f">= {level:.4g}" if policy == SCRIPTED else ">= 0"
-            yield Row(name=f"  learned - {policy}, {name}", value=value, unit=unit, target=target)
-    minutes = max(one["train_cpu_s"] for one in found) / 60.0
-    target = f"<= {MINUTES[recipe]}" if promised else ""
-    yield Row(name="  longest seed", value=minutes, unit="min of CPU", kind=Kind.TIME, target=target)
+            target = f">= {level:.4g}" if policy == SCRIPTED else ">= 0"
+            kept = promised and policy in lesson.level_with
+            yield Row(name=f"  learned - {policy}, {name}", value=value, unit=unit, target=target if kept else "")
 
 
-def _transfer_rows(recipe: str, where: str, played: Sequence[Path], *, promised: bool) -> Iterable[Row]:
-    """Means over the seeds somewhere else; of `navigate` also what was learned as a multiple of the script's."""
-    found = [json.loads((folder / EVALUATION).read_text(encoding="utf-8"))["policies"] for folder in played]
-    chief = RECIPES[recipe].figures[0]
-    for policy in found[0]:
-        value = float(np.mean([one[policy][chief]["mean"] for one in found]))
-        target = ">= 0.95" if promised and recipe in SHARES and policy == LEARNED else ""
-        yield Row(name=f"  {where}: {chief}, {policy}", value=value, unit="per episode", target=target)
-    if recipe != "navigate":
-        return
-    for name, target in (("places", PLACES[where == "physics"]), ("touches", "<= 1.0")):
-        shares = [one[LEARNED][name]["mean"] / max(one[SCRIPTED][name]["mean"], 1e-9) for one in found]
-        gained = estimate(shares)
-        assert gained is not None
-        value = gained.mean if len(shares) == 1 else gained.low if name == "places" else gained.high
-        unit = "times the script's, the worse end of 95 %"
-        yield Row(name=f"  {where}: {name}, learned", value=value, unit=unit, target=target if promised else "")
+def _evaluation(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / EVALUATION).read_text(encoding="utf-8"))
+    return found
 
 
-def _document_shares(recipe: str, seeds: Sequence[int], runs: Sequence[Path], played: Sequence[Path]) -> None:
-    """Write how often every seed succeeded at both fidelities, with intervals."""
-    fidelities = {str(RECIPES[recipe].arguments["fidelity"]): runs, "physics": played}
-    folders = {("all", fidelity): list(found) for fidelity, found in fidelities.items()}
-    for fidelity, found in fidelities.items():
-        folders |= {(str(seed), fidelity): [one] for seed, one in zip(seeds, found, strict=True)}
-    write_shares(DOCUMENTS / f"{recipe}_success.csv", folders, RECIPES[recipe].figures[0])
-
-
-def _document(recipe: str, seeds: Sequence[int], found: Sequence[Mapping[str, Any]]) -> None:
-    """Write curve, figures and settings of a recipe."""
+def _document(recipe: str, lesson: Lesson, seeds: Sequence[int], runs: Sequence[Path]) -> None:
+    """Write curve, figures, settings and successes of a recipe."""
     DOCUMENTS.mkdir(parents=True, exist_ok=True)
     chief = RECIPES[recipe].figures[0]
-    steps, curves = _on_a_grid([one["progress"] for one in found], chief)
+    tables = []
+    for out in runs:
+        with (out / PROGRESS).open(encoding="utf-8", newline="") as file:
+            tables.append(list(csv.DictReader(file)))
+    steps, curves = _on_a_grid(tables, chief)
     with (DOCUMENTS / f"{recipe}_curve.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(["steps", *(f"seed_{seed}" for seed in seeds)])
         table.writerows([f"{step:.0f}", *(f"{y:.4g}" for y in row)] for step, row in zip(steps, curves.T, strict=True))
     with (DOCUMENTS / f"{recipe}_episodes.csv").open("w", encoding="utf-8", newline="") as file:
-        for seed, one in zip(seeds, found, strict=True):
-            head, *lines = one["episodes_csv"].splitlines()
+        for seed, out in zip(seeds, runs, strict=True):
+            head, *lines = (out / EPISODES).read_text(encoding="utf-8").splitlines()
             lines = [f"{seed},{line}" for line in lines]
             file.write("\n".join(([f"trained_from,{head}"] if seed == seeds[0] else []) + lines) + "\n")
-    settings = {key: value for key, value in found[0]["config"].items() if key not in ("seed", "versions")}
+    config = json.loads((runs[0] / CONFIG).read_text(encoding="utf-8"))
+    settings = {key: value for key, value in config.items() if key not in ("seed", "versions")}
     (DOCUMENTS / f"{recipe}.json").write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")
     middle = curves.mean(axis=0)
     band = [(float(low), float(high)) for low, high in zip(curves.min(axis=0), curves.max(axis=0), strict=True)]
-    lines = [LearningCurve(name="learned", points=list(zip(steps.tolist(), middle.tolist(), strict=True)), band=band)]
+    curve = [LearningCurve(name="learned", points=list(zip(steps.tolist(), middle.tolist(), strict=True)), band=band)]
+    found = [_evaluation(out) for out in runs]
     for policy in found[0]["gain"]:
         level = float(np.mean([one["policies"][policy][chief]["mean"] for one in found]))
-        lines.append(LearningCurve(name=policy, points=[(float(steps[-1]), level)]))
+        curve.append(LearningCurve(name=policy, points=[(float(steps[-1]), level)]))
     title = f"{recipe}: {chief} per episode while learning, {len(seeds)} seeds (band: all of them)"
-    draw_curves(title, chief, lines).write_png(DOCUMENTS / f"{recipe}.png")
+    draw_curves(title, chief, curve).write_png(DOCUMENTS / f"{recipe}.png")
+    if lesson.success is not None:
+        fidelities = {lesson.fidelity: runs, "physics": [out / "physics" for out in runs]}
+        folders = {("all", fidelity): list(played) for fidelity, played in fidelities.items()}
+        for fidelity, played in fidelities.items():
+            folders |= {(str(seed), fidelity): [one] for seed, one in zip(seeds, played, strict=True)}
+        write_shares(DOCUMENTS / f"{recipe}_success.csv", folders, lesson.success)
 
 
 def _on_a_grid(

@@ -8,13 +8,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fleet.envs.policies.policy import Random
+from benchmarks.training.goals import Success, read_episodes
+from benchmarks.training.lessons import Place
+from fleet.envs.policies import make_policy
+from fleet.envs.policies.policy import Policy, Random
 from fleet.training.evaluation import evaluate
 from fleet.training.intervals import share
 from fleet.training.recipes import RECIPES
 from fleet.training.results import (
     CONFIG,
-    EPISODES,
     EVALUATION,
     LEARNED,
     RANDOM,
@@ -24,28 +26,15 @@ from fleet.training.results import (
     write_evaluation,
 )
 
-TRANSFERS: dict[str, dict[str, dict[str, Any]]] = {
-    "reach": {"physics": {"fidelity": "physics"}},
-    "navigate": {
-        "physics": {"fidelity": "physics"},
-        "another site, physics": {"site": "medium", "n_cars": 8, "fidelity": "physics"},
-        "another team, physics": {"n_cars": 12, "fidelity": "physics"},
-    },
-}
-"""Where what was learned is played as well, by recipe and name: arguments of the environment."""
-SHARES = ("reach",)
-"""Recipes of success or failure."""
-N_PHYSICAL = 20
-"""Episodes at most: one of `navigate` takes seconds in physics."""
 
-
-def play_transfer(recipe: str, out: Path, where: str) -> Path:
+def play_transfer(recipe: str, out: Path, name: str, place: Place) -> Path:
     """Play a trained seed somewhere else, unless that was done before.
 
     Args:
-        recipe: A key of `TRANSFERS`.
+        recipe: What it was trained by.
         out: Folder of the training run.
-        where: A key of `TRANSFERS[recipe]`.
+        name: Of the place.
+        place: Where it is played.
 
     Returns:
         Folder with the episodes and the findings.
@@ -53,53 +42,37 @@ def play_transfer(recipe: str, out: Path, where: str) -> Path:
     # PyTorch is an extra.
     from fleet.training.ppo.policy import load_policy
 
-    folder = out / where.replace(", ", "_").replace(" ", "_")
+    folder = out / name.replace(", ", "_").replace(" ", "_")
     if (folder / EVALUATION).exists():
         return folder
     folder.mkdir(exist_ok=True)
     config = json.loads((out / CONFIG).read_text(encoding="utf-8"))
-    found = RECIPES[recipe]
-    policies = {LEARNED: load_policy(out), SCRIPTED: found.scripted()}
-    if recipe in SHARES:
-        policies[RANDOM] = Random(config["seed"])
-    seeds = [int(row["seed"]) for row in read_episodes(out) if row["policy"] == LEARNED]
-    if recipe not in SHARES:
-        seeds = seeds[:N_PHYSICAL]
-    scores = evaluate(found, {**config["arguments"], **TRANSFERS[recipe][where]}, policies, seeds)
+    found, seed = RECIPES[recipe], config["seed"]
+    policies: dict[str, Policy] = {LEARNED: load_policy(out), SCRIPTED: found.scripted()}
+    for other in place.policies:
+        policies[other] = Random(seed) if other == RANDOM else make_policy("dispatch", other, seed)
+    seeds = [int(row["seed"]) for row in read_episodes(out) if row["policy"] == LEARNED][: place.n_episodes]
+    scores = evaluate(found, {**config["arguments"], **place.arguments}, policies, seeds)
     write_episodes(folder, scores, seeds)
     spent_s = json.loads((out / EVALUATION).read_text(encoding="utf-8"))["train_cpu_s"]
-    write_evaluation(folder, findings(scores, found.figures), cpu_s=spent_s)
+    write_evaluation(folder, findings(scores, (*found.figures, *found.at_end)), cpu_s=spent_s)
     return folder
 
 
-def read_episodes(folder: Path) -> list[dict[str, str]]:
-    """Scores of all policies in all episodes of an evaluation."""
-    with (folder / EPISODES).open(encoding="utf-8", newline="") as table:
-        return list(csv.DictReader(table))
-
-
-def successes(folders: Sequence[Path], figure: str) -> dict[str, tuple[int, int]]:
-    """Episodes that succeeded and all episodes, by policy, of some evaluations taken together."""
-    found: dict[str, tuple[int, int]] = {}
-    for row in (row for folder in folders for row in read_episodes(folder)):
-        won, played = found.get(row["policy"], (0, 0))
-        found[row["policy"]] = (won + round(float(row[figure])), played + 1)
-    return found
-
-
-def write_shares(path: Path, folders: Mapping[tuple[str, str], Sequence[Path]], figure: str) -> None:
+def write_shares(path: Path, folders: Mapping[tuple[str, str], Sequence[Path]], success: Success) -> None:
     """Write the share of successes with its interval as a table.
 
     Args:
         path: A CSV file.
         folders: Evaluations, by what was trained (a seed, or all) and the fidelity it was played at.
-        figure: 1 in an episode that succeeded, 0 in any other.
+        success: What counts successes.
     """
     with path.open("w", encoding="utf-8", newline="") as file:
         table: Any = csv.writer(file, lineterminator="\n")
-        table.writerow(["trained_from", "fidelity", "policy", "episodes", "success", "low", "high"])
+        trials = "episodes" if success.of is None else success.of
+        table.writerow(["trained_from", "fidelity", "policy", trials, "success", "low", "high"])
         for (trained, fidelity), played in folders.items():
-            for policy, (won, n) in successes(played, figure).items():
+            for policy, (won, n) in success.successes(played).items():
                 found = share(won, n)
                 figures = (found.mean, found.low, found.high)
                 table.writerow([trained, fidelity, policy, n, *(f"{x:.4f}" for x in figures)])

@@ -23,7 +23,8 @@ class AllocationConfig(Settings):
     allocator_settings: Mapping[str, SettingValue] = field(default_factory=dict)
     """Settings of that allocator, by name; the others keep their defaults."""
     station_cap_n: int = 4
-    """Cars near or at one station at once, the one that is served included; more would queue into the aisles."""
+    """Cars near or at one station at once, the one that is served included, and at most as many as it has
+    slots; more would queue into the aisles."""
     ageing: float = 0.1
     """Seconds of travel that one second of waiting is worth, so that no task starves; it counts from the due date on
     where there is one, as that says how long a task may wait."""

@@ -57,13 +57,19 @@ def write_config(folder: Path, config: TrainConfig, stages: Sequence[TrainingSta
     _write(folder / CONFIG, json.dumps(content, indent=2) + "\n")
 
 
-def write_progress(folder: Path, rows: Sequence[Mapping[str, float]], figure: str) -> None:
-    """Write the table of all updates, and its curve."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(rows[0])
-    table.writerows(["" if math.isnan(value) else f"{value:.6g}" for value in row.values()] for row in rows)
-    _write(folder / PROGRESS, text.getvalue())
+def write_progress(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:
+    """Write the table of all updates so far; what an interrupted run wrote after its last checkpoint goes."""
+    _write(folder / PROGRESS, _lines(rows, head=True) if rows else "")
+
+
+def append_progress(folder: Path, row: Mapping[str, float]) -> None:
+    """Write an update at the end of the table, at once and as a whole line."""
+    with (folder / PROGRESS).open("a", encoding="utf-8", newline="") as file:
+        file.write(_lines([row], head=file.tell() == 0))
+
+
+def draw_progress(folder: Path, rows: Sequence[Mapping[str, float]], figure: str) -> None:
+    """Draw the curve of all updates."""
     found = [(row["steps"], row[figure]) for row in rows if not math.isnan(row[figure])]
     if found:
         curve = LearningCurve(name=LEARNED, points=found)
@@ -111,6 +117,15 @@ def findings(scores: Mapping[str, Sequence[Score]], figures: Sequence[str]) -> d
 def write_evaluation(folder: Path, found: Mapping[str, Any], *, cpu_s: float) -> None:
     """Write the findings, and what the learning took [s of the processor]."""
     _write(folder / EVALUATION, json.dumps({**found, "train_cpu_s": round(cpu_s, 1)}, indent=2) + "\n")
+
+
+def _lines(rows: Sequence[Mapping[str, float]], *, head: bool) -> str:
+    """Rows of the table of progress, below its head if that is wanted."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerows([rows[0]] if head else [])
+    table.writerows(["" if math.isnan(value) else f"{value:.6g}" for value in row.values()] for row in rows)
+    return text.getvalue()
 
 
 def _write(path: Path, text: str) -> None:

@@ -1,6 +1,7 @@
 """Whatever a user gets wrong: one line that says what and what is valid, exit status 2, and nothing written."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from fleet.cli.main import main
-from fleet.config import RunConfig
+from fleet.config import AllocationConfig, Fidelity, RunConfig
 from fleet.errors import ConfigError
+from fleet.simulation import Simulation
 
 CSV = "id,release_s,pick,drop,mass_kg,size_m\n"
 GOOD = "a,0,pick_1,drop_1,0.3,0.06\n"
@@ -149,6 +151,8 @@ def test_a_settings_file_is_read_by_every_command_that_plans(
         ("id,pick\n", ["line 1", "'id,pick'", CSV.strip()]),
         (CSV, ["no orders"]),
         (CSV + "b,0,pick_1,drop_1,-0.3,0.06\n", ["line 2", "mass_kg is '-0.3'", "0.05 to 2", "no order is left"]),
+        (CSV + "b,0,pick_1,drop_1,2.5,0.06\n", ["line 2", "mass_kg is '2.5'", "0.05 to 2", "no order is left"]),
+        (CSV + "b,0,pick_1,drop_1,0.3,0.5\n", ["line 2", "size_m is '0.5'", "0.04 to 0.1", "no order is left"]),
         (CSV + "b,0\nc,1\n", ["line 2", "2 fields", "(and 1 more refused)"]),
     ],
 )
@@ -226,6 +230,10 @@ def test_events_that_befall_nobody(
         (f"plan = '''\n{CELL_PLAN.replace('.........', '#########')}\n'''", ["pick_1 at row 4, column 2"]),
         (f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_1]\narm_xy = [5.0, 5.0]\n", ["pick_1", "0.35"]),
         (f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_1]\nslots = [[0.5, 3.5, 0.25]]\n", ["pick_1", "slot"]),
+        (
+            f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_1]\nslots = []\n",
+            ["pick_1.slots is []", "at least one [x, y, z]"],
+        ),
         (f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_9]\nstop_offset_m = 0.1\n", ["pick_9"]),
     ],
 )
@@ -322,6 +330,12 @@ def test_the_process_itself_says_one_line_and_ends_with_2(
     assert ended.stderr.startswith(f"python -m fleet.demo: {expected}")
     assert ended.stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir() if path.name != "orders.csv"] == []
+
+
+@pytest.mark.parametrize(("cap", "valid"), [(0, "an integer >= 1"), (5, "1 to 4 (slots of the largest station")])
+def test_a_cap_that_no_station_has_room_for_is_named(cap: int, valid: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(f"allocation.station_cap_n is {cap}; valid: {valid}")):
+        Simulation(RunConfig(robots=1, fidelity=Fidelity.GRID, allocation=AllocationConfig(station_cap_n=cap)))
 
 
 @pytest.mark.parametrize("setting", [{"robots": 2.0}, {"robots": True}, {"tasks": 2.5}, {"seed": 1.5}, {"seed": "1"}])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fleet.config import AllocationConfig, ArmConfig, BatteryConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, OWN, WITHOUT_TASK, Cause, Column
 from fleet.insight.explain import Explanation
 from fleet.insight.time_accounts import STANDING_MPS
@@ -35,7 +35,7 @@ CHARGING = {"robots": 4, "tasks": 12, "duration_s": 80.0} | {
     "battery": BatteryConfig(enabled=True, start=0.2, capacity_wh=2.0, chargers_n=1)
 }
 ALONE = {"site": "cell", "robots": 1, "tasks": 3, "duration_s": 60.0}
-UNCAPPED = {"robots": 10, "tasks": 30, "duration_s": 60.0, "allocation": AllocationConfig(station_cap_n=10)}
+CROWDED = {"robots": 10, "tasks": 30, "duration_s": 60.0}
 
 
 def check(simulation: Simulation) -> None:
@@ -75,7 +75,7 @@ def check(simulation: Simulation) -> None:
             assert not simulation.arm_manager.is_idle(by - n_cars)
 
 
-@pytest.mark.parametrize("settings", [BUSY, TROUBLED, SHARED, CHARGING, ALONE, UNCAPPED])
+@pytest.mark.parametrize("settings", [BUSY, TROUBLED, SHARED, CHARGING, ALONE, CROWDED])
 def test_causes_agree_with_the_run(settings: dict[str, object]) -> None:
     seen: set[int] = set()
     circles: list[Explanation] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -16,6 +17,7 @@ from fleet.envs import dispatch_v0, make_vec, navigate_v1
 from fleet.errors import ConfigError
 from fleet.training.errors import TrainingError
 from tests.stacks.conftest import require_package
+from tests.stacks.guess import Guess, Knows
 
 require_package("stable_baselines3", "sb3")
 
@@ -32,6 +34,32 @@ ROBOTS = {
     "arm": ("fleet/KukaReach-v0", {"fidelity": "kinematic", "max_steps": 20}),
     "physical arm": ("fleet/KukaReach-v0", {"fidelity": "physics", "max_steps": 20}),
 }
+
+
+class Leaving(Guess):
+    """An agent leaves after two steps.
+
+    Args:
+        who: The agent.
+    """
+
+    def __init__(self, who: str) -> None:
+        super().__init__(end=4)
+        self._who = who
+
+    def step(self, actions: dict[str, Any]) -> tuple[Any, ...]:
+        here = self.agents[:]
+        assert set(actions) <= set(here), "somebody who is gone was asked to act"
+        usual = {
+            **dict.fromkeys(self.possible_agents, np.zeros(1)),
+            "arm_0": self._shown["arm_0"]["action_mask"].argmax(),
+        }
+        parts = super().step(usual | actions)
+        told = [{agent: part[agent] for agent in here} for part in parts]
+        if self._now == 2:
+            told[2][self._who] = True
+            self.agents = [agent for agent in here if agent != self._who]
+        return tuple(told)
 
 
 @pytest.fixture
@@ -63,6 +91,33 @@ def test_the_end_of_an_episode_is_told_and_the_next_begins(cars: TypeVecEnv) -> 
     assert all(info["TimeLimit.truncated"] for info in infos)
     assert all(info["terminal_observation"].shape == rows[0].shape for info in infos)
     assert [env.n_steps for env in cars.envs] == [0, 0]
+
+
+def test_the_slot_of_a_car_that_left_waits_for_the_next_episode() -> None:
+    cars = TypeVecEnv([lambda: Leaving("car_0")] * 2, others=Knows())
+    cars.reset()
+    for step in range(1, 9):
+        rows, rewards, dones, infos = cars.step(np.ones((4, 1), dtype=np.float32))
+        gone = step % 4 in (2, 3)
+        assert (rows[[0, 2]] == 0.0).all() == gone
+        assert rows[[1, 3]].all()
+        assert (rewards[[0, 2]] == 0.0).all() == (step % 4 in (3, 0))
+        assert dones.tolist() == [step % 2 == 0, step % 4 == 0] * 2
+        for info, done in zip(infos, dones, strict=True):
+            assert ("terminal_observation" in info) == done
+        if step % 4 == 2:
+            assert infos[0]["terminal_observation"] != 0.0
+            assert not infos[0]["TimeLimit.truncated"]
+
+
+def test_who_left_can_choose_nothing() -> None:
+    arms = TypeVecEnv([lambda: Leaving("arm_0")], kind="arm")
+    arms.reset()
+    for step in range(4):
+        masks = arms.action_masks()
+        assert masks.sum() == (2 if step < 2 else 1)
+        arms.step(masks.argmax(axis=1))
+    assert arms.action_masks().sum() == 2
 
 
 def test_a_seed_decides_the_episodes(cars: TypeVecEnv) -> None:

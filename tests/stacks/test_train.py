@@ -14,7 +14,7 @@ from fleet.cli.main import main
 from fleet.envs.policies.policy import Random
 from fleet.training.errors import TrainingError
 from fleet.training.recipes import RECIPES
-from fleet.training.results import CHECKPOINT
+from fleet.training.results import CHECKPOINT, PROGRESS
 from fleet.training.settings import TrainConfig
 from tests.stacks.conftest import require_package
 from tests.stacks.guess import PPO, RECIPE, Guess
@@ -160,6 +160,33 @@ def test_the_command_leaves_everything_behind_and_refuses_to_overwrite_it(
     with pytest.raises(SystemExit) as stop:
         main([*words, "--resume"])
     assert stop.value.code == 0
+
+
+def test_progress_is_written_as_it_is_made_and_a_resumed_run_has_each_update_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = tmp_path / "train.toml"
+    settings.write_text(f"checkpoint_n = 2\nsteps_n = {config(5).steps_n}\n")
+
+    def run(name: str) -> Path:
+        out = tmp_path / name
+        words = ["train", "--env", "guess", "--episodes", "1", "--config", str(settings), "--resume"]
+        with pytest.raises(SystemExit) as stop:
+            main([*words, "--out", str(out)])
+        assert stop.value.code == 0
+        return out / PROGRESS
+
+    whole, update = run("whole"), Trainer._update
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "_update", lambda self: 1 / 0 if self.n_done == 3 else update(self))
+        with pytest.raises(ZeroDivisionError):
+            run("parts")
+    parts = tmp_path / "parts" / PROGRESS
+    assert [line.split(",")[0] for line in parts.read_text().splitlines()] == ["update", "1", "2", "3"]
+    with parts.open("a") as file:
+        file.write("4,19")  # the power went
+    assert run("parts").read_text() == whole.read_text()
+    assert len(whole.read_text().splitlines()) == 6
 
 
 def test_arguments_that_the_environment_does_not_know_are_refused(

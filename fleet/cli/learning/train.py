@@ -9,8 +9,9 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import tyro
 from rich.console import Console
 from rich.table import Table
 
@@ -18,6 +19,7 @@ from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 from fleet.training.errors import TrainingError
+from fleet.training.recipes import RECIPES
 
 if TYPE_CHECKING:
     from fleet.envs.policies.policy import Policy
@@ -37,8 +39,12 @@ _EVALUATION = 3
 class Train:
     """Train agents with PPO; prints how they do against a script and chance, writes curves and a checkpoint."""
 
-    env: str = "navigate"
-    """What is learned: navigate (cars drive to places), car (one of them), reach (an arm) or dispatch (tasks)."""
+    env: Annotated[
+        str,
+        tyro.conf.arg(
+            help=f"What is learned: {'; '.join(f'{name} ({one.summary})' for name, one in RECIPES.items())}."
+        ),
+    ] = "navigate"
     seed: int = 0
     """Seed of everything random."""
     steps: int | None = None
@@ -59,7 +65,6 @@ class Train:
     def run(self) -> int:
         """Train, evaluate and print; returns the exit status."""
         # The environments take a second to load: only for runs, not for --help.
-        from fleet.training.recipes import RECIPES
         from fleet.training.results import prepare_folder
 
         require(self.env in RECIPES, "--env", self.env, ", ".join(RECIPES))
@@ -93,16 +98,25 @@ class Train:
     def _train(self, config: TrainConfig, recipe: Recipe) -> int:
         from fleet.recording.rerun_stream.curves import write_curves
         from fleet.training.ppo.trainer import Trainer
-        from fleet.training.results import CHECKPOINT, RECORDING, write_config, write_progress
+        from fleet.training.results import (
+            CHECKPOINT,
+            RECORDING,
+            append_progress,
+            draw_progress,
+            write_config,
+            write_progress,
+        )
 
         chief = recipe.figures[0]
         trainer = Trainer(config, self.out, resume=self.resume)
         write_config(self.out, config, recipe.stages)  # not before the trainer has agreed to go on from what is there
+        write_progress(self.out, trainer.rows)
         curves = _tensorboard(self.out, trainer.rows)
         try:
             with interrupts() as interrupted, Bar(config.steps_n, "steps", shown=True) as bar:
 
                 def progress(row: Mapping[str, float]) -> None:
+                    append_progress(self.out, row)
                     curves(row)
                     if bar.due():
                         steps = int(row["steps"])
@@ -124,7 +138,7 @@ class Train:
             )
             console.print(f"interrupted: --resume {since}", soft_wrap=True)
             return INTERRUPTED
-        write_progress(self.out, trainer.rows, chief)
+        draw_progress(self.out, trainer.rows, chief)
         write_curves(self.out / RECORDING, f"{config.env}, seed {config.seed}", trainer.rows)
         return self._evaluate(config, recipe, trainer, console)
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fleet.envs.dispatch.scenarios import SCENARIOS
-from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE
-from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.policies.policy import Policy
-from fleet.training.batch import Batch
 from fleet.training.layout import Group, RowLayout
 from fleet.training.recipes.recipe import Recipe
 from fleet.training.settings import PpoConfig
+
+if TYPE_CHECKING:
+    from fleet.envs.policies.policy import Policy
+    from fleet.training.batch import Batch
+
+LAYOUT = RowLayout(groups=(Group(first=12, n_each=11),), chosen=0)
+"""Tasks on offer; numbers as in `fleet.envs.dispatch.view`: N_OWN, N_PER_CANDIDATE."""
 
 
 def _dispatch(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
@@ -49,6 +52,8 @@ def _rollout() -> Policy:
 
 def tardiness_min(env: Any) -> float:
     """Tardiness of all orders that have come in, delivered or not, at the end of an episode on the grid [min]."""
+    from fleet.envs.grid.fleet import TIMESTEP_S
+
     tasks, now = env.fleet.grid.tasks, env.fleet.grid.now
     end = np.minimum(tasks.done, now).astype(np.float64)
     late = np.maximum(0.0, end - tasks.due)[tasks.release <= now]
@@ -64,7 +69,7 @@ DISPATCH = Recipe(
     figures=("delivered", "late", "waiting"),
     n_steps=2_000_000,
     ppo=PpoConfig(horizon_n=240, minibatch_n=4096, entropy=0.003, discount=0.98, learning_rate=1e-3),
-    layouts={"car": RowLayout(groups=(Group(first=N_OWN, n_each=N_PER_CANDIDATE),), chosen=0)},
+    layouts={"car": LAYOUT},
     # A car that pays for the lateness of what it delivers leaves late tasks to the others, which do the same.
     arguments={"site": "small", "n_cars": 6, "weights": {"late": -0.02, "empty": -0.03}},
 )
@@ -78,7 +83,7 @@ DISPATCH_DUE = Recipe(
     # All of them clone: a rollout that half of the environments only ask, while agents do what they have learned.
     n_steps=60_000,
     ppo=PpoConfig(horizon_n=240, minibatch_n=4096, learning_rate=1e-3, network="attention", clone_n=60_000, anchor=0.1),
-    layouts={"car": RowLayout(groups=(Group(first=N_OWN, n_each=N_PER_CANDIDATE),), chosen=0)},
+    layouts={"car": LAYOUT},
     teacher=_rollout,
     arguments={**SCENARIOS["due_rush"].arguments, "weights": {"late": -0.3, "waiting": -0.2, "empty": 0.0}},
 )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fleet.envs.policies.policy import Policy
 from fleet.training.layout import Group, RowLayout
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
-from fleet.training.solo import SoloEnv
+
+if TYPE_CHECKING:
+    from fleet.envs.policies.policy import Policy
 
 
 def _navigate(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
@@ -20,6 +21,7 @@ def _navigate(*, weights: Mapping[str, float] | None = None, **arguments: Any) -
 
 def _car(**arguments: Any) -> Any:
     from fleet.envs.navigate.car_navigate import CarNavigateEnv
+    from fleet.training.solo import SoloEnv
 
     return SoloEnv(CarNavigateEnv(**arguments), "car_0")
 

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fleet.envs.policies.policy import Policy
 from fleet.training.recipes.recipe import Recipe
-from fleet.training.row_policy import RowPolicy
 from fleet.training.settings import PpoConfig
-from fleet.training.solo import SoloEnv
+
+if TYPE_CHECKING:
+    from fleet.envs.policies.policy import Policy
 
 
 def _reach(**arguments: Any) -> Any:
     from fleet.envs.kuka_reach import KukaReachEnv
+    from fleet.training.solo import SoloEnv
 
     return SoloEnv(KukaReachEnv(**arguments), "arm_0")
 
 
 def _straight() -> Policy:
     from fleet.envs.kuka_reach import ReachPolicy
+    from fleet.training.row_policy import RowPolicy
 
     return RowPolicy(ReachPolicy().actions)
 

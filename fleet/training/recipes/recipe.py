@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from fleet.config import require
-from fleet.envs.core.env_config import UnknownSetting
-from fleet.envs.policies.policy import Policy
-from fleet.training.batch import AgentType, Batch, agent_types, types_of
 from fleet.training.errors import TrainingError
 from fleet.training.layout import RowLayout
 from fleet.training.settings import PpoConfig
 
-PolicyMaker = Callable[[], Policy]
-BatchMaker = Callable[..., Batch]
+if TYPE_CHECKING:  # the command line lists recipes, and the environments take a second to load
+    from fleet.envs.policies.policy import Policy
+    from fleet.training.batch import AgentType, Batch
+
+    PolicyMaker = Callable[[], Policy]
+    BatchMaker = Callable[..., Batch]
+
 Play = Literal["likeliest", "drawn"]
 """How a learned policy plays: its likeliest action, or one drawn from its distribution."""
 
@@ -113,6 +115,9 @@ class Recipe:
             TrainingError: An environment does not know an argument, or agents of a type are not alike in all.
             ConfigError: A value is outside its valid range.
         """
+        from fleet.envs.core.env_config import UnknownSetting
+        from fleet.training.batch import agent_types, types_of
+
         wanted = [dict(arguments)]
         for stage in self.stages:
             wanted += [one for one in self.environments(stage, arguments, held) if one not in wanted]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fleet.envs.policies.policy import Policy
-from fleet.training.batch import Batch
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
+
+if TYPE_CHECKING:
+    from fleet.envs.policies.policy import Policy
+    from fleet.training.batch import Batch
 
 FLOOR = {"rows": 18, "cols": 30, "pick": 4, "drop": 4, "parking": 60}
 """A floor that no site has, so that what is learned is not one floor by heart."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fleet.envs.policies.policy import Policy
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
+
+if TYPE_CHECKING:
+    from fleet.envs.policies.policy import Policy
 
 
 def _warehouse(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
@@ -21,6 +23,16 @@ def _classical() -> Policy:
     from fleet.envs.policies.warehouse import Classical
 
     return Classical()
+
+
+def n_parcels(env: Any) -> int:
+    """Parcels that there were to move in an episode."""
+    return len(env.simulation.board.tasks)
+
+
+def n_deliveries(env: Any) -> int:
+    """Parcels that were delivered in an episode: car and arm are both paid for each."""
+    return sum(task.done_s is not None for task in env.simulation.board.tasks)
 
 
 DOCK = Recipe(
@@ -65,6 +77,7 @@ TRANSFER = Recipe(
     script="up, around and down",
     teacher=_classical,
     figures=("loaded", "delivered", "gripped", "failed"),
+    at_end={"parcels": n_parcels},
     n_steps=900_000,
     ppo=PpoConfig(
         envs_n=16,
@@ -96,6 +109,7 @@ CELL = Recipe(
     scripted=_classical,
     script="pure pursuit; up, around and down",
     figures=("delivered", "loaded", "gripped", "docked", "contact", "failed"),
+    at_end={"deliveries": n_deliveries},
     n_steps=3_000_000,
     ppo=PpoConfig(envs_n=16, horizon_n=128, minibatch_n=2048, learning_rate=1e-3, discount=0.98, entropy=0.001),
     # What is docked, loaded and delivered counts as one.

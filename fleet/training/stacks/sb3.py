@@ -5,7 +5,7 @@ Needs `stable-baselines3`, and `sb3-contrib` for its `MaskablePPO`, which heeds 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -28,6 +28,9 @@ class TypeVecEnv(VecEnv):
     Discrete actions stay discrete. Which of them are legal is what `action_masks` says, slot by slot, as `MaskablePPO`
     of sb3-contrib asks for it; an algorithm that does not ask chooses illegal ones too, which the environment takes
     for none.
+
+    The slot of an agent that is not there, because the team is smaller or it left early, sees zeros, earns nothing and
+    may choose action 0 only, until the episode ends.
 
     Args:
         makers: Make the parallel environments, all alike.
@@ -72,15 +75,15 @@ class TypeVecEnv(VecEnv):
         for index, env in enumerate(self.envs):
             slots = slice(index * n, (index + 1) * n)
             observations, got, _, truncations, infos = env.step(self._decided(index, self._actions[slots]))
-            rewards[slots] = [got[agent] for agent in self._agents]
-            told[slots] = [dict(infos[agent]) for agent in self._agents]
-            if not env.agents:
-                dones[slots] = True
-                for info, agent in zip(told[slots], self._agents, strict=True):
-                    info["terminal_observation"] = vector(observations[agent]).copy()
-                    info["TimeLimit.truncated"] = bool(truncations[agent])
-                observations = env.reset()[0]
-            self._observations[index] = observations
+            for slot, agent in enumerate(self._agents, start=index * n):
+                rewards[slot], told[slot] = got.get(agent, 0.0), dict(infos.get(agent, {}))
+                dones[slot] = not env.agents or (agent in observations and agent not in env.agents)
+                if dones[slot]:
+                    told[slot]["terminal_observation"] = self._row(observations, agent)
+                    told[slot]["TimeLimit.truncated"] = bool(truncations.get(agent, False))
+            self._observations[index] = (
+                {agent: observations[agent] for agent in env.agents} if env.agents else env.reset()[0]
+            )
         return self._rows(), rewards, dones, told
 
     def close(self) -> None:
@@ -98,7 +101,13 @@ class TypeVecEnv(VecEnv):
             raise TrainingError(f"actions of {self._kind.name} are {self._kind.action}; valid with masks: Discrete")
         if not self._kind.masked:
             return np.ones((self.num_envs, int(self._kind.action.n)), dtype=np.bool_)
-        return np.stack([seen[agent]["action_mask"] == 1 for seen in self._observations for agent in self._agents])
+        masks = np.zeros((self.num_envs, int(self._kind.action.n)), dtype=np.bool_)
+        masks[:, 0] = True
+        slots = ((seen, agent) for seen in self._observations for agent in self._agents)
+        for mask, (seen, agent) in zip(masks, slots, strict=True):
+            if agent in seen:
+                mask[:] = seen[agent]["action_mask"] == 1
+        return masks
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """See `VecEnv`; `action_masks` is one of this class, for every slot."""
@@ -133,8 +142,13 @@ class TypeVecEnv(VecEnv):
         rest = {agent: what for agent, what in seen.items() if type_of(agent) != self._kind.name}
         actions = dict(self._others.act(self.envs[index], rest)) if rest and self._others is not None else {}
         for agent, row in zip(self._agents, rows, strict=True):
-            actions[agent] = int(row) if isinstance(self._kind.action, Discrete) else row
+            if agent in seen:
+                actions[agent] = int(row) if isinstance(self._kind.action, Discrete) else row
         return actions
 
     def _rows(self) -> npt.NDArray[np.float32]:
-        return np.stack([vector(seen[agent]) for seen in self._observations for agent in self._agents])
+        return np.stack([self._row(seen, agent) for seen in self._observations for agent in self._agents])
+
+    def _row(self, seen: Mapping[str, Any], agent: str) -> npt.NDArray[np.float32]:
+        """What an agent sees as a row of its own."""
+        return vector(seen[agent]).copy() if agent in seen else np.zeros(self._kind.n_observed, dtype=np.float32)

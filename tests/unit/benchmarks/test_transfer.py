@@ -3,6 +3,7 @@
 import csv
 from pathlib import Path
 
+from benchmarks.training.goals import Success
 from benchmarks.training.transfer import write_shares
 from fleet.training.results import write_episodes
 
@@ -14,7 +15,11 @@ def test_the_table_counts_successes_of_all_seeds_and_of_each(tmp_path: Path) -> 
         scores = {"learned": [{"hits": x} for x in values], "random": [{"hits": 0.0} for _ in values]}
         write_episodes(tmp_path / name, scores, [7, 8, 9, 10])
     one, other = tmp_path / "one", tmp_path / "other"
-    write_shares(tmp_path / "table.csv", {("all", "grid"): [one, other], ("0", "grid"): [one]}, "hits")
+    write_shares(
+        tmp_path / "table.csv",
+        {("all", "grid"): [one, other], ("0", "grid"): [one]},
+        Success(figures=("hits",), target=">= 0.9"),
+    )
     with (tmp_path / "table.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(row["trained_from"], row["policy"], row["episodes"], row["success"]) for row in rows] == [
