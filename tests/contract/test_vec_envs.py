@@ -41,6 +41,14 @@ SETTINGS = {
             "n_cars": 40,
             "max_cycles": 50,
         },
+        "breakdowns": {
+            "site": "small",
+            "n_cars": 6,
+            "max_cycles": 60,
+            "breakdowns_per_h": 40.0,
+            "repair_s": 20.0,
+            "lost_share": 0.2,
+        },
     },
     "traffic": {
         "as it comes": {"site": "small", "n_cars": 6, "max_cycles": 120},

@@ -45,7 +45,7 @@ class Outlook(NamedTuple):
     phase: SmallInts
     """`fleet.envs.grid.kernel.Phase` of each car, shape (n,)."""
     left: Ints
-    """Timesteps of service that are left, shape (n,)."""
+    """Timesteps of service that are left, or until the car goes on, shape (n,)."""
     job: Ints
     """Delivery of each car, as a row of `jobs`, `NONE` = it has none, shape (n,)."""
     jobs: Jobs
@@ -226,13 +226,12 @@ def _begin(
     arm[:] = outlook.now - CHANGE_STEPS
     under_way[:] = 0
     phase[:], place[:], job[:] = outlook.phase, outlook.state, outlook.job
-    time[:] = outlook.now
+    time[:] = outlook.now + outlook.left
     for car in range(len(time)):
         if phase[car] in (TO_PICK, TO_DROP):
             station = jobs.pick[job[car]] if phase[car] == TO_PICK else jobs.drop[job[car]]
             time[car] += floor.distance[floor.dock_row[station], place[car]]
         elif phase[car] in (LOADING, UNLOADING):
-            time[car] += outlook.left[car]
             arm[jobs.pick[job[car]] if phase[car] == LOADING else jobs.drop[job[car]]] = time[car]
         elif phase[car] != FREE:
             time[car] = NEVER

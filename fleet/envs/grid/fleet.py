@@ -18,7 +18,18 @@ import numpy.typing as npt
 
 from fleet.config import AllocationConfig
 from fleet.envs.grid import kernel
-from fleet.envs.grid.kernel import NEVER, NONE, CarTable, Counts, Floor, Stage, StationTable, TaskTable
+from fleet.envs.grid.kernel import (
+    NEVER,
+    NO_FAULTS,
+    NONE,
+    CarTable,
+    Counts,
+    Faults,
+    Floor,
+    Stage,
+    StationTable,
+    TaskTable,
+)
 from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S
 from fleet.stations.service_time import PRIOR_MEAN_S
@@ -100,12 +111,17 @@ class GridFleet:
         place: The site.
         n_cars: Number of cars, at most the parking places.
         orders: Deliveries, ascending in release.
-        seed: Seed of the tie-breaking of PIBT.
+        seed: Seed of the tie-breaking of PIBT, and of breakdowns.
+        faults: How often cars break down.
     """
 
-    def __init__(self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
+    def __init__(
+        self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int, faults: Faults = NO_FAULTS
+    ) -> None:
         self.place = place
         self.now = 0
+        self.faults = faults
+        self._dice = seed
         floor, graph = place.floor, place.graph
         self.cars = cars_at_start(floor, n_cars)
         self.tasks = tasks_of(orders, [station.name for station in place.site.stations])
@@ -186,6 +202,7 @@ class GridFleet:
 
     def _turn(self) -> None:
         """Everything that happens between two moves."""
+        kernel.break_down(self.cars, self.tasks, self.stations, self.faults, self._dice, self.now)
         kernel.serve(self.place.floor, self.cars, self.tasks, self.stations, self.counts, self.now)
         kernel.release(self.tasks, self.counts, self.now)
         self.direct()

@@ -12,7 +12,20 @@ from fleet.envs.grid import kernel
 from fleet.envs.grid.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send, turn
 from fleet.envs.grid.compiled import compiled
 from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import FREE, NEVER, NONE, READY, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
+from fleet.envs.grid.kernel import (
+    FREE,
+    NEVER,
+    NONE,
+    OUT,
+    READY,
+    TO_DROP,
+    UNLOADING,
+    Bools,
+    Faults,
+    Floor,
+    Ints,
+    SmallInts,
+)
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]
@@ -85,6 +98,7 @@ def step_some(
     memory_arrays: tuple[Any, ...],
     actions: npt.NDArray[np.int64],
     weights: tuple[float, float, float, float, float],
+    fault_numbers: tuple[float, float, float],
     n_timesteps: int,
     left: Doubles,
 ) -> None:  # pragma: no cover - compiled
@@ -101,11 +115,12 @@ def step_some(
         memory_arrays: A `DispatchMemory`.
         actions: Shape (B, n).
         weights: Of the terms, in their order.
+        fault_numbers: `Faults`.
         n_timesteps: Timesteps of a step.
         left: Share of the episode that is left after the step, shape (B,).
     """
     floor, tables, memory = Floor(*floor_arrays), DispatchTables(*table_arrays), DispatchMemory(*memory_arrays)
-    stepping, rows = Stepping(*stepping_arrays), BlockRows(*block[4])
+    stepping, rows, faults = Stepping(*stepping_arrays), BlockRows(*block[4]), Faults(*fault_numbers)
     for b in range(first, last):
         fleet = fleet_at(block[0], block[1], block[2], block[3], rows, b)
         for count in fleet.counts:
@@ -116,6 +131,7 @@ def step_some(
             plan(floor, fleet, stepping, rows.salt[b], stepping.nobody)
             kernel.count_moves(fleet.cars, stepping.after, fleet.counts)
             rows.now[b] += 1
+            kernel.break_down(fleet.cars, fleet.tasks, fleet.stations, faults, rows.dice[b], rows.now[b])
             turn(floor, fleet, stepping.first, rows.now[b])
         _earn(fleet, tables.lost[b], weights, tables.terms[b])
         _observe(floor, DispatchFloor(*told_arrays), fleet, tables, memory, rows.now[b], left[b], b)
@@ -130,10 +146,13 @@ def begin_one(
     table_arrays: tuple[Any, ...],
     stepping_arrays: tuple[Any, ...],
     memory_arrays: tuple[Any, ...],
+    fault_numbers: tuple[float, float, float],
 ) -> None:  # pragma: no cover - compiled
     """Begin the episode of one fleet that `GridBlock.begin` has put in its place, and observe it."""
     floor, tables, rows = Floor(*floor_arrays), DispatchTables(*table_arrays), BlockRows(*block[4])
     fleet = fleet_at(block[0], block[1], block[2], block[3], rows, b)
+    faults = Faults(*fault_numbers)
+    kernel.break_down(fleet.cars, fleet.tasks, fleet.stations, faults, rows.dice[b], rows.now[b])
     turn(floor, fleet, Stepping(*stepping_arrays).first, rows.now[b])
     tables.idle_steps[b] = 0
     _observe(floor, DispatchFloor(*told_arrays), fleet, tables, DispatchMemory(*memory_arrays), rows.now[b], 1.0, b)
@@ -215,7 +234,8 @@ def _observe(
         state, phase, row = cars.state[car], cars.phase[car], rows[car]
         for i in range(4):
             row[i] = told.where[state, i]
-        row[4 + phase] = 1.0
+        if phase != OUT:
+            row[4 + phase] = 1.0
         row[9] = cars.held[car]
         goal_row = told.goal_row[cars.goal[car]]
         if goal_row != NONE:
