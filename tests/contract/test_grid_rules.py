@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fleet.config import AllocationConfig
+from fleet.config import AllocationConfig, StreamConfig
 from fleet.envs.grid import fleet as grid_fleet
 from fleet.envs.grid import kernel
 from fleet.envs.grid.fleet import FleetSite, GridFleet
@@ -69,6 +69,7 @@ TASK_STATE = {
     Stage.ASSIGNED: TaskState.ASSIGNED,
     Stage.CARRIED: TaskState.CARRIED,
     Stage.DELIVERED: TaskState.DELIVERED,
+    Stage.WITHDRAWN: TaskState.CANCELLED,
 }
 SERVED = {Phase.LOADING: TaskState.LOADING, Phase.UNLOADING: TaskState.UNLOADING}
 """The grid tells of a service by the car alone: a stage and this phase together are a state of a run."""
@@ -112,12 +113,20 @@ class Watched:
     """A fleet on the grid that is compared with the tables before and after every call of a kernel."""
 
     def __init__(
-        self, n_cars: int, seed: int, load: float, monkeypatch: pytest.MonkeyPatch, faults: Faults = NO_FAULTS
+        self,
+        n_cars: int,
+        seed: int,
+        load: float,
+        monkeypatch: pytest.MonkeyPatch,
+        faults: Faults = NO_FAULTS,
+        *,
+        n_sources: int = 1,
     ) -> None:
         self.car_next = WITH_BREAKDOWNS if faults.rate else CAR_NEXT
         self.task_steps: set[tuple[TaskState, TaskState]] = set()
         self.car_steps: set[tuple[CarPhase, CarPhase]] = set()
-        orders = episode_orders(SMALL, n_cars, load, 600.0, np.random.default_rng(seed))
+        stream = StreamConfig(sources_n=n_sources)
+        orders = episode_orders(SMALL, n_cars, load, 600.0, np.random.default_rng(seed), stream)
         self.fleet = GridFleet(SMALL, n_cars, orders, seed, faults)
         self.before = told(self.fleet)
         # Only what the fleet calls: kernels that call each other have to find themselves when they are compiled.
@@ -225,6 +234,16 @@ def test_every_step_of_a_fleet_that_breaks_down_is_one_of_a_run(monkeypatch: pyt
     broken = {(was, now) for was, now in watched.car_steps if STANDS in (was, now) or GONE in (was, now)}
     stands = {(was, STANDS) for was in (CarPhase.IDLE, CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD)}
     assert broken >= stands | {(STANDS, CarPhase.IDLE), (STANDS, CarPhase.TO_DROP), (CarPhase.TO_PICK, GONE)}
+
+
+def test_every_step_of_a_task_with_another_source_is_one_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched, rng = Watched(12, 3, 2.0, monkeypatch, n_sources=2), np.random.default_rng(3)
+    fleet = watched.fleet
+    for _ in range(600):
+        watched.assign_at_random(rng)
+        fleet.move(fleet.planned())
+    assert (TaskState.READY, TaskState.CANCELLED) in watched.task_steps
+    assert (fleet.tasks.stage == Stage.DELIVERED).sum() > 20
 
 
 def test_the_list_of_kernels_is_whole() -> None:

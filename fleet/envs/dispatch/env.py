@@ -12,7 +12,9 @@ task the one that waits longest for one gets it, of these the one with the lowes
 True. An illegal action counts as 0, and `infos[agent]["illegal"]` is True.
 
 Candidates: of each pick station its most pressing ready task (by class, due date, release), then of each its second
-most pressing one, nearer stations first, until all places are taken; listed by distance, the nearest first.
+most pressing one, nearer stations first, until all places are taken; listed by distance, the nearest first. An order
+that can be had at several pick stations (`stream.sources_n`) has a task at each, and who is given one of them has the
+order: the others are gone. So cars choose where to fetch it; two that choose tasks of one order choose the same.
 
 Observations: `{"observation": ..., "action_mask": ...}`. The mask holds 1 for each legal action. The numbers are all
 clipped to [-1, 1]; distances in units of the longest way between any two places of the site, times in units of 300 s:
@@ -132,6 +134,8 @@ class DispatchConfig(LayerConfig):
         require(lost_ok, "lost_share", self.lost_share, "a number from 0 to 1")
         super().__post_init__()
         on_grid = self.fidelity == Fidelity.GRID
+        n = self.order_stream.sources_n
+        require(on_grid or n == 1, "stream.sources_n", n, "1 but for fidelity grid, where agents choose the source")
         require(on_grid or not self.breakdowns_per_h, "breakdowns_per_h", self.breakdowns_per_h, ONLY_GRID)
 
     @property
@@ -196,7 +200,9 @@ class DispatchEnv(LayerEnv[DispatchView]):
         fleet, weights = self.fleet, self._weights
         assert fleet is not None
         wanted = np.where(choice > 0, self.candidates[self._cars, choice - 1], NONE)
-        won = resolve_choices(wanted, self._idle_steps)
+        order, choosing = wanted.copy(), np.flatnonzero(wanted != NONE)
+        order[choosing] = self.view.order[np.searchsorted(self.view.task, wanted[choosing])]
+        won = resolve_choices(order, self._idle_steps)
         lost = (wanted != NONE) & ~won
         self._idle_steps = np.where(self.view.free & ~won, self._idle_steps + 1, 0)
         fleet.give([(int(car), int(wanted[car])) for car in np.flatnonzero(won)])

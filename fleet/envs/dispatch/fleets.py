@@ -65,6 +65,7 @@ class GridDispatch(FleetOnGrid):
             held=cars.held,
             free=cars.phase == Phase.FREE,
             task=task,
+            order=tasks.order[task],
             pick=tasks.pick[task],
             drop=tasks.drop[task],
             rank=tasks.rank[task],
@@ -94,7 +95,7 @@ class GridDispatch(FleetOnGrid):
         phase[stands] = np.where(cars.task[stands] == NONE, Phase.FREE, TO_DROP)
         stage = tasks.stage[: tasks.window[1]]
         known = np.flatnonzero((stage >= Stage.READY) & (stage < Stage.DELIVERED)).astype(np.int32)
-        columns = (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32))
+        columns = (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32), tasks.order)
         has_task = cars.task != NONE
         job = np.full(len(cars.task), NONE, dtype=np.int32)
         job[has_task] = np.searchsorted(known, cars.task[has_task])

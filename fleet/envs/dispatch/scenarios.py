@@ -58,5 +58,9 @@ SCENARIOS: dict[str, DispatchScenario] = {
             "lost_share": 0.5,
         },
     ),
+    "two_sources": DispatchScenario(
+        summary="what lies at the bottleneck lies at another pick station, too; more orders than the cars can carry",
+        arguments={"site": "medium", "n_cars": 16, "load": 1.6, "stream": {"bottleneck_n": 2, "sources_n": 2}},
+    ),
 }
 """Scenarios by name."""

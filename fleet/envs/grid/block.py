@@ -122,7 +122,7 @@ class GridBlock:
             seed: Seed of the tie-breaking of PIBT, and of breakdowns.
         """
         tasks = tasks_of(orders, self._names)
-        n = len(orders)
+        n = len(tasks.stage)
         if n > self.capacity:
             self._make_room(int(_MORE * n))
         _set_row(self.tasks, index, tasks)
@@ -180,7 +180,7 @@ def fleet_at(
 ) -> FleetRow:  # pragma: no cover - compiled
     """One fleet of the arrays of a block."""
     (state, phase, held, booked, task, station, spot, left, bound, since, goal, row) = cars
-    (release, due, pick, drop, rank, stage, car, done, window) = tasks
+    (release, due, pick, drop, rank, stage, car, done, order, window) = tasks
     n = rows.n_tasks[b]
     return FleetRow(
         CarTable(
@@ -206,6 +206,7 @@ def fleet_at(
             stage[b, :n],
             car[b, :n],
             done[b, :n],
+            order[b, :n],
             window[b],
         ),
         StationTable(stations[0][b], stations[1][b]),

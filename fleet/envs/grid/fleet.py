@@ -238,26 +238,35 @@ def spot_users_at_start(floor: Floor, n_cars: int) -> npt.NDArray[np.int32]:
 
 
 def tasks_of(orders: Sequence[Delivery], names: list[str]) -> TaskTable:
-    """Tasks that are not released yet.
+    """Tasks that are not released yet, one for each source of each order.
 
     Args:
         orders: Deliveries, ascending in release.
         names: Names of the stations, in their order.
     """
     number = {name: k for k, name in enumerate(names)}
-    n = len(orders)
-    due = [order.due_s / TIMESTEP_S if math.isfinite(order.due_s) else NEVER for order in orders]
+    told = [(order, pick) for order in orders for pick in order.picks]
+    n = len(told)
+    n_sources = np.array([len(order.picks) for order in orders], dtype=np.int64)
+    due = [order.due_s / TIMESTEP_S if math.isfinite(order.due_s) else NEVER for order, _ in told]
     return TaskTable(
-        release=np.array([math.ceil(order.release_s / TIMESTEP_S) for order in orders], dtype=np.int32),
+        release=np.array([math.ceil(order.release_s / TIMESTEP_S) for order, _ in told], dtype=np.int32),
         due=np.array(due, dtype=np.int64).astype(np.int32),
-        pick=np.array([number[order.pick] for order in orders], dtype=np.int32),
-        drop=np.array([number[order.drop] for order in orders], dtype=np.int32),
-        rank=np.array([order.rank for order in orders], dtype=np.int8),
+        pick=np.array([number[pick] for _, pick in told], dtype=np.int32),
+        drop=np.array([number[order.drop] for order, _ in told], dtype=np.int32),
+        rank=np.array([order.rank for order, _ in told], dtype=np.int8),
         stage=np.full(n, Stage.ORDERED, dtype=np.int8),
         car=_none(n),
         done=np.full(n, NEVER, dtype=np.int32),
+        order=np.repeat(np.cumsum(n_sources) - n_sources, n_sources).astype(np.int32),
         window=_zero(2),
     )
+
+
+def one_per_order(tasks: TaskTable) -> npt.NDArray[np.bool_]:
+    """One task of each order: the one that a car was given, or else the first, shape (m,)."""
+    first = tasks.order == np.arange(len(tasks.order))
+    return np.where(tasks.stage <= Stage.READY, first, tasks.stage != Stage.WITHDRAWN)
 
 
 def _zero(n: int) -> npt.NDArray[np.int32]:

@@ -45,11 +45,13 @@ class Stage(IntEnum):
     ASSIGNED = 2
     CARRIED = 3
     DELIVERED = 4
+    WITHDRAWN = 5
+    """A car has another task of the same order."""
 
 
 # numba reads plain integers faster than members of an enum.
 FREE, TO_PICK, LOADING, TO_DROP, UNLOADING, OUT = (int(phase) for phase in Phase)
-READY, ASSIGNED, CARRIED, DELIVERED = (int(stage) for stage in list(Stage)[1:])
+READY, ASSIGNED, CARRIED, DELIVERED, WITHDRAWN = (int(stage) for stage in list(Stage)[1:])
 
 
 class Floor(NamedTuple):
@@ -101,7 +103,10 @@ class CarTable(NamedTuple):
 
 
 class TaskTable(NamedTuple):
-    """One entry per task, ascending in release; times in timesteps."""
+    """One entry per task, ascending in release; times in timesteps.
+
+    An order has a task for each pick station that has what is ordered, one after the other, of which one is done.
+    """
 
     release: Ints
     due: Ints
@@ -114,6 +119,8 @@ class TaskTable(NamedTuple):
     car: Ints
     done: Ints
     """Timestep of the delivery, `NEVER` before."""
+    order: Ints
+    """The first task of the same order."""
     window: Ints
     """First task that may be open, and number of those released, shape (2,)."""
 
@@ -137,7 +144,7 @@ class Counts(NamedTuple):
     empty: npt.NDArray[Any]
     """Moves it made on its way to a pick station."""
     open: npt.NDArray[Any]
-    """Sum over the timesteps of the tasks that were released and not picked, shape (1,)."""
+    """Sum over the timesteps of the orders that were released and not picked, shape (1,)."""
 
     @staticmethod
     def of(n_cars: int, dtype: npt.DTypeLike) -> Counts:
@@ -208,6 +215,7 @@ def assign(
     cars: CarTable, tasks: TaskTable, stations: StationTable, car: int, task: int, now: int
 ) -> None:  # pragma: no cover
     """Give a ready task to a free car."""
+    _set_order(tasks, task, WITHDRAWN)
     tasks.stage[task], tasks.car[task] = ASSIGNED, car
     cars.task[car] = task
     stations.under_way[tasks.pick[task]] += 1
@@ -290,7 +298,8 @@ def release(tasks: TaskTable, counts: Counts, now: int) -> None:  # pragma: no c
     while window[0] < window[1] and tasks.stage[window[0]] >= CARRIED:
         window[0] += 1
     for task in range(window[0], window[1]):
-        counts.open[0] += tasks.stage[task] <= ASSIGNED
+        stage = tasks.stage[task]
+        counts.open[0] += stage == ASSIGNED or (stage == READY and tasks.order[task] == task)
 
 
 @compiled
@@ -376,10 +385,22 @@ def _bind(cars: CarTable, car: int, phase: int, station: int, now: int) -> None:
 
 
 @inlined
+def _set_order(tasks: TaskTable, task: int, stage: int) -> None:  # pragma: no cover - compiled
+    """Put all tasks of a task's order in a stage."""
+    order = tasks.order[task]
+    other = order
+    while other < len(tasks.order) and tasks.order[other] == order:
+        tasks.stage[other] = stage
+        other += 1
+
+
+@inlined
 def _give_back(cars: CarTable, tasks: TaskTable, stations: StationTable, car: int) -> None:  # pragma: no cover
     """Take its task from a car that drives to its pick station. Compiled."""
     task = cars.task[car]
-    tasks.stage[task], tasks.car[task] = READY, NONE
+    _set_order(tasks, task, READY)
+    tasks.car[task] = NONE
+    tasks.window[0] = min(tasks.window[0], tasks.order[task])
     stations.under_way[tasks.pick[task]] -= 1
     stations.under_way[tasks.drop[task]] -= 1
     stations.booked[cars.station[car]] -= cars.booked[car]

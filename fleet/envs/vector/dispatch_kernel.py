@@ -70,7 +70,7 @@ class DispatchMemory(NamedTuple):
     """Memory that one thread works in."""
 
     claim: Ints
-    """Car that gets each task; `NONE` for all between calls, shape (capacity,)."""
+    """Car that gets each order; `NONE` for all between calls, shape (capacity,)."""
     wanted: Ints
     """Task that each car wants, shape (n,)."""
     free: Bools
@@ -169,7 +169,7 @@ def _give(
     now: int,
     b: int,
 ) -> None:  # pragma: no cover - compiled
-    """Give each task that cars have chosen to the one of them that has waited longest, then to the lowest index."""
+    """Give each order that cars have chosen to the one of them that has waited longest, then to the lowest index."""
     cars, idle_steps, lost = fleet.cars, tables.idle_steps[b], tables.lost[b]
     n, n_actions = tables.mask.shape[1], tables.mask.shape[2]
     wanted, claim = memory.wanted, memory.claim
@@ -181,16 +181,17 @@ def _give(
         if legal and action > 0:
             task = tables.candidates[b, car, action - 1]
             wanted[car] = task
-            if claim[task] == NONE or idle_steps[car] > idle_steps[claim[task]]:
-                claim[task] = car
+            order = fleet.tasks.order[task]
+            if claim[order] == NONE or idle_steps[car] > idle_steps[claim[order]]:
+                claim[order] = car
     given = False
     for car in range(n):
-        won = wanted[car] != NONE and claim[wanted[car]] == car
+        won = wanted[car] != NONE and claim[fleet.tasks.order[wanted[car]]] == car
         lost[car] = wanted[car] != NONE and not won
         idle_steps[car] = idle_steps[car] + 1 if cars.phase[car] == FREE and not won else 0
     for car in range(n):
         if wanted[car] != NONE and not lost[car]:
-            claim[wanted[car]] = NONE
+            claim[fleet.tasks.order[wanted[car]]] = NONE
             kernel.assign(cars, fleet.tasks, fleet.stations, car, wanted[car], now)
             given = True
     if given:
@@ -291,7 +292,7 @@ def _ready(
             found += 1
             if found == m:
                 break
-    # Poses of all states, not of the cars: nobody reads them here.
+    # Poses of all states, not of the cars, and tasks in the place of their orders: nobody reads them here.
     return DispatchView(
         0.0,
         0.0,
@@ -301,6 +302,7 @@ def _ready(
         cars.phase,
         cars.held,
         memory.free,
+        memory.task[:m],
         memory.task[:m],
         memory.pick[:m],
         memory.drop[:m],
