@@ -19,7 +19,7 @@ from fleet.config import AllocationConfig, StreamConfig
 from fleet.envs.grid import fleet as grid_fleet
 from fleet.envs.grid import kernel
 from fleet.envs.grid.fleet import FleetSite, GridFleet
-from fleet.envs.grid.kernel import NO_FAULTS, NONE, Faults, Phase, Stage
+from fleet.envs.grid.kernel import NO_BATTERY, NO_FAULTS, NONE, Battery, Faults, Phase, Stage
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.phases import STATES_IN, CarPhase
@@ -39,6 +39,11 @@ CAR_NEXT: dict[CarPhase, frozenset[CarPhase]] = {
     CarPhase.TO_DROP: frozenset({CarPhase.HELD, CarPhase.UNLOADING}),
     CarPhase.UNLOADING: frozenset({CarPhase.IDLE}),
 }
+WITH_BATTERIES = CAR_NEXT | {
+    CarPhase.IDLE: CAR_NEXT[CarPhase.IDLE] | {CarPhase.CHARGING},
+    CarPhase.CHARGING: frozenset({CarPhase.IDLE}),
+}
+"""The same where cars have batteries: on the way to a charger, too, they charge."""
 STANDS, GONE = CarPhase.RECOVERING, CarPhase.RETIRED
 WITH_BREAKDOWNS: dict[CarPhase, frozenset[CarPhase]] = {
     CarPhase.IDLE: CAR_NEXT[CarPhase.IDLE] | {STANDS, GONE},
@@ -62,6 +67,7 @@ CAR_PHASE = {
     Phase.TO_DROP: CarPhase.TO_DROP,
     Phase.UNLOADING: CarPhase.UNLOADING,
     Phase.OUT: CarPhase.RETIRED,
+    Phase.CHARGING: CarPhase.CHARGING,
 }
 TASK_STATE = {
     Stage.ORDERED: TaskState.ORDERED,
@@ -73,7 +79,17 @@ TASK_STATE = {
 }
 SERVED = {Phase.LOADING: TaskState.LOADING, Phase.UNLOADING: TaskState.UNLOADING}
 """The grid tells of a service by the car alone: a stage and this phase together are a state of a run."""
-KERNELS = ("assign", "assign_nearest", "break_down", "count_moves", "direct", "rank_cars", "release", "serve")
+KERNELS = (
+    "assign",
+    "assign_nearest",
+    "break_down",
+    "charge_up",
+    "count_moves",
+    "direct",
+    "rank_cars",
+    "release",
+    "serve",
+)
 """All that change a fleet, of which each task and each car makes one step in one call at most ..."""
 TWO_STEPS = {"release": TaskState.BACKLOG}
 """... but in this one, where a task passes through a state: no delivery here waits for another."""
@@ -121,13 +137,14 @@ class Watched:
         faults: Faults = NO_FAULTS,
         *,
         n_sources: int = 1,
+        battery: Battery = NO_BATTERY,
     ) -> None:
-        self.car_next = WITH_BREAKDOWNS if faults.rate else CAR_NEXT
+        self.car_next = WITH_BREAKDOWNS if faults.rate else WITH_BATTERIES if battery.drain else CAR_NEXT
         self.task_steps: set[tuple[TaskState, TaskState]] = set()
         self.car_steps: set[tuple[CarPhase, CarPhase]] = set()
         stream = StreamConfig(sources_n=n_sources)
         orders = episode_orders(SMALL, n_cars, load, 600.0, np.random.default_rng(seed), stream)
-        self.fleet = GridFleet(SMALL, n_cars, orders, seed, faults)
+        self.fleet = GridFleet(SMALL, n_cars, orders, seed, faults, battery)
         self.before = told(self.fleet)
         # Only what the fleet calls: kernels that call each other have to find themselves when they are compiled.
         watching = {name: self.watching(name, getattr(kernel, name)) for name in KERNELS}
@@ -234,6 +251,15 @@ def test_every_step_of_a_fleet_that_breaks_down_is_one_of_a_run(monkeypatch: pyt
     broken = {(was, now) for was, now in watched.car_steps if STANDS in (was, now) or GONE in (was, now)}
     stands = {(was, STANDS) for was in (CarPhase.IDLE, CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD)}
     assert broken >= stands | {(STANDS, CarPhase.IDLE), (STANDS, CarPhase.TO_DROP), (CarPhase.TO_PICK, GONE)}
+
+
+def test_every_step_of_a_fleet_that_charges_is_one_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(6, 3, 2.0, monkeypatch, battery=Battery(drain=0.01, gain=0.02))
+    fleet, rng = watched.fleet, np.random.default_rng(3)
+    for _ in range(600):
+        watched.assign_at_random(rng)
+        fleet.move(fleet.planned())
+    assert {(CarPhase.IDLE, CarPhase.CHARGING), (CarPhase.CHARGING, CarPhase.IDLE)} <= watched.car_steps
 
 
 def test_every_step_of_a_task_with_another_source_is_one_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:

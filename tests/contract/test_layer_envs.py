@@ -339,6 +339,10 @@ def test_unknown_sites_and_arguments_are_refused(make: Maker) -> None:
         ({"breakdowns_per_h": 1.0, "fidelity": "kinematic"}, "breakdowns_per_h is 1.0; valid: 0 but for fidelity grid"),
         ({"repair_s": 0.0}, "repair_s is 0.0; valid: a number > 0"),
         ({"lost_share": 1.5}, "lost_share is 1.5; valid: a number from 0 to 1"),
+        ({"battery_s": -1.0}, "battery_s is -1.0; valid: a number from 0"),
+        ({"battery_s": 9.0, "fidelity": "kinematic"}, "battery_s is 9.0; valid: 0 but for fidelity grid"),
+        ({"battery_s": 9.0, "site": "dense"}, "battery_s is 9.0; valid: 0 as site dense has no chargers"),
+        ({"charge_s": 0}, "charge_s is 0; valid: a number > 0"),
     ):
         with pytest.raises(ConfigError, match=words):
             dispatch_v0.parallel_env(**wrong)

@@ -58,6 +58,16 @@ SETTINGS = {
             "breakdowns_per_h": 20.0,
             "repair_s": 20.0,
         },
+        "batteries, and cars that break down at chargers": {
+            "site": "medium",
+            "n_cars": 16,
+            "max_cycles": 80,
+            "battery_s": 100.0,
+            "charge_s": 60.0,
+            "breakdowns_per_h": 20.0,
+            "repair_s": 20.0,
+            "lost_share": 0.1,
+        },
     },
     "traffic": {
         "as it comes": {"site": "small", "n_cars": 6, "max_cycles": 120},

@@ -36,6 +36,12 @@ that nobody knows, on average `repair_s`, and who is behind it waits. It gives b
 which other cars can choose again, keeps a parcel that it has, and sees none of the phases. After some of the breakdowns
 (`lost_share`) a car parks instead, and takes no task any more. They are the seed's, whatever the agents do.
 
+Batteries (`battery_s`; none as it comes): a car uses its charge up while it has a task and is not held back, or else,
+without one, goes to a charger of the site if one is left and its battery is not full. So 0 is also to charge, and cars
+choose when. Who has less than 20 % when its task is done can choose nothing until it has 60 %, sees none of the phases,
+and takes the charger of one that could choose. Two more numbers stand behind those of the fleet: the car's charge, and
+the share of the chargers that nobody has. The first car begins full, the last one with 60 %, those between in steps.
+
 Rewards: the sum of the terms in `DispatchWeights`; `infos[agent]` holds each weighted term. `state()` is all cars'
 numbers, one after the other.
 
@@ -60,7 +66,7 @@ from fleet.envs.core.weights import check_weights
 from fleet.envs.dispatch.fleets import DispatchFleet, GridDispatch
 from fleet.envs.dispatch.view import DispatchObserver, DispatchView
 from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import NONE, Faults
+from fleet.envs.grid.kernel import NO_BATTERY, NONE, Battery, Faults
 from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
 from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.sites import place_of
@@ -88,6 +94,8 @@ class DispatchWeights:
 
 MOST_PER_H, MOST_REPAIR_S = 3600.0, 1e6
 """The greatest rate of breakdowns [1/h] and the longest repair [s]."""
+MOST_BATTERY_S = 1e6
+"""The longest time that a battery lasts or is charged [s]."""
 ONLY_GRID = "0 but for fidelity grid"
 TERMS = ("delivered", "late", "empty", "waiting", "lost")
 """Names of the terms."""
@@ -115,6 +123,10 @@ class DispatchConfig(LayerConfig):
     """For how long a car stands then, on average [s]."""
     lost_share: float = 0.0
     """Part of the breakdowns of cars without a parcel after which the car takes no task any more."""
+    battery_s: float = 0.0
+    """Time with tasks for which a full battery lasts [s]; 0 = cars have no batteries. Fidelity `grid` alone."""
+    charge_s: float = 300.0
+    """Time in which an empty battery is charged [s]."""
     max_cycles: int = 240
     """Steps after which an episode is truncated."""
     weights: DispatchWeights | None = None
@@ -132,11 +144,18 @@ class DispatchConfig(LayerConfig):
         require(repair_ok, "repair_s", self.repair_s, f"a number > 0, at most {MOST_REPAIR_S:g}")
         lost_ok = is_number(self.lost_share) and 0 <= self.lost_share <= 1
         require(lost_ok, "lost_share", self.lost_share, "a number from 0 to 1")
+        battery_ok = is_number(self.battery_s) and 0 <= self.battery_s <= MOST_BATTERY_S
+        require(battery_ok, "battery_s", self.battery_s, f"a number from 0 to {MOST_BATTERY_S:g}")
+        charge_ok = is_number(self.charge_s) and 0 < self.charge_s <= MOST_BATTERY_S
+        require(charge_ok, "charge_s", self.charge_s, f"a number > 0, at most {MOST_BATTERY_S:g}")
         super().__post_init__()
         on_grid = self.fidelity == Fidelity.GRID
         n = self.order_stream.sources_n
         require(on_grid or n == 1, "stream.sources_n", n, "1 but for fidelity grid, where agents choose the source")
         require(on_grid or not self.breakdowns_per_h, "breakdowns_per_h", self.breakdowns_per_h, ONLY_GRID)
+        require(on_grid or not self.battery_s, "battery_s", self.battery_s, ONLY_GRID)
+        chargers_ok = not self.battery_s or bool(self.place.chargers)
+        require(chargers_ok, "battery_s", self.battery_s, f"0 as site {self.place.name} has no chargers")
 
     @property
     def faults(self) -> Faults:
@@ -146,6 +165,13 @@ class DispatchConfig(LayerConfig):
             mean_steps=self.repair_s / TIMESTEP_S,
             lost_share=float(self.lost_share),
         )
+
+    @property
+    def battery(self) -> Battery:
+        """How fast batteries empty and fill."""
+        if not self.battery_s:
+            return NO_BATTERY
+        return Battery(drain=TIMESTEP_S / self.battery_s, gain=TIMESTEP_S / self.charge_s)
 
     @property
     def step_s(self) -> float:
@@ -165,7 +191,7 @@ class DispatchEnv(LayerEnv[DispatchView]):
 
     def __init__(self, config: DispatchConfig) -> None:
         place = place_of(config.site)
-        self.observer = DispatchObserver(place, config.candidates_n)
+        self.observer = DispatchObserver(place, config.candidates_n, batteries=bool(config.battery_s))
         """Describes the fleet, and prices its tasks."""
         super().__init__(
             config,
@@ -182,7 +208,7 @@ class DispatchEnv(LayerEnv[DispatchView]):
     def _fleet_of(self, orders: tuple[Delivery, ...], seed: int, duration_s: float) -> DispatchFleet:
         self._idle_steps[:] = 0
         if self.config.fidelity == Fidelity.GRID:
-            return GridDispatch(self.place, self._n_cars, orders, seed, self.config.faults)
+            return GridDispatch(self.place, self._n_cars, orders, seed, self.config.faults, self.config.battery)
         from fleet.envs.dispatch.simulation import SimulatedDispatch
 
         site, fidelity = str(self.config.site), Fidelity(self.config.fidelity)

@@ -10,7 +10,7 @@ import numpy as np
 from fleet.envs.dispatch.outlook import Jobs, Outlook
 from fleet.envs.dispatch.view import DispatchView
 from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
-from fleet.envs.grid.kernel import NEVER, NO_FAULTS, NONE, TO_DROP, Faults, Phase, Stage
+from fleet.envs.grid.kernel import ENOUGH, NEVER, NO_BATTERY, NO_FAULTS, NONE, TO_DROP, Battery, Faults, Phase, Stage
 from fleet.envs.layers.fleets import Fleet, FleetOnGrid
 from fleet.tasks.order import Delivery
 
@@ -40,12 +40,19 @@ class GridDispatch(FleetOnGrid):
         orders: Deliveries, ascending in release.
         seed: Seed of the tie-breaking, and of breakdowns.
         faults: How often cars break down.
+        battery: How fast batteries empty and fill.
     """
 
     def __init__(
-        self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int, faults: Faults = NO_FAULTS
+        self,
+        place: FleetSite,
+        n_cars: int,
+        orders: Sequence[Delivery],
+        seed: int,
+        faults: Faults = NO_FAULTS,
+        battery: Battery = NO_BATTERY,
     ) -> None:
-        super().__init__(GridFleet(place, n_cars, orders, seed, faults))
+        super().__init__(GridFleet(place, n_cars, orders, seed, faults, battery))
 
     def view(self, left: float) -> DispatchView:
         """See `DispatchFleet`."""
@@ -71,6 +78,8 @@ class GridDispatch(FleetOnGrid):
             rank=tasks.rank[task],
             age_s=(now - tasks.release[task]) * TIMESTEP_S,
             due_s=np.where(due == NEVER, np.inf, (due - now) * TIMESTEP_S),
+            charge=cars.charge if grid.battery.drain else np.ones(len(cars.state)),
+            chargers_left=1.0 - np.count_nonzero(cars.charger != NONE) / max(1, len(grid.place.floor.charger_state)),
             under_way=grid.stations.under_way,
         )
 
@@ -87,12 +96,18 @@ class GridDispatch(FleetOnGrid):
             self.grid.move(self.grid.planned())
 
     def outlook(self) -> Outlook:
-        """See `DispatchFleet`; who has broken down goes on after the mean time, as nobody knows how long it takes."""
+        """See `DispatchFleet`; who has broken down goes on after the mean time, as nobody knows how long it takes.
+
+        Who charges is free when it has enough; what tasks take of batteries is left out.
+        """
         cars, tasks = self.grid.cars, self.grid.tasks
         phase, left = cars.phase.copy(), cars.left.copy()
         stands = (phase == Phase.OUT) & (left > 0)
         left[stands] = round(self.grid.faults.mean_steps)
         phase[stands] = np.where(cars.task[stands] == NONE, Phase.FREE, TO_DROP)
+        charging = phase == Phase.CHARGING
+        left[charging] = np.ceil((ENOUGH - cars.charge[charging]) / max(self.grid.battery.gain, 1e-9))
+        phase[charging] = Phase.FREE
         stage = tasks.stage[: tasks.window[1]]
         known = np.flatnonzero((stage >= Stage.READY) & (stage < Stage.DELIVERED)).astype(np.int32)
         columns = (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32), tasks.order)

@@ -62,5 +62,9 @@ SCENARIOS: dict[str, DispatchScenario] = {
         summary="what lies at the bottleneck lies at another pick station, too; more orders than the cars can carry",
         arguments={"site": "medium", "n_cars": 16, "load": 1.6, "stream": {"bottleneck_n": 2, "sources_n": 2}},
     ),
+    "batteries": DispatchScenario(
+        summary="a battery lasts 400 s, and 16 cars have five chargers, at which it is full in 120 s",
+        arguments={"site": "medium", "n_cars": 16, "load": 1.0, "battery_s": 400.0, "charge_s": 120.0},
+    ),
 }
 """Scenarios by name."""

@@ -110,6 +110,8 @@ class SimulatedDispatch(SimulatedFleet):
             rank=np.array([task.order.rank for task in ready], dtype=np.int8),
             age_s=np.array([now_s - task.order.release_s for task in ready], dtype=np.float64),
             due_s=np.array([task.order.due_s - now_s for task in ready], dtype=np.float64),
+            charge=np.ones(len(simulation.missions.phase)),
+            chargers_left=0.0,
             under_way=under_way,
         )
 

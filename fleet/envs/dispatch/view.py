@@ -18,6 +18,8 @@ from planners.mapf.distance_table import UNREACHABLE
 
 N_OWN, N_PER_CANDIDATE, N_SUMMARY = 12, 11, 5
 """Numbers about the car itself, about each candidate, and about the fleet."""
+N_BATTERY = 2
+"""Numbers about batteries, where cars have some."""
 TIME_S = 300.0
 """Times are told in units of this [s]."""
 MOST_CROWDED = 4
@@ -58,6 +60,10 @@ class DispatchView(NamedTuple):
     age_s: FloatArray
     due_s: FloatArray
     """Time since the release, and until the due date (inf = none), shape (m,)."""
+    charge: FloatArray
+    """What is in the battery of each car, 1 = full, shape (n,)."""
+    chargers_left: float
+    """Share of the chargers that nobody has; 0 where there are none."""
     under_way: Ints
     """Tasks whose cars have still to come to each station, shape (k,)."""
 
@@ -75,12 +81,14 @@ class DispatchObserver:
     Args:
         place: The site.
         n_candidates: Tasks that a car can choose from.
+        batteries: Whether cars are told of batteries and chargers.
     """
 
-    def __init__(self, place: FleetSite, n_candidates: int) -> None:
+    def __init__(self, place: FleetSite, n_candidates: int, *, batteries: bool = False) -> None:
         self._place = place
         self._k = n_candidates
-        self.n_numbers = N_OWN + n_candidates * N_PER_CANDIDATE + N_SUMMARY
+        self._batteries = batteries
+        self.n_numbers = N_OWN + n_candidates * N_PER_CANDIDATE + N_SUMMARY + N_BATTERY * batteries
         """Length of a row."""
         self._service_s = 2 * place.floor.service_steps * TIMESTEP_S
         self._size = np.array([place.site.grid.cols, place.site.grid.rows]) * place.site.grid.cell_m
@@ -108,7 +116,11 @@ class DispatchObserver:
             candidates,
         )
         rows[:, 11] = mask[:, 1]
-        rows[:, N_OWN + k * N_PER_CANDIDATE :] = self._summary(view)
+        at = N_OWN + k * N_PER_CANDIDATE
+        rows[:, at : at + N_SUMMARY] = self._summary(view)
+        if self._batteries:
+            rows[:, at + N_SUMMARY] = view.charge
+            rows[:, at + N_SUMMARY + 1] = view.chargers_left
         np.clip(rows, -1.0, 1.0, out=rows)
         return rows, mask, candidates
 

@@ -179,7 +179,7 @@ def fleet_at(
     b: int,
 ) -> FleetRow:  # pragma: no cover - compiled
     """One fleet of the arrays of a block."""
-    (state, phase, held, booked, task, station, spot, left, bound, since, goal, row) = cars
+    (state, phase, held, booked, task, station, spot, charger, charge, left, bound, since, goal, row) = cars
     (release, due, pick, drop, rank, stage, car, done, order, window) = tasks
     n = rows.n_tasks[b]
     return FleetRow(
@@ -191,6 +191,8 @@ def fleet_at(
             task[b],
             station[b],
             spot[b],
+            charger[b],
+            charge[b],
             left[b],
             bound[b],
             since[b],

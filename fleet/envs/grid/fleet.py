@@ -19,9 +19,12 @@ import numpy.typing as npt
 from fleet.config import AllocationConfig
 from fleet.envs.grid import kernel
 from fleet.envs.grid.kernel import (
+    ENOUGH,
     NEVER,
+    NO_BATTERY,
     NO_FAULTS,
     NONE,
+    Battery,
     CarTable,
     Counts,
     Faults,
@@ -60,7 +63,7 @@ class FleetSite:
     graph: LaneGraph
     floor: Floor
     goal_row: npt.NDArray[np.int32]
-    """Row of `floor.distance` of each state that is a dock or a parking place, else `NONE`, shape (n_states,)."""
+    """Row of `floor.distance` of each dock, parking place and charger, `NONE` of other states, shape (n_states,)."""
     move_to: npt.NDArray[np.int32]
     """State that a move of each `MoveKind` but turns leads to, or `NONE`, shape (n_states, 4)."""
     far_steps: int
@@ -72,15 +75,18 @@ class FleetSite:
         graph = build_lane_graph(site)
         docks = [graph.state_at(place.dock.cell, place.dock.heading) for place in site.stations]
         spots = [int(graph.states_of_cell(cell)[0]) for cell in site.parking]
-        goals = np.array([*docks, *spots], dtype=np.int32)
+        chargers = [int(graph.states_of_cell(cell)[0]) for cell in site.chargers]
+        goals = np.array([*docks, *spots, *chargers], dtype=np.int32)
         distance, row = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)).rows(goals)
-        k = len(docks)
+        k, n = len(docks), len(docks) + len(spots)
         floor = Floor(
             distance=distance,
             dock_state=goals[:k],
             dock_row=row[:k].astype(np.int32),
-            spot_state=goals[k:],
-            spot_row=row[k:].astype(np.int32),
+            spot_state=goals[k:n],
+            spot_row=row[k:n].astype(np.int32),
+            charger_state=goals[n:],
+            charger_row=row[n:].astype(np.int32),
             service_steps=round(PRIOR_MEAN_S / TIMESTEP_S),
             station_cap=np.array([_room_near(place) for place in site.stations], dtype=np.int32),
             near_moves=NEAR_MOVES,
@@ -90,7 +96,7 @@ class FleetSite:
         goal_row, move_to = _none(graph.n_states), np.full((graph.n_states, N_KINDS), NONE, dtype=np.int32)
         goal_row[goals] = row
         move_to[graph.move_from, graph.move_kind] = graph.move_to
-        used = distance[row]
+        used = distance[row[:n]]
         far_steps = int(used[used < UNREACHABLE].max())
         return cls(site=site, graph=graph, floor=floor, goal_row=goal_row, move_to=move_to, far_steps=far_steps)
 
@@ -113,14 +119,22 @@ class GridFleet:
         orders: Deliveries, ascending in release.
         seed: Seed of the tie-breaking of PIBT, and of breakdowns.
         faults: How often cars break down.
+        battery: How fast batteries empty and fill.
     """
 
     def __init__(
-        self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int, faults: Faults = NO_FAULTS
+        self,
+        place: FleetSite,
+        n_cars: int,
+        orders: Sequence[Delivery],
+        seed: int,
+        faults: Faults = NO_FAULTS,
+        battery: Battery = NO_BATTERY,
     ) -> None:
         self.place = place
         self.now = 0
         self.faults = faults
+        self.battery = battery
         self._dice = seed
         floor, graph = place.floor, place.graph
         self.cars = cars_at_start(floor, n_cars)
@@ -204,6 +218,7 @@ class GridFleet:
         """Everything that happens between two moves."""
         kernel.break_down(self.cars, self.tasks, self.stations, self.faults, self._dice, self.now)
         kernel.serve(self.place.floor, self.cars, self.tasks, self.stations, self.counts, self.now)
+        kernel.charge_up(self.place.floor, self.cars, self.battery)
         kernel.release(self.tasks, self.counts, self.now)
         self.direct()
 
@@ -213,7 +228,7 @@ def _room_near(place: StationPlace) -> int:
 
 
 def cars_at_start(floor: Floor, n_cars: int) -> CarTable:
-    """Cars without a task, each in a parking place of its own, before their first `direct`."""
+    """Cars without a task, each in a parking place of its own, before their first `direct`; the first one is full."""
     start = floor.spot_state[:n_cars].copy()
     return CarTable(
         state=start,
@@ -223,6 +238,8 @@ def cars_at_start(floor: Floor, n_cars: int) -> CarTable:
         task=_none(n_cars),
         station=_none(n_cars),
         spot=np.arange(n_cars, dtype=np.int32),
+        charger=_none(n_cars),
+        charge=np.linspace(1.0, ENOUGH, n_cars),
         left=_zero(n_cars),
         bound=_zero(n_cars),
         since=_zero(n_cars),

@@ -34,6 +34,8 @@ class Phase(IntEnum):
     UNLOADING = 4
     OUT = 5
     """Out of service."""
+    CHARGING = 6
+    """Has too little charge for a task: on the way to a charger, waiting for one, or at it."""
 
 
 class Stage(IntEnum):
@@ -50,7 +52,7 @@ class Stage(IntEnum):
 
 
 # numba reads plain integers faster than members of an enum.
-FREE, TO_PICK, LOADING, TO_DROP, UNLOADING, OUT = (int(phase) for phase in Phase)
+FREE, TO_PICK, LOADING, TO_DROP, UNLOADING, OUT, CHARGING = (int(phase) for phase in Phase)
 READY, ASSIGNED, CARRIED, DELIVERED, WITHDRAWN = (int(stage) for stage in list(Stage)[1:])
 
 
@@ -65,6 +67,9 @@ class Floor(NamedTuple):
     spot_state: Ints
     spot_row: Ints
     """The same for the parking places, shape (p,)."""
+    charger_state: Ints
+    charger_row: Ints
+    """The same for the chargers, shape (c,)."""
     service_steps: int
     """Timesteps that a car is served."""
     station_cap: Ints
@@ -91,6 +96,10 @@ class CarTable(NamedTuple):
     """Where it is bound for, or served."""
     spot: Ints
     """The parking place that is its own now."""
+    charger: Ints
+    """The charger that is its own now."""
+    charge: npt.NDArray[np.float64]
+    """What is in its battery, 1 = full."""
     left: Ints
     """Timesteps of service that are left, or of a breakdown; of a car that is out of service 0 = for good."""
     bound: Ints
@@ -171,6 +180,54 @@ class Faults(NamedTuple):
 
 NO_FAULTS = Faults(rate=0.0, mean_steps=0.0, lost_share=0.0)
 """Nothing ever breaks down."""
+
+
+class Battery(NamedTuple):
+    """What a timestep takes and gives."""
+
+    drain: float
+    """Charge that a car with a task uses in a timestep; 0 = cars have no batteries."""
+    gain: float
+    """Charge that a car gains in a timestep at a charger."""
+
+
+NO_BATTERY = Battery(drain=0.0, gain=0.0)
+"""Cars work for ever."""
+LOW, ENOUGH = 0.2, 0.6
+"""Charge below which a car is given no task, and from which on it is given some again."""
+
+
+@compiled
+def charge_up(floor: Floor, cars: CarTable, battery: Battery) -> None:  # pragma: no cover - compiled
+    """Use and load batteries for a timestep, and give out the chargers; after `serve`.
+
+    A car without a task keeps its charger until it is full or is given a task. The emptiest ones choose first; one that
+    has too little for a task takes the place of one that has enough.
+    """
+    if battery.drain == 0.0:
+        return
+    for car in range(len(cars.state)):
+        phase, charger = cars.phase[car], cars.charger[car]
+        if charger != NONE and cars.state[car] == floor.charger_state[charger]:
+            cars.charge[car] = min(1.0, cars.charge[car] + battery.gain)
+        elif phase in (TO_PICK, LOADING, TO_DROP, UNLOADING) and not cars.held[car]:
+            cars.charge[car] = max(0.0, cars.charge[car] - battery.drain)
+        if phase == FREE and cars.charge[car] < LOW:
+            cars.phase[car] = CHARGING
+        elif phase == CHARGING and cars.charge[car] >= ENOUGH:
+            cars.phase[car] = FREE
+        if cars.phase[car] not in (FREE, CHARGING) or cars.charge[car] >= 1.0:
+            cars.charger[car] = NONE
+    while True:
+        car = _emptiest(cars)
+        if car == NONE:
+            break
+        charger = _nearest_charger(floor, cars, cars.state[car])
+        if charger == NONE and cars.phase[car] == CHARGING:
+            charger = _cleared(cars)
+        if charger == NONE:
+            break
+        cars.charger[car] = charger
 
 
 @compiled
@@ -347,6 +404,11 @@ def direct(
                 spot_user[cars.spot[car]] = NONE
                 cars.spot[car] = NONE
             goal, row = floor.dock_state[station], floor.dock_row[station]
+        elif station == NONE and cars.charger[car] != NONE:
+            if cars.spot[car] != NONE:
+                spot_user[cars.spot[car]] = NONE
+                cars.spot[car] = NONE
+            goal, row = floor.charger_state[cars.charger[car]], floor.charger_row[cars.charger[car]]
         else:
             if cars.spot[car] == NONE:
                 cars.spot[car] = _nearest_spot(floor, spot_user, cars.state[car])
@@ -425,6 +487,47 @@ def _mixed(bits: Any) -> Any:  # pragma: no cover - compiled
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return bits ^ (bits >> np.uint64(31))
+
+
+@inlined
+def _emptiest(cars: CarTable) -> int:  # pragma: no cover - compiled
+    """The car that comes next to choose a charger: who has too little for a task first, then by charge."""
+    found, least = NONE, 1.0
+    for car in range(len(cars.state)):
+        if cars.charger[car] != NONE or cars.phase[car] not in (FREE, CHARGING):
+            continue
+        # Less than that of any car that could be given a task.
+        charge = cars.charge[car] - (1.0 if cars.phase[car] == CHARGING else 0.0)
+        if charge < least:
+            found, least = car, charge
+    return found
+
+
+@inlined
+def _nearest_charger(floor: Floor, cars: CarTable, state: int) -> int:  # pragma: no cover - compiled
+    nearest, least = NONE, NEVER
+    for charger in range(len(floor.charger_state)):
+        is_taken = False
+        for car in range(len(cars.state)):
+            is_taken = is_taken or cars.charger[car] == charger
+        distance = int(floor.distance[floor.charger_row[charger], state])
+        if not is_taken and distance < least:
+            nearest, least = charger, distance
+    return nearest
+
+
+@inlined
+def _cleared(cars: CarTable) -> int:  # pragma: no cover - compiled
+    """The charger of the fullest car that could be given a task, which leaves it; `NONE` if there is no such car."""
+    fullest, most = NONE, -1.0
+    for car in range(len(cars.state)):
+        if cars.charger[car] != NONE and cars.phase[car] == FREE and cars.charge[car] > most:
+            fullest, most = car, cars.charge[car]
+    if fullest == NONE:
+        return NONE
+    charger = cars.charger[fullest]
+    cars.charger[fullest] = NONE
+    return int(charger)
 
 
 @inlined

@@ -18,6 +18,7 @@ POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
         "greedy": partial(Allocated, "greedy"),
         "hungarian": partial(Allocated, "hungarian"),
         "regret_lns": partial(Allocated, "regret_lns"),
+        "rested": partial(Allocated, "hungarian", rest_below=0.8),
         "apparent_tardiness": partial(Allocated, "greedy", cost=apparent_tardiness, classes=False),
         "scored_matching": ScoredMatching,
         "rollout": RolloutPolicy,

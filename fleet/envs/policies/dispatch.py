@@ -56,12 +56,20 @@ class Allocated:
         cost: What each task costs each car. As it stands it is what it costs in any run: travel and lateness, less what
             the task presses for.
         classes: Whether tasks of a class go before those of the next, at any cost.
+        rest_below: Cars with less charge than this take no task while there is a charger for them.
     """
 
     def __init__(
-        self, allocator: str, seed: int = 0, *, cost: Price = DispatchObserver.cost_s, classes: bool = True
+        self,
+        allocator: str,
+        seed: int = 0,
+        *,
+        cost: Price = DispatchObserver.cost_s,
+        classes: bool = True,
+        rest_below: float = 0.0,
     ) -> None:
         del seed
+        self._rest_below = rest_below
         self._allocator = allocator_named(allocator)
         self._cost = cost
         self._classes = classes
@@ -69,7 +77,9 @@ class Allocated:
     def act(self, env: DispatchEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
         view, candidates = env.view, env.candidates
-        cars, places = np.nonzero(candidates != NONE)
+        on_offer = candidates != NONE
+        on_offer[self._resting(env)] = False
+        cars, places = np.nonzero(on_offer)
         if not len(cars):
             return dict.fromkeys(observations, 0)
         # Most of what is ready is nobody's candidate.
@@ -78,6 +88,16 @@ class Allocated:
         cost = np.full(candidates.shape, np.inf)
         cost[cars, places] = self._cost(env.observer, view)[cars, columns]
         return matched(env, observations, cost, self._allocator, classes=self._classes)
+
+    def _resting(self, env: DispatchEnv) -> npt.NDArray[np.bool_]:
+        """Cars that stay at their charger, and the emptiest of the others, one for each charger that is left."""
+        view, chargers = env.view, env.place.floor.charger_state
+        low = view.free & (view.charge < self._rest_below)
+        resting: npt.NDArray[np.bool_] = low & np.isin(view.goal, chargers)
+        others = np.flatnonzero(low & ~resting)
+        n_left = round(view.chargers_left * len(chargers))
+        resting[others[np.argsort(view.charge[others], kind="stable")][:n_left]] = True
+        return resting
 
 
 def observed_tardiness(rows: npt.NDArray[np.float32], mask: npt.NDArray[np.int8]) -> FloatArray:

@@ -7,19 +7,19 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE, DispatchView, fill_candidates
+from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE, N_SUMMARY, DispatchView, fill_candidates
 from fleet.envs.grid import kernel
-from fleet.envs.grid.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send, turn
+from fleet.envs.grid.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send
 from fleet.envs.grid.compiled import compiled
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import (
     FREE,
     NEVER,
     NONE,
-    OUT,
     READY,
     TO_DROP,
     UNLOADING,
+    Battery,
     Bools,
     Faults,
     Floor,
@@ -99,6 +99,7 @@ def step_some(
     actions: npt.NDArray[np.int64],
     weights: tuple[float, float, float, float, float],
     fault_numbers: tuple[float, float, float],
+    battery_numbers: tuple[float, float],
     n_timesteps: int,
     left: Doubles,
 ) -> None:  # pragma: no cover - compiled
@@ -116,11 +117,13 @@ def step_some(
         actions: Shape (B, n).
         weights: Of the terms, in their order.
         fault_numbers: `Faults`.
+        battery_numbers: A `Battery`.
         n_timesteps: Timesteps of a step.
         left: Share of the episode that is left after the step, shape (B,).
     """
     floor, tables, memory = Floor(*floor_arrays), DispatchTables(*table_arrays), DispatchMemory(*memory_arrays)
-    stepping, rows, faults = Stepping(*stepping_arrays), BlockRows(*block[4]), Faults(*fault_numbers)
+    stepping, rows = Stepping(*stepping_arrays), BlockRows(*block[4])
+    faults, battery = Faults(*fault_numbers), Battery(*battery_numbers)
     for b in range(first, last):
         fleet = fleet_at(block[0], block[1], block[2], block[3], rows, b)
         for count in fleet.counts:
@@ -131,8 +134,7 @@ def step_some(
             plan(floor, fleet, stepping, rows.salt[b], stepping.nobody)
             kernel.count_moves(fleet.cars, stepping.after, fleet.counts)
             rows.now[b] += 1
-            kernel.break_down(fleet.cars, fleet.tasks, fleet.stations, faults, rows.dice[b], rows.now[b])
-            turn(floor, fleet, stepping.first, rows.now[b])
+            _turn(floor, fleet, faults, battery, stepping.first, rows.dice[b], rows.now[b])
         _earn(fleet, tables.lost[b], weights, tables.terms[b])
         _observe(floor, DispatchFloor(*told_arrays), fleet, tables, memory, rows.now[b], left[b], b)
 
@@ -147,15 +149,27 @@ def begin_one(
     stepping_arrays: tuple[Any, ...],
     memory_arrays: tuple[Any, ...],
     fault_numbers: tuple[float, float, float],
+    battery_numbers: tuple[float, float],
 ) -> None:  # pragma: no cover - compiled
     """Begin the episode of one fleet that `GridBlock.begin` has put in its place, and observe it."""
     floor, tables, rows = Floor(*floor_arrays), DispatchTables(*table_arrays), BlockRows(*block[4])
     fleet = fleet_at(block[0], block[1], block[2], block[3], rows, b)
-    faults = Faults(*fault_numbers)
-    kernel.break_down(fleet.cars, fleet.tasks, fleet.stations, faults, rows.dice[b], rows.now[b])
-    turn(floor, fleet, Stepping(*stepping_arrays).first, rows.now[b])
+    faults, battery = Faults(*fault_numbers), Battery(*battery_numbers)
+    _turn(floor, fleet, faults, battery, Stepping(*stepping_arrays).first, rows.dice[b], rows.now[b])
     tables.idle_steps[b] = 0
     _observe(floor, DispatchFloor(*told_arrays), fleet, tables, DispatchMemory(*memory_arrays), rows.now[b], 1.0, b)
+
+
+@compiled
+def _turn(
+    floor: Floor, fleet: FleetRow, faults: Faults, battery: Battery, first: Ints, dice: int, now: int
+) -> None:  # pragma: no cover - compiled
+    """Everything that happens between two moves, as `GridFleet` has it."""
+    kernel.break_down(fleet.cars, fleet.tasks, fleet.stations, faults, dice, now)
+    kernel.serve(floor, fleet.cars, fleet.tasks, fleet.stations, fleet.counts, now)
+    kernel.charge_up(floor, fleet.cars, battery)
+    kernel.release(fleet.tasks, fleet.counts, now)
+    send(floor, fleet, first, now)
 
 
 @compiled
@@ -230,12 +244,12 @@ def _observe(
     rows[:] = 0.0
     mask[:] = 0
     candidates[:] = NONE
-    n_free = n_loaded = 0
+    n_free = n_loaded = n_charging = 0
     for car in range(n):
         state, phase, row = cars.state[car], cars.phase[car], rows[car]
         for i in range(4):
             row[i] = told.where[state, i]
-        if phase != OUT:
+        if phase <= UNLOADING:
             row[4 + phase] = 1.0
         row[9] = cars.held[car]
         goal_row = told.goal_row[cars.goal[car]]
@@ -244,6 +258,7 @@ def _observe(
         mask[car, 0] = 1
         memory.free[car] = phase == FREE
         n_free += phase == FREE
+        n_charging += cars.charger[car] != NONE
         n_loaded += phase in (TO_DROP, UNLOADING)
     m = n_late = 0
     for task in range(tasks.window[0], tasks.window[1]):
@@ -261,6 +276,7 @@ def _observe(
             candidates,
         )
     at = N_OWN + k * N_PER_CANDIDATE
+    chargers_left = 1.0 - n_charging / max(1, len(floor.charger_state))
     for car in range(n):
         row = rows[car]
         row[11] = mask[car, 1]
@@ -269,6 +285,9 @@ def _observe(
         row[at + 2] = n_loaded / n
         row[at + 3] = n_late / m if m > 0 else 0.0
         row[at + 4] = left
+        if len(row) > at + N_SUMMARY:
+            row[at + N_SUMMARY] = cars.charge[car]
+            row[at + N_SUMMARY + 1] = chargers_left
         for i in range(10, at):
             row[i] = min(np.float32(1.0), max(np.float32(-1.0), row[i]))
 
@@ -292,7 +311,7 @@ def _ready(
             found += 1
             if found == m:
                 break
-    # Poses of all states, not of the cars, and tasks in the place of their orders: nobody reads them here.
+    # Poses of all states, tasks in the place of orders, no free chargers: nobody reads them here.
     return DispatchView(
         0.0,
         0.0,
@@ -309,5 +328,7 @@ def _ready(
         memory.rank[:m],
         memory.age_s[:m],
         memory.due_s[:m],
+        cars.charge,
+        0.0,
         fleet.stations.under_way,
     )

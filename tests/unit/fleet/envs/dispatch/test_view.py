@@ -37,6 +37,8 @@ def any_view(place: FleetSite, rng: np.random.Generator) -> DispatchView:
         rank=rng.integers(3, size=m).astype(np.int8),
         age_s=rng.integers(100, size=m).astype(np.float64),
         due_s=np.where(rng.random(m) < 0.5, np.inf, rng.integers(-100, 300, m)),
+        charge=np.ones(n),
+        chargers_left=0.0,
         under_way=rng.integers(STATION_ROOM + 1, size=len(kinds)).astype(np.int32),
     )
 
