@@ -1,15 +1,15 @@
 """Hand-over: a PettingZoo environment in which cars and arms arrange by themselves who takes a parcel from whom.
 
-Parcels come to the slots of pick arms, drawn from the episode's seed and the same whatever agents do (one whose arm has
-no free slot waits until it has). A pick arm may set a parcel in any tray that it reaches, of a car that stands or
-drives; a drop arm takes parcels out of any tray and sets them on its slots. There is no dispatcher: nobody is told which
-car, who is first, or when. A parcel that has lain in a tray for half a second is loaded; on a slot of a drop arm it is
-delivered, anywhere else but on a pick arm's slots it is lost, and it is taken away either way.
+Parcels come to the slots of pick arms, drawn from the episode's seed and the same whatever agents do; one whose arm
+has no free slot waits until it has. A pick arm may set a parcel in any tray that it reaches, of a car that stands or
+drives; a drop arm takes parcels out of any tray and sets them on its slots. There is no dispatcher: nobody is told
+which car, who is first, or when. A parcel that has lain in a tray for half a second is loaded; on a slot of a drop
+arm it is delivered; elsewhere, unless on a slot of a pick arm, it is lost. What is delivered or lost is taken away.
 
-Agents: `car_0`, `car_1`, ... and `arm_0`, `arm_1`, ... (one arm per station of the site, pick stations first). Cars stop at
-each other, at walls and at shelves, in fidelity `kinematic` too. With `late_s` a car's motor starts after a drawn delay, with
-`stops_per_min` a car stands for 2 to 6 s now and then: it brakes, whatever it is told. An episode begins with parked cars
-and is truncated for all after `max_cycles` steps.
+Agents: `car_0`, `car_1`, ... and `arm_0`, `arm_1`, ... (one arm per station of the site, pick stations first). Cars
+stop at each other, at walls and at shelves, in fidelity `kinematic`, too. With `late_s` a car's motor starts after a
+drawn delay, with `stops_per_min` a car stands for 2 to 6 s now and then: it brakes, whatever it is told. An episode
+begins with parked cars and is truncated for all after `max_cycles` steps.
 
 Actions, all in [-1, 1]. Greater ones are clipped, entries that are no finite numbers count as 0, an agent without an
 action does nothing (cars brake, arms stand and let go); `infos[agent]["illegal"]` says so.
@@ -19,11 +19,11 @@ action does nothing (cars brake, arms stand and let go); `infos[agent]["illegal"
 | car | steering / 0.8 rad (positive = left), speed / `speed_mps` (negative = reverse); less than a tenth brakes |
 | arm | tip outwards from the base / 0.5 m/s, around it / 1 rad/s, up / 0.5 m/s, turn / 1 rad/s; grip (> 0 = hold) |
 
-Tools point down. A grip closes at once, and opens when it was told to for `hold_s` without a break; then it stays open
-for twice as long.
+Tools point down. A grip closes at once, and opens when it was told to for `hold_s` without a break; then it stays
+open for twice as long.
 
-Observations, all clipped to [-1, 1], of a size that does not depend on the team's. A car's frame lies at its rear axle, x
-ahead, y to the left:
+Observations, all clipped to [-1, 1], of a size that does not depend on the team's. A car's frame lies at its rear
+axle, x ahead, y to the left:
 
 | car | entries |
 |---|---|
@@ -31,8 +31,7 @@ ahead, y to the left:
 | 2-5 | carries a parcel, its motor runs, a contact began in this step (0 or 1), share of the episode that is left |
 | 6-22, 23-39 | the two nearest pick arms along lanes, see below |
 | 40-56, 57-73 | the two nearest drop arms along lanes |
-| 74-81, 82-89, 90-97 | the three nearest other cars within 4 m: there is one, offset / 4 m, cos and sin of its heading, \
-speed / `speed_mps`, it carries a parcel, its number is lower |
+| 74-81, 82-89, 90-97 | the three nearest other cars within 4 m, see below |
 
 | of an arm | entries |
 |---|---|
@@ -43,9 +42,15 @@ speed / `speed_mps`, it carries a parcel, its number is lower |
 | 13-15 | its tool from the middle of the own tray's floor: ahead, left, up / 1.5 m |
 | 16 | another car is within 1 m of the stop (0 or 1) |
 
-An arm's offsets are in cylinder coordinates about its base, from the tip of its tool: out / 3 m, around / 7.4 rad, up [m], and
-the same again when they are small: out, along the arc, up / 0.1 m. Offsets to where a parcel is to be set are to where the
-tip has to be then. Of what lies before the base, where joints end, the side that is nearer counts:
+| of another car | entries |
+|---|---|
+| 0-2 | there is one (0 or 1), offset / 4 m |
+| 3-5 | cos and sin of its heading, speed / `speed_mps` |
+| 6-7 | it carries a parcel, its number is lower (0 or 1): something by which agents can agree who goes first |
+
+An arm's offsets are in cylinder coordinates about its base, from the tip of its tool: out / 3 m, around / 7.4 rad,
+up [m], and the same again when they are small: out, along the arc, up / 0.1 m. Those to where a parcel is to be set
+are to where the tip has to be then. What lies before the base, where joints end, is told by the side that is nearer:
 
 | arm | entries |
 |---|---|
@@ -55,14 +60,25 @@ tip has to be then. Of what lies before the base, where joints end, the side tha
 | 12-13 | holds a parcel (0 or 1), from there down to the parcel's bottom / 0.1 m |
 | 14-15 | the grip is told to hold, how much of `hold_s` it has been told to open; negative while it stays open |
 | 16-17 | 1 = a pick arm, -1 = a drop arm; share of the episode that is left |
-| 18-26, 27-35 | the two nearest parcels to take, on a pick arm's slots or in trays within 3 m of a drop arm: there is one, \
-offset (6), its velocity out and around [m/s] |
-| 36-49, 50-63 | the two nearest cars within 3 m: there is one, offset to the middle of the tray (6), velocity out and around \
-[m/s], cos and sin of the heading, its tray is loaded, is in reach, its speed / `speed_mps` |
-| 64-70, 71-77 | the two nearest free slots: there is one, offset (6) |
+| 18-26, 27-35 | the two nearest parcels to take: on a pick arm's slots, in trays within 3 m of a drop arm; see below |
+| 36-49, 50-63 | the two nearest cars within 3 m, see below |
+| 64-70, 71-77 | the two nearest free slots: there is one, offset to it (6) |
 
-Rewards: the sum of the terms in `HandoverWeights`; `infos[agent]` holds each weighted term, and `n_gripped`, `n_loaded`,
-`n_delivered`, `n_lost` and `n_contacts`, what itself was part of in this step. `state()` is all observations, one after the other.
+| of a parcel | entries |
+|---|---|
+| 0-6 | there is one (0 or 1), offset to the middle of its top (6) |
+| 7-8 | its velocity out and around [m/s] |
+
+| of a car | entries |
+|---|---|
+| 0-6 | there is one (0 or 1), offset to the middle of its tray (6) |
+| 7-8 | its velocity out and around [m/s] |
+| 9-10 | cos and sin of its heading |
+| 11-13 | its tray is loaded, is in reach (0 or 1), its speed / `speed_mps` |
+
+Rewards: the sum of the terms in `HandoverWeights`; `infos[agent]` holds each weighted term, and `n_gripped`,
+`n_loaded`, `n_delivered`, `n_lost` and `n_contacts`, what itself was part of in this step. `state()` is all
+observations, one after the other.
 """
 
 from __future__ import annotations
@@ -187,9 +203,7 @@ class HandoverEnv(FleetEnv):
         self._look(0, [])
         if self.render_mode == "rerun":
             self._pictures.begin()
-        return {
-            agent: {**dict.fromkeys((*TERMS, *COUNTED), 0.0), "illegal": False} for agent in self.possible_agents
-        }
+        return {agent: {**dict.fromkeys((*TERMS, *COUNTED), 0.0), "illegal": False} for agent in self.possible_agents}
 
     def _resolved(self, actions: Mapping[str, Any]) -> LegalActions:
         return legal_actions(actions, self._cars, self._arms, "tip")

@@ -146,9 +146,7 @@ class ParcelBook:
                 number, order = due.popleft()
                 pose = np.array([*top, 0.0, 0.0, 0.0, 1.0])
                 pose[2] += order.size_m[2] / 2
-                self._world.add_parcel(
-                    ParcelBody(parcel=number, size_m=order.size_m, mass_kg=order.mass_kg, pose=pose)
-                )
+                self._world.add_parcel(ParcelBody(parcel=number, size_m=order.size_m, mass_kg=order.mass_kg, pose=pose))
                 self._known[number] = _Known(order=order, place=slot, seen=slot)
 
     def look(self, step_s: float) -> list[Event]:

@@ -28,8 +28,8 @@ class Rewards:
     """Judges one episode, step by step; cars come first in all arrays.
 
     Progress is the decrease of a way. Of cars it counts as long as they are loaded or empty, also where the way becomes
-    longer at once, as it does for a car that has driven past a stop: going in circles earns nothing. Of arms it counts as long
-    as they are about the same thing.
+    longer at once, as it does for a car that has driven past a stop: going in circles earns nothing. Of arms it counts
+    as long as they are about the same thing.
 
     Args:
         world: Counts contacts.
