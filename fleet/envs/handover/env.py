@@ -96,12 +96,12 @@ from fleet.arrays import FloatArray
 from fleet.config import Fidelity, Grip, RunConfig, StreamConfig, require
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.core.episode_pictures import EpisodePictures
-from fleet.envs.core.floor_drawing import FloorDrawing
 from fleet.envs.handover.config import TERMS, HandoverConfig, HandoverWeights
+from fleet.envs.handover.drawing import HandoverDrawing
 from fleet.envs.handover.motors import Motors
-from fleet.envs.handover.observer import Observer
-from fleet.envs.handover.parcels import Event, Happened, ParcelBook, places_of
-from fleet.envs.handover.rewards import COUNTED, Rewards
+from fleet.envs.handover.observer import HandoverObserver
+from fleet.envs.handover.parcels import Happened, ParcelBook, ParcelEvent, places_of
+from fleet.envs.handover.rewards import COUNTED, HandoverRewards
 from fleet.envs.handover.rows import N_ARM_NUMBERS, N_CAR_NUMBERS
 from fleet.envs.handover.ways import lane_ways
 from fleet.envs.warehouse.control.actions import LegalActions, legal_actions
@@ -165,7 +165,7 @@ class HandoverEnv(FleetEnv):
         self._hand = hand_model(scene.arm)
         self._car_limits = np.array([scene.car.max_steering_rad, config.speed_mps])
         self._weights = config.weights or HandoverWeights()
-        self._drawing: FloorDrawing | None = None
+        self._drawing: HandoverDrawing | None = None
         self._pictures = EpisodePictures(config.recordings, f"{config.NAME}, {len(cars)} cars, {len(arms)} arms")
         self.happened = dict.fromkeys(Happened, 0)
         """How often each thing has happened to a parcel in the episode."""
@@ -196,8 +196,8 @@ class HandoverEnv(FleetEnv):
         self._latches = Latches(n_arms, config.hold_s)
         names = [station.name for station in config.place.stations]
         self._book = ParcelBook(world, self._places, self._orders(duration_s, orders), names)
-        self._observer = Observer(self._scene, self._hand, self._ways, self._places, world)
-        self._rewards = Rewards(world, self._weights, config.team_share, config.step_s, self._places)
+        self._observer = HandoverObserver(self._scene, self._hand, self._ways, self._places, world)
+        self._rewards = HandoverRewards(world, self._weights, config.team_share, config.step_s, self._places)
         self.happened = dict.fromkeys(Happened, 0)
         self._book.arrive(0.0, self._observer.tips)
         self._look(0, [])
@@ -240,11 +240,9 @@ class HandoverEnv(FleetEnv):
         return dict(cars) | dict(zip(self._arms, observer.arm_rows.copy(), strict=True))
 
     def _picture(self) -> Picture:
-        self._drawing = self._drawing or FloorDrawing(self.config.place)
+        self._drawing = self._drawing or HandoverDrawing(self.config.place, self._scene.arm_base)
         cars = self._observer.cars
-        # There are no goals but the next point of the way to the arm that is nearest.
-        goals = cars.points[np.arange(len(cars.poses)), cars.left_m.argmin(axis=1), 0]
-        return self._drawing.picture(cars.poses, cars.loads > 0, goals)
+        return self._drawing.picture(cars.poses, cars.loads > 0, self._observer.tips, self._world.parcel_poses())
 
     def _record(self) -> None:
         figures = {kind.name.lower(): float(n) for kind, n in self.happened.items()}
@@ -260,7 +258,7 @@ class HandoverEnv(FleetEnv):
         self._latches.tick(wishes[:, -1], world.held(), world.tick_s)
         world.step(commands, self._targets, qd, self._latches.closed)
 
-    def _look(self, n_steps: int, happened: list[Event]) -> tuple[FloatArray, FloatArray]:
+    def _look(self, n_steps: int, happened: list[ParcelEvent]) -> tuple[FloatArray, FloatArray]:
         """Look at everything after so many steps; returns weighted terms and counts."""
         observer = self._observer
         observer.look(

@@ -1,17 +1,17 @@
-"""Observer: what cars and arms see of each other, a row of numbers per agent (layout: `fleet.envs.handover.env`)."""
+"""HandoverObserver: what cars and arms see of each other, a row per agent (layout: `fleet.envs.handover.env`)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
-from fleet.envs.handover.parcels import Int64Array, ParcelBook, Places
+from fleet.envs.handover.parcels import Int64Array, ParcelBook, ParcelPlaces
 from fleet.envs.handover.rows import (
     N_ARM_NUMBERS,
     N_CAR_NUMBERS,
-    ArmsNow,
-    CarsNow,
-    ParcelsNow,
+    ArmsSighted,
+    CarsSighted,
+    ParcelsSighted,
     arm_rows,
     car_rows,
     find_tips,
@@ -23,7 +23,7 @@ from fleet.world.protocol import World
 from fleet.world.scene import Scene
 
 
-class Observer:
+class HandoverObserver:
     """Looks at an episode.
 
     Args:
@@ -34,10 +34,10 @@ class Observer:
         world: Where everything moves.
     """
 
-    cars: CarsNow
+    cars: CarsSighted
     """What cars were doing at the last look."""
 
-    def __init__(self, scene: Scene, hand: HandModel, ways: LaneWays, places: Places, world: World) -> None:
+    def __init__(self, scene: Scene, hand: HandModel, ways: LaneWays, places: ParcelPlaces, world: World) -> None:
         n_cars, n_arms = world.n_cars, world.n_arms
         self._scene = scene
         self._hand = hand
@@ -90,12 +90,12 @@ class Observer:
         n_cars, n_arms = world.n_cars, world.n_arms
         self.find_tips()
         ids, poses, sizes, place = book.lie()
-        parcels = ParcelsNow(ids=ids, poses=poses, sizes=sizes, place=place)
+        parcels = ParcelsSighted(ids=ids, poses=poses, sizes=sizes, place=place)
         first_tray = len(places.slots)
         car_poses = world.car_poses()
         left, points = np.empty((n_cars, n_arms)), np.empty((n_cars, n_arms, len(AHEAD_M), 2))
         find_ways(self._ways, car_poses, left, points)
-        self.cars = CarsNow(
+        self.cars = CarsSighted(
             poses=car_poses,
             speeds=world.car_speeds(),
             steering=world.car_steering() / car_limits[0],
@@ -107,7 +107,7 @@ class Observer:
             stops=self._ways.stops,
             speed_mps=float(car_limits[1]),
         )
-        arms = ArmsNow(
+        arms = ArmsSighted(
             hand=self._hand,
             base=self._scene.arm_base,
             q=world.arm_positions(),

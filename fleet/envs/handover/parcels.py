@@ -46,7 +46,7 @@ class Happened(Enum):
     """It lies where it does not belong; it is taken away at once."""
 
 
-class Event(NamedTuple):
+class ParcelEvent(NamedTuple):
     """Something that has happened to a parcel; -1 = no such robot had to do with it."""
 
     kind: Happened
@@ -57,7 +57,7 @@ class Event(NamedTuple):
     """The car that carries it, or carried it last."""
 
 
-class Places(NamedTuple):
+class ParcelPlaces(NamedTuple):
     """Where parcels may lie. Places are counted through: slots, then trays, then grips."""
 
     slots: FloatArray
@@ -72,10 +72,10 @@ class Places(NamedTuple):
     floor [m], shape (4,)."""
 
 
-def places_of(stations: Sequence[StationPlace], car: CarSpec, n_cars: int) -> Places:
+def places_of(stations: Sequence[StationPlace], car: CarSpec, n_cars: int) -> ParcelPlaces:
     """The places of a site, and of so many cars."""
     length_m, width_m, _ = car.tray_size_m
-    return Places(
+    return ParcelPlaces(
         slots=np.concatenate([station.slots for station in stations]).reshape(-1, 3),
         arm_of=np.repeat(np.arange(len(stations)), [len(station.slots) for station in stations]),
         is_drop=np.array([station.kind == "drop" for station in stations]),
@@ -113,7 +113,7 @@ class ParcelBook:
         names: Names of the stations, by arm.
     """
 
-    def __init__(self, world: World, places: Places, orders: Iterable[Delivery], names: Sequence[str]) -> None:
+    def __init__(self, world: World, places: ParcelPlaces, orders: Iterable[Delivery], names: Sequence[str]) -> None:
         self._world = world
         self._places = places
         self._due: list[deque[tuple[int, Delivery]]] = [deque() for _ in names]
@@ -149,7 +149,7 @@ class ParcelBook:
                 self._world.add_parcel(ParcelBody(parcel=number, size_m=order.size_m, mass_kg=order.mass_kg, pose=pose))
                 self._known[number] = _Known(order=order, place=slot, seen=slot)
 
-    def look(self, step_s: float) -> list[Event]:
+    def look(self, step_s: float) -> list[ParcelEvent]:
         """Find out what has happened in a step of this length [s]; what is delivered or lost is taken away."""
         ids, poses, sizes, _ = self.lie()
         seen = np.empty(len(ids), dtype=np.int64)
@@ -168,7 +168,7 @@ class ParcelBook:
                 del self._known[number]
         return happened
 
-    def _moved(self, number: int, known: _Known) -> Event | None:
+    def _moved(self, number: int, known: _Known) -> ParcelEvent | None:
         """Take note of where a parcel is; what that is, if it is something new."""
         places, at = self._places, known.seen
         first_tray = len(places.slots)
@@ -181,21 +181,21 @@ class ParcelBook:
             arm = at - first_grip
             is_new = arm not in known.arms
             known.arms = (*(one for one in known.arms if one != arm), arm)
-            return Event(Happened.GRIPPED, number, arm, known.car) if is_new else None
+            return ParcelEvent(Happened.GRIPPED, number, arm, known.car) if is_new else None
         arm = known.arms[-1] if known.arms else -1
         if at >= first_tray:
             is_new, known.car = known.car < 0, at - first_tray
-            return Event(Happened.LOADED, number, arm, known.car) if is_new else None
+            return ParcelEvent(Happened.LOADED, number, arm, known.car) if is_new else None
         if at >= 0:
             is_drop = bool(places.is_drop[places.arm_of[at]])
-            return Event(Happened.DELIVERED, number, arm, known.car) if is_drop else None
+            return ParcelEvent(Happened.DELIVERED, number, arm, known.car) if is_drop else None
         fell_off_car = first_tray <= before < first_grip
-        return Event(Happened.LOST, number, -1 if fell_off_car else arm, known.car if fell_off_car else -1)
+        return ParcelEvent(Happened.LOST, number, -1 if fell_off_car else arm, known.car if fell_off_car else -1)
 
 
 @njit(cache=True)
 def _locate(
-    places: Places,
+    places: ParcelPlaces,
     cars: FloatArray,
     held: IntArray,
     ids: IntArray,

@@ -1,4 +1,4 @@
-"""Rewards: what an agent has done in a step, as weighted terms that add up to its reward."""
+"""HandoverRewards: what an agent has done in a step, as weighted terms that add up to its reward."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.envs.handover.config import TERMS, HandoverWeights
-from fleet.envs.handover.parcels import Event, Happened, Int64Array, Places
-from fleet.envs.handover.rows import CarsNow
+from fleet.envs.handover.parcels import Happened, Int64Array, ParcelEvent, ParcelPlaces
+from fleet.envs.handover.rows import CarsSighted
 from fleet.world.protocol import World
 
 _PROGRESS, _GRIPPED, _LOADED, _DELIVERED, _LOST, _CONTACT, _TIME = range(len(TERMS))
@@ -24,7 +24,7 @@ _TERM_OF = {
 }
 
 
-class Rewards:
+class HandoverRewards:
     """Judges one episode, step by step; cars come first in all arrays.
 
     Progress is the decrease of a way. Of cars it counts as long as they are loaded or empty, also where the way becomes
@@ -40,7 +40,7 @@ class Rewards:
     """
 
     def __init__(
-        self, world: World, weights: HandoverWeights, team_share: float, step_s: float, places: Places
+        self, world: World, weights: HandoverWeights, team_share: float, step_s: float, places: ParcelPlaces
     ) -> None:
         self._world = world
         self._weights = np.array([getattr(weights, term) for term in TERMS])
@@ -57,7 +57,9 @@ class Rewards:
         """Which robots have a contact that is new since the last step, shape (n_agents,)."""
         return np.asarray(self._touches() > self._touched)
 
-    def step(self, cars: CarsNow, targets: FloatArray, happened: Sequence[Event]) -> tuple[FloatArray, FloatArray]:
+    def step(
+        self, cars: CarsSighted, targets: FloatArray, happened: Sequence[ParcelEvent]
+    ) -> tuple[FloatArray, FloatArray]:
         """Judge the time since the last call; the first call only looks.
 
         Args:
@@ -89,7 +91,7 @@ class Rewards:
         paid = (1.0 - self._share) * own + self._share * team
         return paid * self._weights + 0.0, own[:, _GRIPPED:_TIME]  # + 0.0: no negative zeros
 
-    def _measured(self, cars: CarsNow, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _measured(self, cars: CarsSighted, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What agents are about, -1 = nothing, and what is left of the ways there [m], shapes (n_agents,)."""
         loaded = cars.loads > 0
         counts = loaded[:, None] == self._is_drop

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
-from fleet.envs.handover.parcels import Int64Array, Places
+from fleet.envs.handover.parcels import Int64Array, ParcelPlaces
 from fleet.envs.warehouse.control.hands import HandModel
 from planners.motion.arm.kinematics import link_frames_into
 
@@ -57,7 +57,7 @@ _BEFORE_RAD = 2.6
 Rows = npt.NDArray[np.float32]
 
 
-class CarsNow(NamedTuple):
+class CarsSighted(NamedTuple):
     """What cars are doing; n cars."""
 
     poses: FloatArray
@@ -82,7 +82,7 @@ class CarsNow(NamedTuple):
     """At full action."""
 
 
-class ArmsNow(NamedTuple):
+class ArmsSighted(NamedTuple):
     """What arms are doing; m arms."""
 
     hand: HandModel
@@ -105,7 +105,7 @@ class ArmsNow(NamedTuple):
     """Parcels at a pick arm, in its grip too, and free slots of a drop arm, shape (m,)."""
 
 
-class ParcelsNow(NamedTuple):
+class ParcelsSighted(NamedTuple):
     """Parcels in the world; p parcels."""
 
     ids: IntArray
@@ -114,14 +114,14 @@ class ParcelsNow(NamedTuple):
     sizes: FloatArray
     """Edges [m], shape (p, 3)."""
     place: Int64Array
-    """Where each belongs, as `Places` counts them, shape (p,)."""
+    """Where each belongs, as `ParcelPlaces` counts them, shape (p,)."""
 
 
 @njit(cache=True)
 def find_tips(
     hand: HandModel, base: FloatArray, q: FloatArray, tips: FloatArray, around: FloatArray, tool_yaw: FloatArray
 ) -> None:  # pragma: no cover - compiled
-    """Fill in `tips`, `around` and `tool_yaw` of `ArmsNow`."""
+    """Fill in `tips`, `around` and `tool_yaw` of `ArmsSighted`."""
     frames = np.empty((q.shape[1] + 1, 3, 4))
     for arm in range(len(q)):
         link_frames_into(hand.joints, q[arm], frames)
@@ -141,7 +141,9 @@ def find_tips(
 
 
 @njit(cache=True)
-def car_rows(rows: Rows, cars: CarsNow, arms: ArmsNow, places: Places, time_left: float) -> None:  # pragma: no cover
+def car_rows(
+    rows: Rows, cars: CarsSighted, arms: ArmsSighted, places: ParcelPlaces, time_left: float
+) -> None:  # pragma: no cover
     """Fill the rows of all cars, shape (n, N_CAR_NUMBERS)."""
     n_arms = len(arms.base)
     gaps, ways = np.empty(len(rows)), np.empty(n_arms)
@@ -183,7 +185,7 @@ def car_rows(rows: Rows, cars: CarsNow, arms: ArmsNow, places: Places, time_left
 
 @njit(cache=True)
 def _tell_station(
-    cars: CarsNow, arms: ArmsNow, places: Places, car: int, arm: int, out: Rows
+    cars: CarsSighted, arms: ArmsSighted, places: ParcelPlaces, car: int, arm: int, out: Rows
 ) -> None:  # pragma: no cover - compiled
     """Write what a car is told of an arm, shape (N_PER_STATION,)."""
     x, y, yaw = cars.poses[car]
@@ -210,10 +212,10 @@ def _tell_station(
 def arm_rows(
     rows: Rows,
     targets: FloatArray,
-    arms: ArmsNow,
-    cars: CarsNow,
-    parcels: ParcelsNow,
-    places: Places,
+    arms: ArmsSighted,
+    cars: CarsSighted,
+    parcels: ParcelsSighted,
+    places: ParcelPlaces,
     time_left: float,
 ) -> None:  # pragma: no cover - compiled
     """Fill the rows of all arms, shape (m, N_ARM_NUMBERS), and what they are about.
@@ -315,7 +317,7 @@ def arm_rows(
 
 @njit(cache=True)
 def _tell_offset(
-    arms: ArmsNow, arm: int, x: float, y: float, z: float, out: Rows
+    arms: ArmsSighted, arm: int, x: float, y: float, z: float, out: Rows
 ) -> float:  # pragma: no cover - compiled
     """Write how far out, around the base and up it is from a tip to a point, coarse and fine; returns the way [m]."""
     base, tip = arms.base[arm], arms.tips[arm]
@@ -335,7 +337,7 @@ def _tell_offset(
 
 @njit(cache=True)
 def _tell_motion(
-    arms: ArmsNow, arm: int, cars: CarsNow, car: int, x: float, y: float, out: Rows
+    arms: ArmsSighted, arm: int, cars: CarsSighted, car: int, x: float, y: float, out: Rows
 ) -> None:  # pragma: no cover - compiled
     """Write a car's velocity, outwards from an arm's base and around it [m/s], at a point on the car."""
     dx, dy = x - arms.base[arm, 0], y - arms.base[arm, 1]
@@ -346,7 +348,7 @@ def _tell_motion(
 
 
 @njit(cache=True)
-def _is_free(slot: FloatArray, parcels: ParcelsNow, held: int) -> bool:  # pragma: no cover - compiled
+def _is_free(slot: FloatArray, parcels: ParcelsSighted, held: int) -> bool:  # pragma: no cover - compiled
     """Whether no parcel lies on or above a slot, but for the one that an arm holds."""
     for k in range(len(parcels.ids)):
         gap = math.hypot(parcels.poses[k, 0] - slot[0], parcels.poses[k, 1] - slot[1])
@@ -356,7 +358,7 @@ def _is_free(slot: FloatArray, parcels: ParcelsNow, held: int) -> bool:  # pragm
 
 
 @njit(cache=True)
-def _from_base(arms: ArmsNow, arm: int, pose: FloatArray) -> float:  # pragma: no cover - compiled
+def _from_base(arms: ArmsSighted, arm: int, pose: FloatArray) -> float:  # pragma: no cover - compiled
     return math.hypot(pose[0] - arms.base[arm, 0], pose[1] - arms.base[arm, 1])
 
 
@@ -366,7 +368,7 @@ def _gap(a: FloatArray, b: FloatArray) -> float:  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def _tray(places: Places, pose: FloatArray) -> tuple[float, float]:  # pragma: no cover - compiled
+def _tray(places: ParcelPlaces, pose: FloatArray) -> tuple[float, float]:  # pragma: no cover - compiled
     """Middle of a car's tray, x, y [m]."""
     return pose[0] + places.tray[0] * math.cos(pose[2]), pose[1] + places.tray[0] * math.sin(pose[2])
 
