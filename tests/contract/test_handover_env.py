@@ -293,6 +293,18 @@ def test_progress_adds_up_to_what_has_become_of_the_way() -> None:
     env.close()
 
 
+def test_an_arm_that_goes_up_and_down_over_a_parcel_is_paid_once(env: HandoverEnv) -> None:
+    def down_and_up() -> float:
+        told = idle(env, 5, arm_0=np.array([0.0, 0.0, -0.5, 0.0, -1.0]))
+        told += idle(env, 5, arm_0=np.array([0.0, 0.0, 0.5, 0.0, -1.0]))
+        return summed(told, "progress")["arm_0"]
+
+    assert down_and_up() > 0.02
+    assert down_and_up() < 0.005
+    told = idle(env, 8, arm_0=np.array([0.0, 0.0, -0.5, 0.0, -1.0]))
+    assert summed(told, "progress")["arm_0"] > 0.01
+
+
 @pytest.mark.parametrize("settings", [{"n_cars": 1}, {"n_cars": 3}, {"site": "small", "n_cars": 4}])
 def test_what_is_seen_is_in_its_space_and_of_one_size(settings: dict[str, Any]) -> None:
     env = handover_v0.parallel_env(**settings, late_s=2.0, parcels_per_min=60.0)

@@ -24,7 +24,7 @@ class HandoverWeights:
 
     progress: float = 1.0
     """Per metre: an empty car comes nearer to the nearest pick arm and a loaded one to the nearest drop arm, along
-    lanes; an arm's tip comes nearer to a parcel, and with a parcel nearer to where it can be set."""
+    lanes; an arm's tip comes nearer than before to a parcel, and with a parcel to where it can be set."""
     gripped: float = 2.0
     """To an arm, the first time that it has a parcel in its grip, each parcel once."""
     loaded: float = 5.0

@@ -27,9 +27,9 @@ _TERM_OF = {
 class HandoverRewards:
     """Judges one episode, step by step; cars come first in all arrays.
 
-    Progress is the decrease of a way. Of cars it counts as long as they are loaded or empty, also where the way becomes
-    longer at once, as it does for a car that has driven past a stop: going in circles earns nothing. Of arms it counts
-    as long as they are about the same thing.
+    Progress of a car is the decrease of its way, as long as it is loaded or empty, also where the way becomes longer at
+    once, as it does for one that has driven past a stop: going in circles earns nothing. Progress of an arm is how much
+    nearer it has come than ever before to what it is about: to take a parcel and let it fall again earns nothing.
 
     Args:
         world: Counts contacts.
@@ -50,8 +50,10 @@ class HandoverRewards:
         self._is_drop = places.is_drop
         self._touched = self._touches()
         self._n_touches = self._n_contacts()
-        self._keys: FloatArray | None = None
-        self._ways = np.zeros(len(self._touched))
+        self._loaded: BoolArray | None = None
+        self._left_m = np.zeros(world.n_cars)
+        self._nearest_m: list[dict[float, float]] = [{} for _ in range(world.n_arms)]
+        """How near each arm has come to all that it was about."""
 
     def touches(self) -> BoolArray:
         """Which robots have a contact that is new since the last step, shape (n_agents,)."""
@@ -73,11 +75,9 @@ class HandoverRewards:
         n_cars = len(cars.poses)
         own = np.zeros((n_cars + len(targets), len(TERMS)))
         team = np.zeros(len(TERMS))
-        keys, ways = self._measured(cars, targets)
-        if self._keys is not None:
-            own[:, _PROGRESS] = np.where((keys == self._keys) & (keys >= 0.0), self._ways - ways, 0.0)
-            own[:, _TIME] = self._step_s
-        self._keys, self._ways = keys, ways
+        own[:n_cars, _PROGRESS] = self._driven(cars)
+        own[n_cars:, _PROGRESS] = [self._neared(arm, *told) for arm, told in enumerate(targets.tolist())]
+        own[:, _TIME] = self._step_s
         for event in happened:
             term = _TERM_OF[event.kind]
             team[term] += 1.0
@@ -91,12 +91,23 @@ class HandoverRewards:
         paid = (1.0 - self._share) * own + self._share * team
         return paid * self._weights + 0.0, own[:, _GRIPPED:_TIME]  # + 0.0: no negative zeros
 
-    def _measured(self, cars: CarsSighted, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What agents are about, -1 = nothing, and what is left of the ways there [m], shapes (n_agents,)."""
+    def _driven(self, cars: CarsSighted) -> FloatArray:
+        """By how much the ways of cars have become shorter [m], shape (n_cars,)."""
         loaded = cars.loads > 0
         counts = loaded[:, None] == self._is_drop
-        left = np.where(counts, np.maximum(cars.left_m, 0.0), np.inf).min(axis=1)
-        return np.concatenate((loaded.astype(np.float64), targets[:, 0])), np.concatenate((left, targets[:, 1]))
+        left_m = np.where(counts, np.maximum(cars.left_m, 0.0), np.inf).min(axis=1)
+        driven = np.zeros(len(loaded)) if self._loaded is None else self._left_m - left_m
+        driven[loaded != self._loaded] = 0.0
+        self._loaded, self._left_m = loaded, left_m
+        return driven
+
+    def _neared(self, arm: int, target: float, way_m: float) -> float:
+        """How much nearer an arm has come to a target than ever before [m]."""
+        if target < 0.0:
+            return 0.0
+        before_m = self._nearest_m[arm].get(target, way_m)
+        self._nearest_m[arm][target] = min(way_m, before_m)
+        return max(before_m - way_m, 0.0)
 
     def _touches(self) -> Int64Array:
         return np.concatenate(self._world.contacts_of())

@@ -295,7 +295,7 @@ def arm_rows(
             row[at + 11], row[at + 12] = min(cars.loads[car], 1), in_reach
             row[at + 13] = cars.speeds[car] / cars.speed_mps
             if holds and not is_drop and in_reach and cars.loads[car] == 0 and targets[arm, 0] < 0.0:
-                targets[arm, 0], targets[arm, 1] = 1e6 + car, way_m
+                targets[arm, 0], targets[arm, 1] = 1e6 * (1 + arms.held[arm]) + car, way_m
 
         gaps = np.full(len(places.slots), np.inf)
         for slot in range(len(places.slots)):
@@ -311,7 +311,7 @@ def arm_rows(
             row[at] = 1.0
             way_m = _tell_offset(arms, arm, x, y, top + below, row[at + 1 : at + 7])
             if holds and is_drop and targets[arm, 0] < 0.0:
-                targets[arm, 0], targets[arm, 1] = 2e6 + slot, way_m
+                targets[arm, 0], targets[arm, 1] = 1e6 * (1 + arms.held[arm]) + slot, way_m
         _bound(row)
 
 
