@@ -210,6 +210,15 @@ class WarehouseEnv(FleetEnv):
         """
         return self._now().simulation
 
+    @property
+    def plans(self) -> Plans | None:
+        """What plays the episode's classical plans, if arms add to them.
+
+        Raises:
+            EpisodeError: There was no `reset` yet.
+        """
+        return self._now().commands.plans
+
     def state(self) -> npt.NDArray[np.float32]:
         """The rows of all agents without lidar, cars first; inside `state_space`.
 

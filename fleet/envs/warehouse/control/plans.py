@@ -6,6 +6,7 @@ from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.config import ArmConfig
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.stations.arms.arm_cell import arm_cells
+from fleet.stations.arms.arm_controller import ArmController
 from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.stations.arms.transfer import TransferRequest
@@ -55,6 +56,14 @@ class Plans:
         """Play for one tick; `held` is the parcel in each grip, -1 = none, shape (n_arms,)."""
         self._manager.tick(self._tick, held)
         self._tick += 1
+
+    def asked(self, arm: int) -> TransferRequest | None:
+        """The transfer that a plan was asked for last."""
+        return self._asked[arm]
+
+    def player(self, arm: int) -> ArmController:
+        """What plays an arm's plans."""
+        return self._manager.services[arm]
 
     def pace(self, arm: int, factor: float) -> None:
         """Play an arm's plans at a multiple of their speed."""
