@@ -38,6 +38,8 @@ class ActionModel:
     """Smaller shares of the full speed are brakes."""
     residual: float
     """Weight of what is added to the classical controllers."""
+    pace: float
+    """Weight of what is added to the pace of the classical plans."""
     hold_s: float
     """How long a grip has to be told to open [s]."""
 
@@ -95,7 +97,7 @@ class Commands:
         self._arms = actions.arms
         if self.plans is not None:
             for arm, pace in enumerate(actions.arms[:, -1].tolist()):
-                self.plans.pace(arm, 1.0 + model.residual * pace)
+                self.plans.pace(arm, 1.0 + model.pace * pace)
 
     def tick(self) -> Actions:
         """What the robots are to do in the coming tick."""
