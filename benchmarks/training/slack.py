@@ -21,7 +21,8 @@ from fleet.envs.policies.warehouse import Classical
 from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.robots.spec import ArmSpec
 from fleet.stations.arms.arm_controller import ArmController
-from fleet.tasks.board import Task, TaskState
+from fleet.tasks.board import TaskState
+from fleet.training.recipes.warehouse import handovers_s
 from planners.motion.path.trajectory import Trajectory
 
 AT_LIMIT = 0.95
@@ -108,22 +109,11 @@ def watch(env: WarehouseEnv, policy: Policy, seeds: Sequence[int]) -> Slack:
             for key in _now(env):
                 found.spent_s[key] = found.spent_s.get(key, 0.0) + step_s
         simulation = env.simulation
-        found.handovers_s += handovers_s(simulation.board.tasks)
+        found.handovers_s += handovers_s(env)
         found.deliveries += sum(task.done_s is not None for task in simulation.board.tasks)
         contacts = simulation.world.contacts()
         found.contacts += contacts.robot + contacts.static
     return found
-
-
-def handovers_s(tasks: Sequence[Task]) -> list[float]:
-    """How long each hand-over took that came to an end [s]."""
-    pairs = (TaskState.LOADING, TaskState.CARRIED), (TaskState.UNLOADING, TaskState.DELIVERED)
-    return [
-        task.since_s[after] - task.since_s[before]
-        for task in tasks
-        for before, after in pairs
-        if before in task.since_s and after in task.since_s
-    ]
 
 
 def _now(env: WarehouseEnv) -> Iterator[tuple[str, str]]:

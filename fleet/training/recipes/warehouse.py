@@ -35,6 +35,30 @@ def n_deliveries(env: Any) -> int:
     return sum(task.done_s is not None for task in env.simulation.board.tasks)
 
 
+def handovers_s(env: Any) -> list[float]:
+    """How long each hand-over of an episode took that came to an end: from the beginning of the service, a car standing
+    at its dock, until the car may leave [s]."""
+    from fleet.tasks.board import TaskState
+
+    pairs = (TaskState.LOADING, TaskState.CARRIED), (TaskState.UNLOADING, TaskState.DELIVERED)
+    return [
+        task.since_s[after] - task.since_s[before]
+        for task in env.simulation.board.tasks
+        for before, after in pairs
+        if before in task.since_s and after in task.since_s
+    ]
+
+
+def n_handovers(env: Any) -> int:
+    """Hand-overs of an episode that came to an end."""
+    return len(handovers_s(env))
+
+
+def handover_s(env: Any) -> float:
+    """How long all of them took [s]."""
+    return sum(handovers_s(env))
+
+
 DOCK = Recipe(
     summary="a car comes to a dock and stops there",
     make=_warehouse,
@@ -143,5 +167,49 @@ CELL = Recipe(
             longest=0.35,
         ),
         TrainingStage(name="together", mix=({}, {"level": "pair", "n_cars": 1})),
+    ),
+)
+
+RESIDUAL = Recipe(
+    summary="cars and arms do better than their script by what they add to it",
+    make=_warehouse,
+    scripted=_classical,
+    script="pure pursuit; plans at their own pace",
+    figures=("delivered", "loaded", "docked", "contact", "failed"),
+    at_end={"deliveries": n_deliveries, "handovers": n_handovers, "handover_s": handover_s},
+    n_steps=1_500_000,
+    ppo=PpoConfig(
+        envs_n=8,
+        horizon_n=256,
+        minibatch_n=2048,
+        learning_rate=1e-3,
+        discount=0.98,
+        # Whoever adds nothing does what the script does: learning begins there, and looks about it a little.
+        log_std=-2.0,
+    ),
+    arguments={
+        "level": "all",
+        "site": "small",
+        "n_cars": 4,
+        "tasks": 24,  # nobody is ever out of work
+        "car_action": "residual",
+        "arm_action": "residual",
+        # A grip has a centimetre.
+        "residual": 0.1,
+        "pace": 2.0,
+        "weights": {"contact": -5.0, "time": -0.2},
+    },
+    stages=(
+        # Where cars stand already, arms work all the time, and an episode is over the sooner the faster they are.
+        TrainingStage(name="without physics", mix=({}, {"level": "transfer", "n_cars": 0}), longest=0.6),
+        TrainingStage(
+            name="slippery",
+            mix=(
+                {},
+                {"level": "transfer", "n_cars": 0},
+                {"fidelity": "physics"},
+                {"level": "transfer", "n_cars": 0, "fidelity": "physics"},
+            ),
+        ),
     ),
 )
