@@ -67,9 +67,7 @@ class Slack:
 
     def share(self, doing: str | None = None, step: str | None = None) -> float:
         """Share of the time of all hand-overs, by what the arm did, by step of the plan, or by both."""
-        found = sum(
-            spent for (at, did), spent in self.spent_s.items() if doing in (None, did) and step in (None, at)
-        )
+        found = sum(spent for (at, did), spent in self.spent_s.items() if doing in (None, did) and step in (None, at))
         return found / max(sum(self.spent_s.values()), 1e-9)
 
 

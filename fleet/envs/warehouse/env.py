@@ -29,7 +29,7 @@ the wrong shape is refused and changes nothing.
 | car, `"residual"` | the same, times `residual`, added to pure pursuit of its route |
 | arm, `arm_action="joint"` | 7 joint velocities / the joints' limits, grip (> 0 = hold) |
 | arm, `"tip"` | tip outwards from the base / 0.5 m/s, around it / 1 rad/s, up / 0.5 m/s, turn / 1 rad/s; grip |
-| arm, `"residual"` | 7 joints away from the classical plan / 0.2 rad, times `residual`; pace of the plan above 1, times `pace` |
+| arm, `"residual"` | 7 joints away from the plan / 0.2 rad, times `residual`; the plan's pace above 1, times `pace` |
 
 A speed within `dead_band` brakes. With `tip` the tool points down. A grip closes at once, and opens when it was told
 to for `hold_s` without a break; then it stays open for twice as long. A plan is played at its pace as far as no joint
