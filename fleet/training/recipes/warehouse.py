@@ -37,15 +37,17 @@ def n_deliveries(env: Any) -> int:
 
 def handovers_s(env: Any) -> list[float]:
     """How long each hand-over of an episode took that came to an end: from the beginning of the service, a car standing
-    at its dock, until the car may leave [s]."""
+    at its dock, until the car may leave [s]. Parcels that were in their cars when it began were not handed over."""
     from fleet.tasks.board import TaskState
 
     pairs = (TaskState.LOADING, TaskState.CARRIED), (TaskState.UNLOADING, TaskState.DELIVERED)
     return [
-        task.since_s[after] - task.since_s[before]
+        took_s
         for task in env.simulation.board.tasks
         for before, after in pairs
-        if before in task.since_s and after in task.since_s
+        if before in task.since_s
+        and after in task.since_s
+        and (took_s := task.since_s[after] - task.since_s[before]) > 0.0
     ]
 
 
