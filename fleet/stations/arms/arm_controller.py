@@ -109,6 +109,11 @@ class ArmController:
         return step if isinstance(step, Trajectory) else None
 
     @property
+    def at(self) -> tuple[int, int]:
+        """Index of the present step, and how many there are."""
+        return self._at, len(self._steps)
+
+    @property
     def done_s(self) -> float:
         """How much of the present step is done [s]."""
         return self._elapsed_s

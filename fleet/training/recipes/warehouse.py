@@ -35,6 +35,32 @@ def n_deliveries(env: Any) -> int:
     return sum(task.done_s is not None for task in env.simulation.board.tasks)
 
 
+def handovers_s(env: Any) -> list[float]:
+    """How long each hand-over of an episode took that came to an end: from the beginning of the service, a car standing
+    at its dock, until the car may leave [s]. Parcels that were in their cars when it began were not handed over."""
+    from fleet.tasks.board import TaskState
+
+    pairs = (TaskState.LOADING, TaskState.CARRIED), (TaskState.UNLOADING, TaskState.DELIVERED)
+    return [
+        took_s
+        for task in env.simulation.board.tasks
+        for before, after in pairs
+        if before in task.since_s
+        and after in task.since_s
+        and (took_s := task.since_s[after] - task.since_s[before]) > 0.0
+    ]
+
+
+def n_handovers(env: Any) -> int:
+    """Hand-overs of an episode that came to an end."""
+    return len(handovers_s(env))
+
+
+def handover_s(env: Any) -> float:
+    """How long all of them took [s]."""
+    return sum(handovers_s(env))
+
+
 DOCK = Recipe(
     summary="a car comes to a dock and stops there",
     make=_warehouse,
@@ -148,6 +174,53 @@ CELL = Recipe(
                 {"fidelity": "physics"},
                 {"level": "transfer", "n_cars": 0, "fidelity": "physics"},
                 {"fidelity": "physics"},
+            ),
+        ),
+    ),
+)
+
+RESIDUAL = Recipe(
+    summary="cars and arms do better than their script by what they add to it",
+    make=_warehouse,
+    scripted=_classical,
+    script="pure pursuit; plans at their own pace",
+    figures=("delivered", "loaded", "docked", "contact", "failed"),
+    at_end={"deliveries": n_deliveries, "handovers": n_handovers, "handover_s": handover_s},
+    n_steps=1_500_000,
+    ppo=PpoConfig(
+        envs_n=8,
+        horizon_n=256,
+        minibatch_n=2048,
+        learning_rate=1e-3,
+        discount=0.98,
+        # An agent that adds nothing does what the script does: learning begins there.
+        log_std=-1.0,
+    ),
+    arguments={
+        "level": "all",
+        "site": "small",
+        "n_cars": 4,
+        "tasks": 24,  # no car is ever out of work
+        "car_action": "residual",
+        "arm_action": "residual",
+        # A grip has a centimetre.
+        "residual": 0.1,
+        "pace": 2.0,
+        # An arm that is paid for its way to the parcel is slow to leave it, and the car drives off below it.
+        "weights": {"progress": 0.0, "contact": -10.0, "time": -0.2},
+    },
+    stages=(
+        # Where cars stand already, arms work all the time, and an episode is over the sooner the faster they are.
+        TrainingStage(
+            name="without physics", mix=({}, *({"level": "transfer", "n_cars": 0} for _ in range(3))), longest=0.8
+        ),
+        TrainingStage(
+            name="slippery",
+            mix=(
+                {},
+                {"level": "transfer", "n_cars": 0},
+                {"fidelity": "physics"},
+                {"level": "transfer", "n_cars": 0, "fidelity": "physics"},
             ),
         ),
     ),
