@@ -8,7 +8,7 @@ from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.config import ArmConfig
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_controller import ArmController
+from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.stations.arms.transfer import TransferRequest
@@ -79,16 +79,21 @@ class Plans:
 
     def _most_pace(self, arm: int, pace: float) -> float:
         """The greatest pace, up to the one that is wanted, at which no joint exceeds its speed limit in a tick."""
-        player = self.player(arm)
-        motion = player.under_way
-        if motion is None or pace <= 1.0:
+        if pace <= 1.0:
             return pace
-        first = max(int(np.searchsorted(motion.t, player.done_s, side="right")) - 1, 0)
-        last = int(np.searchsorted(motion.t, player.done_s + self._tick_s * pace))
-        shares = (np.abs(motion.qd[first : last + 1]) / self._max_velocity).max(axis=1)
-        # Slow enough for a sample, or so slow that it is not reached.
-        reached = (motion.t[first : last + 1] - player.done_s) / self._tick_s
-        return min(pace, float(np.maximum(reached, 1.0 / np.maximum(shares, 1e-9)).min()))
+        if self.player(arm).state is not ArmPhase.MOVING:
+            return 1.0  # a plan that lands in this tick begins in it
+        for motion, done_s in self.player(arm).ahead:
+            if done_s + self._tick_s * pace <= 0.0:
+                break
+            first = max(int(np.searchsorted(motion.t, done_s, side="right")) - 1, 0)
+            last = int(np.searchsorted(motion.t, done_s + self._tick_s * pace))
+            shares = (np.abs(motion.qd[first : last + 1]) / self._max_velocity).max(axis=1)
+            # Slow enough for a sample, or so slow that not even the one before it is passed.
+            before = motion.t[np.maximum(np.arange(first, last + 1) - 1, first)]
+            reached = (before[: len(shares)] - done_s) / self._tick_s
+            pace = min(pace, float(np.maximum(reached, 1.0 / np.maximum(shares, 1e-9)).min()))
+        return max(pace, 1.0)
 
 
 def planner_of(simulation: AgentSimulation) -> ArmPlanner:
