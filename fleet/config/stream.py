@@ -29,6 +29,8 @@ class StreamConfig(Settings):
     """So many of the pick stations are a bottleneck, drawn anew for every stream; 0 = none."""
     bottleneck_share: float = 0.7
     """Part of the orders that begin at them."""
+    sources_n: int = 1
+    """So many pick stations have what is ordered, at most all; 1 = it lies at one alone."""
     due_share: float = 0.8
     """Part of the orders that have a due date."""
     slack_s: tuple[float, float] = (120.0, 600.0)
@@ -53,6 +55,7 @@ class StreamConfig(Settings):
         not_negative("stream.zipf", self.zipf)
         require(0 < self.wave_share <= 1, "stream.wave_share", self.wave_share, "a number > 0, at most 1")
         not_negative("stream.bottleneck_n", self.bottleneck_n)
+        require(self.sources_n >= 1, "stream.sources_n", self.sources_n, "an integer >= 1")
         for name in ("bottleneck_share", "due_share", "emergency_share", "idle_share"):
             require(0 <= getattr(self, name) <= 1, f"stream.{name}", getattr(self, name), "a number from 0 to 1")
         classes = self.emergency_share + self.idle_share

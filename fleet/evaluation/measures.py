@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fleet.envs.grid.fleet import TIMESTEP_S
+from fleet.envs.grid.fleet import TIMESTEP_S, one_per_order
 from fleet.envs.grid.kernel import NEVER
 from fleet.tasks.board import DONE_STATES
 
@@ -70,10 +70,11 @@ def _on_time(episode: EpisodeTally) -> float:
 
 
 def _late_steps(episode: EpisodeTally) -> np.ndarray[Any, Any]:
-    """Timesteps by which each task is late whose due date has come."""
+    """Timesteps by which each order is late whose due date has come."""
     grid = episode.env.fleet.grid
     due, done = grid.tasks.due.astype(np.int64), grid.tasks.done.astype(np.int64)
-    late: np.ndarray[Any, Any] = np.maximum(0, np.minimum(done, grid.now) - due)[(due <= grid.now) & (due < NEVER)]
+    is_due = (due <= grid.now) & (due < NEVER) & one_per_order(grid.tasks)
+    late: np.ndarray[Any, Any] = np.maximum(0, np.minimum(done, grid.now) - due)[is_due]
     return late
 
 

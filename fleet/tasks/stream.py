@@ -43,6 +43,8 @@ def stream_orders(
     times = _arrivals(config, duration_s, n_orders, arrivals)
     picks = _Popular(site.station_names("pick"), config, places, n_busy=config.bottleneck_n)
     drops = _Popular(site.station_names("drop"), config, places)
+    # Drawn on only where it is needed: chance is otherwise what it was.
+    sources = rng.spawn(1)[0] if config.sources_n > 1 else None
     shares = (config.emergency_share, 1.0 - config.emergency_share - config.idle_share, config.idle_share)
     classes, priorities = np.cumsum(shares).tolist(), list(Priority)
     orders = []
@@ -50,17 +52,19 @@ def stream_orders(
         size_m = draw_edges(parcels)
         chance, of_class, slack_share = terms.random(3).tolist()
         slack_s = between(config.slack_s, slack_share)
+        pick = picks.draw(places)
         priority = priorities[min(bisect_right(classes, of_class), len(priorities) - 1)]
         orders.append(
             Delivery(
                 name=f"order_{k + 1}",
                 release_s=release_s,
-                pick=picks.draw(places),
+                pick=pick,
                 drop=drops.draw(places),
                 mass_kg=draw_mass(parcels),
                 size_m=size_m,
                 due_s=round(release_s + slack_s, 3) if chance < config.due_share else math.inf,
                 priority=priority,
+                picks=() if sources is None else _sources(site, pick, config.sources_n, sources),
             )
         )
     return tuple(orders)
@@ -80,6 +84,13 @@ def _arrivals(config: StreamConfig, duration_s: float, n_orders: int | None, rng
             times.append(start_s)
     within = times[:n_orders] if n_orders is not None else [time for time in times if time < duration_s]
     return [round(time, 3) for time in within]
+
+
+def _sources(site: Site, pick: str, n: int, rng: np.random.Generator) -> tuple[str, ...]:
+    """A pick station, and others drawn evenly, `n` in all or as many as there are."""
+    names = site.station_names("pick")
+    others = [names[k] for k in rng.permutation(len(names)) if names[k] != pick]
+    return (pick, *others[: n - 1])
 
 
 class _Popular:

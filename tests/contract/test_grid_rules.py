@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fleet.config import AllocationConfig
+from fleet.config import AllocationConfig, StreamConfig
 from fleet.envs.grid import fleet as grid_fleet
 from fleet.envs.grid import kernel
 from fleet.envs.grid.fleet import FleetSite, GridFleet
-from fleet.envs.grid.kernel import NONE, Phase, Stage
+from fleet.envs.grid.kernel import NO_FAULTS, NONE, Faults, Phase, Stage
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.phases import STATES_IN, CarPhase
@@ -39,6 +39,18 @@ CAR_NEXT: dict[CarPhase, frozenset[CarPhase]] = {
     CarPhase.TO_DROP: frozenset({CarPhase.HELD, CarPhase.UNLOADING}),
     CarPhase.UNLOADING: frozenset({CarPhase.IDLE}),
 }
+STANDS, GONE = CarPhase.RECOVERING, CarPhase.RETIRED
+WITH_BREAKDOWNS: dict[CarPhase, frozenset[CarPhase]] = {
+    CarPhase.IDLE: CAR_NEXT[CarPhase.IDLE] | {STANDS, GONE},
+    CarPhase.TO_PICK: CAR_NEXT[CarPhase.TO_PICK] | {STANDS, GONE},
+    CarPhase.HELD: CAR_NEXT[CarPhase.HELD] | {STANDS, GONE},
+    CarPhase.LOADING: CAR_NEXT[CarPhase.LOADING],
+    CarPhase.TO_DROP: CAR_NEXT[CarPhase.TO_DROP] | {STANDS},
+    CarPhase.UNLOADING: CAR_NEXT[CarPhase.UNLOADING],
+    STANDS: frozenset({CarPhase.IDLE, CarPhase.TO_DROP, CarPhase.HELD}),
+    GONE: frozenset(),
+}
+"""The same where cars break down: who stands goes on with the parcel that it has, who is lost never does."""
 """What a car may go over to on the grid: that no phase is left out."""
 
 # --- What the grid's own words mean in a run
@@ -49,6 +61,7 @@ CAR_PHASE = {
     Phase.LOADING: CarPhase.LOADING,
     Phase.TO_DROP: CarPhase.TO_DROP,
     Phase.UNLOADING: CarPhase.UNLOADING,
+    Phase.OUT: CarPhase.RETIRED,
 }
 TASK_STATE = {
     Stage.ORDERED: TaskState.ORDERED,
@@ -56,10 +69,11 @@ TASK_STATE = {
     Stage.ASSIGNED: TaskState.ASSIGNED,
     Stage.CARRIED: TaskState.CARRIED,
     Stage.DELIVERED: TaskState.DELIVERED,
+    Stage.WITHDRAWN: TaskState.CANCELLED,
 }
 SERVED = {Phase.LOADING: TaskState.LOADING, Phase.UNLOADING: TaskState.UNLOADING}
 """The grid tells of a service by the car alone: a stage and this phase together are a state of a run."""
-KERNELS = ("assign", "assign_nearest", "count_moves", "direct", "rank_cars", "release", "serve")
+KERNELS = ("assign", "assign_nearest", "break_down", "count_moves", "direct", "rank_cars", "release", "serve")
 """All that change a fleet, of which each task and each car makes one step in one call at most ..."""
 TWO_STEPS = {"release": TaskState.BACKLOG}
 """... but in this one, where a task passes through a state: no delivery here waits for another."""
@@ -89,18 +103,31 @@ def told(fleet: GridFleet) -> Told:
         served = cars.phase == phase
         assert not (served & cars.held).any()
         states[cars.task[served]] = STATES.index(state)
-    phases = np.where(cars.held, PHASES.index(CarPhase.HELD), OF_PHASE[cars.phase])
+    is_out = cars.phase == Phase.OUT
+    phases = np.where(cars.held & ~is_out, PHASES.index(CarPhase.HELD), OF_PHASE[cars.phase])
+    phases[is_out & (cars.left > 0)] = PHASES.index(CarPhase.RECOVERING)
     return Told(tasks=states, cars=phases, task_of=cars.task.copy())
 
 
 class Watched:
     """A fleet on the grid that is compared with the tables before and after every call of a kernel."""
 
-    def __init__(self, n_cars: int, seed: int, load: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(
+        self,
+        n_cars: int,
+        seed: int,
+        load: float,
+        monkeypatch: pytest.MonkeyPatch,
+        faults: Faults = NO_FAULTS,
+        *,
+        n_sources: int = 1,
+    ) -> None:
+        self.car_next = WITH_BREAKDOWNS if faults.rate else CAR_NEXT
         self.task_steps: set[tuple[TaskState, TaskState]] = set()
         self.car_steps: set[tuple[CarPhase, CarPhase]] = set()
-        orders = episode_orders(SMALL, n_cars, load, 600.0, np.random.default_rng(seed))
-        self.fleet = GridFleet(SMALL, n_cars, orders, seed)
+        stream = StreamConfig(sources_n=n_sources)
+        orders = episode_orders(SMALL, n_cars, load, 600.0, np.random.default_rng(seed), stream)
+        self.fleet = GridFleet(SMALL, n_cars, orders, seed, faults)
         self.before = told(self.fleet)
         # Only what the fleet calls: kernels that call each other have to find themselves when they are compiled.
         watching = {name: self.watching(name, getattr(kernel, name)) for name in KERNELS}
@@ -128,7 +155,7 @@ class Watched:
                 self.task_steps.add((one, other))
         for car in np.flatnonzero(before.cars != now.cars).tolist():
             was, phase = PHASES[before.cars[car]], PHASES[now.cars[car]]
-            assert phase in CAR_NEXT[was], f"{name}: car {car} goes from {was} to {phase}"
+            assert phase in self.car_next[was], f"{name}: car {car} goes from {was} to {phase}"
             self.car_steps.add((was, phase))
         states = np.where(now.task_of == NONE, NO_TASK, now.tasks[now.task_of])
         for state, phase in set(zip(states.tolist(), now.cars.tolist(), strict=True)):
@@ -195,6 +222,28 @@ def test_every_step_on_the_grid_is_one_of_a_run(
     if n_cars == 18:
         held = {step for step in watched.car_steps if CarPhase.HELD in step}
         assert len(held) == 4, "cars were held on both ways, and went on"
+
+
+def test_every_step_of_a_fleet_that_breaks_down_is_one_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(12, 3, 2.0, monkeypatch, Faults(rate=0.02, mean_steps=10.0, lost_share=0.02))
+    fleet, rng = watched.fleet, np.random.default_rng(3)
+    for _ in range(600):
+        watched.assign_at_random(rng)
+        fleet.move(fleet.planned())
+    assert (TaskState.ASSIGNED, TaskState.READY) in watched.task_steps, "a task was given back"
+    broken = {(was, now) for was, now in watched.car_steps if STANDS in (was, now) or GONE in (was, now)}
+    stands = {(was, STANDS) for was in (CarPhase.IDLE, CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD)}
+    assert broken >= stands | {(STANDS, CarPhase.IDLE), (STANDS, CarPhase.TO_DROP), (CarPhase.TO_PICK, GONE)}
+
+
+def test_every_step_of_a_task_with_another_source_is_one_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched, rng = Watched(12, 3, 2.0, monkeypatch, n_sources=2), np.random.default_rng(3)
+    fleet = watched.fleet
+    for _ in range(600):
+        watched.assign_at_random(rng)
+        fleet.move(fleet.planned())
+    assert (TaskState.READY, TaskState.CANCELLED) in watched.task_steps
+    assert (fleet.tasks.stage == Stage.DELIVERED).sum() > 20
 
 
 def test_the_list_of_kernels_is_whole() -> None:

@@ -334,6 +334,14 @@ def test_unknown_sites_and_arguments_are_refused(make: Maker) -> None:
     for odd in (2.5, True):
         with pytest.raises(ConfigError, match="whole number"):
             dispatch_v0.parallel_env(decision_s=odd)
+    for wrong, words in (
+        ({"breakdowns_per_h": -1.0}, "breakdowns_per_h is -1.0; valid: a number from 0"),
+        ({"breakdowns_per_h": 1.0, "fidelity": "kinematic"}, "breakdowns_per_h is 1.0; valid: 0 but for fidelity grid"),
+        ({"repair_s": 0.0}, "repair_s is 0.0; valid: a number > 0"),
+        ({"lost_share": 1.5}, "lost_share is 1.5; valid: a number from 0 to 1"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            dispatch_v0.parallel_env(**wrong)
     with pytest.raises(ConfigError, match="weight lost is True; valid: a number"):
         DispatchWeights(lost=True)
 

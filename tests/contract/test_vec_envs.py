@@ -41,6 +41,23 @@ SETTINGS = {
             "n_cars": 40,
             "max_cycles": 50,
         },
+        "breakdowns": {
+            "site": "small",
+            "n_cars": 6,
+            "max_cycles": 60,
+            "breakdowns_per_h": 40.0,
+            "repair_s": 20.0,
+            "lost_share": 0.2,
+        },
+        "several sources, and tasks that are given back": {
+            "site": "medium",
+            "n_cars": 13,
+            "max_cycles": 60,
+            "load": 1.6,
+            "stream": {"sources_n": 3},
+            "breakdowns_per_h": 20.0,
+            "repair_s": 20.0,
+        },
     },
     "traffic": {
         "as it comes": {"site": "small", "n_cars": 6, "max_cycles": 120},

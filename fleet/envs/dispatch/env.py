@@ -12,7 +12,9 @@ task the one that waits longest for one gets it, of these the one with the lowes
 True. An illegal action counts as 0, and `infos[agent]["illegal"]` is True.
 
 Candidates: of each pick station its most pressing ready task (by class, due date, release), then of each its second
-most pressing one, nearer stations first, until all places are taken; listed by distance, the nearest first.
+most pressing one, nearer stations first, until all places are taken; listed by distance, the nearest first. An order
+that can be had at several pick stations (`stream.sources_n`) has a task at each, and who is given one of them has the
+order: the others are gone. So cars choose where to fetch it; two that choose tasks of one order choose the same.
 
 Observations: `{"observation": ..., "action_mask": ...}`. The mask holds 1 for each legal action. The numbers are all
 clipped to [-1, 1]; distances in units of the longest way between any two places of the site, times in units of 300 s:
@@ -28,6 +30,11 @@ clipped to [-1, 1]; distances in units of the longest way between any two places
 | | cars without a task that are nearer to its pick station / 4 |
 | the fleet | share of cars without a task, r / (r + cars) for r ready tasks |
 | | share of cars with a parcel, share of the ready tasks that are late, share of the episode that is left |
+
+Breakdowns (`breakdowns_per_h`; none as it comes, and none of a car that is served): a car stands where it is for a time
+that nobody knows, on average `repair_s`, and who is behind it waits. It gives back the task that it has not picked yet,
+which other cars can choose again, keeps a parcel that it has, and sees none of the phases. After some of the breakdowns
+(`lost_share`) a car parks instead, and takes no task any more. They are the seed's, whatever the agents do.
 
 Rewards: the sum of the terms in `DispatchWeights`; `infos[agent]` holds each weighted term. `state()` is all cars'
 numbers, one after the other.
@@ -53,7 +60,7 @@ from fleet.envs.core.weights import check_weights
 from fleet.envs.dispatch.fleets import DispatchFleet, GridDispatch
 from fleet.envs.dispatch.view import DispatchObserver, DispatchView
 from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import NONE
+from fleet.envs.grid.kernel import NONE, Faults
 from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
 from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.sites import place_of
@@ -79,6 +86,9 @@ class DispatchWeights:
         check_weights(self)
 
 
+MOST_PER_H, MOST_REPAIR_S = 3600.0, 1e6
+"""The greatest rate of breakdowns [1/h] and the longest repair [s]."""
+ONLY_GRID = "0 but for fidelity grid"
 TERMS = ("delivered", "late", "empty", "waiting", "lost")
 """Names of the terms."""
 
@@ -99,6 +109,12 @@ class DispatchConfig(LayerConfig):
     """Tasks that a car can choose from."""
     decision_s: float = 5.0
     """Simulated time of a step [s], a whole number."""
+    breakdowns_per_h: float = 0.0
+    """Breakdowns of each car in an hour, on average; fidelity `grid` alone."""
+    repair_s: float = 120.0
+    """For how long a car stands then, on average [s]."""
+    lost_share: float = 0.0
+    """Part of the breakdowns of cars without a parcel after which the car takes no task any more."""
     max_cycles: int = 240
     """Steps after which an episode is truncated."""
     weights: DispatchWeights | None = None
@@ -110,7 +126,26 @@ class DispatchConfig(LayerConfig):
         decision_s = self.decision_s
         whole = is_number(decision_s) and decision_s >= TIMESTEP_S and decision_s % TIMESTEP_S == 0
         require(whole, "decision_s", decision_s, "a whole number of seconds, >= 1")
+        rate_ok = is_number(self.breakdowns_per_h) and 0 <= self.breakdowns_per_h <= MOST_PER_H
+        require(rate_ok, "breakdowns_per_h", self.breakdowns_per_h, f"a number from 0 to {MOST_PER_H:g}")
+        repair_ok = is_number(self.repair_s) and 0 < self.repair_s <= MOST_REPAIR_S
+        require(repair_ok, "repair_s", self.repair_s, f"a number > 0, at most {MOST_REPAIR_S:g}")
+        lost_ok = is_number(self.lost_share) and 0 <= self.lost_share <= 1
+        require(lost_ok, "lost_share", self.lost_share, "a number from 0 to 1")
         super().__post_init__()
+        on_grid = self.fidelity == Fidelity.GRID
+        n = self.order_stream.sources_n
+        require(on_grid or n == 1, "stream.sources_n", n, "1 but for fidelity grid, where agents choose the source")
+        require(on_grid or not self.breakdowns_per_h, "breakdowns_per_h", self.breakdowns_per_h, ONLY_GRID)
+
+    @property
+    def faults(self) -> Faults:
+        """How often cars break down."""
+        return Faults(
+            rate=self.breakdowns_per_h * TIMESTEP_S / 3600.0,
+            mean_steps=self.repair_s / TIMESTEP_S,
+            lost_share=float(self.lost_share),
+        )
 
     @property
     def step_s(self) -> float:
@@ -147,7 +182,7 @@ class DispatchEnv(LayerEnv[DispatchView]):
     def _fleet_of(self, orders: tuple[Delivery, ...], seed: int, duration_s: float) -> DispatchFleet:
         self._idle_steps[:] = 0
         if self.config.fidelity == Fidelity.GRID:
-            return GridDispatch(self.place, self._n_cars, orders, seed)
+            return GridDispatch(self.place, self._n_cars, orders, seed, self.config.faults)
         from fleet.envs.dispatch.simulation import SimulatedDispatch
 
         site, fidelity = str(self.config.site), Fidelity(self.config.fidelity)
@@ -165,7 +200,9 @@ class DispatchEnv(LayerEnv[DispatchView]):
         fleet, weights = self.fleet, self._weights
         assert fleet is not None
         wanted = np.where(choice > 0, self.candidates[self._cars, choice - 1], NONE)
-        won = resolve_choices(wanted, self._idle_steps)
+        order, choosing = wanted.copy(), np.flatnonzero(wanted != NONE)
+        order[choosing] = self.view.order[np.searchsorted(self.view.task, wanted[choosing])]
+        won = resolve_choices(order, self._idle_steps)
         lost = (wanted != NONE) & ~won
         self._idle_steps = np.where(self.view.free & ~won, self._idle_steps + 1, 0)
         fleet.give([(int(car), int(wanted[car])) for car in np.flatnonzero(won)])

@@ -10,7 +10,7 @@ import numpy as np
 from fleet.envs.dispatch.outlook import Jobs, Outlook
 from fleet.envs.dispatch.view import DispatchView
 from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
-from fleet.envs.grid.kernel import NEVER, NONE, Phase, Stage
+from fleet.envs.grid.kernel import NEVER, NO_FAULTS, NONE, TO_DROP, Faults, Phase, Stage
 from fleet.envs.layers.fleets import Fleet, FleetOnGrid
 from fleet.tasks.order import Delivery
 
@@ -38,11 +38,14 @@ class GridDispatch(FleetOnGrid):
         place: The site.
         n_cars: Number of cars.
         orders: Deliveries, ascending in release.
-        seed: Seed of the tie-breaking.
+        seed: Seed of the tie-breaking, and of breakdowns.
+        faults: How often cars break down.
     """
 
-    def __init__(self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
-        super().__init__(GridFleet(place, n_cars, orders, seed))
+    def __init__(
+        self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int, faults: Faults = NO_FAULTS
+    ) -> None:
+        super().__init__(GridFleet(place, n_cars, orders, seed, faults))
 
     def view(self, left: float) -> DispatchView:
         """See `DispatchFleet`."""
@@ -62,6 +65,7 @@ class GridDispatch(FleetOnGrid):
             held=cars.held,
             free=cars.phase == Phase.FREE,
             task=task,
+            order=tasks.order[task],
             pick=tasks.pick[task],
             drop=tasks.drop[task],
             rank=tasks.rank[task],
@@ -83,19 +87,23 @@ class GridDispatch(FleetOnGrid):
             self.grid.move(self.grid.planned())
 
     def outlook(self) -> Outlook:
-        """See `DispatchFleet`."""
+        """See `DispatchFleet`; who has broken down goes on after the mean time, as nobody knows how long it takes."""
         cars, tasks = self.grid.cars, self.grid.tasks
+        phase, left = cars.phase.copy(), cars.left.copy()
+        stands = (phase == Phase.OUT) & (left > 0)
+        left[stands] = round(self.grid.faults.mean_steps)
+        phase[stands] = np.where(cars.task[stands] == NONE, Phase.FREE, TO_DROP)
         stage = tasks.stage[: tasks.window[1]]
         known = np.flatnonzero((stage >= Stage.READY) & (stage < Stage.DELIVERED)).astype(np.int32)
-        columns = (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32))
+        columns = (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32), tasks.order)
         has_task = cars.task != NONE
         job = np.full(len(cars.task), NONE, dtype=np.int32)
         job[has_task] = np.searchsorted(known, cars.task[has_task])
         return Outlook(
             now=self.grid.now,
             state=cars.state.copy(),
-            phase=cars.phase.copy(),
-            left=cars.left.copy(),
+            phase=phase,
+            left=left,
             job=job,
             jobs=Jobs(*(column[known] for column in columns)),
             number=known,

@@ -23,7 +23,7 @@ CHANGE_STEPS = 3
 
 
 class Jobs(NamedTuple):
-    """Deliveries, ascending in release; times in timesteps."""
+    """Deliveries, ascending in release; times in timesteps. Of those of one order one is made; they are neighbours."""
 
     release: Ints
     due: Ints
@@ -32,7 +32,9 @@ class Jobs(NamedTuple):
     drop: Ints
     """Stations."""
     rank: Ints
-    """Priority classes, 0 = most urgent; all of shape (m,)."""
+    """Priority classes, 0 = most urgent."""
+    order: Ints
+    """Numbers of the orders; all of shape (m,)."""
 
 
 class Outlook(NamedTuple):
@@ -45,7 +47,7 @@ class Outlook(NamedTuple):
     phase: SmallInts
     """`fleet.envs.grid.kernel.Phase` of each car, shape (n,)."""
     left: Ints
-    """Timesteps of service that are left, shape (n,)."""
+    """Timesteps of service that are left, or until the car goes on, shape (n,)."""
     job: Ints
     """Delivery of each car, as a row of `jobs`, `NONE` = it has none, shape (n,)."""
     jobs: Jobs
@@ -89,13 +91,14 @@ def _line_up(jobs: Jobs, line: Ints, n: int, row: int) -> int:  # pragma: no cov
 
 
 @njit(cache=True, nogil=True)
-def _leave(line: Ints, n: int, row: int) -> int:  # pragma: no cover - compiled
-    """Take a delivery out of a line; returns how many are left."""
-    k = 0
-    while line[k] != row:
-        k += 1
-    line[k : n - 1] = line[k + 1 : n]
-    return n - 1
+def _leave(jobs: Jobs, line: Ints, n: int, row: int) -> int:  # pragma: no cover - compiled
+    """Take the deliveries of a delivery's order out of a line; returns how many are left."""
+    left = 0
+    for k in range(n):
+        if jobs.order[line[k]] != jobs.order[row]:
+            line[left] = line[k]
+            left += 1
+    return left
 
 
 @njit(cache=True, nogil=True)
@@ -125,13 +128,13 @@ def score_choices(
     """
     m, width = len(outlook.number), futures.release.shape[1]
     table = np.empty((len(outlook.jobs), m + width), dtype=np.int32)
-    all_jobs = Jobs(table[0], table[1], table[2], table[3], table[4])
+    all_jobs = Jobs(table[0], table[1], table[2], table[3], table[4], table[5])
     for column in range(len(table)):
         table[column, :m] = outlook.jobs[column]
     waits = np.ones(m, dtype=np.bool_)
     for job in outlook.job:
         if job != NONE:
-            waits[job] = False
+            waits &= outlook.jobs.order != outlook.jobs.order[job]
     line = np.empty(m + width, dtype=np.int32)
     n_in_line = 0
     for row in range(m):
@@ -172,7 +175,7 @@ def _play_on(
     _begin(floor, outlook, jobs, memory, at_stations)
     coming = m
     if chosen_job != NONE:
-        n_waiting = _leave(waiting, n_waiting, chosen_job)
+        n_waiting = _leave(jobs, waiting, n_waiting, chosen_job)
         _set_off(floor, jobs, chosen_car, chosen_job, outlook.now, memory, under_way)
     worth = 0.0
     while True:
@@ -212,7 +215,8 @@ def _play_on(
         if job[car] != NONE:
             worth += 0.5 * (phase[car] in (TO_DROP, UNLOADING)) - rule.late * max(0, end - jobs.due[job[car]])
     for k in range(n_waiting):
-        worth -= rule.late * max(0, end - jobs.due[waiting[k]])
+        if k == 0 or jobs.order[waiting[k]] != jobs.order[waiting[k - 1]]:
+            worth -= rule.late * max(0, end - jobs.due[waiting[k]])
     return worth
 
 
@@ -226,13 +230,12 @@ def _begin(
     arm[:] = outlook.now - CHANGE_STEPS
     under_way[:] = 0
     phase[:], place[:], job[:] = outlook.phase, outlook.state, outlook.job
-    time[:] = outlook.now
+    time[:] = outlook.now + outlook.left
     for car in range(len(time)):
         if phase[car] in (TO_PICK, TO_DROP):
             station = jobs.pick[job[car]] if phase[car] == TO_PICK else jobs.drop[job[car]]
             time[car] += floor.distance[floor.dock_row[station], place[car]]
         elif phase[car] in (LOADING, UNLOADING):
-            time[car] += outlook.left[car]
             arm[jobs.pick[job[car]] if phase[car] == LOADING else jobs.drop[job[car]]] = time[car]
         elif phase[car] != FREE:
             time[car] = NEVER
@@ -287,7 +290,7 @@ def _give_out(
                     best, best_car, best_row = index, car, row
         if best_car == NONE:
             break
-        n_waiting = _leave(waiting, n_waiting, best_row)
+        n_waiting = _leave(jobs, waiting, n_waiting, best_row)
         _set_off(floor, jobs, best_car, best_row, now, memory, under_way)
     return n_waiting
 

@@ -47,5 +47,20 @@ SCENARIOS: dict[str, DispatchScenario] = {
         summary="seven of ten orders begin at two of the six pick stations",
         arguments={"site": "medium", "n_cars": 16, "load": 1.2, "stream": {"bottleneck_n": 2}},
     ),
+    "breakdowns": DispatchScenario(
+        summary="three times an hour a car stands for 45 s, and one in two of those without a parcel is lost for good",
+        arguments={
+            "site": "medium",
+            "n_cars": 16,
+            "load": 0.9,
+            "breakdowns_per_h": 3.0,
+            "repair_s": 45.0,
+            "lost_share": 0.5,
+        },
+    ),
+    "two_sources": DispatchScenario(
+        summary="what lies at the bottleneck lies at another pick station, too; more orders than the cars can carry",
+        arguments={"site": "medium", "n_cars": 16, "load": 1.6, "stream": {"bottleneck_n": 2, "sources_n": 2}},
+    ),
 }
 """Scenarios by name."""

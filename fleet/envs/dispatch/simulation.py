@@ -104,6 +104,7 @@ class SimulatedDispatch(SimulatedFleet):
             held=self._held(),
             free=missions.phase_index == NUMBER_OF_PHASE[CarPhase.IDLE],
             task=np.array([task.index for task in ready], dtype=np.int32),
+            order=np.array([task.index for task in ready], dtype=np.int32),
             pick=np.array([number[task.pick] for task in ready], dtype=np.int32),
             drop=np.array([number[task.delivery.drop] for task in ready], dtype=np.int32),
             rank=np.array([task.order.rank for task in ready], dtype=np.int8),
@@ -130,6 +131,7 @@ class SimulatedDispatch(SimulatedFleet):
             [number[task.pick] for task in known],
             [number[task.delivery.drop] for task in known],
             [task.order.rank for task in known],
+            [task.index for task in known],
         )
         return Outlook(
             now=math.ceil(now_s / TIMESTEP_S),

@@ -48,6 +48,8 @@ class DispatchView(NamedTuple):
     """May be given a task, shape (n,)."""
     task: Ints
     """The ready tasks, ascending, shape (m,)."""
+    order: Ints
+    """The order that each is of; of those of one order only one can be had, shape (m,)."""
     pick: Ints
     drop: Ints
     """Their stations, shape (m,)."""
@@ -61,7 +63,9 @@ class DispatchView(NamedTuple):
 
     def only(self, columns: npt.NDArray[np.int64]) -> DispatchView:
         """The same fleet with some of the ready tasks, ascending indices into `task`."""
-        tasks = {name: getattr(self, name)[columns] for name in ("task", "pick", "drop", "rank", "age_s", "due_s")}
+        tasks = {
+            name: getattr(self, name)[columns] for name in ("task", "order", "pick", "drop", "rank", "age_s", "due_s")
+        }
         return self._replace(**tasks)
 
 

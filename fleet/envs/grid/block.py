@@ -38,6 +38,8 @@ class BlockRows(NamedTuple):
     """Cars in the order of an earlier timestep, the first in front, shape (B, n)."""
     salt: npt.NDArray[np.int64]
     """State of the tie-breaking of PIBT, shape (B,)."""
+    dice: npt.NDArray[np.int64]
+    """Source of breakdowns, shape (B,)."""
     now: npt.NDArray[np.int64]
     """Timesteps that have passed, shape (B,)."""
     n_tasks: npt.NDArray[np.int64]
@@ -97,6 +99,7 @@ class GridBlock:
             locked=np.zeros((n_fleets, n_cars), dtype=np.bool_),
             order=np.repeat(np.arange(n_cars, dtype=np.int32)[None], n_fleets, axis=0),
             salt=np.zeros(n_fleets, dtype=np.int64),
+            dice=np.zeros(n_fleets, dtype=np.int64),
             now=np.zeros(n_fleets, dtype=np.int64),
             n_tasks=np.zeros(n_fleets, dtype=np.int64),
         )
@@ -116,10 +119,10 @@ class GridBlock:
         Args:
             index: Which fleet.
             orders: Deliveries, ascending in release.
-            seed: Seed of the tie-breaking of PIBT.
+            seed: Seed of the tie-breaking of PIBT, and of breakdowns.
         """
         tasks = tasks_of(orders, self._names)
-        n = len(orders)
+        n = len(tasks.stage)
         if n > self.capacity:
             self._make_room(int(_MORE * n))
         _set_row(self.tasks, index, tasks)
@@ -131,6 +134,7 @@ class GridBlock:
         rows.spot_user[index] = self._spots
         # As `Stepper` draws it.
         rows.salt[index] = np.random.default_rng(seed).integers(2**62)
+        rows.dice[index] = seed
         rows.now[index], rows.n_tasks[index] = 0, n
 
     def stepping(self) -> Stepping:
@@ -176,7 +180,7 @@ def fleet_at(
 ) -> FleetRow:  # pragma: no cover - compiled
     """One fleet of the arrays of a block."""
     (state, phase, held, booked, task, station, spot, left, bound, since, goal, row) = cars
-    (release, due, pick, drop, rank, stage, car, done, window) = tasks
+    (release, due, pick, drop, rank, stage, car, done, order, window) = tasks
     n = rows.n_tasks[b]
     return FleetRow(
         CarTable(
@@ -202,6 +206,7 @@ def fleet_at(
             stage[b, :n],
             car[b, :n],
             done[b, :n],
+            order[b, :n],
             window[b],
         ),
         StationTable(stations[0][b], stations[1][b]),

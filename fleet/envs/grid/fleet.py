@@ -18,7 +18,18 @@ import numpy.typing as npt
 
 from fleet.config import AllocationConfig
 from fleet.envs.grid import kernel
-from fleet.envs.grid.kernel import NEVER, NONE, CarTable, Counts, Floor, Stage, StationTable, TaskTable
+from fleet.envs.grid.kernel import (
+    NEVER,
+    NO_FAULTS,
+    NONE,
+    CarTable,
+    Counts,
+    Faults,
+    Floor,
+    Stage,
+    StationTable,
+    TaskTable,
+)
 from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S
 from fleet.stations.service_time import PRIOR_MEAN_S
@@ -100,12 +111,17 @@ class GridFleet:
         place: The site.
         n_cars: Number of cars, at most the parking places.
         orders: Deliveries, ascending in release.
-        seed: Seed of the tie-breaking of PIBT.
+        seed: Seed of the tie-breaking of PIBT, and of breakdowns.
+        faults: How often cars break down.
     """
 
-    def __init__(self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int) -> None:
+    def __init__(
+        self, place: FleetSite, n_cars: int, orders: Sequence[Delivery], seed: int, faults: Faults = NO_FAULTS
+    ) -> None:
         self.place = place
         self.now = 0
+        self.faults = faults
+        self._dice = seed
         floor, graph = place.floor, place.graph
         self.cars = cars_at_start(floor, n_cars)
         self.tasks = tasks_of(orders, [station.name for station in place.site.stations])
@@ -186,6 +202,7 @@ class GridFleet:
 
     def _turn(self) -> None:
         """Everything that happens between two moves."""
+        kernel.break_down(self.cars, self.tasks, self.stations, self.faults, self._dice, self.now)
         kernel.serve(self.place.floor, self.cars, self.tasks, self.stations, self.counts, self.now)
         kernel.release(self.tasks, self.counts, self.now)
         self.direct()
@@ -221,26 +238,35 @@ def spot_users_at_start(floor: Floor, n_cars: int) -> npt.NDArray[np.int32]:
 
 
 def tasks_of(orders: Sequence[Delivery], names: list[str]) -> TaskTable:
-    """Tasks that are not released yet.
+    """Tasks that are not released yet, one for each source of each order.
 
     Args:
         orders: Deliveries, ascending in release.
         names: Names of the stations, in their order.
     """
     number = {name: k for k, name in enumerate(names)}
-    n = len(orders)
-    due = [order.due_s / TIMESTEP_S if math.isfinite(order.due_s) else NEVER for order in orders]
+    told = [(order, pick) for order in orders for pick in order.picks]
+    n = len(told)
+    n_sources = np.array([len(order.picks) for order in orders], dtype=np.int64)
+    due = [order.due_s / TIMESTEP_S if math.isfinite(order.due_s) else NEVER for order, _ in told]
     return TaskTable(
-        release=np.array([math.ceil(order.release_s / TIMESTEP_S) for order in orders], dtype=np.int32),
+        release=np.array([math.ceil(order.release_s / TIMESTEP_S) for order, _ in told], dtype=np.int32),
         due=np.array(due, dtype=np.int64).astype(np.int32),
-        pick=np.array([number[order.pick] for order in orders], dtype=np.int32),
-        drop=np.array([number[order.drop] for order in orders], dtype=np.int32),
-        rank=np.array([order.rank for order in orders], dtype=np.int8),
+        pick=np.array([number[pick] for _, pick in told], dtype=np.int32),
+        drop=np.array([number[order.drop] for order, _ in told], dtype=np.int32),
+        rank=np.array([order.rank for order, _ in told], dtype=np.int8),
         stage=np.full(n, Stage.ORDERED, dtype=np.int8),
         car=_none(n),
         done=np.full(n, NEVER, dtype=np.int32),
+        order=np.repeat(np.cumsum(n_sources) - n_sources, n_sources).astype(np.int32),
         window=_zero(2),
     )
+
+
+def one_per_order(tasks: TaskTable) -> npt.NDArray[np.bool_]:
+    """One task of each order: the one that a car was given, or else the first, shape (m,)."""
+    first = tasks.order == np.arange(len(tasks.order))
+    return np.where(tasks.stage <= Stage.READY, first, tasks.stage != Stage.WITHDRAWN)
 
 
 def _zero(n: int) -> npt.NDArray[np.int32]:

@@ -6,6 +6,7 @@ task or a car make against the life cycle of runs.
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -32,7 +33,7 @@ class Phase(IntEnum):
     TO_DROP = 3
     UNLOADING = 4
     OUT = 5
-    """Out of service; on the grid no car ever is."""
+    """Out of service."""
 
 
 class Stage(IntEnum):
@@ -44,11 +45,13 @@ class Stage(IntEnum):
     ASSIGNED = 2
     CARRIED = 3
     DELIVERED = 4
+    WITHDRAWN = 5
+    """A car has another task of the same order."""
 
 
 # numba reads plain integers faster than members of an enum.
-FREE, TO_PICK, LOADING, TO_DROP, UNLOADING = (int(phase) for phase in list(Phase)[:5])
-READY, ASSIGNED, CARRIED, DELIVERED = (int(stage) for stage in list(Stage)[1:])
+FREE, TO_PICK, LOADING, TO_DROP, UNLOADING, OUT = (int(phase) for phase in Phase)
+READY, ASSIGNED, CARRIED, DELIVERED, WITHDRAWN = (int(stage) for stage in list(Stage)[1:])
 
 
 class Floor(NamedTuple):
@@ -89,7 +92,7 @@ class CarTable(NamedTuple):
     spot: Ints
     """The parking place that is its own now."""
     left: Ints
-    """Timesteps of service that are left."""
+    """Timesteps of service that are left, or of a breakdown; of a car that is out of service 0 = for good."""
     bound: Ints
     """Timestep in which it was bound for its station."""
     since: Ints
@@ -100,7 +103,10 @@ class CarTable(NamedTuple):
 
 
 class TaskTable(NamedTuple):
-    """One entry per task, ascending in release; times in timesteps."""
+    """One entry per task, ascending in release; times in timesteps.
+
+    An order has a task for each pick station that has what is ordered, one after the other, of which one is done.
+    """
 
     release: Ints
     due: Ints
@@ -113,6 +119,8 @@ class TaskTable(NamedTuple):
     car: Ints
     done: Ints
     """Timestep of the delivery, `NEVER` before."""
+    order: Ints
+    """The first task of the same order."""
     window: Ints
     """First task that may be open, and number of those released, shape (2,)."""
 
@@ -136,7 +144,7 @@ class Counts(NamedTuple):
     empty: npt.NDArray[Any]
     """Moves it made on its way to a pick station."""
     open: npt.NDArray[Any]
-    """Sum over the timesteps of the tasks that were released and not picked, shape (1,)."""
+    """Sum over the timesteps of the orders that were released and not picked, shape (1,)."""
 
     @staticmethod
     def of(n_cars: int, dtype: npt.DTypeLike) -> Counts:
@@ -150,11 +158,64 @@ class Counts(NamedTuple):
             count[:] = 0
 
 
+class Faults(NamedTuple):
+    """How often cars break down."""
+
+    rate: float
+    """Chance of each car in each timestep; 0 = never."""
+    mean_steps: float
+    """Timesteps for which a car stands then, on average."""
+    lost_share: float
+    """Part of the breakdowns of cars without a parcel after which a car drives but takes no task any more."""
+
+
+NO_FAULTS = Faults(rate=0.0, mean_steps=0.0, lost_share=0.0)
+"""Nothing ever breaks down."""
+
+
+@compiled
+def break_down(
+    cars: CarTable, tasks: TaskTable, stations: StationTable, faults: Faults, dice: int, now: int
+) -> None:  # pragma: no cover - compiled
+    """Let cars break down, and those that have stood long enough go on; before `serve`.
+
+    A car that is served does not break down; one that drives to its pick station gives its task back. Chance is that of
+    the car and the timestep, whatever the fleet does, so that all policies meet the same.
+
+    Args:
+        cars: The cars.
+        tasks: The tasks.
+        stations: The stations.
+        faults: How often.
+        dice: Source of chance.
+        now: The timestep.
+    """
+    if faults.rate == 0.0:
+        return
+    for car in range(len(cars.state)):
+        phase = cars.phase[car]
+        if phase == OUT:
+            if cars.left[car] > 0:
+                cars.left[car] -= 1
+                if cars.left[car] == 0:
+                    cars.phase[car] = FREE if cars.task[car] == NONE else TO_DROP
+            continue
+        if phase in (LOADING, UNLOADING) or _chance(dice, now, car, 0) >= faults.rate:
+            continue
+        if phase == TO_PICK:
+            _give_back(cars, tasks, stations, car)
+        cars.phase[car] = OUT
+        is_lost = cars.task[car] == NONE and _chance(dice, now, car, 1) < faults.lost_share
+        stands = 1 + int(-faults.mean_steps * math.log(1.0 - _chance(dice, now, car, 2)))
+        cars.left[car] = 0 if is_lost else stands
+
+
 @compiled
 def assign(
     cars: CarTable, tasks: TaskTable, stations: StationTable, car: int, task: int, now: int
 ) -> None:  # pragma: no cover
     """Give a ready task to a free car."""
+    _set_order(tasks, task, WITHDRAWN)
     tasks.stage[task], tasks.car[task] = ASSIGNED, car
     cars.task[car] = task
     stations.under_way[tasks.pick[task]] += 1
@@ -222,7 +283,7 @@ def serve(
                 if now > tasks.due[task]:
                     counts.late[car] += now - tasks.due[task]
                 cars.phase[car], cars.task[car], cars.station[car] = FREE, NONE, NONE
-        elif cars.booked[car] and cars.state[car] == floor.dock_state[cars.station[car]]:
+        elif phase != OUT and cars.booked[car] and cars.state[car] == floor.dock_state[cars.station[car]]:
             cars.phase[car] = LOADING if phase == TO_PICK else UNLOADING
             cars.left[car] = floor.service_steps
 
@@ -237,7 +298,8 @@ def release(tasks: TaskTable, counts: Counts, now: int) -> None:  # pragma: no c
     while window[0] < window[1] and tasks.stage[window[0]] >= CARRIED:
         window[0] += 1
     for task in range(window[0], window[1]):
-        counts.open[0] += tasks.stage[task] <= ASSIGNED
+        stage = tasks.stage[task]
+        counts.open[0] += stage == ASSIGNED or (stage == READY and tasks.order[task] == task)
 
 
 @compiled
@@ -261,6 +323,8 @@ def direct(
     for car in range(n):
         station = cars.station[car]
         if cars.booked[car] or station == NONE or stations.booked[station] >= floor.station_cap[station]:
+            continue
+        if cars.phase[car] == OUT:
             continue
         near = floor.distance[floor.dock_row[station], cars.state[car]] <= floor.near_moves
         before = first[station] == NONE or cars.bound[car] < cars.bound[first[station]]
@@ -304,7 +368,8 @@ def rank_cars(
     for car in range(len(cars.state)):
         phase = cars.phase[car]
         at_goal = cars.state[car] == cars.goal[car]
-        locked[car] = phase in (LOADING, UNLOADING) or (at_goal and cars.booked[car])
+        stands = phase in (LOADING, UNLOADING) or (phase == OUT and cars.left[car] > 0)
+        locked[car] = stands or (at_goal and cars.booked[car])
         waited = np.float64(now - cars.since[car])
         if phase == TO_DROP:
             waited += floor.loaded_rank
@@ -317,6 +382,49 @@ def rank_cars(
 def _bind(cars: CarTable, car: int, phase: int, station: int, now: int) -> None:  # pragma: no cover - compiled
     cars.phase[car], cars.station[car], cars.bound[car] = phase, station, now
     cars.held[car] = cars.booked[car] = False
+
+
+@inlined
+def _set_order(tasks: TaskTable, task: int, stage: int) -> None:  # pragma: no cover - compiled
+    """Put all tasks of a task's order in a stage."""
+    order = tasks.order[task]
+    other = order
+    while other < len(tasks.order) and tasks.order[other] == order:
+        tasks.stage[other] = stage
+        other += 1
+
+
+@inlined
+def _give_back(cars: CarTable, tasks: TaskTable, stations: StationTable, car: int) -> None:  # pragma: no cover
+    """Take its task from a car that drives to its pick station. Compiled."""
+    task = cars.task[car]
+    _set_order(tasks, task, READY)
+    tasks.car[task] = NONE
+    tasks.window[0] = min(tasks.window[0], tasks.order[task])
+    stations.under_way[tasks.pick[task]] -= 1
+    stations.under_way[tasks.drop[task]] -= 1
+    stations.booked[cars.station[car]] -= cars.booked[car]
+    cars.task[car] = cars.station[car] = NONE
+    cars.held[car] = cars.booked[car] = False
+
+
+@inlined
+def _chance(dice: int, now: int, car: int, kind: int) -> float:  # pragma: no cover - compiled
+    """A number from 0 to below 1 that depends on these alone.
+
+    Source: SplitMix64; Steele, Lea, Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014.
+    """
+    own = np.uint64((now << 16) + (car << 2) + kind)
+    mixed = _mixed(_mixed(np.uint64(dice)) + own)
+    return np.float64(mixed >> np.uint64(11)) * 2.0**-53
+
+
+@inlined
+def _mixed(bits: Any) -> Any:  # pragma: no cover - compiled
+    bits += np.uint64(0x9E3779B97F4A7C15)
+    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return bits ^ (bits >> np.uint64(31))
 
 
 @inlined

@@ -148,14 +148,16 @@ def matched(
     if not len(cars):
         return actions
     able, rows = np.unique(cars, return_inverse=True)
-    tasks, columns = np.unique(candidates[cars, places], return_inverse=True)
-    of_task = np.full((len(able), len(tasks)), np.inf)
-    of_task[rows, columns] = cost[cars, places]
-    known = np.searchsorted(view.task, tasks)
-    class_of = view.rank[known].astype(np.int32) if classes else np.zeros(len(tasks), dtype=np.int32)
-    problem = AllocationProblem(cost=of_task, class_of=class_of, since_s=-view.age_s[known])
+    known = np.searchsorted(view.task, candidates[cars, places])
+    _, one_of_each, columns = np.unique(view.order[known], return_index=True, return_inverse=True)
+    known = known[one_of_each]
+    # Of the tasks of an order each car would take the one that costs it least.
+    of_order = np.full((len(able), len(known)), np.inf)
+    np.minimum.at(of_order, (rows, columns), cost[cars, places])
+    class_of = view.rank[known].astype(np.int32) if classes else np.zeros(len(known), dtype=np.int32)
+    problem = AllocationProblem(cost=of_order, class_of=class_of, since_s=-view.age_s[known])
     for row, column in allocator.allocate(problem).pairs.tolist():
-        car = int(able[row])
-        place = int(np.flatnonzero(candidates[car] == tasks[column])[0])
-        actions[env.possible_agents[car]] = place + 1
+        own = np.flatnonzero((rows == row) & (columns == column))
+        place = places[own[np.argmin(cost[able[row], places[own]])]]
+        actions[env.possible_agents[int(able[row])]] = int(place) + 1
     return actions

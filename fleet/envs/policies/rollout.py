@@ -95,7 +95,8 @@ class RolloutPolicy:
             agent = env.possible_agents[car]
             places = np.flatnonzero(env.candidates[car] != NONE)
             rows = np.searchsorted(outlook.number, env.candidates[car, places]).astype(np.int32)
-            open_ = ~np.isin(rows, outlook.job)
+            order, given_out = outlook.jobs.order, outlook.job[outlook.job != NONE]
+            open_ = ~np.isin(order[rows], order[given_out])
             places, rows = places[open_], rows[open_]
             best = self._best(env, outlook, futures, car, rows, rule) if len(rows) else NONE
             if best == NONE:
@@ -187,14 +188,16 @@ def given(outlook: Outlook, car: int, row: int) -> Outlook:
 
 
 def _table(streams: list[tuple[Delivery, ...]], number: Mapping[str, int]) -> Jobs:
-    longest = max(map(len, streams)) + 1
-    table = np.zeros((5, len(streams), longest), dtype=np.int32)
+    told = [[(k, order, pick) for k, order in enumerate(orders) for pick in order.picks] for orders in streams]
+    longest = max(map(len, told)) + 1
+    table = np.zeros((6, len(streams), longest), dtype=np.int32)
     table[:2] = NEVER
-    for row, orders in enumerate(streams):
-        n = len(orders)
-        table[0, row, :n] = [np.ceil(order.release_s / TIMESTEP_S) for order in orders]
-        table[1, row, :n] = [min(order.due_s / TIMESTEP_S, NEVER) for order in orders]
-        table[2, row, :n] = [number[order.pick] for order in orders]
-        table[3, row, :n] = [number[order.drop] for order in orders]
-        table[4, row, :n] = [order.rank for order in orders]
+    for row, tasks in enumerate(told):
+        n = len(tasks)
+        table[0, row, :n] = [np.ceil(order.release_s / TIMESTEP_S) for _, order, _ in tasks]
+        table[1, row, :n] = [min(order.due_s / TIMESTEP_S, NEVER) for _, order, _ in tasks]
+        table[2, row, :n] = [number[pick] for *_, pick in tasks]
+        table[3, row, :n] = [number[order.drop] for _, order, _ in tasks]
+        table[4, row, :n] = [order.rank for _, order, _ in tasks]
+        table[5, row, :n] = [-1 - k for k, *_ in tasks]  # not those of the orders that are there
     return Jobs(*table)

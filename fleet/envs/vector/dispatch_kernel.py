@@ -12,7 +12,20 @@ from fleet.envs.grid import kernel
 from fleet.envs.grid.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send, turn
 from fleet.envs.grid.compiled import compiled
 from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import FREE, NEVER, NONE, READY, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
+from fleet.envs.grid.kernel import (
+    FREE,
+    NEVER,
+    NONE,
+    OUT,
+    READY,
+    TO_DROP,
+    UNLOADING,
+    Bools,
+    Faults,
+    Floor,
+    Ints,
+    SmallInts,
+)
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]
@@ -57,7 +70,7 @@ class DispatchMemory(NamedTuple):
     """Memory that one thread works in."""
 
     claim: Ints
-    """Car that gets each task; `NONE` for all between calls, shape (capacity,)."""
+    """Car that gets each order; `NONE` for all between calls, shape (capacity,)."""
     wanted: Ints
     """Task that each car wants, shape (n,)."""
     free: Bools
@@ -85,6 +98,7 @@ def step_some(
     memory_arrays: tuple[Any, ...],
     actions: npt.NDArray[np.int64],
     weights: tuple[float, float, float, float, float],
+    fault_numbers: tuple[float, float, float],
     n_timesteps: int,
     left: Doubles,
 ) -> None:  # pragma: no cover - compiled
@@ -101,11 +115,12 @@ def step_some(
         memory_arrays: A `DispatchMemory`.
         actions: Shape (B, n).
         weights: Of the terms, in their order.
+        fault_numbers: `Faults`.
         n_timesteps: Timesteps of a step.
         left: Share of the episode that is left after the step, shape (B,).
     """
     floor, tables, memory = Floor(*floor_arrays), DispatchTables(*table_arrays), DispatchMemory(*memory_arrays)
-    stepping, rows = Stepping(*stepping_arrays), BlockRows(*block[4])
+    stepping, rows, faults = Stepping(*stepping_arrays), BlockRows(*block[4]), Faults(*fault_numbers)
     for b in range(first, last):
         fleet = fleet_at(block[0], block[1], block[2], block[3], rows, b)
         for count in fleet.counts:
@@ -116,6 +131,7 @@ def step_some(
             plan(floor, fleet, stepping, rows.salt[b], stepping.nobody)
             kernel.count_moves(fleet.cars, stepping.after, fleet.counts)
             rows.now[b] += 1
+            kernel.break_down(fleet.cars, fleet.tasks, fleet.stations, faults, rows.dice[b], rows.now[b])
             turn(floor, fleet, stepping.first, rows.now[b])
         _earn(fleet, tables.lost[b], weights, tables.terms[b])
         _observe(floor, DispatchFloor(*told_arrays), fleet, tables, memory, rows.now[b], left[b], b)
@@ -130,10 +146,13 @@ def begin_one(
     table_arrays: tuple[Any, ...],
     stepping_arrays: tuple[Any, ...],
     memory_arrays: tuple[Any, ...],
+    fault_numbers: tuple[float, float, float],
 ) -> None:  # pragma: no cover - compiled
     """Begin the episode of one fleet that `GridBlock.begin` has put in its place, and observe it."""
     floor, tables, rows = Floor(*floor_arrays), DispatchTables(*table_arrays), BlockRows(*block[4])
     fleet = fleet_at(block[0], block[1], block[2], block[3], rows, b)
+    faults = Faults(*fault_numbers)
+    kernel.break_down(fleet.cars, fleet.tasks, fleet.stations, faults, rows.dice[b], rows.now[b])
     turn(floor, fleet, Stepping(*stepping_arrays).first, rows.now[b])
     tables.idle_steps[b] = 0
     _observe(floor, DispatchFloor(*told_arrays), fleet, tables, DispatchMemory(*memory_arrays), rows.now[b], 1.0, b)
@@ -150,7 +169,7 @@ def _give(
     now: int,
     b: int,
 ) -> None:  # pragma: no cover - compiled
-    """Give each task that cars have chosen to the one of them that has waited longest, then to the lowest index."""
+    """Give each order that cars have chosen to the one of them that has waited longest, then to the lowest index."""
     cars, idle_steps, lost = fleet.cars, tables.idle_steps[b], tables.lost[b]
     n, n_actions = tables.mask.shape[1], tables.mask.shape[2]
     wanted, claim = memory.wanted, memory.claim
@@ -162,16 +181,17 @@ def _give(
         if legal and action > 0:
             task = tables.candidates[b, car, action - 1]
             wanted[car] = task
-            if claim[task] == NONE or idle_steps[car] > idle_steps[claim[task]]:
-                claim[task] = car
+            order = fleet.tasks.order[task]
+            if claim[order] == NONE or idle_steps[car] > idle_steps[claim[order]]:
+                claim[order] = car
     given = False
     for car in range(n):
-        won = wanted[car] != NONE and claim[wanted[car]] == car
+        won = wanted[car] != NONE and claim[fleet.tasks.order[wanted[car]]] == car
         lost[car] = wanted[car] != NONE and not won
         idle_steps[car] = idle_steps[car] + 1 if cars.phase[car] == FREE and not won else 0
     for car in range(n):
         if wanted[car] != NONE and not lost[car]:
-            claim[wanted[car]] = NONE
+            claim[fleet.tasks.order[wanted[car]]] = NONE
             kernel.assign(cars, fleet.tasks, fleet.stations, car, wanted[car], now)
             given = True
     if given:
@@ -215,7 +235,8 @@ def _observe(
         state, phase, row = cars.state[car], cars.phase[car], rows[car]
         for i in range(4):
             row[i] = told.where[state, i]
-        row[4 + phase] = 1.0
+        if phase != OUT:
+            row[4 + phase] = 1.0
         row[9] = cars.held[car]
         goal_row = told.goal_row[cars.goal[car]]
         if goal_row != NONE:
@@ -271,7 +292,7 @@ def _ready(
             found += 1
             if found == m:
                 break
-    # Poses of all states, not of the cars: nobody reads them here.
+    # Poses of all states, not of the cars, and tasks in the place of their orders: nobody reads them here.
     return DispatchView(
         0.0,
         0.0,
@@ -281,6 +302,7 @@ def _ready(
         cars.phase,
         cars.held,
         memory.free,
+        memory.task[:m],
         memory.task[:m],
         memory.pick[:m],
         memory.drop[:m],

@@ -35,6 +35,7 @@ class DispatchVec(LayerVec):
         weights = config.weights or DispatchWeights()
         self._weights = tuple(float(getattr(weights, name)) for name in TERMS)
         self._n_timesteps = round(config.step_s / TIMESTEP_S)
+        self._faults = tuple(config.faults)
         self._floor = tuple(place.floor)
         self._told = tuple(
             DispatchFloor(
@@ -91,7 +92,7 @@ class DispatchVec(LayerVec):
         n = int(block.rows.n_tasks[index])
         # In the order of `DispatchObserver.look`, which does not change: what has been done falls out.
         tables.pressing[index, :n] = np.lexsort((block.tasks.due[index, :n], block.tasks.rank[index, :n]))
-        begin_one(index, self._floor, self._told, block.arrays(), tuple(tables), *self._memories[0])
+        begin_one(index, self._floor, self._told, block.arrays(), tuple(tables), *self._memories[0], self._faults)
 
     def _kernel(self, actions: npt.NDArray[np.int64], left: npt.NDArray[np.float64]) -> Kernel:
         block, tables = self._block.arrays(), tuple(self._tables)
@@ -107,6 +108,7 @@ class DispatchVec(LayerVec):
                 *memory,
                 actions,
                 self._weights,
+                self._faults,
                 self._n_timesteps,
                 left,
             )

@@ -52,11 +52,11 @@ def _rollout() -> Policy:
 
 def tardiness_min(env: Any) -> float:
     """Tardiness of all orders that have come in, delivered or not, at the end of an episode on the grid [min]."""
-    from fleet.envs.grid.fleet import TIMESTEP_S
+    from fleet.envs.grid.fleet import TIMESTEP_S, one_per_order
 
     tasks, now = env.fleet.grid.tasks, env.fleet.grid.now
     end = np.minimum(tasks.done, now).astype(np.float64)
-    late = np.maximum(0.0, end - tasks.due)[tasks.release <= now]
+    late = np.maximum(0.0, end - tasks.due)[(tasks.release <= now) & one_per_order(tasks)]
     return float(late.sum()) * TIMESTEP_S / 60.0
 
 

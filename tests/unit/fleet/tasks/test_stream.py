@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,6 +74,17 @@ def test_a_bottleneck_has_its_share_of_the_picks_alone(medium_site: Site) -> Non
     assert counts[-1] < 1.3 * counts[-2]
     assert [order.drop for order in orders] == [order.drop for order in usual]  # type: ignore[attr-defined]
     assert drawn(medium_site, bottleneck_n=6) == drawn(medium_site)
+
+
+def test_what_lies_at_several_stations_is_ordered_as_before(medium_site: Site) -> None:
+    usual = drawn(medium_site, rate_per_h=2000.0, bottleneck_n=2)
+    orders = drawn(medium_site, rate_per_h=2000.0, bottleneck_n=2, sources_n=3)
+    assert [replace(order, picks=()) for order in orders] == list(usual)
+    assert all(len(set(order.picks)) == 3 and order.picks[0] == order.pick for order in orders)  # type: ignore[attr-defined]
+    others = Counter(pick for order in orders for pick in order.picks[1:])  # type: ignore[attr-defined]
+    assert set(others) == set(medium_site.station_names("pick"))
+    everywhere = drawn(medium_site, n=20, sources_n=99)
+    assert {len(order.picks) for order in everywhere} == {len(others)}  # type: ignore[attr-defined]
 
 
 def test_due_dates_and_classes_have_their_shares(medium_site: Site) -> None:

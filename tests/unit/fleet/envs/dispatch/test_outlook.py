@@ -24,8 +24,8 @@ def place() -> FleetSite:
 
 
 def jobs_of(*rows: tuple[int, int, int, int, int]) -> Jobs:
-    """Return deliveries: release, due, pick, drop, class of each."""
-    return Jobs(*np.array(rows, dtype=np.int32).reshape(-1, 5).T.copy())
+    """Return deliveries: release, due, pick, drop, class of each; each is an order of its own."""
+    return Jobs(*np.array(rows, dtype=np.int32).reshape(-1, 5).T.copy(), order=np.arange(len(rows), dtype=np.int32))
 
 
 def outlook_of(place: FleetSite, n_cars: int, jobs: Jobs) -> Outlook:
@@ -98,7 +98,7 @@ def test_the_model_keeps_step_with_the_grid() -> None:
         assert env.fleet is not None
         tasks, outlook = env.fleet.grid.tasks, env.fleet.outlook()  # type: ignore[attr-defined]
         later = slice(int(tasks.window[1]), None)
-        columns = (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32))
+        columns = (tasks.release, tasks.due, tasks.pick, tasks.drop, tasks.rank.astype(np.int32), tasks.order)
         coming = Jobs(*(one[later] for one in columns))
         told = worth(env.place, outlook, 1200, coming, mean=mean, late=0.0)
         policy = make_policy("dispatch", name)
