@@ -10,6 +10,7 @@ from benchmarks.training import layers
 from benchmarks.training.congestion import measure_traffic
 from benchmarks.training.due_dates import measure_due_dates
 from benchmarks.training.learning import measure_learning
+from benchmarks.training.slack import measure_slack
 from benchmarks.training.speed import measure_speed
 from benchmarks.training.subproc import measure_subproc
 from benchmarks.training.vec import measure_vec
@@ -21,6 +22,7 @@ GROUPS = {
     "vec": measure_vec,
     "subproc": measure_subproc,
     "learning": measure_learning,
+    "slack": measure_slack,
     "traffic": measure_traffic,
 }
 

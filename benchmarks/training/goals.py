@@ -94,6 +94,27 @@ class TimesScript(Goal):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Saved(Goal):
+    """What was learned saves over the script, each time something is done, as a share of what there is to save."""
+
+    figure: str
+    """Column of the sums."""
+    count: str
+    """Column that says how often it was done."""
+    slack: float
+    """What there is to save each time, in the script's episodes."""
+
+    def row(self, folders: Sequence[Path]) -> Row:
+        """The figure, without its target."""
+        learned, scripted = (
+            mean_of(folders, self.figure, policy) / max(mean_of(folders, self.count, policy), 1e-9)
+            for policy in (LEARNED, SCRIPTED)
+        )
+        told = f"{scripted:.2f} to {learned:.2f}"
+        return Row(name=f"{self.figure}, saved", value=(scripted - learned) / self.slack, unit=f"of the slack; {told}")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Gap(Goal):
     """How much of what the oracle saves over the best of the rules was learned, all seeds' episodes together."""
 

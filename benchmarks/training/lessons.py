@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from benchmarks.training.goals import Gap, Goal, Mean, Success, TimesScript
+from benchmarks.training.goals import Gap, Goal, Mean, Saved, Success, TimesScript
 from fleet.training.results import RANDOM, SCRIPTED
 
 RULES = ("nearest", "greedy", "hungarian", "regret_lns", "scored_matching", "rollout")
@@ -56,6 +56,8 @@ def _navigated(places: str) -> tuple[Goal, ...]:
 
 
 PHYSICS = {"fidelity": "physics"}
+SLACK_S = 3.64
+"""Of a hand-over of the script in physics, the time in which the arm is not at its limits: see `slack` [s]."""
 LESSONS: dict[str, Lesson] = {
     "navigate": Lesson(
         figure="places",
@@ -112,6 +114,22 @@ LESSONS: dict[str, Lesson] = {
         minutes=60,
         n_episodes=20,
         places={"physics": Place(arguments=PHYSICS, goals=(Mean(figure="deliveries", target=">= 1.6"),))},
+    ),
+    "residual": Lesson(
+        figure="deliveries",
+        minutes=60,
+        n_episodes=20,
+        places={
+            "physics": Place(
+                arguments=PHYSICS,
+                goals=(
+                    TimesScript(figure="deliveries", target=">= 1.0"),
+                    # The script touches nothing.
+                    Mean(figure="contact", target=">= 0"),
+                    Saved(figure="handover_s", count="handovers", slack=SLACK_S, target=">= 0.5"),
+                ),
+            )
+        },
     ),
     "dispatch_due": Lesson(
         figure="tardiness_min",

@@ -18,6 +18,7 @@ ENVIRONMENTS = {
     "dispatch_v0": 240,
     "traffic_v1": 500,
     "navigate_v1": 600,
+    "handover_v0": 600,
 }
 """Longest episode of each environment, by module, which has its `parallel_env` and its `env`."""
 REPLACED = {"warehouse_v0": 1200, "traffic_v0": 500, "navigate_v0": 600}
@@ -36,7 +37,8 @@ def make_vec(layer: str, n_envs: int, *, n_threads: int = 1, **arguments: Any) -
     """Make several environments that are stepped together: arrays in, arrays out.
 
     Args:
-        layer: A name in `ENVIRONMENTS` without its version: `dispatch`, `traffic`, `navigate`, `warehouse`.
+        layer: A name in `ENVIRONMENTS` without its version: `dispatch`, `traffic`, `navigate`, `warehouse`,
+            `handover`.
         n_envs: Number of environments, B.
         n_threads: Threads that share the environments, where a kernel steps them; results do not depend on it.
         **arguments: Settings of the environment, as its `parallel_env` takes them.

@@ -69,6 +69,7 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[dict[str, Any], ...]]] = {
             {"level": "dock"},
         ),
     ),
+    "handover_v0": (BODIES, ({"n_cars": 3, "late_s": 2.0},)),
     "KukaReach": (BODIES, ({},)),
     "CarNavigate": (BODIES, ({},)),
 }

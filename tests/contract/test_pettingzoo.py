@@ -24,7 +24,7 @@ from pettingzoo.utils import parallel_to_aec
 
 import fleet.envs  # noqa: F401 - makes the environments known
 from fleet.config import Fidelity
-from fleet.envs import REPLACED, dispatch_v0, navigate_v1, traffic_v1, warehouse_v1
+from fleet.envs import REPLACED, dispatch_v0, handover_v0, navigate_v1, traffic_v1, warehouse_v1
 from fleet.errors import ConfigError
 
 HETEROGENEOUS = ("Agents have different observation space sizes", "Observations are different shapes")
@@ -60,6 +60,7 @@ _warehouse = partial(Case, name="warehouse", module=warehouse_v1, arguments={"si
 _dispatch = partial(Case, name="dispatch", module=dispatch_v0, warned=MASKED)
 _traffic = partial(Case, name="traffic", module=traffic_v1, warned=MASKED)
 _navigate = partial(Case, name="navigate", module=navigate_v1, arguments={"n_cars": 2})
+_handover = partial(Case, name="handover", module=handover_v0, arguments={"n_cars": 1}, warned=HETEROGENEOUS)
 # The whole fleet at work: steps of a second.
 PAIR = {"site": "cell", "n_cars": 2}
 CASES = [
@@ -73,6 +74,8 @@ CASES = [
     _traffic(fidelity="physics", arguments=PAIR, n_cycles=4),
     _navigate(fidelity="kinematic"),
     _navigate(fidelity="physics"),
+    _handover(fidelity="kinematic"),
+    _handover(fidelity="physics"),
 ]
 ENVS = {case.name: case.module for case in CASES}
 IDS = {name: f"fleet/{module.__name__.rpartition('.')[2].replace('_', '-')}" for name, module in ENVS.items()}
@@ -143,7 +146,8 @@ def test_render(case: Case, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 def test_the_registries_make_it(name: str, kind: str) -> None:
     arguments = {"n_arms": 0} if name == "warehouse" else {}
     env = pettingzoo.make(kind, IDS[name], n_cars=2, max_cycles=7, **arguments)
-    assert env.possible_agents == ["car_0", "car_1"]
+    arms = ["arm_0", "arm_1"] if name == "handover" else []
+    assert env.possible_agents == ["car_0", "car_1", *arms]
     assert env.unwrapped.max_cycles == 7
     env.close()
 

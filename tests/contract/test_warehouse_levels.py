@@ -82,6 +82,24 @@ def test_the_script_picks_and_sets(make: Callable[..., WarehouseEnv], arm_action
     assert env.n_steps < 120
 
 
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_plans_are_played_as_fast_as_joints_can_turn(make: Callable[..., WarehouseEnv], fidelity: str) -> None:
+    env = make(level="transfer", arm_action="residual", pace=2.0, fidelity=fidelity)
+    n_steps, shares = {}, []
+    for pace in (0.0, 0.5, 1.0):
+        env.reset(seed=2)
+        failed = 0.0
+        while env.agents:
+            _, _, _, _, infos = env.step({agent: np.append(np.zeros(7), pace) for agent in env.agents})
+            failed += sum(info["failed"] for info in infos.values())
+            assert env.plans is not None
+            shares.append(np.abs(env.plans.qd / env.simulation.scene.arm.max_velocity_radps).max())
+        assert failed == 0.0
+        n_steps[pace] = env.n_steps
+    assert n_steps[1.0] <= n_steps[0.5] < 0.8 * n_steps[0.0]
+    assert 0.99 < max(shares) < 1.01
+
+
 def test_the_script_brings_car_and_arm_together(make: Callable[..., WarehouseEnv]) -> None:
     env = make(level="pair", arm_action="tip")
     for seed in range(3):

@@ -65,6 +65,17 @@ class FloorDrawing:
             self._body(image, pose, LOADED if has_parcel else EMPTY)
         return image
 
+    def line(self, image: Picture, begin: FloatArray, end: FloatArray, width_m: float, colour: Colour) -> None:
+        """Draw a line of a width into a picture, from one point to another, x, y each."""
+        step_m = 0.5 / self._pixels_per_m
+        along = end - begin
+        length = max(float(np.hypot(*along)), step_m)
+        aside = np.array([-along[1], along[0]]) / length
+        there = np.arange(0.0, 1.0 + step_m / length, step_m / length)
+        across = np.arange(-width_m / 2, width_m / 2 + step_m, step_m)
+        s, t = (grid.reshape(-1, 1) for grid in np.meshgrid(there, across))
+        self._dots(image, begin + s * along + t * aside, colour)
+
     def _dots(self, image: Picture, points: FloatArray, colour: Colour) -> None:
         col, row = self._pixels(points)
         image[row, col] = colour

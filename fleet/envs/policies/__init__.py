@@ -5,6 +5,7 @@ from functools import partial
 
 from fleet.config import require
 from fleet.envs.policies.dispatch import Allocated, Nearest, ScoredMatching, apparent_tardiness
+from fleet.envs.policies.handover import FirstCome
 from fleet.envs.policies.policy import Policy as Policy
 from fleet.envs.policies.policy import Random
 from fleet.envs.policies.rollout import RolloutPolicy
@@ -35,6 +36,10 @@ POLICIES: dict[str, dict[str, Callable[[int], Policy]]] = {
         "planned_arms": PlannedArms,
         "pointing_arms": PointingArms,
         "classical": Classical,
+    },
+    "handover": {
+        "random": Random,
+        "first_come": FirstCome,
     },
 }
 """Policies by layer and name; each is made with a seed and has `act(env, observations) -> actions`."""

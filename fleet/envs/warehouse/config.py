@@ -74,6 +74,9 @@ class WarehouseConfig(RecordedEnvConfig):
     """A car brakes when its speed is told to be less than this share of the full one."""
     residual: float = 0.3
     """Weight of residual actions."""
+    pace: float | None = None
+    """Of an arm's residual actions, weight of the pace: plans are played up to so much faster or slower; None = as
+    `residual`."""
     hold_s: float = 0.5
     """A grip opens when it was told to for so long without a break [s]."""
     stop_m: float = STOP_M
@@ -110,6 +113,8 @@ class WarehouseConfig(RecordedEnvConfig):
         _require_number("physics_hz", self.physics_hz, 60.0, 10_000.0)
         require(self.car_action in CAR_ACTIONS, "car_action", self.car_action, ", ".join(CAR_ACTIONS))
         require(self.arm_action in list(ARM_ACTIONS), "arm_action", self.arm_action, ", ".join(ARM_ACTIONS))
+        if self.pace is not None:
+            _require_number("pace", self.pace, 0.0, 2.0)
         for name, low, high in _RANGES:
             _require_number(name, getattr(self, name), low, high)
         lidar_ok = isinstance(self.lidar, bool | Lidar)
@@ -166,6 +171,7 @@ class WarehouseConfig(RecordedEnvConfig):
             speed_mps=self.speed_mps,
             dead_band=self.dead_band,
             residual=self.residual,
+            pace=self.residual if self.pace is None else self.pace,
             hold_s=self.hold_s,
         )
 

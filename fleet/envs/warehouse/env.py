@@ -29,10 +29,11 @@ the wrong shape is refused and changes nothing.
 | car, `"residual"` | the same, times `residual`, added to pure pursuit of its route |
 | arm, `arm_action="joint"` | 7 joint velocities / the joints' limits, grip (> 0 = hold) |
 | arm, `"tip"` | tip outwards from the base / 0.5 m/s, around it / 1 rad/s, up / 0.5 m/s, turn / 1 rad/s; grip |
-| arm, `"residual"` | 7 joints away from the classical plan / 0.2 rad, pace of the plan above 1; both times `residual` |
+| arm, `"residual"` | 7 joints away from the plan / 0.2 rad, times `residual`; the plan's pace above 1, times `pace` |
 
 A speed within `dead_band` brakes. With `tip` the tool points down. A grip closes at once, and opens when it was told
-to for `hold_s` without a break; then it stays open for twice as long.
+to for `hold_s` without a break; then it stays open for twice as long. A plan is played at its pace as far as no joint
+exceeds its speed limit; accelerations grow with the square of the pace, up to what the motors can.
 
 A car does what its task asks for when it follows the granted path, which the observed way-points show, and stands at
 its end: within `stop_m` and `stop_rad` of the dock's stop pose a transfer begins. A car that leaves its path makes no
@@ -209,6 +210,15 @@ class WarehouseEnv(FleetEnv):
             EpisodeError: There was no `reset` yet.
         """
         return self._now().simulation
+
+    @property
+    def plans(self) -> Plans | None:
+        """What plays the episode's classical plans, if arms add to them.
+
+        Raises:
+            EpisodeError: There was no `reset` yet.
+        """
+        return self._now().commands.plans
 
     def state(self) -> npt.NDArray[np.float32]:
         """The rows of all agents without lidar, cars first; inside `state_space`.

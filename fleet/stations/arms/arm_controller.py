@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from enum import StrEnum
 from typing import Protocol
 
@@ -107,6 +108,24 @@ class ArmController:
             return None
         step = self._steps[self._at]
         return step if isinstance(step, Trajectory) else None
+
+    @property
+    def at(self) -> tuple[int, int]:
+        """Index of the present step, and how many there are."""
+        return self._at, len(self._steps)
+
+    @property
+    def ahead(self) -> Iterator[tuple[Trajectory, float]]:
+        """Motions up to the next grip or release, and how long each has gone on; negative: how long until it begins."""
+        if self.state is not ArmPhase.MOVING:
+            return
+        done_s = self._elapsed_s
+        for step in self._steps[self._at :]:
+            if isinstance(step, Trajectory):
+                yield step, done_s
+                done_s -= step.duration_s
+            elif step is not Signal.CLEAR:
+                return
 
     @property
     def done_s(self) -> float:

@@ -5,7 +5,7 @@ from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.recipes.traffic import TRAFFIC
-from fleet.training.recipes.warehouse import CELL, DOCK, TRANSFER
+from fleet.training.recipes.warehouse import CELL, DOCK, RESIDUAL, TRANSFER
 
 __all__ = ["RECIPES", "Recipe", "TrainingStage"]
 
@@ -19,5 +19,6 @@ RECIPES: dict[str, Recipe] = {
     "dock": DOCK,
     "transfer": TRANSFER,
     "cell": CELL,
+    "residual": RESIDUAL,
 }
 """What can be trained, by name."""

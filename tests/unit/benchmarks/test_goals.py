@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.training.goals import Gap, Mean, Success, TimesScript
+from benchmarks.training.goals import Gap, Mean, Saved, Success, TimesScript
 from benchmarks.training.lessons import LESSONS
 from fleet.training.evaluation import play
 from fleet.training.intervals import share
@@ -47,6 +47,14 @@ def test_the_worse_end_of_a_multiple_counts(tmp_path: Path) -> None:
     assert Mean(figure="x", target=">= 1").row(folders).value == pytest.approx(12.0)
 
 
+def test_what_is_saved_is_counted_each_time(tmp_path: Path) -> None:
+    learned = [{"took": 8.0, "n": 4.0}, {"took": 16.0, "n": 4.0}]
+    folders = seeds_of(tmp_path, {"learned": learned, "scripted": [{"took": 10.0, "n": 2.0}] * 2})
+    row = Saved(figure="took", count="n", slack=4.0, target=">= 0.5").row(folders)
+    assert row.value == pytest.approx(0.5)
+    assert row.unit.endswith("5.00 to 3.00")
+
+
 def test_the_gap_is_from_the_best_rule_to_the_oracle(tmp_path: Path) -> None:
     late = {"learned": 6.0, "scripted": 9.0, "hungarian": 8.0, "rollout": 4.0}
     (folder,) = seeds_of(tmp_path, {name: [{"late": x}] * 2 for name, x in late.items()})
@@ -75,4 +83,5 @@ def test_every_column_of_a_lesson_is_one_of_its_recipe() -> None:
         wanted = {lesson.figure}
         for goal in goals:
             wanted |= {*goal.figures, goal.of or lesson.figure} if isinstance(goal, Success) else {goal.figure}
+            wanted |= {goal.count} if isinstance(goal, Saved) else set()
         assert wanted <= known, recipe

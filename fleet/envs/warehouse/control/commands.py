@@ -38,6 +38,8 @@ class ActionModel:
     """Smaller shares of the full speed are brakes."""
     residual: float
     """Weight of what is added to the classical controllers."""
+    pace: float
+    """Weight of what is added to the pace of the classical plans."""
     hold_s: float
     """How long a grip has to be told to open [s]."""
 
@@ -55,7 +57,8 @@ class Commands:
         scene, n_arms = simulation.scene, simulation.n_arms
         self._simulation = simulation
         self._model = model
-        self._plans = plans
+        self.plans = plans
+        """The classical plans, if arms add to them."""
         self._hand: HandModel = hand_model(scene.arm)
         self._wheel = Wheel(
             diagonal_m=math.hypot(*scene.size_m),
@@ -92,9 +95,9 @@ class Commands:
             shares += model.residual * actions.cars
         _drive(shares, self._car_limits, model.dead_band, in_order, self._cars)
         self._arms = actions.arms
-        if self._plans is not None:
+        if self.plans is not None:
             for arm, pace in enumerate(actions.arms[:, -1].tolist()):
-                self._plans.pace(arm, 1.0 + model.residual * pace)
+                self.plans.pace(arm, 1.0 + model.pace * pace)
 
     def tick(self) -> Actions:
         """What the robots are to do in the coming tick."""
@@ -102,12 +105,12 @@ class Commands:
             return Actions(cars=self._cars)
         simulation = self._simulation
         world, arm, n_arms = simulation.world, simulation.scene.arm, len(self._targets)
-        if self._plans is not None:
-            self._plans.ask(simulation)
-            self._plans.tick(world.held())
+        if self.plans is not None:
+            self.plans.ask(simulation)
+            self.plans.tick(world.held())
             away = self._model.residual * RESIDUAL_RAD * self._arms[:, :N_JOINTS]
-            self._targets = np.clip(self._plans.q[:n_arms] + away, arm.lower_rad, arm.upper_rad)
-            qd, grip = self._plans.qd[:n_arms].copy(), self._plans.grip[:n_arms].copy()
+            self._targets = np.clip(self.plans.q[:n_arms] + away, arm.lower_rad, arm.upper_rad)
+            qd, grip = self.plans.qd[:n_arms].copy(), self.plans.grip[:n_arms].copy()
             return Actions(cars=self._cars, arms=self._targets, arms_qd=qd, grip=grip)
         q = world.arm_positions()[:n_arms]
         qd = np.empty_like(q)

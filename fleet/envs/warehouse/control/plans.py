@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.config import ArmConfig
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.stations.arms.arm_cell import arm_cells
+from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
 from fleet.stations.arms.arm_planner import make_arm_planner
 from fleet.stations.arms.transfer import TransferRequest
@@ -26,6 +29,9 @@ class Plans:
         scene = simulation.scene
         self._asked: list[TransferRequest | None] = [None] * len(scene.arm_start)
         self._manager = ArmManager(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)
+        self._tick_s = simulation.tick_s
+        self._max_velocity = scene.arm.max_velocity_radps
+        self._paces = [1.0] * len(scene.arm_start)
         self._tick = 0
 
     @property
@@ -53,12 +59,41 @@ class Plans:
 
     def tick(self, held: IntArray) -> None:
         """Play for one tick; `held` is the parcel in each grip, -1 = none, shape (n_arms,)."""
+        for arm, pace in enumerate(self._paces):
+            if pace != self.player(arm).speed or pace > 1.0:
+                self._manager.slow(arm, min(pace, self._most_pace(arm, pace)))
         self._manager.tick(self._tick, held)
         self._tick += 1
 
+    def asked(self, arm: int) -> TransferRequest | None:
+        """The transfer that a plan was asked for last."""
+        return self._asked[arm]
+
+    def player(self, arm: int) -> ArmController:
+        """What plays an arm's plans."""
+        return self._manager.services[arm]
+
     def pace(self, arm: int, factor: float) -> None:
-        """Play an arm's plans at a multiple of their speed."""
-        self._manager.slow(arm, max(factor, LEAST_PACE))
+        """Play an arm's plans at a multiple of their speed, as far as its joints can turn so fast."""
+        self._paces[arm] = max(factor, LEAST_PACE)
+
+    def _most_pace(self, arm: int, pace: float) -> float:
+        """The greatest pace, up to the one that is wanted, at which no joint exceeds its speed limit in a tick."""
+        if pace <= 1.0:
+            return pace
+        if self.player(arm).state is not ArmPhase.MOVING:
+            return 1.0  # a plan that lands in this tick begins in it
+        for motion, done_s in self.player(arm).ahead:
+            if done_s + self._tick_s * pace <= 0.0:
+                break
+            first = max(int(np.searchsorted(motion.t, done_s, side="right")) - 1, 0)
+            last = int(np.searchsorted(motion.t, done_s + self._tick_s * pace))
+            shares = (np.abs(motion.qd[first : last + 1]) / self._max_velocity).max(axis=1)
+            # Slow enough for a sample, or so slow that not even the one before it is passed.
+            before = motion.t[np.maximum(np.arange(first, last + 1) - 1, first)]
+            reached = (before[: len(shares)] - done_s) / self._tick_s
+            pace = min(pace, float(np.maximum(reached, 1.0 / np.maximum(shares, 1e-9)).min()))
+        return max(pace, 1.0)
 
 
 def planner_of(simulation: AgentSimulation) -> ArmPlanner:

@@ -10,9 +10,10 @@ from types import ModuleType
 
 import pytest
 
-from fleet.envs import dispatch_v0, navigate_v1, traffic_v1, warehouse_v1
+from fleet.envs import dispatch_v0, handover_v0, navigate_v1, traffic_v1, warehouse_v1
 from fleet.envs.core.env_config import EnvConfig, UnknownSetting
 from fleet.envs.dispatch.env import DispatchConfig
+from fleet.envs.handover.config import HandoverConfig
 from fleet.envs.navigate.navigation import NavigationConfig
 from fleet.envs.traffic.env import TrafficEnvConfig
 from fleet.envs.warehouse.config import WarehouseConfig
@@ -26,6 +27,7 @@ KINDS: list[tuple[type[EnvConfig], ModuleType]] = [
     (DispatchConfig, dispatch_v0),
     (TrafficEnvConfig, traffic_v1),
     (NavigationConfig, navigate_v1),
+    (HandoverConfig, handover_v0),
 ]
 of_every_kind = pytest.mark.parametrize(("kind", "module"), KINDS, ids=lambda one: one.__name__.rpartition(".")[2])
 
