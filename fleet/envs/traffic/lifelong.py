@@ -73,6 +73,8 @@ def open_place(floor: OpenFloor) -> FleetSite:
             dock_row=nothing,
             spot_state=goals.astype(np.int32),
             spot_row=row[goals].astype(np.int32),
+            charger_state=nothing,
+            charger_row=nothing,
             service_steps=0,
             station_cap=nothing,
             near_moves=0,
