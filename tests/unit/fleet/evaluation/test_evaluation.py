@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.envs.grid.kernel import NEVER
+from fleet.envs.grid.kernel import NEVER, Stage
 from fleet.evaluation import scenarios, scores
 from fleet.evaluation.baselines import page
 from fleet.evaluation.comparison import findings
@@ -118,7 +118,12 @@ def test_a_tally_counts_what_is_not_zero() -> None:
 
 def test_tardiness_counts_what_was_never_delivered_too() -> None:
     # Due at 60, 100, 700, never; delivered at 120, never, in time, never; it is 400 now.
-    tasks = SimpleNamespace(due=np.array([60, 100, 700, NEVER]), done=np.array([120, NEVER, 300, NEVER]))
+    tasks = SimpleNamespace(
+        due=np.array([60, 100, 700, NEVER]),
+        done=np.array([120, NEVER, 300, NEVER]),
+        order=np.arange(4),
+        stage=np.full(4, Stage.ORDERED),
+    )
     env = SimpleNamespace(fleet=SimpleNamespace(grid=SimpleNamespace(tasks=tasks, now=400)))
     assert MEASURES["tardiness"].of(EpisodeTally(env=env)) == (60 + 300) / 60
     assert MEASURES["on_time"].of(EpisodeTally(env=env)) == 0.0
