@@ -15,7 +15,7 @@ from fleet.charts.statistics import estimate
 from fleet.envs import dispatch_v0
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.scenarios import SCENARIOS
-from fleet.envs.grid.fleet import TIMESTEP_S, one_per_order
+from fleet.envs.grid.fleet import TIMESTEP_S, late_steps, one_per_order
 from fleet.envs.grid.kernel import NEVER, Stage
 from fleet.envs.policies import POLICIES, Policy, make_policy
 from maps.warehouse import generate_warehouse
@@ -90,12 +90,12 @@ def played(env: DispatchEnv, policy: Policy, seed: int) -> tuple[float, float, f
     grid: Any = env.fleet.grid  # type: ignore[union-attr]
     tasks = grid.tasks
     is_done = tasks.stage == Stage.DELIVERED
-    late = np.maximum(0, np.minimum(tasks.done, grid.now).astype(np.int64) - tasks.due)
+    late = late_steps(tasks, grid.now)
     is_in = (tasks.release <= grid.now) & one_per_order(tasks)
     is_due = (tasks.due != NEVER) & is_in & ((tasks.due <= grid.now) | is_done)
     n_due = int(np.count_nonzero(is_due))
     on_time = int(np.count_nonzero(is_due & is_done & (late == 0))) / max(1, n_due)
-    return float(env.n_delivered), float(late[is_in].sum()) * TIMESTEP_S / 60.0, on_time, cpu_s
+    return float(env.n_delivered), float(late.sum()) * TIMESTEP_S / 60.0, on_time, cpu_s
 
 
 def _rows(

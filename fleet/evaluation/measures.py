@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fleet.envs.grid.fleet import TIMESTEP_S, one_per_order
+from fleet.envs.grid.fleet import TIMESTEP_S, late_steps, one_per_order
 from fleet.envs.grid.kernel import NEVER
 from fleet.tasks.board import DONE_STATES
 
@@ -72,10 +72,9 @@ def _on_time(episode: EpisodeTally) -> float:
 def _late_steps(episode: EpisodeTally) -> np.ndarray[Any, Any]:
     """Timesteps by which each order is late whose due date has come."""
     grid = episode.env.fleet.grid
-    due, done = grid.tasks.due.astype(np.int64), grid.tasks.done.astype(np.int64)
-    is_due = (due <= grid.now) & (due < NEVER) & one_per_order(grid.tasks)
-    late: np.ndarray[Any, Any] = np.maximum(0, np.minimum(done, grid.now) - due)[is_due]
-    return late
+    due = grid.tasks.due
+    late: np.ndarray[Any, Any] = late_steps(grid.tasks, grid.now)
+    return late[(due <= grid.now) & (due < NEVER) & one_per_order(grid.tasks)]
 
 
 def _waits(episode: EpisodeTally) -> float:

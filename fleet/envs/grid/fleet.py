@@ -286,6 +286,12 @@ def one_per_order(tasks: TaskTable) -> npt.NDArray[np.bool_]:
     return np.where(tasks.stage <= Stage.READY, first, tasks.stage != Stage.WITHDRAWN)
 
 
+def late_steps(tasks: TaskTable, now: int) -> npt.NDArray[np.int64]:
+    """Timesteps by which each order is late, delivered or not, at its one task; 0 at all others, shape (m,)."""
+    late = np.maximum(0, np.minimum(tasks.done, now).astype(np.int64) - tasks.due)
+    return np.where(one_per_order(tasks), late, 0)
+
+
 def _zero(n: int) -> npt.NDArray[np.int32]:
     return np.zeros(n, dtype=np.int32)
 

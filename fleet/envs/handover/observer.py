@@ -76,7 +76,7 @@ class HandoverObserver:
         car_limits: FloatArray,
         time_left: float,
     ) -> None:
-        """Take in this moment: fills the rows.
+        """Take in this moment, for which the tips have been found: fills the rows.
 
         Args:
             book: Where parcels are.
@@ -88,7 +88,6 @@ class HandoverObserver:
         """
         world, places = self._world, self._places
         n_cars, n_arms = world.n_cars, world.n_arms
-        self.find_tips()
         ids, poses, sizes, place = book.lie()
         parcels = ParcelsSighted(ids=ids, poses=poses, sizes=sizes, place=place)
         first_tray = len(places.slots)

@@ -12,6 +12,7 @@ from numba import njit
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.envs.handover.parcels import Int64Array, ParcelPlaces
 from fleet.envs.warehouse.control.hands import HandModel
+from fleet.envs.warehouse.rows import bounded
 from planners.motion.arm.kinematics import link_frames_into
 
 N_STATIONS, N_PER_STATION = 2, 17
@@ -180,7 +181,7 @@ def car_rows(
             row[at + 3], row[at + 4] = math.cos(turn), math.sin(turn)
             row[at + 5], row[at + 6] = cars.speeds[other] / cars.speed_mps, min(cars.loads[other], 1)
             row[at + 7] = other < car
-        _bound(row)
+        bounded(row)
 
 
 @njit(cache=True)
@@ -312,7 +313,7 @@ def arm_rows(
             way_m = _tell_offset(arms, arm, x, y, top + below, row[at + 1 : at + 7])
             if holds and is_drop and targets[arm, 0] < 0.0:
                 targets[arm, 0], targets[arm, 1] = 1e6 * (1 + arms.held[arm]) + slot, way_m
-        _bound(row)
+        bounded(row)
 
 
 @njit(cache=True)
@@ -378,9 +379,3 @@ def _turned(dx: float, dy: float, yaw: float) -> tuple[float, float]:  # pragma:
     """A vector in a frame that is turned by `yaw`."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     return cos * dx + sin * dy, cos * dy - sin * dx
-
-
-@njit(cache=True)
-def _bound(row: Rows) -> None:  # pragma: no cover - compiled
-    for k in range(len(row)):
-        row[k] = min(max(row[k], np.float32(-1.0)), np.float32(1.0))

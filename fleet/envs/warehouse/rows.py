@@ -189,7 +189,8 @@ class ParcelsNow(NamedTuple):
 
 
 @njit(cache=True)
-def _bounded(row: Rows) -> None:  # pragma: no cover - compiled
+def bounded(row: Rows) -> None:  # pragma: no cover - compiled
+    """Cut a row to [-1, 1]."""
     for k in range(len(row)):
         row[k] = min(max(row[k], np.float32(-1.0)), np.float32(1.0))
 
@@ -308,7 +309,7 @@ def car_rows(
         row[_DOING_AT + 2] = doing.time_left
         row[_DOING_AT + 3], row[_DOING_AT + 4] = doing.actions[car]
         row[_DOING_AT + 5] = doing.in_order[car]
-        _bounded(row)
+        bounded(row)
 
 
 @njit(cache=True)
@@ -414,7 +415,7 @@ def arm_rows(
             row[32] = 1.0
             row[33], row[34] = (cos * dx + sin * dy) / REACH_M, (cos * dy - sin * dx) / REACH_M
             row[35], row[36] = math.cos(turn), math.sin(turn)
-        _bounded(row)
+        bounded(row)
 
 
 @njit(cache=True)

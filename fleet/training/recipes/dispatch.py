@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.training.layout import Group, RowLayout
 from fleet.training.recipes.recipe import Recipe
@@ -52,12 +50,10 @@ def _rollout() -> Policy:
 
 def tardiness_min(env: Any) -> float:
     """Tardiness of all orders that have come in, delivered or not, at the end of an episode on the grid [min]."""
-    from fleet.envs.grid.fleet import TIMESTEP_S, one_per_order
+    from fleet.envs.grid.fleet import TIMESTEP_S, late_steps
 
-    tasks, now = env.fleet.grid.tasks, env.fleet.grid.now
-    end = np.minimum(tasks.done, now).astype(np.float64)
-    late = np.maximum(0.0, end - tasks.due)[(tasks.release <= now) & one_per_order(tasks)]
-    return float(late.sum()) * TIMESTEP_S / 60.0
+    grid = env.fleet.grid
+    return float(late_steps(grid.tasks, grid.now).sum()) * TIMESTEP_S / 60.0
 
 
 DISPATCH = Recipe(

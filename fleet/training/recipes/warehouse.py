@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from fleet.training.recipes.recipe import Recipe, TrainingStage
@@ -96,6 +97,16 @@ DOCK = Recipe(
     ),
 )
 
+CLONED_FIRST = PpoConfig(
+    envs_n=16,
+    horizon_n=128,
+    learning_rate=1e-3,
+    discount=0.98,
+    # What was cloned is not lost in noise.
+    log_std=-1.0,
+    clone_n=300_000,
+)
+"""Where arms lead their tips: from scratch they do not find out how to set a parcel."""
 TRANSFER = Recipe(
     summary="arms pick parcels and set them, between racks and cars that stand",
     make=_warehouse,
@@ -105,16 +116,7 @@ TRANSFER = Recipe(
     figures=("loaded", "delivered", "gripped", "failed"),
     at_end={"parcels": n_parcels},
     n_steps=900_000,
-    ppo=PpoConfig(
-        envs_n=16,
-        horizon_n=128,
-        learning_rate=1e-3,
-        discount=0.98,
-        hidden=(128, 128),
-        # What was cloned is not lost in noise.
-        log_std=-1.0,
-        clone_n=300_000,
-    ),
+    ppo=replace(CLONED_FIRST, hidden=(128, 128)),
     # What is loaded and delivered counts as one.
     arguments={
         "level": "transfer",
@@ -138,15 +140,7 @@ CELL = Recipe(
     figures=("delivered", "loaded", "gripped", "docked", "contact", "failed"),
     at_end={"deliveries": n_deliveries},
     n_steps=1_700_000,
-    ppo=PpoConfig(
-        envs_n=16,
-        horizon_n=128,
-        learning_rate=1e-3,
-        discount=0.98,
-        # What was cloned is not lost in noise.
-        log_std=-1.0,
-        clone_n=300_000,
-    ),
+    ppo=CLONED_FIRST,
     # What is docked, loaded and delivered counts as one.
     arguments={
         "level": "all",

@@ -60,8 +60,9 @@ class Plans:
     def tick(self, held: IntArray) -> None:
         """Play for one tick; `held` is the parcel in each grip, -1 = none, shape (n_arms,)."""
         for arm, pace in enumerate(self._paces):
-            if pace != self.player(arm).speed or pace > 1.0:
-                self._manager.slow(arm, min(pace, self._most_pace(arm, pace)))
+            possible = self._most_pace(arm, pace)
+            if possible != self.player(arm).speed:
+                self._manager.slow(arm, possible)
         self._manager.tick(self._tick, held)
         self._tick += 1
 
@@ -87,11 +88,11 @@ class Plans:
             if done_s + self._tick_s * pace <= 0.0:
                 break
             first = max(int(np.searchsorted(motion.t, done_s, side="right")) - 1, 0)
-            last = int(np.searchsorted(motion.t, done_s + self._tick_s * pace))
+            last = min(int(np.searchsorted(motion.t, done_s + self._tick_s * pace)), len(motion.t) - 1)
             shares = (np.abs(motion.qd[first : last + 1]) / self._max_velocity).max(axis=1)
             # Slow enough for a sample, or so slow that not even the one before it is passed.
             before = motion.t[np.maximum(np.arange(first, last + 1) - 1, first)]
-            reached = (before[: len(shares)] - done_s) / self._tick_s
+            reached = (before - done_s) / self._tick_s
             pace = min(pace, float(np.maximum(reached, 1.0 / np.maximum(shares, 1e-9)).min()))
         return max(pace, 1.0)
 
