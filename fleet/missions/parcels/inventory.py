@@ -104,16 +104,24 @@ class Inventory:
     def withdraw(self, task: Task, now_s: float, reason: str) -> None:
         """Cancel a task that has no parcel in a car; a parcel on its slot leaves the warehouse."""
         if task.pick_slot is not None:
-            self._world.remove_parcel(task.parcel)
-            self.n_left += 1
-            self._log("parcel_left", task=task.order.name, station=task.pick, slot=task.pick_slot)
-            self._stations.named(task.pick).free_slot(task.pick_slot)
+            self._take_out(task, task.pick_slot)
         self._board.move(task, TaskState.CANCELLED, now_s, reason)
+
+    def put_back(self, task: Task) -> None:
+        """Take a parcel that no car comes for from its slot; it enters anew when one does."""
+        if task.pick_slot is None:
+            raise AssertionError("a parcel that is put back has a slot")
+        self._take_out(task, task.pick_slot)
+        task.pick_slot = None
 
     def vacate(self, task: Task) -> None:
         """Give back the slot that a task's parcel has left."""
         if task.pick_slot is not None:
             self._stations.named(task.pick).free_slot(task.pick_slot)
+
+    def in_a_grip(self, task: Task) -> bool:
+        """Whether an arm holds a task's parcel."""
+        return bool(np.any(self._world.held() == task.parcel))
 
     def balance(self) -> int:
         """Parcels that entered, less those that left, less those found in the world."""
@@ -169,6 +177,12 @@ class Inventory:
         dx, dy = self._askew.uniform(-ASKEW_M, ASKEW_M, 2).tolist()
         return dx, dy, float(self._askew.uniform(-np.pi / 2, np.pi / 2))
 
+    def _take_out(self, task: Task, slot: int) -> None:
+        self._world.remove_parcel(task.parcel)
+        self.n_left += 1
+        self._log("parcel_left", task=task.order.name, station=task.pick, slot=slot)
+        self._stations.named(task.pick).free_slot(slot)
+
     def _collect(self, station: Station, slot: int, now_s: float) -> None:
         content = station.contents[slot]
         task = self._board.tasks[content] if content is not None else None
@@ -182,8 +196,7 @@ class Inventory:
 
     def _is_where_booked(self, task: Task) -> bool:
         if task.state in (TaskState.READY, TaskState.ASSIGNED):
-            fetched = bool(np.any(self._world.held() == task.parcel))
-            return fetched or self.on_slot(task, task.pick_slot, self._stations.named(task.pick))
+            return self.in_a_grip(task) or self.on_slot(task, task.pick_slot, self._stations.named(task.pick))
         if task.state is TaskState.DELIVERED:
             return self.on_slot(task, task.drop_slot, self._stations.named(task.delivery.drop))
         if task.state is TaskState.CARRIED:

@@ -15,6 +15,7 @@ class Slots:
 
     A car that is near gets a slot for its parcel when it books its pick station, so that cars at a dock never wait for
     slots that parcels of other cars have. At most half of the slots are given to parcels that nobody comes for yet.
+    When cars change tasks, more have them: the least urgent goes back when a car is near whose parcel has no slot.
 
     Args:
         missions: Tells which cars come.
@@ -38,7 +39,10 @@ class Slots:
         """Put a parcel on a slot of its pick station, if it is not there yet; False if none is free."""
         if task.pick_slot is not None:
             return True
-        task.pick_slot = self._missions.stations.named(task.pick).take_slot(task.index)
+        station = self._missions.stations.named(task.pick)
+        if station.n_free == 0 and (other := self._least_urgent(station)) is not None:
+            self._inventory.put_back(other)
+        task.pick_slot = station.take_slot(task.index)
         if task.pick_slot is None:
             return False
         self._inventory.enter(task, now_s)
@@ -56,6 +60,12 @@ class Slots:
                 task.pick = station.name
                 self.take(task, now_s)
             self._seen[station.arm] = (changes, station.n_free, self._open.n_changes)
+
+    def _least_urgent(self, station: Station) -> Task | None:
+        """Of the parcels on a station's slots that nobody comes for, the one that can be done without longest."""
+        tasks = [self._missions.board.tasks[index] for index in station.contents if index is not None]
+        left = [task for task in tasks if task.state is TaskState.READY and not self._inventory.in_a_grip(task)]
+        return max(left, key=lambda task: (task.order.rank, task.since_s[TaskState.BACKLOG], task.index), default=None)
 
     def _next(self, station: Station) -> Task | None:
         missions = self._missions

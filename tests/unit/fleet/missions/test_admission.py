@@ -49,9 +49,9 @@ def stand_near(floor: Floor, car: int, n_moves: int) -> None:
 
 
 def fill_slots(floor: Floor, n: int = 4) -> None:
-    """Others have so many slots of pick_1."""
+    """So many slots of pick_1 are taken, by what cars come for: the task of a car stands for all of them."""
     for _ in range(n):
-        assert floor.stations[PICK_1].take_slot(99) is not None
+        assert floor.stations[PICK_1].take_slot(0) is not None
 
 
 def fill_room(floor: Floor, *cars: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fleet.missions.phases import CarPhase
@@ -49,10 +50,41 @@ def test_a_parcel_enters_on_the_first_free_slot_once() -> None:
 
 
 def test_a_car_that_is_near_may_get_the_last_slot_but_no_more() -> None:
-    floor = ready(*many(5))
-    assert [floor.slots.take(task, 0.0) for task in floor.board.tasks] == [True] * 4 + [False]
+    floor = ready(*many(5), n_cars=5)
+    taken = []
+    for car, task in enumerate(floor.board.tasks):
+        bind(floor, task.order.name, car)
+        taken.append(floor.slots.take(task, 0.0))
+    assert taken == [True] * 4 + [False]
     assert floor.task("o4").pick_slot is None
     assert on_slots(floor) == ["o0", "o1", "o2", "o3"]
+
+
+def test_the_least_urgent_parcel_that_nobody_comes_for_makes_room() -> None:
+    floor = ready(delivery("a"), delivery("b", priority=Priority.IDLE), delivery("c"), delivery("d"), delivery("e"))
+    for name in "abcd":
+        floor.slots.take(floor.task(name), 0.0)
+    bind(floor, "e", 0)
+    assert floor.slots.take(floor.task("e"), 1.0)
+    assert on_slots(floor) == ["a", "c", "d", "e"]
+    assert (floor.task("b").state, floor.task("b").pick_slot, floor.task("e").pick_slot) == (TaskState.READY, None, 1)
+    assert (floor.inventory.balance(), floor.inventory.misplaced()) == (0, [])
+
+
+def test_a_parcel_that_was_put_back_enters_again() -> None:
+    floor = ready(*many(2), n_slots=1)
+    assert floor.slots.take(floor.task("o0"), 0.0)
+    assert floor.slots.take(floor.task("o1"), 1.0)
+    assert floor.slots.take(floor.task("o0"), 2.0)
+    assert on_slots(floor) == ["o0"]
+
+
+def test_a_parcel_in_a_grip_makes_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    floor = ready(*many(2), n_slots=1)
+    floor.slots.take(floor.task("o0"), 0.0)
+    monkeypatch.setattr(floor.world, "held", lambda: np.array([floor.task("o0").parcel, -1]))
+    assert not floor.slots.take(floor.task("o1"), 1.0)
+    assert on_slots(floor) == ["o0"]
 
 
 @pytest.mark.parametrize(("n_slots", "n_filled"), [(1, 0), (2, 1), (3, 1), (4, 2), (5, 2), (8, 4)])
