@@ -104,14 +104,14 @@ class Inventory:
     def withdraw(self, task: Task, now_s: float, reason: str) -> None:
         """Cancel a task that has no parcel in a car; a parcel on its slot leaves the warehouse."""
         if task.pick_slot is not None:
-            self._take_out(task, task.pick_slot)
+            self._take_out(task, self._stations.named(task.pick), task.pick_slot)
         self._board.move(task, TaskState.CANCELLED, now_s, reason)
 
-    def put_back(self, task: Task) -> None:
+    def take_back(self, task: Task) -> None:
         """Take a parcel that no car comes for from its slot; it enters anew when one does."""
         if task.pick_slot is None:
-            raise AssertionError("a parcel that is put back has a slot")
-        self._take_out(task, task.pick_slot)
+            raise AssertionError("a parcel that is taken back has a slot")
+        self._take_out(task, self._stations.named(task.pick), task.pick_slot)
         task.pick_slot = None
 
     def vacate(self, task: Task) -> None:
@@ -177,21 +177,18 @@ class Inventory:
         dx, dy = self._askew.uniform(-ASKEW_M, ASKEW_M, 2).tolist()
         return dx, dy, float(self._askew.uniform(-np.pi / 2, np.pi / 2))
 
-    def _take_out(self, task: Task, slot: int) -> None:
+    def _take_out(self, task: Task, station: Station, slot: int) -> None:
         self._world.remove_parcel(task.parcel)
         self.n_left += 1
-        self._log("parcel_left", task=task.order.name, station=task.pick, slot=slot)
-        self._stations.named(task.pick).free_slot(slot)
+        station.free_slot(slot)
+        self._log("parcel_left", task=task.order.name, station=station.name, slot=slot)
 
     def _collect(self, station: Station, slot: int, now_s: float) -> None:
         content = station.contents[slot]
         task = self._board.tasks[content] if content is not None else None
         if task is None or task.state is not TaskState.DELIVERED:
             return
-        self._world.remove_parcel(task.parcel)
-        self.n_left += 1
-        station.free_slot(slot)
-        self._log("parcel_left", task=task.order.name, station=station.name, slot=slot)
+        self._take_out(task, station, slot)
         self._board.move(task, TaskState.COLLECTED, now_s, "collected from its slot")
 
     def _is_where_booked(self, task: Task) -> bool:

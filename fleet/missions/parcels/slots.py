@@ -41,7 +41,7 @@ class Slots:
             return True
         station = self._missions.stations.named(task.pick)
         if station.n_free == 0 and (other := self._least_urgent(station)) is not None:
-            self._inventory.put_back(other)
+            self._inventory.take_back(other)
         task.pick_slot = station.take_slot(task.index)
         if task.pick_slot is None:
             return False
