@@ -66,6 +66,9 @@ class PpoConfig:
     """Share of the environments in which agents meanwhile do what they have learned, and the teacher only says what it
     would do (S. Ross et al., "A Reduction of Imitation Learning and Structured Prediction to No-Regret Online
     Learning", AISTATS 2011)."""
+    clone_all: bool = False
+    """Whether every update clones all that a teacher has said so far, not only what it said in the latest steps (the
+    paper's aggregated data set): where choices are rare, a few steps hold too few."""
     clone_epochs_n: int = 10
     """Times that each sample of a file of demonstrations is used, before the first step."""
     anchor: float = 0.0
@@ -163,6 +166,6 @@ def _is_like(value: object, default: object) -> bool:
         return isinstance(value, str)
     if isinstance(default, tuple):
         return isinstance(value, list) and all(isinstance(x, int) and not isinstance(x, bool) for x in value)
-    if isinstance(value, bool):
-        return False
+    if isinstance(value, bool) or isinstance(default, bool):
+        return isinstance(value, bool) and isinstance(default, bool)
     return isinstance(value, int) or (isinstance(default, float) and isinstance(value, float))

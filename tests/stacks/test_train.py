@@ -129,6 +129,8 @@ def test_a_gradient_step_makes_better_actions_likelier_and_illegal_ones_stay_imp
         after=zeros,
         rewards=(actions == 1).astype(np.float32),
         ended=np.ones((1, 200), dtype=np.bool_),
+        seen=rows[0],
+        told=None,
     )
     for _ in range(5):
         learner.learn(rollout, 3e-3, 0.0, torch.Generator().manual_seed(0))

@@ -201,6 +201,24 @@ def test_a_teacher_is_cloned(tmp_path: Path, known: Callable[..., None]) -> None
     assert np.isnan(trainer.rows[-1]["arm_entropy"])
 
 
+@pytest.mark.parametrize("clone_all", [False, True])
+def test_what_a_teacher_said_first_is_cloned_again_only_if_all_is(clone_all: bool) -> None:
+    kind = AgentType(name="car", n_observed=1, action=Discrete(2), masked=False)
+    learner = Learner(kind, replace(PPO, epochs_n=20, clone_all=clone_all), 0, torch.Generator().manual_seed(0))
+    generator = torch.Generator().manual_seed(0)
+    for n, way in ((400, 1), (100, 0)):  # first it says what is so, then, more seldom, the opposite
+        rows = np.linspace(-1.0, 1.0, n, dtype=np.float32)[None, :, None]
+        actions = way * (rows[..., 0] > 0.0).astype(np.int64)
+        rollout = rollout_of(rows, actions=actions, rewards=actions)
+        rollout.rows = learner.seen.apply(rows[0])[None]
+        learner.clone(rollout, 1e-2, generator)
+    view = TypeView(rows=np.array([[0.8]], dtype=np.float32), mask=None, active=np.ones(1, dtype=np.bool_))
+    assert learner.act(view, None).tolist() == [int(clone_all)]
+    assert (learner.state()["shown"] is not None) == clone_all
+    learner.forget_teacher()
+    assert learner.state()["shown"] is None
+
+
 @pytest.mark.parametrize("action", [Box(-1.0, 1.0, (1,), np.float32), Discrete(3)])
 def test_an_anchor_holds_a_policy_near_what_was_cloned(action: Box | Discrete) -> None:
     kind = AgentType(name="car", n_observed=1, action=action, masked=False)
@@ -224,10 +242,13 @@ def test_an_anchor_holds_a_policy_near_what_was_cloned(action: Box | Discrete) -
     assert strayed[1] < 0.5 * strayed[0]
 
 
-def test_cloning_and_its_anchor_resume_to_the_last_bit(tmp_path: Path, known: Callable[..., None]) -> None:
-    ways: dict[str, Any] = {"clone_n": 2 * N_STEPS, "anchor": 1.0}
+@pytest.mark.parametrize("clone_all", [False, True])
+def test_cloning_and_its_anchor_resume_to_the_last_bit(
+    tmp_path: Path, known: Callable[..., None], clone_all: bool
+) -> None:
+    ways: dict[str, Any] = {"clone_n": 4 * N_STEPS, "anchor": 1.0, "clone_all": clone_all}
     whole = run(trainer_of(tmp_path / "whole", 6, **ways))
-    for last in (1, 5):
+    for last in (1, 3, 5):
         first = trainer_of(tmp_path / str(last), 6, **ways)
         stop: list[int] = []
         assert not first.run(lambda row, last=last, stop=stop: stop.append(1) if row["update"] == last else None, stop)
@@ -338,4 +359,6 @@ def rollout_of(
         after=zeros,
         rewards=rewards.astype(np.float32),
         ended=np.ones(shape, dtype=np.bool_),
+        seen=rows.reshape(-1, rows.shape[2]),
+        told=None,
     )

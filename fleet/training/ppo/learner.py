@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -44,9 +44,10 @@ class Rollout:
     """Value of the state a step led to, zero where the episode terminated."""
     rewards: Floats
     ended: npt.NDArray[np.bool_]
-    seen: Floats | None = None
-    told: Floats | None = None
-    """Observations and states as they were, one line for each sample: what the normalisers learn from."""
+    seen: Floats
+    """Observations as they were, one line for each agent that there was: what the normaliser learns from."""
+    told: Floats | None
+    """States, likewise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +70,21 @@ class _Samples:
     def pick(self, index: Tensor) -> _Samples:
         """Some of them."""
         return _Samples(**{name: None if one is None else one[index] for name, one in vars(self).items()})
+
+
+class _Shown(NamedTuple):
+    """What a teacher did where there was a choice, n samples."""
+
+    rows: Tensor
+    """Observations as they were, shape (n, n_observed)."""
+    mask: Tensor | None
+    actions: Tensor
+    """As the network has them."""
+
+    def then(self, later: _Shown) -> _Shown:
+        """These samples and later ones."""
+        pairs = zip(self, later, strict=True)
+        return _Shown(*(None if one is None else torch.cat((one, other)) for one, other in pairs))
 
 
 class Learner:
@@ -95,6 +111,7 @@ class Learner:
         """Discounted sums of rewards: rewards are divided by their spread."""
         self.anchor: Network | None = None
         """The policy that was cloned."""
+        self._shown: _Shown | None = None
 
     @torch.no_grad()
     def choose(
@@ -190,12 +207,18 @@ class Learner:
             for picked in self._minibatches(len(samples.rows), generator):
                 one = samples.pick(picked)
                 value_loss = 0.5 * ((self.network.value(one.rows, one.state) - one.targets) ** 2).mean()
-                policy_loss = self._imitation(one.rows, one.mask, one.actions, one.chose)
+                policy_loss = torch.zeros(())
+                if not self._config.clone_all:
+                    policy_loss = self._imitation(one.rows, one.mask, one.actions, one.chose)
                 self._step(self._config.value * value_loss + policy_loss, rate)
                 sums += (value_loss.item(), policy_loss.item())
                 n_steps += 1
         self._notice(rollout.seen, rollout.told)
         value, policy = (sums / n_steps).tolist()
+        if self._config.clone_all:
+            shown = self._show(rollout)
+            self._shown = shown if self._shown is None else self._shown.then(shown)
+            policy = self._imitate(self._shown, self._config.epochs_n, rate, generator)
         return {**dict.fromkeys(LOSSES, float("nan")), "value_loss": value, "policy_loss": policy}
 
     def clone_samples(self, told: Demonstration, n_epochs: int, rate: float, generator: torch.Generator) -> None:
@@ -208,14 +231,12 @@ class Learner:
             generator: Source of the order of samples.
         """
         self._notice(told.rows, None)
-        rows = torch.from_numpy(self.seen.apply(told.rows))
-        actions = torch.from_numpy(self.plain(told.actions))
-        mask = _tensor(told.mask)
-        chose = torch.ones(len(rows), dtype=torch.bool) if mask is None else mask.sum(dim=1) > 1
-        for _ in range(n_epochs):
-            for picked in self._minibatches(len(rows), generator):
-                legal = None if mask is None else mask[picked]
-                self._step(self._imitation(rows[picked], legal, actions[picked], chose[picked]), rate)
+        shown = _Shown(torch.from_numpy(told.rows), _tensor(told.mask), torch.from_numpy(self.plain(told.actions)))
+        self._imitate(shown, n_epochs, rate, generator)
+
+    def forget_teacher(self) -> None:
+        """Forget all that a teacher has said, once it is no longer asked."""
+        self._shown = None
 
     def keep_anchor(self) -> None:
         """Remember the policy as it is: what was cloned."""
@@ -230,6 +251,7 @@ class Learner:
             "seen": self.seen.state(),
             "told": self.told.state(),
             "earned": self.earned.state(),
+            "shown": None if self._shown is None else tuple(self._shown),
         }
 
     def recall(self, state: dict[str, Any]) -> None:
@@ -243,6 +265,8 @@ class Learner:
         self.seen.recall(state["seen"])
         self.told.recall(state["told"])
         self.earned.recall(state["earned"])
+        shown = state.get("shown")  # not there before teachers were remembered
+        self._shown = None if shown is None else _Shown(*shown)
 
     def _samples(self, rollout: Rollout, anchored: bool) -> _Samples:
         config = self._config
@@ -281,6 +305,29 @@ class Learner:
 
     def _minibatches(self, n: int, generator: torch.Generator) -> Iterator[Tensor]:
         yield from torch.randperm(n, generator=generator).split(self._config.minibatch_n)
+
+    def _show(self, rollout: Rollout) -> _Shown:
+        """What a teacher said in a rollout, where there was a choice."""
+        there = rollout.active
+        rows, actions = torch.from_numpy(rollout.seen), torch.from_numpy(rollout.actions[there])
+        if rollout.mask is None:
+            return _Shown(rows, None, actions)
+        mask = torch.from_numpy(rollout.mask[there])
+        chose = mask.sum(dim=1) > 1
+        return _Shown(rows[chose], mask[chose], actions[chose])
+
+    def _imitate(self, shown: _Shown, n_epochs: int, rate: float, generator: torch.Generator) -> float:
+        """Imitate samples; returns how far the policy was from them, as a mean over all steps."""
+        rows = torch.from_numpy(self.seen.apply(shown.rows.numpy()))
+        chose = torch.ones(len(rows), dtype=torch.bool) if shown.mask is None else shown.mask.sum(dim=1) > 1
+        losses = []
+        for _ in range(n_epochs):
+            for picked in self._minibatches(len(rows), generator):
+                legal = None if shown.mask is None else shown.mask[picked]
+                loss = self._imitation(rows[picked], legal, shown.actions[picked], chose[picked])
+                self._step(loss, rate)
+                losses.append(loss.item())
+        return float(np.mean(losses)) if losses else float("nan")
 
     def _imitation(self, rows: Tensor, mask: Tensor | None, actions: Tensor, chose: Tensor) -> Tensor:
         """Mean distance from a teacher who had a choice and did what is legal."""

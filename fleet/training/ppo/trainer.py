@@ -176,6 +176,8 @@ class Trainer:
             if name in rollouts and rollouts[name].active.any():
                 if self._teachers:
                     losses = learner.clone(rollouts[name], rate, generator)
+                    if self.n_steps >= ppo.clone_n:
+                        learner.forget_teacher()
                 else:
                     if ppo.anchor and learner.anchor is None and (ppo.clone_n or self.config.demonstrations):
                         learner.keep_anchor()

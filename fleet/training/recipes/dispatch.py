@@ -45,7 +45,7 @@ def _apparent_tardiness() -> Policy:
 def _rollout() -> Policy:
     from fleet.envs.policies.rollout import RolloutConfig, RolloutPolicy
 
-    return RolloutPolicy(config=RolloutConfig(n_futures=8, n_first=2))
+    return RolloutPolicy(config=RolloutConfig(n_futures=32, n_first=8))
 
 
 def tardiness_min(env: Any) -> float:
@@ -77,8 +77,16 @@ DISPATCH_DUE = Recipe(
     figures=("delivered", "late", "waiting"),
     at_end={"tardiness_min": tardiness_min},
     # All of them clone: a rollout that half of the environments only ask, while agents do what they have learned.
-    n_steps=60_000,
-    ppo=PpoConfig(horizon_n=240, minibatch_n=4096, learning_rate=1e-3, network="attention", clone_n=60_000, anchor=0.1),
+    n_steps=300_000,
+    ppo=PpoConfig(
+        horizon_n=240,
+        minibatch_n=512,
+        learning_rate=1e-3,
+        network="attention",
+        clone_n=300_000,
+        # Of 11,520 steps of an update some 1,100 are choices.
+        clone_all=True,
+    ),
     layouts={"car": LAYOUT},
     teacher=_rollout,
     arguments={**SCENARIOS["due_rush"].arguments, "weights": {"late": -0.3, "waiting": -0.2, "empty": 0.0}},
