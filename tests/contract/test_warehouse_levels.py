@@ -162,6 +162,15 @@ def test_starts_differ_and_tolerances_decide(make: Callable[..., WarehouseEnv]) 
         assert paid == docked
 
 
+def test_cars_that_begin_on_their_ways_are_apart(make: Callable[..., WarehouseEnv]) -> None:
+    env = make(level="dock", site="cell", n_cars=2, max_cycles=1, start={"near_m": (0.5, 12.0)})
+    for seed in range(65, 75):  # with 71 they began in one cell once
+        env.reset(seed=seed)
+        (x, y), (other_x, other_y) = env.simulation.world.car_poses()[:, :2]
+        assert np.hypot(x - other_x, y - other_y) >= 1.0
+        env.step({agent: np.zeros(2) for agent in env.agents})
+
+
 # --- Actions
 
 

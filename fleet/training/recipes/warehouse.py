@@ -131,6 +131,10 @@ TRANSFER = Recipe(
     ),
 )
 
+_PHYSICS = {"fidelity": "physics"}
+_TRANSFER = {"level": "transfer", "n_cars": 0}
+# From one dock to the other are up to 12 m.
+_FAR = {"level": "dock", "start": {"cars": "near", "near_m": (0.5, 12.0), "side_m": 0.1, "turn_rad": 0.2}}
 CELL = Recipe(
     summary="cars and arms deliver together on a small site",
     make=_warehouse,
@@ -139,7 +143,7 @@ CELL = Recipe(
     teacher=_classical,
     figures=("delivered", "loaded", "gripped", "docked", "contact", "failed"),
     at_end={"deliveries": n_deliveries},
-    n_steps=1_700_000,
+    n_steps=3_000_000,
     ppo=CLONED_FIRST,
     # What is docked, loaded and delivered counts as one.
     arguments={
@@ -150,25 +154,16 @@ CELL = Recipe(
         "weights": {"docked": 1.0, "gripped": 1.0, "loaded": 1.0, "delivered": 1.0, "failed": -1.0, "time": -0.02},
     },
     stages=(
-        # Arms that wait for cars see too few parcels: where only all do everything, PPO loses what was cloned.
+        # Arms that wait for cars see too few parcels, and cars that wait for arms too few docks: where only all do
+        # everything, PPO loses what was cloned.
         TrainingStage(
             name="apart",
-            mix=(
-                {"level": "dock", "n_cars": 1, "fidelity": "physics"},
-                {"level": "transfer", "n_cars": 0},
-                {"level": "transfer", "n_cars": 0, "fidelity": "physics"},
-                {},
-            ),
-            longest=0.6,
+            mix=(_FAR, _FAR, _TRANSFER, _FAR | _PHYSICS, _FAR, _TRANSFER | _PHYSICS, _TRANSFER | _PHYSICS, {}),
+            longest=0.45,
         ),
         TrainingStage(
             name="together",
-            mix=(
-                {},
-                {"fidelity": "physics"},
-                {"level": "transfer", "n_cars": 0, "fidelity": "physics"},
-                {"fidelity": "physics"},
-            ),
+            mix=({}, _FAR, _PHYSICS, _FAR | _PHYSICS, _PHYSICS, _FAR | _PHYSICS, _TRANSFER | _PHYSICS, _PHYSICS),
         ),
     ),
 )

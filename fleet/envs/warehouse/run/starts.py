@@ -129,7 +129,12 @@ def draw_beginning(
             car = len(errands)
             taken.append(dock)
             left_m = 0.0 if start.cars == "docked" else float(rng.uniform(*start.near_m))
-            states[car], poses[car] = _before(graph, dock, left_m, rng)
+            for _ in range(_TRIES):
+                state, pose = _before(graph, dock, left_m, rng)
+                parked = graph.state_cell[state] in graph.state_cell[states[car + 1 :]]
+                if start.cars == "docked" or (not parked and _is_apart(poses[:car], pose)):
+                    states[car], poses[car] = state, pose
+                    break
             errands.append(Errand(car=car, station=station, loaded=place.kind == "drop"))
     n_moved = len(poses) if start.cars == "docked" else n_agents
     poses[:n_moved, :2] += rng.uniform(-start.side_m, start.side_m, (n_moved, 2))
@@ -159,11 +164,14 @@ def _lane_state(graph: LaneGraph, ground: RunSetup, others: FloatArray, rng: np.
     """A state on a lane, away from other cars; -1 if none was found."""
     bays = {*ground.site.parking, *ground.site.chargers, *(place.dock.cell for place in ground.site.stations)}
     for state in rng.integers(graph.n_states, size=_TRIES).tolist():
-        x, y, _ = graph.state_pose[state]
-        apart = len(others) == 0 or np.hypot(others[:, 0] - x, others[:, 1] - y).min() >= APART_M
-        if apart and int(graph.state_cell[state]) not in bays:
+        if _is_apart(others, graph.state_pose[state]) and int(graph.state_cell[state]) not in bays:
             return int(state)
     return -1
+
+
+def _is_apart(others: FloatArray, pose: FloatArray) -> bool:
+    """Whether a pose is away from all other cars."""
+    return len(others) == 0 or bool(np.hypot(others[:, 0] - pose[0], others[:, 1] - pose[1]).min() >= APART_M)
 
 
 def _before(graph: LaneGraph, goal: int, left_m: float, rng: np.random.Generator) -> tuple[int, FloatArray]:
