@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections import Counter
 from collections.abc import Mapping
@@ -45,7 +44,8 @@ class Decisions:
     def told(self) -> dict[str, Any]:
         """All figures, as they go into a file."""
         share = self.policy_share
-        return {**dataclasses.asdict(self), "policy_share": None if share is None else round(share, 6)}
+        fallback = dict(sorted(self.n_fallback.items()))
+        return {**vars(self), "n_fallback": fallback, "policy_share": None if share is None else round(share, 6)}
 
     def __str__(self) -> str:
         share = self.policy_share

@@ -22,15 +22,16 @@ def test_a_share_is_that_of_all_decisions() -> None:
 def test_all_figures_are_in_the_file(tmp_path: Path) -> None:
     decisions = Decisions(policy="nearest")
     decisions.decide(2, 1)
+    decisions.fall_back("illegal", 2)
     write_decisions(tmp_path / "decisions.json", {"dispatch": decisions})
     assert json.loads((tmp_path / "decisions.json").read_text()) == {
         "dispatch": {
             "policy": "nearest",
-            "n_made": 2,
+            "n_made": 4,
             "n_policy": 2,
             "n_granted": 1,
-            "n_fallback": {},
-            "policy_share": 1.0,
+            "n_fallback": {"illegal": 2},
+            "policy_share": 0.5,
         }
     }
     assert [path.name for path in tmp_path.iterdir()] == ["decisions.json"]
