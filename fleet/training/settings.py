@@ -72,7 +72,8 @@ class PpoConfig:
     clone_epochs_n: int = 10
     """Times that each sample of a file of demonstrations is used, before the first step."""
     anchor: float = 0.0
-    """Weight of the divergence from the cloned policy after that; it falls to zero in a straight line."""
+    """Weight of the divergence from the policy that was cloned, or that the run started from, after that; it falls to
+    zero in a straight line."""
 
     def __post_init__(self) -> None:
         for name in ("envs_n", "horizon_n", "epochs_n", "minibatch_n", "clone_epochs_n"):
@@ -111,6 +112,9 @@ class TrainConfig:
     """Names of those that no stage of the recipe changes, because they were asked for."""
     demonstrations: str | None = None
     """File with what a teacher did, which is cloned before the first step (`fleet.training.demonstrations`)."""
+    start_from: tuple[str, ...] = ()
+    """Folders of runs: agents of the types that were trained there begin with what they learned, those of the last
+    folder that knows them."""
     ppo: PpoConfig
 
     def __post_init__(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -269,6 +270,24 @@ def test_a_file_of_demonstrations_is_cloned_before_the_first_step(tmp_path: Path
     (tmp_path / "other").mkdir()
     with pytest.raises(TrainingError, match=r"car_actions has rows of shape \(3,\); valid: \(1,\)"):
         Trainer(config, tmp_path / "other").run(lambda row: None, [])
+
+
+def test_a_run_starts_from_what_another_learned(tmp_path: Path, known: Callable[..., None]) -> None:
+    first = run(trainer_of(tmp_path / "first", 2))
+
+    def begun(**ppo: Any) -> Trainer:
+        start_from = (str(tmp_path / "first"),)
+        return Trainer(TrainConfig(env="guess", steps_n=9, start_from=start_from, ppo=replace(PPO, **ppo)), tmp_path)
+
+    assert weights(begun()) == weights(first)
+    assert begun().learners["car"].seen.state() == first.learners["car"].seen.state()
+    with pytest.raises(TrainingError, match=r"first/checkpoint\.pt: ppo\.hidden is .*; valid: \(8,\), as in this run"):
+        begun(hidden=(8,))
+    known(layouts={"arm": RowLayout(groups=(Group(first=2, n_each=1, n_things=2),))})
+    with pytest.raises(TrainingError, match=r"first/checkpoint\.pt: agents of type arm: layout was"):
+        begun()
+    known(make=partial(Guess, n_cars=0))
+    assert begun().learners.keys() == {"arm"}, "types that are not there are left alone"
 
 
 def test_chance_at_play_follows_its_seed_and_the_recipe_says_whether_there_is_any(

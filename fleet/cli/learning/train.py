@@ -55,6 +55,8 @@ class Train:
     """TOML file with steps_n, checkpoint_n, tables [ppo] (settings of the algorithm) and [env] (its arguments)."""
     demonstrations: Path | None = None
     """File of what a teacher did, which is cloned first."""
+    start_from: tuple[Path, ...] = ()
+    """Folders of other runs of this command, whose agents these begin as."""
     episodes: int = 20
     """Episodes that each policy plays in the evaluation."""
     out: Path = Path("runs/train")
@@ -91,6 +93,8 @@ class Train:
             settings["steps_n"] = self.steps
         if self.demonstrations is not None:
             settings["demonstrations"] = str(self.demonstrations)
+        if self.start_from:
+            settings["start_from"] = tuple(map(str, self.start_from))
         return TrainConfig(
             env=self.env, seed=self.seed, arguments=arguments, held=tuple(sorted(asked)), ppo=ppo, **settings
         )

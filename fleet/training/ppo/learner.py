@@ -254,6 +254,12 @@ class Learner:
             "shown": None if self._shown is None else tuple(self._shown),
         }
 
+    def begin_with(self, state: dict[str, Any]) -> None:
+        """Begin with what was learned in another run, whose `state` it is; rewards may be others."""
+        self.network.load_state_dict(state["network"])
+        self.seen.recall(state["seen"])
+        self.told.recall(state["told"])
+
     def recall(self, state: dict[str, Any]) -> None:
         """Return to a `state`."""
         self.network.load_state_dict(state["network"])

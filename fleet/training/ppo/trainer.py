@@ -49,7 +49,7 @@ class Trainer:
 
     Raises:
         TrainingError: The checkpoint is of other settings, or cannot be read; the recipe has no teacher to clone, or an
-            environment no state for a central critic.
+            environment no state for a central critic; a run to start from has other agents or networks.
     """
 
     def __init__(self, config: TrainConfig, folder: Path, *, resume: bool = False) -> None:
@@ -83,6 +83,9 @@ class Trainer:
         self._cloning = ppo.clone_n > 0
         if state is not None:
             self._recall(state)
+        else:
+            for folder in config.start_from:
+                self._start_from(Path(folder))
         self._batch: Batch | None = None
 
     def run(self, on_update: Callable[[Row], None], interrupted: list[int]) -> bool:
@@ -179,11 +182,37 @@ class Trainer:
                     if self.n_steps >= ppo.clone_n:
                         learner.forget_teacher()
                 else:
-                    if ppo.anchor and learner.anchor is None and (ppo.clone_n or self.config.demonstrations):
+                    if ppo.anchor and learner.anchor is None and self._knows_something:
                         learner.keep_anchor()
                     losses = learner.learn(rollouts[name], rate, ppo.anchor * left, generator)
             row |= {f"{name}_{loss}": value for loss, value in losses.items()}
         return row
+
+    @property
+    def _knows_something(self) -> bool:
+        """Whether there is a policy before PPO that is worth to be kept."""
+        config = self.config
+        return bool(config.ppo.clone_n or config.demonstrations or config.start_from)
+
+    def _start_from(self, folder: Path) -> None:
+        """Begin with what agents learned in another run."""
+        path = folder / CHECKPOINT
+        state = read_checkpoint(path)
+        ppo = json.loads(state["config"])["ppo"]
+        known = [name for name in state["kinds"] if name in self.learners]
+        if not known:
+            told = ", ".join(state["kinds"])
+            raise TrainingError(f"{path}: is of agents of the types {told}; valid: {', '.join(self.learners)}")
+        for name in ("network", "hidden", "critic"):
+            wanted = getattr(self.config.ppo, name)
+            if ppo[name] != (list(wanted) if name == "hidden" else wanted):
+                raise TrainingError(f"{path}: ppo.{name} is {ppo[name]!r}; valid: {wanted!r}, as in this run")
+        if ppo["critic"] == "central" and state["n_state"] != self._n_state:
+            raise TrainingError(f"{path}: states have {state['n_state']} numbers; valid: {self._n_state}")
+        learners = [self.learners[name] for name in known]
+        require_kinds(path, {name: state["kinds"][name] for name in known}, [learner.kind for learner in learners])
+        for name, learner in zip(known, learners, strict=True):
+            learner.begin_with(state["learners"][name])
 
     def _clone_file(self, path: Path) -> None:
         """Clone what a file of demonstrations says."""
@@ -234,5 +263,6 @@ def _generator(seed: int, branch: int, update: int) -> torch.Generator:
 def _require_same(config: TrainConfig, told: dict[str, Any], path: Path) -> None:
     wanted = json.loads(json.dumps(dataclasses.asdict(config)))
     for name, value in wanted.items():
-        if told.get(name) != value:
-            raise TrainingError(f"{path}: {name} was {told.get(name)!r} and is {value!r} now; valid: the same settings")
+        was = told.get(name, [])  # runs of before `start_from` started from nothing
+        if was != value:
+            raise TrainingError(f"{path}: {name} was {was!r} and is {value!r} now; valid: the same settings")
