@@ -84,8 +84,8 @@ class Trainer:
         if state is not None:
             self._recall(state)
         else:
-            for folder in config.start_from:
-                self._start_from(Path(folder))
+            for other in config.start_from:
+                self._start_from(Path(other))
         self._batch: Batch | None = None
 
     def run(self, on_update: Callable[[Row], None], interrupted: list[int]) -> bool:
