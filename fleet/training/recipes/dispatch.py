@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.training.layout import Group, RowLayout
-from fleet.training.recipes.recipe import Recipe
+from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
 
 if TYPE_CHECKING:
@@ -18,9 +18,15 @@ LAYOUT = RowLayout(groups=(Group(first=12, n_each=11),), chosen=0)
 """Tasks on offer; numbers as in `fleet.envs.dispatch.view`: N_OWN, N_PER_CANDIDATE."""
 
 
-def _dispatch(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
+def _dispatch(
+    *, weights: Mapping[str, float] | None = None, hall: Mapping[str, int] | None = None, **arguments: Any
+) -> Any:
+    """The environment; a `hall` is a generated site, told by the arguments of `maps.warehouse.generate_warehouse`."""
     from fleet.envs.dispatch.env import DispatchWeights, parallel_env
+    from maps.warehouse import generate_warehouse
 
+    if hall is not None:
+        arguments["site"] = generate_warehouse(**hall)
     return parallel_env(weights=DispatchWeights(**weights or {}), **arguments)
 
 
@@ -43,9 +49,9 @@ def _apparent_tardiness() -> Policy:
 
 
 def _rollout() -> Policy:
-    from fleet.envs.policies.rollout import RolloutConfig, RolloutPolicy
+    from fleet.envs.policies.rollout import RolloutPolicy
 
-    return RolloutPolicy(config=RolloutConfig(n_futures=32, n_first=8))
+    return RolloutPolicy()
 
 
 def tardiness_min(env: Any) -> float:
@@ -69,6 +75,13 @@ DISPATCH = Recipe(
     # A car that pays for the lateness of what it delivers leaves late tasks to the others, which do the same.
     arguments={"site": "small", "n_cars": 6, "weights": {"late": -0.02, "empty": -0.03}},
 )
+_HALLS = (
+    {"rows": 24, "cols": 16, "pick": 3, "drop": 3, "parking": 12},
+    {"rows": 16, "cols": 26, "pick": 3, "drop": 3, "parking": 12},
+    {"rows": 18, "cols": 18, "pick": 4, "drop": 4, "parking": 16},
+    {"rows": 20, "cols": 28, "pick": 4, "drop": 4, "parking": 16},
+)
+"""Other floors than the one that it is evaluated on: what was learned on one floor only helps little on others."""
 DISPATCH_DUE = Recipe(
     summary="cars choose their tasks, and due dates count",
     make=_dispatch,
@@ -77,17 +90,18 @@ DISPATCH_DUE = Recipe(
     figures=("delivered", "late", "waiting"),
     at_end={"tardiness_min": tardiness_min},
     # All of them clone: a rollout that half of the environments only ask, while agents do what they have learned.
-    n_steps=300_000,
+    n_steps=360_000,
     ppo=PpoConfig(
         horizon_n=240,
         minibatch_n=512,
         learning_rate=1e-3,
         network="attention",
-        clone_n=300_000,
+        clone_n=360_000,
         # Of 11,520 steps of an update some 1,100 are choices.
         clone_all=True,
     ),
     layouts={"car": LAYOUT},
     teacher=_rollout,
+    stages=(TrainingStage(name="halls", mix=tuple(mixed for hall in _HALLS for mixed in ({}, {"hall": hall}))),),
     arguments={**SCENARIOS["due_rush"].arguments, "weights": {"late": -0.3, "waiting": -0.2, "empty": 0.0}},
 )
