@@ -19,7 +19,7 @@ LAYOUT = RowLayout(groups=(Group(first=12, n_each=11),), chosen=0)
 
 
 def _dispatch(
-    *, weights: Mapping[str, float] | None = None, hall: Mapping[str, int] | None = None, **arguments: Any
+    *, weights: Mapping[str, float] | None = None, hall: Mapping[str, Any] | None = None, **arguments: Any
 ) -> Any:
     """The environment; a `hall` is a generated site, told by the arguments of `maps.warehouse.generate_warehouse`."""
     from fleet.envs.dispatch.env import DispatchWeights, parallel_env
