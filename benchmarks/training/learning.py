@@ -73,8 +73,8 @@ def train_seed(folder: Path, recipe: str, lesson: Lesson, seed: int, *, quick: b
     out.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "fleet", "train", "--env", recipe, "--seed", str(seed), "--out", str(out)]
     command += ["--resume", "--episodes", str(N_QUICK_EPISODES if quick else lesson.n_episodes)]
-    if lesson.start_from:
-        command += ["--start-from", *(str(folder / other / str(seed)) for other in lesson.start_from)]
+    for other in lesson.start_from:
+        command += ["--start-from", str(folder / other / str(seed))]
     if quick:
         command += ["--steps", str(N_QUICK_STEPS), "--fidelity", lesson.fidelity]
     # One core each: the numerical libraries would else fight for both.

@@ -56,7 +56,7 @@ class Train:
     demonstrations: Path | None = None
     """File of what a teacher did, which is cloned first."""
     start_from: tuple[Path, ...] = ()
-    """Folders of other runs of this command, whose agents these begin as."""
+    """Folder of another run of this command, as whose agents these begin."""
     episodes: int = 20
     """Episodes that each policy plays in the evaluation."""
     out: Path = Path("runs/train")
