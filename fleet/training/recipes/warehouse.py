@@ -68,7 +68,7 @@ DOCK = Recipe(
     scripted=_classical,
     script="pure pursuit, and a stop at its end",
     figures=("docked", "contact"),
-    n_steps=550_000,
+    n_steps=370_000,
     ppo=PpoConfig(envs_n=16, horizon_n=128, learning_rate=1e-3, discount=0.98, entropy=0.001, hidden=(128, 128)),
     # A dock counts as one: the figure is the share of episodes.
     arguments={"level": "dock", "weights": {"docked": 1.0, "time": -0.02}},
@@ -87,7 +87,7 @@ DOCK = Recipe(
             figure="docked",
             reached=0.95,
         ),
-        TrainingStage(name="true", longest=0.5, figure="docked", reached=0.98, n_last=200),
+        TrainingStage(name="true", shortest=0.3, longest=0.4, figure="docked", reached=0.98, n_last=200),
         # In physics cars slide and come askew to where they never were before: from there they have to find back, too.
         TrainingStage(
             name="slippery",
