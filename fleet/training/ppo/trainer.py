@@ -179,12 +179,12 @@ class Trainer:
             if name in rollouts and rollouts[name].active.any():
                 if self._teachers:
                     losses = learner.clone(rollouts[name], rate, generator)
-                    if self.n_steps >= ppo.clone_n:
-                        learner.forget_teacher()
                 else:
                     if ppo.anchor and learner.anchor is None and self._knows_something:
                         learner.keep_anchor()
                     losses = learner.learn(rollouts[name], rate, ppo.anchor * left, generator)
+            if self.n_steps >= ppo.clone_n:
+                learner.forget_teacher()
             row |= {f"{name}_{loss}": value for loss, value in losses.items()}
         return row
 
