@@ -9,13 +9,14 @@ from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.transfer_requests import Transfers
 from fleet.missions.phases import AT_DOCK, CarPhase
 from fleet.missions.services import Services
-from fleet.missions.state import Missions
+from fleet.missions.state import NOBODY, Missions
 from fleet.missions.ways import Ways
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
 
+_STATE_AT = {Direction.TO_CAR: TaskState.LOADING, Direction.FROM_CAR: TaskState.UNLOADING}
 _ARM_IS_DONE = (ArmPhase.DONE, ArmPhase.MOVING, ArmPhase.IDLE)
 
 
@@ -77,7 +78,9 @@ class Docks:
             station = missions.stations.named(task.pick if loading else task.delivery.drop)
             if not self._ways.stands_at(car, station.dock_state):
                 continue
-            if not missions.bookings.has(car) or not self._arms.is_ready(station.arm, task.parcel):
+            if missions.served[station.arm] != NOBODY or not missions.bookings.has(car):
+                continue
+            if not self._arms.is_ready(station.arm, task.parcel):
                 continue
             if not loading and task.drop_slot is None:
                 task.drop_slot = station.take_slot(task.index)
@@ -90,14 +93,24 @@ class Docks:
         missions = self._missions
         for arm, car in self._services.under_way:
             station = missions.stations[arm]
-            controller = self._arms.services[arm]
-            task = missions.task_of[car]
-            if task is not None and task.state is TaskState.FAILED and self._arms.is_idle(arm):
-                self._break_off(station, task, car)
-            if task is not None and controller.dock_is_clear and task.state in (TaskState.LOADING, TaskState.UNLOADING):
-                self._judge(station, task, car, tick, now_s)
-            if self._arms.is_idle(arm) and missions.phase[car] not in AT_DOCK:
+            # An arm may be on its way home for so long that its car is served elsewhere meanwhile.
+            if self._services.latest(car) == arm:
+                self._look(station, car, tick, now_s)
+                if missions.phase[car] in AT_DOCK:
+                    continue
+            if self._arms.is_idle(arm):
                 self._services.end(station, now_s)
+
+    def _look(self, station: Station, car: int, tick: int, now_s: float) -> None:
+        """See whether an arm is clear of a car, and what it has done."""
+        task = self._missions.task_of[car]
+        if task is None:
+            return
+        if task.state is TaskState.FAILED and self._arms.is_idle(station.arm):
+            self._break_off(station, task, car)
+        clear = self._arms.services[station.arm].dock_is_clear
+        if clear and task.state is _STATE_AT[station.direction]:
+            self._judge(station, task, car, tick, now_s)
 
     def _break_off(self, station: Station, task: Task, car: int) -> None:
         """A task failed while an arm was at work on it, and the arm is clear now."""

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
-from fleet.missions.phases import PHASES, TO_STATION
+from fleet.missions.phases import AT_CHARGER, PARKED, PHASES, TO_STATION
 from fleet.missions.state import Missions
 from fleet.missions.ways import MOVE_S, Ways
 from fleet.tasks.board import NUMBER_OF_STATE, TaskState
@@ -17,6 +17,8 @@ CHANGE_S = 3.0
 """Time in which one car leaves a dock and the next one takes its place [s]; seen on shipped sites: 2.8 to 3.5 s."""
 
 _UNDER_WAY = np.array([phase in TO_STATION for phase in PHASES])
+_COMES = np.array([phase in TO_STATION or phase in PARKED or phase in AT_CHARGER for phase in PHASES])
+"""Phases of a car that is bound for a station and not there, or not any more."""
 _ASSIGNED, _LOADING = NUMBER_OF_STATE[TaskState.ASSIGNED], NUMBER_OF_STATE[TaskState.LOADING]
 
 
@@ -99,13 +101,14 @@ class TurnBook:
         missions, stations = self._missions, self._missions.stations
         cars, first = missions.bookings.in_line(len(stations))
         station = np.repeat(np.arange(len(stations)), np.diff(first))
-        comes = missions.served[station] != cars
+        comes = ~self._at_work(cars, station)
         return self._arrivals(cars[comes], station[comes])
 
     def bound_for(self, arm: int) -> StationArrivals:
         """Those that are bound for one station."""
-        cars = np.array([car for car in self._missions.bookings.bound(arm) if car != self._missions.served[arm]])
-        return self._arrivals(cars.astype(np.int64), np.full(len(cars), arm))
+        cars = np.array(self._missions.bookings.bound(arm), dtype=np.int64)
+        cars = cars[~self._at_work(cars, np.full(len(cars), arm))]
+        return self._arrivals(cars, np.full(len(cars), arm))
 
     def all(self, now_s: float) -> Booked:
         """All turns that are taken, those at the drop stations of parcels that are still to be picked among them."""
@@ -133,6 +136,15 @@ class TurnBook:
             np.concatenate((bound.waits, np.zeros(len(cars), dtype=np.bool_)))[order],
         )
         return Booked(line_up(everybody, pace).turns, early_s)
+
+    def _at_work(self, cars: IntArray, station: IntArray) -> BoolArray:
+        """Whether the arm of a station is at work on a car that is bound for it, shape (n,).
+
+        An arm that is slow on its way home counts its last car as served while that one is bound for it anew.
+        """
+        phase = self._missions.phase_index[cars]
+        at_work: BoolArray = (self._missions.served[station] == cars) & ~_COMES[phase]
+        return at_work
 
     def _arrivals(self, cars: IntArray, station: IntArray) -> StationArrivals:
         moves = self._ways.moves_each(self._ways.ahead[cars], self._missions.stations.dock_states[station])

@@ -5,6 +5,8 @@ Runs repeat exactly up to a disturbance, so a first run finds the moment at whic
 
 from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from fleet.missions.phases import CarPhase
 from fleet.run.events import Event
 from fleet.simulation import Simulation
 from fleet.tasks.board import TaskState
+from maps.site import load_site, save_site
 from planners.mapf.distance_table import DistanceTable
 
 Look = Callable[[Simulation], None]
@@ -262,6 +265,31 @@ def test_a_slow_arm_takes_longer_and_recovers() -> None:
     begin = {e.facts["task"]: e.sim_s for e in tasks if e.facts["state"] == TaskState.LOADING}
     took_s = [e.sim_s - begin[e.facts["task"]] for e in tasks if e.facts["state"] == TaskState.CARRIED]
     assert took_s[0] > 2.0 * took_s[-1]
+
+
+@pytest.mark.parametrize(("site", "robots", "factor"), [("cell", 1, 0.05), ("twin", 2, 0.1)])
+def test_a_car_may_be_served_elsewhere_before_an_arm_is_home_from_it(site: str, robots: int, factor: float) -> None:
+    """It comes to the other station, or back, while the first arm still moves."""
+    summary, log = run(
+        event(0.0, "arm_slow", "arm_0", factor=factor, duration_s=1e5), site=site, robots=robots, tasks=6
+    )
+    check(summary)
+    assert not of_kind(log, "transfer_repeated")
+    begun = [entry for entry in of_kind(log, "task") if entry.facts["state"] == TaskState.UNLOADING]
+    assert len(begun) == 6
+
+
+def test_one_slot_does_not_keep_the_cars_out_that_come_before_its_own(tmp_path: Path) -> None:
+    """A pushed car is given back the only parcel on the rack, in the grip by then, and others are before it in line."""
+    small = load_site("small")
+    stations = [replace(one, slots=one.slots[:1]) if one.kind == "pick" else one for one in small.stations]
+    save_site(replace(small, stations=tuple(stations)), site := tmp_path / "one.toml")
+    rows = [f"o{k},0,pick_1,drop_{1 + k % 2},0.4,0.06" for k in range(6)]
+    (orders := tmp_path / "orders.csv").write_text("\n".join(["id,release_s,pick,drop,mass_kg,size_m", *rows]))
+    pushed = event(4.0, "car_pushed", "car_0", dx_m=0.4)
+    summary, log = run(pushed, site=str(site), orders=orders, robots=4, seed=1)
+    assert summary.tasks_done == 6
+    assert of_kind(log, "put_back")
 
 
 def test_of_two_slow_spells_the_later_end_counts() -> None:

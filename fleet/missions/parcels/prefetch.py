@@ -115,9 +115,17 @@ class Prefetch:
         )
 
     def _look_after(self, station: Station, at_dock: Sequence[Task]) -> None:
-        """Put a parcel back that is not wanted: its task has ended, or another car of this arm is there first."""
+        """Put a parcel back that is not wanted: its task has ended, another car of this arm is there first, or no car
+        can come because this one's slot is kept."""
         task = self._task[station.arm]
         ended = task.state not in (TaskState.READY, TaskState.ASSIGNED, TaskState.LOADING)
-        if ended or (at_dock and task not in at_dock):
+        if ended or (at_dock and task not in at_dock) or self._keeps_others_out(station, task):
             self._log("put_back", task=task.order.name, station=station.name)
             self._arm_manager.put_back(station.arm)
+
+    def _keeps_others_out(self, station: Station, task: Task) -> bool:
+        """Whether no car can come to a full rack, and none comes for the parcel in the grip."""
+        missions = self._missions
+        if station.n_free or missions.bookings.cars(station.arm):
+            return False
+        return task.car is None or missions.phase[task.car] is CarPhase.HELD

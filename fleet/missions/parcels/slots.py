@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fleet.missions.parcels.inventory import Inventory
+from fleet.missions.phases import CarPhase
 from fleet.missions.state import Missions
 from fleet.missions.ways import Ways
 from fleet.stations.station import Station
@@ -62,9 +63,21 @@ class Slots:
             self._seen[station.arm] = (changes, station.n_free, self._open.n_changes)
 
     def _least_urgent(self, station: Station) -> Task | None:
-        """Of the parcels on a station's slots that nobody comes for, the one that can be done without longest."""
-        tasks = [self._missions.board.tasks[index] for index in station.contents if index is not None]
-        left = [task for task in tasks if task.state is TaskState.READY and not self._inventory.in_a_grip(task)]
+        """Of the parcels on a station's slots that nobody comes for, the one that can be done without longest.
+
+        While no car has booked the station, nobody comes for those of cars that are held back either.
+        """
+        missions = self._missions
+        waits = () if missions.bookings.cars(station.arm) else missions.cars_in(CarPhase.HELD)
+        idle = {task.index for car in waits if (task := missions.task_of[car]) is not None}
+        tasks = [missions.board.tasks[index] for index in station.contents if index is not None]
+        left = [
+            task
+            for task in tasks
+            if (task.state is TaskState.READY or task.index in idle)
+            and not self._inventory.in_a_grip(task)
+            and self._inventory.on_slot(task, task.pick_slot, station)
+        ]
         return max(left, key=lambda task: (task.order.rank, task.since_s[TaskState.BACKLOG], task.index), default=None)
 
     def _next(self, station: Station) -> Task | None:

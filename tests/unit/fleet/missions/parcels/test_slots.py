@@ -87,6 +87,36 @@ def test_a_parcel_in_a_grip_makes_no_room(monkeypatch: pytest.MonkeyPatch) -> No
     assert on_slots(floor) == ["o0"]
 
 
+def test_a_parcel_that_has_fallen_makes_no_room() -> None:
+    floor = ready(*many(2), n_slots=1)
+    floor.slots.take(floor.task("o0"), 0.0)
+    floor.world.poses[floor.task("o0").parcel][2] = 0.03
+    assert not floor.slots.take(floor.task("o1"), 1.0)
+    assert on_slots(floor) == ["o0"]
+
+
+@pytest.mark.parametrize(
+    ("phase", "booked", "makes_room"),
+    [
+        (CarPhase.HELD, False, True),  # it waits for its turn, and those before it for the slot that its parcel has
+        (CarPhase.HELD, True, False),  # who has booked will come and leave its slot
+        (CarPhase.TO_PICK, False, False),
+    ],
+)
+def test_a_parcel_whose_car_is_held_back_makes_room_while_nobody_has_booked(
+    phase: CarPhase, booked: bool, makes_room: bool
+) -> None:
+    floor = ready(*many(3), n_slots=1)
+    floor.slots.take(floor.task("o0"), 0.0)
+    for car in range(2):
+        bind(floor, f"o{car}", car)
+    floor.missions.enter(0, phase)
+    if booked:
+        assert floor.missions.bookings.book(1)
+    assert floor.slots.take(floor.task("o1"), 1.0) == makes_room
+    assert on_slots(floor) == (["o1"] if makes_room else ["o0"])
+
+
 @pytest.mark.parametrize(("n_slots", "n_filled"), [(1, 0), (2, 1), (3, 1), (4, 2), (5, 2), (8, 4)])
 def test_at_most_half_of_the_slots_are_filled_ahead(n_slots: int, n_filled: int) -> None:
     floor = ready(*many(9), n_slots=n_slots)
