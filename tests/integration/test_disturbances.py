@@ -5,7 +5,6 @@ Runs repeat exactly up to a disturbance, so a first run finds the moment at whic
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,8 @@ from fleet.missions.phases import CarPhase
 from fleet.run.events import Event
 from fleet.simulation import Simulation
 from fleet.tasks.board import TaskState
-from maps.site import load_site, save_site
+from maps.site import load_site, save_site, site_from_plan
+from maps.stations import StationOptions
 from planners.mapf.distance_table import DistanceTable
 
 Look = Callable[[Simulation], None]
@@ -281,9 +281,9 @@ def test_a_car_may_be_served_elsewhere_before_an_arm_is_home_from_it(site: str, 
 
 def test_one_slot_does_not_keep_the_cars_out_that_come_before_its_own(tmp_path: Path) -> None:
     """A pushed car is given back the only parcel on the rack, in the grip by then, and others are before it in line."""
-    small = load_site("small")
-    stations = [replace(one, slots=one.slots[:1]) if one.kind == "pick" else one for one in small.stations]
-    save_site(replace(small, stations=tuple(stations)), site := tmp_path / "one.toml")
+    one_slot = StationOptions(slots=((-0.190, 0.408, 0.25),))
+    small = site_from_plan(load_site("small").plan, name="one_slot", options={"pick_1": one_slot, "pick_2": one_slot})
+    save_site(small, site := tmp_path / "one_slot.toml")
     rows = [f"o{k},0,pick_1,drop_{1 + k % 2},0.4,0.06" for k in range(6)]
     (orders := tmp_path / "orders.csv").write_text("\n".join(["id,release_s,pick,drop,mass_kg,size_m", *rows]))
     pushed = event(4.0, "car_pushed", "car_0", dx_m=0.4)
