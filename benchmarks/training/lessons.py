@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from benchmarks.training.due_dates import HELD_OUT_SITES
 from benchmarks.training.goals import Gap, Goal, Mean, Saved, Success, TimesScript
+from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.training.results import RANDOM, SCRIPTED
 
 RULES = ("nearest", "greedy", "hungarian", "regret_lns", "scored_matching", "rollout")
@@ -55,6 +57,11 @@ class Lesson:
 
 def _navigated(places: str) -> tuple[Goal, ...]:
     return TimesScript(figure="places", target=places), TimesScript(figure="touches", target="<= 1.0")
+
+
+def _gap(**arguments: Any) -> Place:
+    """Where all rules and the rollout play as well."""
+    return Place(arguments=arguments, policies=RULES, goals=(Gap(figure="tardiness_min", target=">= 0.5"),))
 
 
 PHYSICS = {"fidelity": "physics"}
@@ -140,7 +147,9 @@ LESSONS: dict[str, Lesson] = {
         n_episodes=20,
         fidelity="grid",
         places={
-            "beside all rules": Place(policies=RULES, goals=(Gap(figure="tardiness_min", target=">= 0.5"),)),
+            "beside all rules": _gap(),
+            "skewed waves": _gap(**SCENARIOS["due_waves"].arguments),
+            **{name: _gap(hall=hall) for name, hall in HELD_OUT_SITES.items()},
         },
     ),
 }
