@@ -51,11 +51,9 @@ def measure_learning(trial: Trial) -> Iterable[Row]:
         folder = Path(quick) if trial.quick else FOLDER
         jobs = [(recipe, lesson, seed) for recipe, lesson in LESSONS.items() for seed in trial.seeds]
         with ThreadPoolExecutor(N_AT_ONCE) as pool:
-            for late in (False, True):  # what starts from others comes after them
-                wave = [job for job in jobs if bool(job[1].start_from) == late]
-                problems = pool.map(lambda job: train_seed(folder, *job, quick=trial.quick), wave)
-                for (recipe, _, seed), problem in zip(wave, problems, strict=True):
-                    trial.check(problem is None, f"{recipe}, seed {seed}: {problem}")
+            problems = list(pool.map(lambda job: train_seed(folder, *job, quick=trial.quick), jobs))
+        for (recipe, _, seed), problem in zip(jobs, problems, strict=True):
+            trial.check(problem is None, f"{recipe}, seed {seed}: {problem}")
         if trial.failures:
             return
         for recipe, lesson in LESSONS.items():
@@ -73,8 +71,6 @@ def train_seed(folder: Path, recipe: str, lesson: Lesson, seed: int, *, quick: b
     out.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "fleet", "train", "--env", recipe, "--seed", str(seed), "--out", str(out)]
     command += ["--resume", "--episodes", str(N_QUICK_EPISODES if quick else lesson.n_episodes)]
-    for other in lesson.start_from:
-        command += ["--start-from", str(folder / other / str(seed))]
     if quick:
         command += ["--steps", str(N_QUICK_STEPS), "--fidelity", lesson.fidelity]
     # One core each: the numerical libraries would else fight for both.
@@ -84,12 +80,9 @@ def train_seed(folder: Path, recipe: str, lesson: Lesson, seed: int, *, quick: b
     return None if status.returncode == 0 else f"status {status.returncode}, see {out / 'log.txt'}"
 
 
-def longest(runs: Sequence[Path], minutes: float, *, promised: bool, before: Sequence[str] = ()) -> Row:
-    """Time of the seed that took longest to train, with the lessons before it."""
-    spent_s = max(
-        sum(_evaluation(one)["train_cpu_s"] for one in (out, *(out.parents[1] / other / out.name for other in before)))
-        for out in runs
-    )
+def longest(runs: Sequence[Path], minutes: float, *, promised: bool) -> Row:
+    """Time of the seed that took longest to train."""
+    spent_s = max(_evaluation(out)["train_cpu_s"] for out in runs)
     target = f"<= {minutes:g}" if promised else ""
     return Row(name="  longest seed", value=spent_s / 60.0, unit="min of CPU", kind=Kind.TIME, target=target)
 
@@ -99,7 +92,7 @@ def _rows(recipe: str, lesson: Lesson, runs: Sequence[Path], *, promised: bool) 
     yield from _told(lesson, f"{recipe}: ", runs, lesson.goals, promised=promised)
     if lesson.level_with:
         yield from _gains(lesson, [_evaluation(out) for out in runs], promised=promised)
-    yield longest(runs, lesson.minutes, promised=promised, before=lesson.start_from)
+    yield longest(runs, lesson.minutes, promised=promised)
     for name, place in lesson.places.items():
         played = [play_transfer(recipe, out, name, place) for out in runs]
         yield from _told(lesson, f"  {name}: ", played, place.goals, promised=promised)

@@ -46,8 +46,6 @@ class Lesson:
     """Policies that should not be better, by more than 2 % of a script's figure."""
     places: Mapping[str, Place] = field(default_factory=dict)
     """By name."""
-    start_from: tuple[str, ...] = ()
-    """Lessons, earlier in the table, from whose runs of the same seed it starts; their time counts, too."""
 
     @property
     def success(self) -> Success | None:
@@ -123,7 +121,6 @@ LESSONS: dict[str, Lesson] = {
         minutes=60,
         n_episodes=20,
         places={"physics": Place(arguments=PHYSICS, goals=(Mean(figure="deliveries", target=">= 1.6"),))},
-        start_from=("dock", "transfer"),
     ),
     "residual": Lesson(
         figure="deliveries",

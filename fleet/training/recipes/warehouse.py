@@ -131,20 +131,16 @@ TRANSFER = Recipe(
     ),
 )
 
-_PHYSICS = {"fidelity": "physics"}
-_TRANSFER = {"level": "transfer", "n_cars": 0}
-# From one dock to the other are up to 12 m.
-_FAR = {"level": "dock", "start": {"cars": "near", "near_m": (0.5, 12.0), "side_m": 0.1, "turn_rad": 0.2}}
 CELL = Recipe(
     summary="cars and arms deliver together on a small site",
     make=_warehouse,
     scripted=_classical,
     script="pure pursuit; up, around and down",
+    teacher=_classical,
     figures=("delivered", "loaded", "gripped", "docked", "contact", "failed"),
     at_end={"deliveries": n_deliveries},
-    n_steps=1_200_000,
-    # It starts from a run of `dock` and one of `transfer`: the first steps are small, and what they knew is kept.
-    ppo=PpoConfig(envs_n=16, horizon_n=128, learning_rate=3e-4, discount=0.98, hidden=(128, 128), anchor=0.3),
+    n_steps=1_700_000,
+    ppo=CLONED_FIRST,
     # What is docked, loaded and delivered counts as one.
     arguments={
         "level": "all",
@@ -154,11 +150,25 @@ CELL = Recipe(
         "weights": {"docked": 1.0, "gripped": 1.0, "loaded": 1.0, "delivered": 1.0, "failed": -1.0, "time": -0.02},
     },
     stages=(
-        # Cars come from far, and know no parking places; arms that wait for cars see too few parcels.
-        TrainingStage(name="apart", mix=(_FAR, _FAR, _TRANSFER | _PHYSICS, {}), longest=0.3),
+        # Arms that wait for cars see too few parcels: where only all do everything, PPO loses what was cloned.
+        TrainingStage(
+            name="apart",
+            mix=(
+                {"level": "dock", "n_cars": 1, "fidelity": "physics"},
+                {"level": "transfer", "n_cars": 0},
+                {"level": "transfer", "n_cars": 0, "fidelity": "physics"},
+                {},
+            ),
+            longest=0.6,
+        ),
         TrainingStage(
             name="together",
-            mix=({}, _FAR | _PHYSICS, _PHYSICS, _PHYSICS, {}, _FAR, _TRANSFER | _PHYSICS, _PHYSICS),
+            mix=(
+                {},
+                {"fidelity": "physics"},
+                {"level": "transfer", "n_cars": 0, "fidelity": "physics"},
+                {"fidelity": "physics"},
+            ),
         ),
     ),
 )
