@@ -91,10 +91,12 @@ class Docks:
 
     def _end(self, tick: int, now_s: float) -> None:
         missions = self._missions
-        for arm, car in self._services.under_way:
+        under_way = self._services.under_way
+        # An arm may be on its way home for so long that its car is served elsewhere meanwhile: the last one counts.
+        latest = {car: arm for arm, car in under_way}
+        for arm, car in under_way:
             station = missions.stations[arm]
-            # An arm may be on its way home for so long that its car is served elsewhere meanwhile.
-            if self._services.latest(car) == arm:
+            if latest[car] == arm:
                 self._look(station, car, tick, now_s)
                 if missions.phase[car] in AT_DOCK:
                     continue

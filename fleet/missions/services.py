@@ -37,10 +37,6 @@ class Services:
         """Arms at work and their cars, in the order in which they began."""
         return list(self._car_of.items())
 
-    def latest(self, car: int) -> int:
-        """The arm that began to work on a car last, of those that are not home yet; `NOBODY` if all are."""
-        return next((arm for arm, served in reversed(self._car_of.items()) if served == car), NOBODY)
-
     def is_served(self, car: int) -> bool:
         """True while an arm is at work on a car, or still on its way home from it."""
         return car in self._car_of.values()

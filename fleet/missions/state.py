@@ -106,6 +106,11 @@ class Missions:
         found: list[int] = wanted.nonzero()[0].tolist()
         return found
 
+    def is_held_back(self, task: Task) -> bool:
+        """Whether a car has a task, and is held back."""
+        car = task.car
+        return car is not None and self.task_of[car] is task and self.phase[car] is CarPhase.HELD
+
     def under_way(self) -> npt.NDArray[np.int64]:
         """Index of the task that each car works on, -1 for none, shape (n_cars,)."""
         return np.where(_UNDER_WAY[self.task_state], self.task_index, NO_TASK)

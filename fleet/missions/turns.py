@@ -17,7 +17,7 @@ CHANGE_S = 3.0
 """Time in which one car leaves a dock and the next one takes its place [s]; seen on shipped sites: 2.8 to 3.5 s."""
 
 _UNDER_WAY = np.array([phase in TO_STATION for phase in PHASES])
-_COMES = np.array([phase in TO_STATION or phase in PARKED or phase in AT_CHARGER for phase in PHASES])
+_COMES = np.array([phase in TO_STATION | PARKED | AT_CHARGER for phase in PHASES])
 """Phases of a car that is bound for a station and not there, or not any more."""
 _ASSIGNED, _LOADING = NUMBER_OF_STATE[TaskState.ASSIGNED], NUMBER_OF_STATE[TaskState.LOADING]
 
@@ -101,13 +101,11 @@ class TurnBook:
         missions, stations = self._missions, self._missions.stations
         cars, first = missions.bookings.in_line(len(stations))
         station = np.repeat(np.arange(len(stations)), np.diff(first))
-        comes = ~self._at_work(cars, station)
-        return self._arrivals(cars[comes], station[comes])
+        return self._arrivals(cars, station)
 
     def bound_for(self, arm: int) -> StationArrivals:
         """Those that are bound for one station."""
         cars = np.array(self._missions.bookings.bound(arm), dtype=np.int64)
-        cars = cars[~self._at_work(cars, np.full(len(cars), arm))]
         return self._arrivals(cars, np.full(len(cars), arm))
 
     def all(self, now_s: float) -> Booked:
@@ -137,16 +135,13 @@ class TurnBook:
         )
         return Booked(line_up(everybody, pace).turns, early_s)
 
-    def _at_work(self, cars: IntArray, station: IntArray) -> BoolArray:
-        """Whether the arm of a station is at work on a car that is bound for it, shape (n,).
+    def _arrivals(self, cars: IntArray, station: IntArray) -> StationArrivals:
+        """Of cars that are bound for stations, those that no arm is at work on there.
 
         An arm that is slow on its way home counts its last car as served while that one is bound for it anew.
         """
-        phase = self._missions.phase_index[cars]
-        at_work: BoolArray = (self._missions.served[station] == cars) & ~_COMES[phase]
-        return at_work
-
-    def _arrivals(self, cars: IntArray, station: IntArray) -> StationArrivals:
+        comes = (self._missions.served[station] != cars) | _COMES[self._missions.phase_index[cars]]
+        cars, station = cars[comes], station[comes]
         moves = self._ways.moves_each(self._ways.ahead[cars], self._missions.stations.dock_states[station])
         return StationArrivals(
             cars, station, MOVE_S * moves.astype(np.float64), ~_UNDER_WAY[self._missions.phase_index[cars]]

@@ -128,4 +128,4 @@ class Prefetch:
         missions = self._missions
         if station.n_free or missions.bookings.cars(station.arm):
             return False
-        return task.car is None or missions.phase[task.car] is CarPhase.HELD
+        return task.state is TaskState.READY or missions.is_held_back(task)

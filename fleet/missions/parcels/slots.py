@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fleet.missions.parcels.inventory import Inventory
-from fleet.missions.phases import CarPhase
 from fleet.missions.state import Missions
 from fleet.missions.ways import Ways
 from fleet.stations.station import Station
@@ -68,13 +67,12 @@ class Slots:
         While no car has booked the station, nobody comes for those of cars that are held back either.
         """
         missions = self._missions
-        waits = () if missions.bookings.cars(station.arm) else missions.cars_in(CarPhase.HELD)
-        idle = {task.index for car in waits if (task := missions.task_of[car]) is not None}
+        nobody_comes = not missions.bookings.cars(station.arm)
         tasks = [missions.board.tasks[index] for index in station.contents if index is not None]
         left = [
             task
             for task in tasks
-            if (task.state is TaskState.READY or task.index in idle)
+            if (task.state is TaskState.READY or (nobody_comes and missions.is_held_back(task)))
             and not self._inventory.in_a_grip(task)
             and self._inventory.on_slot(task, task.pick_slot, station)
         ]
