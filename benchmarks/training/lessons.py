@@ -146,7 +146,7 @@ LESSONS: dict[str, Lesson] = {
         places={
             "beside all rules": _gap(),
             "skewed waves": _gap(**SCENARIOS["due_waves"].arguments),
-            **{name: _gap(hall=hall) for name, hall in HELD_OUT_SITES.items()},
+            **{name: _gap(floor=floor) for name, floor in HELD_OUT_SITES.items()},
         },
     ),
 }

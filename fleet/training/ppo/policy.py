@@ -135,11 +135,16 @@ def load_policy(folder: Path, *, play: Play | None = None, seed: int = 0) -> Lea
     recipe = RECIPES[told["env"]]
     kinds, _ = recipe.survey(told["arguments"], told["held"])
     require_kinds(path, state["kinds"], kinds)
-    ppo = PpoConfig(**{**told["ppo"], "hidden": tuple(told["ppo"]["hidden"])})
+    ppo = told_settings(told)
     learners = {kind.name: Learner(kind, ppo, state["n_state"], torch.Generator()) for kind in kinds}
     for name, learner in learners.items():
         learner.recall(state["learners"][name])
     return LearnedPolicy(learners, seed if (play or recipe.plays[0]) == "drawn" else None)
+
+
+def told_settings(told: Mapping[str, Any]) -> PpoConfig:
+    """Settings of the algorithm, as the configuration in a checkpoint tells them."""
+    return PpoConfig(**{**told["ppo"], "hidden": tuple(told["ppo"]["hidden"])})
 
 
 def described(kind: AgentType) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from fleet.training.errors import TrainingError
 from fleet.training.ppo.checkpoint import read_checkpoint, write_checkpoint
 from fleet.training.ppo.collector import Collector
 from fleet.training.ppo.learner import LOSSES, Learner
-from fleet.training.ppo.policy import LearnedPolicy, described, require_kinds
+from fleet.training.ppo.policy import LearnedPolicy, described, require_kinds, told_settings
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT
 from fleet.training.settings import TrainConfig
@@ -198,16 +198,16 @@ class Trainer:
         """Begin with what agents learned in another run."""
         path = folder / CHECKPOINT
         state = read_checkpoint(path)
-        ppo = json.loads(state["config"])["ppo"]
+        ppo = told_settings(json.loads(state["config"]))
         known = [name for name in state["kinds"] if name in self.learners]
         if not known:
             told = ", ".join(state["kinds"])
             raise TrainingError(f"{path}: is of agents of the types {told}; valid: {', '.join(self.learners)}")
         for name in ("network", "hidden", "critic"):
-            wanted = getattr(self.config.ppo, name)
-            if ppo[name] != (list(wanted) if name == "hidden" else wanted):
-                raise TrainingError(f"{path}: ppo.{name} is {ppo[name]!r}; valid: {wanted!r}, as in this run")
-        if ppo["critic"] == "central" and state["n_state"] != self._n_state:
+            was, wanted = getattr(ppo, name), getattr(self.config.ppo, name)
+            if was != wanted:
+                raise TrainingError(f"{path}: ppo.{name} is {was!r}; valid: {wanted!r}, as in this run")
+        if ppo.critic == "central" and state["n_state"] != self._n_state:
             raise TrainingError(f"{path}: states have {state['n_state']} numbers; valid: {self._n_state}")
         learners = [self.learners[name] for name in known]
         require_kinds(path, {name: state["kinds"][name] for name in known}, [learner.kind for learner in learners])

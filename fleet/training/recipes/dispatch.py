@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.training.layout import Group, RowLayout
-from fleet.training.recipes.recipe import Recipe, TrainingStage
+from fleet.training.recipes.recipe import Recipe, TrainingStage, on_floor
 from fleet.training.settings import PpoConfig
 
 if TYPE_CHECKING:
@@ -19,15 +19,11 @@ LAYOUT = RowLayout(groups=(Group(first=12, n_each=11),), chosen=0)
 
 
 def _dispatch(
-    *, weights: Mapping[str, float] | None = None, hall: Mapping[str, Any] | None = None, **arguments: Any
+    *, weights: Mapping[str, float] | None = None, floor: Mapping[str, Any] | None = None, **arguments: Any
 ) -> Any:
-    """The environment; a `hall` is a generated site, told by the arguments of `maps.warehouse.generate_warehouse`."""
     from fleet.envs.dispatch.env import DispatchWeights, parallel_env
-    from maps.warehouse import generate_warehouse
 
-    if hall is not None:
-        arguments["site"] = generate_warehouse(**hall)
-    return parallel_env(weights=DispatchWeights(**weights or {}), **arguments)
+    return parallel_env(weights=DispatchWeights(**weights or {}), **on_floor(arguments, floor))
 
 
 def _side_by_side(dealt: Sequence[Mapping[str, Any]], **told: Any) -> Batch:
@@ -75,7 +71,7 @@ DISPATCH = Recipe(
     # A car that pays for the lateness of what it delivers leaves late tasks to the others, which do the same.
     arguments={"site": "small", "n_cars": 6, "weights": {"late": -0.02, "empty": -0.03}},
 )
-_HALLS = (
+_FLOORS = (
     {"rows": 24, "cols": 16, "pick": 3, "drop": 3, "parking": 12},
     {"rows": 16, "cols": 26, "pick": 3, "drop": 3, "parking": 12},
     {"rows": 18, "cols": 18, "pick": 4, "drop": 4, "parking": 16},
@@ -102,6 +98,6 @@ DISPATCH_DUE = Recipe(
     ),
     layouts={"car": LAYOUT},
     teacher=_rollout,
-    stages=(TrainingStage(name="halls", mix=tuple(mixed for hall in _HALLS for mixed in ({}, {"hall": hall}))),),
+    stages=(TrainingStage(name="floors", mix=tuple(mixed for floor in _FLOORS for mixed in ({}, {"floor": floor}))),),
     arguments={**SCENARIOS["due_rush"].arguments, "weights": {"late": -0.3, "waiting": -0.2, "empty": 0.0}},
 )

@@ -55,6 +55,18 @@ class TrainingStage:
         require(len(self.mix) >= 1, "mix", self.mix, "one set of arguments or more")
 
 
+def on_floor(arguments: Mapping[str, Any], floor: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Arguments of an environment on a generated floor.
+
+    Args:
+        arguments: Without it.
+        floor: Arguments of `maps.warehouse.generate_warehouse`; None = the site is as the arguments say.
+    """
+    from maps.warehouse import generate_warehouse
+
+    return dict(arguments) if floor is None else {**arguments, "site": generate_warehouse(**floor)}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
     """An environment and how it is learned."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fleet.training.recipes.recipe import Recipe, TrainingStage
+from fleet.training.recipes.recipe import Recipe, TrainingStage, on_floor
 from fleet.training.settings import PpoConfig
 
 if TYPE_CHECKING:
@@ -20,11 +20,8 @@ def _traffic(
     *, weights: Mapping[str, float] | None = None, floor: Mapping[str, Any] | None = None, **arguments: Any
 ) -> Any:
     from fleet.envs.traffic.env import TrafficWeights, parallel_env
-    from maps.warehouse import generate_warehouse
 
-    if floor is not None:
-        arguments["site"] = generate_warehouse(**floor)
-    return parallel_env(weights=TrafficWeights(**weights or {}), **arguments)
+    return parallel_env(weights=TrafficWeights(**weights or {}), **on_floor(arguments, floor))
 
 
 def _side_by_side(dealt: Sequence[Mapping[str, Any]], **told: Any) -> Batch:
