@@ -70,7 +70,7 @@ class Docks:
 
     def _start(self, tick: int, now_s: float) -> None:
         missions = self._missions
-        there = missions.bound & (self._ways.tails == self._ways.goals)
+        there = missions.bound & self._ways.at_goals()
         for car in there.nonzero()[0].tolist():
             task, loading = missions.task_of[car], missions.phase[car] is CarPhase.TO_PICK
             if task is None or not (loading or missions.phase[car] is CarPhase.TO_DROP):

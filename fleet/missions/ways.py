@@ -135,6 +135,11 @@ class Ways:
         """Whether a car stands where it was sent."""
         return self.stands_at(car, int(self._traffic.goals[car]))
 
+    def at_goals(self) -> npt.NDArray[np.bool_]:
+        """Whether each car has made all its moves and is where it was sent, moving or not, shape (n_cars,)."""
+        there: npt.NDArray[np.bool_] = (self.tails == self.goals) & self._executor.without_moves()
+        return there
+
     def stands_at(self, car: int, state: int) -> bool:
         """Whether a car stands in a state, with no move left."""
         return bool(self._executor.tail_states()[car] == state) and self._executor.idle(car)

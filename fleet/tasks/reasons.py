@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -195,9 +195,9 @@ class _KeptRound:
         self._round = judged
         self.column_of = {task.index: column for column, task in enumerate(judged.tasks)}
 
-    def without(self, *others: Container[int]) -> list[int]:
-        """Its tasks that are in none of some others."""
-        return [index for index in self.column_of if not any(index in other for other in others)]
+    def without(self, *others: Mapping[int, object]) -> list[int]:
+        """Its tasks that are in none of some others, in ascending order."""
+        return sorted(self.column_of.keys() - set().union(*others))
 
     def judged(self, tasks: Sequence[int]) -> dict[int, Decision]:
         """How the cars were judged for some of its tasks."""

@@ -126,6 +126,10 @@ class Executor:
         self.dependencies.relocate(car, state)
         self._dirty = True
 
+    def without_moves(self) -> npt.NDArray[np.bool_]:
+        """Whether each car has no move left, shape (n_cars,)."""
+        return self.dependencies.without_moves()
+
     def idle(self, car: int) -> bool:
         """True when a car has no move left and stands still."""
         dependencies = self.dependencies

@@ -175,6 +175,11 @@ class DependencyGraph:
 
     # --- grants
 
+    def without_moves(self) -> BoolArray:
+        """Whether all moves of each agent are finished, shape (n,)."""
+        nothing: BoolArray = self._q.queued == self._q.finished
+        return nothing
+
     def n_queued(self, agent: int) -> int:
         """Moves the agent waits to be granted."""
         return int(self._q.queued[agent] - self._q.granted[agent])

@@ -232,7 +232,8 @@ class ArmController:
             self._elapsed_s += left_s
             over_s = self._elapsed_s - step.duration_s
             self.q, self.qd = step.sample(min(self._elapsed_s, step.duration_s))
-            self.qd = self.qd * self.speed
+            if self.speed != 1.0:
+                self.qd = self.qd * self.speed
             if over_s < 0.0:
                 return 0.0
             if self._lost:

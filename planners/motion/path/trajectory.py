@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +51,7 @@ class Trajectory:
         if self.t[0] != 0.0 or not equal:
             raise PlanningError(f"Trajectory: t {self.t}; valid: times from 0 in equal steps")
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """Time of the last sample [s]."""
         return float(self.t[-1])
