@@ -1,6 +1,6 @@
 """Training: what environments cost, and what policies and learning make of them; one file per kind of groups.
 
-`python -m benchmarks.training [--only speed | grid | table | due | vec | subproc | learning | traffic]`.
+`python -m benchmarks.training [--only speed | grid | table | due | vec | subproc | learning | slack | traffic | play]`.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from benchmarks.harness import Benchmark, in_groups
 from benchmarks.training import layers
 from benchmarks.training.congestion import measure_traffic
 from benchmarks.training.due_dates import measure_due_dates
+from benchmarks.training.fleet_play import measure_fleet_play
 from benchmarks.training.learning import measure_learning
 from benchmarks.training.slack import measure_slack
 from benchmarks.training.speed import measure_speed
@@ -24,6 +25,7 @@ GROUPS = {
     "learning": measure_learning,
     "slack": measure_slack,
     "traffic": measure_traffic,
+    "play": measure_fleet_play,
 }
 
 BENCHMARK = Benchmark(

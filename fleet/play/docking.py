@@ -18,7 +18,7 @@ from fleet.envs.warehouse.control.commands import Commands
 from fleet.envs.warehouse.env import WarehouseEnv, WarehouseEpisode
 from fleet.envs.warehouse.observations import Observer, Told
 from fleet.envs.warehouse.rewards import Rewards, RewardWeights
-from fleet.envs.warehouse.rows import REACH_M
+from fleet.envs.warehouse.rows import NEIGHBOURS_AT, REACH_M, STATION_AT, Rows
 from fleet.envs.warehouse.run.agent_driver import STOP_M, STOP_RAD, AgentCars, AgentDriver
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.run.breakdowns import BreakdownClock, Breakdowns
@@ -35,10 +35,9 @@ from maps.lane_graph import LaneGraph
 
 FROM_M = 1.0
 """The policy drives from here to the stop: as much of the way is left [m]."""
-ASIDE_M, ASIDE_PER_M = STOP_M, 0.08
-TURNED_RAD, TURNED_RAD_PER_M = STOP_RAD, 0.3
-"""A car that is further from its path at the stop, and per metre before it, or is turned more, is given back to the
-path follower: the nearer the stop, the less is left to straighten it."""
+ASIDE_M, TURNED_RAD = 0.15, 0.5
+"""A car that is further from its path, or turned more, is given back to the path follower: beyond that a corner of it
+would leave its cell."""
 BEYOND_M, BACK_M, BRAKES_MPS2 = 0.03, 0.1, 1.0
 """Whatever a policy says, a car is not faster than lets it brake, gently, so far behind its stop, or so far back from
 the furthest that it has come [m], [m/s2]: further on it was granted nothing, further back others may have been."""
@@ -77,13 +76,15 @@ class DockingDriver(AgentDriver):
         """Cars that a policy docks, shape (n_cars,)."""
         self.docked = np.zeros(n_cars, dtype=np.bool_)
         """Cars that a policy has brought to their stop, shape (n_cars,)."""
+        self.given_back = np.zeros(n_cars, dtype=np.bool_)
+        """Cars that a policy has not brought to their stop, shape (n_cars,)."""
         self.wanted = np.zeros((n_cars, 2))
         """Steering [rad] and speed [m/s] that the policy wants, shape (n_cars, 2)."""
 
     def append(self, cars: CellArray, moves: CellArray) -> None:
         """See `Driver`."""
         super().append(cars, moves)
-        self.docked[cars] = False
+        self.docked[cars] = self.given_back[cars] = False
         for car, move in zip(cars.tolist(), moves.tolist(), strict=True):
             self._moves[car].append(move)
             self.stale.add(car)
@@ -92,7 +93,7 @@ class DockingDriver(AgentDriver):
         """See `PathDriver`."""
         super().restart(car, pose)
         self._moves[car].clear()
-        self.docking[car] = self.docked[car] = False
+        self.docking[car] = self.docked[car] = self.given_back[car] = False
         self.stale.add(car)
 
     def commands(self, world: World) -> FloatArray:
@@ -121,6 +122,15 @@ class DockingDriver(AgentDriver):
             return bool(abs(self._speeds[car]) < AT_REST_MPS)
         return not self.docking[car] and super().at_rest(car)
 
+    def off_lane(self) -> list[int]:
+        """See `PathDriver`; a car that was given back too late to come straight to its stop has to try again."""
+        askew = [
+            car
+            for car in np.flatnonzero(self.given_back).tolist()
+            if not self._moves[car] and self.at_rest(car) and not self.stands(car)
+        ]
+        return sorted({*super().off_lane(), *askew}) if askew else super().off_lane()
+
     def left_m(self, car: int) -> float:
         """Way to the end of what a car was granted [m]; negative beyond it."""
         return float(self._stop_s[car] - self.follower.progress[car]) + self.back_m(car)
@@ -137,8 +147,7 @@ class DockingDriver(AgentDriver):
     def is_aside(self, car: int) -> bool:
         """Whether a car has left the path that a policy is to dock it along."""
         aside, turned = abs(self.follower.cross_track[car]), abs(self.follower.heading_error[car])
-        left_m = max(0.0, self.left_m(car))
-        return bool(aside > ASIDE_M + ASIDE_PER_M * left_m or turned > TURNED_RAD + TURNED_RAD_PER_M * left_m)
+        return bool(aside > ASIDE_M or turned > TURNED_RAD)
 
     def stands(self, car: int) -> bool:
         """Whether a car stands at its stop, with no move left."""
@@ -155,11 +164,18 @@ def docking_driver(setup: RunSetup, world: World, config: RunConfig, rng: np.ran
 
 
 class _Env(WarehouseEnv):
-    """A warehouse environment whose one episode is a run that is under way."""
+    """A warehouse environment whose one episode is a run that is under way.
 
-    def __init__(self, config: WarehouseConfig, simulation: AgentSimulation) -> None:
+    Args:
+        config: How cars see and act.
+        simulation: The run.
+        alone: Whether a car sees nobody else, and an arm that is at home, as in the level `dock`.
+    """
+
+    def __init__(self, config: WarehouseConfig, simulation: AgentSimulation, *, alone: bool) -> None:
         super().__init__(config)
         self._run = simulation
+        self._alone = alone
         self._told = np.zeros((simulation.n_cars, N_CAR_ENTRIES))
 
     def look(self) -> dict[str, Any]:
@@ -207,6 +223,15 @@ class _Env(WarehouseEnv):
         in_order = np.ones(len(self._told), dtype=np.bool_)
         told = Told(self._told, nobody, in_order, np.zeros(0, dtype=np.bool_), np.zeros(0), time_left=1.0)
         observer.look(told)
+        if self._alone:
+            self._leave_out_others(observer.car_rows)
+
+    @staticmethod
+    def _leave_out_others(rows: Rows) -> None:
+        """What was learned alone knows nothing of others, and need not: a car that is docked was granted its way."""
+        rows[:, NEIGHBOURS_AT:STATION_AT] = 0.0
+        rows[:, STATION_AT + 1] = 1.0
+        rows[:, STATION_AT + 3] = 0.0
 
 
 class DockingPlayer:
@@ -230,7 +255,8 @@ class DockingPlayer:
         self._policy = played.policy
         self._decisions = played.decisions
         config = docking_config(simulation, played.settings)
-        self._env = _Env(config, cast(AgentSimulation, simulation))
+        alone = played.learned is not None and played.learned.arguments.get("level") == "dock"
+        self._env = _Env(config, cast(AgentSimulation, simulation), alone=alone)
         played.require_fits(self._env)
         self._env.reset(seed=simulation.config.seed)
         self._period = max(1, round(config.step_s / simulation.tick_s))
@@ -238,11 +264,11 @@ class DockingPlayer:
 
     def tick(self) -> None:
         """Take cars over, give them back, and decide for them, if it is time to."""
-        if (self._simulation.now - 1) % self._period:
-            return
         driver, now_s = self._driver, self._simulation.sim_s
         for car in np.flatnonzero(driver.docking).tolist():
             self._end(car, now_s)
+        if (self._simulation.now - 1) % self._period:
+            return
         for car in np.flatnonzero(self._comes() & ~driver.docking & ~driver.docked).tolist():
             if STOP_M < driver.left_m(car) <= FROM_M and not driver.is_aside(car) and now_s > self._begun_s[car]:
                 driver.docking[car] = True
@@ -280,6 +306,7 @@ class DockingPlayer:
 
     def _give_back(self, car: int, reason: str) -> None:
         self._driver.docking[car] = False
+        self._driver.given_back[car] = True
         # Not before the next approach, and not in this one again.
         self._begun_s[car] = self._simulation.sim_s + PATIENCE_S
         self._decisions.fall_back(reason)

@@ -20,6 +20,9 @@ STALL_S = 30.0
 """If no car comes nearer to its goal for so long although one could, the classical part goes on [s]."""
 HELP_S = 10.0
 """So long [s]."""
+ASK_S = 0.5
+"""Time between two questions: a car can choose when one granted move is left to it, and need not wait for the next full
+second then [s]."""
 CLASSICAL = "pibt"
 """The policy that plays the classical part."""
 
@@ -93,7 +96,7 @@ class TrafficPlayer:
         self._env = _Env(traffic_config(simulation, played.settings), run)
         played.require_fits(self._env)
         self._env.reset(seed=simulation.config.seed)
-        self._period = round(TIMESTEP_S / simulation.tick_s)
+        self._period = round(ASK_S / simulation.tick_s)
         self._goals = run.traffic.goals.copy()
         self._nearest = np.full(len(self._goals), np.iinfo(np.int64).max)  # each car has come to its goal, in moves
         self._progress_s = 0.0

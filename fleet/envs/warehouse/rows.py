@@ -41,8 +41,10 @@ N_ARM_ENTRIES = N_JOINTS + 1
 
 _WAY_AT, NEIGHBOURS_AT = 19, 19 + 2 * len(WAY_POINTS_M)
 N_PER_NEIGHBOUR = 8
-_STATION_AT = NEIGHBOURS_AT + N_PER_NEIGHBOUR * N_NEIGHBOURS
-STOP_AT = _STATION_AT + 4
+STATION_AT = NEIGHBOURS_AT + N_PER_NEIGHBOUR * N_NEIGHBOURS
+"""First entry of a car's station: whether there is one, and if its arm is at home, serves this car, and has another
+car in its dock."""
+STOP_AT = STATION_AT + 4
 """First entry of the offset to the stop pose."""
 _DOING_AT = STOP_AT + 3
 N_CAR_NUMBERS = _DOING_AT + 6
@@ -297,13 +299,13 @@ def car_rows(
 
         station = cars.place_of[car]
         if 0 <= station < len(docks):
-            row[_STATION_AT] = 1.0
-            row[_STATION_AT + 1] = arms.idle[station]
-            row[_STATION_AT + 2] = arms.served[station] == car
+            row[STATION_AT] = 1.0
+            row[STATION_AT + 1] = arms.idle[station]
+            row[STATION_AT + 2] = arms.served[station] == car
             for other in range(len(poses)):
                 gap = math.hypot(poses[other, 0] - docks[station, 0], poses[other, 1] - docks[station, 1])
                 if other != car and gap < _DOCK_M:
-                    row[_STATION_AT + 3] = 1.0
+                    row[STATION_AT + 3] = 1.0
         row[_DOING_AT] = abs(cars.speeds[car]) < AT_REST_MPS
         row[_DOING_AT + 1] = doing.service_s[car] / SERVICE_S
         row[_DOING_AT + 2] = doing.time_left

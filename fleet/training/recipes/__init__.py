@@ -5,7 +5,7 @@ from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.recipes.traffic import TRAFFIC
-from fleet.training.recipes.warehouse import CELL, DOCK, RESIDUAL, TRANSFER
+from fleet.training.recipes.warehouse import APPROACH, CELL, DOCK, RESIDUAL, TRANSFER
 
 __all__ = ["RECIPES", "Recipe", "TrainingStage"]
 
@@ -17,6 +17,7 @@ RECIPES: dict[str, Recipe] = {
     "traffic": TRAFFIC,
     "dispatch_due": DISPATCH_DUE,
     "dock": DOCK,
+    "approach": APPROACH,
     "transfer": TRANSFER,
     "cell": CELL,
     "residual": RESIDUAL,

@@ -97,6 +97,36 @@ DOCK = Recipe(
     ),
 )
 
+_FLOORS = ({"site": "small"}, {"site": "cell"}, {"site": "small"}, {"site": "medium"})
+_SLIPPERY = {"fidelity": "physics"}
+APPROACH = replace(
+    DOCK,
+    summary="a car drives the last metres to a dock of any site, and stops there more exactly than it has to",
+    n_steps=900_000,
+    arguments={**DOCK.arguments, "site": "small", "start": {"near_m": (0.3, 2.5), "side_m": 0.1, "turn_rad": 0.2}},
+    # Where it is on the floor tells nothing about the way to a dock, and what has been learned on one floor does not
+    # hold on another.
+    stages=(
+        *(replace(stage, mix=_FLOORS, longest=0.2) for stage in DOCK.stages[:2]),
+        TrainingStage(name="true", mix=_FLOORS, longest=0.3, figure="docked", reached=0.95),
+        # An arm reaches better, and what plays in a fleet is held to its lane.
+        TrainingStage(
+            name="exact",
+            arguments={"stop_m": 0.03, "stop_rad": 0.06},
+            mix=_FLOORS,
+            longest=0.5,
+            figure="docked",
+            reached=0.98,
+            n_last=200,
+        ),
+        TrainingStage(
+            name="slippery",
+            arguments={"stop_m": 0.03, "stop_rad": 0.06},
+            mix=(*_FLOORS, *({**floor, **_SLIPPERY} for floor in _FLOORS), {"site": "small", **_SLIPPERY}),
+        ),
+    ),
+)
+
 CLONED_FIRST = PpoConfig(
     envs_n=16,
     horizon_n=128,

@@ -1,6 +1,8 @@
 """Runs whose parts are policies: good ones, and those that do nothing or harm."""
 
+import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,10 +10,14 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.envs.policies import Policy
+from fleet.envs.warehouse.rows import NEIGHBOURS_AT, STATION_AT, STOP_AT
 from fleet.insight.metrics import Summary
+from fleet.missions.phases import CarPhase
 from fleet.play.decisions import Decisions
-from fleet.play.policies import PlayedPolicy, played_policy
+from fleet.play.docking import DockingDriver
+from fleet.play.policies import LearnedRun, PlayedPolicy, played_policy
 from fleet.play.simulation import PlayedSimulation
+from fleet.simulation import Simulation
 
 
 class Idle:
@@ -105,6 +111,82 @@ def test_a_car_that_swerves_is_given_back_to_the_path_follower() -> None:
     assert docking.decisions.n_policy == 0
     assert set(why) == {"left its lane"}
     assert docking.decisions.n_fallback == {"left its lane": len(why)}
+
+
+class Veering(Idle):
+    """Drives as `pursuit` does, but for the last 30 cm, where it steers to the left."""
+
+    def act(self, env: Any, observations: Mapping[str, Any]) -> dict[str, Any]:
+        """See `Policy`."""
+        actions = played_policy("docking", "pursuit", 0).policy.act(env, observations)
+        for agent, seen in observations.items():
+            if seen[STOP_AT] < 0.3:
+                actions[agent][0] = 1.0
+        return actions
+
+
+def test_a_car_that_was_given_back_too_late_tries_again() -> None:
+    turned_rad: list[float] = []
+    config = RunConfig(site="cell", robots=1, tasks=1, fidelity=Fidelity.KINEMATIC, arms=ArmConfig(workers_n=0))
+    with PlayedSimulation(config, {"docking": of(Veering())}) as simulation:
+
+        def watch(_: Simulation) -> None:
+            if simulation.missions.phase[0] in (CarPhase.LOADING, CarPhase.UNLOADING):
+                dock = simulation.graph.state_pose[simulation.traffic.goals[0]]
+                turned_rad.append(abs(math.remainder(simulation.driver.estimate[0, 2] - dock[2], math.tau)))
+
+        simulation.run(watch)
+        check(simulation.summary())
+    assert max(turned_rad) < 0.2  # else half a radian, where it was given back
+
+
+class Watched:
+    """Drives as `pursuit` does, and keeps what the cars saw."""
+
+    def __init__(self) -> None:
+        self.rows: list[np.ndarray] = []
+        self._pursuit = played_policy("docking", "pursuit", 0).policy
+
+    def check(self, env: Any) -> None:
+        """It can play all."""
+
+    def act(self, env: Any, observations: Mapping[str, Any]) -> dict[str, Any]:
+        """See `Policy`."""
+        self.rows += [np.asarray(seen) for seen in observations.values()]
+        return self._pursuit.act(env, observations)
+
+
+@pytest.mark.parametrize("level", ["dock", "all"])
+def test_what_was_learned_alone_sees_nobody_else(level: str) -> None:
+    watched = Watched()
+    learned = LearnedRun(
+        folder=Path("none"),
+        recipe="dock",
+        arguments={"level": level},
+        environment="warehouse_v1",
+        render_modes=(),
+    )
+    one = PlayedPolicy(policy=watched, decisions=Decisions(policy="of a test"), learned=learned)
+    check(played({"docking": one}, site="small", robots=6, n_tasks=6)[0])
+    rows = np.stack(watched.rows)
+    sees_others = rows[:, NEIGHBOURS_AT:STATION_AT].any() or rows[:, STATION_AT + 3].any()
+    assert sees_others == (level == "all")
+    assert (rows[:, STATION_AT + 1] == 1.0).all() == (level == "dock")
+
+
+def test_a_car_that_stands_for_a_moment_has_docked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is looked at in every tick, as in the environment, not only when the policy decides."""
+    docking = played_policy("docking", "pursuit", 0)
+    config = RunConfig(site="cell", robots=1, tasks=1, fidelity=Fidelity.KINEMATIC, arms=ArmConfig(workers_n=0))
+    with PlayedSimulation(config, {"docking": docking}) as simulation:
+        stands = DockingDriver.stands
+
+        def between_decisions(driver: DockingDriver, car: int) -> bool:
+            return stands(driver, car) and simulation.now % 2 == 0
+
+        monkeypatch.setattr(DockingDriver, "stands", between_decisions)
+        simulation.run()
+    assert (docking.decisions.n_made, docking.decisions.n_policy) == (2, 2)
 
 
 def test_cars_that_take_nothing_are_given_tasks() -> None:
