@@ -30,14 +30,16 @@ from fleet.run.setup import RunSetup
 from fleet.sensors.lidar import LidarRing
 from fleet.simulation import Simulation
 from fleet.traffic.drivers import AT_REST_MPS
+from fleet.traffic.replanning import NO_GOAL
 from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
 
 FROM_M = 1.0
 """The policy drives from here to the stop: as much of the way is left [m]."""
-ASIDE_M, TURNED_RAD = 0.15, 0.5
-"""A car that is further from its path, or turned more, is given back to the path follower: beyond that a corner of it
-would leave its cell."""
+ASIDE_M, ASIDE_PER_M = STOP_M, 0.08
+TURNED_RAD, TURNED_RAD_PER_M = STOP_RAD, 0.3
+"""A car that is further from its path at the stop, and per metre before it, or is turned more, is given back to the
+path follower: the nearer the stop, the less is left to straighten it."""
 BEYOND_M, BACK_M, BRAKES_MPS2 = 0.03, 0.1, 1.0
 """Whatever a policy says, a car is not faster than lets it brake, gently, so far behind its stop, or so far back from
 the furthest that it has come [m], [m/s2]: further on it was granted nothing, further back others may have been."""
@@ -147,7 +149,8 @@ class DockingDriver(AgentDriver):
     def is_aside(self, car: int) -> bool:
         """Whether a car has left the path that a policy is to dock it along."""
         aside, turned = abs(self.follower.cross_track[car]), abs(self.follower.heading_error[car])
-        return bool(aside > ASIDE_M or turned > TURNED_RAD)
+        left_m = max(0.0, self.left_m(car))
+        return bool(aside > ASIDE_M + ASIDE_PER_M * left_m or turned > TURNED_RAD + TURNED_RAD_PER_M * left_m)
 
     def stands(self, car: int) -> bool:
         """Whether a car stands at its stop, with no move left."""
@@ -261,6 +264,8 @@ class DockingPlayer:
         self._env.reset(seed=simulation.config.seed)
         self._period = max(1, round(config.step_s / simulation.tick_s))
         self._begun_s = np.zeros(len(config.cars))
+        self._given_back_at = np.full(len(config.cars), NO_GOAL, dtype=np.int64)
+        """State that each car was bound for when it was given back: the path follower brings it there, unless it leaves its lane."""
 
     def tick(self) -> None:
         """Take cars over, give them back, and decide for them, if it is time to."""
@@ -269,8 +274,11 @@ class DockingPlayer:
             self._end(car, now_s)
         if (self._simulation.now - 1) % self._period:
             return
-        for car in np.flatnonzero(self._comes() & ~driver.docking & ~driver.docked).tolist():
-            if STOP_M < driver.left_m(car) <= FROM_M and not driver.is_aside(car) and now_s > self._begun_s[car]:
+        goals = self._simulation.traffic.goals
+        self._given_back_at[self._given_back_at != goals] = NO_GOAL
+        mine = self._comes() & ~driver.docking & ~driver.docked & (self._given_back_at == NO_GOAL)
+        for car in np.flatnonzero(mine).tolist():
+            if STOP_M < driver.left_m(car) <= FROM_M and not driver.is_aside(car):
                 driver.docking[car] = True
                 self._begun_s[car] = now_s
         if not driver.docking.any():
@@ -307,8 +315,7 @@ class DockingPlayer:
     def _give_back(self, car: int, reason: str) -> None:
         self._driver.docking[car] = False
         self._driver.given_back[car] = True
-        # Not before the next approach, and not in this one again.
-        self._begun_s[car] = self._simulation.sim_s + PATIENCE_S
+        self._given_back_at[car] = self._simulation.traffic.goals[car]
         self._decisions.fall_back(reason)
         self._simulation.log("policy_replaced", layer="docking", car=f"car_{car}", cause=reason)
 
