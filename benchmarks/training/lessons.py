@@ -103,6 +103,13 @@ LESSONS: dict[str, Lesson] = {
         goals=(Success(figures=("docked",), target=">= 0.95"),),
         places={"physics": Place(arguments=PHYSICS, goals=(Success(figures=("docked",), target=">= 0.9"),))},
     ),
+    "approach": Lesson(
+        figure="docked",
+        minutes=15,
+        n_episodes=100,
+        goals=(Success(figures=("docked",), target=">= 0.95"),),
+        places={"physics": Place(arguments=PHYSICS, goals=(Success(figures=("docked",), target=">= 0.9"),))},
+    ),
     "transfer": Lesson(
         figure="loaded",
         minutes=30,

@@ -265,7 +265,7 @@ class DockingPlayer:
         self._period = max(1, round(config.step_s / simulation.tick_s))
         self._begun_s = np.zeros(len(config.cars))
         self._given_back_at = np.full(len(config.cars), NO_GOAL, dtype=np.int64)
-        """State that each car was bound for when it was given back: the path follower brings it there, unless it leaves its lane."""
+        """State that each car was bound for when it was given back: the path follower brings it there."""
 
     def tick(self) -> None:
         """Take cars over, give them back, and decide for them, if it is time to."""
