@@ -6,6 +6,7 @@ The policies are those of `runs/learning/<recipe>/0`, as `python -m benchmarks.t
 from __future__ import annotations
 
 import importlib.util
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,8 +37,8 @@ class Played:
     contacts: int = 0
     throughput: list[float] = field(default_factory=list)
     """Of each run, over that of the classical one."""
-    n_made: dict[str, int] = field(default_factory=dict)
-    n_policy: dict[str, int] = field(default_factory=dict)
+    n_made: Counter[str] = field(default_factory=Counter)
+    n_policy: Counter[str] = field(default_factory=Counter)
     """Decisions by part, and those that the policy took."""
 
     def add(self, played: Summary, classical: Summary) -> None:
@@ -88,6 +89,6 @@ def play(folders: Mapping[str, Path], fidelity: Fidelity, seeds: range) -> Playe
             played.run()
             found.add(played.summary(), classical.summary())
         for part, one in policies.items():
-            found.n_made[part] = found.n_made.get(part, 0) + one.decisions.n_made
-            found.n_policy[part] = found.n_policy.get(part, 0) + one.decisions.n_policy
+            found.n_made[part] += one.decisions.n_made
+            found.n_policy[part] += one.decisions.n_policy
     return found

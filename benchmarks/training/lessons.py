@@ -62,6 +62,17 @@ def _gap(**arguments: Any) -> Place:
     return Place(arguments=arguments, policies=RULES, goals=(Gap(figure="tardiness_min", target=">= 0.5"),))
 
 
+def _docking(minutes: float) -> Lesson:
+    docked = ("docked",)
+    return Lesson(
+        figure="docked",
+        minutes=minutes,
+        n_episodes=100,
+        goals=(Success(figures=docked, target=">= 0.95"),),
+        places={"physics": Place(arguments=PHYSICS, goals=(Success(figures=docked, target=">= 0.9"),))},
+    )
+
+
 PHYSICS = {"fidelity": "physics"}
 SLACK_S = 3.64
 """Of a hand-over of the script in physics, the time in which the arm is not at its limits: see `slack` [s]."""
@@ -96,20 +107,8 @@ LESSONS: dict[str, Lesson] = {
             )
         },
     ),
-    "dock": Lesson(
-        figure="docked",
-        minutes=10,
-        n_episodes=100,
-        goals=(Success(figures=("docked",), target=">= 0.95"),),
-        places={"physics": Place(arguments=PHYSICS, goals=(Success(figures=("docked",), target=">= 0.9"),))},
-    ),
-    "approach": Lesson(
-        figure="docked",
-        minutes=15,
-        n_episodes=100,
-        goals=(Success(figures=("docked",), target=">= 0.95"),),
-        places={"physics": Place(arguments=PHYSICS, goals=(Success(figures=("docked",), target=">= 0.9"),))},
-    ),
+    "dock": _docking(minutes=10),
+    "approach": _docking(minutes=15),
     "transfer": Lesson(
         figure="loaded",
         minutes=30,

@@ -152,14 +152,6 @@ class DockingDriver(AgentDriver):
         left_m = max(0.0, self.left_m(car))
         return bool(aside > ASIDE_M + ASIDE_PER_M * left_m or turned > TURNED_RAD + TURNED_RAD_PER_M * left_m)
 
-    def stands(self, car: int) -> bool:
-        """Whether a car stands at its stop, with no move left."""
-        if self._moves[car] or abs(self._speeds[car]) >= AT_REST_MPS:
-            return False
-        x, y, yaw = self._graph.state_pose[self._reached[car]].tolist()
-        at_x, at_y, at_yaw = self.estimate[car].tolist()
-        return math.hypot(at_x - x, at_y - y) < STOP_M and abs(math.remainder(at_yaw - yaw, math.tau)) < STOP_RAD
-
 
 def docking_driver(setup: RunSetup, world: World, config: RunConfig, rng: np.random.Generator) -> DockingDriver:
     """Makes the driver of a run some of whose cars a policy docks."""
@@ -265,7 +257,8 @@ class DockingPlayer:
         self._period = max(1, round(config.step_s / simulation.tick_s))
         self._begun_s = np.zeros(len(config.cars))
         self._given_back_at = np.full(len(config.cars), NO_GOAL, dtype=np.int64)
-        """State that each car was bound for when it was given back: the path follower brings it there."""
+        """State that each car was bound for when it was given back: the path follower brings it there. The driver
+        forgets that a car was given back when it is brought back to its lane; here it still counts."""
 
     def tick(self) -> None:
         """Take cars over, give them back, and decide for them, if it is time to."""

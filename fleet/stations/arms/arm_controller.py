@@ -232,8 +232,7 @@ class ArmController:
             self._elapsed_s += left_s
             over_s = self._elapsed_s - step.duration_s
             self.q, self.qd = step.sample(min(self._elapsed_s, step.duration_s))
-            if self.speed != 1.0:
-                self.qd = self.qd * self.speed
+            self.qd = self.qd * self.speed
             if over_s < 0.0:
                 return 0.0
             if self._lost:

@@ -62,6 +62,7 @@ def handover_s(env: Any) -> float:
     return sum(handovers_s(env))
 
 
+_PHYSICS = {"fidelity": "physics"}
 DOCK = Recipe(
     summary="a car comes to a dock and stops there",
     make=_warehouse,
@@ -98,7 +99,7 @@ DOCK = Recipe(
 )
 
 _FLOORS = ({"site": "small"}, {"site": "cell"}, {"site": "small"}, {"site": "medium"})
-_SLIPPERY = {"fidelity": "physics"}
+_EXACT = {"stop_m": 0.03, "stop_rad": 0.06}
 APPROACH = replace(
     DOCK,
     summary="a car drives the last metres to a dock of any site, and stops there more exactly than it has to",
@@ -112,7 +113,7 @@ APPROACH = replace(
         # An arm reaches better, and what plays in a fleet is held to its lane.
         TrainingStage(
             name="exact",
-            arguments={"stop_m": 0.03, "stop_rad": 0.06},
+            arguments=_EXACT,
             mix=_FLOORS,
             longest=0.5,
             figure="docked",
@@ -121,8 +122,8 @@ APPROACH = replace(
         ),
         TrainingStage(
             name="slippery",
-            arguments={"stop_m": 0.03, "stop_rad": 0.06},
-            mix=(*_FLOORS, *({**floor, **_SLIPPERY} for floor in _FLOORS), {"site": "small", **_SLIPPERY}),
+            arguments=_EXACT,
+            mix=(*_FLOORS, *({**floor, **_PHYSICS} for floor in _FLOORS), {"site": "small", **_PHYSICS}),
         ),
     ),
 )
@@ -195,9 +196,9 @@ CELL = Recipe(
             name="together",
             mix=(
                 {},
-                {"fidelity": "physics"},
+                _PHYSICS,
                 {"level": "transfer", "n_cars": 0, "fidelity": "physics"},
-                {"fidelity": "physics"},
+                _PHYSICS,
             ),
         ),
     ),
@@ -243,7 +244,7 @@ RESIDUAL = Recipe(
             mix=(
                 {},
                 {"level": "transfer", "n_cars": 0},
-                {"fidelity": "physics"},
+                _PHYSICS,
                 {"level": "transfer", "n_cars": 0, "fidelity": "physics"},
             ),
         ),

@@ -121,8 +121,10 @@ class AgentDriver(PathDriver):
 
     def at_rest(self, car: int) -> bool:
         """See `Driver`."""
-        if not self._is_agent[car]:
-            return super().at_rest(car)
+        return self.stands(car) if self._is_agent[car] else super().at_rest(car)
+
+    def stands(self, car: int) -> bool:
+        """Whether a car stands at its stop, with no move left."""
         if self._moves[car] or abs(self._speeds[car]) >= AT_REST_MPS:
             return False
         x, y, yaw = self._graph.state_pose[self._reached[car]].tolist()
