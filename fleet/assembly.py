@@ -11,6 +11,7 @@ import numpy as np
 from fleet.config import AllocationConfig, CarConfig, Perception, RunConfig, require
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
+from fleet.dispatch.containment import Containment
 from fleet.dispatch.cost_model import CostModel
 from fleet.dispatch.dispatcher import Dispatcher, DispatchRules
 from fleet.dispatch.due_dates import DueDates
@@ -208,6 +209,7 @@ def assemble(
         visit_queue=visit_queue,
         assignments=Assignments(missions, ways, allocation, admission, visits, charging, reasons),
         interventions=Interventions(missions, ways, inventory, docks, admission, visits, config.timeouts),
+        containment=Containment(missions, places, ways, fitness, inventory),
         admission=admission,
         docks=docks,
         prefetch=Prefetch(missions, ways, arm_manager, perception, clock.tick_s, log),

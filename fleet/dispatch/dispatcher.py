@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fleet.dispatch.assignments import Assignments
+from fleet.dispatch.containment import Containment
 from fleet.dispatch.interventions import Interventions
 from fleet.missions.admission import Admission
 from fleet.missions.charging import Charging
@@ -36,6 +37,7 @@ class DispatchRules:
     visit_queue: VisitQueue
     assignments: Assignments
     interventions: Interventions
+    containment: Containment
     admission: Admission
     docks: Docks
     prefetch: Prefetch
@@ -84,6 +86,7 @@ class Dispatcher:
         """End what cannot go on, and give out tasks."""
         rules, missions = self.rules, self.rules.missions
         rules.interventions.take_back(now_s)
+        rules.containment.tick(now_s)
         rules.interventions.end_overdue(now_s)
         wanted = rules.visit_queue.chargers_wanted()
         if rules.charging is not None:

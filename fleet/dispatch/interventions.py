@@ -70,7 +70,7 @@ class Interventions:
             valid = ", ".join(state for state in TaskState if state in own)
             raise CannotCancel(f"task {task.order.name} is {task.state}; valid to cancel: {valid}")
         car = task.car if task.state in _CAN_CHANGE_HANDS else None
-        self._inventory.withdraw(task, now_s, reason)
+        self._inventory.withdraw(task, TaskState.CANCELLED, now_s, reason)
         if car is not None:
             self._missions.stand_down(car)
 
@@ -156,6 +156,6 @@ class Interventions:
             if picks:
                 missions.unassign(task, now_s, f"car_{car} has no way to {name}")
                 missions.release(car)
-            elif self._ways.blocked_for_good:
+            elif self._ways.cut_off(car, missions.stations.named(name).dock_state):
                 self._docks.give_up(task, now_s, f"car_{car} has no way to {name}; its parcel stays in the tray")
                 missions.release(car, CarPhase.RETIRED)

@@ -17,6 +17,8 @@ DURATION_S = 60.0
 """How long a slow arm or a blocked lane lasts if the event does not say."""
 CARRIED_S = 1.0
 """How long an arm has carried a parcel when its grip is lost if the event does not say [s]."""
+FOR_GOOD_S = 300.0
+"""A lane that is blocked for longer is as good as lost: a run in which nothing goes on for so long has stalled [s]."""
 SLOW_FACTOR = 0.5
 """Speed of a slow arm if the event does not say."""
 
@@ -41,6 +43,7 @@ class Disturbances:
         self._timeline = deque(sorted(events, key=lambda event: event.time_s))
         self._ends: dict[tuple[str, int], float] = {}
         self._carries_since_s: dict[int, float] = {}
+        self._for_good: dict[int, bool] = {}
 
     def tick(self) -> None:
         """Apply what is due and end what has lasted long enough."""
@@ -94,18 +97,20 @@ class Disturbances:
 
     def _cover(self, event: ScenarioEvent, cell: int, now_s: float) -> bool:
         """Block a cell if nobody is in it."""
-        if (event.kind, cell) not in self._ends and not self._block(cell):
+        for_good = event.parameters.get("duration_s", DURATION_S) > FOR_GOOD_S
+        if (event.kind, cell) not in self._ends and not self._block(cell, for_good=for_good):
             return False
         self._last(event, cell, now_s)
         return True
 
-    def _block(self, cell: int) -> bool:
+    def _block(self, cell: int, *, for_good: bool) -> bool:
         run = self._run
         if not run.executor.close_if_free(cell):
             return False
         x, y = run.site.grid.xy(*run.site.grid.row_col(cell))
         run.world.add_obstacle(cell, np.array([x, y, OBSTACLE_HALF_M[2]]), np.array(OBSTACLE_HALF_M))
-        run.traffic.set_blocked(cell, True)
+        run.traffic.set_blocked(cell, True, for_good=for_good)
+        self._for_good[cell] = for_good
         return True
 
     def _end(self, kind: str, target: int) -> None:
@@ -115,7 +120,7 @@ class Disturbances:
             run.events.log("disturbance_over", disturbance=kind, target=f"arm_{target}")
         else:
             run.world.remove_obstacle(target)
-            run.traffic.set_blocked(target, False)
+            run.traffic.set_blocked(target, False, for_good=self._for_good.pop(target))
             run.executor.open(target)
             row, col = run.site.grid.row_col(target)
             run.events.log("disturbance_over", disturbance=kind, target=f"{row},{col}")

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
-from fleet.incidents.rejoin_room import SEARCH_M, RejoinRoom, cell_of, outline
+from fleet.incidents.rejoin_room import LEAST_MARGIN_M, MARGIN_M, SEARCH_M, RejoinRoom, cell_of, outline
 from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
 from fleet.traffic.drivers import PathDriver
@@ -29,8 +29,13 @@ JOIN_M = 0.08
 """A manoeuvre that ends farther than this from its state is repeated."""
 SHIFTED_M, SHIFTED_RAD = 0.06, 0.2
 """A dead car that is farther than this from where it came to rest was pushed; noise of the estimate stays below."""
-RETRY_S, RETRY_MAX_S = 2.0, 30.0
+RETRY_S, RETRY_MAX_S = 2.0, 10.0
 """Wait before the next attempt when there is no way back yet; doubles with every attempt."""
+N_PATIENT, N_TRIES = 2, 14
+"""Attempts that a car makes as things are, and all of them. After the first ones it keeps others away, those that stand
+because of it have to find ways of their own, and it makes do with less room; after two minutes it is lost."""
+KEPT_AWAY_M = 1.5
+"""How far around it a car that has found no way back lets nobody new come near."""
 
 
 class _Stage(StrEnum):
@@ -45,6 +50,10 @@ class _Rejoin:
     retry_tick: int = 0
     retry_s: float = RETRY_S
     target: int = -1
+    n_failed: int = 0
+    """Attempts in vain since it stands."""
+    closed: list[int] = field(default_factory=list)
+    """Cells that others are kept out of."""
     halted: set[int] = field(default_factory=set)
     """Cars that stand because their granted way leads through this one."""
 
@@ -71,8 +80,10 @@ class Recovery:
         self._wrecks: dict[int, _Wreck] = {}
 
     def lose_car(self, car: int, reason: str) -> None:
-        """Take a car out of the run for good: it rolls out and stays where it is."""
+        """Take a car out of the run for good, unless it is out already: it rolls out and stays where it is."""
         run = self._run
+        if run.missions.phase[car] is CarPhase.DEAD:
+            return
         run.driver.stop(car)
         run.executor.halt(car)
         run.dispatcher.rules.interventions.retire(car, CarPhase.DEAD, run.sim_s, reason)
@@ -85,6 +96,7 @@ class Recovery:
         paths = self._run.driver.paths
         if rejoin is not None and paths is not None:
             self._let_go(paths, rejoin.halted)
+            self._open(rejoin)
         self._run.traffic.set_dead(car, [])
         self._wrecks.setdefault(car, _Wreck(still_since=self._run.now))
 
@@ -110,7 +122,7 @@ class Recovery:
                 continue
             rejoin = self._rejoining.get(car)
             if rejoin is None:
-                self._begin(driver, car, tick)
+                self._begin(driver, car, tick, f"car_{car} left its lane")
             elif rejoin.stage is _Stage.DRIVING:
                 driver.stop(car)
                 rejoin.stage, rejoin.still_since = _Stage.STOPPING, tick
@@ -121,12 +133,12 @@ class Recovery:
             elif driver.at_rest(car):
                 self._end(driver, car, rejoin, tick)
 
-    def _begin(self, driver: PathDriver, car: int, tick: int) -> None:
+    def _begin(self, driver: PathDriver, car: int, tick: int, reason: str) -> None:
         run = self._run
         driver.stop(car)
         run.executor.halt(car)
         run.traffic.set_fixed(car, True)
-        run.dispatcher.rules.interventions.retire(car, CarPhase.RECOVERING, run.sim_s, f"car_{car} left its lane")
+        run.dispatcher.rules.interventions.retire(car, CarPhase.RECOVERING, run.sim_s, reason)
         x, y, yaw = (round(float(v), 3) for v in driver.estimate[car])
         run.events.log("off_lane", car=f"car_{car}", x=x, y=y, yaw=yaw)
         self._rejoining[car] = _Rejoin(stage=_Stage.STOPPING, still_since=tick)
@@ -151,7 +163,7 @@ class Recovery:
         if driver.paths is not None:
             # Their way leads through the wreck: they have to find another.
             for other in wreck.halted - self._rejoining.keys():
-                self._begin(driver.paths, other, tick)
+                self._begin(driver.paths, other, tick, f"car_{car} lies in the way of car_{other}")
             wreck.halted = set()
 
     def _settle(self, car: int) -> None:
@@ -202,22 +214,52 @@ class Recovery:
             return
         if run.services.is_served(car):
             return
-        found = self._plan(driver, car, run.config.seed + tick)
+        margin_m = MARGIN_M if rejoin.n_failed <= N_PATIENT else LEAST_MARGIN_M
+        found = self._plan(driver, car, run.config.seed + tick, margin_m)
         if found is None:
-            run.events.log("rejoin_impossible", car=f"car_{car}", retry_s=rejoin.retry_s)
-            rejoin.retry_tick = tick + round(rejoin.retry_s / run.tick_s)
-            rejoin.retry_s = min(2 * rejoin.retry_s, RETRY_MAX_S)
+            self._fail(driver, car, rejoin, tick)
             return
         rejoin.target, way = found
         self._drive(driver, car, way)
         rejoin.stage = _Stage.DRIVING
         run.events.log("rejoin", car=f"car_{car}", state=rejoin.target, length_m=round(way.length_m, 2))
 
-    def _plan(self, driver: PathDriver, car: int, seed: int) -> tuple[int, RejoinResult] | None:
+    def _fail(self, driver: PathDriver, car: int, rejoin: _Rejoin, tick: int) -> None:
+        """There is no way back at present: wait, then make room, and give up in the end."""
+        run = self._run
+        rejoin.n_failed += 1
+        if rejoin.n_failed == N_TRIES:
+            self.lose_car(car, f"car_{car} found no way back to its lane")
+            return
+        run.events.log("rejoin_impossible", car=f"car_{car}", retry_s=rejoin.retry_s)
+        rejoin.retry_tick = tick + round(rejoin.retry_s / run.tick_s)
+        rejoin.retry_s = min(2 * rejoin.retry_s, RETRY_MAX_S)
+        if rejoin.n_failed < N_PATIENT:
+            return
+        if not rejoin.closed:
+            rejoin.closed = self._cells_around(driver.estimate[car])
+            for cell in rejoin.closed:
+                run.executor.close(cell)
+        for other in sorted(rejoin.halted - self._rejoining.keys() - self._wrecks.keys()):
+            self._begin(driver, other, tick, f"car_{car} stands in the way of car_{other}")
+
+    def _open(self, rejoin: _Rejoin) -> None:
+        """Let others come near again."""
+        for cell in rejoin.closed:
+            self._run.executor.open(cell)
+        rejoin.closed = []
+
+    def _cells_around(self, pose: FloatArray) -> list[int]:
+        """Cells whose middles are near a pose."""
+        grid = self._run.site.grid
+        offset = grid.cell_xy(np.arange(grid.n_cells)) - pose[:2]
+        return np.flatnonzero(np.hypot(*offset.T) < KEPT_AWAY_M).tolist()
+
+    def _plan(self, driver: PathDriver, car: int, seed: int, margin_m: float) -> tuple[int, RejoinResult] | None:
         """A state to rejoin and a way to it whose cells are the car's from now on; None if there is none at present."""
         run = self._run
         start = driver.estimate[car]
-        room = RejoinRoom(run, car, start, self._usable_cells(car))
+        room = RejoinRoom(run, car, start, self._usable_cells(car), margin_m)
         states = self._near_states(start, room.usable)
         for iterations, tried in ((0, states), (ITERATIONS, states[:N_SEARCHED])):
             for state in tried:
@@ -255,6 +297,7 @@ class Recovery:
             return
         del self._rejoining[car]
         self._let_go(driver, rejoin.halted)
+        self._open(rejoin)
         driver.restart(car, goal)
         run.executor.relocate(car, rejoin.target)
         run.executor.dependencies.unreserve(car)

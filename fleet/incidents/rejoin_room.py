@@ -11,8 +11,9 @@ from fleet.run.view import RunView
 
 SEARCH_M = 2.2
 """How far from the car a state to rejoin may be."""
-MARGIN_M = 0.05
-"""Kept free around the body in a manoeuvre: the error of the follower and of the estimate."""
+MARGIN_M, LEAST_MARGIN_M = 0.05, 0.02
+"""Kept free around the body in a manoeuvre: the error of the follower and of the estimate; the second where there is no
+way with the first."""
 WAY_OUT_M = 0.6
 """A car that stands too near something must have left it this far from where it stands, or after twice the depth."""
 
@@ -28,9 +29,13 @@ class RejoinRoom:
         car: The car.
         start: Where it stands, x, y, yaw.
         usable: Cells nobody else holds, shape (rows, cols).
+        margin_m: Kept free around the body [m].
     """
 
-    def __init__(self, run: RunView, car: int, start: FloatArray, usable: npt.NDArray[np.bool_]) -> None:
+    def __init__(
+        self, run: RunView, car: int, start: FloatArray, usable: npt.NDArray[np.bool_], margin_m: float = MARGIN_M
+    ) -> None:
+        self._margin_m = margin_m
         grid = run.site.grid
         self._spec, self._cell_m, self._rows = run.scene.car, grid.cell_m, grid.rows
         open_cells = grid.free & ~run.traffic.blocked.reshape(grid.rows, grid.cols)
@@ -63,11 +68,11 @@ class RejoinRoom:
 
     def _too_near(self, poses: FloatArray) -> FloatArray:
         """How far the body and its margin reach into what they must not touch [m], shape (k,)."""
-        points = outline(poses, self._spec, MARGIN_M)
+        points = outline(poses, self._spec, self._margin_m)
         depth = self._into_walls(points)
         for body in self._bodies:
             inside = _depth_in_body(points, body[None, None], self._spec)
-            corners = outline(body[None], self._spec, MARGIN_M)
+            corners = outline(body[None], self._spec, self._margin_m)
             inside = np.maximum(inside.max(axis=1), _depth_in_body(corners, poses[:, None], self._spec).max(axis=1))
             depth = np.maximum(depth, inside)
         return depth

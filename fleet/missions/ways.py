@@ -110,9 +110,25 @@ class Ways:
         return self._traffic.blocked
 
     @property
-    def blocked_for_good(self) -> bool:
-        """Whether nothing but dead cars blocks cells."""
-        return self._traffic.blocked_for_good
+    def n_cuts(self) -> int:
+        """Grows whenever something blocks cells for good, or does not any more."""
+        return self._traffic.lanes.n_changes
+
+    def joins(self, states: States, goals: States) -> npt.NDArray[np.bool_]:
+        """Whether there is a way from each state to the goal beside it, but for what is blocked for now, shape (n,)."""
+        return self._traffic.lanes.joins(states, goals)
+
+    def cut_off(self, car: int, goal: int) -> bool:
+        """Whether a car will never have a way to a goal, as far as is known."""
+        return not bool(self.joins(self.tails[[car]], np.array([goal]))[0])
+
+    def in_the_way(self, state: int, goal: int) -> int:
+        """The first blocked cell on what would be the shortest way from a state to a goal, -1 if it is not known."""
+        return self._traffic.obstacle(state, goal)
+
+    def wreck_in(self, cell: int) -> int:
+        """The dead car that blocks a cell, -1 if none does."""
+        return int(self._traffic.wreck_of[cell])
 
     def send(self, car: int, goal: int, *, rank_s: float, stay: bool, tick: int) -> None:
         """Send a car to a goal.

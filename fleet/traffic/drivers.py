@@ -38,6 +38,9 @@ class Driver(Protocol):
     def paths(self) -> PathDriver | None:
         """The driver, if its cars follow paths and can leave their lanes; else None."""
 
+    def extend_lanes(self, graph: LaneGraph) -> None:
+        """Go on with lanes of the same states that have more moves, behind those there are."""
+
     def append(self, cars: CellArray, moves: CellArray) -> None:
         """Extend cars' paths by granted moves of the lane graph, in this order; a car may stand there more than once.
 
@@ -103,12 +106,7 @@ class PathDriver:
             latency_ticks=config.latency_ticks,
             rng=rng,
         )
-        self._pieces = Pieces(
-            bounds=graph.path_ptr.astype(np.int64),
-            points=graph.path_points,
-            s_m=graph.path_s,
-            direction=np.where(graph.move_kind == REVERSE, -1, 1).astype(np.int8),
-        )
+        self._pieces = _pieces_of(graph)
         self._ends = Rings(n_cars, np.float64)  # of granted moves, as arc lengths
         self._stop_s = np.zeros(n_cars)
         self._speed_cap = np.full(n_cars, PASS_SPEED_MPS)
@@ -119,6 +117,11 @@ class PathDriver:
     def paths(self) -> PathDriver | None:
         """See `Driver`."""
         return self
+
+    def extend_lanes(self, graph: LaneGraph) -> None:
+        """See `Driver`."""
+        self._graph = graph
+        self._pieces = _pieces_of(graph)
 
     def append(self, cars: CellArray, moves: CellArray) -> None:
         """See `Driver`."""
@@ -214,6 +217,10 @@ class StateDriver:
         """See `Driver`."""
         return None
 
+    def extend_lanes(self, graph: LaneGraph) -> None:
+        """See `Driver`."""
+        self._graph = graph
+
     def append(self, cars: CellArray, moves: CellArray) -> None:
         """See `Driver`."""
         self._targets.put(cars, self._graph.move_to[moves])
@@ -253,6 +260,16 @@ class StateDriver:
         """See `Driver`."""
         self._targets.clear(car)
         self.stop(car)
+
+
+def _pieces_of(graph: LaneGraph) -> Pieces:
+    """The paths of all moves."""
+    return Pieces(
+        bounds=graph.path_ptr.astype(np.int64),
+        points=graph.path_points,
+        s_m=graph.path_s,
+        direction=np.where(graph.move_kind == REVERSE, -1, 1).astype(np.int8),
+    )
 
 
 @njit(cache=True)

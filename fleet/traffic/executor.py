@@ -71,6 +71,12 @@ class Executor:
                 plan = replace(plan, states=plan.states[: fault.timestep + 1])
         self._dirty = True
 
+    def extend_lanes(self, graph: LaneGraph) -> None:
+        """Go on with lanes of the same states that have more moves, behind those there are."""
+        self.graph = graph
+        self.dependencies.extend_lanes(graph)
+        self.driver.extend_lanes(graph)
+
     def cut(self) -> npt.NDArray[np.int32]:
         """Drop what is not needed until the next plan lands; returns the states plans start from, shape (n_cars,)."""
         return self.dependencies.commit_cut(self._config.commit_moves_n)

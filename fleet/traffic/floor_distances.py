@@ -40,6 +40,7 @@ class FloorDistances:
         """What ways cost, in a table of the caller's own."""
         return DistanceTable(self._graph, self._blocked, costs=self.costs)
 
-    def past(self, blocked: BoolArray) -> FloorDistances:
-        """Those past other blocked cells; of a floor without any, these."""
-        return FloorDistances(self._graph, self._docks, blocked) if blocked.any() else self
+    def past(self, blocked: BoolArray, graph: LaneGraph) -> FloorDistances:
+        """Those past other blocked cells, on the same lanes or others of the same states; without any, these."""
+        same = graph is self._graph and not blocked.any()
+        return self if same else FloorDistances(graph, self._docks, blocked)

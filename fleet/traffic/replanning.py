@@ -11,6 +11,8 @@ from fleet.config import TrafficConfig
 from fleet.traffic.crowding import WAITS_AFTER_S, Crowding
 from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
+from fleet.traffic.open_lanes import OpenLanes
+from fleet.traffic.single_file import SingleFile
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
@@ -21,6 +23,8 @@ NO_CELL = -1
 NO_CAR = -1
 QUEUE_MOVES = 6
 """Who waits so near to where it goes waits for its turn there, which no other way would spare it."""
+LEAVES_RANK_S = 1e4
+"""Head start of a car that drives out of a dead end over all others: who wants to go in has to make room [s]."""
 REPRICE_S = 5.0
 """Time after which ways are found anew if cars wait elsewhere [s]."""
 
@@ -57,8 +61,9 @@ class Traffic:
         free: FloorDistances | None = None,
     ) -> None:
         n_cars = len(executor.tail_states())
-        self.graph = graph
         self.executor = executor
+        self.lanes = OpenLanes(graph)
+        self._single_file = SingleFile(self.lanes)
         self.goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
         self.stay = np.zeros(n_cars, dtype=np.bool_)
         """Cars that must not be pushed once they are at their goal (docks)."""
@@ -69,6 +74,7 @@ class Traffic:
         self.blocked = np.zeros(graph.n_cells, dtype=np.bool_)
         """Cells nobody may be sent into."""
         self._n_blocks = np.zeros(graph.n_cells, dtype=np.int64)
+        self._n_for_good = np.zeros(graph.n_cells, dtype=np.int64)
         self._dead_cells: dict[int, list[int]] = {}
         self.wreck_of = np.full(graph.n_cells, NO_CAR, dtype=np.int32)
         """The dead car that blocks each cell, shape (n_cells,)."""
@@ -113,20 +119,26 @@ class Traffic:
         """A car will never move again, and these cells are no longer a way; called again, others take their place."""
         self.fixed[car] = True
         self.goals[car] = NO_GOAL
-        self._count_blocked(self._dead_cells.get(car, []), -1)
+        self._count_blocked(self._dead_cells.get(car, []), -1, for_good=True)
         self._dead_cells[car] = cells
         self.wreck_of[self.wreck_of == car] = NO_CAR
         self.wreck_of[cells] = car
-        self._count_blocked(cells, 1)
+        self._count_blocked(cells, 1, for_good=True)
 
-    def set_blocked(self, cell: int, blocked: bool) -> None:
-        """Take a cell out of the lanes, or give it back; it is open again when all that blocked it is over."""
-        self._count_blocked([cell], 1 if blocked else -1)
+    def set_blocked(self, cell: int, blocked: bool, *, for_good: bool = False) -> None:
+        """Take a cell out of the lanes, or give it back; it is open again when all that blocked it is over.
+
+        Args:
+            cell: The cell.
+            blocked: Whether it is taken out.
+            for_good: Whether nobody knows when it will be given back; said alike both times.
+        """
+        self._count_blocked([cell], 1 if blocked else -1, for_good=for_good)
 
     @property
-    def blocked_for_good(self) -> bool:
-        """True when nothing but dead cars blocks cells."""
-        return int(self._n_blocks.sum()) == sum(map(len, self._dead_cells.values()))
+    def graph(self) -> LaneGraph:
+        """The lanes as they may be driven at present."""
+        return self.lanes.planned
 
     def reachable(self, state: int, goal: int) -> bool:
         """Whether there is a way from a state to another past all that is blocked."""
@@ -158,17 +170,20 @@ class Traffic:
 
     def _step(self, tables: DistanceTable, state: int, goal: int) -> tuple[int, int]:
         """Cell and state that come next on the shortest way."""
-        graph, left = self.graph, tables.to(goal)
+        graph, left = tables.graph, tables.to(goal)
         states = graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]]
         if not states.size or left[state] >= UNREACHABLE:
             return NO_CELL, state
         best = int(states[left[states].argmin()])
         return int(graph.state_cell[best]), best
 
-    def _count_blocked(self, cells: list[int], change: int) -> None:
+    def _count_blocked(self, cells: list[int], change: int, *, for_good: bool) -> None:
         self._n_blocks[cells] += change
+        self._n_for_good[cells] += change * for_good
         self.blocked = self._n_blocks > 0
-        self._distances = self._free.past(self.blocked)
+        if self.lanes.block(self._n_for_good > 0):
+            self.executor.extend_lanes(self.lanes.granted)
+        self._distances = self._free.past(self.blocked, self.graph)
         self.ways = self._distances.around
         self._price()
         self.discard()
@@ -229,12 +244,16 @@ class Traffic:
         starts = self.executor.cut()
         waited_s = (tick - self._goal_since) * self._tick_s
         self.priorities = waited_s + self.rank + self._tie_break
+        now_s = tick * self._tick_s
+        goals = self._single_file.goals(self.goals.copy(), starts, self.ways, self.executor.still_s, now_s)
+        sent = (self.goals != NO_GOAL).nonzero()[0]
+        self.priorities[sent[self.lanes.leave(starts[sent], self.goals[sent])]] += LEAVES_RANK_S
         instance = Instance(
             graph=self.graph,
             starts=starts,
-            goals=self.goals.copy(),
+            goals=goals,
             priorities=self.priorities,
-            stay=self.stay.copy(),
+            stay=self.stay & (goals == self.goals),
             fixed=self.fixed.copy(),
             blocked=self.blocked.copy(),
             allow_rotation=False,

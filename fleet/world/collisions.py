@@ -25,6 +25,8 @@ FRICTION = 0.5
 """Of bodies on each other: speed lost along a side, as a share of that lost into it."""
 N_PASSES = 2
 """Passes over all pairs in a tick: one car may be pushed into the next."""
+N_SHOVES = 40
+"""Steps in which a car is pushed: it stops before the one that would end in something."""
 
 
 @njit(cache=True)
@@ -65,6 +67,46 @@ def set_apart(
                 speeds[j] = _along(speeds[j], -cj * nx - sj * ny)
         for i in range(len(poses)):
             _leave_boxes(poses, speeds, i, body, boxes)
+
+
+@njit(cache=True)
+def shove(
+    poses: FloatArray, car: int, way: FloatArray, body: Body, boxes: BinnedBoxes
+) -> None:  # pragma: no cover - compiled
+    """Push one car aside, in place, until it has come that far or something is in the way.
+
+    Args:
+        poses: Of the rear axles, x, y, yaw, shape (n, 3).
+        car: Which one.
+        way: How far along x and y, and about z, shape (3,) [m, m, rad].
+        body: What all cars look like.
+        boxes: What stands on the floor.
+    """
+    bearable = max(_deepest(poses, car, body, boxes), 0.0)
+    for _ in range(N_SHOVES):
+        for axis in range(3):
+            poses[car, axis] += way[axis] / N_SHOVES
+        if _deepest(poses, car, body, boxes) > bearable:
+            for axis in range(3):
+                poses[car, axis] -= way[axis] / N_SHOVES
+            return
+
+
+@njit(cache=True)
+def _deepest(poses: FloatArray, car: int, body: Body, bins: BinnedBoxes) -> float:  # pragma: no cover - compiled
+    """How deep a car is in other cars or boxes, at most; negative if it touches nothing [m]."""
+    x, y, cos, sin = _frame(poses, car, body.shift)
+    deepest = -math.inf
+    for other in range(len(poses)):
+        if other != car:
+            ox, oy, oc, os = _frame(poses, other, body.shift)
+            places = (x - ox, y - oy, cos, sin, oc, os)
+            deepest = max(deepest, _overlap(places, body.length, body.width, body.length, body.width)[0])
+    boxes = bins[0]
+    for b in range(len(boxes)):
+        places = (x - boxes[b, 0], y - boxes[b, 1], cos, sin, 1.0, 0.0)
+        deepest = max(deepest, _overlap(places, body.length, body.width, boxes[b, 2], boxes[b, 3])[0])
+    return deepest
 
 
 @njit(cache=True)

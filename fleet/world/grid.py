@@ -78,13 +78,16 @@ class GridCars:
     def __init__(self, graph: LaneGraph, start: FloatArray, config: GridConfig) -> None:
         self._state_pose = np.asarray(graph.state_pose, dtype=np.float64)
         self._n_states = len(self._state_pose)
-        codes = graph.move_from.astype(np.int64) * self._n_states + graph.move_to
+        # Every move can be driven backwards, too; where there is a move for it, that one counts.
+        ends = np.stack((graph.move_from, graph.move_to), axis=1).astype(np.int64)
+        codes = np.concatenate((ends, ends[:, ::-1])) @ (self._n_states, 1)
         codes, first = np.unique(codes, return_index=True)
-        direction = np.where(graph.move_kind[first] == MoveKind.REVERSE, -1.0, 1.0)
+        direction = np.where(graph.move_kind == MoveKind.REVERSE, -1.0, 1.0) / config.timestep_s
+        speed = direction * graph.move_length
         self._moves = _Moves(
             ptr=np.searchsorted(codes, np.arange(self._n_states + 1) * self._n_states),
             to=codes % self._n_states,
-            speed=direction * graph.move_length[first] / config.timestep_s,
+            speed=np.append(speed, -np.abs(speed))[first],
         )
         self._n_ticks = config.n_ticks
         self._tick = np.zeros(1, dtype=np.int64)

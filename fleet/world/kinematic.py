@@ -219,7 +219,10 @@ class PlanarWorld:
         self._surroundings.remove_box(obstacle)
 
     def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
-        """See `World`."""
+        """See `World`; it comes as far as something is in the way."""
+        poses = self._cars.poses.copy()
+        self._surroundings.shove(poses, car, np.array([dx_m, dy_m, dyaw_rad]))
+        dx_m, dy_m, dyaw_rad = (poses[car] - self._cars.poses[car]).tolist()
         self._cars.push(car, dx_m, dy_m, dyaw_rad)
 
     def fail_grip(self, arm: int) -> None:

@@ -11,7 +11,7 @@ from numba import njit
 from fleet.arrays import FloatArray, IntArray
 from fleet.errors import FleetError
 from fleet.world.arms import ServoArms
-from fleet.world.collisions import set_apart
+from fleet.world.collisions import set_apart, shove
 from fleet.world.scene import Scene
 from fleet.world.touches import BIN_M, KIND_SHIFT, STATIC, ArmBalls, BinnedBoxes, Body, Touches, robots_of
 
@@ -130,6 +130,10 @@ class Surroundings:
             car_speeds: Shape (n_cars,) [m/s].
         """
         set_apart(car_poses, car_speeds, self._body, self._boxes)
+
+    def shove(self, car_poses: FloatArray, car: int, way: FloatArray) -> None:
+        """Push one car aside until something is in the way, in place; see `fleet.world.collisions.shove`."""
+        shove(car_poses, car, way, self._body, self._boxes)
 
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
         """Hit fractions in the plane, shape (r,); a body that contains a ray's origin does not stop it.

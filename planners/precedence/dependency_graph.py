@@ -100,6 +100,13 @@ class DependencyGraph:
         """The arrays behind it, for kernels that only read; the next change may replace them."""
         return self._q
 
+    def extend_lanes(self, graph: LaneGraph) -> None:
+        """Go on with lanes of the same states that have more moves, behind those there are."""
+        self._graph = graph
+        self._q = self._q._replace(
+            move_from=graph.move_from, move_to=graph.move_to, swept_ptr=graph.swept_ptr, swept_cell=graph.swept_cell
+        )
+
     # --- plans
 
     @property

@@ -216,7 +216,7 @@ class Observer:
 
     def _draw_route(self, car: int) -> None:
         """Points x, y and distance from the first one, along a car's granted and next planned moves."""
-        simulation, graph = self._simulation, self._simulation.graph
+        simulation, graph = self._simulation, self._simulation.executor.graph
         moves = simulation.driver.moves(car)
         planned = simulation.executor.dependencies.next_moves(car)[:N_PLANNED]
         x, y, yaw = graph.state_pose[simulation.driver.reached(car)].tolist()

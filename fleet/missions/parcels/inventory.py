@@ -101,11 +101,11 @@ class Inventory:
         self.n_entered += 1
         self._log("parcel_entered", task=task.order.name, car=f"car_{car}")
 
-    def withdraw(self, task: Task, now_s: float, reason: str) -> None:
-        """Cancel a task that has no parcel in a car; a parcel on its slot leaves the warehouse."""
+    def withdraw(self, task: Task, state: TaskState, now_s: float, reason: str) -> None:
+        """End a task that has no parcel in a car, as cancelled or failed; a parcel on its slot leaves the warehouse."""
         if task.pick_slot is not None:
             self._take_out(task, self._stations.named(task.pick), task.pick_slot)
-        self._board.move(task, TaskState.CANCELLED, now_s, reason)
+        self._board.move(task, state, now_s, reason)
 
     def take_back(self, task: Task) -> None:
         """Take a parcel that no car comes for from its slot; it enters anew when one does."""

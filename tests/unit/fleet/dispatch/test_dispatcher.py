@@ -13,12 +13,18 @@ from fleet.tasks.board import TaskState
 from tests.unit.fleet.missions.floor import TICK_S, Floor, delivery, fake
 
 OTHERS = (
-    *("backlog", "slots", "visit_queue", "assignments", "interventions"),
+    *("backlog", "slots", "visit_queue", "assignments", "interventions", "containment"),
     *("admission", "docks", "prefetch", "visits", "parking"),
 )
 EVERY_TICK = ["slots.collect", "backlog.release", "clear_left"]
 CALLS = ["charging.plug_in", "admission.call", "slots.fill", "visits.call"]
-REVIEW = ["interventions.take_back", "interventions.end_overdue", "visit_queue.chargers_wanted", "charging.send_low"]
+REVIEW = [
+    "interventions.take_back",
+    "containment.tick",
+    "interventions.end_overdue",
+    "visit_queue.chargers_wanted",
+    "charging.send_low",
+]
 END = ["docks.tick", "prefetch.tick", "visits.tick"]
 LAST = ["charging.send_idle", "parking.send"]
 GIVEN = ["assignments.give_out", "visit_queue.chargers_wanted"]
@@ -115,6 +121,7 @@ def real(floor: Floor) -> Dispatcher:
         visit_queue=floor.visit_queue,
         assignments=floor.assignments,
         interventions=floor.interventions,
+        containment=floor.containment,
         admission=floor.admission,
         docks=floor.docks,
         prefetch=floor.prefetch,

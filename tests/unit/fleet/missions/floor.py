@@ -16,6 +16,7 @@ import numpy as np
 from fleet.config import AllocationConfig, BatteryConfig, TimeoutConfig, TrafficConfig
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
+from fleet.dispatch.containment import Containment
 from fleet.dispatch.cost_model import CostMatrix, CostModel
 from fleet.dispatch.due_dates import DueDates
 from fleet.dispatch.fitness import Fitness
@@ -373,6 +374,10 @@ class Floor:
         return Interventions(
             self.missions, self.ways, self.inventory, self.docks, self.admission, self.visits, self.timeouts
         )
+
+    @cached_property
+    def containment(self) -> Containment:
+        return Containment(self.missions, self.places, self.ways, self.fitness, self.inventory)
 
     @cached_property
     def due_dates(self) -> DueDates:

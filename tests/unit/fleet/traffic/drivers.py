@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from maps.lane_graph import LaneGraph
+
 
 class Drivers:
     """Everybody ends a move in the tick after its grant, but those that are late."""
@@ -12,6 +14,9 @@ class Drivers:
         self.late: set[int] = set()
         self.driven: list[tuple[int, int]] = []
         self._doing: list[int] = []
+
+    def extend_lanes(self, graph: LaneGraph) -> None:
+        pass
 
     def append(self, cars: np.ndarray, moves: np.ndarray) -> None:
         self.driven += zip(cars.tolist(), moves.tolist(), strict=True)

@@ -1,0 +1,90 @@
+"""OpenLanes: how lanes may be driven at present: backwards, too, where something has cut the floor for good."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.arrays import BoolArray
+from maps.lane_graph import LaneGraph
+from maps.reversed_lanes import both_ways, cut_moves, dead_ends, in_order, with_reversed
+
+States = npt.NDArray[np.int32] | npt.NDArray[np.int64]
+
+
+class OpenLanes:
+    """The lanes of a site past what blocks cells for good.
+
+    Where a wreck stands in a lane, cars behind it can go neither on nor back, and what lies beyond it may be reached
+    from the other end only. So every move that nothing leads back from past the wreck may be driven backwards. All
+    else stays as it is: plans, grants and cells are those of any move.
+
+    Args:
+        graph: The lanes of the site.
+    """
+
+    def __init__(self, graph: LaneGraph) -> None:
+        self._graph = graph
+        self._reversed = np.empty(0, dtype=np.int32)
+        self._blocked = np.zeros(graph.n_cells, dtype=np.bool_)
+        self._parts = np.zeros(graph.n_states, dtype=np.int64)
+        self.dead_end: npt.NDArray[np.int64] | None = None
+        """The dead end that each state is in, -1 where lanes go round, shape (n_states,); None = there is none."""
+        self.n_changes = 0
+        """Grows whenever something blocks cells for good, or does not any more."""
+        self.planned = graph
+        """The lanes to plan on."""
+        self.granted = graph
+        """The same, with moves that keep their numbers as long as the run lasts: for moves that are in hand."""
+
+    def block(self, blocked: BoolArray) -> bool:
+        """Take note of what blocks cells for good.
+
+        Args:
+            blocked: Those cells, shape (n_cells,).
+
+        Returns:
+            Whether other moves are open now.
+        """
+        if np.array_equal(blocked, self._blocked):
+            return False
+        self._blocked = blocked.copy()
+        self.n_changes += 1
+        self._parts = both_ways(self._graph, blocked)
+        cut = cut_moves(self._graph, blocked)
+        self.dead_end = dead_ends(self._graph, blocked) if len(cut) else None
+        before = self.planned
+        self._reversed = np.append(self._reversed, cut[~np.isin(cut, self._reversed)])
+        self.granted = with_reversed(self._graph, self._reversed, np.isin(self._reversed, cut))
+        self.planned = in_order(self.granted) if len(cut) else self._graph
+        return self.planned is not before
+
+    def leave(self, states: States, goals: States) -> BoolArray:
+        """Which ways lead out of a dead end.
+
+        Args:
+            states: Where each begins, shape (k,).
+            goals: And ends, shape (k,).
+
+        Returns:
+            Shape (k,).
+        """
+        if self.dead_end is None:
+            return np.zeros(len(states), dtype=np.bool_)
+        out: BoolArray = (self.dead_end[states] >= 0) & (self.dead_end[states] != self.dead_end[goals])
+        return out
+
+    def joins(self, states: States, goals: States) -> BoolArray:
+        """Whether a way leads from each state to the goal beside it, whatever is blocked only for now.
+
+        From a state in a blocked cell no way leads anywhere.
+
+        Args:
+            states: States, shape (k,).
+            goals: States, shape (k,).
+
+        Returns:
+            Shape (k,).
+        """
+        joined: BoolArray = self._parts[goals] == self._parts[states]
+        return joined

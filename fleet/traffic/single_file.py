@@ -1,0 +1,76 @@
+"""SingleFile: a dead end is driven into by one car at a time, since whoever is in it comes out the same way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fleet.arrays import CellArray, FloatArray
+from fleet.traffic.open_lanes import OpenLanes
+from planners.mapf.distance_table import DistanceTable
+
+NO_GOAL = -1
+NEAR_MOVES = 8
+"""A car that has so many moves left to its goal in a dead end waits until it is its turn; others drive on."""
+PATIENCE_S = 10.0
+"""The car whose turn it is has to make room for the next if it has not moved for so long [s]."""
+
+
+class SingleFile:
+    """Whose turn it is at each dead end.
+
+    The nearest car goes first. One that cannot move lets the next one go: in a narrow place the nearest may be the one
+    that is in the way.
+
+    Args:
+        lanes: Knows the dead ends.
+    """
+
+    def __init__(self, lanes: OpenLanes) -> None:
+        self._lanes = lanes
+        self._turn: dict[int, int] = {}  # car by dead end
+        self._given_s: dict[int, float] = {}
+
+    def goals(
+        self, goals: CellArray, states: CellArray, ways: DistanceTable, still_s: FloatArray, now_s: float
+    ) -> CellArray:
+        """Where cars are to go for now: those whose turn it is not stay where they are, and make room.
+
+        Args:
+            goals: State that each is to go to in the end, -1 = none, shape (n_cars,).
+            states: State in which the next plan finds each, shape (n_cars,).
+            ways: Distances.
+            still_s: Time since each was last granted a move or finished one, shape (n_cars,) [s].
+            now_s: Simulated time [s].
+
+        Returns:
+            Shape (n_cars,).
+        """
+        number = self._lanes.dead_end
+        if number is None:
+            return goals
+        goes = goals != NO_GOAL
+        bound_for = np.where(goes, number[np.where(goes, goals, 0)], -1)
+        stands_in = number[states]
+        # Who only parks there makes room.
+        busy = set(stands_in[(stands_in >= 0) & goes & (goals != states)].tolist())
+        found = goals.copy()
+        for end in np.unique(bound_for[bound_for >= 0]).tolist():
+            cars = np.flatnonzero((bound_for == end) & (stands_in != end))
+            left = np.array([int(ways.to(int(goals[car]))[states[car]]) for car in cars])
+            queue = cars[np.argsort(left, kind="stable")].tolist()
+            first = self._first(end, queue, still_s, now_s) if queue and end not in busy else NO_GOAL
+            held = cars[(left <= NEAR_MOVES) & (cars != first)]
+            found[held] = states[held]
+        return found
+
+    def _first(self, end: int, queue: list[int], still_s: FloatArray, now_s: float) -> int:
+        """Whose turn it is."""
+        now = self._turn.get(end, NO_GOAL)
+        if now not in queue:
+            turn = queue[0]
+        elif min(float(still_s[now]), now_s - self._given_s[end]) > PATIENCE_S:
+            turn = queue[(queue.index(now) + 1) % len(queue)]
+        else:
+            return now
+        self._turn[end], self._given_s[end] = turn, now_s
+        return turn
