@@ -7,3 +7,7 @@ class FleetError(Exception):
 
 class ConfigError(FleetError):
     """A setting is outside its valid range."""
+
+
+class BrokenRunError(FleetError):
+    """A run cannot go on though nothing is wrong with its input."""

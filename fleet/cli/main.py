@@ -15,13 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from fleet.errors import ConfigError, FleetError
+from fleet.errors import BrokenRunError, ConfigError, FleetError
 from fleet.terminal.compilation import compilation_told
 from fleet.terminal.interrupts import discard, interrupts_kept
 from maps.errors import MapsError
 from planners.errors import PlanningError
 
-BAD_INPUT, INTERRUPTED = 2, 130
+BROKEN_OFF, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,9 @@ GROUPS = {
 
 
 def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet") -> None:
-    """Run a command and exit with its status: 0 success, 1 tasks or plans failed, 2 bad input, 130 interrupted.
+    """Run a command and exit with its status.
+
+    0 success, 1 tasks or plans failed or the run broke off, 2 bad input, 130 interrupted.
 
     Args:
         arguments: Words after the program's name; None reads them from the command line.
@@ -143,6 +145,8 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet
         with interrupts_kept(), compilation_told(sys.stderr) if told else contextlib.nullcontext():
             status = command.run()
         sys.stdout.flush()
+    except BrokenRunError as error:
+        _fail(prog, " ".join(str(error).split()), status=BROKEN_OFF)
     except (FleetError, MapsError, PlanningError) as error:
         _fail(prog, " ".join(str(error).split()))
     except BrokenPipeError:

@@ -147,6 +147,8 @@ def _first(a: Run, b: Run) -> Divergence | None:
         shorter, longer = ("A", "B") if one.n_ticks < other.n_ticks else ("B", "A")
         ended = (a if shorter == "A" else b).record.result
         why = "" if ended is not None and not ended.get("interrupted") else "; it was interrupted"
+        if ended is not None and "broken_off" in ended:
+            why = f"; it broke off: {ended['broken_off']}"
         found.append(("end", "", f"{shorter} ends here and {longer} goes on{why}"))
     elif events is not None:
         found.append(("event", *events[1:]))

@@ -80,6 +80,8 @@ def _head(run: Run, tables: Mapping[str, Table]) -> str:
     warn = ""
     if record.result is None:
         warn = '<p class="warn">The run did not come to its end: figures that are made there are missing.</p>'
+    elif "broken_off" in record.result:
+        warn = f'<p class="warn">The run broke off: {escape(record.result["broken_off"])}</p>'
     elif record.result.get("interrupted"):
         warn = '<p class="warn">The run was interrupted.</p>'
     return f"<h1>{escape(run.title)}</h1>\n<p class='quiet'>{escape(', '.join(settings))}</p>\n{warn}"

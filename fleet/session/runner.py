@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from fleet.config import RunConfig
+from fleet.errors import BrokenRunError, FleetError
 from fleet.insight.cause_file import CAUSES, LEGEND, CauseWriter
 from fleet.insight.metrics import Summary
 from fleet.recording import (
@@ -32,6 +33,10 @@ from fleet.session.trace import Tracer
 from fleet.simulation import Simulation
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.pacing import Pace
+from maps.errors import MapsError
+from planners.allocation.checked import AllocationFault
+from planners.errors import PlanningError
+from planners.mapf.planner import PlanFault
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +58,14 @@ class Result(Summary):
     orders_refused: tuple[str, ...]
     """One line for each order of the file that could not be accepted."""
     versions: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BrokenResult(Result):
+    """What `result.json` holds of a run that broke off."""
+
+    broken_off: str
+    """Why it did."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +106,8 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
         The result, as written.
 
     Raises:
+        BrokenRunError: The run broke off; its files are finished, and `result.json` holds a `BrokenResult`.
+        AllocationFault, PlanFault: An allocator or planner of one's own gave a wrong answer; the files are the same.
         FleetError: Bad settings, files or output directory; nothing was written then.
     """
     started = time.perf_counter()
@@ -137,25 +152,27 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
             progress.look()
 
         watch.look()
-        wall_s, first_move_s = _loop(simulation, session, look, started, interrupted)
+        course = _loop(simulation, session, look, started, interrupted)
         simulation.log("run_ended")
-        summary = simulation.summary()
-        result = Result(
-            **{field.name: getattr(summary, field.name) for field in fields(summary)},
-            wall_s=round(wall_s, 3),
-            real_time_factor=round(simulation.sim_s / wall_s, 3) if wall_s > 0 else 0.0,
-            first_move_s=first_move_s,
-            run=run_file.name,
-            seed=config.seed,
-            site=simulation.site.name,
-            robots=config.robots,
-            fidelity=str(config.fidelity),
-            interrupted=bool(interrupted),
-            orders_refused=tuple(map(str, simulation.refused)),
-            versions=versions(),
-        )
-        run_file.result(result)
-    return result
+        result = _result(simulation, course, run_file.name, interrupted=bool(interrupted))
+        if course.error is None:
+            run_file.result(result)
+            return result
+        values = {field.name: getattr(result, field.name) for field in fields(result)}
+        run_file.result(BrokenResult(**values, broken_off=str(course.error)))
+        if isinstance(course.error, AllocationFault | PlanFault):
+            raise course.error
+        raise BrokenRunError(f"the run broke off at {simulation.sim_s:.2f} s: {course.error}") from course.error
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Course:
+    """How the loop went."""
+
+    wall_s: float
+    first_move_s: float | None
+    error: Exception | None
+    """What broke it off."""
 
 
 def _loop(
@@ -164,24 +181,46 @@ def _loop(
     look: Callable[[], None],
     started: float,
     interrupted: list[int],
-) -> tuple[float, float | None]:
+) -> _Course:
     """Tick until finished; an interrupt lets the present tick end and stops there."""
     first_move_s: float | None = None
+    error: Exception | None = None
     window = getattr(simulation.world, "window", None)
     pace = Pace(session.speed)
     display = None if window is None else Display(simulation.view, window, pace)
     begin = time.perf_counter()
     pace.change(session.speed, simulation.sim_s)
-    while not simulation.finished and not interrupted:
-        simulation.tick()
-        look()
-        if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
-            first_move_s = round(time.perf_counter() - started, 3)
-            simulation.log("first_move")
-        if display is not None:
-            display.look(interrupted)
-        pace.wait(simulation.sim_s, interrupted)
-    return time.perf_counter() - begin, first_move_s
+    try:
+        while not simulation.finished and not interrupted:
+            simulation.tick()
+            look()
+            if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
+                first_move_s = round(time.perf_counter() - started, 3)
+                simulation.log("first_move")
+            if display is not None:
+                display.look(interrupted)
+            pace.wait(simulation.sim_s, interrupted)
+    except (FleetError, MapsError, PlanningError) as reason:
+        error = reason
+    return _Course(wall_s=time.perf_counter() - begin, first_move_s=first_move_s, error=error)
+
+
+def _result(simulation: Simulation, course: _Course, run: str, *, interrupted: bool) -> Result:
+    summary, config = simulation.summary(), simulation.config
+    return Result(
+        **{field.name: getattr(summary, field.name) for field in fields(summary)},
+        wall_s=round(course.wall_s, 3),
+        real_time_factor=round(simulation.sim_s / course.wall_s, 3) if course.wall_s > 0 else 0.0,
+        first_move_s=course.first_move_s,
+        run=run,
+        seed=config.seed,
+        site=simulation.site.name,
+        robots=config.robots,
+        fidelity=str(config.fidelity),
+        interrupted=interrupted,
+        orders_refused=tuple(map(str, simulation.refused)),
+        versions=versions(),
+    )
 
 
 def _recorder(run: RunView, session: SessionConfig) -> Recorder:
