@@ -1,5 +1,6 @@
 """Whatever a user gets wrong: one line that says what and what is valid, exit status 2, and nothing written."""
 
+import json
 import os
 import re
 import subprocess
@@ -132,6 +133,7 @@ def test_a_wrong_answer_of_a_class_of_one_s_own_ends_the_run_with_one_line(
 ) -> None:
     said = complaint(["demo", "--fidelity", "grid", "--out", str(tmp_path), option, f"{OWN}.{kind}"], capsys)
     assert said.startswith(f"python -m fleet: {option.strip('-')} '{OWN}.{kind}': {expected}")
+    assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["broken_off"] in said
 
 
 def test_a_settings_file_is_read_by_every_command_that_plans(

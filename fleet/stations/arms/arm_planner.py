@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
+import logging
 import pickle
-import subprocess
-import sys
-import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.config import Fidelity, RunConfig
-from fleet.errors import FleetError
 from fleet.robots import racecar_spec
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import Held, UnreachableError
+from fleet.stations.arms.arm_process import BEAT, ENDED, FAILED, KEEP_TREES, READY, ArmProcess, ArmWorkerError
 from fleet.stations.arms.arm_spheres import planned_arm
 from fleet.stations.arms.cell_planner import CellPlanner, KnownWays
 from fleet.stations.arms.search import Search
@@ -33,10 +30,14 @@ if TYPE_CHECKING:
 
 TOUCH_M = 0.003
 """Depth of a touch that is let pass: parcels rest on what they are taken from [m]."""
-
-
-class ArmWorkerError(FleetError):
-    """The arm planning process has died."""
+SILENT_S = 30.0
+"""Wall time after which a planning process that says nothing hangs; it beats every second while it works [s]."""
+N_RESTARTS = 5
+"""Planning processes in a row that may be started in the place of others without an answer."""
+N_LOOKS = 10
+"""Looks at a planning process in that time."""
+_KEEP_TREES = pickle.dumps((KEEP_TREES, None))
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,117 +175,127 @@ class LocalArmPlanner:
 class WorkerArmPlanner:
     """Plans in a process of its own, because OMPL holds Python's lock while it searches.
 
+    A process that dies is started again. One that hangs is replaced: one from which nothing is heard while it owes
+    something, neither an answer nor a beat, which it gives as long as it works. An answer depends on the request alone,
+    so what was open is asked once more, and wall time decides when an answer is there, never what it is.
+
     Args:
         setup: Cells and settings.
+        silent_s: Wall time after which a silent process hangs; twice as long for each one that has taken the place of
+            another without an answer, as the machine may just be slow [s].
+        n_restarts: Most processes in a row that are started in the place of others without an answer.
+
+    Raises:
+        ArmWorkerError: The process cannot be started.
     """
 
-    def __init__(self, setup: ArmSetup) -> None:
-        # A session of its own: Ctrl-C reaches this process only, which then ends the worker in order.
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "fleet.stations.arms.arm_worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            cwd=Path(__file__).resolve().parents[2],
-            start_new_session=True,
-        )
-        self._answers: dict[int, Transfer] = {}
-        self._arrived = threading.Condition()
-        self._failure: str | None = None
-        self._is_ready = False
+    def __init__(self, setup: ArmSetup, *, silent_s: float = SILENT_S, n_restarts: int = N_RESTARTS) -> None:
+        self._setup = pickle.dumps(setup)
+        self._silent_s, self._n_restarts = silent_s, n_restarts
         self._tickets = 0
-        self._send(setup)
-        # Answers are larger than a pipe: somebody has to read while the simulation runs on.
-        self._reader = threading.Thread(target=self._read, name="arm-answers", daemon=True)
-        self._reader.start()
+        self._open: dict[int, bytes] = {}
+        """Requests without an answer, by ticket, as they are sent."""
+        self._answers: dict[int, Transfer] = {}
+        self._is_ready = False
+        self._keeps_trees = False
+        self._in_a_row = 0
+        """Processes started in the place of others since the last answer."""
+        self.process = self._started()
 
     def wait_ready(self) -> None:
         """Wait until the worker has planned its known ways.
 
         Raises:
             UnreachableError: An arm cannot serve its station.
-            ArmWorkerError: The process died.
+            ArmWorkerError: One process after the other dies or hangs.
         """
-        with self._arrived:
-            self._arrived.wait_for(lambda: self._is_ready or self._failure is not None)
-            if self._failure is not None:
-                raise UnreachableError(self._failure)
+        self._listen(lambda: self._is_ready)
 
     def keep_trees(self) -> None:
         """See `ArmPlanner`."""
-        self._send((KEEP_TREES, None))
+        self._keeps_trees = True
+        self.process.send(_KEEP_TREES)
 
     def submit(self, request: ArmRequest) -> int:
         """See `ArmPlanner`."""
         self._tickets += 1
-        self._send((self._tickets, request))
+        self._open[self._tickets] = pickle.dumps((self._tickets, request))
+        self.process.send(self._open[self._tickets])
         return self._tickets
 
     def result(self, ticket: int) -> Transfer:
         """See `ArmPlanner`.
 
         Raises:
-            ArmWorkerError: The process died.
+            ArmWorkerError: The planner itself fails, or one process after the other dies or hangs.
         """
-        with self._arrived:
-            self._arrived.wait_for(lambda: ticket in self._answers or self._failure is not None)
-            if ticket not in self._answers:
-                raise ArmWorkerError(f"arm planning stopped: {self._failure}")
-            return self._answers.pop(ticket)
+        self._listen(lambda: ticket in self._answers)
+        return self._answers.pop(ticket)
 
     def close(self) -> None:
         """End the process; calling twice is harmless."""
-        if self._process.stdin is not None:
-            with contextlib.suppress(BrokenPipeError):
-                self._process.stdin.close()
-        try:
-            # It looks for the end of its input between two requests only; a start that is not wanted is not awaited.
-            self._process.wait(timeout=2.0 if self._is_ready else 0.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._reader.join(timeout=2.0)
-        if self._process.stdout is not None:
-            self._process.stdout.close()
+        # It looks for the end of its input between two requests only; a start that is not wanted is not awaited.
+        self.process.end(2.0 if self._is_ready else 0.0)
 
-    def _send(self, message: object) -> None:
-        pipe = self._process.stdin
-        if pipe is None:
-            raise ArmWorkerError("arm planning process has no input")
-        try:
-            pickle.dump(message, pipe)
-            pipe.flush()
-        except BrokenPipeError as error:
-            raise ArmWorkerError(f"arm planning process died (status {self._process.poll()})") from error
+    def _listen(self, there: Callable[[], bool]) -> None:
+        """Take what the process says until something is there."""
+        silent_s, look_s = 0.0, self._silent_s / N_LOOKS
+        while not there():
+            heard = self.process.hear(look_s)
+            if heard is not None:
+                silent_s = 0.0
+                self._take(*heard)
+                continue
+            # Looks are added up: if all of us were stopped for a while, that is one look.
+            silent_s += look_s
+            if silent_s >= self._silent_s * 2**self._in_a_row:
+                self._replace(f"was silent for {silent_s:g} s")
+                silent_s = 0.0
 
-    def _read(self) -> None:
-        pipe = self._process.stdout
-        try:
-            while pipe is not None:
-                ticket, answer = pickle.load(pipe)
-                with self._arrived:
-                    if ticket == READY:
-                        self._is_ready = True
-                    elif ticket == FAILED:
-                        self._failure = answer
-                    else:
-                        self._answers[ticket] = answer
-                    self._arrived.notify_all()
-        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
-            with self._arrived:
-                self._failure = self._failure or "the process ended"
-                self._arrived.notify_all()
+    def _take(self, word: int, content: Any) -> None:
+        if word == ENDED:
+            self._replace(f"ended with status {content}")
+        elif word == READY:
+            self._is_ready = True
+        elif word == FAILED:
+            # No accident: another process would say the same.
+            raise ArmWorkerError(f"arm planning failed: {content}") if self._is_ready else UnreachableError(content)
+        elif word != BEAT:
+            self._in_a_row = 0
+            self._answers[word] = content
+            del self._open[word]
+
+    def _replace(self, why: str) -> None:
+        self.process.end(0.0)
+        if self._in_a_row == self._n_restarts:
+            raise ArmWorkerError(
+                f"arm planning process {why}, and so did {self._in_a_row} before it without an answer to "
+                f"{len(self._open)} requests; valid: one that answers"
+            )
+        self._in_a_row += 1
+        _log.warning("arm planning process %s; start %d of %d", why, self._in_a_row, self._n_restarts)
+        self.process = self._started()
+
+    def _started(self) -> ArmProcess:
+        """A process that has been told all that is still of interest."""
+        process = ArmProcess(self._setup)
+        if self._keeps_trees:
+            process.send(_KEEP_TREES)
+        for message in self._open.values():
+            process.send(message)
+        return process
 
 
-READY, FAILED, KEEP_TREES = 0, -1, -2
-"""Tickets of messages that are no requests and no answers."""
+def arm_setup(cells: tuple[ArmCell, ...], names: tuple[str, ...], spec: ArmSpec, config: RunConfig) -> ArmSetup:
+    """What the arm planner of a run is made from.
 
-
-def make_arm_planner(
-    cells: tuple[ArmCell, ...], names: tuple[str, ...], spec: ArmSpec, config: RunConfig
-) -> LocalArmPlanner | WorkerArmPlanner:
-    """The planner that the configuration asks for; a worker starts at once and works on while others set up."""
-    setup = ArmSetup(
+    Args:
+        cells: One for each arm.
+        names: Of their stations.
+        spec: The arms' model.
+        config: Of the run.
+    """
+    return ArmSetup(
         cells=cells,
         names=names,
         spec=spec,
@@ -293,4 +304,11 @@ def make_arm_planner(
         n_iterations=config.arms.iterations_n,
         confirm=config.fidelity is Fidelity.PHYSICS,
     )
+
+
+def make_arm_planner(
+    cells: tuple[ArmCell, ...], names: tuple[str, ...], spec: ArmSpec, config: RunConfig
+) -> LocalArmPlanner | WorkerArmPlanner:
+    """The planner that the configuration asks for; a worker starts at once and works on while others set up."""
+    setup = arm_setup(cells, names, spec, config)
     return WorkerArmPlanner(setup) if config.arms.workers_n else LocalArmPlanner(setup)

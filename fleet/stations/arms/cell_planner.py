@@ -32,6 +32,7 @@ from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
 from planners.motion.path.trajectory import Trajectory
+from planners.motion.problem import MotionResult
 from planners.motion.search.search_tree import SearchTree
 
 HOME = -2
@@ -430,8 +431,9 @@ class CellPlanner:
         # Without a parcel an arm only comes to a car or leaves it: cars may drive below it.
         checker = self._loaded if loaded else self._over_cars
         if (a, b, loaded) not in ways:
-            result = self._search.way(checker, self._via(low), self._via(high)[None])
+            result, trees = self._searched(checker, low, high)
             if not result.solved:
+                self._search.add_trees(trees)
                 raise UnreachableError(f"no way between via points {low} and {high} ({result.status.value})")
             path = result.path if a == low else result.path[::-1]
             held = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2) if loaded else None
@@ -445,11 +447,16 @@ class CellPlanner:
             return
         key = (low, high, loaded)
         if key not in self._way_trees:
-            others = self._search.take_trees()
-            self._search.way(checker, self._via(low), self._via(high)[None])
-            self._way_trees[key] = self._search.take_trees()
-            self._search.add_trees(others)
+            self._way_trees[key] = self._searched(checker, low, high)[1]
         self._search.add_trees(self._way_trees[key])
+
+    def _searched(self, checker: CollisionChecker, low: int, high: int) -> tuple[MotionResult, list[SearchTree]]:
+        """What a search between two via points finds, and its trees apart from those of others."""
+        others = self._search.take_trees()
+        result = self._search.way(checker, self._via(low), self._via(high)[None])
+        trees = self._search.take_trees()
+        self._search.add_trees(others)
+        return result, trees
 
     def _without_slots(self, boxes: Boxes, near: FloatArray | None = None) -> Boxes:
         """The obstacles of straight lines: without the parcels assumed on the slots, whose places are the targets.
