@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -14,7 +15,7 @@ from multiprocessing.connection import wait as wait_for
 from typing import TYPE_CHECKING
 
 from fleet.config import RunConfig
-from fleet.study.design import StudyError
+from fleet.errors import BrokenRunError
 
 if TYPE_CHECKING:
     from fleet.study.table import Row
@@ -23,15 +24,19 @@ POLL_S = 0.2
 """Longest wall time until an interrupt is noticed [s]."""
 WARM_UP_S = 8.0
 """Simulated time of the run that compiles the kernels before the others begin [s]."""
+N_RESTARTS = 2
+"""Times in a row that the processes are started again without a new row: what died for want of memory will again."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """One thread per process: the processes themselves use the cores."""
+_log = logging.getLogger(__name__)
 
 
 def run_all(configs: Sequence[RunConfig], jobs: int, interrupted: Sequence[int]) -> Iterator[Row | None]:
     """Run variants in parallel; each row is given out as soon as its run has ended, None where nothing new happened.
 
     The processes are started anew (spawned), not copied: the engines behind the planners do not survive a copy. One of
-    them first compiles all kernels into the cache that the others then read.
+    them first compiles all kernels into the cache that the others then read. If one dies, all are started again for the
+    runs that are left.
 
     Args:
         configs: The runs; their outcome does not depend on `jobs`.
@@ -40,32 +45,55 @@ def run_all(configs: Sequence[RunConfig], jobs: int, interrupted: Sequence[int])
 
     Raises:
         FleetError: A run was refused.
-        StudyError: A process died.
+        BrokenRunError: Processes died again and again without a row.
     """
+    left = dict(enumerate(configs))
+    n_deaths = 0
+    while left and not interrupted:
+        try:
+            for ended in _run_pool(left, jobs, interrupted):
+                if ended is None:
+                    yield None
+                    continue
+                run, row = ended
+                del left[run]
+                n_deaths = 0
+                yield row
+        except BrokenProcessPool as error:
+            if interrupted:
+                return
+            n_deaths += 1
+            if n_deaths > N_RESTARTS:
+                raise BrokenRunError(
+                    f"processes of the study died {n_deaths} times without a new row, perhaps for want of memory; "
+                    "valid: fewer --jobs, then --resume"
+                ) from error
+            _log.warning("a process of the study died; start %d of %d", n_deaths, N_RESTARTS)
+
+
+def _run_pool(
+    configs: Mapping[int, RunConfig], jobs: int, interrupted: Sequence[int]
+) -> Iterator[tuple[int, Row] | None]:
+    """One set of processes; runs are known by their keys."""
     context = multiprocessing.get_context("spawn")
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(min(jobs, len(configs)), mp_context=context, initializer=_begin)
     try:
-        warm: Future[Row] = pool.submit(_measure, replace(configs[0], duration_s=min(WARM_UP_S, configs[0].duration_s)))
+        first = next(iter(configs.values()))
+        warm: Future[Row] = pool.submit(_measure, replace(first, duration_s=min(WARM_UP_S, first.duration_s)))
         while not warm.done():
             yield None
             if interrupted:
                 return
             wait([warm], timeout=POLL_S)
         warm.result()
-        open_runs = {pool.submit(_measure, config) for config in configs}
+        open_runs = {pool.submit(_measure, config): key for key, config in configs.items()}
         while open_runs and not interrupted:
-            ended, open_runs = wait(open_runs, timeout=POLL_S, return_when=FIRST_COMPLETED)
+            ended, _ = wait(open_runs, timeout=POLL_S, return_when=FIRST_COMPLETED)
             for run in ended:
-                yield run.result()
+                yield open_runs.pop(run), run.result()
             if not ended:
                 yield None
-    except BrokenProcessPool as error:
-        if interrupted:
-            return
-        raise StudyError(
-            "a process of the study died, perhaps for want of memory; valid: fewer --jobs, then --resume"
-        ) from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         for process in set(multiprocessing.active_children()) - before:

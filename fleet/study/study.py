@@ -74,7 +74,8 @@ def run_study(
         progress: Told the number of runs that are done, and of all, time and again.
 
     Raises:
-        StudyError: There is nothing to resume, or it is another study; or a process died.
+        StudyError: There is nothing to resume, or it is another study.
+        BrokenRunError: Processes died again and again.
     """
     table = _table(design, out, resume)
     (out / SETTINGS).write_text(json.dumps(plain(design), indent=2) + "\n", encoding="utf-8")
