@@ -48,8 +48,12 @@ class Demo:
     """CSV or JSON file of orders instead of generated ones: id,release_s,pick,drop,mass_kg,size_m and, if wanted, type
     and other columns, which docs/guide/orders.md lists."""
     events: Path | None = None
-    """TOML file of disturbances: [[event]] tables of time_s, kind (car_dead, car_pushed, arm_slow, grip_lost,
-    lane_blocked), target and parameters."""
+    """TOML file of disturbances: [[event]] tables of time_s, kind, target and parameters, as in
+    docs/guide/disturbances.md. Kinds: car_dead (ended by car_repaired), car_towed, car_pushed, car_slow, car_out
+    (car_back), car_taken (car_given_back), battery_empty, pose_noisy, pose_lost, commands_late, commands_lost,
+    emergency_stop (emergency_over), plans_late, plans_lost, arm_slow, arm_dead (arm_repaired), grip_lost,
+    camera_blind, station_closed (station_opened), lane_blocked (lane_cleared), lane_closed (lane_opened),
+    human_walks."""
     seed: int = 0
     """Seed of everything random; the same seed gives the same run."""
     duration: float = 3600.0

@@ -47,10 +47,10 @@ class Containment:
         """End the waiting tasks that cannot be done any more."""
         missions = self._missions
         gone = missions.cars_in(*GONE)
-        if not gone and not self._ways.n_cuts:
+        if not gone and not self._ways.n_cuts and not self._stations.any_lost:
             return
-        seen = self._ways.n_cuts, len(gone), missions.board.n_moves
-        if seen == self._seen:
+        changes = self._ways.n_cuts, len(gone), self._stations.n_closings
+        if self._seen == (*changes, missions.board.n_moves):
             return
         left = np.setdiff1d(np.arange(missions.n_cars), gone)
         anywhere = any(missions.phase[car] is CarPhase.RECOVERING for car in left.tolist())
@@ -58,7 +58,7 @@ class Containment:
             reason = self._why_never(task, left, anywhere=anywhere)
             if reason:
                 self._inventory.withdraw(task, TaskState.FAILED, now_s, reason)
-        self._seen = self._ways.n_cuts, len(gone), missions.board.n_moves
+        self._seen = (*changes, missions.board.n_moves)
         missions.changed = True
 
     def _why_never(self, task: Task, left: npt.NDArray[np.intp], *, anywhere: bool) -> str:
@@ -69,6 +69,9 @@ class Containment:
         able = left if codes is None else left[[self._fitness.fits_any(task, left[[k]]) for k in range(len(left))]]
         if not len(able):
             return "no car that is left can carry it" if task.visit is None else "no car that is left can do it"
+        lost = self._lost(task)
+        if lost:
+            return f"{lost} is closed for good"
         stops = self._stops(task)
         cut = self._cut(stops)
         if cut is not None:
@@ -84,12 +87,27 @@ class Containment:
         name, states = next(iter(first.items()))
         return f"no car that is left can come to {name} any more{self._obstacle(int(tails[0]), states[0])}"
 
+    def _picks(self, task: Task) -> tuple[str, ...]:
+        """Where its parcel may be picked: where it lies, else wherever it may come from and is not lost."""
+        if task.pick_slot is not None:
+            return (task.pick,)
+        return tuple(name for name in task.delivery.picks if not self._stations.is_lost(self._stations.named(name)))
+
+    def _lost(self, task: Task) -> str:
+        """A station that a task cannot do without and that is closed for good; empty if there is none."""
+        if task.visit is not None:
+            return ""
+        picks, drop = self._picks(task), task.delivery.drop
+        needed = [drop, *(picks if len(picks) == 1 else ())] if picks else [task.pick]
+        lost = (name for name in needed if self._stations.is_lost(self._stations.named(name)))
+        return next(lost, "")
+
     def _stops(self, task: Task) -> list[dict[str, tuple[int, ...]]]:
         """Where a car has to come, one after the other: by name of each place that would do, the states there."""
         if task.visit is not None:
             left = task.visit.errands[task.n_errands_done :]
             return [{name: self._places.named(name).states for name in names} for names in left]
-        picks = (task.pick,) if task.pick_slot is not None else task.delivery.picks
+        picks = self._picks(task)
         return [
             {name: (self._stations.named(name).dock_state,) for name in names}
             for names in (picks, (task.delivery.drop,))

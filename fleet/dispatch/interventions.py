@@ -113,6 +113,48 @@ class Interventions:
             missions.enter(car, CarPhase.RETIRED if self._inventory.tray_is_loaded(car) else CarPhase.IDLE)
         missions.changed = True
 
+    def take_out(self, car: int, now_s: float) -> None:
+        """Let a car leave service as planned: what it has not picked goes back, what it carries is delivered first."""
+        missions = self._missions
+        missions.leaving.add(car)
+        task = missions.task_of[car]
+        if missions.phase[car] is CarPhase.IDLE:
+            missions.enter(car, CarPhase.RETIRED)
+        elif task is not None and task.state in _CAN_CHANGE_HANDS:
+            self.requeue(task, now_s, f"car_{car} leaves service")
+
+    def bring_back(self, car: int) -> None:
+        """Let a car that has left service as planned come back."""
+        missions = self._missions
+        missions.leaving.discard(car)
+        if missions.phase[car] is CarPhase.RETIRED and not self._inventory.tray_is_loaded(car):
+            missions.enter(car, CarPhase.IDLE)
+            missions.changed = True
+
+    def close_station(self, arm: int, now_s: float, why: str, *, for_good: bool) -> None:
+        """Let no more cars come to a station; those that have booked it are served, unless its arm cannot."""
+        missions = self._missions
+        station = missions.stations[arm]
+        missions.stations.close(arm, for_good=for_good)
+        missions.bookings.closed[arm] = True
+        missions.changed = True
+        for car in missions.cars_in(CarPhase.TO_PICK, CarPhase.HELD):
+            task = missions.task_of[car]
+            if (
+                task is not None
+                and task.visit is None
+                and task.state is TaskState.ASSIGNED
+                and task.pick == station.name
+            ):
+                missions.unassign(task, now_s, f"{station.name} {why}")
+                missions.stand_down(car)
+
+    def open_station(self, arm: int) -> None:
+        """Let cars come to a station again."""
+        self._missions.stations.open(arm)
+        self._missions.bookings.closed[arm] = False
+        self._missions.changed = True
+
     def end_overdue(self, now_s: float) -> None:
         """End what has lasted too long."""
         missions, limits, board = self._missions, self._limits, self._missions.board
@@ -135,11 +177,25 @@ class Interventions:
                 self._docks.give_up(task, now_s, reason)
                 missions.release(task.car, CarPhase.RETIRED)
 
+    def _give_up_lost(self, now_s: float) -> None:
+        """Give up what is carried to stations that are closed for good; cars keep their parcels."""
+        missions = self._missions
+        for car in missions.cars_in(CarPhase.TO_DROP, CarPhase.HELD):
+            task = missions.task_of[car]
+            if task is None or task.state is not TaskState.CARRIED:
+                continue
+            station = missions.stations.named(task.delivery.drop)
+            if missions.stations.is_lost(station):
+                self._docks.give_up(task, now_s, f"{station.name} is closed for good; its parcel stays in the tray")
+                missions.release(car, CarPhase.RETIRED)
+
     def take_back(self, now_s: float) -> None:
         """Free cars of tasks that they have no way to go on with."""
+        missions = self._missions
+        if missions.stations.any_lost:
+            self._give_up_lost(now_s)
         if not self._ways.blocked.any():
             return
-        missions = self._missions
         for car in missions.cars_in(*_UNDER_WAY):
             task = missions.task_of[car]
             if task is None:

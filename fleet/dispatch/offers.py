@@ -85,6 +85,8 @@ class Offers:
         n_free = len(cars) - n_held
         share = min(n_free, -(-2 * n_free // max(1, len(self._loading)))) + min(n_held, N_EXCHANGED)
         for station, longest_s in zip(self._loading, far_s.tolist(), strict=True):
+            if not self._stations.is_open(station.name):
+                continue
             n_turns = int(longest_s / turns.pace.cycle_s[station.arm]) + 1
             urgent = self._open.urgent(station.name, lambda task: self._fitness.fits_any(task, cars))
             here = self._first(urgent, min(share, n_turns) + N_SPARE, cars)
@@ -133,6 +135,8 @@ class Offers:
         """The first so many that one of the cars can do, and those before them, which nobody can do at present."""
         found: list[Task] = []
         for task in urgent:
+            if not self._stations.is_open(task.delivery.drop):
+                continue
             found.append(task)
             most -= self._fitness.fits_any(task, cars)
             if most == 0:
@@ -141,7 +145,7 @@ class Offers:
 
     def _best_source(self, task: Task, turns: TakenTurns) -> str:
         """The pick station from which a task would be done soonest; of equal ones, the first that was named."""
-        picks = task.delivery.picks
+        picks = [name for name in task.delivery.picks if self._stations.is_open(name)] or task.delivery.picks
         if len(picks) == 1:
             return picks[0]
         drop = self._stations.named(task.delivery.drop)

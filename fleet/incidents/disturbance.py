@@ -1,4 +1,4 @@
-"""Disturbances: the scenario's seeded timeline of things that go wrong."""
+"""Disturbances: the scenario's timeline of what goes wrong, and of what ends it."""
 
 from __future__ import annotations
 
@@ -7,28 +7,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fleet.config import ScenarioEvent, require
+from fleet.config import EVENT_KINDS, ScenarioEvent
+from fleet.config.events import ARM, CAR, CELL, FLEET, STATION, TARGETS, ZONE
+from fleet.errors import ConfigError
+from fleet.incidents.faults import arms, cars, floor, plans
+from fleet.incidents.faults.fault import Fault
 from fleet.incidents.recovery import Recovery
 from fleet.run.view import RunView
 
-OBSTACLE_HALF_M = (0.25, 0.25, 0.2)
-"""Half size of the box that blocks a lane [m]."""
-DURATION_S = 60.0
-"""How long a slow arm or a blocked lane lasts if the event does not say."""
-CARRIED_S = 1.0
-"""How long an arm has carried a parcel when its grip is lost if the event does not say [s]."""
 FOR_GOOD_S = 300.0
-"""A lane that is blocked for longer is as good as lost: a run in which nothing goes on for so long has stalled [s]."""
-SLOW_FACTOR = 0.5
-"""Speed of a slow arm if the event does not say."""
+"""What lasts longer is as good as lost: a run in which nothing goes on for so long has stalled [s]."""
+_Key = tuple[str, str]
+"""A kind of event, and its target."""
 
 
 class Disturbances:
-    """Applies events at their times.
+    """Lets events happen at their times.
 
     Args:
         run: What they happen to.
-        recovery: Takes cars out of the run.
+        recovery: Takes cars out of the run, and brings them back.
         events: In any order.
 
     Raises:
@@ -37,108 +35,136 @@ class Disturbances:
 
     def __init__(self, run: RunView, recovery: Recovery, events: Sequence[ScenarioEvent]) -> None:
         self._run = run
-        self._recovery = recovery
+        self._humans = floor.HumanWalks(run)
+        self._faults = _faults(run, recovery, self._humans)
         for event in events:
-            self._target(event)
+            self._targets(event)
+            if event.kind == "human_walks":
+                self._humans.goal(event)
         self._timeline = deque(sorted(events, key=lambda event: event.time_s))
-        self._ends: dict[tuple[str, int], float] = {}
-        self._carries_since_s: dict[int, float] = {}
-        self._for_good: dict[int, bool] = {}
+        self._waiting: list[ScenarioEvent] = []
+        self._until: dict[_Key, float] = {}
+        self._begun: dict[_Key, tuple[int, ...]] = {}
 
     def tick(self) -> None:
-        """Apply what is due and end what has lasted long enough."""
-        if not self._timeline and not self._ends:
-            return
+        """Let what is due happen, and end what has lasted long enough."""
         now_s = self._run.sim_s
         while self._timeline and self._timeline[0].time_s <= now_s:
-            self._apply(self._timeline.popleft(), now_s)
-        for what in [what for what, end_s in self._ends.items() if end_s <= now_s]:
-            del self._ends[what]
-            self._end(*what)
+            self._waiting.append(self._timeline.popleft())
+        if self._waiting:
+            self._waiting = [event for event in self._waiting if not self._happens(event, now_s)]
+        if self._until and min(self._until.values()) <= now_s:
+            for key in [key for key, until_s in self._until.items() if until_s <= now_s]:
+                self._end(key)
+        self._humans.tick()
 
-    def _apply(self, event: ScenarioEvent, now_s: float) -> None:
-        run = self._run
-        target = self._target(event)
-        parameters = event.parameters
-        if event.kind == "car_dead":
-            self._recovery.lose_car(target, f"car_{target} is dead")
-        elif event.kind == "car_pushed":
-            run.world.push_car(
-                target, parameters.get("dx_m", 0.0), parameters.get("dy_m", 0.0), parameters.get("dyaw_rad", 0.0)
-            )
-        elif event.kind == "arm_slow":
-            run.arm_manager.slow(target, parameters.get("factor", SLOW_FACTOR))
-            self._last(event, target, now_s)
-        elif not (self._drop(event, target, now_s) if event.kind == "grip_lost" else self._cover(event, target, now_s)):
-            # The arm carries nothing yet, or somebody is in the cell: it happens as soon as it can.
-            later = ScenarioEvent(
-                time_s=now_s + run.tick_s, kind=event.kind, target=event.target, parameters=parameters
-            )
-            self._timeline.append(later)
-            self._timeline = deque(sorted(self._timeline, key=lambda e: e.time_s))
-            return
-        run.events.log("disturbance", disturbance=event.kind, target=event.target, **parameters)
-
-    def _last(self, event: ScenarioEvent, target: int, now_s: float) -> None:
-        """Note when an event is over; of two that overlap, the later end counts."""
-        end_s = now_s + event.parameters.get("duration_s", DURATION_S)
-        self._ends[event.kind, target] = max(end_s, self._ends.get((event.kind, target), 0.0))
-
-    def _drop(self, event: ScenarioEvent, arm: int, now_s: float) -> bool:
-        """Let an arm's tool fail if it has carried a parcel long enough."""
-        if not self._run.arm_manager.services[arm].carries:
-            self._carries_since_s.pop(arm, None)
+    def _happens(self, event: ScenarioEvent, now_s: float) -> bool:
+        """Let an event happen if it can: False if it is to be tried again."""
+        kind, key = EVENT_KINDS[event.kind], (event.kind, event.target)
+        if kind.ends:
+            begun = (kind.ends, event.target)
+            if begun in self._begun:
+                self._end(begun)
+            return True
+        targets = self._targets(event)
+        if key not in self._begun and not self._faults[event.kind].begin(event, targets):
             return False
-        since_s = self._carries_since_s.setdefault(arm, now_s)
-        if now_s - since_s < event.parameters.get("carried_s", CARRIED_S):
-            return False
-        self._run.world.fail_grip(arm)
+        if kind.lasts:
+            # Of two that overlap, the later end counts.
+            self._begun[key] = tuple(targets)
+            self._until[key] = max(now_s + event.duration_s, self._until.get(key, 0.0))
+        self._run.events.log("disturbance", disturbance=event.kind, target=event.target, **event.parameters)
         return True
 
-    def _cover(self, event: ScenarioEvent, cell: int, now_s: float) -> bool:
-        """Block a cell if nobody is in it."""
-        for_good = event.parameters.get("duration_s", DURATION_S) > FOR_GOOD_S
-        if (event.kind, cell) not in self._ends and not self._block(cell, for_good=for_good):
-            return False
-        self._last(event, cell, now_s)
-        return True
+    def _end(self, key: _Key) -> None:
+        kind, target = key
+        del self._until[key]
+        self._faults[kind].end(self._begun.pop(key))
+        self._run.events.log("disturbance_over", disturbance=kind, target=target)
 
-    def _block(self, cell: int, *, for_good: bool) -> bool:
-        run = self._run
-        if not run.executor.close_if_free(cell):
-            return False
-        x, y = run.site.grid.xy(*run.site.grid.row_col(cell))
-        run.world.add_obstacle(cell, np.array([x, y, OBSTACLE_HALF_M[2]]), np.array(OBSTACLE_HALF_M))
-        run.traffic.set_blocked(cell, True, for_good=for_good)
-        self._for_good[cell] = for_good
-        return True
+    # --- targets
 
-    def _end(self, kind: str, target: int) -> None:
-        run = self._run
-        if kind == "arm_slow":
-            run.arm_manager.slow(target, 1.0)
-            run.events.log("disturbance_over", disturbance=kind, target=f"arm_{target}")
-        else:
-            run.world.remove_obstacle(target)
-            run.traffic.set_blocked(target, False, for_good=self._for_good.pop(target))
-            run.executor.open(target)
-            row, col = run.site.grid.row_col(target)
-            run.events.log("disturbance_over", disturbance=kind, target=f"{row},{col}")
+    def _targets(self, event: ScenarioEvent) -> list[int]:
+        """Numbers of whom or what an event happens to."""
+        kinds = EVENT_KINDS[event.kind].targets
+        for kind in kinds:
+            found = self._numbers(kind, event.target)
+            if found is not None:
+                return found
+        valid = " or ".join(map(self._words, kinds))
+        raise ConfigError(f"target of {event.kind} is {event.target!r}; valid: {valid}")
 
-    def _target(self, event: ScenarioEvent) -> int:
+    def _numbers(self, kind: str, target: str) -> list[int] | None:
+        """The numbers that a target names if it is of some kind, else None; a zone names the cars that are in it."""
         run = self._run
-        if event.kind == "lane_blocked":
-            grid = run.site.grid
-            parts = event.target.split(",")
-            numbers = [int(part) for part in parts if part.strip().isdecimal()]
-            ok = len(parts) == len(numbers) == 2 and numbers[0] < grid.rows and numbers[1] < grid.cols
-            ok = ok and bool(grid.free[numbers[0], numbers[1]])
-            require(ok, f"target of {event.kind}", event.target, "row,col of a free cell")
-            return int(grid.index(numbers[0], numbers[1]))
-        prefix, n = (
-            ("arm_", run.world.n_arms) if event.kind.startswith(("arm_", "grip_")) else ("car_", run.world.n_cars)
-        )
-        number = event.target.removeprefix(prefix)
-        ok = event.target.startswith(prefix) and number.isdecimal() and int(number) < n
-        require(ok, f"target of {event.kind}", event.target, f"{prefix}0 to {prefix}{n - 1}")
-        return int(number)
+        if kind == FLEET:
+            return list(range(run.world.n_cars)) if target == FLEET else None
+        if kind == STATION:
+            return next(([station.arm] for station in run.stations if station.name == target), None)
+        if kind in (CAR, ARM):
+            number, n = target.removeprefix(f"{kind}_"), run.world.n_cars if kind == CAR else run.world.n_arms
+            ok = target.startswith(f"{kind}_") and number.isdecimal() and int(number) < n
+            return [int(number)] if ok else None
+        corners = self._corners(target, 1 if kind == CELL else 2)
+        if corners is None:
+            return None
+        grid = run.site.grid
+        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+        inside = np.zeros((grid.rows, grid.cols), dtype=np.bool_)
+        inside[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
+        inside &= grid.free
+        if not inside.any():
+            return None
+        if kind == CELL:
+            return np.flatnonzero(inside).tolist()
+        tails = run.graph.state_cell[run.executor.dependencies.queues.state]
+        return np.flatnonzero(inside.ravel()[tails]).tolist()
+
+    def _corners(self, target: str, n: int) -> list[tuple[int, int]] | None:
+        """Rows and columns of so many cells of the floor."""
+        grid, parts = self._run.site.grid, target.split(",")
+        numbers = [int(part) for part in parts if part.strip().isdecimal()]
+        if not len(parts) == len(numbers) == 2 * n:
+            return None
+        found = list(zip(numbers[::2], numbers[1::2], strict=True))
+        return found if all(row < grid.rows and col < grid.cols for row, col in found) else None
+
+    def _words(self, kind: str) -> str:
+        run = self._run
+        if kind == CELL:
+            return "row,col of a free cell"
+        if kind == STATION:
+            return ", ".join(station.name for station in run.stations)
+        if kind in (CAR, ARM):
+            n = run.world.n_cars if kind == CAR else run.world.n_arms
+            return f"{kind}_0 to {kind}_{n - 1}"
+        return TARGETS[kind] if kind == ZONE else kind
+
+
+def _faults(run: RunView, recovery: Recovery, humans: floor.HumanWalks) -> dict[str, Fault]:
+    """What happens, by kind of event; those that end others have none of their own."""
+    held = cars.Held(run)
+    return {
+        "car_dead": cars.CarDead(recovery),
+        "car_towed": cars.CarTowed(recovery),
+        "car_pushed": cars.CarPushed(run),
+        "car_slow": cars.CarSlow(run),
+        "car_out": cars.CarOut(run),
+        "car_taken": cars.CarTaken(run, recovery),
+        "battery_empty": cars.BatteryEmpty(run, recovery),
+        "pose_noisy": cars.PoseNoisy(run),
+        "pose_lost": held,
+        "commands_late": cars.CommandsLate(run),
+        "commands_lost": held,
+        "emergency_stop": cars.EmergencyStop(run),
+        "plans_late": plans.PlansLate(run),
+        "plans_lost": plans.PlansLost(run),
+        "arm_slow": arms.ArmSlow(run),
+        "arm_dead": arms.ArmDead(run, recovery, FOR_GOOD_S),
+        "grip_lost": arms.GripLost(run),
+        "camera_blind": arms.CameraBlind(run),
+        "station_closed": arms.StationClosed(run, FOR_GOOD_S),
+        "lane_blocked": floor.LaneBlocked(run, FOR_GOOD_S),
+        "lane_closed": floor.LaneClosed(run, FOR_GOOD_S),
+        "human_walks": humans,
+    }

@@ -52,6 +52,8 @@ class _Rejoin:
     target: int = -1
     n_failed: int = 0
     """Attempts in vain since it stands."""
+    taken: bool = False
+    """Whether an operator drives it."""
     closed: list[int] = field(default_factory=list)
     """Cells that others are kept out of."""
     halted: set[int] = field(default_factory=set)
@@ -89,6 +91,66 @@ class Recovery:
         run.dispatcher.rules.interventions.retire(car, CarPhase.DEAD, run.sim_s, reason)
         self.abandon(car)
         run.events.log("car_lost", car=f"car_{car}", cause=reason)
+
+    def revive(self, car: int) -> None:
+        """A dead car is alive again, without what lay in its tray: it comes back to its lane and into service."""
+        run = self._run
+        if car not in self._wrecks:
+            return
+        wreck, paths = self._wrecks.pop(car), run.driver.paths
+        run.inventory.empty_tray(car)
+        run.traffic.set_alive(car)
+        run.events.log("car_revived", car=f"car_{car}")
+        run.missions.enter(car, CarPhase.RECOVERING)
+        if paths is None:
+            run.driver.go(car)
+            self._resume(car, run.now)
+            return
+        self._let_go(paths, wreck.halted)
+        self._rejoining[car] = _Rejoin(stage=_Stage.STOPPING, still_since=run.now)
+
+    def tow(self, car: int) -> bool:
+        """Pull a dead car to the nearest free parking place, without what lies in its tray; False if there is none."""
+        run = self._run
+        wreck = self._wrecks.get(car)
+        if wreck is None or wreck.pose is None or wreck.halted:
+            return wreck is None  # who is not dead is not towed; a wreck is when it lies still
+        graph, held = run.graph, run.executor.dependencies.holders()
+        free = [
+            s
+            for s in run.places.parking
+            if held[graph.state_cell[s]] < 0 and not run.traffic.blocked[graph.state_cell[s]]
+        ]
+        if not free:
+            return False
+        offset = graph.state_pose[free, :2] - wreck.pose[:2]
+        state = free[int(np.argmin(np.hypot(*offset.T)))]
+        run.inventory.empty_tray(car)
+        run.world.put_car(car, graph.state_pose[state])
+        run.driver.give_up(car)
+        run.events.log("car_towed", car=f"car_{car}", state=state)
+        run.executor.dependencies.reserve(car, (int(graph.state_cell[state]),))
+        return True
+
+    def take(self, car: int) -> bool:
+        """Leave a car to an operator until `give_back`; False if it is in trouble, or served, at present."""
+        run = self._run
+        if car in self._rejoining or car in self._wrecks or run.services.is_served(car):
+            return False
+        if run.driver.paths is None:
+            run.driver.hold(car)
+            return True
+        self._begin(run.driver.paths, car, run.now, f"an operator drives car_{car}")
+        self._rejoining[car].taken = True
+        return True
+
+    def give_back(self, car: int) -> None:
+        """An operator has parked a car, and it comes back to its lane."""
+        if self._run.driver.paths is None:
+            self._run.driver.let_go(car)
+        elif car in self._rejoining:
+            self._rejoining[car].taken = False
+            self._rejoining[car].still_since = self._run.now
 
     def abandon(self, car: int) -> None:
         """A car died: it rolls out, and then only the cells it stands in are lost, wherever it is pushed later."""
@@ -129,7 +191,8 @@ class Recovery:
         for car, rejoin in list(self._rejoining.items()):
             if rejoin.stage is _Stage.STOPPING:
                 self._hold_ground(driver, car, rejoin)
-                self._try(driver, car, rejoin, tick)
+                if not rejoin.taken:
+                    self._try(driver, car, rejoin, tick)
             elif driver.at_rest(car):
                 self._end(driver, car, rejoin, tick)
 
@@ -300,10 +363,15 @@ class Recovery:
         self._open(rejoin)
         driver.restart(car, goal)
         run.executor.relocate(car, rejoin.target)
+        self._resume(car, tick)
+        run.events.log("rejoined", car=f"car_{car}", state=rejoin.target)
+
+    def _resume(self, car: int, tick: int) -> None:
+        """A car stands in a state of the lane graph and goes on with what it was about."""
+        run = self._run
         run.executor.dependencies.unreserve(car)
         run.traffic.set_fixed(car, False)
         run.dispatcher.rules.interventions.resume(car, tick, run.sim_s)
-        run.events.log("rejoined", car=f"car_{car}", state=rejoin.target)
 
     def _others(self, car: int) -> list[int]:
         return [other for other in range(self._run.world.n_cars) if other != car]

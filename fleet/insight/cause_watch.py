@@ -68,6 +68,9 @@ class _Cells(NamedTuple):
     """The arm over each dock, -1 elsewhere."""
 
 
+_LATEST = np.iinfo(np.int32).max
+
+
 class CauseWatch:
     """The causes of all robots, tick by tick.
 
@@ -136,6 +139,8 @@ class CauseWatch:
         if without_move:
             self._look_at_without_move(tick)
         _leave_out_free_arms(self.rows, self._n_cars)
+        for car in executor.driver.held:
+            self._set(car, Cause.FAULT, detail=DETAIL_OF["stopped"])
         self.log.append(tick, self.rows)
 
     def _look_at_without_move(self, tick: int) -> None:
@@ -253,6 +258,8 @@ class CauseWatch:
             self._set(car, Cause.FAULT, detail=self._fault(car, phase))
 
     def _fault(self, car: int, phase: CarPhase) -> int:
+        if phase is CarPhase.RETIRED and car in self._run.missions.leaving:
+            return DETAIL_OF["out"]
         if phase is not CarPhase.DEAD:
             return DETAIL_OF["off_lane" if phase is CarPhase.RECOVERING else "tray_loaded"]
         batteries = self._run.batteries
@@ -335,8 +342,9 @@ class CauseWatch:
         elif service.waits_for >= 0:
             self._set(robot, Cause.OTHER_ARM, by=self._n_cars + service.waits_for, place=arm)
         else:
-            clear_s, left_s = service.left_s()
-            clear, until = tick + round(clear_s / run.tick_s), tick + round(left_s / run.tick_s)
+            # An arm that stands dead has no end that could be told.
+            ends = [tick + round(left_s / run.tick_s) for left_s in service.left_s()]
+            clear, until = (end if end <= _LATEST else NONE for end in ends)
             self._set(robot, Cause.WORKS, place=arm, until=until, detail=slow)
         self._clear_tick[arm], self._arm_until[arm] = clear, until
         if served >= 0 and self.rows[served, _CAUSE] == Cause.SERVED:

@@ -114,6 +114,8 @@ DETAILS: tuple[str, ...] = tuple(
             "next_round",
             *map(str, PairReason),
             *map(str, TaskReason),
+            "stopped",
+            "out",
         )
     )
 )

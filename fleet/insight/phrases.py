@@ -14,6 +14,8 @@ _FAULTS = {
     "battery_empty": "is dead, its battery is empty",
     "off_lane": "is off its lane",
     "tray_loaded": "is out of service with a parcel in its tray",
+    "stopped": "is told to stand still",
+    "out": "was taken out of service",
 }
 _IDLE = {
     "": "none is open",

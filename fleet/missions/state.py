@@ -81,6 +81,8 @@ class Missions:
         """True for a car on its way to a station, charger or place, shape (n_cars,)."""
         self.served = np.full(len(stations), NOBODY, dtype=np.int64)
         """The car each arm is at work on, or on its way home from, -1 for none, shape (n_stations,)."""
+        self.leaving: set[int] = set()
+        """Cars that leave service as planned: they take no more tasks."""
         self.n_changes = 0
         """How often a car has begun a phase."""
         self.changed = True
@@ -152,6 +154,8 @@ class Missions:
     def enter(self, car: int, phase: CarPhase) -> None:
         """Let a car begin a phase; one in which it needs no place gives up what it has booked."""
         self.n_changes += 1
+        if phase is CarPhase.IDLE and car in self.leaving:
+            phase = CarPhase.RETIRED
         number = NUMBER_OF_PHASE[phase]
         self.phase[car] = phase
         self.phase_index[car] = number

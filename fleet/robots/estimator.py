@@ -76,6 +76,8 @@ class PoseEstimator:
     ) -> None:
         self._rng = rng
         self._noises = np.zeros((BLOCK_TICKS, n_cars, 3))
+        self._blur = np.ones((n_cars, 1))
+        self._blurred = False
         self._tick = 0
         self._filter = _Filter(
             tick_s=tick_s,
@@ -87,6 +89,11 @@ class PoseEstimator:
             past=np.zeros((n_cars, 3)),
             variance=np.zeros((n_cars, 2)),
         )
+
+    def blur(self, car: int, factor: float) -> None:
+        """Let measurements of a car be so many times as noisy from now on; the filter does not know."""
+        self._blur[car] = factor
+        self._blurred = bool((self._blur != 1.0).any())
 
     def update(self, true_poses: FloatArray, speeds: FloatArray, steering: FloatArray) -> FloatArray:
         """Take one tick's measurements.
@@ -113,7 +120,10 @@ class PoseEstimator:
         if self._tick == 0:
             self._noises[0] = 0.0
         estimate = np.empty_like(known.past)
-        _estimate(known, self._tick, true_poses, speeds, steering, self._noises[self._tick % BLOCK_TICKS], estimate)
+        noise = self._noises[self._tick % BLOCK_TICKS]
+        if self._blurred:
+            noise = noise * self._blur
+        _estimate(known, self._tick, true_poses, speeds, steering, noise, estimate)
         self._tick += 1
         return estimate
 

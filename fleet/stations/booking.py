@@ -26,6 +26,8 @@ class Bookings:
 
     def __init__(self, caps: Sequence[int], n_cars: int) -> None:
         self.caps = tuple(caps)
+        self.closed: BoolArray = np.zeros(len(caps), dtype=np.bool_)
+        """Places that take no more cars at present, shape (n_places,)."""
         self.place_of: IntArray = np.full(n_cars, -1, dtype=np.int64)
         """Place each car is bound for or at, -1 for none, shape (n_cars,)."""
         self.booked: BoolArray = np.zeros(n_cars, dtype=np.bool_)
@@ -63,10 +65,14 @@ class Bookings:
 
     def room(self, place: int) -> int:
         """Cars a place still takes."""
+        if self.closed[place]:
+            return 0
         return self.caps[place] - len(self._booked[place]) - self._n_leaving[place]
 
     def full_words(self, place: int, name: str) -> str:
         """What to say to a car that finds no room at a place of a name."""
+        if self.closed[place]:
+            return f"{name} is closed"
         return f"{name} is full ({', '.join(f'car_{car}' for car in self.cars(place))})"
 
     def waiting(self, place: int) -> list[int]:

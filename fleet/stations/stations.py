@@ -26,6 +26,9 @@ class Stations:
         self._time_of = [self.times.of(station.arm, station.direction) for station in stations]
         self.dock_states: npt.NDArray[np.int32] = np.array([s.dock_state for s in stations], dtype=np.int32)
         """Lane-graph state of a car at each dock, shape (n_stations,)."""
+        self._closed: dict[str, bool] = {}  # by name: whether for good
+        self.n_closings = 0
+        """Grows whenever a station is closed or opened."""
 
     def __iter__(self) -> Iterator[Station]:
         return iter(self._stations)
@@ -36,6 +39,31 @@ class Stations:
     def __getitem__(self, arm: int) -> Station:
         """The station of an arm."""
         return self._stations[arm]
+
+    # --- which are open
+
+    def close(self, arm: int, *, for_good: bool) -> None:
+        """Close a station, for now or for good."""
+        self._closed[self._stations[arm].name] = for_good
+        self.n_closings += 1
+
+    def open(self, arm: int) -> None:
+        """Open a station again."""
+        self._closed.pop(self._stations[arm].name, None)
+        self.n_closings += 1
+
+    def is_open(self, name: str) -> bool:
+        """Whether cars may come to a station."""
+        return name not in self._closed
+
+    def is_lost(self, station: Station) -> bool:
+        """Whether a station is closed for good."""
+        return self._closed.get(station.name, False)
+
+    @property
+    def any_lost(self) -> bool:
+        """Whether any station is closed for good."""
+        return any(self._closed.values())
 
     def named(self, name: str) -> Station:
         """The station of a name that exists."""

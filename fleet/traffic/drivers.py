@@ -14,6 +14,7 @@ from fleet.config import EstimateConfig
 from fleet.robots.estimator import PoseEstimator
 from fleet.robots.pursuit import Follower, PathBuffer, Pieces, any_beyond
 from fleet.robots.spec import CarSpec
+from fleet.traffic.hindrances import Hindrances
 from fleet.traffic.rings import RingArrays, Rings, front
 from fleet.world.protocol import World
 from maps.lane_graph import REVERSE, LaneGraph
@@ -26,6 +27,8 @@ OFF_LANE_M, OFF_LANE_RAD = 0.20, 0.6
 """Beyond this cross-track or heading error a car has left its lane; normal following stays below 0.05 m."""
 PASS_SPEED_MPS = 1.0
 """Travel speed in aisles."""
+MOVE_S = 1.0
+"""Time of a move on the grid [s]."""
 
 
 class Driver(Protocol):
@@ -70,6 +73,28 @@ class Driver(Protocol):
     def give_up(self, car: int) -> None:
         """Stand still for good: what was granted is void."""
 
+    def go(self, car: int) -> None:
+        """End a `stop` or a `give_up`."""
+
+    @property
+    def held(self) -> list[int]:
+        """Cars that are held by `hold`, ascending."""
+
+    def hold(self, car: int) -> None:
+        """Stand still until as many calls of `let_go`, whatever else is said."""
+
+    def let_go(self, car: int) -> None:
+        """End a `hold`."""
+
+    def slow(self, car: int, factor: float) -> None:
+        """Drive at a fraction of the usual speed from now on."""
+
+    def blur(self, car: int, factor: float) -> None:
+        """Measure so many times as badly from now on where a car is, if that is measured."""
+
+    def delay(self, car: int, n_ticks: int) -> None:
+        """Let a car have its commands so many ticks late from now on, if it is steered by commands."""
+
 
 class PathDriver:
     """Pure pursuit along granted paths, on an estimated pose.
@@ -111,6 +136,7 @@ class PathDriver:
         self._stop_s = np.zeros(n_cars)
         self._speed_cap = np.full(n_cars, PASS_SPEED_MPS)
         self._speeds = np.zeros(n_cars)
+        self._hindrances = Hindrances(n_cars)
         self.estimate = start_poses.copy()
 
     @property
@@ -146,7 +172,9 @@ class PathDriver:
     def commands(self, world: World) -> FloatArray:
         """See `Driver`."""
         self.sense(world)
-        return self.follower.commands(self.buffer, self.estimate, self._speeds, self._stop_s, self._speed_cap)
+        caps = self._hindrances.caps(self._speed_cap)
+        commands = self.follower.commands(self.buffer, self.estimate, self._speeds, self._stop_s, caps)
+        return self._hindrances.late(commands)
 
     def sense(self, world: World) -> None:
         """Take in where the cars are and how fast."""
@@ -188,6 +216,31 @@ class PathDriver:
         """End a `stop`: drive on along what was granted, at most that fast."""
         self._speed_cap[car] = speed_mps
 
+    @property
+    def held(self) -> list[int]:
+        """See `Driver`."""
+        return self._hindrances.held
+
+    def hold(self, car: int) -> None:
+        """See `Driver`."""
+        self._hindrances.hold(car, 1)
+
+    def let_go(self, car: int) -> None:
+        """See `Driver`."""
+        self._hindrances.hold(car, -1)
+
+    def slow(self, car: int, factor: float) -> None:
+        """See `Driver`."""
+        self._hindrances.slow(car, factor)
+
+    def blur(self, car: int, factor: float) -> None:
+        """See `Driver`."""
+        self.estimator.blur(car, factor)
+
+    def delay(self, car: int, n_ticks: int) -> None:
+        """See `Driver`."""
+        self._hindrances.delay(car, n_ticks)
+
 
 class StateDriver:
     """Steps from state to state on the grid.
@@ -211,6 +264,8 @@ class StateDriver:
         self._targets = Rings(len(start_states), np.int64)  # states at the ends of granted moves
         self._done = np.empty(0, dtype=np.int32)
         self._stopped = np.zeros(len(start_states), dtype=np.bool_)
+        self._hindrances = Hindrances(len(start_states))
+        self._rests = np.zeros(len(start_states), dtype=np.int64)  # ticks that slow cars still wait
 
     @property
     def paths(self) -> PathDriver | None:
@@ -232,7 +287,7 @@ class StateDriver:
         if len(done):
             self._done = np.concatenate((self._done, done))
         commands = np.zeros((len(self._state), 2))
-        _aim(self._targets.arrays(), self._state, self._stopped, commands)
+        _aim(self._targets.arrays(), self._state, self._stand(done, world.tick_s), commands)
         return commands
 
     def finished(self) -> CellArray:
@@ -259,7 +314,45 @@ class StateDriver:
     def give_up(self, car: int) -> None:
         """See `Driver`."""
         self._targets.clear(car)
+        self._state[car] = self._reached()[car]
         self.stop(car)
+
+    def go(self, car: int) -> None:
+        """See `Driver`."""
+        self._stopped[car] = False
+
+    @property
+    def held(self) -> list[int]:
+        """See `Driver`."""
+        return self._hindrances.held
+
+    def hold(self, car: int) -> None:
+        """See `Driver`."""
+        self._hindrances.hold(car, 1)
+
+    def let_go(self, car: int) -> None:
+        """See `Driver`."""
+        self._hindrances.hold(car, -1)
+
+    def slow(self, car: int, factor: float) -> None:
+        """See `Driver`; such a car rests between two moves."""
+        self._hindrances.slow(car, factor)
+
+    def blur(self, car: int, factor: float) -> None:
+        """See `Driver`; nothing is measured here."""
+
+    def delay(self, car: int, n_ticks: int) -> None:
+        """See `Driver`; nothing is steered here."""
+
+    def _stand(self, done: CellArray, tick_s: float) -> BoolArray:
+        """Which cars make no move now, shape (n_cars,)."""
+        if not self._hindrances.any:
+            return self._stopped
+        caps = self._hindrances.caps(np.ones(len(self._state)))
+        self._rests = np.maximum(self._rests - 1, 0)
+        slow = done[(caps[done] > 0.0) & (caps[done] < 1.0)]
+        self._rests[slow] = np.round((1.0 / caps[slow] - 1.0) * MOVE_S / tick_s)
+        return self._stopped | (caps == 0.0) | (self._rests > 0)
 
 
 def _pieces_of(graph: LaneGraph) -> Pieces:

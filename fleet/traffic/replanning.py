@@ -97,6 +97,7 @@ class Traffic:
         self._period = max(1, round(config.period_s / tick_s))
         self._latency = round(config.latency_s / tick_s)
         self._tick_s = tick_s
+        self._late_ticks, self._silent = 0, False
         self._goal_since = np.zeros(n_cars)
         self._tie_break = np.arange(n_cars) * 1e-6
         self._pending: _Pending | None = None
@@ -124,6 +125,11 @@ class Traffic:
         self.wreck_of[self.wreck_of == car] = NO_CAR
         self.wreck_of[cells] = car
         self._count_blocked(cells, 1, for_good=True)
+
+    def set_alive(self, car: int) -> None:
+        """A dead car will move again: its cells are a way again; it stays fixed until that is said."""
+        self._count_blocked(self._dead_cells.pop(car, []), -1, for_good=True)
+        self.wreck_of[self.wreck_of == car] = NO_CAR
 
     def set_blocked(self, cell: int, blocked: bool, *, for_good: bool = False) -> None:
         """Take a cell out of the lanes, or give it back; it is open again when all that blocked it is over.
@@ -188,6 +194,15 @@ class Traffic:
         self._price()
         self.discard()
 
+    def delay(self, delay_s: float) -> None:
+        """Let plans that are asked for from now on land so much later than usual."""
+        self._late_ticks = round(delay_s / self._tick_s)
+
+    def silence(self, silent: bool) -> None:
+        """Let the planner answer nothing more, or again."""
+        self._silent = silent
+        self.discard()
+
     def discard(self) -> None:
         """Throw away the plan that has not landed yet, because it rests on what is no longer so, and ask anew."""
         self._pending = None
@@ -200,8 +215,8 @@ class Traffic:
             True when a plan landed.
         """
         landed = False
-        if self._pending is None and (self._wanted or tick % self._period == 0):
-            due_tick = tick + self._latency
+        if self._pending is None and not self._silent and (self._wanted or tick % self._period == 0):
+            due_tick = tick + self._latency + self._late_ticks
             self._pending = _Pending(due_tick=due_tick, goals=self.goals.copy(), plan=self._plan(tick))
             self._wanted = False
         if self._pending is not None and self._pending.due_tick <= tick:

@@ -116,6 +116,11 @@ class GridCars:
         """See `CarMotion`; the car keeps its state, so its next move takes it back to the lane."""
         self.poses[car] += (dx_m, dy_m, dyaw_rad)
 
+    def put(self, car: int, pose: FloatArray) -> None:
+        """See `CarMotion`; the pose is that of a state."""
+        self.states[car] = self._state_at(car, pose)
+        self.poses[car] = self._state_pose[self.states[car]]
+
     def save(self) -> tuple[npt.NDArray[np.generic], ...]:
         """See `CarMotion`."""
         return self._tick.copy(), self.states.copy(), self.poses.copy(), self.speeds.copy()

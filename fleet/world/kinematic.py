@@ -47,6 +47,9 @@ class CarMotion(Protocol):
     def step(self, commands: FloatArray) -> None:
         """Advance all cars one tick."""
 
+    def put(self, car: int, pose: FloatArray) -> None:
+        """Let a car stand at a pose x, y, yaw, shape (3,)."""
+
     def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """Displace a car."""
 
@@ -103,6 +106,11 @@ class BicycleCars:
     def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """See `CarMotion`."""
         self.poses[car] += (dx_m, dy_m, dyaw_rad)
+
+    def put(self, car: int, pose: FloatArray) -> None:
+        """See `CarMotion`."""
+        self.poses[car] = pose
+        self.speeds[car] = 0.0
 
     def save(self) -> tuple[npt.NDArray[np.generic], ...]:
         """See `CarMotion`."""
@@ -224,6 +232,10 @@ class PlanarWorld:
         self._surroundings.shove(poses, car, np.array([dx_m, dy_m, dyaw_rad]))
         dx_m, dy_m, dyaw_rad = (poses[car] - self._cars.poses[car]).tolist()
         self._cars.push(car, dx_m, dy_m, dyaw_rad)
+
+    def put_car(self, car: int, pose: FloatArray) -> None:
+        """See `World`."""
+        self._cars.put(car, pose)
 
     def fail_grip(self, arm: int) -> None:
         """See `World`; the parcel falls within the next tick."""

@@ -98,6 +98,9 @@ class World(Protocol):
     def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """Shove a car sideways: what a careless human does. Physics applies an impulse towards it, others displace."""
 
+    def put_car(self, car: int, pose: FloatArray) -> None:
+        """Let a car stand elsewhere, at a pose of its rear axle x, y, yaw, shape (3,)."""
+
     def fail_grip(self, arm: int) -> None:
         """Let an arm's tool fail: it drops what it holds, and holds nothing until it was told to let go."""
 

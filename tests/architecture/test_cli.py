@@ -9,7 +9,7 @@ import tyro
 from fleet.cli.arguments import OPTIONS, read_words
 from fleet.cli.demo import Demo
 from fleet.cli.main import COMMANDS, GROUPS, SITE_COMMANDS, main
-from fleet.config import EVENT_PARAMETERS, Fidelity, Grip, Perception, RunConfig, StreamKind
+from fleet.config import EVENT_KINDS, Fidelity, Grip, Perception, RunConfig, StreamKind
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
@@ -156,7 +156,7 @@ def test_the_demo_s_help_names_every_choice(capsys: pytest.CaptureFixture[str]) 
     with pytest.raises(SystemExit):
         main(["demo", "--help"])
     said = capsys.readouterr().out
-    for name in (*PLANNERS, *ALLOCATORS, *EVENT_PARAMETERS, *Grip, *Perception, *Fidelity, *StreamKind):
+    for name in (*PLANNERS, *ALLOCATORS, *EVENT_KINDS, *Grip, *Perception, *Fidelity, *StreamKind):
         assert name in said
 
 

@@ -114,6 +114,15 @@ class Inventory:
         self._take_out(task, self._stations.named(task.pick), task.pick_slot)
         task.pick_slot = None
 
+    def empty_tray(self, car: int) -> None:
+        """Take what lies in a car's tray out of the warehouse; whose tasks it was has failed."""
+        for task in self._board.tasks:
+            there = task.state is TaskState.FAILED and task.visit is None and task.parcel in self._world.parcel_ids()
+            if there and self.in_tray(task, car):
+                self._world.remove_parcel(task.parcel)
+                self.n_left += 1
+                self._log("parcel_left", task=task.order.name, car=f"car_{car}")
+
     def vacate(self, task: Task) -> None:
         """Give back the slot that a task's parcel has left."""
         if task.pick_slot is not None:

@@ -57,6 +57,8 @@ class PoseSource(Protocol):
     """Looks that did not locate their parcel."""
     looks: dict[str, CameraImage]
     """The last image of every camera, by station; whoever shows it takes it out."""
+    covered: set[int]
+    """Arms whose stations' cameras see nothing at present."""
 
     def find(self, task: Task, station: Station) -> Sighting:
         """Where a task's parcel lies now, at the station whose arm is about to pick it."""
@@ -74,9 +76,10 @@ class TruePoses:
         self.errors: list[PoseError] = []
         self.n_blind = 0
         self.looks: dict[str, CameraImage] = {}
+        self.covered: set[int] = set()
 
     def find(self, task: Task, station: Station) -> Sighting:
-        """See `PoseSource`; never fails."""
+        """See `PoseSource`; never fails, as there is no camera."""
         return Sighting(pose=self._inventory.pose(task), size_m=task.delivery.size_m)
 
 
@@ -111,6 +114,7 @@ class SeenPoses:
         self.errors: list[PoseError] = []
         self.n_blind = 0
         self.looks: dict[str, CameraImage] = {}
+        self.covered: set[int] = set()
 
     def find(self, task: Task, station: Station) -> Sighting:
         """See `PoseSource`; a parcel that the arm holds already is where the tool is, no look is needed."""
@@ -118,6 +122,8 @@ class SeenPoses:
         if self._world.held()[station.arm] == task.parcel:
             return Sighting(pose=true_pose, size_m=task.delivery.size_m)
         camera = self._cameras[station.arm]
+        if station.arm in self.covered:
+            return self._unseen(task, f"{camera.name} is covered")
         image = self._world.image(camera)
         self.looks[station.name] = image
         labels = np.where(image.parcel == task.parcel, image.parcel, -1)
@@ -140,9 +146,12 @@ class SeenPoses:
                 return Sighting(pose=pose, size_m=edges)
             length, width, _ = box.size_m
             reason = f"sees a face of {length:.3f} x {width:.3f} m, which is none of the parcel's"
+        return self._unseen(task, f"{camera.name} {reason}")
+
+    def _unseen(self, task: Task, reason: str) -> Sighting:
+        """What is told of a parcel that a camera did not locate."""
         self.n_blind += 1
-        reason = f"{camera.name} {reason}"
-        self._log("parcel_not_located", task=task.order.name, camera=camera.name, cause=reason)
+        self._log("parcel_not_located", task=task.order.name, camera=reason.split(maxsplit=1)[0], cause=reason)
         return Sighting(pose=np.full(7, np.nan), size_m=task.delivery.size_m, reason=reason)
 
 

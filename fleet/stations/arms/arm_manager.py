@@ -82,6 +82,7 @@ class ArmManager:
         self._tick_s = tick_s
         self._due: dict[int, tuple[int, int | Transfer]] = {}
         self._reasons = [""] * len(start_rad)
+        self._stands = False
         self.trees: dict[int, FloatArray] = {}
         """Search trees behind the plans that have landed, by arm, as in `Transfer`; whoever shows them takes them."""
 
@@ -146,8 +147,19 @@ class ArmManager:
         if gate is not None:
             gate.look_again()
 
+    def stop(self) -> None:
+        """Let all arms stand still until `go_on`, and nothing that was asked for them land."""
+        self._stands = True
+
+    def go_on(self) -> None:
+        """End a `stop`."""
+        self._stands = False
+
     def tick(self, tick: int, held: IntArray) -> None:
         """Land the answers that are due and advance every busy arm; fills `q`, `qd` and `grip`."""
+        if self._stands:
+            self.qd[:] = 0.0
+            return
         for arm, (due_tick, answer) in list(self._due.items()):
             if due_tick <= tick:
                 del self._due[arm]

@@ -281,24 +281,41 @@ class Cars:
         Args:
             poses: Of the rear axles, x, y, yaw, shape (n, 3).
         """
-        client = self._client
-        for body, now, then in zip(self.bodies, self.now.poses, poses, strict=True):
-            place, quat = client.getBasePositionAndOrientation(body)
-            turn = float(then[2] - now[2])
-            x, y = place[0] - now[0], place[1] - now[1]
-            cos, sin = math.cos(turn), math.sin(turn)
-            there = (then[0] + cos * x - sin * y, then[1] + sin * x + cos * y, place[2])
-            about = client.multiplyTransforms((0, 0, 0), quaternion(turn), (0, 0, 0), quat)[1]
-            client.resetBasePositionAndOrientation(body, there, about)
-            client.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0))
-            for joint in self._wheels:
-                client.resetJointState(body, joint, client.getJointState(body, joint)[0], 0.0)
-            for joint in self._hinges:
-                client.resetJointState(body, joint, 0.0, 0.0)
+        for car, pose in enumerate(poses):
+            self._stand(car, pose)
         self._release(np.flatnonzero(self._parked))
         self._pushes.clear()
         self._unset[:] = True
         self.now = self.reading()
+
+    def put(self, car: int, pose: FloatArray) -> None:
+        """Let one car stand elsewhere.
+
+        Args:
+            car: Index.
+            pose: Of its rear axle, x, y, yaw, shape (3,).
+        """
+        self._stand(car, pose)
+        if self._parked[car]:
+            self._release(np.array([car]))
+        self._pushes.pop(car, None)
+        self._sent[car] = np.nan
+        self.now = self.reading()
+
+    def _stand(self, car: int, then: FloatArray) -> None:
+        client, body, now = self._client, self.bodies[car], self.now.poses[car]
+        place, quat = client.getBasePositionAndOrientation(body)
+        turn = float(then[2] - now[2])
+        x, y = place[0] - now[0], place[1] - now[1]
+        cos, sin = math.cos(turn), math.sin(turn)
+        there = (then[0] + cos * x - sin * y, then[1] + sin * x + cos * y, place[2])
+        about = client.multiplyTransforms((0, 0, 0), quaternion(turn), (0, 0, 0), quat)[1]
+        client.resetBasePositionAndOrientation(body, there, about)
+        client.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0))
+        for joint in self._wheels:
+            client.resetJointState(body, joint, client.getJointState(body, joint)[0], 0.0)
+        for joint in self._hinges:
+            client.resetJointState(body, joint, 0.0, 0.0)
 
     def memory(self) -> _Memory:
         """What the engine's own snapshot does not hold."""

@@ -243,6 +243,10 @@ class BulletWorld:
         """Shove a car for half a second: by that much in the world's frame, unless something is in the way."""
         self._cars.push(car, np.array([dx_m, dy_m, dyaw_rad]))
 
+    def put_car(self, car: int, pose: FloatArray) -> None:
+        """See `World`."""
+        self._cars.put(car, pose)
+
     def fail_grip(self, arm: int) -> None:
         """Let an arm's tool fail: the vacuum breaks down, or the fingers open, until it is told to let go."""
         self._grip.fail(arm)

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from fleet.config import EVENT_PARAMETERS, ScenarioEvent
+from fleet.config import EVENT_KINDS, ScenarioEvent
+from fleet.config.events import parameters_of
 from fleet.config.scenario_file import read_events
 from fleet.errors import ConfigError
 
@@ -32,9 +33,9 @@ def test_events_are_read_in_the_order_of_the_file(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("kind", EVENT_PARAMETERS)
+@pytest.mark.parametrize("kind", EVENT_KINDS)
 def test_every_parameter_has_a_range(kind: str) -> None:
-    for name, (low, high) in EVENT_PARAMETERS[kind].items():
+    for name, (low, high) in parameters_of(kind).items():
         assert low < high
         ScenarioEvent(time_s=0.0, kind=kind, target="x", parameters={name: low})
         ScenarioEvent(time_s=0.0, kind=kind, target="x", parameters={name: high})

@@ -1,0 +1,1 @@
+"""Faults: what can go wrong, one class for each kind of event, with what ends it."""

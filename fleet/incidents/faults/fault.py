@@ -1,0 +1,33 @@
+"""Fault: what every kind of event can do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from fleet.config import ScenarioEvent
+
+
+class Fault(Protocol):
+    """A kind of event."""
+
+    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
+        """Let it happen.
+
+        Args:
+            event: What is said of it.
+            targets: Numbers of the cars, arms, stations or cells it happens to.
+
+        Returns:
+            False, with nothing changed, if it cannot happen yet; it is tried again in the next tick.
+        """
+
+    def end(self, targets: Sequence[int]) -> None:
+        """End what lasts, as far as that is possible."""
+
+
+class Once:
+    """An event that is over as soon as it has happened."""
+
+    def end(self, targets: Sequence[int]) -> None:
+        """See `Fault`."""

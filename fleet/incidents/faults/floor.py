@@ -1,0 +1,160 @@
+"""What happens to the floor: lanes are blocked or closed, and people walk across."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.config import ScenarioEvent, require
+from fleet.incidents.faults.fault import Once
+from fleet.run.view import RunView
+
+OBSTACLE_HALF_M = (0.25, 0.25, 0.2)
+"""Half size of the box that blocks a lane [m]."""
+HUMAN_HALF_M = (0.2, 0.2, 0.9)
+"""Half size of a person [m]."""
+
+
+class LaneClosed:
+    """Nobody is sent into a cell any more, as soon as nobody is there."""
+
+    def __init__(self, run: RunView, for_good_s: float) -> None:
+        self._run, self._for_good_s = run, for_good_s
+        self._for_good: dict[int, bool] = {}
+
+    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
+        """See `Fault`."""
+        run, (cell,) = self._run, targets
+        if not run.executor.close_if_free(cell):
+            return False
+        self._for_good[cell] = event.duration_s > self._for_good_s
+        run.traffic.set_blocked(cell, True, for_good=self._for_good[cell])
+        return True
+
+    def end(self, targets: Sequence[int]) -> None:
+        """See `Fault`."""
+        run, (cell,) = self._run, targets
+        run.traffic.set_blocked(cell, False, for_good=self._for_good.pop(cell))
+        run.executor.open(cell)
+
+
+class LaneBlocked(LaneClosed):
+    """A box stands in a cell, as soon as nobody is there."""
+
+    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
+        """See `Fault`."""
+        run, (cell,) = self._run, targets
+        if not super().begin(event, targets):
+            return False
+        run.world.add_obstacle(cell, _middle(run, cell, OBSTACLE_HALF_M[2]), np.array(OBSTACLE_HALF_M))
+        return True
+
+    def end(self, targets: Sequence[int]) -> None:
+        """See `Fault`."""
+        self._run.world.remove_obstacle(targets[0])
+        super().end(targets)
+
+
+@dataclass(kw_only=True)
+class _Walk:
+    cells: list[int]
+    obstacle: int
+    speed_mps: float
+    at: int = 0
+    """Index of the cell that was left last."""
+    gone_m: float = 0.0
+    """Since its middle."""
+    closed: tuple[int, ...] = ()
+
+
+class HumanWalks(Once):
+    """A person walks from one cell to another, from middle to middle, and lets cars pass that are about to enter.
+
+    The cells that the person is in are closed to cars; the person enters one only when no car holds it.
+    """
+
+    def __init__(self, run: RunView) -> None:
+        self._run = run
+        self._walks: list[_Walk] = []
+        self._n_walks = 0
+
+    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
+        """See `Fault`."""
+        run, (cell,) = self._run, targets
+        goal = self.goal(event)
+        if not run.executor.close_if_free(cell):
+            return False
+        cells = _walk(run, cell, goal)
+        self._n_walks += 1
+        obstacle = run.site.grid.n_cells + self._n_walks
+        run.world.add_obstacle(obstacle, _middle(run, cell, HUMAN_HALF_M[2]), np.array(HUMAN_HALF_M))
+        self._walks.append(_Walk(cells=cells, obstacle=obstacle, speed_mps=event.value("speed_mps"), closed=(cell,)))
+        return True
+
+    def goal(self, event: ScenarioEvent) -> int:
+        """The cell where the person goes.
+
+        Raises:
+            ConfigError: It is no free cell.
+        """
+        grid = self._run.site.grid
+        row, col = int(event.value("to_row")), int(event.value("to_col"))
+        ok = row < grid.rows and col < grid.cols and bool(grid.free[row, col])
+        require(ok, f"to_row, to_col of {event.kind}", f"{row}, {col}", "row and col of a free cell")
+        return int(grid.index(row, col))
+
+    def tick(self) -> None:
+        """Let everybody walk on."""
+        for walk in list(self._walks):
+            self._step(walk)
+
+    def _step(self, walk: _Walk) -> None:
+        run = self._run
+        if walk.at == len(walk.cells) - 1:
+            run.world.remove_obstacle(walk.obstacle)
+            for cell in walk.closed:
+                run.executor.open(cell)
+            self._walks.remove(walk)
+            return
+        here, there = walk.cells[walk.at : walk.at + 2]
+        if there not in walk.closed:
+            if not run.executor.close_if_free(there):
+                return
+            walk.closed = (here, there)
+        cell_m = run.site.grid.cell_m
+        walk.gone_m += walk.speed_mps * run.tick_s
+        if walk.gone_m >= cell_m:
+            walk.at, walk.gone_m, walk.closed = walk.at + 1, 0.0, (there,)
+            run.executor.open(here)
+        a, b = (_middle(run, cell, HUMAN_HALF_M[2]) for cell in (here, there))
+        share = 1.0 if walk.gone_m == 0.0 else walk.gone_m / cell_m
+        run.world.remove_obstacle(walk.obstacle)
+        run.world.add_obstacle(walk.obstacle, a + share * (b - a), np.array(HUMAN_HALF_M))
+
+
+def _middle(run: RunView, cell: int, height_m: float) -> np.ndarray:
+    x, y = run.site.grid.xy(*run.site.grid.row_col(cell))
+    return np.array([x, y, height_m])
+
+
+def _walk(run: RunView, cell: int, goal: int) -> list[int]:
+    """Cells of a shortest walk over free cells; the first one alone if there is none."""
+    grid = run.site.grid
+    before = {cell: cell}
+    queue = [cell]
+    for here in queue:
+        if here == goal:
+            break
+        for heading in range(4):
+            there = int(grid.neighbour(here, heading))
+            if there >= 0 and there not in before and grid.free.ravel()[there]:
+                before[there] = here
+                queue.append(there)
+    if goal not in before:
+        return [cell]
+    cells = [goal]
+    while cells[-1] != cell:
+        cells.append(before[cells[-1]])
+    return cells[::-1]
