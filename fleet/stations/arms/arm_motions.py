@@ -20,6 +20,9 @@ from planners.motion.path.trajectory import Trajectory, retime
 
 LINE_SPEED = 0.6
 """Share of the joint speed limits used on straight lines."""
+SLOW = 0.5
+"""Share of the usual speed at which a motion is tried that touches something when it is faster: what smoothing adds to
+its deviation falls with the acceleration."""
 CORNER_RAD = (0.1, 0.03, 0.01)
 """How far corners may be cut, largest first [rad]."""
 CONFIRM_EVERY = 5
@@ -46,6 +49,10 @@ class Confirm(Protocol):
 
 class UnreachableError(FleetError):
     """An arm cannot serve a place of its station."""
+
+
+class TouchingError(UnreachableError):
+    """A motion along a free path would touch something."""
 
 
 class ArmMotions:
@@ -79,7 +86,7 @@ class ArmMotions:
             checker: What must not be touched.
 
         Raises:
-            UnreachableError: However little is cut, something is touched.
+            TouchingError: However little is cut, something is touched.
         """
         spec = self._spec
         for deviation in CORNER_RAD if speed == 1.0 else CORNER_RAD[-1:]:
@@ -92,18 +99,33 @@ class ArmMotions:
             )
             if checker.batch(trajectory.q).all():
                 return trajectory
-        raise UnreachableError("a timed motion leaves its path too far")
+        raise TouchingError("a timed motion leaves its path too far")
+
+    def timed_line(self, path: FloatArray, checker: CollisionChecker) -> Trajectory:
+        """Motion along a straight line of the tool, slower if it would touch something.
+
+        Args:
+            path: Corners [rad], shape (k, n).
+            checker: What must not be touched.
+
+        Raises:
+            TouchingError: It does so however slow.
+        """
+        try:
+            return self.timed(path, LINE_SPEED, checker)
+        except TouchingError:
+            return self.timed(path, SLOW * LINE_SPEED, checker)
 
     def confirmed(self, trajectory: Trajectory, boxes: Boxes, held: Held | None) -> Trajectory:
         """The same motion, if the physics engine has nothing against it.
 
         Raises:
-            UnreachableError: It has.
+            TouchingError: It has.
         """
         if self._confirm is not None:
             wrong = self._confirm(boxes, shown(trajectory), held)
             if wrong:
-                raise UnreachableError(f"the physics engine refuses a motion: {wrong}")
+                raise TouchingError(f"the physics engine refuses a motion: {wrong}")
         return trajectory
 
 

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.robots.spec import CarSpec
 from fleet.stations.arms.arm_cell import ArmCell
-from fleet.stations.arms.arm_motions import LINE_SPEED, ArmMotions, Confirm, Held, UnreachableError, backwards
+from fleet.stations.arms.arm_motions import (
+    SLOW,
+    ArmMotions,
+    Confirm,
+    Held,
+    TouchingError,
+    UnreachableError,
+    backwards,
+)
 from fleet.stations.arms.arm_spheres import PlannedArm
 from fleet.stations.arms.loose import LooseGrips, UngrippableError, loose_grips
 from fleet.stations.arms.recent import Recent
@@ -62,8 +72,44 @@ NEAR_VIA_M = 0.3
 NEIGHBOUR_M = 0.2
 """Slots that are nearer than this to such a parcel are taken for empty: it may lie on them [m]."""
 
+N_VIAS = 3
+"""Via points of a place that are tried before the place is refused, best first."""
 N_LAST_TRANSFERS = 16
 """Ways down that an arm remembers, a few for each slot: equal parcels lie at the same places of a slot."""
+
+
+class PlaceError(UnreachableError):
+    """An arm cannot serve one place of its station; the message says why."""
+
+    def __init__(self, place: int, why: str) -> None:
+        super().__init__(f"{place_name(place)}: {why}")
+        self.place = place
+        self.why = why
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """How a way is searched and timed."""
+
+    seed: int = 0
+    more_m: float = 0.0
+    """Kept from obstacles beyond `MARGIN_M` while searching: smoothing leaves the path by up to 0.0013 rad, which is as
+    many metres of a tool 1 m away, and the check of an edge may let it dip into the margin [m]."""
+    speed: float = 1.0
+    """Share of the joint limits."""
+
+
+ATTEMPTS = (
+    Attempt(),
+    Attempt(more_m=0.002),
+    Attempt(seed=1),
+    Attempt(seed=1, more_m=0.005),
+    Attempt(seed=2),
+    Attempt(seed=3),
+    Attempt(speed=SLOW),
+    Attempt(seed=1, speed=SLOW),
+)
+"""Tried in this order until a motion is free; the first is the fastest."""
 
 
 @dataclass(kw_only=True)
@@ -74,6 +120,14 @@ class KnownWays:
     """Configuration of each via point, shape (n,)."""
     ways: dict[tuple[int, int, bool], Trajectory] = field(default_factory=dict)
     """From, to, loaded -> the motion."""
+    attempts: dict[tuple[int, int, bool], Attempt] = field(default_factory=dict)
+    """The same -> how it was found."""
+
+    def forget(self, place: int) -> None:
+        """Drop a via point and its ways."""
+        del self.vias[place]
+        for key in [key for key in self.ways if place in key[:2]]:
+            del self.ways[key], self.attempts[key]
 
 
 class CellPlanner:
@@ -123,7 +177,7 @@ class CellPlanner:
         self._via_tips: dict[int, FloatArray] = {}
         self._admissions: Recent[FloatArray] = Recent(N_LAST_TRANSFERS)
         self._descents: Recent[tuple[Trajectory, Trajectory]] = Recent(N_LAST_TRANSFERS)
-        self._way_trees: dict[tuple[int, int, bool], list[SearchTree]] = {}
+        self._way_trees: dict[tuple[int, int, bool, Attempt], list[SearchTree]] = {}
 
     def keep_trees(self) -> None:
         """Keep the trees of searches from now on, if the planner grows any; `take_trees` hands them over."""
@@ -147,16 +201,33 @@ class CellPlanner:
         """Find all via points and the ways between them.
 
         Raises:
-            UnreachableError: A slot or the tray cannot be served.
+            PlaceError: A slot or the tray cannot be served.
         """
-        for place in (TRAY, *range(len(self.cell.slots))):
-            self._via(place)
+        self._settle(TRAY, ((HOME, False),))
         for slot in range(len(self.cell.slots)):
-            for a, b, loaded in ((slot, TRAY, True), (HOME, slot, False)):
-                self._way(a, b, loaded=loaded)
-                self._way(b, a, loaded=loaded)
-        self._way(HOME, TRAY, loaded=False)
-        self._way(TRAY, HOME, loaded=False)
+            self._settle(slot, ((TRAY, True), (HOME, False)))
+
+    def _settle(self, place: int, others: Sequence[tuple[int, bool]]) -> None:
+        """Find the ways of a place to others and back, over its best via point from which there are some.
+
+        Args:
+            place: Slot index or `TRAY`.
+            others: Where the ways lead to, and whether with a parcel.
+        """
+        known, refusal = self._known, None
+        if place in known.vias:
+            return
+        for q in islice(self._good_vias(place), N_VIAS):
+            known.vias[place] = q
+            try:
+                for other, loaded in others:
+                    self._way(place, other, loaded=loaded)
+                    self._way(other, place, loaded=loaded)
+                return
+            except UnreachableError as error:
+                refusal = refusal or error
+                known.forget(place)
+        raise PlaceError(place, str(refusal or "no posture over it from which straight lines lead down all around"))
 
     def transfer(self, request: TransferRequest) -> Transfer:
         """Plan a transfer; a `reason` instead of steps when there is none."""
@@ -199,7 +270,7 @@ class CellPlanner:
         result = self._search.way(self._empty, up[-1], self._spec.home_rad[None])
         if not result.solved:
             return Transfer(arm=request.arm, parcel=-1, steps=(), reason=f"no way home ({result.status.value})")
-        moves = [] if len(up) == 1 else [self._motions.timed(up, LINE_SPEED, self._line)]
+        moves = [] if len(up) == 1 else [self._motions.timed_line(up, self._line)]
         moves.append(self._motions.timed(result.path, 1.0, self._empty))
         return Transfer(arm=request.arm, parcel=-1, steps=tuple(moves))
 
@@ -278,7 +349,7 @@ class CellPlanner:
 
         def timed() -> tuple[Trajectory, Trajectory]:
             lower, lift = (
-                self._motions.confirmed(self._motions.timed(path, LINE_SPEED, self._line), self._line_boxes, load)
+                self._motions.confirmed(self._motions.timed_line(path, self._line), self._line_boxes, load)
                 for path, load in ((down, before), (down[::-1], after))
             )
             return lower, lift
@@ -377,7 +448,7 @@ class CellPlanner:
     def _via(self, place: int) -> FloatArray:
         vias = self._known.vias
         if place not in vias:
-            vias[place] = self._find_via(place)
+            self.prepare()
         return vias[place]
 
     def _via_tip(self, place: int) -> FloatArray:
@@ -388,8 +459,8 @@ class CellPlanner:
             self._via_tips[place] = tip
         return self._via_tips[place]
 
-    def _find_via(self, place: int) -> FloatArray:
-        """The configuration above a place from which parcels around it can be reached, nearest to rest and tray."""
+    def _good_vias(self, place: int) -> Iterator[FloatArray]:
+        """Configurations above a place from which parcels around it can be reached, nearest to rest and tray first."""
         support = self.cell.tray if place == TRAY else self.cell.slots[place]
         anchors = [self._spec.home_rad] + ([] if place == TRAY else [self._via(TRAY)])
         candidates = []
@@ -404,10 +475,7 @@ class CellPlanner:
         travel_s = sum(np.abs((q - anchor) / self._spec.max_velocity_radps).max(axis=1) for anchor in anchors)
         for k in np.argsort(travel_s, kind="stable") if len(q) else ():
             if self._serves(q[k], support):
-                return q[k]
-        name = "the tray at its dock" if place == TRAY else f"slot {place}"
-        x, y, z = np.round(support, 3)
-        raise UnreachableError(f"arm cannot reach {name} at ({x}, {y}, {z}) in its base frame")
+                yield q[k]
 
     def _serves(self, q: FloatArray, support: FloatArray) -> bool:
         """Whether straight lines lead from a configuration to the lowest grips on and around a support."""
@@ -425,38 +493,58 @@ class CellPlanner:
         return True
 
     def _way(self, a: int, b: int, *, loaded: bool) -> Trajectory:
-        """The motion between two via points; the way back is the same path."""
-        ways = self._known.ways
-        low, high = min(a, b), max(a, b)
-        # Without a parcel an arm only comes to a car or leaves it: cars may drive below it.
-        checker = self._loaded if loaded else self._over_cars
-        if (a, b, loaded) not in ways:
-            result, trees = self._searched(checker, low, high)
+        """The motion between two via points; the way back is the same path, unless it touches something that way."""
+        known, key = self._known, (a, b, loaded)
+        if key not in known.ways:
+            known.ways[key], known.attempts[key] = self._found_way(a, b, loaded=loaded)
+        self._recall(a, b, loaded=loaded)
+        return known.ways[key]
+
+    def _found_way(self, a: int, b: int, *, loaded: bool) -> tuple[Trajectory, Attempt]:
+        """The first motion between two via points that touches nothing, and how it was found."""
+        checker = self._way_checker(loaded=loaded)
+        held = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2) if loaded else None
+        refusal: TouchingError | None = None
+        for attempt in ATTEMPTS:
+            result, trees = self._searched(a, b, attempt, loaded=loaded)
             if not result.solved:
                 self._search.add_trees(trees)
-                raise UnreachableError(f"no way between via points {low} and {high} ({result.status.value})")
-            path = result.path if a == low else result.path[::-1]
-            held = Held(size_m=(MAX_EDGE_M,) * 3, below_tip_m=MAX_EDGE_M / 2) if loaded else None
-            ways[a, b, loaded] = self._motions.confirmed(self._motions.timed(path, 1.0, checker), self._boxes, held)
-        self._recall(checker, low, high, loaded=loaded)
-        return ways[a, b, loaded]
+            if not result.solved and attempt.more_m == 0.0:
+                # A budget that is spent would be spent again, and ends that touch something do so again.
+                raise UnreachableError(f"no way {_between(a, b)} ({result.status.value})")
+            if result.solved:
+                path = result.path if a < b else result.path[::-1]
+                try:
+                    motion = self._motions.timed(path, attempt.speed, checker)
+                    return self._motions.confirmed(motion, self._boxes, held), attempt
+                except TouchingError as error:
+                    refusal = refusal or error
+        raise UnreachableError(f"no way {_between(a, b)}: {refusal}")
 
-    def _recall(self, checker: CollisionChecker, low: int, high: int, *, loaded: bool) -> None:
-        """Search a known way again, once and only if trees are wanted: the same search grows the same tree."""
-        if not self._search.keeps_trees:
-            return
-        key = (low, high, loaded)
-        if key not in self._way_trees:
-            self._way_trees[key] = self._searched(checker, low, high)[1]
-        self._search.add_trees(self._way_trees[key])
+    def _way_checker(self, *, loaded: bool) -> CollisionChecker:
+        """Without a parcel an arm only comes to a car or leaves it: cars may drive below it."""
+        return self._loaded if loaded else self._over_cars
 
-    def _searched(self, checker: CollisionChecker, low: int, high: int) -> tuple[MotionResult, list[SearchTree]]:
-        """What a search between two via points finds, and its trees apart from those of others."""
+    def _searched(self, a: int, b: int, attempt: Attempt, *, loaded: bool) -> tuple[MotionResult, list[SearchTree]]:
+        """What a search from the lower via point to the higher finds, and its trees apart from those of others."""
+        checker, low, high = self._way_checker(loaded=loaded), min(a, b), max(a, b)
+        if attempt.more_m > 0.0:
+            checker = checker.with_margin(MARGIN_M + attempt.more_m)
         others = self._search.take_trees()
-        result = self._search.way(checker, self._via(low), self._via(high)[None])
+        result = self._search.way(checker, self._via(low), self._via(high)[None], seed=attempt.seed)
         trees = self._search.take_trees()
         self._search.add_trees(others)
         return result, trees
+
+    def _recall(self, a: int, b: int, *, loaded: bool) -> None:
+        """Search a known way again, once and only if trees are wanted: the same search grows the same tree."""
+        if not self._search.keeps_trees:
+            return
+        attempt = self._known.attempts[a, b, loaded]
+        key = (min(a, b), max(a, b), loaded, attempt)
+        if key not in self._way_trees:
+            self._way_trees[key] = self._searched(a, b, attempt, loaded=loaded)[1]
+        self._search.add_trees(self._way_trees[key])
 
     def _without_slots(self, boxes: Boxes, near: FloatArray | None = None) -> Boxes:
         """The obstacles of straight lines: without the parcels assumed on the slots, whose places are the targets.
@@ -475,6 +563,15 @@ class CellPlanner:
         return Boxes(
             centre=boxes.centre[keep], half=boxes.half[keep], yaw=boxes.yaw[keep], min_frame=boxes.min_frame[keep]
         )
+
+
+def place_name(place: int) -> str:
+    """A place in words; as in site files, slots count from 1."""
+    return {HOME: "rest", TRAY: "the tray"}.get(place, f"slot {place + 1}")
+
+
+def _between(a: int, b: int) -> str:
+    return f"from above {place_name(max(a, b))} to {place_name(min(a, b))}"
 
 
 def _down(yaw: float) -> FloatArray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.stations.arms.arm_motions import LINE_SPEED, ArmMotions, Held, UnreachableError, backwards
+from fleet.stations.arms.arm_motions import ArmMotions, Held, UnreachableError, backwards
 from fleet.stations.arms.arm_spheres import PlannedArm
 from fleet.stations.arms.loose import LooseGrips
 from fleet.stations.arms.search import Search
@@ -136,7 +136,7 @@ class Retrieval:
         on = self._way(loaded, up[-1], onward[None])
         if on is None:
             raise UnreachableError("no way on with the parcel (no path)")
-        lift = motions.timed(up, LINE_SPEED, line)
+        lift = motions.timed_line(up, line)
         return (
             motions.confirmed(motions.timed(there, 1.0, travel), boxes, None),
             motions.confirmed(backwards(lift), boxes, None),

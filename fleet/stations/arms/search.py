@@ -22,15 +22,16 @@ class Search:
         self._grower = self._planner if isinstance(self._planner, GrowsTrees) else None
         self._n_iterations = n_iterations
 
-    def way(self, checker: CollisionChecker, start: FloatArray, goals: FloatArray) -> MotionResult:
+    def way(self, checker: CollisionChecker, start: FloatArray, goals: FloatArray, *, seed: int = 0) -> MotionResult:
         """Search a way.
 
         Args:
             checker: What must not be touched.
             start: Where the arm is [rad], shape (n,).
             goals: Where it may end [rad], shape (k, n).
+            seed: Another one may find another way.
         """
-        problem = MotionProblem(checker=checker, start=start, goals=goals, max_iterations=self._n_iterations)
+        problem = MotionProblem(checker=checker, start=start, goals=goals, seed=seed, max_iterations=self._n_iterations)
         return self._planner.plan(problem)
 
     @property
