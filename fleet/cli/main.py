@@ -92,15 +92,13 @@ COMMANDS = {
 SITE_COMMANDS = {
     "check": Command(
         "site.SiteCheck",
-        "Check a site and print its lanes, stations and mean path lengths.",
-        compiles=False,
+        "Check a site and print its lanes, mean path lengths and whether its arms can serve their stations.",
     ),
     "list": Command("site.SiteList", "List the shipped sites.", compiles=False),
     "generate": Command("site.SiteGenerate", "Generate a warehouse and save it as a site file.", compiles=False),
     "convert": Command(
         "site.SiteConvert",
         "Turn a MovingAI map into a site: adds stations and parking.",
-        compiles=False,
     ),
 }
 TABLETOP_COMMANDS = {

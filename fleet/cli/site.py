@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from fleet.config import require
+from fleet.config import Grip, require
+from fleet.errors import FleetError
 
 if TYPE_CHECKING:
     from maps.site import Site
@@ -20,7 +21,7 @@ MOST = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class SiteCheck:
-    """Check a site and print its lanes, stations and mean path lengths."""
+    """Check a site and print its lanes, mean path lengths and whether its arms can serve their stations."""
 
     site: Annotated[str, tyro.conf.Positional]
     """Name of a shipped site or path of a site file."""
@@ -28,9 +29,11 @@ class SiteCheck:
     """Leave out the floor plan with its lane directions."""
     graphml: Path | None = None
     """A file to write the lane graph to, for graph tools: states and moves with their poses, lengths and paths."""
+    grip: Grip | None = None
+    """The only tool whose reach counts; default: both."""
 
     def run(self) -> int:
-        """Print the report; a bad site raises."""
+        """Print the report; a bad site raises, also one whose arms cannot serve their stations."""
         from rich.console import Console
         from rich.table import Table
 
@@ -45,6 +48,9 @@ class SiteCheck:
         table = Table(title=f"site {site.name}", show_header=False)
         for name, value in vars(report).items():
             table.add_row(name.replace("_", " "), _text(value))
+        refused = _unreached(site, self.grip)
+        for grip, refusals in refused.items():
+            table.add_row(f"arms, grip {grip}", "\n".join(refusals) or f"serve all {len(site.stations)} stations")
         console.print(table)
         if self.graphml is not None:
             from maps.graphml import write_graphml
@@ -53,6 +59,7 @@ class SiteCheck:
             graph = build_lane_graph(site)
             write_graphml(graph, self.graphml)
             sys.stdout.write(f"{self.graphml}: {graph.n_states} states, {graph.n_moves} moves\n")
+        _require_reach(refused)
         return 0
 
 
@@ -117,15 +124,19 @@ class SiteConvert:
     """Drop stations."""
     parking: int = 20
     """Parking cells."""
+    grip: Grip | None = None
+    """The only tool whose reach counts; default: both."""
 
     def run(self) -> int:
-        """Write the file."""
+        """Write the file; a site whose arms cannot serve their stations raises."""
         from maps.movingai import site_from_map
 
         for name in ("pick", "drop", "parking"):
             value = getattr(self, name)
             require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
-        return _save(site_from_map(self.map, pick=self.pick, drop=self.drop, parking=self.parking), self.out)
+        site = site_from_map(self.map, pick=self.pick, drop=self.drop, parking=self.parking)
+        _require_reach(_unreached(site, self.grip))
+        return _save(site, self.out)
 
 
 def _text(value: object) -> str:
@@ -135,6 +146,32 @@ def _text(value: object) -> str:
         items = [item if isinstance(item, str) else f"row {item[0] + 1}, column {item[1] + 1}" for item in value]
         return "\n".join(items) or "none"
     return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+def _unreached(site: Site, grip: Grip | None) -> dict[Grip, tuple[str, ...]]:
+    """For one tool or for each: what its arms cannot serve."""
+    from fleet.stations.reach import reach_refusals
+    from fleet.terminal.progress_bar import Bar
+
+    grips = tuple(Grip) if grip is None else (grip,)
+    total = len(grips) * len(site.stations)
+    looked = 0
+    with Bar(total, "stations", shown=True) as bar:
+
+        def told(station: str) -> None:
+            nonlocal looked
+            if looked and bar.due():
+                bar.show(looked, f"arm of {station}", f"arms looked at: {looked} of {total}")
+            looked += 1
+
+        return {grip: reach_refusals(site, grip, told) for grip in grips}
+
+
+def _require_reach(refused: dict[Grip, tuple[str, ...]]) -> None:
+    """Refuse what a run would refuse, in its words."""
+    for refusals in refused.values():
+        if refusals:
+            raise FleetError(refusals[0])
 
 
 def _save(site: Site, out: Path) -> int:

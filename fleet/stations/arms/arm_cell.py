@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from fleet.arrays import FloatArray, IntArray
 from fleet.robots.spec import CarSpec
 from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.scene import Scene
+from maps.grid import GridMap
 from maps.site import Site
 from maps.stations import StationPlace
 
@@ -49,6 +51,8 @@ class ArmCell:
     """Shape (b,)."""
     box_min_frame: IntArray
     """Links below this number do not count against the box, shape (b,)."""
+    box_name: tuple[str, ...]
+    """What each box is, if it was drawn: 'shelf at row 5, column 4', 'lane at ...', 'slot 2'; else empty."""
     dock_box: FloatArray
     """Room that cars take on their lane through the dock cell: centre, half extents, shape (2, 3); x along the lane."""
     dock_yaw: float
@@ -78,6 +82,16 @@ class ArmCell:
         return b"".join(np.round(a, 6).tobytes() for a in arrays) + self.box_min_frame.tobytes()
 
 
+class _Box(NamedTuple):
+    """A box in the world, turned about z, as `ArmCell` keeps its parts."""
+
+    centre: FloatArray
+    half: FloatArray
+    yaw: float = 0.0
+    min_frame: int = 0
+    name: str = ""
+
+
 def arm_cells(site: Site, scene: Scene) -> tuple[ArmCell, ...]:
     """Surroundings of every station's arm, in the order of the stations."""
     return tuple(_arm_cell(site, scene, place) for place in site.stations)
@@ -85,32 +99,36 @@ def arm_cells(site: Site, scene: Scene) -> tuple[ArmCell, ...]:
 
 def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
     base = np.asarray(place.arm.pose, dtype=np.float64)
-    boxes: list[tuple[FloatArray, FloatArray, float, int]] = [
-        (np.array([base[0], base[1], base[2] - 0.05]), np.array([3.0, 3.0, 0.05]), 0.0, FLOOR_FRAME)
+    grid = site.grid
+    boxes: list[_Box] = [
+        _Box(np.array([base[0], base[1], base[2] - 0.05]), np.array([3.0, 3.0, 0.05]), 0.0, FLOOR_FRAME)
     ]
     for box in scene.boxes:
-        boxes.append((np.array(box.centre_m), np.array(box.half_m), 0.0, 0))
-    for x, y, z in place.slots:
+        centre, half = np.array(box.centre_m), np.array(box.half_m)
+        boxes.append(_Box(centre, half, name=_name(grid, place, box.kind, centre, half)))
+    for number, (x, y, z) in enumerate(place.slots, start=1):
         # Always as if the rack were full of the largest parcels, so that a plan holds whatever lies there.
-        boxes.append((np.array([x, y, z + MAX_EDGE_M / 2]), np.full(3, MAX_EDGE_M / 2), 0.0, 0))
+        top = np.array([x, y, z + MAX_EDGE_M / 2])
+        boxes.append(_Box(top, np.full(3, MAX_EDGE_M / 2), name=f"slot {number}"))
     boxes += _car_boxes(scene.car, place)
-    grid = site.grid
     for lane_cell in np.flatnonzero(grid.free.ravel()).tolist():
         if lane_cell == place.dock.cell:
             continue
         x, y = grid.xy(*grid.row_col(lane_cell))
         half = np.array([grid.cell_m / 2, grid.cell_m / 2, PASSING_CAR_M / 2])
         if np.hypot(x - base[0], y - base[1]) < REACH_M + grid.cell_m:
-            boxes.append((np.array([x, y, PASSING_CAR_M / 2]), half, 0.0, 0))
+            name = f"lane at {_at(grid, x, y)}"
+            boxes.append(_Box(np.array([x, y, PASSING_CAR_M / 2]), half, name=name))
     near = [box for box in boxes if _gap(box, base) < REACH_M] + _fence(base)
     cell = ArmCell(
         base_pose=base,
         slots=np.empty((0, 3)),
         tray=np.empty(3),
-        box_centre=np.array([box[0] for box in near]),
-        box_half=np.array([box[1] for box in near]),
-        box_yaw=np.array([box[2] - base[3] for box in near]),
-        box_min_frame=np.array([box[3] for box in near], dtype=np.int64),
+        box_centre=np.array([box.centre for box in near]),
+        box_half=np.array([box.half for box in near]),
+        box_yaw=np.array([box.yaw - base[3] for box in near]),
+        box_min_frame=np.array([box.min_frame for box in near], dtype=np.int64),
+        box_name=tuple(box.name for box in near),
         dock_box=np.empty((2, 3)),
         dock_yaw=0.0,
     )
@@ -127,21 +145,38 @@ def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
         box_half=cell.box_half,
         box_yaw=cell.box_yaw,
         box_min_frame=cell.box_min_frame,
+        box_name=cell.box_name,
         dock_box=np.array([dock_centre, (grid.cell_m / 2, scene.car.half_width_m + ASTRAY_M, DOCK_CAR_M / 2)]),
         dock_yaw=yaw - base[3],
     )
 
 
-def _fence(base: FloatArray) -> list[tuple[FloatArray, FloatArray, float, int]]:
+def _name(grid: GridMap, place: StationPlace, kind: str, centre: FloatArray, half: FloatArray) -> str:
+    """What a box of the scene was drawn as: walls and shelves by their cell that is nearest to the arm."""
+    if kind == "pedestal":
+        own = np.flatnonzero(np.abs(np.asarray(place.slots)[:, :2] - centre[:2]).max(axis=1) < 1e-6)
+        return f"slot {own[0] + 1}" if len(own) else ""
+    inside = half[:2] - min(1e-6, float(half[:2].min()))
+    x, y = np.clip(place.arm.pose[:2], centre[:2] - inside, centre[:2] + inside).tolist()
+    return f"{kind} at {_at(grid, x, y)}"
+
+
+def _at(grid: GridMap, x: float, y: float) -> str:
+    """A cell in words; as in messages on site files, rows and columns count from 1."""
+    row, col = grid.cell_at(x, y)
+    return f"row {row + 1}, column {col + 1}"
+
+
+def _fence(base: FloatArray) -> list[_Box]:
     """Imaginary walls around the cell, so that two arms can never meet."""
     away = FENCE_M + 0.5
     return [
-        (np.array([base[0] + away * dx, base[1] + away * dy, 1.0]), np.array([hx, hy, 1.0]), 0.0, 0)
+        _Box(np.array([base[0] + away * dx, base[1] + away * dy, 1.0]), np.array([hx, hy, 1.0]))
         for dx, dy, hx, hy in ((1, 0, 0.5, away), (-1, 0, 0.5, away), (0, 1, away, 0.5), (0, -1, away, 0.5))
     ]
 
 
-def _car_boxes(car: CarSpec, place: StationPlace) -> list[tuple[FloatArray, FloatArray, float, int]]:
+def _car_boxes(car: CarSpec, place: StationPlace) -> list[_Box]:
     """Body and tray walls of a car at the dock."""
     x, y, yaw = place.dock.pose
     length, width, wall_height = car.tray_size_m
@@ -157,14 +192,14 @@ def _car_boxes(car: CarSpec, place: StationPlace) -> list[tuple[FloatArray, Floa
         parts.append(((car.tray_x_m + side * length / 2, 0.0, wall_z), across))
     cos, sin = np.cos(yaw), np.sin(yaw)
     return [
-        (np.array([x + cos * dx - sin * dy, y + sin * dx + cos * dy, dz]), half, yaw, 0) for (dx, dy, dz), half in parts
+        _Box(np.array([x + cos * dx - sin * dy, y + sin * dx + cos * dy, dz]), half, yaw)
+        for (dx, dy, dz), half in parts
     ]
 
 
-def _gap(box: tuple[FloatArray, FloatArray, float, int], base: FloatArray) -> float:
+def _gap(box: _Box, base: FloatArray) -> float:
     """Horizontal distance from the base to a box's circumscribed rectangle [m]; at least that far."""
-    centre, half, yaw, _ = box
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    dx, dy = base[0] - centre[0], base[1] - centre[1]
-    u, v = abs(cos * dx + sin * dy) - half[0], abs(-sin * dx + cos * dy) - half[1]
+    cos, sin = np.cos(box.yaw), np.sin(box.yaw)
+    dx, dy = base[0] - box.centre[0], base[1] - box.centre[1]
+    u, v = abs(cos * dx + sin * dy) - box.half[0], abs(-sin * dx + cos * dy) - box.half[1]
     return float(np.hypot(max(u, 0.0), max(v, 0.0)))

@@ -21,6 +21,7 @@ from fleet.stations.arms.arm_motions import Held, UnreachableError
 from fleet.stations.arms.arm_process import BEAT, ENDED, FAILED, KEEP_TREES, READY, ArmProcess, ArmWorkerError
 from fleet.stations.arms.arm_spheres import planned_arm
 from fleet.stations.arms.cell_planner import CellPlanner, KnownWays
+from fleet.stations.arms.refusal import Refusal, refusal_of
 from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer
 from planners.motion.collision.obstacles import Boxes
@@ -38,6 +39,14 @@ N_LOOKS = 10
 """Looks at a planning process in that time."""
 _KEEP_TREES = pickle.dumps((KEEP_TREES, None))
 _log = logging.getLogger(__name__)
+
+
+class ReachError(UnreachableError):
+    """Arms cannot serve their stations; the message is the first of the refusals."""
+
+    def __init__(self, refusals: tuple[str, ...]) -> None:
+        super().__init__(refusals[0])
+        self.refusals = refusals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,39 +106,54 @@ class LocalArmPlanner:
 
     Args:
         setup: Cells and settings.
+        told: Hears the name of each station before its arm is looked at.
 
     Raises:
-        UnreachableError: An arm cannot serve its station.
+        ReachError: Arms cannot serve their stations.
     """
 
-    def __init__(self, setup: ArmSetup) -> None:
-        tool = TOOLS[setup.tool]
-        arm, car = planned_arm(setup.spec, tool), racecar_spec()
-        known: dict[bytes, KnownWays] = {}
+    def __init__(self, setup: ArmSetup, told: Callable[[str], None] | None = None) -> None:
         self._answers: dict[int, Transfer] = {}
         self._tickets = 0
         self._keeps_trees = False
-        self._planners = []
+        self._planners: list[CellPlanner] = []
         self._engine: EngineConfirm | None = None
         if setup.confirm:
             # Only here, so that worlds without physics never load the engine.
             from fleet.world.bullet.confirm import PathConfirmer
 
+            tool = TOOLS[setup.tool]
             self._engine = EngineConfirm(PathConfirmer.of_spec(setup.spec, tool), tool.length_m)
+        try:
+            self._prepare(setup, told)
+        except BaseException:
+            self.close()
+            raise
+
+    def _prepare(self, setup: ArmSetup, told: Callable[[str], None] | None) -> None:
+        """Make a planner for each arm, and look at all of them before one is refused."""
+        arm, car = planned_arm(setup.spec, TOOLS[setup.tool]), racecar_spec()
+
+        def planner_of(cell: ArmCell, known: KnownWays | None = None) -> CellPlanner:
+            search = Search(setup.planner, setup.n_iterations)
+            return CellPlanner(cell, arm, car, search, known=known, confirm=self._engine)
+
+        known: dict[bytes, KnownWays] = {}
+        judged: dict[bytes, Refusal | None] = {}
+        refusals = []
         for name, cell in zip(setup.names, setup.cells, strict=True):
-            planner = CellPlanner(
-                cell,
-                arm,
-                car,
-                Search(setup.planner, setup.n_iterations),
-                known=known.setdefault(cell.geometry_key(), KnownWays()),
-                confirm=self._engine,
-            )
-            try:
-                planner.prepare()
-            except UnreachableError as error:
-                raise UnreachableError(f"station {name}: {error}") from error
+            if told is not None:
+                told(name)
+            key = cell.geometry_key()
+            planner = planner_of(cell, known.setdefault(key, KnownWays()))
+            if key not in judged:
+                judged[key] = refusal_of(planner, planner_of)
+            refusal = judged[key]
+            if refusal is not None:
+                refusals.append(refusal.words(name, setup.tool, cell))
             self._planners.append(planner)
+        if refusals:
+            raise ReachError(tuple(refusals))
 
     def wait_ready(self) -> None:
         """Nothing to wait for: see the constructor."""

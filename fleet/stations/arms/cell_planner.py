@@ -79,7 +79,7 @@ N_LAST_TRANSFERS = 16
 
 
 class PlaceError(UnreachableError):
-    """An arm cannot serve one place of its station; the message says why."""
+    """An arm cannot serve one place of its station, or cannot rest; the message says why."""
 
     def __init__(self, place: int, why: str) -> None:
         super().__init__(f"{place_name(place)}: {why}")
@@ -197,15 +197,21 @@ class CellPlanner:
             edges.append((tips @ turn.T + (x, y, z))[tree.edges])
         return np.concatenate(edges)
 
-    def prepare(self) -> None:
-        """Find all via points and the ways between them.
+    def prepare(self, places: Sequence[int] | None = None) -> None:
+        """Find via points and the ways between them.
+
+        Args:
+            places: Slots that count; None = all. The tray counts always.
 
         Raises:
-            PlaceError: A slot or the tray cannot be served.
+            PlaceError: A slot or the tray cannot be served, or the arm cannot rest.
         """
+        if not self._over_cars.free(self._spec.home_rad):
+            raise PlaceError(HOME, "something stands where the arm rests, or too near")
         self._settle(TRAY, ((HOME, False),))
         for slot in range(len(self.cell.slots)):
-            self._settle(slot, ((TRAY, True), (HOME, False)))
+            if places is None or slot in places:
+                self._settle(slot, ((TRAY, True), (HOME, False)))
 
     def _settle(self, place: int, others: Sequence[tuple[int, bool]]) -> None:
         """Find the ways of a place to others and back, over its best via point from which there are some.
