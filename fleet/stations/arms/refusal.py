@@ -14,7 +14,7 @@ from fleet.stations.arms.cell_planner import HOME, CellPlanner, PlaceError
 from fleet.stations.arms.transfer import TRAY
 from maps.stations import ARM_TO_LANE_M, SLOT_RADIUS_M, SLOT_TOP_M
 
-NEAREST_N = 6
+N_NEAREST = 6
 """So many things are looked at as what is in the way: each look may take seconds."""
 
 
@@ -79,7 +79,7 @@ def _in_the_way(cell: ArmCell, place: int, make: Callable[[ArmCell], CellPlanner
             return False
         return True
 
-    nearest = _things(cell, place)[:NEAREST_N]
+    nearest = _things(cell, place)[:N_NEAREST]
     if not served(nearest):
         return ()
     enough = next(([name] for name in nearest if served([name])), nearest)
