@@ -21,7 +21,7 @@ from fleet.stations.arms.arm_motions import Held, UnreachableError
 from fleet.stations.arms.arm_process import BEAT, ENDED, FAILED, KEEP_TREES, READY, ArmProcess, ArmWorkerError
 from fleet.stations.arms.arm_spheres import planned_arm
 from fleet.stations.arms.cell_planner import CellPlanner, KnownWays
-from fleet.stations.arms.refusal import Refusal, refusal_of
+from fleet.stations.arms.refusal import PlaceRefusal, refusal_of
 from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer
 from planners.motion.collision.obstacles import Boxes
@@ -139,7 +139,7 @@ class LocalArmPlanner:
             return CellPlanner(cell, arm, car, search, known=known, confirm=self._engine)
 
         known: dict[bytes, KnownWays] = {}
-        judged: dict[bytes, Refusal | None] = {}
+        judged: dict[bytes, PlaceRefusal | None] = {}
         refusals = []
         for name, cell in zip(setup.names, setup.cells, strict=True):
             if told is not None:

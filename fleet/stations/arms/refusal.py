@@ -1,4 +1,4 @@
-"""Refusal: why an arm cannot serve its station, and what would have to be drawn differently."""
+"""PlaceRefusal: why an arm cannot serve its station, and what would have to be drawn differently."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ N_NEAREST = 6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Refusal:
+class PlaceRefusal:
     """A place that an arm cannot serve."""
 
     place: int
@@ -52,7 +52,7 @@ class Refusal:
         return f"slots at their default places, {SLOT_RADIUS_M} m from the arm's base and {SLOT_TOP_M} m high"
 
 
-def refusal_of(planner: CellPlanner, make: Callable[[ArmCell], CellPlanner]) -> Refusal | None:
+def refusal_of(planner: CellPlanner, make: Callable[[ArmCell], CellPlanner]) -> PlaceRefusal | None:
     """Prepare a planner; if it refuses a place, find out what is in the way, nearest to the place first.
 
     Args:
@@ -65,7 +65,7 @@ def refusal_of(planner: CellPlanner, make: Callable[[ArmCell], CellPlanner]) -> 
     try:
         planner.prepare()
     except PlaceError as error:
-        return Refusal(place=error.place, why=str(error), in_the_way=_in_the_way(planner.cell, error.place, make))
+        return PlaceRefusal(place=error.place, why=str(error), in_the_way=_in_the_way(planner.cell, error.place, make))
     return None
 
 
