@@ -253,7 +253,7 @@ def test_an_arm_that_cannot_reach_its_rack(tmp_path: Path, capsys: pytest.Captur
         f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_1]\nslots = [[-0.19, 0.41, 1.8]]\n", encoding="utf-8"
     )
     words = ["--site", str(site), "--robots", "1", "--fidelity", "kinematic"]
-    refuse(words, ["station pick_1", "arm cannot reach slot 0"], tmp_path, capsys)
+    refuse(words, ["station pick_1", "slot 1: the arm cannot reach it"], tmp_path, capsys)
 
 
 def test_an_output_path_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -233,7 +233,7 @@ class CellPlanner:
             except UnreachableError as error:
                 refusal = refusal or error
                 known.forget(place)
-        raise PlaceError(place, str(refusal or "no posture over it from which straight lines lead down all around"))
+        raise PlaceError(place, str(refusal or "the arm cannot reach it from above by straight lines"))
 
     def transfer(self, request: TransferRequest) -> Transfer:
         """Plan a transfer; a `reason` instead of steps when there is none."""
