@@ -67,6 +67,11 @@ COMMANDS = {
         "lorr.Lorr",
         "Play a League of Robot Runners problem; prints a table, writes the League's output format and a summary.",
     ),
+    "mend": Command(
+        "mend.Mend",
+        "Make the recording of a killed run whole: it keeps all that can be read and passes `rerun rrd verify`.",
+        compiles=False,
+    ),
     "plan": Command(
         "plan.PlanCommand",
         "Plan the paths of many robots at once, from a MovingAI map and scenario to a SMART path file.",

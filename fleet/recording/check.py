@@ -15,7 +15,7 @@ from fleet.recording.errors import RecordingError
 from fleet.recording.rerun_cli import run_rerun
 
 _FRAME_ENTITY = "/world/cars/body"
-_NO_FOOTER = "no footer: the recording was cut off and is readable up to there; repair: rerun rrd optimize IN -o OUT"
+_NO_FOOTER = "no footer: the recording was cut off and is readable up to there; repair: fleet mend RUN"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,7 @@ REQUIRED = {
     "dataset": ["--scenario", "dispatch_due", "--out", "data"],
     "diff": ["run_1", "run_2"],
     "lorr": ["problem.json"],
+    "mend": ["run"],
     "plan": ["--map", "in.map", "--scen", "in.scen"],
     "report": ["run"],
     "site check": ["small"],
