@@ -274,8 +274,9 @@ def _check(config: RunConfig, setup: RunSetup) -> None:
         f"1 to {most} (slots of the largest station of site {site})",
     )
     # Names and settings are refused before anything is started that would have to be stopped.
-    config.traffic.make_planner(seed=0)
-    config.allocation.make_allocator()
+    for later in (config, *(config.as_of(change.time_s) for change in config.changes)):
+        later.traffic.make_planner(seed=0)
+        later.allocation.make_allocator()
 
 
 def _abilities(config: RunConfig, setup: RunSetup) -> tuple[Ability, ...]:

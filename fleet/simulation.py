@@ -15,6 +15,7 @@ from fleet.config import RunConfig
 from fleet.errors import FleetError
 from fleet.incidents.disturbance import Disturbances
 from fleet.incidents.recovery import Recovery
+from fleet.incidents.setting_changes import SettingChanges
 from fleet.insight.cause_watch import CauseWatch
 from fleet.insight.codebook import Codebook
 from fleet.insight.explain import Explanation, explain
@@ -101,6 +102,7 @@ class Simulation:
             self.board.subscribe(self._task_moved)
             batches = Batches(self.board, self.log)
             self.recovery = Recovery(view)
+            self.setting_changes = SettingChanges(view)
             self.disturbances = Disturbances(view, self.recovery, config.events)
             self.figures = Figures(view, batches, self.recovery.halted_by)
             self.counts_figures = parts.figures
@@ -149,6 +151,7 @@ class Simulation:
         now = self.now
         if self._closed:
             raise FleetError(f"tick {now} of a run that is closed; make a new Simulation to run again")
+        self.setting_changes.tick()
         self.disturbances.tick()
         self.dispatcher.tick(now, self.sim_s)
         self.traffic.tick(now)

@@ -6,6 +6,8 @@ from fleet.config.arms import ArmConfig as ArmConfig
 from fleet.config.cars import BatteryConfig as BatteryConfig
 from fleet.config.cars import CarConfig as CarConfig
 from fleet.config.cars import EstimateConfig as EstimateConfig
+from fleet.config.changes import CHANGEABLE as CHANGEABLE
+from fleet.config.changes import SettingChange as SettingChange
 from fleet.config.choices import Connect as Connect
 from fleet.config.choices import Fidelity as Fidelity
 from fleet.config.choices import Grip as Grip

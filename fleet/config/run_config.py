@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 from fleet.config.allocation import AllocationConfig, TimeoutConfig
 from fleet.config.arms import ArmConfig
 from fleet.config.cars import BatteryConfig, CarConfig, EstimateConfig
+from fleet.config.changes import MEMBERS, SettingChange
 from fleet.config.choices import Connect, Fidelity, Grip, Perception
 from fleet.config.events import ScenarioEvent
 from fleet.config.settings import Settings, not_negative, positive, require
 from fleet.config.stream import StreamConfig
 from fleet.config.traffic import TrafficConfig
+
+Group = TypeVar("Group", AllocationConfig, TimeoutConfig, TrafficConfig)
 
 MOST_TASKS = 1_000_000
 """As many orders take half a minute to make, and 1.5 GB."""
@@ -53,6 +57,8 @@ class RunConfig(Settings):
     collect_after_s: float = 5.0
     """Time a delivered parcel stays on its slot before it is collected [s]."""
     events: tuple[ScenarioEvent, ...] = ()
+    changes: tuple[SettingChange, ...] = ()
+    """Settings that have other values from some time on."""
     traffic: TrafficConfig = field(default_factory=TrafficConfig)
     allocation: AllocationConfig = field(default_factory=AllocationConfig)
     timeouts: TimeoutConfig = field(default_factory=TimeoutConfig)
@@ -82,6 +88,21 @@ class RunConfig(Settings):
             known = number.isdecimal() and name == f"car_{int(number)}" and int(number) < self.robots
             require(known, "cars", name, f"car_0 to car_{self.robots - 1}")
         not_negative("collect_after_s", self.collect_after_s)
+        for change in self.changes:
+            self.as_of(change.time_s)  # each group of settings checks itself
+
+    def as_of(self, time_s: float) -> RunConfig:
+        """The settings as they are from a time on, when all changes until then have been made.
+
+        Raises:
+            ConfigError: A change has a value that its setting cannot have.
+        """
+        groups: dict[str, Any] = {"allocation": self.allocation, "traffic": self.traffic, "timeouts": self.timeouts}
+        # Of what changes at one time, a planner comes before its settings.
+        for change in sorted(self.changes, key=lambda change: (change.time_s, bool(change.member))):
+            if change.time_s <= time_s:
+                groups[change.group] = _changed(groups[change.group], change)
+        return replace(self, changes=(), **groups)
 
     def seeded(self, seed: int) -> RunConfig:
         """The same run with another seed >= 0; all else has been checked already."""
@@ -93,3 +114,14 @@ class RunConfig(Settings):
     def n_tasks(self) -> int:
         """Number of generated deliveries."""
         return self.tasks if self.tasks is not None else max(6, 2 * self.robots)
+
+
+def _changed(group: Group, change: SettingChange) -> Group:
+    """A group of settings with one of them changed."""
+    values: dict[str, Any] = {change.setting: change.value}
+    if change.setting in MEMBERS:
+        values = {change.setting: {**getattr(group, change.setting), change.member: change.value}}
+    for settings, named in MEMBERS.items():
+        if change.setting == named and change.value != getattr(group, named):
+            values[settings] = {}
+    return replace(group, **values)

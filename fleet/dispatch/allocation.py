@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.config import AllocationConfig
 from fleet.dispatch.allocation_round import AllocationRound, Answer
 from fleet.dispatch.cost_model import CostMatrix, CostModel
 from fleet.dispatch.horizon import RollingHorizon
@@ -66,6 +67,12 @@ class TaskAllocation:
         self._horizon = horizon
         self._reasons = reason_book
         self._turn = 0
+
+    def change(self, config: AllocationConfig) -> None:
+        """Go on with other settings."""
+        self._cost_model.change(config)
+        self._solver.change(config)
+        self._horizon.change(config)
 
     @property
     def plans_ahead(self) -> bool:

@@ -105,6 +105,10 @@ class CostModel:
         self._fitness = fitness
         self._charging = charging
 
+    def change(self, config: AllocationConfig) -> None:
+        """Go on with other weights."""
+        self._config = config
+
     def of(
         self,
         tasks: list[Task],

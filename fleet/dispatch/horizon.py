@@ -37,6 +37,10 @@ class RollingHorizon:
         self._routes = routes
         self._plan: list[tuple[int, int]] = []  # task and car, in order
 
+    def change(self, config: AllocationConfig) -> None:
+        """Go on with other weights."""
+        self._config = config
+
     def keep(
         self,
         costs: CostMatrix,

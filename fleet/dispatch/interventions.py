@@ -57,6 +57,10 @@ class Interventions:
         self._visits = visits
         self._limits = limits
 
+    def change(self, limits: TimeoutConfig) -> None:
+        """Go on with other limits."""
+        self._limits = limits
+
     def cancel(self, task: Task, now_s: float, reason: str) -> None:
         """Take a task back whose parcel was not picked yet; its car is free, and its parcel leaves the warehouse.
 

@@ -23,10 +23,19 @@ class Solver:
     """
 
     def __init__(self, config: AllocationConfig, log: Callable[..., None]) -> None:
-        self._config = config
         self._log = log
         self._notes: set[str] = set()
-        self._allocator = config.make_allocator()
+        self._config = config
+        self._begin()
+
+    def change(self, config: AllocationConfig) -> None:
+        """Go on with other settings; another allocator begins anew."""
+        old, self._config = self._config, config
+        if (old.allocator, old.allocator_settings) != (config.allocator, config.allocator_settings):
+            self._begin()
+
+    def _begin(self) -> None:
+        self._allocator = self._config.make_allocator()
         self.plans_ahead = bool(getattr(self._allocator, "plans_ahead", False))
         """Whether it gives cars several tasks, one after the other."""
         self.soon_s = np.inf if self.plans_ahead else float(getattr(self._allocator, "soon_s", 0.0))

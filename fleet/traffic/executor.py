@@ -59,6 +59,11 @@ class Executor:
         self._closed = np.zeros(graph.n_cells, dtype=np.bool_)
         self._dirty = True
 
+    def change(self, config: TrafficConfig) -> None:
+        """Go on with other settings; what was granted stays so."""
+        self._config = config
+        self._dirty = True
+
     def accept(self, plan: Plan) -> None:
         """Append a plan whose first row equals `tail_states`; of one that cannot be executed, the part that can."""
         while True:

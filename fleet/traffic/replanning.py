@@ -92,16 +92,27 @@ class Traffic:
         self.n_plans = 0
         self.priorities = np.zeros(n_cars)
         """What the last request ranked the cars by, the greatest first to go."""
-        self._planner = config.make_planner(seed)
-        self._config = config
-        self._period = max(1, round(config.period_s / tick_s))
-        self._latency = round(config.latency_s / tick_s)
+        self._seed = seed
         self._tick_s = tick_s
         self._late_ticks, self._silent = 0, False
+        self._planner = config.make_planner(seed)
+        self._follow(config)
         self._goal_since = np.zeros(n_cars)
         self._tie_break = np.arange(n_cars) * 1e-6
         self._pending: _Pending | None = None
         self._wanted = True
+
+    def change(self, config: TrafficConfig) -> None:
+        """Go on with other settings; another planner begins anew, and a plan that is under way still lands."""
+        old = self._config
+        if (old.planner, old.planner_settings) != (config.planner, config.planner_settings):
+            self._planner = config.make_planner(self._seed)
+        self._follow(config)
+
+    def _follow(self, config: TrafficConfig) -> None:
+        self._config = config
+        self._period = max(1, round(config.period_s / self._tick_s))
+        self._latency = round(config.latency_s / self._tick_s)
 
     def send(self, car: int, goal: int, *, stay: bool, tick: int) -> None:
         """Give a car a goal state; a new goal starts with no waiting time."""
