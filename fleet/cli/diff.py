@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 
+from fleet.cli.run_output import plain_console
 from fleet.config import require
 from fleet.errors import ConfigError
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from fleet.report.difference import Difference, Pair
 
 SAME, DIFFERENT = 0, 1
-PLAIN_WIDTH = 120
-"""Columns of a table that goes to a file or a pipe."""
 _ACCOUNTS = ("car_ticks.", "arm_ticks.", "blame.")
 """Figures of single robots and cells, which are too many to print."""
 _MOST_BESIDE, _MOST_SPREAD = 6, 8
@@ -51,14 +49,13 @@ class Diff:
             raise ConfigError(f"B is {str(self.b)!r}, the same run as A; valid: another run")
         a, b = load_run(self.a), load_run(self.b)
         found = difference(a, b)
-        width = None if sys.stdout.isatty() else PLAIN_WIDTH
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
+        console = plain_console(wide=True)
         for name, run in (("A", a), ("B", b)):
             console.print(f"{name}: {run.directory}: {run.title}", soft_wrap=True)
         for line in sentences(found, a.trace.tick_s):
             console.print(line, soft_wrap=True)
         if found.figures:
-            console.print(_table(found.figures))
+            console.print(figures_table(found.figures))
         if not self.no_record and not found.same:
             recordings = [run.directory / RECORDING for run in (a, b)]
             missing = next((path for path in recordings if not path.is_file()), None)
@@ -106,7 +103,8 @@ def sentences(found: Difference, tick_s: float) -> list[str]:
     return lines
 
 
-def _table(figures: tuple[Pair, ...]) -> Table:
+def figures_table(figures: tuple[Pair, ...]) -> Table:
+    """The figures that differ, but for those of single robots and cells."""
     table = Table(title="figures that differ")
     for name in ("figure", "A", "B", "B - A"):
         table.add_column(name, justify="left" if name == "figure" else "right", no_wrap=name == "figure")

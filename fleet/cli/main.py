@@ -80,6 +80,10 @@ COMMANDS = {
         "learning.play.Play",
         "Let what was learned drive the demo, under the executor's grants, or play the environment it was learned in.",
     ),
+    "replay": Command(
+        "replay.Replay",
+        "Run a recorded run again and compare it tick by tick, or let it go on differently from a moment on.",
+    ),
     "report": Command(
         "report.Report",
         "Write a run as one HTML page with plots that opens offline, and its tables as CSV.",

@@ -16,6 +16,8 @@ if TYPE_CHECKING:  # takes a second to load
     from fleet.session.runner import Result
 
 ALL_DONE, TASKS_FAILED, INTERRUPTED = 0, 1, 130
+PLAIN_WIDTH = 120
+"""Columns of a wide table that goes to a file or a pipe."""
 ROWS = (
     ("tasks done", "{tasks_done} of {tasks_total}"),
     ("tasks failed", "{tasks_failed}"),
@@ -53,16 +55,22 @@ ROWS = (
 """Figures of a run, and how they are told."""
 
 
-def plain_console() -> Console:
-    """A console that prints what it is given as it is."""
-    return Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+def plain_console(*, wide: bool = False) -> Console:
+    """A console that prints what it is given as it is.
+
+    Args:
+        wide: Whether tables that go to a file or a pipe may have `PLAIN_WIDTH` columns.
+    """
+    width = PLAIN_WIDTH if wide and not sys.stdout.isatty() else None
+    return Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
 
 
-def run_table(results: Mapping[str, Mapping[str, Any]]) -> Table:
+def run_table(results: Mapping[str, Mapping[str, Any]], *, change: bool = False) -> Table:
     """The figures of runs on the same site, side by side.
 
     Args:
         results: `Result` of each run as a dictionary, by the heading of its column; the first one names the table.
+        change: Add a column that tells how much more the last one has than the first.
     """
     first = next(iter(results.values()))
     cars = f"{first['robots']} car{'s' if first['robots'] != 1 else ''}"
@@ -71,13 +79,15 @@ def run_table(results: Mapping[str, Mapping[str, Any]]) -> Table:
     table.add_column("figure")
     for name in results:
         table.add_column(name, justify="right")
+    if change:
+        table.add_column("change", justify="right")
     for name, form in ROWS:
         field = form.split("{")[1].split("}")[0].split(":")[0]
         if any(_tells(result, field) for result in results.values()):
             values = ("-" if result[field] is None else form.format(**result) for result in results.values())
-            table.add_row(name, *values)
+            table.add_row(name, *values, *_change([result[field] for result in results.values()], form, change))
     for key, heading in (("time_share_percent", "time of the cars, {}"), ("idle_percent", "  idle: {}")):
-        _add_shares(table, heading, [result[key] for result in results.values()])
+        _add_shares(table, heading, [result[key] for result in results.values()], change)
     return table
 
 
@@ -124,10 +134,21 @@ def _tells(result: Mapping[str, Any], field: str) -> bool:
     return field != "visits_done" or bool(result[field])
 
 
-def _add_shares(table: Table, heading: str, shares: list[Any]) -> None:
+def _change(values: list[Any], form: str, wanted: bool) -> tuple[str, ...]:
+    """By how much the last value is greater than the first, in a cell of its own if that is wanted."""
+    if not wanted:
+        return ()
+    numbers = [value for value in (values[0], values[-1]) if isinstance(value, int | float)]
+    if len(numbers) < 2 or numbers[0] == numbers[1]:
+        return ("",)
+    digits, unit = form.split("{")[1].split("}", maxsplit=1)[0].partition(":")[2], form.rpartition("}")[2]
+    return (f"{numbers[1] - numbers[0]:+{digits}}{unit}",)
+
+
+def _add_shares(table: Table, heading: str, shares: list[Any], change: bool) -> None:
     """Add a row for each share that is not zero in one of the runs."""
     for name in dict.fromkeys(name for one in shares for name in one or ()):
         percents = [(one or {}).get(name) for one in shares]
         if any(percents):
             values = ("-" if percent is None else f"{percent:.1f} %" for percent in percents)
-            table.add_row(heading.format(name.replace("_", " ")), *values)
+            table.add_row(heading.format(name.replace("_", " ")), *values, *_change(percents, "{:.1f} %", change))

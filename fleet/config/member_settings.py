@@ -58,11 +58,12 @@ def _read_words(words: Sequence[str], option: str) -> dict[str, SettingValue]:
         name, equals, text = (part.strip() for part in word.partition("="))
         require(bool(name and equals and text), option, word, "name=value")
         require(name not in told, option, word, f"{name} once")
-        told[name] = _value(text)
+        told[name] = read_value(text)
     return told
 
 
-def _value(text: str) -> SettingValue:
+def read_value(text: str) -> SettingValue:
+    """A setting as it is typed."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:

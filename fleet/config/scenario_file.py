@@ -40,6 +40,29 @@ def read_events(path: Path) -> tuple[ScenarioEvent, ...]:
     return tuple(_event(table, f"events file {path}, event {k + 1}") for k, table in enumerate(tables))
 
 
+def read_event(text: str, option: str) -> ScenarioEvent:
+    """Read an event from a line: kind, target, time, and parameters as name=value.
+
+    Args:
+        text: Such as ``car_pushed car_1 130 dy_m=0.3``.
+        option: Names it in messages.
+
+    Raises:
+        ScenarioError: It is malformed.
+    """
+    where, words = f"{option} {text!r}", text.split()
+    pairs = [word.partition("=") for word in words[3:]]
+    if len(words) < 3 or not all(equals for _, equals, _ in pairs):
+        raise ScenarioError(f"{where}: has another form; valid: 'KIND TARGET TIME_S NAME=VALUE ...'")
+    table: dict[str, object] = {"kind": words[0], "target": words[1]}
+    for name, value in (("time_s", words[2]), *((name, value) for name, _, value in pairs)):
+        try:
+            table[name] = float(value)
+        except ValueError:
+            table[name] = value  # refused with its name
+    return _event(table, where)
+
+
 def _event(table: object, where: str) -> ScenarioEvent:
     if not isinstance(table, dict):
         raise ScenarioError(f"{where}: is {table!r}; valid: an [[event]] table")

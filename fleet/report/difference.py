@@ -16,7 +16,7 @@ NOT_FIGURES = frozenset({"wall_s", "real_time_factor", "first_move_s", "run", "s
 """What a result holds that says how fast the machine was, or what was run."""
 _NOT_SETTINGS = frozenset({"connect", "shared_memory_key"})
 """How the physics engine was reached, which decides nothing."""
-_TRACED = frozenset({CAUSES, LEGEND})
+_TRACED = frozenset({CAUSES, LEGEND, "setting_changed"})
 """Lines of the run file that follow from what is compared anyway."""
 _SAID = {
     Quantity.PHASE: "{robot} is {a} in A and {b} in B",
@@ -128,8 +128,10 @@ def _begin(a: Run, b: Run) -> Divergence | None:
 def _first(a: Run, b: Run) -> Divergence | None:
     one, other = a.trace, b.trace
     n = min(one.n_ticks, other.n_ticks)
-    apart = np.flatnonzero(one.digests[:n] != other.digests[:n])
-    tick = int(apart[0]) if len(apart) else n
+    # Marks and changes are digested: where they differ alone, a file was changed afterwards.
+    unlike = (one.digests[:n] != other.digests[:n]) | (one.marks[:n] != other.marks[:n]).any(axis=1)
+    apart = np.flatnonzero(unlike)
+    tick = min(int(apart[0]) if len(apart) else n, _other_change(one, other, n))
     events = _events(a, b)
     if events is not None and events[0] <= tick and events[0] < n:
         tick = events[0]
@@ -157,6 +159,15 @@ def _first(a: Run, b: Run) -> Divergence | None:
     kind, robot, text = found[0]
     beside = tuple(other_text for _, _, other_text in found[1:])
     return Divergence(tick=tick, sim_s=tick * one.tick_s, kind=kind, robot=robot, text=text, beside=beside)
+
+
+def _other_change(a: Trace, b: Trace, n: int) -> int:
+    """The first of `n` ticks in which something else has changed; `n` if there is none."""
+    rows_a, rows_b = (trace.changes[trace.changes["tick"] < n] for trace in (a, b))
+    k = min(len(rows_a), len(rows_b))
+    unlike = np.flatnonzero(rows_a[:k] != rows_b[:k])
+    first = int(unlike[0]) if len(unlike) else k
+    return min([n, *(int(rows["tick"][first]) for rows in (rows_a, rows_b) if first < len(rows))])
 
 
 def _events(a: Run, b: Run) -> tuple[int, str, str] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -42,11 +42,12 @@ class Run:
         return f"{words}, {trace.n_ticks * trace.tick_s:.1f} s"
 
 
-def load_run(directory: Path) -> Run:
+def load_run(directory: Path, *, cut: bool = False) -> Run:
     """Read a run.
 
     Args:
         directory: What was its `--out`.
+        cut: Whether its trace may end before the figures do, which are left out then.
 
     Raises:
         OutputError: It holds no run, or one of another version; says which file is wrong.
@@ -77,7 +78,10 @@ def load_run(directory: Path) -> Run:
         )
     if record.result is not None:
         try:
-            _check_result(record, trace)
+            if cut and trace.n_ticks < round(record.result["sim_s"] / trace.tick_s):
+                record = replace(record, result=None)
+            else:
+                _check_result(record, trace)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise OutputError(
                 f"{directory / RESULT}: does not fit {EVENTS} and {TRACE} ({type(error).__name__}: {error}); "

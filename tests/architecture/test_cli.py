@@ -25,6 +25,7 @@ REQUIRED = {
     "lorr": ["problem.json"],
     "mend": ["run"],
     "plan": ["--map", "in.map", "--scen", "in.scen"],
+    "replay": ["run"],
     "report": ["run"],
     "site check": ["small"],
     "site generate": ["out.toml"],

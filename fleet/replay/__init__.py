@@ -1,0 +1,1 @@
+"""Replay: a run that was recorded is run again, as it was or with another end."""
