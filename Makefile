@@ -19,7 +19,7 @@ BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-all test-rules test-bounds test-stacks check format bench hooks hooks-check clean
+.PHONY: help setup demo test test-all test-rules test-bounds test-stacks zoo check format bench hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -88,6 +88,9 @@ test-stacks: $(STAMP) ## One environment for each training library, in .stacks, 
 	  $$python -m pip install --quiet --quiet --disable-pip-version-check --editable ".[$$stack]" pytest; \
 	  $$python -m pytest -q tests/stacks/test_$$stack*.py $(ARGS); \
 	done
+
+zoo: $(STAMP) ## Every scenario of the deadlock zoo with every fidelity, and the page of results; slow.
+	@$(BIN)/python -m tests.zoo --out docs/zoo.md $(ARGS)
 
 check: $(STAMP) ## Linter, formatter, type checker, import rules.
 	@$(BIN)/ruff check
