@@ -18,11 +18,12 @@ from fleet.simulation import Simulation
 from fleet.tasks.board import DONE_STATES, OPEN_STATES, Task
 from fleet.tasks.order import Visit
 from maps.errors import MapsError
-from maps.site import save_site, site_from_plan
+from maps.site import load_site, save_site, site_from_plan
 from maps.vehicle import TRAY_AHEAD_M
 from tests.zoo.referee import possible
 from tests.zoo.scenario import Cell, Happening, Scenario
 
+UNFINISHED = OPEN_STATES - frozenset(DONE_STATES)
 STILL_MPS = 0.05
 INNER_M = 0.25
 """Half size of the inner part of a cell: a car that drives along its middle takes 0.14 m to either side."""
@@ -53,7 +54,6 @@ class Outcome:
     sim_s: float = 0.0
     open: tuple[str, ...] = ()
     """Orders that had not ended."""
-    stalled: bool = False
     n_done: int = 0
     not_done: dict[str, Ending] = field(default_factory=dict)
     dead: tuple[str, ...] = ()
@@ -115,10 +115,12 @@ def play(scenario: Scenario, fidelity: str) -> Outcome:
 
 
 def _config(scenario: Scenario, fidelity: Fidelity, folder: Path) -> RunConfig:
-    site = scenario.site
-    if "\n" in site:
-        drawing = site.strip("\n").split("\n")
-        made = site_from_plan(drawing, name=scenario.name, allow_reverse="x" in site, options=scenario.stations)
+    site, drawn = scenario.site, "\n" in scenario.site
+    if drawn or scenario.stations:
+        drawing = site.strip("\n").split("\n") if drawn else load_site(site).plan
+        made = site_from_plan(
+            drawing, name=scenario.name, allow_reverse=drawn and "x" in site, options=scenario.stations
+        )
         save_site(made, folder / "site.toml")
         site = str(folder / "site.toml")
     (folder / "orders.json").write_text(json.dumps(scenario.orders))
@@ -146,8 +148,7 @@ def _run(scenario: Scenario, config: RunConfig) -> Outcome:
                 not_done[task.order.name] = Ending(state=str(task.state), reason=task.reason, possible=can_be)
         return Outcome(
             sim_s=simulation.sim_s,
-            open=tuple(task.order.name for task in simulation.board.tasks if task.state in OPEN_STATES),
-            stalled=simulation.stalled,
+            open=tuple(task.order.name for task in simulation.board.tasks if task.state in UNFINISHED),
             n_done=summary.tasks_done,
             not_done=not_done,
             dead=tuple(f"car_{car}" for car in _cars(simulation, CarPhase.DEAD)),
