@@ -39,6 +39,11 @@ def off_the_grid(why: str) -> dict[str, str]:
     return {"kinematic": why, "physics": why}
 
 
+def but_with_physics(why: str) -> dict[str, str]:
+    """It fails today wherever a car moves as it is told; with physics it also rolls."""
+    return {"grid": why, "kinematic": why}
+
+
 TRAFFIC = (
     Scenario(
         name="head_on_corridor",
@@ -454,10 +459,10 @@ PUSHES_AND_BLOCKS = (
         source=f"{RMF}/fleet_adapter_template/issues/7",
         site="cell",
         robots=3,
-        orders=deliveries(4),
+        orders=deliveries(3),
         happens=(pushed(-0.38, -0.42, phases=("loading",)),),
         not_done={"a": "parcel lies at"},
-        longest_s=100,
+        longest_s=80,
         fails_today=off_the_grid(
             "the pushed car finds no way back past cells of the halted one, and neither gives way"
         ),
@@ -472,7 +477,7 @@ PUSHES_AND_BLOCKS = (
         happens=(pushed(0.0, -0.55, phases=("loading",), lasts_s=0.5, after_s=10.0),),
         not_done={"b": "parcel lies at"},
         longest_s=120,
-        fails_today=everywhere(
+        fails_today=but_with_physics(
             "the pushed car counts as standing at its stop, and is loaded where the arm does not reach"
         ),
     ),
