@@ -35,12 +35,14 @@ impossible only if a search that knows nothing of the fleet says so: over all fr
 def main(words: Sequence[str] | None = None) -> int:
     """Play scenarios, print how they end, and write the page if a file for it is given."""
     parser = argparse.ArgumentParser(prog="python -m tests.zoo", description="Play the deadlock zoo.")
-    parser.add_argument(
-        "names", nargs="*", choices=[*(one.name for one in SCENARIOS), []], metavar="NAME", help="default: all"
-    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="scenarios; default: all")
     parser.add_argument("--fidelity", action="append", choices=ALL, help="default: all; may be given several times")
     parser.add_argument("--out", type=Path, help="file for the table of results")
     options = parser.parse_args(words)
+    names = [one.name for one in SCENARIOS]
+    for name in options.names:
+        if name not in names:
+            parser.error(f"scenario is {name!r}; valid: {', '.join(names)}")
     chosen = [one for one in SCENARIOS if not options.names or one.name in options.names]
     fidelities = options.fidelity or list(ALL)
     rows, differs = [], 0
