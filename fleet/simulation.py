@@ -13,6 +13,7 @@ from fleet.arrays import FloatArray
 from fleet.assembly import Parts, assemble
 from fleet.config import RunConfig
 from fleet.errors import FleetError
+from fleet.incidents.chaos import draw_chaos
 from fleet.incidents.disturbance import Disturbances
 from fleet.incidents.recovery import Recovery
 from fleet.incidents.setting_changes import SettingChanges
@@ -29,6 +30,8 @@ from fleet.tasks.batches import Batches
 from fleet.tasks.board import Task, TaskState
 from fleet.tasks.reasons import AssignmentReport
 
+CHAOS_KEY = 99
+"""Branch of the seed's tree that faults are drawn from."""
 STALL_S = 300.0
 """A run whose tasks have not changed for this long has come to a stand [s]."""
 
@@ -103,7 +106,8 @@ class Simulation:
             batches = Batches(self.board, self.log)
             self.recovery = Recovery(view)
             self.setting_changes = SettingChanges(view)
-            self.disturbances = Disturbances(view, self.recovery, config.events)
+            chaos = draw_chaos(setup.site, view.world.n_cars, config.chaos_per_h, config.duration_s, _chaos_rng(config))
+            self.disturbances = Disturbances(view, self.recovery, (*config.events, *chaos))
             self.figures = Figures(view, batches, self.recovery.halted_by)
             self.counts_figures = parts.figures
             """Whether ticks are taken into the figures."""
@@ -300,3 +304,8 @@ class Simulation:
             if actions.grip is not None:
                 grip[:n] = actions.grip
         return commands, q, qd, grip
+
+
+def _chaos_rng(config: RunConfig) -> np.random.Generator:
+    """A source of chance of its own: what else is drawn in a run is the same with and without chaos."""
+    return np.random.default_rng(np.random.SeedSequence(config.seed, spawn_key=(CHAOS_KEY,)))

@@ -102,7 +102,7 @@ def cut_moves(graph: LaneGraph, blocked: Bools) -> Ints:
 
 
 def dead_ends(graph: LaneGraph, blocked: Bools) -> npt.NDArray[np.int64]:
-    """Find the dead ends of a floor: all but the largest strongly connected stretch of what hangs together.
+    """Find the dead ends of a floor: all but the largest stretch that can be driven round forwards.
 
     Args:
         graph: The lanes.
@@ -112,7 +112,8 @@ def dead_ends(graph: LaneGraph, blocked: Bools) -> npt.NDArray[np.int64]:
         Number of the dead end that each state is in, -1 where lanes still go round, shape (n_states,).
     """
     is_open = ~_touch(graph, blocked)
-    part, stretch = (_parts(graph, is_open, one_way=one_way) for one_way in (False, True))
+    forwards = is_open & (graph.move_kind != REVERSE)
+    part, stretch = _parts(graph, is_open, one_way=False), _parts(graph, forwards, one_way=True)
     size = np.bincount(stretch)[stretch]
     largest = np.zeros(part.max() + 1, dtype=np.int64)
     np.maximum.at(largest, part, size)

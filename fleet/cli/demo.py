@@ -54,6 +54,8 @@ class Demo:
     emergency_stop (emergency_over), plans_late, plans_lost, arm_slow, arm_dead (arm_repaired), grip_lost,
     camera_blind, station_closed (station_opened), lane_blocked (lane_cleared), lane_closed (lane_opened),
     human_walks."""
+    chaos: float = 0.0
+    """Faults an hour, of all kinds, that are drawn from the seed, beside those of --events; 0 = none."""
     seed: int = 0
     """Seed of everything random; the same seed gives the same run."""
     duration: float = 3600.0
@@ -112,6 +114,7 @@ class Demo:
             orders=self.orders,
             stream=self._stream(),
             events=read_events(self.events) if self.events else (),
+            chaos_per_h=self.chaos,
             seed=self.seed,
             duration_s=self.duration,
             fidelity=self.fidelity,

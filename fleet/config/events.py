@@ -58,7 +58,7 @@ EVENT_KINDS: Mapping[str, EventKind] = MappingProxyType(
         "battery_empty": EventKind(targets=(CAR,)),
         "pose_noisy": EventKind(targets=(CAR,), parameters={"factor": (1.0, 20.0, 5.0)}, lasts_s=10.0),
         "pose_lost": EventKind(targets=(CAR,), lasts_s=10.0),
-        "commands_late": EventKind(targets=(CAR,), parameters={"delay_s": (0.0, 0.5, 0.15)}, lasts_s=10.0),
+        "commands_late": EventKind(targets=(CAR,), parameters={"delay_s": (0.0, 0.3, 0.15)}, lasts_s=10.0),
         "commands_lost": EventKind(targets=(CAR,), lasts_s=10.0),
         "emergency_stop": EventKind(targets=(FLEET, CAR, ZONE), lasts_s=20.0),
         "emergency_over": EventKind(targets=(FLEET, CAR, ZONE), ends="emergency_stop"),

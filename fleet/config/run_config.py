@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -57,6 +58,8 @@ class RunConfig(Settings):
     collect_after_s: float = 5.0
     """Time a delivered parcel stays on its slot before it is collected [s]."""
     events: tuple[ScenarioEvent, ...] = ()
+    chaos_per_h: float = 0.0
+    """Faults an hour that are drawn from the seed, of all kinds, beside the events."""
     changes: tuple[SettingChange, ...] = ()
     """Settings that have other values from some time on."""
     traffic: TrafficConfig = field(default_factory=TrafficConfig)
@@ -81,6 +84,8 @@ class RunConfig(Settings):
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
         positive("--duration", self.duration_s)
+        fits = math.isfinite(self.chaos_per_h) and self.chaos_per_h >= 0.0
+        require(fits, "--chaos", self.chaos_per_h, "a number >= 0, faults an hour")
         if self.grip_force_n is not None:
             positive("--grip-force", self.grip_force_n)
         for name in self.cars:

@@ -68,7 +68,10 @@ class Containment:
         codes = self._fitness.codes(task)
         able = left if codes is None else left[[self._fitness.fits_any(task, left[[k]]) for k in range(len(left))]]
         if not len(able):
-            return "no car that is left can carry it" if task.visit is None else "no car that is left can do it"
+            lost = [
+                f"car_{car}" for car in self._missions.cars_in(*GONE) if self._fitness.fits_any(task, np.array([car]))
+            ]
+            return f"no car that is left can do it: {', '.join(able_once) or 'none of all'} could"
         lost = self._lost(task)
         if lost:
             return f"{lost} is closed for good"

@@ -13,7 +13,7 @@ from fleet.arrays import FloatArray
 from fleet.incidents.rejoin_room import LEAST_MARGIN_M, MARGIN_M, SEARCH_M, RejoinRoom, cell_of, outline
 from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
-from fleet.traffic.drivers import PathDriver
+from fleet.traffic.drivers import OFF_LANE_M, PathDriver
 from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
 TURNING_RADIUS_M = 0.45
@@ -22,6 +22,8 @@ N_STATES, N_SEARCHED = 12, 3
 """States that direct curves are tried to, and how many of them a search is tried to if none is free."""
 ITERATIONS = 300
 """Budget of one search; it ends in 0.2 s."""
+LOOK_TICKS = 10
+"""Ticks between two looks at cars that have no move, and should stand at their stops."""
 STILL_MPS, STILL_S = 0.05, 0.5
 """A car has stopped when it was this slow for this long."""
 MANOEUVRE_MPS = 0.5
@@ -179,7 +181,7 @@ class Recovery:
             self._watch(car, wreck, tick)
         if driver is None:
             return
-        for car in driver.off_lane():
+        for car in [*driver.off_lane(), *self._off_stop(driver, tick)]:
             if self._run.missions.phase[car] is CarPhase.DEAD:
                 continue
             rejoin = self._rejoining.get(car)
@@ -195,6 +197,18 @@ class Recovery:
                     self._try(driver, car, rejoin, tick)
             elif driver.at_rest(car):
                 self._end(driver, car, rejoin, tick)
+
+    def _off_stop(self, driver: PathDriver, tick: int) -> list[int]:
+        """Cars without a move that do not stand where they should: pushed along their lane."""
+        run = self._run
+        if tick % LOOK_TICKS:
+            return []
+        executor = run.executor
+        offset = driver.estimate[:, :2] - run.graph.state_pose[executor.tail_states(), :2]
+        off = (
+            executor.without_moves() & (np.hypot(*offset.T) > OFF_LANE_M) & (np.abs(run.world.car_speeds()) < STILL_MPS)
+        )
+        return [car for car in np.flatnonzero(off).tolist() if car not in self._rejoining]
 
     def _begin(self, driver: PathDriver, car: int, tick: int, reason: str) -> None:
         run = self._run

@@ -114,12 +114,18 @@ class Executor:
         self._closed[cell] = self._n_closings[cell] > 0
         self._dirty = True
 
-    def close_if_free(self, cell: int) -> bool:
-        """Close a cell unless a car holds it, and drop what leads through it; returns whether it was closed."""
-        if any(cell in self.dependencies.held_cells(car) for car in range(self._n_cars)):
+    def close_if_free(self, cell: int, *, for_a_moment: bool = False) -> bool:
+        """Close a cell unless a car holds it; returns whether it was closed.
+
+        Args:
+            cell: The cell.
+            for_a_moment: Whether what leads through it waits; else it is dropped.
+        """
+        if any(self.dependencies.holds(car, cell) for car in range(self._n_cars)):
             return False
         self.close(cell)
-        self.dependencies.avoid(cell)
+        if not for_a_moment:
+            self.dependencies.avoid(cell)
         return True
 
     def halt(self, car: int) -> None:

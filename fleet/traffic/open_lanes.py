@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import BoolArray
-from maps.lane_graph import LaneGraph
+from maps.lane_graph import REVERSE, LaneGraph
 from maps.reversed_lanes import both_ways, cut_moves, dead_ends, in_order, with_reversed
 
 States = npt.NDArray[np.int32] | npt.NDArray[np.int64]
@@ -28,7 +28,8 @@ class OpenLanes:
         self._reversed = np.empty(0, dtype=np.int32)
         self._blocked = np.zeros(graph.n_cells, dtype=np.bool_)
         self._parts = np.zeros(graph.n_states, dtype=np.int64)
-        self.dead_end: npt.NDArray[np.int64] | None = None
+        self._backs_up = bool((graph.move_kind == REVERSE).any())
+        self.dead_end: npt.NDArray[np.int64] | None = dead_ends(graph, self._blocked) if self._backs_up else None
         """The dead end that each state is in, -1 where lanes go round, shape (n_states,); None = there is none."""
         self.n_changes = 0
         """Grows whenever something blocks cells for good, or does not any more."""
@@ -52,7 +53,7 @@ class OpenLanes:
         self.n_changes += 1
         self._parts = both_ways(self._graph, blocked)
         cut = cut_moves(self._graph, blocked)
-        self.dead_end = dead_ends(self._graph, blocked) if len(cut) else None
+        self.dead_end = dead_ends(self._graph, blocked) if len(cut) or self._backs_up else None
         before = self.planned
         self._reversed = np.append(self._reversed, cut[~np.isin(cut, self._reversed)])
         self.granted = with_reversed(self._graph, self._reversed, np.isin(self._reversed, cut))

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ScenarioEvent, require
 from fleet.incidents.faults.fault import Once
 from fleet.run.view import RunView
 
 OBSTACLE_HALF_M = (0.25, 0.25, 0.2)
 """Half size of the box that blocks a lane [m]."""
+PATIENCE_S = 3.0
+"""A person who has waited for a car for so long walks around it [s]."""
 HUMAN_HALF_M = (0.2, 0.2, 0.9)
 """Half size of a person [m]."""
 
@@ -60,8 +63,11 @@ class LaneBlocked(LaneClosed):
 @dataclass(kw_only=True)
 class _Walk:
     cells: list[int]
+    goal: int
     obstacle: int
     speed_mps: float
+    waited_s: float = 0.0
+    """For a car to be out of the way."""
     at: int = 0
     """Index of the cell that was left last."""
     gone_m: float = 0.0
@@ -72,7 +78,8 @@ class _Walk:
 class HumanWalks(Once):
     """A person walks from one cell to another, from middle to middle, and lets cars pass that are about to enter.
 
-    The cells that the person is in are closed to cars; the person enters one only when no car holds it.
+    The cells that the person is in are closed to cars; the person enters one only when no car holds it. A person whom
+    a car keeps waiting walks around it, steps aside, or leaves the floor where there is no room for both.
     """
 
     def __init__(self, run: RunView) -> None:
@@ -84,13 +91,15 @@ class HumanWalks(Once):
         """See `Fault`."""
         run, (cell,) = self._run, targets
         goal = self.goal(event)
-        if not run.executor.close_if_free(cell):
+        if not run.executor.close_if_free(cell, for_a_moment=True):
             return False
         cells = _walk(run, cell, goal)
         self._n_walks += 1
         obstacle = run.site.grid.n_cells + self._n_walks
         run.world.add_obstacle(obstacle, _middle(run, cell, HUMAN_HALF_M[2]), np.array(HUMAN_HALF_M))
-        self._walks.append(_Walk(cells=cells, obstacle=obstacle, speed_mps=event.value("speed_mps"), closed=(cell,)))
+        self._walks.append(
+            _Walk(cells=cells, goal=goal, obstacle=obstacle, speed_mps=event.value("speed_mps"), closed=(cell,))
+        )
         return True
 
     def goal(self, event: ScenarioEvent) -> int:
@@ -112,6 +121,8 @@ class HumanWalks(Once):
 
     def _step(self, walk: _Walk) -> None:
         run = self._run
+        if walk.at == len(walk.cells) - 1 and walk.cells[-1] != walk.goal:
+            walk.cells, walk.at = _walk(run, walk.cells[-1], walk.goal), 0
         if walk.at == len(walk.cells) - 1:
             run.world.remove_obstacle(walk.obstacle)
             for cell in walk.closed:
@@ -120,9 +131,10 @@ class HumanWalks(Once):
             return
         here, there = walk.cells[walk.at : walk.at + 2]
         if there not in walk.closed:
-            if not run.executor.close_if_free(there):
+            if not run.executor.close_if_free(there, for_a_moment=True):
+                self._wait(walk, here)
                 return
-            walk.closed = (here, there)
+            walk.closed, walk.waited_s = (here, there), 0.0
         cell_m = run.site.grid.cell_m
         walk.gone_m += walk.speed_mps * run.tick_s
         if walk.gone_m >= cell_m:
@@ -133,23 +145,43 @@ class HumanWalks(Once):
         run.world.remove_obstacle(walk.obstacle)
         run.world.add_obstacle(walk.obstacle, a + share * (b - a), np.array(HUMAN_HALF_M))
 
+    def _wait(self, walk: _Walk, here: int) -> None:
+        """A car is in the way."""
+        run = self._run
+        walk.waited_s += run.tick_s
+        if walk.waited_s < PATIENCE_S:
+            return
+        holders = run.executor.dependencies.holders()
+        around = _walk(run, here, walk.goal, taken=holders >= 0)
+        aside = [cell for cell in _neighbours(run, here) if holders[cell] < 0]
+        if len(around) == 1:
+            around = [here, *aside[:1]]
+        walk.cells, walk.at, walk.waited_s = around, 0, 0.0
+        if len(around) == 1:
+            walk.goal = here
 
-def _middle(run: RunView, cell: int, height_m: float) -> np.ndarray:
+
+def _neighbours(run: RunView, cell: int) -> list[int]:
+    """Free cells beside one."""
+    grid = run.site.grid
+    found = (int(grid.neighbour(cell, heading)) for heading in range(4))
+    return [there for there in found if there >= 0 and grid.free.ravel()[there]]
+
+
+def _middle(run: RunView, cell: int, height_m: float) -> FloatArray:
     x, y = run.site.grid.xy(*run.site.grid.row_col(cell))
     return np.array([x, y, height_m])
 
 
-def _walk(run: RunView, cell: int, goal: int) -> list[int]:
-    """Cells of a shortest walk over free cells; the first one alone if there is none."""
-    grid = run.site.grid
+def _walk(run: RunView, cell: int, goal: int, taken: BoolArray | None = None) -> list[int]:
+    """Cells of a shortest walk over free cells that are not taken; the first one alone if there is none."""
     before = {cell: cell}
     queue = [cell]
     for here in queue:
         if here == goal:
             break
-        for heading in range(4):
-            there = int(grid.neighbour(here, heading))
-            if there >= 0 and there not in before and grid.free.ravel()[there]:
+        for there in _neighbours(run, here):
+            if there not in before and (taken is None or not taken[there]):
                 before[there] = here
                 queue.append(there)
     if goal not in before:
