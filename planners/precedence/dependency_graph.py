@@ -329,6 +329,11 @@ class DependencyGraph:
         cells.update(dict.fromkeys(sorted(self._reserved.get(agent, ()))))
         return list(cells)
 
+    def reservations(self) -> IntArray:
+        """Cells that agents have reserved, as rows (agent, cell), shape (k, 2)."""
+        pairs = [(agent, cell) for agent, cells in self._reserved.items() for cell in sorted(cells)]
+        return np.array(pairs, dtype=np.int32).reshape(-1, 2)
+
     # --- exceptions
 
     def reserve(self, agent: int, cells: Iterable[int]) -> bool:
