@@ -97,6 +97,8 @@ class Demo:
     """Record what a lidar on each car sees."""
     internals: bool = False
     """Record what planners think: how cars rank, and the search trees behind the arms' plans."""
+    check: bool = False
+    """Check after every tick that the run is safe and its books are right; end it at the first violation."""
     gui: bool = False
     """Show the physics engine's own window, with lanes, paths, names, and sliders for speed and pause."""
 
@@ -141,6 +143,7 @@ class Demo:
             lidar=self.lidar,
             internals=self.internals,
             speed=self.speed,
+            check=self.check,
         )
         result = run_session(config, session)
         console = plain_console()

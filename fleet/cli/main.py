@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from fleet.errors import BrokenRunError, ConfigError, FleetError
+from fleet.safety.breach import InvariantError
 from fleet.terminal.compilation import compilation_told
 from fleet.terminal.interrupts import discard, interrupts_kept
 from maps.errors import MapsError
@@ -135,7 +136,7 @@ GROUPS = {
 def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet") -> None:
     """Run a command and exit with its status.
 
-    0 success, 1 tasks or plans failed or the run broke off, 2 bad input, 130 interrupted.
+    0 success, 1 tasks, plans or checks failed or the run broke off, 2 bad input, 130 interrupted.
 
     Args:
         arguments: Words after the program's name; None reads them from the command line.
@@ -152,7 +153,7 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet
         with interrupts_kept(), compilation_told(sys.stderr) if told else contextlib.nullcontext():
             status = command.run()
         sys.stdout.flush()
-    except BrokenRunError as error:
+    except (BrokenRunError, InvariantError) as error:
         _fail(prog, " ".join(str(error).split()), status=BROKEN_OFF)
     except (FleetError, MapsError, PlanningError) as error:
         _fail(prog, " ".join(str(error).split()))

@@ -68,7 +68,7 @@ class Containment:
         codes = self._fitness.codes(task)
         able = left if codes is None else left[[self._fitness.fits_any(task, left[[k]]) for k in range(len(left))]]
         if not len(able):
-            lost = [
+            able_once = [
                 f"car_{car}" for car in self._missions.cars_in(*GONE) if self._fitness.fits_any(task, np.array([car]))
             ]
             return f"no car that is left can do it: {', '.join(able_once) or 'none of all'} could"

@@ -25,6 +25,7 @@ from fleet.recording.trace_file import TRACE
 RECORDING = "recording.rrd"
 EVENTS = "run.jsonl"
 RESULT = "result.json"
+VIOLATION = "violation.json"
 DECISIONS = "decisions.json"
 _PACKAGES = (
     "pybullet",
@@ -108,7 +109,7 @@ def prepare_output(directory: Path) -> Path:
                 path.rmdir()
         reason = error.strerror or str(error)
         raise OutputError(f"--out {directory}: {reason}; valid: a directory that can be written") from error
-    old = [directory / name for name in (RECORDING, EVENTS, TRACE, RESULT, DECISIONS)]
+    old = [directory / name for name in (RECORDING, EVENTS, TRACE, RESULT, DECISIONS, VIOLATION)]
     for path in old:
         if path.is_dir():
             raise OutputError(f"--out {directory}: {path.name} is a directory; valid: a file, or nothing there")
@@ -154,13 +155,20 @@ class RunFile(OutputFile):
 
     def result(self, result: object) -> None:
         """Write ``result.json`` in one step: readers see the whole of it or nothing."""
-        text = json.dumps(plain(result), indent=2, allow_nan=False) + "\n"
-        draft = self._directory / (RESULT + ".part")
+        self._write_whole(RESULT, result)
+
+    def violation(self, **evidence: object) -> None:
+        """Write ``violation.json`` in the same way: which invariant did not hold, when, where and with which values."""
+        self._write_whole(VIOLATION, {"run": self.name, **evidence})
+
+    def _write_whole(self, name: str, item: object) -> None:
+        text = json.dumps(plain(item), indent=2, allow_nan=False) + "\n"
+        draft = self._directory / (name + ".part")
         with draft.open("w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        draft.replace(self._directory / RESULT)
+        draft.replace(self._directory / name)
 
     def _write(self, item: Mapping[str, object]) -> str:
         line = json.dumps(plain(item), allow_nan=False, separators=(",", ":"))

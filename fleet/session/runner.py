@@ -26,6 +26,8 @@ from fleet.recording import (
 )
 from fleet.run.events import Event
 from fleet.run.view import RunView
+from fleet.safety.breach import InvariantError
+from fleet.safety.check import SafetyCheck
 from fleet.session.engine_window import Display
 from fleet.session.frames import Watch, open_recorder
 from fleet.session.progress import Progress
@@ -85,6 +87,8 @@ class SessionConfig:
     speed: float = 0.0
     """Simulated seconds per wall second at most; 0 = as fast as possible."""
     progress: bool = True
+    check: bool = False
+    """Look after every tick whether the invariants hold, see `fleet.safety`."""
 
 
 class MakeSimulation(Protocol):
@@ -109,6 +113,7 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
         BrokenRunError: The run broke off; its files are finished, and `result.json` holds a `BrokenResult`.
         AllocationFault, PlanFault: An allocator or planner of one's own gave a wrong answer; the files are the same.
         FleetError: Bad settings, files or output directory; nothing was written then.
+        InvariantError: An invariant does not hold; the files are the same, and hold the evidence.
     """
     started = time.perf_counter()
     with ExitStack() as stack:
@@ -134,6 +139,8 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
         def emit(event: Event) -> None:
             if event.kind == "allocator_note":
                 progress.say(str(event.facts["note"]))
+            elif event.kind == "violation":
+                run_file.violation(tick=event.tick, sim_s=event.sim_s, **event.facts)
             run_file.event(tick=event.tick, sim_s=event.sim_s, kind=event.kind, **event.facts)
             watch.note(event)
 
@@ -141,6 +148,7 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
             emit(event)
         simulation.events.unsubscribe(events.append)
         simulation.events.subscribe(emit)
+        safety = SafetyCheck(simulation.view) if session.check else None
         causes = CauseWriter(simulation.causes.log, simulation.codebook)
         run_file.event(tick=0, sim_s=0.0, kind=LEGEND, **causes.head())
 
@@ -150,6 +158,8 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
             tracer.tick()
             watch.look()
             progress.look()
+            if safety is not None:
+                safety.tick()
 
         watch.look()
         course = _loop(simulation, session, look, started, interrupted)
@@ -160,7 +170,7 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
             return result
         values = {field.name: getattr(result, field.name) for field in fields(result)}
         run_file.result(BrokenResult(**values, broken_off=str(course.error)))
-        if isinstance(course.error, AllocationFault | PlanFault):
+        if isinstance(course.error, AllocationFault | PlanFault | InvariantError):
             raise course.error
         raise BrokenRunError(f"the run broke off at {simulation.sim_s:.2f} s: {course.error}") from course.error
 

@@ -101,6 +101,7 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--lidar",
         "--internals",
         "--gui",
+        "--check",
         "--orders",
         "o.csv",
         "--events",
