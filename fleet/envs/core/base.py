@@ -16,12 +16,16 @@ from gymnasium.utils import EzPickle
 from pettingzoo.utils import ParallelEnv, parallel_to_aec
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
+from fleet.config.field_checks import is_whole
 from fleet.envs.core.env_config import EnvConfig, require_seed
-from fleet.envs.core.state_file import StateError, plain, read_state, write_state
+from fleet.envs.core.state_file import StateError, is_like, plain, read_state, write_state
 from fleet.envs.core.window import PictureWindow
 from fleet.errors import FleetError
+from maps.text_file import shown
 
 Picture = npt.NDArray[np.uint8]
+_SEEDS = 2**31
+"""Episodes that there are."""
 Infos = dict[str, dict[str, Any]]
 StepReturn = tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], Infos]
 """Observations, rewards, terminations, truncations and infos of all agents."""
@@ -155,7 +159,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         if seed is not None:
             require_seed(seed)
             self._series = np.random.default_rng(seed)
-        self._seed = int(self._series.integers(2**31))
+        self._seed = int(self._series.integers(_SEEDS))
         told = self._start()
         self._show()
         return told
@@ -216,26 +220,28 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
             Observations of all agents, as they were.
 
         Raises:
-            StateError: It was saved by an environment with other settings.
+            StateError: It was saved by an environment with other settings, or holds what no moment does; nothing has
+                changed, or no episode is under way.
         """
         if not isinstance(state, EnvState):
             raise StateError(f"load_state: the state is a {type(state).__name__}; valid: an EnvState")
         if state.name != self.metadata["name"]:
             raise StateError(f"load_state: the state is one of {state.name}; valid: one of {self.metadata['name']}")
-        for key, value in self.config.deciding().items():
-            # As files have them: dataclasses of weights and the like come from another process.
-            if plain(state.arguments.get(key)) != plain(value):
-                raise StateError(f"load_state: saved with {key} = {state.arguments.get(key)!r}; valid: {value!r}")
+        self._require_fits(state)
         self._seed = state.seed
         if state.quick is not None and self._restore(state.quick):
             self._log, self.n_steps = list(state.actions), len(state.actions)
         else:
             self._start()
             for resolved in state.actions:
+                if not self.agents:
+                    raise StateError(
+                        f"load_state: the episode ends after {self.n_steps} steps; valid: that many, not "
+                        f"{len(state.actions)}"
+                    )
                 self._do(resolved)
         self._play_on(state.agents)
-        self._series = np.random.default_rng()
-        self._series.bit_generator.state = state.series
+        self._series = _generator(state.series)
         return self._of_players(self._observations())
 
     def render(self) -> Picture | None:
@@ -342,9 +348,54 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
             self._play_on([agent for agent in self.agents if agent not in gone])
         return told[0], told[1], terminations, truncations, told[2]
 
+    def _require_fits(self, state: EnvState) -> None:
+        """Refuse a state of an environment with other settings, and one that no environment has saved.
+
+        Whoever changes a file can write anything into it: what is not legal must not come to where actions are taken.
+        """
+        if not isinstance(state.arguments, Mapping):
+            raise StateError(f"load_state: arguments are {shown(state.arguments)}; valid: settings by name")
+        for key, value in self.config.deciding().items():
+            # As files have them: dataclasses of weights and the like come from another process.
+            if plain(state.arguments.get(key)) != plain(value):
+                was = shown(state.arguments.get(key))
+                raise StateError(f"load_state: saved with {key} = {was}; valid: {shown(value)}")
+        if not is_whole(state.seed) or not 0 <= state.seed < _SEEDS:
+            raise StateError(f"load_state: seed is {shown(state.seed)}; valid: an integer from 0 to {_SEEDS - 1}")
+        if not isinstance(state.actions, tuple) or len(state.actions) >= self.max_cycles:
+            found = f"{len(state.actions)} steps" if isinstance(state.actions, tuple) else shown(state.actions)
+            raise StateError(f"load_state: actions are {found}; valid: fewer than max_cycles = {self.max_cycles} steps")
+        if state.actions:
+            example = self._resolved({})
+            wrong = next((k for k, resolved in enumerate(state.actions) if not is_like(resolved, example)), None)
+            if wrong is not None:
+                found = shown(state.actions[wrong])
+                raise StateError(f"load_state: actions of step {wrong} are {found}; valid: those of this team")
+        agents = state.agents
+        known = isinstance(agents, tuple) and all(isinstance(agent, str) for agent in agents)
+        if not known or not agents or list(agents) != [agent for agent in self.possible_agents if agent in agents]:
+            raise StateError(f"load_state: agents are {shown(agents)}; valid: of {_listed(self.possible_agents)}")
+        _generator(state.series)
+
     def _show(self) -> None:
         if self.render_mode in ("human", "rerun"):
             self.render()
+
+
+def _generator(series: Mapping[str, Any]) -> np.random.Generator:
+    """A generator where a series goes on.
+
+    Raises:
+        StateError: The state is none of this kind of generators.
+    """
+    generator = np.random.default_rng()
+    try:
+        generator.bit_generator.state = series
+    except (TypeError, ValueError, LookupError, OverflowError) as reason:
+        raise StateError(
+            f"load_state: series is {shown(series)} ({reason}); valid: the state of a {type(generator).__name__}"
+        ) from reason
+    return generator
 
 
 def turn_based(env: FleetEnv) -> Any:

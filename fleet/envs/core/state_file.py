@@ -1,8 +1,9 @@
 """State files: what an `EnvState` holds, as text; reading one makes values only, and runs nothing.
 
 A file is the SHA-256 of its second part in one line, then JSON. Arrays are their bytes in base64. What is no plain
-value is written with the name of its kind, which has to be an immutable dataclass or a named tuple of this project that
-the program has loaded already: reading imports nothing and calls nothing else.
+value is written with the name of its kind, which has to be an immutable dataclass or a named tuple of environments,
+settings, sensors or maps that the program has loaded already: reading imports nothing and calls nothing else. Files of
+earlier versions were pickles, which can run anything when they are read, and are refused.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import json
+import re
 import sys
 from collections.abc import Mapping
 from hashlib import sha256
@@ -20,8 +22,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.errors import FleetError
+from maps.text_file import shown
 
-_PACKAGES = ("fleet.", "planners.", "maps.")
+_PACKAGES = ("fleet.config.", "fleet.envs.", "fleet.sensors.", "maps.")
+_PICKLE = b"\x80"
+"""First byte of a pickle of protocol 2 or later."""
+_DTYPE = re.compile(r"[<>|][biuf][1248]")
 _ARRAY, _KIND, _MAP, _PATH, _TUPLE = "array", "kind", "map", "path", "tuple"
 """Keys by which a JSON object says what it stands for."""
 _BARE = (bool, int, float, str)
@@ -54,14 +60,37 @@ def read_state(path: Path) -> dict[str, Any]:
         StateError: No such file, or it holds something else.
     """
     try:
-        digest, _, text = path.read_bytes().partition(b"\n")
+        content = path.read_bytes()
+        digest, _, text = content.partition(b"\n")
+        if _PICKLE in (content[:1], text[:1]):
+            raise StateError(
+                f"saved state {path}: is a pickle, which an earlier version wrote, and is not read, because reading "
+                "one can run any program; valid: play to the moment again and save it with EnvState.write"
+            )
         if sha256(text).hexdigest().encode() != digest:
             raise ValueError("it is damaged, or no saved state")
         return {name: _value(one) for name, one in json.loads(text).items()}
     except StateError:
         raise
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, FleetError) as reason:
-        raise StateError(f"saved state {path}: {reason}; valid: a file that EnvState.write wrote") from reason
+    except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError, FleetError) as reason:
+        told = shown(str(reason) or type(reason).__name__)
+        raise StateError(f"saved state {path}: {told}; valid: a file that EnvState.write wrote") from reason
+
+
+def is_like(value: Any, example: Any) -> bool:
+    """Whether a value can stand where an example stands: of the same kind, arrays of the same shape and type.
+
+    Numbers that are not whole have to lie in [-1, 1], as all legal actions do.
+    """
+    if isinstance(example, np.ndarray):
+        if not isinstance(value, np.ndarray) or (value.dtype, value.shape) != (example.dtype, example.shape):
+            return False
+        return value.dtype.kind != "f" or bool((np.abs(value) <= 1.0).all())
+    if type(value) is not type(example):
+        return False
+    if isinstance(example, tuple):
+        return len(value) == len(example) and all(map(is_like, value, example))
+    return True
 
 
 def plain(value: Any) -> Any:
@@ -89,7 +118,7 @@ def plain(value: Any) -> Any:
 
 
 def _of_array(array: npt.NDArray[Any]) -> dict[str, Any]:
-    if array.dtype.hasobject:
+    if not _DTYPE.fullmatch(array.dtype.str):
         raise StateError(f"saved state: an array of {array.dtype}; valid: arrays of numbers")
     told = base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
     return {_ARRAY: told, "dtype": array.dtype.str, "shape": list(array.shape)}
@@ -116,9 +145,9 @@ def _value(told: Any) -> Any:
     if not isinstance(told, dict):
         return told
     if _ARRAY in told:
+        if not _DTYPE.fullmatch(told["dtype"]):
+            raise ValueError(f"an array of {told['dtype']}")
         dtype = np.dtype(told["dtype"])
-        if dtype.hasobject:
-            raise ValueError(f"an array of {dtype}")
         return np.frombuffer(base64.b64decode(told[_ARRAY]), dtype=dtype).reshape(told["shape"]).copy()
     if _PATH in told:
         return Path(told[_PATH])

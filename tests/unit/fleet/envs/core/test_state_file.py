@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import pickle
 from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
@@ -163,3 +164,18 @@ def written(path: Path, told: Any) -> None:
     """Write what is said, with its digest."""
     text = json.dumps(told).encode()
     path.write_bytes(sha256(text).hexdigest().encode() + b"\n" + text)
+
+
+@pytest.mark.parametrize("headed", [False, True])
+def test_a_pickle_of_an_earlier_version_is_refused_and_not_read(headed: bool, tmp_path: Path) -> None:
+    class Bomb:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return (tmp_path.joinpath("went_off").write_text, ("x",))
+
+    content = pickle.dumps(Bomb())
+    if headed:  # as earlier versions wrote it
+        content = sha256(content).hexdigest().encode() + b"\n" + content
+    (tmp_path / "old").write_bytes(content)
+    with pytest.raises(StateError, match=r"old: is a pickle.*; valid: play to the moment again and save it"):
+        read_state(tmp_path / "old")
+    assert not (tmp_path / "went_off").exists()
