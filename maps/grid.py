@@ -44,9 +44,9 @@ class GridMap:
     def __post_init__(self) -> None:
         free = np.array(self.free, dtype=np.bool_)
         if free.ndim != 2 or free.size == 0:
-            raise MapsError(f"grid: shape {free.shape} is not (rows, cols) with at least one cell")
+            raise MapsError(f"grid: shape is {free.shape}; valid: (rows, cols) with at least one cell")
         if not self.cell_m > 0:
-            raise MapsError(f"grid: cell_m is {self.cell_m}, must be a positive length in metres")
+            raise MapsError(f"grid: cell_m is {self.cell_m}; valid: a positive length in metres")
         free.setflags(write=False)
         object.__setattr__(self, "free", free)
 
@@ -97,7 +97,9 @@ class GridMap:
         row = self.rows - 1 - math.floor(y / self.cell_m)
         if not (0 <= row < self.rows and 0 <= col < self.cols):
             width, height = self.cols * self.cell_m, self.rows * self.cell_m
-            raise CellOutsideError(f"grid: point ({x:.3f}, {y:.3f}) m is outside x 0..{width:g}, y 0..{height:g}")
+            raise CellOutsideError(
+                f"grid: point ({x:.3f}, {y:.3f}) m is outside the floor; valid: x 0 to {width:g}, y 0 to {height:g}"
+            )
         return row, col
 
     def neighbour(self, cell: int, heading: int) -> int:

@@ -146,11 +146,11 @@ def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> Lane
         MotionError: Another motion model is asked for, or the cells are too small for the turning circle.
     """
     if motion != "carlike":
-        raise MotionError(f"lane graph of a site: motion {motion!r} is unknown, must be 'carlike'")
+        raise MotionError(f"lane graph of a site: motion {motion!r} is unknown; valid: 'carlike'")
     grid = site.grid
     cell_m = grid.cell_m
     if cell_m / 2 - TURN_RADIUS_M - ENTRY_INSET_M < -_TOLERANCE_M:
-        raise MotionError(f"lane graph: cell_m {cell_m} is too small, must be at least 1.0")
+        raise MotionError(f"lane graph: cell_m {cell_m} is too small; valid: at least 1.0")
 
     lane_heading = _headings(site.lanes, grid.cols)
     order = np.lexsort((lane_heading, site.lanes[:, 1]))
@@ -225,7 +225,7 @@ def grid_lane_graph(grid: GridMap, motion: Literal["pebble", "rotating"]) -> Lan
         for quarter in (1, 3):
             moves.append(np.column_stack((every, index[cell, (heading + quarter) % 4], np.full(len(cell), TURN))))
     else:
-        raise MotionError(f"lane graph of a grid: motion {motion!r} is unknown, must be 'pebble' or 'rotating'")
+        raise MotionError(f"lane graph of a grid: motion {motion!r} is unknown; valid: 'pebble' or 'rotating'")
     move = np.concatenate(moves)
     move = move[np.lexsort((move[:, 1], move[:, 2], move[:, 0]))]
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from maps.errors import MapsError
 from maps.grid import EAST, GridMap
 from maps.movingai import read_map, read_marks
+from maps.text_file import FileError, is_file, parse_json, read_lines, read_text, shown
 
 Ints = npt.NDArray[np.int32]
 Actions = npt.NDArray[np.int8]
@@ -30,6 +31,7 @@ MOST_REVEALED = 1000
 
 _VERSIONS = ("2023 LoRR", "2024 LoRR")
 _ROUND_ROBIN = "roundrobin"
+_FORM = "a JSON object with teamSize, mapFile, agentFile and taskFile"
 
 
 class LeagueError(MapsError):
@@ -291,11 +293,11 @@ class _Keys:
         self.path = path
         self._text = _read(path)
         try:
-            keys = json.loads(self._text)
-        except json.JSONDecodeError as error:
-            raise LeagueError(f"{path}: line {error.lineno}: {error.msg}; valid: JSON") from None
+            keys = parse_json(self._text, str(path), valid=_FORM)
+        except FileError as error:
+            raise LeagueError(str(error)) from error
         if not isinstance(keys, dict):
-            raise LeagueError(f"{path}: line 1: {type(keys).__name__}; valid: a JSON object")
+            raise LeagueError(f"{path}: line 1: {type(keys).__name__}; valid: {_FORM}")
         self._keys: dict[str, Any] = keys
 
     def error(self, key: str, valid: str) -> LeagueError:
@@ -304,7 +306,7 @@ class _Keys:
             return LeagueError(f"{self.path}: {key} is missing; valid: {valid}")
         before, _, _ = self._text.partition(f'"{key}"')
         line = 1 + before.count("\n")
-        return LeagueError(f"{self.path}: line {line}: {key} = {self._keys[key]!r}; valid: {valid}")
+        return LeagueError(f"{self.path}: line {line}: {key} = {shown(self._keys[key])}; valid: {valid}")
 
     def text(self, key: str, *, default: str | None) -> str | None:
         value = self._keys.get(key, default)
@@ -327,10 +329,10 @@ class _Keys:
     def file(self, key: str) -> Path:
         value = self._keys.get(key)
         if not isinstance(value, str) or not value:
-            raise self.error(key, "a file's path relative to this one")
+            raise self.error(key, "the path of a file, relative to this one")
         path = self.path.parent / value
-        if not path.is_file():
-            raise self.error(key, f"a file's path relative to this one; {path} is no file")
+        if not is_file(path):
+            raise self.error(key, "the path of a file, relative to this one")
         return path
 
 
@@ -341,14 +343,14 @@ class _Table:
         self.path = path
         self.lines: list[int] = []
         """Line number of each entry that was read."""
-        numbered = enumerate(_read(path).splitlines(), start=1)
+        numbered = enumerate(_lines(path), start=1)
         self._entries = ((number, line) for number, line in numbered if not line.startswith("#"))
         self.count_line, line = next(self._entries, (1, ""))
         try:
             self.count = int(line)
         except ValueError:
             raise LeagueError(
-                f"{path}: line {self.count_line}: {line[:20]!r}; valid: the number of entries that follow"
+                f"{path}: line {self.count_line}: {shown(line)}; valid: the number of entries that follow"
             ) from None
 
     def cells(self, n: int, grid: GridMap, *, most: int | None) -> tuple[Ints, Ints]:
@@ -362,7 +364,7 @@ class _Table:
                 cells += [int(field) for field in fields]
             except ValueError:
                 what = "a location" if most == 1 else "locations, separated by commas"
-                raise LeagueError(f"{self.path}: line {number}: {line[:40]!r}; valid: {what}") from None
+                raise LeagueError(f"{self.path}: line {number}: {shown(line)}; valid: {what}") from None
             if most is not None and len(fields) > most:
                 raise LeagueError(f"{self.path}: line {number}: {len(fields)} locations; valid: {most}")
             ptr.append(len(cells))
@@ -380,12 +382,19 @@ class _Table:
             at = int(np.flatnonzero(bad)[0])
             line = self.lines[int(np.searchsorted(ptr, at, side="right")) - 1]
             why = f"outside 0..{grid.n_cells - 1}" if outside[at] else "an obstacle"
-            raise LeagueError(f"{self.path}: line {line}: location {cells[at]} is {why}; valid: a free cell")
+            raise LeagueError(f"{self.path}: line {line}: location {shown(cells[at])} is {why}; valid: a free cell")
         return location
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return read_lines(path, str(path), valid="a file of the League of Robot Runners")
+    except FileError as error:
+        raise LeagueError(str(error)) from error
 
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise LeagueError(f"{path}: cannot be read: {error}") from error
+        return read_text(path, str(path), valid="a file of the League of Robot Runners")
+    except FileError as error:
+        raise LeagueError(str(error)) from error

@@ -15,6 +15,7 @@ from maps.orientation import n_separated, orient_lanes
 from maps.plan import parse_plan
 from maps.site import Site, site_from_plan
 from maps.stations import MIN_ARM_SPACING_M, match_arms
+from maps.text_file import FileError, read_lines, shown
 
 _PASSABLE = ".GSE"
 """`E` marks the stations on maps of the League of Robot Runners."""
@@ -88,7 +89,8 @@ def read_scenario(path: str | os.PathLike[str]) -> tuple[ScenarioEntry, ...]:
     """
     lines = _read_lines(path)
     if not lines or not lines[0].startswith("version"):
-        raise MovingAiError(f"{path}: line 1 must be 'version 1'")
+        found = shown(lines[0]) if lines else "an empty file"
+        raise MovingAiError(f"{path}: line 1 is {found}; valid: 'version 1'")
     return tuple(
         _entry(f"{path}: line {number}", number, line) for number, line in enumerate(lines[1:], start=2) if line.strip()
     )
@@ -116,36 +118,36 @@ def starts_and_goals(
 
     entries = read_scenario(path)
     if not entries:
-        raise MovingAiError(f"{path}: no entries, must be at least one")
+        raise MovingAiError(f"{path}: no entries; valid: at least one line below the first")
     if agents is not None:
         if not 1 <= agents <= len(entries):
-            raise MovingAiError(f"{path}: {agents} agents asked for, must be 1 to {len(entries)}, one per entry")
+            raise MovingAiError(f"{path}: {agents} agents asked for; valid: 1 to {len(entries)}, one per entry")
         entries = entries[:agents]
     if len(entries) > grid.free.sum():
-        raise MovingAiError(f"{path}: {len(entries)} agents, must be at most {grid.free.sum()}, the map's free cells")
+        raise MovingAiError(f"{path}: {len(entries)} agents; valid: at most {grid.free.sum()}, the map's free cells")
     region, _ = label(grid.free)
     first: dict[tuple[str, tuple[int, int]], int] = {}
     for entry in entries:
         where = f"{path}: line {entry.line}"
         if entry.map_size != grid.free.shape:
             raise MovingAiError(
-                f"{where}: map height and width are {entry.map_size}, must be {grid.free.shape} as in the map"
+                f"{where}: map height and width are {entry.map_size}; valid: {grid.free.shape} as in the map"
             )
         for what, cell in (("start", entry.start), ("goal", entry.goal)):
             at = f"{where}: {what} row {cell[0]}, column {cell[1]}"
             if not (0 <= cell[0] < grid.rows and 0 <= cell[1] < grid.cols):
                 raise MovingAiError(
-                    f"{at} is outside the map, must be row 0 to {grid.rows - 1}, column 0 to {grid.cols - 1}"
+                    f"{at} is outside the map; valid: row 0 to {grid.rows - 1}, column 0 to {grid.cols - 1}"
                 )
             if not grid.free[cell]:
-                raise MovingAiError(f"{at} is an obstacle, must be a free cell")
+                raise MovingAiError(f"{at} is an obstacle; valid: a free cell")
             before = first.setdefault((what, cell), entry.line)
             if before != entry.line:
-                raise MovingAiError(f"{at} is that of line {before} too, must be a cell of its own")
+                raise MovingAiError(f"{at} is that of line {before} too; valid: a cell of its own")
         if region[entry.start] != region[entry.goal]:
             raise MovingAiError(
-                f"{where}: goal row {entry.goal[0]}, column {entry.goal[1]} has no way from the start, "
-                "must be in the same part of the map"
+                f"{where}: goal row {entry.goal[0]}, column {entry.goal[1]} has no way from the start; "
+                "valid: a cell in the same part of the map"
             )
     return (
         np.array([grid.index(*entry.start) for entry in entries], dtype=np.int32),
@@ -157,18 +159,20 @@ def _entry(where: str, number: int, line: str) -> ScenarioEntry:
     """One line of a .scen file."""
     fields = line.split("\t") if "\t" in line else line.split()
     if len(fields) != len(_SCENARIO_FIELDS):
-        raise MovingAiError(f"{where}: {len(fields)} fields, must be {len(_SCENARIO_FIELDS)}")
+        raise MovingAiError(
+            f"{where}: {len(fields)} fields; valid: {len(_SCENARIO_FIELDS)}, {', '.join(_SCENARIO_FIELDS)}"
+        )
     whole = []
     for name, value in zip(_SCENARIO_FIELDS, fields, strict=True):
         if name not in ("map", "length"):
             try:
                 whole.append(int(value))
             except ValueError:
-                raise MovingAiError(f"{where}: {name} is {value!r}, must be a whole number") from None
+                raise MovingAiError(f"{where}: {name} is {shown(value)}; valid: a whole number") from None
     try:
         length = float(fields[-1])
     except ValueError:
-        raise MovingAiError(f"{where}: length is {fields[-1]!r}, must be a number") from None
+        raise MovingAiError(f"{where}: length is {shown(fields[-1])}; valid: a number") from None
     bucket, map_cols, map_rows, start_col, start_row, goal_col, goal_row = whole
     return ScenarioEntry(
         line=number,
@@ -207,7 +211,7 @@ def site_from_map(
     numbers = {"pick": (pick, 1), "drop": (drop, 1), "parking": (parking, 0), "chargers": (chargers, 0)}
     for what, (value, least) in numbers.items():
         if value < least:
-            raise MovingAiError(f"{path}: {what} is {value}, must be at least {least}")
+            raise MovingAiError(f"{path}: {what} is {value}; valid: at least {least}")
     source = _read_chars(path)
     chars = np.full(source.shape, "#")
     chars[np.isin(source, list(_PASSABLE))] = "."
@@ -224,7 +228,7 @@ def site_from_map(
         refused |= bad
     raise SiteError(
         f"site {name}: no room found for {pick} pick, {drop} drop, {parking} parking and {chargers} charger cells; "
-        "try smaller numbers"
+        "valid: smaller numbers"
     )
 
 
@@ -238,7 +242,9 @@ def _draw_places(
     for character, what, count, from_west in (("P", "pick", pick, True), ("D", "drop", drop, False)):
         chosen = _spread(candidates, count, taken, chars.shape, from_west=from_west)
         if len(chosen) < count:
-            raise SiteError(f"site {name}: {count} {what} stations asked for, only {len(chosen)} fit this map")
+            raise SiteError(
+                f"site {name}: {count} {what} stations asked for; valid: at most {len(chosen)}, which fit this map"
+            )
         for place in chosen:
             drawn[place.row, place.col] = character
             _draw_arm(drawn, *place.arm)
@@ -363,7 +369,10 @@ def _draw_bays(
         drawn[at] = wanted[placed]
         placed += 1
     if placed < len(wanted):
-        raise SiteError(f"site {name}: {len(wanted)} parking and charger cells asked for, only {placed} fit this map")
+        raise SiteError(
+            f"site {name}: {len(wanted)} parking and charger cells asked for; "
+            f"valid: at most {placed}, which fit this map"
+        )
 
 
 def _unserved(drawn: npt.NDArray[np.str_], name: str) -> set[int]:
@@ -381,9 +390,9 @@ def _unserved(drawn: npt.NDArray[np.str_], name: str) -> set[int]:
 
 def _read_lines(path: str | os.PathLike[str]) -> list[str]:
     try:
-        return Path(path).read_text(encoding="ascii").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise MovingAiError(f"{path}: cannot be read: {error}") from error
+        return read_lines(path, str(path), valid="a .map or .scen file of the MovingAI benchmarks")
+    except FileError as error:
+        raise MovingAiError(str(error)) from error
 
 
 def _read_chars(path: str | os.PathLike[str]) -> npt.NDArray[np.str_]:
@@ -391,26 +400,31 @@ def _read_chars(path: str | os.PathLike[str]) -> npt.NDArray[np.str_]:
     lines = _read_lines(path)
     size = {}
     if len(lines) < _MAP_HEADER or not lines[0].startswith("type") or lines[3].strip() != "map":
-        raise MovingAiError(f"{path}: lines 1-4 must be 'type octile', 'height H', 'width W' and 'map'")
+        raise MovingAiError(
+            f"{path}: lines 1-4 are {shown(' / '.join(lines[:_MAP_HEADER]))}; "
+            "valid: 'type octile', 'height H', 'width W' and 'map'"
+        )
     for number in (2, 3):
         key, _, value = lines[number - 1].partition(" ")
         if key not in ("height", "width") or not value.strip().isdigit() or int(value) < 1:
             raise MovingAiError(
-                f"{path}: line {number} is {lines[number - 1]!r}, must be 'height' or 'width' and a number"
+                f"{path}: line {number} is {shown(lines[number - 1])}; valid: 'height' or 'width' and a number"
             )
         size[key] = int(value)
     if size.keys() != {"height", "width"}:
-        raise MovingAiError(f"{path}: lines 2 and 3 must give both height and width")
+        raise MovingAiError(f"{path}: lines 2 and 3 both give {next(iter(size))}; valid: height and width")
     body = lines[_MAP_HEADER : _MAP_HEADER + size["height"]]
     if len(body) != size["height"]:
-        raise MovingAiError(f"{path}: {len(body)} map rows, must be {size['height']}")
+        raise MovingAiError(f"{path}: {len(body)} map rows; valid: {size['height']}, the height in its head")
     known = _PASSABLE + _BLOCKED
     for number, line in enumerate(body, start=_MAP_HEADER + 1):
         if len(line) != size["width"]:
-            raise MovingAiError(f"{path}: line {number} has {len(line)} cells, must have {size['width']}")
+            raise MovingAiError(
+                f"{path}: line {number} has {len(line)} cells; valid: {size['width']}, the width in its head"
+            )
         unknown = set(line) - set(known)
         if unknown:
             raise MovingAiError(
-                f"{path}: line {number}: unknown cell {min(unknown)!r}, must be one of {' '.join(known)}"
+                f"{path}: line {number}: unknown cell {min(unknown)!r}; valid: one of {' '.join(known)}"
             )
     return np.array([list(line) for line in body])

@@ -84,20 +84,20 @@ def parse_plan(lines: Sequence[str], *, where: str) -> FloorPlan:
         PlanError: The plan is empty, not rectangular, holds an unknown character, or lacks a pick or a drop dock.
     """
     if not lines or not lines[0]:
-        raise PlanError(f"{where}: plan is empty, must hold at least one row of cells")
+        raise PlanError(f"{where}: plan is empty; valid: at least one row of cells")
     for number, line in enumerate(lines, start=1):
         if len(line) != len(lines[0]):
             raise PlanError(
-                f"{where}: plan row {number} has {len(line)} characters, must have {len(lines[0])} like the first row"
+                f"{where}: plan row {number} has {len(line)} characters; valid: {len(lines[0])} like the first row"
             )
         for column, character in enumerate(line, start=1):
             if character not in LEGEND:
                 raise PlanError(
-                    f"{where}: plan row {number}, column {column}: unknown character {character!r}, "
-                    f"must be one of {' '.join(LEGEND)}"
+                    f"{where}: plan row {number}, column {column}: unknown character {character!r}; "
+                    f"valid: one of {' '.join(LEGEND)}"
                 )
     chars = np.array([list(line) for line in lines])
     for character, what in (("P", "pick"), ("D", "drop")):
         if not (chars == character).any():
-            raise PlanError(f"{where}: plan has no {what} dock, must have at least one {character!r} cell")
+            raise PlanError(f"{where}: plan has no {what} dock; valid: at least one {character!r} cell")
     return FloorPlan(lines=tuple(lines), chars=chars)

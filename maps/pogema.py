@@ -19,6 +19,7 @@ import numpy as np
 from maps.errors import MapsError
 from maps.grid import BoolGrid, GridMap
 from maps.movingai import read_map
+from maps.text_file import FileError, read_lines, shown
 
 _NAME = re.compile(r"""(?P<quote>["']?)(?P<name>[^"':]+)(?P=quote):\s*\|-?\s*""")
 _MARKS = ".#@$"
@@ -61,7 +62,7 @@ def read_floor(word: str | os.PathLike[str]) -> OpenFloor:
         return next(iter(floors.values()))
     if name not in floors:
         names = [*floors] if len(floors) <= 4 else [*list(floors)[:3], "..."]
-        raise PogemaError(f"{file}: no map {name!r}, must be {file}:NAME with one of {', '.join(names)}")
+        raise PogemaError(f"{file}: no map {shown(name)}; valid: {file}:NAME with one of {', '.join(names)}")
     return floors[name]
 
 
@@ -72,9 +73,9 @@ def read_floors(path: str | os.PathLike[str]) -> dict[str, OpenFloor]:
         PogemaError: The file cannot be read or is malformed.
     """
     try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as reason:
-        raise PogemaError(f"{path}: cannot be read: {reason}") from reason
+        lines = read_lines(path, str(path), valid="a file of POGEMA's maps")
+    except FileError as reason:
+        raise PogemaError(str(reason)) from reason
     drawn: dict[str, list[str]] = {}
     rows: list[str] = []
     for number, line in enumerate(lines, start=1):
@@ -83,19 +84,19 @@ def read_floors(path: str | os.PathLike[str]) -> dict[str, OpenFloor]:
         if not line[0].isspace():
             match = _NAME.fullmatch(line)
             if match is None:
-                raise PogemaError(f"{path}: line {number} is {line[:40]!r}, must be a name followed by ': |-'")
+                raise PogemaError(f"{path}: line {number} is {shown(line)}; valid: a name followed by ': |-'")
             rows = drawn.setdefault(match["name"], [])
             continue
         row = line.strip()
         if not drawn:
-            raise PogemaError(f"{path}: line {number} is a row of no map, must come below a name")
+            raise PogemaError(f"{path}: line {number} is {shown(line)}, a row of no map; valid: rows below a name")
         if set(row) - set(_MARKS):
-            raise PogemaError(f"{path}: line {number} is {row[:40]!r}, must consist of {' '.join(_MARKS)}")
+            raise PogemaError(f"{path}: line {number} is {shown(row)}; valid: cells {' '.join(_MARKS)}")
         if rows and len(row) != len(rows[0]):
-            raise PogemaError(f"{path}: line {number} has {len(row)} cells, must be {len(rows[0])} as the rows above")
+            raise PogemaError(f"{path}: line {number} has {len(row)} cells; valid: {len(rows[0])} as the rows above")
         rows.append(row)
     if not drawn or not all(drawn.values()):
-        raise PogemaError(f"{path}: a map without rows, must be names, each with rows of {' '.join(_MARKS)}")
+        raise PogemaError(f"{path}: a map without rows; valid: names, each with rows of {' '.join(_MARKS)}")
     return {name: _floor(name, rows) for name, rows in drawn.items()}
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,10 +17,23 @@ from maps.errors import LaneError, PlanError, SiteFileError, UnknownSiteError
 from maps.grid import BoolGrid, GridMap
 from maps.plan import FloorPlan, parse_plan
 from maps.stations import StationOptions, StationPlace, match_arms, name_stations, place_stations
+from maps.text_file import FileError, is_file, parse_toml, read_text, shown
 
 _PASSING_WAYS = 3
 """Open neighbours that make a two-way cell a passing place: two for the way, one to step aside."""
 _DATA = Path(__file__).parent / "data"
+_FORM = "TOML with name, allow_reverse, plan and tables [stations.NAME]"
+_VALID = {
+    "name": "a text that is not empty",
+    "allow_reverse": "true or false",
+    "plan": "the drawing as a text, a line for each row",
+    "stations": "tables [stations.NAME]",
+    "stop_offset_m": "a number >= 0",
+    "arm_xy": "[x, y], two numbers",
+    "arm_yaw_deg": "a number",
+    "slots": "a list of [x, y, z], numbers with z > 0",
+}
+"""What the entries of a site file hold."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,7 +99,7 @@ class Site:
             if station.name == name:
                 return station
         raise LaneError(
-            f"site {self.name}: no station {name!r}, must be one of {', '.join(place.name for place in self.stations)}"
+            f"site {self.name}: no station {name!r}; valid: one of {', '.join(place.name for place in self.stations)}"
         )
 
 
@@ -178,17 +190,15 @@ def _read_table(name_or_path: str | os.PathLike[str]) -> tuple[_SiteTable, str]:
     """The content of a site file, and how messages name it."""
     text = os.fspath(name_or_path)
     path = _DATA / f"{text}.toml" if text in site_names() else Path(text)
-    if not path.is_file():
+    if not is_file(path):
         raise UnknownSiteError(
-            f"site {text!r} is unknown, must be one of {', '.join(site_names())} or a path to a site file"
+            f"site {shown(text)} is unknown; valid: one of {', '.join(site_names())} or a path to a site file"
         )
     where = f"site {text}"
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise SiteFileError(f"{where}: cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise SiteFileError(f"{where}: is not valid TOML: {error}") from error
+        content = parse_toml(read_text(path, where, valid=_FORM), where, valid=_FORM)
+    except FileError as error:
+        raise SiteFileError(str(error)) from error
     content.setdefault("name", path.stem)
     try:
         table = _SiteTable.model_validate(content)
@@ -283,10 +293,12 @@ def _first_problem(error: ValidationError) -> str:
     path = ".".join(str(part) for part in problem["loc"])
     if problem["type"] == "extra_forbidden":
         model = _StationTable if len(problem["loc"]) > 1 else _SiteTable
-        return f"{path} is not a known entry, must be one of {', '.join(model.model_fields)}"
+        return f"{path} is not a known entry; valid: one of {', '.join(model.model_fields)}"
+    # Of `stations.pick_1` itself, the last known word is that of the tables; of an entry in a list, that of the list.
+    valid = next((_VALID[part] for part in reversed(problem["loc"]) if part in _VALID), _FORM)
     if problem["type"] == "missing":
-        return f"{path} is missing"
-    return f"{path} is {problem['input']!r}: {problem['msg']}"
+        return f"{path} is missing; valid: {valid}"
+    return f"{path} is {shown(problem['input'])}; valid: {valid}"
 
 
 def _place_name(grid: GridMap, cell: int) -> str:
@@ -299,8 +311,8 @@ def _check_two_way(plan: FloorPlan, grid: GridMap, allow_reverse: bool, where: s
     cells = plan.cells("x")
     if cells and not allow_reverse:
         raise PlanError(
-            f"{where}: two-way cell 'x' at {_place_name(grid, cells[0])} needs allow_reverse = true; "
-            "or draw a one-way cell (one of . > < ^ v)"
+            f"{where}: two-way cell 'x' at {_place_name(grid, cells[0])} without allow_reverse = true; "
+            "valid: with it, or a one-way cell (one of . > < ^ v)"
         )
     open_cells = plan.open.ravel()
     unseen = set(cells)
@@ -318,7 +330,7 @@ def _check_two_way(plan: FloorPlan, grid: GridMap, allow_reverse: bool, where: s
         ways = [sum(grid.neighbour(c, h) >= 0 and open_cells[grid.neighbour(c, h)] for h in range(4)) for c in part]
         if max(ways) < _PASSING_WAYS:
             raise PlanError(
-                f"{where}: the two-way part at {_place_name(grid, min(part))} has no passing place, must hold a "
+                f"{where}: the two-way part at {_place_name(grid, min(part))} has no passing place; valid: a "
                 "cell with at least three open neighbours so that a car can step aside"
             )
 
@@ -331,7 +343,7 @@ def _check_bays(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], wh
             if cell not in entered or cell not in left:
                 raise LaneError(
                     f"{where}: {what} cell at {_place_name(grid, cell)} is a dead end or cut off from the largest "
-                    "connected part of the lanes; it needs one cell to come from and another to go on to"
+                    "connected part of the lanes; valid: one cell to come from and another to go on to"
                 )
 
 
@@ -365,5 +377,5 @@ def _check_states(
             what = " and ".join(names.get(cell, ("parking or charger cell",)))
             raise LaneError(
                 f"{where}: {what} at {_place_name(grid, cell)} cannot be reached and left by a car that cannot "
-                "turn round; it needs one-way lanes that lead to it and on"
+                "turn round; valid: one-way lanes that lead to it and on"
             )

@@ -11,12 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.errors import MapsError
+from maps.text_file import FileError, read_lines, shown
 
 Cells = npt.NDArray[np.int32]
 Order = Literal["xy", "yx"]
 
 _STOP = re.compile(r"\(([^()]*)\)->")
 _WITH_TIME = 3
+MOST = 1_000_000
+"""Greatest row, column and timestep; an agent that stood longer in a file of a few bytes would fill the memory."""
 
 
 class SmartError(MapsError):
@@ -43,9 +46,9 @@ def read_paths(path: str | os.PathLike[str], *, order: Order = "xy") -> Cells:
     Source: the example files and the server's parser of https://github.com/smart-mapf/smart.
     """
     try:
-        lines = Path(path).read_text(encoding="ascii").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise SmartError(f"{path}: cannot be read: {error}") from error
+        lines = read_lines(path, str(path), valid="a path file with 'Agent 0:(x,y,t)->'")
+    except FileError as error:
+        raise SmartError(str(error)) from error
     agents: list[list[tuple[int, int]]] = []
     for number, line in enumerate(lines, start=1):
         if line.strip():
@@ -90,11 +93,11 @@ def _agent(where: str, line: str, agent: int, order: Order) -> list[tuple[int, i
     """Cells of one agent, one per timestep."""
     head, colon, body = line.partition(":")
     if not colon or head.split() != ["Agent", str(agent)]:
-        raise SmartError(f"{where}: begins {head[:20]!r}, must begin 'Agent {agent}:'")
+        raise SmartError(f"{where}: begins {shown(head)}; valid: 'Agent {agent}:'")
     if not body.endswith("->"):
         body += "->"
     if not body.strip() or _STOP.sub("", body):
-        raise SmartError(f"{where}: {_STOP.sub('', body)[:20]!r} is no entry, must be (x,y,t)-> or (x,y)->")
+        raise SmartError(f"{where}: {shown(_STOP.sub('', body))} is no entry; valid: (x,y,t)-> or (x,y)->")
     cells: list[tuple[int, int]] = []
     for number, found in enumerate(_STOP.finditer(body), start=1):
         fields = found[1].split(",")
@@ -102,15 +105,17 @@ def _agent(where: str, line: str, agent: int, order: Order) -> list[tuple[int, i
         try:
             values = [int(field) for field in fields]
         except ValueError:
-            raise SmartError(f"{at}: ({found[1]}) must hold whole numbers") from None
+            raise SmartError(f"{at}: {shown(found[0])}; valid: whole numbers") from None
         if len(values) not in (2, _WITH_TIME):
-            raise SmartError(f"{at}: {len(values)} fields, must be x,y,t or x,y")
+            raise SmartError(f"{at}: {len(values)} fields; valid: x,y,t or x,y")
         cell = (values[1], values[0]) if order == "xy" else (values[0], values[1])
         time = values[2] if len(values) == _WITH_TIME else len(cells)
-        if time < len(cells) or (not cells and time != 0):
-            raise SmartError(f"{at}: timestep {time}, must be {'0' if not cells else f'at least {len(cells)}'}")
+        if max(map(abs, cell)) > MOST:
+            raise SmartError(f"{at}: cell {shown(cell)} (row, col); valid: numbers up to {MOST}")
+        if not len(cells) <= time <= MOST or (not cells and time != 0):
+            raise SmartError(f"{at}: timestep {shown(time)}; valid: {f'{len(cells)} to {MOST}' if cells else '0'}")
         if cells and abs(cells[-1][0] - cell[0]) + abs(cells[-1][1] - cell[1]) > 1:
-            raise SmartError(f"{at}: {cell} is no neighbour of {cells[-1]} (row, col)")
+            raise SmartError(f"{at}: {shown(cell)} follows {cells[-1]} (row, col); valid: the same cell or a neighbour")
         cells += cells[-1:] * (time - len(cells))
         cells.append(cell)
     return cells

@@ -132,20 +132,20 @@ def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, tuple
             name = f"{kind}_{1 + sum(len(sides[cell]) for cell in sides if plan.chars.flat[cell] == character)}"
             if len(beside) not in (1, 2) or (len(beside) == 2 and (beside[0] + 2) % 4 != beside[1]):
                 raise StationError(
-                    f"{where}: {name} at {_at(grid, dock)} has {len(beside)} arms beside it, "
-                    "must have one 'A', or two on opposite sides"
+                    f"{where}: {name} at {_at(grid, dock)} has {len(beside)} arms beside it; "
+                    "valid: one 'A', or two on opposite sides"
                 )
             for heading in beside:
                 arm = grid.neighbour(dock, heading)
                 if arm in owner:
                     raise StationError(
-                        f"{where}: the arm at {_at(grid, arm)} stands beside {owner[arm]} and {name}, "
-                        "each dock must have its own arm"
+                        f"{where}: the arm at {_at(grid, arm)} stands beside {owner[arm]} and {name}; "
+                        "valid: an arm of its own for each dock"
                     )
                 owner[arm] = name
             sides[dock] = beside
     for arm in sorted(arms - set(owner)):
-        raise StationError(f"{where}: the arm at {_at(grid, arm)} has no dock beside it, must touch one 'P' or 'D'")
+        raise StationError(f"{where}: the arm at {_at(grid, arm)} has no dock beside it; valid: beside one 'P' or 'D'")
     return sides
 
 
@@ -179,7 +179,7 @@ def place_stations(
     known = [name for own in names.values() for name in own]
     for name in options:
         if name not in known:
-            raise StationError(f"{where}: stations.{name} is not in the plan, must be one of {', '.join(known)}")
+            raise StationError(f"{where}: stations.{name} is not in the plan; valid: one of {', '.join(known)}")
     lane_set = {(int(a), int(b)) for a, b in lanes}
     places = []
     for cell, own in names.items():
@@ -188,7 +188,7 @@ def place_stations(
         if len(entries) != 1 or not exits:
             raise LaneError(
                 f"{where}: {own[0]} at {_at(grid, cell)} is a dead end or cut off from the largest connected part of "
-                "the lanes; it needs a lane that leads past its arm and on to other cells"
+                "the lanes; valid: a lane that leads past its arm and on to other cells"
             )
         docks = []
         for name, side in zip(own, arm_sides[cell], strict=True):
@@ -200,7 +200,7 @@ def place_stations(
         if docks[0] != docks[-1]:
             raise StationError(
                 f"{where}: stations.{own[0]}.stop_offset_m is {docks[0].stop_offset_m:g} and stations.{own[-1]}"
-                f".stop_offset_m is {docks[-1].stop_offset_m:g}, must be equal: both serve the dock at "
+                f".stop_offset_m is {docks[-1].stop_offset_m:g}; valid: equal ones, as both serve the dock at "
                 f"{_at(grid, cell)}"
             )
     _check_floor(places, plan, grid, where)
@@ -219,13 +219,13 @@ def _dock(
         offset = given.stop_offset_m
     if not 0.0 <= offset <= deepest + _TOLERANCE_M:
         raise StationError(
-            f"{where}: stations.{name}.stop_offset_m is {offset:g}, must be 0..{deepest:.2f} so that the car stands "
+            f"{where}: stations.{name}.stop_offset_m is {offset:g}; valid: 0 to {deepest:.2f}, so that the car stands "
             "in its cell"
         )
     if offset > half - ENTRY_INSET_M - TURN_RADIUS_M + _TOLERANCE_M and not straight_exit:
         raise StationError(
-            f"{where}: stations.{name}.stop_offset_m is {offset:g}, must be 0: the dock at {_at(grid, cell)} is left "
-            "by a turn, which starts at the usual waiting pose"
+            f"{where}: stations.{name}.stop_offset_m is {offset:g}; valid: 0, because the dock at {_at(grid, cell)} is "
+            "left by a turn, which starts at the usual waiting pose"
         )
     ((centre_x, centre_y),) = grid.cell_xy(cell).tolist()
     ahead_x, ahead_y = DCOL[heading], -DROW[heading]
@@ -281,7 +281,7 @@ def _check_reach(station: StationPlace, where: str) -> None:
         if not REACH_M[0] - _TOLERANCE_M <= distance <= REACH_M[1] + _TOLERANCE_M:
             raise StationError(
                 f"{where}: {station.name}: the arm at ({base[0]:.2f}, {base[1]:.2f}) m cannot serve {what} "
-                f"at ({point[0]:.2f}, {point[1]:.2f}) m: {distance:.2f} m away, must be {REACH_M[0]}..{REACH_M[1]} m"
+                f"at ({point[0]:.2f}, {point[1]:.2f}) m: {distance:.2f} m away; valid: {REACH_M[0]} to {REACH_M[1]} m"
             )
 
 
@@ -299,7 +299,7 @@ def _check_floor(places: list[StationPlace], plan: FloorPlan, grid: GridMap, whe
                 if plan.open[row, col]:
                     raise StationError(
                         f"{where}: {station.name}: {what} at ({centre[0]:.2f}, {centre[1]:.2f}) m stands on the lane "
-                        f"cell row {row + 1}, column {col + 1}, must stand on blocked cells (one of # = _ A)"
+                        f"cell row {row + 1}, column {col + 1}; valid: on blocked cells (one of # = _ A)"
                     )
 
 
@@ -312,7 +312,7 @@ def _check_spacing(places: list[StationPlace], where: str) -> None:
         if distance[first, second] < least - _TOLERANCE_M:
             raise StationError(
                 f"{where}: the arms of {places[first].name} and {places[second].name} stand "
-                f"{distance[first, second]:.2f} m apart, must be at least {least} m"
+                f"{distance[first, second]:.2f} m apart; valid: at least {least} m"
             )
 
 

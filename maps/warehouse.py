@@ -63,11 +63,13 @@ def generate_warehouse(
         ("rack_cols", rack_cols, 1),
     ):
         if value < least:
-            raise PlanError(f"{where}: {what} is {value}, must be at least {least}")
+            raise PlanError(f"{where}: {what} is {value}; valid: at least {least}")
     docks_fit = (rows - 1 - 2 * _DOCK_MARGIN) // _DOCK_PITCH + 1
     for what, value in (("pick", pick), ("drop", drop)):
         if value > docks_fit:
-            raise PlanError(f"{where}: {what} is {value}, at most {docks_fit} docks fit along {rows} rows")
+            raise PlanError(
+                f"{where}: {what} is {value}; valid: at most {docks_fit}, the docks that fit along {rows} rows"
+            )
 
     chars = np.full((rows, cols), ".")
     chars[[0, -1], :] = "#"
@@ -98,7 +100,7 @@ def _place_parking(chars: npt.NDArray[np.str_], wanted: list[str], where: str) -
     from_north = True
     while wanted:
         if south - north <= 1:
-            raise PlanError(f"{where}: {n_wanted} parking and charging cells, only {n_wanted - len(wanted)} fit")
+            raise PlanError(f"{where}: {n_wanted} parking and charging cells; valid: at most {n_wanted - len(wanted)}")
         row = north + 1 if from_north else south - 1
         north, south = (north + 2, south) if from_north else (north, south - 2)
         from_north = not from_north

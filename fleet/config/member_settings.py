@@ -18,6 +18,7 @@ from pathlib import Path
 
 from fleet.config.settings import SettingValue, require
 from fleet.errors import ConfigError
+from maps.text_file import FileError, parse_toml, read_text, shown
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
@@ -66,7 +67,7 @@ def read_value(text: str) -> SettingValue:
     """A setting as it is typed."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # not TOML, or a number of more digits than Python reads
         return text
     return value if isinstance(value, bool | int | float | str) else text
 
@@ -74,15 +75,13 @@ def read_value(text: str) -> SettingValue:
 def _tables(path: Path, family: str) -> Mapping[str, Mapping[str, SettingValue]]:
     where = f"--settings {path}"
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{where}: {error.strerror}; valid: a TOML file") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"{where}: is not TOML ({error}); valid: {FORM}") from error
+        content = parse_toml(read_text(path, where, valid=f"TOML with {FORM}"), where, valid=f"TOML with {FORM}")
+    except FileError as error:
+        raise ConfigError(str(error)) from error
     for key, tables in content.items():
         known = key in NAMES and isinstance(tables, dict) and all(isinstance(each, dict) for each in tables.values())
         if not known:
-            raise ConfigError(f"{where}: top level has {key} = {str(tables)[:60]}; valid: {FORM}")
+            raise ConfigError(f"{where}: top level has {key[:60]} = {shown(tables)}; valid: {FORM}")
         for name, table in tables.items():
             valid = f'{", ".join(NAMES[key])} or "package.module.Class", in quotes'
             require(name in NAMES[key] or "." in name, f"{where}: {key}", name, valid)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 from fleet.config import ScenarioEvent
 from fleet.errors import ConfigError, FleetError
+from maps.text_file import FileError, parse_toml, read_text, shown
 
 REQUIRED = ("time_s", "kind", "target")
+_FORM = "TOML with [[event]] tables"
 
 
 class ScenarioError(FleetError):
@@ -27,17 +28,16 @@ def read_events(path: Path) -> tuple[ScenarioEvent, ...]:
     Raises:
         ScenarioError: The file cannot be read, or an event is malformed; names the event.
     """
+    where = f"events file {path}"
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ScenarioError(f"events file {path}: cannot be read ({error.strerror}); valid: a TOML file") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ScenarioError(f"events file {path}: is not TOML ({error}); valid: [[event]] tables") from error
+        content = parse_toml(read_text(path, where, valid=_FORM), where, valid=_FORM)
+    except FileError as error:
+        raise ScenarioError(str(error)) from error
     tables = content.get("event")
     if set(content) != {"event"} or not isinstance(tables, list):
         found = ", ".join(sorted(content)) or "nothing"
-        raise ScenarioError(f"events file {path}: top level has {found}; valid: [[event]] tables only")
-    return tuple(_event(table, f"events file {path}, event {k + 1}") for k, table in enumerate(tables))
+        raise ScenarioError(f"{where}: top level has {found[:60]}; valid: {_FORM} only")
+    return tuple(_event(table, f"{where}, event {k + 1}") for k, table in enumerate(tables))
 
 
 def read_event(text: str, option: str) -> ScenarioEvent:
@@ -65,20 +65,23 @@ def read_event(text: str, option: str) -> ScenarioEvent:
 
 def _event(table: object, where: str) -> ScenarioEvent:
     if not isinstance(table, dict):
-        raise ScenarioError(f"{where}: is {table!r}; valid: an [[event]] table")
+        raise ScenarioError(f"{where}: is {shown(table)}; valid: an [[event]] table")
     for name in REQUIRED:
         if name not in table:
             raise ScenarioError(f"{where}: {name} is missing; valid: {', '.join(REQUIRED)} and parameters")
     time_s, kind, target = (table[name] for name in REQUIRED)
+    for name, value in (("kind", kind), ("target", target)):
+        if not isinstance(value, str):
+            raise ScenarioError(f"{where}: {name} is {shown(value)}; valid: a text")
     parameters = {name: value for name, value in table.items() if name not in REQUIRED}
     for name, value in [("time_s", time_s), *parameters.items()]:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ScenarioError(f"{where}: {name} is {value!r}; valid: a number")
+            raise ScenarioError(f"{where}: {name} is {shown(value)}; valid: a number")
     try:
         return ScenarioEvent(
             time_s=float(time_s),
-            kind=str(kind),
-            target=str(target),
+            kind=kind,
+            target=target,
             parameters={name: float(value) for name, value in parameters.items()},
         )
     except ConfigError as error:

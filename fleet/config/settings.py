@@ -6,6 +6,7 @@ import math
 from typing import TypeAlias
 
 from fleet.errors import ConfigError
+from maps.text_file import shown
 from planners.settings import misfits
 
 SettingValue: TypeAlias = bool | int | float | str
@@ -25,7 +26,7 @@ def require(ok: bool, what: str, value: object, valid: str) -> None:
         ConfigError: `ok` is False.
     """
     if not ok:
-        raise ConfigError(f"{what} is {value!r}; valid: {valid}")
+        raise ConfigError(f"{what} is {shown(value)}; valid: {valid}")
 
 
 def positive(what: str, value: float) -> None:

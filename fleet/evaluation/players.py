@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
-import json
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,10 +13,13 @@ from typing import Any
 
 from fleet.envs.policies import POLICIES
 from fleet.envs.policies.policy import Policy, Random
+from fleet.errors import ConfigError
 from fleet.evaluation.errors import PolicyError
 from fleet.evaluation.scenarios import Scenario
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT, CONFIG
+from maps.errors import MapsError
+from maps.text_file import read_json
 
 ENVIRONMENT, TEAM_SIZES = "environment", "team_sizes"
 """What a class of one's own may say of itself: the environment with its version that it plays, as one text or several;
@@ -118,7 +120,7 @@ def _own(word: str) -> Player:
 
 def _learned(folder: Path) -> Player:
     try:
-        told = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
+        told = read_json(folder / CONFIG)
         env, arguments = told["env"], told["arguments"]
     except (OSError, ValueError, KeyError, TypeError) as reason:
         wrong = f"--policy {folder}: {CONFIG} cannot be read"
@@ -129,7 +131,10 @@ def _learned(folder: Path) -> Player:
         raise PolicyError(f"--policy {folder}: no {CHECKPOINT}; valid: a folder in which fleet.train has written one")
     if importlib.util.find_spec("torch") is None:
         raise PolicyError(f"--policy {folder} needs PyTorch, which is not installed; valid: pip install '.[train]'")
-    trained_on = RECIPES[env].make(**arguments)
+    try:
+        trained_on = RECIPES[env].make(**arguments)
+    except (ConfigError, MapsError) as reason:
+        raise PolicyError(f"--policy {folder}: its environment is none of this version: {reason}") from reason
     trained_on.close()
     learned = importlib.import_module("fleet.training.ppo.policy").load_policy(folder)
     return Player(

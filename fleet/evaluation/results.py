@@ -14,6 +14,7 @@ from fleet.evaluation.errors import EvaluationError
 from fleet.evaluation.players import Player
 from fleet.evaluation.scenarios import scenario_named
 from fleet.evaluation.scores import SplitScores
+from maps.text_file import read_json
 
 FORMAT = 1
 """Of the file."""
@@ -88,7 +89,7 @@ def write_whole(path: Path, text: str) -> None:
 
 def _read(path: Path) -> list[SplitScores]:
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        told = read_json(path)
         if told["format"] != FORMAT:
             raise ValueError(f"format {told['format']!r}")
         return [SplitScores(**one) for one in told["scores"]]

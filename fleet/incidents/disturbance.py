@@ -91,8 +91,8 @@ class Disturbances:
             found = self._numbers(kind, event.target)
             if found is not None:
                 return found
-        valid = " or ".join(map(self._words, kinds))
-        raise ConfigError(f"target of {event.kind} is {event.target!r}; valid: {valid}")
+        what, valid = f"event at {event.time_s:g} s: target of {event.kind}", " or ".join(map(self._words, kinds))
+        raise ConfigError(f"{what} is {event.target!r}; valid: {valid}")
 
     def _numbers(self, kind: str, target: str) -> list[int] | None:
         """The numbers that a target names if it is of some kind, else None; a zone names the cars that are in it."""

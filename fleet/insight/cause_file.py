@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -11,10 +12,13 @@ from fleet.errors import FleetError
 from fleet.insight.cause_log import CauseLog, Changes
 from fleet.insight.causes import DETAILS, NONE, Cause, Column
 from fleet.insight.codebook import Codebook
+from maps.text_file import shown
 
 LEGEND, CAUSES = "causes_legend", "causes"
 """Kinds of the lines."""
 VERSION = 1
+MOST = 2**16
+"""Most cars, arms and columns of a floor."""
 _TASK = 1 + int(Column.TASK)
 
 
@@ -97,6 +101,7 @@ def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseL
         if head is None:
             raise CauseFileError(f"{where}: tells no causes; valid: a run of this version of fleet that began")
         _check(head, where)
+        _check_sizes(head)
         codebook = Codebook(
             tick_s=float(head["tick_s"]),
             cols=int(head["cols"]),
@@ -107,9 +112,9 @@ def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseL
         )
         log = CauseLog(codebook.n_cars + codebook.n_arms)
         table = np.array(changes, dtype=np.int32).reshape(-1, 2 + len(Column))
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise CauseFileError(
-            f"{where}: causes cannot be read ({error}); valid: a run file as it was written"
+            f"{where}: causes cannot be read ({shown(str(error))}); valid: a run file as it was written"
         ) from error
     _check_rows(table, codebook, where)
     log.extend(table, end_tick)
@@ -118,10 +123,19 @@ def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseL
 
 def _check(head: Mapping[str, Any], where: str) -> None:
     if head["version"] != VERSION:
-        raise CauseFileError(f"{where}: causes of version {head['version']!r}; valid: {VERSION}")
+        raise CauseFileError(f"{where}: causes of version {shown(head['version'])}; valid: {VERSION}")
     known = [cause.name.lower() for cause in Cause]
     if list(head["causes"]) != known or tuple(head["details"]) != DETAILS:
         raise CauseFileError(f"{where}: other causes than this version of fleet knows; valid: a run of this version")
+
+
+def _check_sizes(head: Mapping[str, Any]) -> None:
+    """Refuse numbers that no floor has, with the error of a wrong value: whoever reads causes divides by them."""
+    if not 0.0 < float(head["tick_s"]) < math.inf:
+        raise ValueError(f"tick_s is {head['tick_s']}")
+    for name, least in (("cols", 1), ("cars", 0), ("arms", 0)):
+        if not least <= int(head[name]) <= MOST:
+            raise ValueError(f"{name} is {head[name]}")
 
 
 def _check_rows(table: Changes, codebook: Codebook, where: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,8 @@ from fleet.play.decisions import Decisions
 from fleet.training.errors import TrainingError
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT, CONFIG
+from maps.errors import MapsError
+from maps.text_file import read_json
 
 LAYERS = {"dispatch": "dispatch", "traffic": "traffic", "docking": "warehouse"}
 """Parts of a fleet that policies can play, and the environments in which such policies are learned."""
@@ -123,7 +124,7 @@ def learned_run(folder: Path) -> LearnedRun:
     if not (folder / CHECKPOINT).is_file():
         raise TrainingError(f"{folder}: there is no {CHECKPOINT}; valid: a folder of fleet train")
     try:
-        told = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
+        told = read_json(folder / CONFIG)
         recipe, arguments = str(told["env"]), dict(told["arguments"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise TrainingError(f"{folder / CONFIG}: cannot be read; valid: what fleet train wrote") from error
@@ -131,7 +132,7 @@ def learned_run(folder: Path) -> LearnedRun:
         raise TrainingError(f"{folder}: was trained by recipe {recipe!r}; valid: {', '.join(RECIPES)}")
     try:
         env = RECIPES[recipe].make(**arguments)
-    except ConfigError as error:
+    except (ConfigError, MapsError) as error:
         raise TrainingError(f"{folder}: its environment is none of this version: {error}") from error
     env.close()
     return LearnedRun(

@@ -21,12 +21,14 @@ import numpy as np
 from fleet.recording.errors import OutputError
 from fleet.recording.output_file import OutputFile
 from fleet.recording.trace_file import TRACE
+from maps.text_file import FileError, parse_json, read_lines, read_text, shown
 
 RECORDING = "recording.rrd"
 EVENTS = "run.jsonl"
 RESULT = "result.json"
 VIOLATION = "violation.json"
 DECISIONS = "decisions.json"
+_FIGURES = "the figures of a run as one JSON object"
 _PACKAGES = (
     "pybullet",
     "ompl",
@@ -203,27 +205,26 @@ def read_run(directory: Path) -> RunRecord:
         OutputError: There is no run file, it has no header, or a file of the run is something else; names the line.
     """
     path = directory / EVENTS
-    valid = "valid: the --out directory of a run"
+    valid = "the --out directory of a run"
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise OutputError(f"no run in {directory}: {EVENTS}: {error.strerror}; {valid}") from error
-    except UnicodeDecodeError as error:
-        raise OutputError(f"{path} is no run file: it is not text; {valid}") from error
+        lines = read_lines(path, f"no run in {directory}: {EVENTS}", valid=valid)
+    except FileError as error:
+        raise OutputError(str(error)) from error
     items: list[dict[str, Any]] = []
     for number, line in enumerate(lines, start=1):
         try:
-            item = json.loads(line)
-        except json.JSONDecodeError as error:
+            item = parse_json(line, f"{path}, line {number}", valid="one JSON object per line")
+        except FileError as error:
             if number == len(lines) and items:
                 break
-            raise OutputError(f"{path}, line {number}: {error.msg}; valid: one JSON object per line") from error
+            raise OutputError(str(error)) from error
         if not isinstance(item, dict) or not isinstance(item.get("kind"), str):
-            raise OutputError(f"{path}, line {number}: {line[:20]!r}; valid: one JSON object with its kind per line")
+            raise OutputError(f"{path}, line {number}: {shown(line)}; valid: one JSON object with its kind per line")
         items.append(item)
     header = items[0] if items else {}
     if header.get("kind") != "run" or not {"config", "seed", "versions"} <= header.keys():
-        raise OutputError(f"{path}, line 1: valid: the object of kind 'run' with config, seed and versions")
+        found = shown(lines[0]) if lines else "an empty file"
+        raise OutputError(f"{path}, line 1: {found}; valid: the object of kind 'run' with config, seed and versions")
     return RunRecord(
         config=header["config"],
         seed=header["seed"],
@@ -244,9 +245,9 @@ def _read_result(path: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        result = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise OutputError(f"{path} cannot be read: {error}; valid: the figures of a run as JSON") from error
+        result = parse_json(read_text(path, str(path), valid=_FIGURES), str(path), valid=_FIGURES)
+    except FileError as error:
+        raise OutputError(str(error)) from error
     if not isinstance(result, dict):
-        raise OutputError(f"{path}: {type(result).__name__}; valid: the figures of a run as one JSON object")
+        raise OutputError(f"{path}: is {shown(result)}; valid: {_FIGURES}")
     return result

@@ -24,6 +24,7 @@ from fleet.insight.causes import robot_names
 from fleet.recording.errors import OutputError
 from fleet.recording.output_file import OutputFile
 from maps.grid import HEADING_NAMES
+from maps.text_file import shown
 
 TRACE = "run.trace"
 VERSION = 2
@@ -52,6 +53,8 @@ class Quantity(IntEnum):
 
 CHANGE = np.dtype([("tick", "<i4"), ("robot", "<u2"), ("quantity", "u1"), ("value", "<i4")])
 """One change; robots are the cars, then the arms."""
+MOST_ROBOTS = 2**16
+"""Whose changes can be told apart."""
 _DIGEST, _MARK = np.dtype("<u8"), np.dtype("<u2")
 _SIZES = struct.Struct("<II")
 """Begins a block: how many ticks it has, and how many changes."""
@@ -186,14 +189,14 @@ def read_trace(directory: Path) -> Trace:
         try:
             header = json.loads(file.readline(1 << 20))
             kind, version = header["kind"], header["version"]
-        except (ValueError, TypeError, KeyError, UnicodeDecodeError) as error:
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
             raise OutputError(f"{path} is no trace: its first line is something else; {valid}") from error
         if kind != "trace" or version != VERSION:
-            raise OutputError(f"{path}: kind {kind!r}, version {version!r}; {valid}")
+            raise OutputError(f"{path}: kind {shown(kind)}, version {shown(version)}; {valid}")
         content = file.read()
     try:
         n_cars, n_arms = int(header["cars"]), int(header["arms"])
-        if n_cars < 0 or n_arms < 0:
+        if n_cars < 0 or n_arms < 0 or n_cars + n_arms > MOST_ROBOTS:
             raise ValueError(f"{n_cars} cars, {n_arms} arms")
         digests, marks, changes = _blocks(content, n_cars + n_arms)
         plan = _rows(header["plan"])
@@ -216,7 +219,7 @@ def read_trace(directory: Path) -> Trace:
             changes=changes,
         )
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise OutputError(f"{path}: cannot be read ({type(error).__name__}: {error}); {valid}") from error
+        raise OutputError(f"{path}: cannot be read ({type(error).__name__}: {shown(str(error))}); {valid}") from error
 
 
 def _positive(value: Any) -> float:

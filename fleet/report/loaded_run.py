@@ -18,6 +18,7 @@ from fleet.insight.time_accounts import Account
 from fleet.recording.errors import OutputError
 from fleet.recording.run_file import EVENTS, RESULT, RunRecord, read_run
 from fleet.recording.trace_file import TRACE, Trace, read_trace
+from maps.text_file import shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +66,7 @@ def load_run(directory: Path, *, cut: bool = False) -> Run:
     for name, tree in (*((name, record.config.get(name, {})) for name in ("allocation", "traffic")),
                        ("versions", record.versions)):  # fmt: skip
         if not isinstance(tree, dict):
-            raise OutputError(f"{directory / EVENTS}, line 1: {name} is {tree!r}; valid: names with their values")
+            raise OutputError(f"{directory / EVENTS}, line 1: {name} is {shown(tree)}; valid: names with their values")
     _check_events(record.events, directory / EVENTS)
     trace = read_trace(directory)
     if not trace.n_ticks:
@@ -83,8 +84,9 @@ def load_run(directory: Path, *, cut: bool = False) -> Run:
             else:
                 _check_result(record, trace)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
+            found = f"{type(error).__name__}: {shown(str(error))}"
             raise OutputError(
-                f"{directory / RESULT}: does not fit {EVENTS} and {TRACE} ({type(error).__name__}: {error}); "
+                f"{directory / RESULT}: does not fit {EVENTS} and {TRACE} ({found}); "
                 "valid: the files of one run, as it left them"
             ) from error
     return Run(directory=directory, record=record, trace=trace, causes=causes, codebook=codebook)
@@ -100,7 +102,7 @@ def _check_events(events: Iterable[Mapping[str, Any]], path: Path) -> None:
             more = [event.get(name) for name in ("before", "car", "cause")]
             known = all(type(word) is str for word in words) and all(type(word) in (str, NoneType) for word in more)
         if not known:
-            raise OutputError(f"{path}, line {number}: {str(dict(event))[:60]}; valid: an event as it was written")
+            raise OutputError(f"{path}, line {number}: {shown(dict(event))}; valid: an event as it was written")
 
 
 def _check_result(record: RunRecord, trace: Trace) -> None:

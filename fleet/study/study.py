@@ -17,6 +17,7 @@ from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
 from fleet.tasks.order import ability_of
 from fleet.tasks.order_file import read_orders
 from maps.site import load_site
+from maps.text_file import read_json
 from planners.allocation import allocator_named
 
 SETTINGS = "study.json"
@@ -116,7 +117,7 @@ def _table(design: Design, out: Path, resume: bool) -> TableFile:
 
 def _settings(path: Path) -> dict[str, object]:
     try:
-        known = json.loads(path.read_text(encoding="utf-8"))
+        known = read_json(path)
     except (OSError, ValueError) as error:
         raise StudyError(f"--resume: there is no study in {path.parent} ({error}); valid: without --resume") from error
     if not isinstance(known, dict):

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 
 from fleet.errors import FleetError
+from maps.text_file import shown
 
 
 class OrdersError(FleetError):
@@ -43,7 +44,7 @@ class Fields:
         """
         text = self.text(name)
         if text not in valid:
-            raise OrdersError(f"{name} is {text!r}; valid: {', '.join(valid)}")
+            raise OrdersError(f"{name} is {shown(text)}; valid: {', '.join(valid)}")
         return text
 
     def number(self, name: str, low: float, high: float, default: float | None = None) -> float:
@@ -67,5 +68,5 @@ def number(text: str, what: str, low: float, high: float) -> float:
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        raise OrdersError(f"{what} is {text!r}; valid: a number from {low:g} to {high:g}")
+        raise OrdersError(f"{what} is {shown(text)}; valid: a number from {low:g} to {high:g}")
     return value

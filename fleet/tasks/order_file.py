@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from fleet.tasks.place_names import PlaceNames
 from fleet.tasks.precedence import broken
 from fleet.tasks.types.task_type import Setting
 from maps.site import Site
+from maps.text_file import FileError, parse_json, read_text, shown
 
 REQUIRED = ("id", "release_s")
 OPTIONAL = ("type", "due_s", "priority", "after", "needs", "batch", "every_s", "times")
@@ -91,15 +91,9 @@ def read_orders(
         OrdersError: The file cannot be read as a whole, or no order is left.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise OrdersError(
-            f"orders file {path}: cannot be read ({error.strerror}); valid: a CSV or JSON file"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise OrdersError(
-            f"orders file {path}: is not text in UTF-8 ({error.reason}); valid: a CSV or JSON file"
-        ) from error
+        text = read_text(path, f"orders file {path}", valid="a CSV or JSON file")
+    except FileError as error:
+        raise OrdersError(str(error)) from error
     rows = _json_rows(path, text) if path.suffix.lower() == ".json" else _csv_rows(path, text)
     setting = Setting(site=site, places=PlaceNames(site), n_chargers=n_chargers)
     accepted: dict[str, tuple[str, tuple[Order, ...]]] = {}
@@ -113,7 +107,7 @@ def read_orders(
             twice = next((word for word in (name, *(order.name for order in orders)) if word in taken), None)
             if twice is not None:
                 of = f", and that of {taken[twice]!r} has this number" if twice != taken[twice] else ""
-                raise OrdersError(f"id {twice!r} stands twice{of}; valid: each id once")
+                raise OrdersError(f"id {shown(twice)} stands twice{of}; valid: each id once")
             _check_batch(orders[0], released_s)
         except OrdersError as error:
             refusals[row.where] = Refusal(where=row.where, name=name, cause=str(error))
@@ -142,14 +136,14 @@ def _csv_rows(path: Path, text: str) -> list[_Row]:
     try:
         lines = [(reader.line_num, [field.strip() for field in row]) for row in reader]
     except csv.Error as error:
-        raise OrdersError(f"orders file {path}, line {reader.line_num}: not CSV ({error})") from error
+        raise OrdersError(f"orders file {path}, line {reader.line_num}: not CSV ({error}); valid: CSV") from error
     lines = [(line, row) for line, row in lines if any(row)]
     line, header = lines[0] if lines else (1, [])
     required = REQUIRED if "type" in header else (*REQUIRED, *TASK_TYPES[DEFAULT_TYPE].required)
     if len(set(header)) != len(header) or not set(required) <= set(header) <= set(_KNOWN):
         found = ",".join(header) if header else "an empty file"
         valid = f"{','.join(required)} and any of {','.join(n for n in _KNOWN if n not in required)}, each once"
-        raise OrdersError(f"orders file {path}, line {line}: header is {found!r}; valid: {valid}")
+        raise OrdersError(f"orders file {path}, line {line}: header is {shown(found)}; valid: {valid}")
     rows = []
     for line, row in lines[1:]:
         where = f"orders file {path}, line {line}"
@@ -167,9 +161,9 @@ def _csv_rows(path: Path, text: str) -> list[_Row]:
 def _json_rows(path: Path, text: str) -> list[_Row]:
     valid = "a list of objects"
     try:
-        items = json.loads(text)
-    except (ValueError, RecursionError) as error:  # also a whole number of more digits than Python reads
-        raise OrdersError(f"orders file {path}: not JSON ({error}); valid: {valid}") from error
+        items = parse_json(text, f"orders file {path}", valid=valid)
+    except FileError as error:
+        raise OrdersError(str(error)) from error
     if not isinstance(items, list):
         raise OrdersError(f"orders file {path}: holds {type(items).__name__}; valid: {valid}")
     return [_json_row(item, f"orders file {path}, order {k}") for k, item in enumerate(items, start=1)]
@@ -179,16 +173,16 @@ def _json_row(item: object, where: str) -> _Row:
     """The fields as text, as a CSV file would have them."""
     known = f"{', '.join(REQUIRED)} and any of {', '.join((*OPTIONAL, *_OWN))}"
     if not isinstance(item, dict):
-        return _Row(where=where, fields={}, fault=f"is {item!r}; valid: an object with {known}")
+        return _Row(where=where, fields={}, fault=f"is {shown(item)}; valid: an object with {known}")
     fields: dict[str, str] = {}
     fault = ""
     for name, value in item.items():
         if name not in _KNOWN:
-            fault = fault or f"{name} is not a known entry; valid: {known}"
+            fault = fault or f"{name[:60]} is not a known entry; valid: {known}"
             continue
         text = _edges_text(value) if name == "size_m" else _text(value, ";")
         if text is None:
-            fault = fault or f"{name} is {value!r}; valid: text, a number, or a list of these"
+            fault = fault or f"{name} is {shown(value)}; valid: text, a number, or a list of these"
         else:
             fields[name] = text
     missing = [name for name in REQUIRED if name not in fields]
@@ -225,7 +219,7 @@ def _unfold(row: _Row, setting: Setting, abilities: Sequence[Ability], grip_kg: 
     shared = _shared(fields)
     word = fields.text("type") or DEFAULT_TYPE
     if word not in TASK_TYPES:
-        raise OrdersError(f"type is {word!r}; valid: {', '.join(TASK_TYPES)}")
+        raise OrdersError(f"type is {shown(word)}; valid: {', '.join(TASK_TYPES)}")
     kind = TASK_TYPES[word]
     for name in kind.required:
         if not fields.text(name):
@@ -233,7 +227,7 @@ def _unfold(row: _Row, setting: Setting, abilities: Sequence[Ability], grip_kg: 
     own = (*kind.required, *kind.optional)
     strange = next((name for name in fields.given if name in _OWN and name not in own), None)
     if strange is not None:
-        raise OrdersError(f"{strange} is {fields.text(strange)!r}; valid: nothing, a {word} has {', '.join(own)}")
+        raise OrdersError(f"{strange} is {shown(fields.text(strange))}; valid: nothing, a {word} has {', '.join(own)}")
     rounds = [kind.orders(one, fields, setting) for one in _rounds(shared, fields)]
     cause = misfit(rounds[0][0], abilities, grip_kg)
     if cause is not None:
@@ -247,11 +241,11 @@ def _shared(fields: Fields) -> Order:
     if not name:
         raise OrdersError("id is empty; valid: any text")
     if ";" in name or not name.isprintable():
-        raise OrdersError(f"id is {name!r}; valid: text in one line, without semicolons")
+        raise OrdersError(f"id is {shown(name)}; valid: text in one line, without semicolons")
     release_s = fields.number("release_s", 0.0, LATEST_S)
     due_s = fields.number("due_s", 0.0, LATEST_S, math.inf)
     if due_s < release_s:
-        raise OrdersError(f"due_s is {fields.text('due_s')!r}; valid: a number from {release_s:g} (release_s)")
+        raise OrdersError(f"due_s is {shown(fields.text('due_s'))}; valid: a number from {release_s:g} (release_s)")
     priority = Priority(fields.choice("priority", list(Priority))) if fields.text("priority") else Priority.NORMAL
     return Order(
         name=name,
@@ -271,9 +265,9 @@ def _rounds(shared: Order, fields: Fields) -> list[Order]:
     every_s = fields.number("every_s", 1.0, LATEST_S)
     times = fields.number("times", 2, MAX_TIMES)
     if not times.is_integer():
-        raise OrdersError(f"times is {fields.text('times')!r}; valid: a whole number from 2 to {MAX_TIMES}")
+        raise OrdersError(f"times is {shown(fields.text('times'))}; valid: a whole number from 2 to {MAX_TIMES}")
     if shared.batch:
-        raise OrdersError(f"batch is {shared.batch!r}; valid: none for an order that recurs")
+        raise OrdersError(f"batch is {shown(shared.batch)}; valid: none for an order that recurs")
     return [
         replace(
             shared,
@@ -291,7 +285,7 @@ def _check_batch(order: Order, released_s: dict[str, float]) -> None:
         return
     first_s = released_s.setdefault(order.batch, order.release_s)
     if order.release_s != first_s:
-        where = f"as the others of batch {order.batch!r}"
+        where = f"as the others of batch {shown(order.batch)}"
         raise OrdersError(f"release_s is '{order.release_s:g}'; valid: {first_s:g}, {where}")
 
 

@@ -6,6 +6,7 @@ import re
 
 from fleet.tasks.fields import Fields, OrdersError
 from maps.site import Site
+from maps.text_file import shown
 
 LANE_STAND_S = 10.0
 """Longest stand in a lane, where others have to wait behind [s]."""
@@ -57,7 +58,7 @@ class PlaceNames:
         """
         places = self.places(fields, name)
         if len(places) != 1:
-            raise OrdersError(f"{name} is {fields.text(name)!r}; valid: one place")
+            raise OrdersError(f"{name} is {shown(fields.text(name))}; valid: one place")
         return places[0]
 
     def stand_s(self, fields: Fields, errands: tuple[str, ...], default: float) -> float:
@@ -70,7 +71,7 @@ class PlaceNames:
         lane = next((errand for errand in errands if not self.is_bay(errand)), None)
         if lane is not None and stand_s > LANE_STAND_S:
             valid = f"at most {LANE_STAND_S:g}, because {lane} is in a lane"
-            raise OrdersError(f"stand_s is {fields.text('stand_s')!r}; valid: {valid}")
+            raise OrdersError(f"stand_s is {shown(fields.text('stand_s'))}; valid: {valid}")
         return stand_s
 
     def _place(self, word: str, field: str) -> str:
@@ -82,7 +83,7 @@ class PlaceNames:
             cell = row * grid.cols + col
             if cell in self._lane_cells:
                 return self._name_of.get(cell, f"{row},{col}")
-        raise OrdersError(f"{field} is {word!r}; valid: {self._valid()}, or row,col of a cell with a lane")
+        raise OrdersError(f"{field} is {shown(word)}; valid: {self._valid()}, or row,col of a cell with a lane")
 
     def _valid(self) -> str:
         stations = [station.name for station in self._site.stations]

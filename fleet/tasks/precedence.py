@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 
 import networkx as nx
 
+from maps.text_file import shown
+
 
 def broken(after: Mapping[str, Iterable[str]], known: Iterable[str] = ()) -> dict[str, str]:
     """Find the orders whose turn can never come.
@@ -23,15 +25,15 @@ def broken(after: Mapping[str, Iterable[str]], known: Iterable[str] = ()) -> dic
     for name, names in after.items():
         strangers = [first for first in names if first not in after and first not in refused]
         if strangers:
-            why[name] = f"after is {strangers[0]!r}; valid: ids of other orders in the file"
+            why[name] = f"after is {shown(strangers[0])}; valid: ids of other orders in the file"
     for knot in nx.strongly_connected_components(graph):
         if nx.is_directed_acyclic_graph(graph.subgraph(knot)):
             continue
         circle = ", ".join(sorted(knot))
         for name in sorted(knot):
-            why[name] = f"after is {';'.join(after[name])!r}, a circle of {circle}; valid: no circle"
+            why[name] = f"after is {shown(';'.join(after[name]))}, a circle of {circle}; valid: no circle"
     for first in [*sorted(refused), *why]:
         for name in sorted(nx.descendants(graph, first)) if first in graph else ():
-            cause = f"after is {';'.join(after[name])!r}, and {first!r} was refused; valid: accepted orders"
+            cause = f"after is {shown(';'.join(after[name]))}, and {shown(first)} was refused; valid: accepted orders"
             why.setdefault(name, cause)
     return why

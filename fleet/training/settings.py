@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from fleet.config import require
 from fleet.training.errors import TrainingError
+from maps.text_file import FileError, parse_toml, read_text, shown
 
 NETWORKS, CRITICS = ("perceptron", "attention"), ("own", "central")
+_FORM = "TOML with steps_n, checkpoint_n and tables [ppo] and [env]"
 N_HEADS = 4
 """Of attention."""
 
@@ -135,25 +136,24 @@ def read_settings(path: Path) -> dict[str, Any]:
     Raises:
         TrainingError: It cannot be read, or has a key that means nothing or a value of the wrong type.
     """
+    where = f"--config {path}"
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise TrainingError(f"--config {path}: {error.strerror}; valid: a TOML file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise TrainingError(f"--config {path}: {error}; valid: a TOML file") from error
+        content = parse_toml(read_text(path, where, valid=_FORM), where, valid=_FORM)
+    except FileError as error:
+        raise TrainingError(str(error)) from error
     _refuse_unknown(path, "", content, ("steps_n", "checkpoint_n", "ppo", "env"))
     for table in ("ppo", "env"):
         if not isinstance(content.get(table, {}), dict):
-            raise TrainingError(f"--config {path}: {table} is {content[table]!r}; valid: a table [{table}]")
+            raise TrainingError(f"--config {path}: {table} is {shown(content[table])}; valid: a table [{table}]")
     for name in ("steps_n", "checkpoint_n"):
         if not _is_like(content.get(name, 1), 1):
-            raise TrainingError(f"--config {path}: {name} is {content[name]!r}; valid: an integer")
+            raise TrainingError(f"--config {path}: {name} is {shown(content[name])}; valid: an integer")
     fields = {one.name: one.default for one in dataclasses.fields(PpoConfig)}
     ppo = content.get("ppo", {})
     _refuse_unknown(path, "ppo.", ppo, tuple(fields))
     for name, value in ppo.items():
         if not _is_like(value, fields[name]):
-            raise TrainingError(f"--config {path}: ppo.{name} is {value!r}; valid: a value like {fields[name]!r}")
+            raise TrainingError(f"--config {path}: ppo.{name} is {shown(value)}; valid: a value like {fields[name]!r}")
     if "hidden" in ppo:
         content["ppo"] = {**ppo, "hidden": tuple(ppo["hidden"])}
     return content
@@ -162,7 +162,7 @@ def read_settings(path: Path) -> dict[str, Any]:
 def _refuse_unknown(path: Path, where: str, found: dict[str, Any], valid: tuple[str, ...]) -> None:
     for name in found:
         if name not in valid:
-            raise TrainingError(f"--config {path}: unknown key {where}{name}; valid: {', '.join(valid)}")
+            raise TrainingError(f"--config {path}: unknown key {where}{name[:60]}; valid: {', '.join(valid)}")
 
 
 def _is_like(value: object, default: object) -> bool:

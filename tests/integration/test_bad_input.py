@@ -101,7 +101,7 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--allocator-setting", "soon=1"], ["'soon' of allocator 'hungarian'", "dense_work, nearest_n"]),
         (["--allocator", "regret_lns", "--allocator-setting", "iterations=2.5"], ["iterations", "2.5", "an integer"]),
         (["--allocator", "fifo", "--allocator-setting", "x=1"], ["'fifo'", "this allocator has no settings"]),
-        (["--settings", "nope.toml"], ["nope.toml", "No such file", "a TOML file"]),
+        (["--settings", "nope.toml"], ["nope.toml", "No such file", "TOML with"]),
         (
             ["--allocator", "no_such_package.Mine"],
             ["--allocator is 'no_such_package.Mine'", "No module named", "greedy"],
@@ -176,7 +176,7 @@ def test_orders_that_are_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[s
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        ("what", ["is not TOML"]),
+        ("what", ["is no TOML"]),
         ("", ["nothing", "[[event]] tables only"]),
         ("[other]\n", ["other", "[[event]] tables only"]),
         ("event = [1]\n", ["event 1", "an [[event]] table"]),
@@ -223,7 +223,7 @@ def test_events_that_befall_nobody(
     ("content", "expected"),
     [
         ("plan = 3", ["plan is 3"]),
-        ("nonsense", ["not valid TOML"]),
+        ("nonsense", ["is no TOML"]),
         ("name = 'a'", ["plan is missing"]),
         ("plan = '''\n###\n#z#\n###\n'''", ["'z'"]),
         ("plan = '''\n####\n#.#\n####\n'''", ["row 2"]),

@@ -108,9 +108,10 @@ def test_a_violation_stops_the_run_and_leaves_its_evidence(
     assert evidence["run"] == run.name
     assert (evidence["invariant"], evidence["robots"][0]) == ("footprint", "car_1")
     assert len(evidence["values"]["pose"]) == 3
-    event = run.events[-1]
-    assert (event["kind"], event["tick"], event["message"]) == ("violation", evidence["tick"], evidence["message"])
-    assert run.result is None
+    (event,) = (event for event in run.events if event["kind"] == "violation")
+    assert (event["tick"], event["message"]) == (evidence["tick"], evidence["message"])
+    assert run.result is not None
+    assert run.result["broken_off"] == evidence["message"]
     monkeypatch.undo()
     assert demo(tmp_path) == 0
     assert not (tmp_path / "violation.json").exists(), "that of the earlier run"

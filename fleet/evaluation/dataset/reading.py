@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import pyarrow.parquet as pq
 
 from fleet.evaluation.dataset.layout import ABOUT, FORMAT, INFO, STEPS
 from fleet.evaluation.errors import DatasetError
+from maps.text_file import read_json
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +68,7 @@ def read_dataset(folder: str | Path, env: str | None = None) -> Dataset:
     folder = Path(folder)
     valid = f"valid: a folder that fleet dataset wrote, format {FORMAT}"
     try:
-        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        about = read_json(folder / ABOUT)
         if about["format"] != FORMAT:
             raise DatasetError(f"data set {folder}: format {about['format']!r}; {valid}")
         was = about["env"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fleet.tasks.fields import Fields, OrdersError
 from fleet.tasks.order import Order, Visit
 from fleet.tasks.types.task_type import Setting
+from maps.text_file import shown
 
 
 class ChargeType:
@@ -21,5 +22,5 @@ class ChargeType:
         places = setting.places.places(fields, "places")
         for place in places:
             if place not in names:
-                raise OrdersError(f"places is {place!r}; valid: {', '.join(names)}, or none for any of them")
+                raise OrdersError(f"places is {shown(place)}; valid: {', '.join(names)}, or none for any of them")
         return (Visit.of(shared, kind="charge", errands=(places or names,), until_full=True),)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fleet.tasks.fields import Fields, OrdersError, number
 from fleet.tasks.order import MAX_EDGE_M, MAX_MASS_KG, MIN_EDGE_M, MIN_MASS_KG, Delivery, Order
 from fleet.tasks.types.task_type import Setting
+from maps.text_file import shown
 
 
 class DeliveryType:
@@ -20,7 +21,7 @@ class DeliveryType:
         sources = tuple(dict.fromkeys((pick, *fields.words("picks"))))
         for source in sources:
             if source not in picks:
-                raise OrdersError(f"picks is {source!r}; valid: {', '.join(picks)}")
+                raise OrdersError(f"picks is {shown(source)}; valid: {', '.join(picks)}")
         return (
             Delivery.of(
                 shared,
@@ -43,5 +44,5 @@ def edges(text: str) -> tuple[float, float, float]:
     if len(found) == 1:
         found *= 3
     if len(found) != 3:
-        raise OrdersError(f"size_m is {text!r}; valid: one edge (0.06) or three (0.06x0.05x0.08)")
+        raise OrdersError(f"size_m is {shown(text)}; valid: one edge (0.06) or three (0.06x0.05x0.08)")
     return found[0], found[1], found[2]

@@ -6,6 +6,7 @@ from fleet.tasks.fields import Fields, OrdersError, number
 from fleet.tasks.order import MAX_MASS_KG, MIN_MASS_KG, Delivery, Order
 from fleet.tasks.types.delivery import edges
 from fleet.tasks.types.task_type import Setting
+from maps.text_file import shown
 
 MAX_LEGS = 50
 
@@ -21,7 +22,7 @@ class MultiStopType:
         stops = fields.words("stops")
         if not 2 <= len(stops) <= MAX_LEGS:
             raise OrdersError(
-                f"stops is {fields.text('stops')!r}; valid: 2 to {MAX_LEGS} legs, as in {_example(setting)}"
+                f"stops is {shown(fields.text('stops'))}; valid: 2 to {MAX_LEGS} legs, as in {_example(setting)}"
             )
         masses = [number(text, "mass_kg", MIN_MASS_KG, MAX_MASS_KG) for text in _each(fields, "mass_kg", len(stops))]
         sizes = [edges(text) for text in _each(fields, "size_m", len(stops))]
@@ -50,7 +51,7 @@ def _ends(stop: str, setting: Setting) -> tuple[str, str]:
     pick, arrow, drop = (part.strip() for part in stop.partition(">"))
     if not arrow or pick not in picks or drop not in drops:
         valid = f"PICK>DROP with {', '.join(picks)} and {', '.join(drops)}"
-        raise OrdersError(f"stops is {stop!r}; valid: {valid}")
+        raise OrdersError(f"stops is {shown(stop)}; valid: {valid}")
     return pick, drop
 
 
@@ -58,7 +59,9 @@ def _each(fields: Fields, name: str, n: int) -> tuple[str, ...]:
     """One word for each leg; one alone is for all."""
     words = fields.words(name)
     if len(words) not in (1, n):
-        raise OrdersError(f"{name} is {fields.text(name)!r}; valid: one for all legs, or {n} separated by semicolons")
+        raise OrdersError(
+            f"{name} is {shown(fields.text(name))}; valid: one for all legs, or {n} separated by semicolons"
+        )
     return words * n if len(words) == 1 else words
 
 

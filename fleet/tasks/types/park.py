@@ -5,6 +5,7 @@ from __future__ import annotations
 from fleet.tasks.fields import Fields, OrdersError
 from fleet.tasks.order import Order, Visit
 from fleet.tasks.types.task_type import Setting
+from maps.text_file import shown
 
 
 class ParkType:
@@ -19,6 +20,6 @@ class ParkType:
         places = setting.places.places(fields, "places")
         for place in places:
             if place not in names:
-                raise OrdersError(f"places is {place!r}; valid: parking_1 to {names[-1]}, or none for any of them")
+                raise OrdersError(f"places is {shown(place)}; valid: parking_1 to {names[-1]}, or none for any of them")
         stand_s = setting.places.stand_s(fields, places, 0.0)
         return (Visit.of(shared, kind="park", errands=(places or names,), stand_s=stand_s),)

@@ -79,10 +79,10 @@ def test_a_problem_of_2023_gives_tasks_in_turn(tmp_path: Path, edition: dict[str
         ({"numTasksReveal": float("nan")}, "numTasksReveal = nan; valid: a number > 0"),
         ({"numTasksReveal": 1e300}, "numTasksReveal = 1e.300; valid: a number > 0 and <= 1000"),
         ({"numTasksReveal": 0.1}, "numTasksReveal = 0.1; valid: at least one task"),
-        ({"mapFile": 3}, "line 2: mapFile = 3; valid: a file's path"),
-        ({"agentFile": "nobody.agents"}, "line 3: agentFile = 'nobody.agents'; valid: .*nobody.agents is no file"),
-        ({"taskFile": "."}, "taskFile = '.'; valid: .* is no file"),
-        ({"mapFile": "team.agents"}, "team.agents: lines 1-4 must be 'type octile'"),
+        ({"mapFile": 3}, "line 2: mapFile = 3; valid: the path of a file"),
+        ({"agentFile": "nobody.agents"}, "line 3: agentFile = 'nobody.agents'; valid: the path of a file"),
+        ({"taskFile": "."}, "taskFile = '.'; valid: the path of a file"),
+        ({"mapFile": "team.agents"}, "team.agents: lines 1-4 are .*; valid: 'type octile'"),
         ({"version": "2026 LoRR"}, "version = '2026 LoRR'; valid: one of '2023 LoRR', '2024 LoRR'"),
         ({"version": 2024}, "version = 2024; valid: a text"),
         (
@@ -108,8 +108,8 @@ def test_a_missing_key_is_named(tmp_path: Path, key: str) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('{\n"teamSize": 2,\n}', "line 3: .*; valid: JSON"),
-        ("", "line 1: .*; valid: JSON"),
+        ('{\n"teamSize": 2,\n}', "line 3, column 1: '}' is no JSON .*; valid: a JSON object"),
+        ("", "column 1: '' is no JSON .*; valid: a JSON object"),
         ("[1, 2]", "line 1: list; valid: a JSON object"),
     ],
 )

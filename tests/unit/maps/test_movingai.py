@@ -57,10 +57,10 @@ def test_scenario_swaps_columns_and_rows(tmp_path):
     [
         ("type octile\nheight 1\n", "lines 1-4"),
         ("type octile\nheight x\nwidth 2\nmap\n..\n", "line 2 is 'height x'"),
-        ("type octile\nheight 2\nwidth 2\nmap\n..\n", "1 map rows, must be 2"),
-        ("type octile\nheight 1\nwidth 3\nmap\n..\n", "line 5 has 2 cells, must have 3"),
+        ("type octile\nheight 2\nwidth 2\nmap\n..\n", "1 map rows; valid: 2"),
+        ("type octile\nheight 1\nwidth 3\nmap\n..\n", "line 5 has 2 cells; valid: 3"),
         ("type octile\nheight 1\nwidth 2\nmap\n.q\n", "line 5: unknown cell 'q'"),
-        ("type octile\nheight 1\nheight 2\nmap\n..\n", "both height and width"),
+        ("type octile\nheight 1\nheight 2\nmap\n..\n", "valid: height and width"),
     ],
 )
 def test_malformed_map_names_the_line(tmp_path, text, message):
@@ -74,10 +74,10 @@ def test_malformed_map_names_the_line(tmp_path, text, message):
     ("text", "message"),
     [
         ("1 2", "line 1"),
-        ("version 1\n1\t2\n", "line 2: 2 fields, must be 9"),
-        ("version 1\n1 m 3 3 a 1 1 1 1\n", "line 2: start column is 'a', must be a whole number"),
-        ("version 1\n\n1 m 3 3 1 1 1 1.5 1\n", "line 3: goal row is '1.5', must be a whole number"),
-        ("version 1\n1 m 3 3 1 1 1 1 far\n", "line 2: length is 'far', must be a number"),
+        ("version 1\n1\t2\n", "line 2: 2 fields; valid: 9"),
+        ("version 1\n1 m 3 3 a 1 1 1 1\n", "line 2: start column is 'a'; valid: a whole number"),
+        ("version 1\n\n1 m 3 3 1 1 1 1.5 1\n", "line 3: goal row is '1.5'; valid: a whole number"),
+        ("version 1\n1 m 3 3 1 1 1 1 far\n", "line 2: length is 'far'; valid: a number"),
     ],
 )
 def test_malformed_scenario_names_the_line(tmp_path, text, message):
@@ -106,13 +106,13 @@ def test_starts_and_goals_are_cells(tiny, tmp_path):
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ([(0, 1, 1, 1)], "line 2: start row 1, column 0 is an obstacle, must be a free cell"),
+        ([(0, 1, 1, 1)], "line 2: start row 1, column 0 is an obstacle; valid: a free cell"),
         ([(1, 1, 2, 2), (2, 1, 3, 3)], "line 3: goal row 3, column 3 is an obstacle"),
-        ([(1, 1, 11, 1)], "line 2: goal row 1, column 11 is outside the map, must be row 0 to 7, column 0 to 10"),
+        ([(1, 1, 11, 1)], "line 2: goal row 1, column 11 is outside the map; valid: row 0 to 7, column 0 to 10"),
         ([(1, -1, 1, 1)], "line 2: start row -1, column 1 is outside the map"),
         ([(1, 1, 2, 2), (3, 1, 4, 2), (1, 1, 5, 5)], "line 4: start row 1, column 1 is that of line 2 too"),
         ([(1, 1, 2, 2), (3, 1, 2, 2)], "line 3: goal row 2, column 2 is that of line 2 too"),
-        ([(1, 1, 1, 2)] * 45, "45 agents, must be at most 44, the map's free cells"),
+        ([(1, 1, 1, 2)] * 45, "45 agents; valid: at most 44, the map's free cells"),
     ],
 )
 def test_entries_that_do_not_fit_the_map_are_named_by_line(tiny, tmp_path, entries, message):
@@ -123,7 +123,7 @@ def test_entries_that_do_not_fit_the_map_are_named_by_line(tiny, tmp_path, entri
 @pytest.mark.parametrize("agents", [0, 3])
 def test_more_agents_than_entries_are_refused(tiny, tmp_path, agents):
     path = scenario(tmp_path, (1, 1, 2, 2), (3, 1, 4, 2))
-    with pytest.raises(MovingAiError, match=f"{agents} agents asked for, must be 1 to 2, one per entry"):
+    with pytest.raises(MovingAiError, match=f"{agents} agents asked for; valid: 1 to 2, one per entry"):
         starts_and_goals(path, read_map(tiny), agents=agents)
 
 
@@ -137,7 +137,7 @@ def test_a_goal_beyond_a_wall_is_refused(tmp_path):
 def test_a_scenario_of_another_map_is_refused(tiny, tmp_path):
     path = tmp_path / "other.scen"
     path.write_text("version 1\n0\tother.map\t32\t32\t1\t1\t2\t2\t2\n")
-    with pytest.raises(MovingAiError, match=r"line 2: map height and width are \(32, 32\), must be \(8, 11\)"):
+    with pytest.raises(MovingAiError, match=r"line 2: map height and width are \(32, 32\); valid: \(8, 11\)"):
         starts_and_goals(path, read_map(tiny))
 
 
@@ -158,11 +158,11 @@ def test_small_floor_gets_its_stations(tiny):
 
 
 def test_too_much_for_the_floor_is_refused(tiny):
-    with pytest.raises(SiteError, match="only"):
+    with pytest.raises(SiteError, match="valid: at most"):
         site_from_map(tiny, pick=30, drop=1, parking=2)
-    with pytest.raises(SiteError, match="only"):
+    with pytest.raises(SiteError, match="valid: at most"):
         site_from_map(tiny, pick=1, drop=1, parking=60)
-    with pytest.raises(MovingAiError, match="pick is 0, must be at least 1"):
+    with pytest.raises(MovingAiError, match="pick is 0; valid: at least 1"):
         site_from_map(tiny, pick=0, drop=1, parking=2)
 
 

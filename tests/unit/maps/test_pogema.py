@@ -42,10 +42,10 @@ def test_a_single_map_needs_no_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("  ..\n", "line 1 is a row of no map"),
-        ("a: |-\n  ..\n  ...\n", "line 3 has 3 cells, must be 2"),
-        ("a: |-\n  .x\n", "must consist of"),
-        ("a = 3\n", "line 1 is 'a = 3', must be a name"),
+        ("  ..\n", "line 1 is '  ..', a row of no map"),
+        ("a: |-\n  ..\n  ...\n", "line 3 has 3 cells; valid: 2"),
+        ("a: |-\n  .x\n", "valid: cells"),
+        ("a = 3\n", "line 1 is 'a = 3'; valid: a name"),
         ("a: |-\nb: |-\n  .\n", "a map without rows"),
         ("", "a map without rows"),
     ],
@@ -57,7 +57,7 @@ def test_malformed_files_are_refused(tmp_path: Path, text: str, words: str) -> N
 
 
 def test_maps_that_there_are_not_are_refused(file: Path) -> None:
-    with pytest.raises(PogemaError, match=r"no map 'third', must be .*open, marked"):
+    with pytest.raises(PogemaError, match=r"no map 'third'; valid: .*open, marked"):
         read_floor(f"{file}:third")
     with pytest.raises(PogemaError, match="no map ''"):
         read_floor(file)

@@ -82,18 +82,18 @@ def test_unknown_site_lists_the_names():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("plan = [", "not valid TOML"),
+        ("plan = [", "is no TOML"),
         ("name = 'a'", "plan is missing"),
         (
             "plan = '''\n.\n'''\ncolour = 1",
-            "colour is not a known entry, must be one of name, allow_reverse, plan",
+            "colour is not a known entry; valid: one of name, allow_reverse, plan",
         ),
         ("plan = '.'\n[stations.pick_1]\narm = 1", "stations.pick_1.arm is not a known entry"),
         ("plan = '.'\n[stations.pick_1]\nstop_offset_m = -0.1", "stations.pick_1.stop_offset_m is -0.1"),
         ("plan = '.'\n[stations.pick_1]\narm_xy = [nan, 1.0]", "arm_xy"),
         ("plan = ''", "plan is empty"),
-        ("plan = '''\nP.\nD\n'''", "row 2 has 1 characters, must have 2"),
-        ("plan = '''\nP.\nDz\n'''", "row 2, column 2: unknown character 'z', must be one of"),
+        ("plan = '''\nP.\nD\n'''", "row 2 has 1 characters; valid: 2"),
+        ("plan = '''\nP.\nDz\n'''", "row 2, column 2: unknown character 'z'; valid: one of"),
         ("plan = '''\nP.\n..\n'''", "no drop dock"),
     ],
 )
@@ -111,7 +111,7 @@ def test_malformed_file_is_one_clear_line(tmp_path, text, message):
 def test_undecodable_file_is_refused(tmp_path):
     path = tmp_path / "bad.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(SiteFileError, match="cannot be read"):
+    with pytest.raises(SiteFileError, match="line 1: byte 0xff is no text in UTF-8; valid: "):
         load_site(path)
 
 
@@ -122,7 +122,7 @@ def test_undecodable_file_is_refused(tmp_path):
         (
             changed(0, 1, "A"),
             StationError,
-            "pick_1 at row 2, column 2 has 2 arms beside it, must have one 'A', or",
+            "pick_1 at row 2, column 2 has 2 arms beside it; valid: one 'A', or",
         ),
         (changed(3, 0, "A"), StationError, "arm at row 4, column 1 has no dock beside it"),
         (["_#....._", "AP....DA", "......._", "#......#"], StationError, "stands on the lane cell"),
@@ -133,9 +133,9 @@ def test_undecodable_file_is_refused(tmp_path):
             LaneError,
             "drop_1 at row 5, column 7 is a dead end",
         ),
-        (["_......_", "AP....DA", "_.....DA", "_......_"], StationError, "1.48 m apart, must be at least 2.0 m"),
-        (["_....._", "AP...DA", "_......."], PlanError, "row 3 has 8 characters, must have 7"),
-        (changed(1, 3, "x"), PlanError, "'x' at row 2, column 4 needs allow_reverse = true"),
+        (["_......_", "AP....DA", "_.....DA", "_......_"], StationError, "1.48 m apart; valid: at least 2.0 m"),
+        (["_....._", "AP...DA", "_......."], PlanError, "row 3 has 8 characters; valid: 7"),
+        (changed(1, 3, "x"), PlanError, "'x' at row 2, column 4 without allow_reverse = true"),
     ],
 )
 def test_plan_that_cannot_work_is_refused(plan, error, message):
@@ -169,7 +169,7 @@ def test_both_arms_of_a_dock_want_the_car_at_one_place():
         (StationOptions(slots=((0.0, -0.2, 0.25),)), "cannot serve slot 1"),
         (StationOptions(slots=((0.5, 0.0, 0.25),)), "slot 1 at (1.40, 2.50) m stands on the lane cell row 2, column 2"),
         (StationOptions(slots=()), "valid: at least one [x, y, z]"),
-        (StationOptions(stop_offset_m=0.6), "must be 0..0.35"),
+        (StationOptions(stop_offset_m=0.6), "valid: 0 to 0.35"),
     ],
 )
 def test_arm_that_cannot_reach_is_refused(given, message):
@@ -180,9 +180,9 @@ def test_arm_that_cannot_reach_is_refused(given, message):
 
 
 def test_option_for_a_station_that_is_not_there():
-    with pytest.raises(StationError, match=r"stations.pick_7 is not in the plan, must be one of pick_1, drop_1"):
+    with pytest.raises(StationError, match=r"stations.pick_7 is not in the plan; valid: one of pick_1, drop_1"):
         site_from_plan(PLAN, name="s", options={"pick_7": StationOptions()})
-    with pytest.raises(LaneError, match="must be one of pick_1, drop_1"):
+    with pytest.raises(LaneError, match="valid: one of pick_1, drop_1"):
         site_from_plan(PLAN, name="s").station("pick_7")
 
 

@@ -48,16 +48,16 @@ def test_nobody_is_an_empty_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("Agent 1:(1,1,0)->\n", "line 1: begins 'Agent 1', must begin 'Agent 0:'"),
+        ("Agent 1:(1,1,0)->\n", "line 1: begins 'Agent 1'; valid: 'Agent 0:'"),
         ("Agent 0:(1,1,0)->\n\nRobot 1:(1,1,0)->\n", "line 3: begins 'Robot 1'"),
         ("Agent 0\n", "line 1: begins 'Agent 0'"),
         ("Agent 0:\n", "line 1: '->' is no entry"),
         ("Agent 0:(1,1,0)=>(1,2,1)->\n", "line 1: .*is no entry"),
-        ("Agent 0:(1,x,0)->\n", r"line 1, entry 1: \(1,x,0\) must hold whole numbers"),
+        ("Agent 0:(1,x,0)->\n", r"line 1, entry 1: '\(1,x,0\)->'; valid: whole numbers"),
         ("Agent 0:(1,1,0)->(1,2)->(1,2,3,4)->\n", "line 1, entry 3: 4 fields"),
-        ("Agent 0:(1,1,2)->\n", "line 1, entry 1: timestep 2, must be 0"),
-        ("Agent 0:(1,1,0)->(1,2,1)->(1,3,1)->\n", "line 1, entry 3: timestep 1, must be at least 2"),
-        ("Agent 0:(1,1,0)->(3,1,1)->\n", r"line 1, entry 2: \(1, 3\) is no neighbour"),
+        ("Agent 0:(1,1,2)->\n", "line 1, entry 1: timestep 2; valid: 0"),
+        ("Agent 0:(1,1,0)->(1,2,1)->(1,3,1)->\n", "line 1, entry 3: timestep 1; valid: 2 to 1000000"),
+        ("Agent 0:(1,1,0)->(3,1,1)->\n", r"line 1, entry 2: \(1, 3\) follows"),
     ],
 )
 def test_a_malformed_file_is_named_by_line_and_entry(tmp_path: Path, text: str, said: str) -> None:

@@ -37,10 +37,10 @@ def test_rack_blocks_of_any_shape(rack):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"rows": 5}, "rows is 5, must be at least 7"),
-        ({"pick": 0}, "pick is 0, must be at least 1"),
-        ({"drop": 20}, "drop is 20, at most 3 docks fit along 13 rows"),
-        ({"parking": 500}, "500 parking and charging cells, only 45 fit"),
+        ({"rows": 5}, "rows is 5; valid: at least 7"),
+        ({"pick": 0}, "pick is 0; valid: at least 1"),
+        ({"drop": 20}, "drop is 20; valid: at most 3, the docks that fit along 13 rows"),
+        ({"parking": 500}, "500 parking and charging cells; valid: at most 45"),
         ({"rack_cols": 0}, "rack_cols is 0"),
     ],
 )

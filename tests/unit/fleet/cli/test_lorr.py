@@ -117,7 +117,7 @@ def test_wrong_words_are_refused_and_nothing_is_written(
     [
         ({"teamSize": 0}, "tiny.json: line 4: teamSize = 0; valid: an integer >= 1"),
         ({"taskFile": "no.tasks"}, "tiny.json: line 5: taskFile = 'no.tasks'"),
-        ({"mapFile": "tiny.tasks"}, "tiny.tasks: lines 1-4 must be"),
+        ({"mapFile": "tiny.tasks"}, "tiny.tasks: lines 1-4 are"),
     ],
 )
 def test_a_malformed_problem_is_refused_before_files_are_touched(

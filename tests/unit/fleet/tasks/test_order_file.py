@@ -182,7 +182,7 @@ def test_circles_and_those_who_wait_for_them() -> None:
 
 @pytest.mark.parametrize(
     ("text", "expected"),
-    [("{", "not JSON"), ("{}", "holds dict"), ("[]", "no orders"), (f"[{'9' * 5000}]", "not JSON")],
+    [("{", "no JSON"), ("{}", "holds dict"), ("[]", "no orders"), (f"[{'9' * 5000}]", "no JSON")],
     ids=["cut off", "no list", "empty", "a number too long"],
 )
 def test_json_that_holds_no_orders(read: Read, text: str, expected: str) -> None:

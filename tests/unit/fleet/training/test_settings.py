@@ -39,7 +39,7 @@ def test_a_file_sets_steps_algorithm_and_environment(written: Write) -> None:
         ('[ppo]\nclip = "x"', "ppo.clip is 'x'; valid: a value like 0.2"),
         ("[ppo]\nhidden = 64", "ppo.hidden is 64"),
         ("[ppo]\ncritic = 1", "ppo.critic is 1; valid: a value like 'own'"),
-        ("steps_n = ", "valid: a TOML file"),
+        ("steps_n = ", "valid: TOML with"),
     ],
 )
 def test_what_means_nothing_is_refused(written: Write, text: str, words: str) -> None:
