@@ -10,6 +10,7 @@ BENCHMARKS: tuple[str, ...] = (
     "insight",
     "mapf",
     "mapf_lanes",
+    "reliability",
     "scheduling",
     "tracking",
     "training",
