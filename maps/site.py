@@ -17,7 +17,7 @@ from maps.errors import LaneError, PlanError, SiteFileError, UnknownSiteError
 from maps.grid import BoolGrid, GridMap
 from maps.plan import FloorPlan, parse_plan
 from maps.stations import StationOptions, StationPlace, match_arms, name_stations, place_stations
-from maps.text_file import FileError, is_file, parse_toml, read_text, shown
+from maps.text_file import FileError, is_file, named, parse_toml, read_text, shown
 
 _PASSING_WAYS = 3
 """Open neighbours that make a two-way cell a passing place: two for the way, one to step aside."""
@@ -293,12 +293,12 @@ def _first_problem(error: ValidationError) -> str:
     path = ".".join(str(part) for part in problem["loc"])
     if problem["type"] == "extra_forbidden":
         model = _StationTable if len(problem["loc"]) > 1 else _SiteTable
-        return f"{path} is not a known entry; valid: one of {', '.join(model.model_fields)}"
+        return f"{named(path)} is not a known entry; valid: one of {', '.join(model.model_fields)}"
     # Of `stations.pick_1` itself, the last known word is that of the tables; of an entry in a list, that of the list.
     valid = next((_VALID[part] for part in reversed(problem["loc"]) if part in _VALID), _FORM)
     if problem["type"] == "missing":
-        return f"{path} is missing; valid: {valid}"
-    return f"{path} is {shown(problem['input'])}; valid: {valid}"
+        return f"{named(path)} is missing; valid: {valid}"
+    return f"{named(path)} is {shown(problem['input'])}; valid: {valid}"
 
 
 def _place_name(grid: GridMap, cell: int) -> str:

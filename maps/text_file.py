@@ -14,6 +14,8 @@ from maps.errors import MapsError
 
 _LONGEST = 60
 """Characters of a value that a message shows."""
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+"""Half of a character, as JSON may write it."""
 _AT = re.compile(r" \(at line (\d+), column (\d+)\)")
 
 
@@ -28,8 +30,16 @@ def shown(value: object) -> str:
     """A value as a message shows it: cut where it is long, so that what is valid can still be found behind it."""
     if isinstance(value, int) and value.bit_length() > 4 * _LONGEST:
         return f"an integer of {value.bit_length()} bits"
-    text = ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value)
+    try:
+        text = ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value)
+    except (ValueError, RecursionError):  # there is such an integer in it, or it is nested too deeply
+        return f"a {type(value).__name__}"
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 4]} ..."
+
+
+def named(key: str) -> str:
+    """A key as a message names it: as it stands in the file, or as `shown` where it is long or has odd signs."""
+    return key if key.isprintable() and len(key) <= _LONGEST else shown(key)
 
 
 def is_file(path: str | os.PathLike[str]) -> bool:
@@ -112,7 +122,10 @@ def parse_json(text: str, where: str, *, valid: str) -> Any:
         FileError: It is no JSON; says the line and what stands there.
     """
     try:
-        return json.loads(text)
+        found = json.loads(text)
+        if _SURROGATE.search(text):
+            json.dumps(found, ensure_ascii=False).encode()  # half a pair can be read, but is no text
+        return found
     except json.JSONDecodeError as error:
         lines = text.splitlines() or [""]
         line = lines[min(error.lineno, len(lines)) - 1].strip()
@@ -131,4 +144,6 @@ def read_json(path: str | os.PathLike[str]) -> Any:
 def _reason(error: Exception) -> str:
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
+    if isinstance(error, UnicodeEncodeError):
+        return f"it has {error.object[error.start]!a}, half of a character"
     return str(error).partition(";")[0]

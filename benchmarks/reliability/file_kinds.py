@@ -363,7 +363,10 @@ FILE_KINDS: dict[str, FileKind] = {
         read=_read_training,
     ),
     "run": FileKind(
-        forms={"run.jsonl": "jsonl", "result.json": "json", "run.trace": "lines"}, make=_a_run, read=_read_run
+        forms={"run.jsonl": "jsonl", "result.json": "json", "run.trace": "lines"},
+        make=_a_run,
+        where=("time is ",),
+        read=_read_run,
     ),
     "why": FileKind(
         forms={"run.jsonl": "jsonl"},

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from fleet.config.settings import SettingValue, require
 from fleet.errors import ConfigError
-from maps.text_file import FileError, parse_toml, read_text, shown
+from maps.text_file import FileError, named, parse_toml, read_text, shown
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
@@ -81,7 +81,7 @@ def _tables(path: Path, family: str) -> Mapping[str, Mapping[str, SettingValue]]
     for key, tables in content.items():
         known = key in NAMES and isinstance(tables, dict) and all(isinstance(each, dict) for each in tables.values())
         if not known:
-            raise ConfigError(f"{where}: top level has {key[:60]} = {shown(tables)}; valid: {FORM}")
+            raise ConfigError(f"{where}: top level has {named(key)} = {shown(tables)}; valid: {FORM}")
         for name, table in tables.items():
             valid = f'{", ".join(NAMES[key])} or "package.module.Class", in quotes'
             require(name in NAMES[key] or "." in name, f"{where}: {key}", name, valid)

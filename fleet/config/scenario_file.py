@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fleet.config import ScenarioEvent
 from fleet.errors import ConfigError, FleetError
-from maps.text_file import FileError, parse_toml, read_text, shown
+from maps.text_file import FileError, named, parse_toml, read_text, shown
 
 REQUIRED = ("time_s", "kind", "target")
 _FORM = "TOML with [[event]] tables"
@@ -36,7 +36,7 @@ def read_events(path: Path) -> tuple[ScenarioEvent, ...]:
     tables = content.get("event")
     if set(content) != {"event"} or not isinstance(tables, list):
         found = ", ".join(sorted(content)) or "nothing"
-        raise ScenarioError(f"{where}: top level has {found[:60]}; valid: {_FORM} only")
+        raise ScenarioError(f"{where}: top level has {named(found)}; valid: {_FORM} only")
     return tuple(_event(table, f"{where}, event {k + 1}") for k, table in enumerate(tables))
 
 

@@ -94,7 +94,7 @@ def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseL
                 head = event
             elif kind == CAUSES:
                 changes += [[event["tick"], *row] for row in event["rows"]]
-                names |= {int(task): name for task, name in event.get("tasks", {}).items()}
+                names |= {int(task): _word(name) for task, name in event.get("tasks", {}).items()}
                 end_tick = max(end_tick, int(event["tick"]) + 1)
         if end_tick > np.iinfo(np.int32).max:
             raise OverflowError(f"tick {end_tick}")
@@ -107,7 +107,7 @@ def read_causes(events: Iterable[Mapping[str, Any]], where: str) -> tuple[CauseL
             cols=int(head["cols"]),
             n_cars=int(head["cars"]),
             n_arms=int(head["arms"]),
-            places=tuple(head["places"]),
+            places=tuple(map(_word, head["places"])),
             task_name=lambda task: names.get(task, f"task {task}"),
         )
         log = CauseLog(codebook.n_cars + codebook.n_arms)
@@ -136,6 +136,12 @@ def _check_sizes(head: Mapping[str, Any]) -> None:
     for name, least in (("cols", 1), ("cars", 0), ("arms", 0)):
         if not least <= int(head[name]) <= MOST:
             raise ValueError(f"{name} is {head[name]}")
+
+
+def _word(name: object) -> str:
+    if not isinstance(name, str):
+        raise TypeError(f"a name is {name!r}")
+    return name
 
 
 def _check_rows(table: Changes, codebook: Codebook, where: str) -> None:

@@ -24,7 +24,7 @@ from fleet.insight.causes import robot_names
 from fleet.recording.errors import OutputError
 from fleet.recording.output_file import OutputFile
 from maps.grid import HEADING_NAMES
-from maps.text_file import shown
+from maps.text_file import parse_json, shown
 
 TRACE = "run.trace"
 VERSION = 2
@@ -187,9 +187,9 @@ def read_trace(directory: Path) -> Trace:
         raise OutputError(f"no trace in {directory}: {TRACE}: {error.strerror}; {valid}") from error
     with file:
         try:
-            header = json.loads(file.readline(1 << 20))
+            header = parse_json(file.readline(1 << 20).decode(), str(path), valid="one JSON object")
             kind, version = header["kind"], header["version"]
-        except (ValueError, TypeError, KeyError, RecursionError) as error:
+        except (ValueError, TypeError, KeyError) as error:
             raise OutputError(f"{path} is no trace: its first line is something else; {valid}") from error
         if kind != "trace" or version != VERSION:
             raise OutputError(f"{path}: kind {shown(kind)}, version {shown(version)}; {valid}")

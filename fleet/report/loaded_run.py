@@ -127,13 +127,17 @@ def _check_result(record: RunRecord, trace: Trace) -> None:
     bounds = result.get("bounds") or {}
     _check_numbers({name: value for name, value in bounds.items() if name.endswith("_per_h") and value is not None})
     _check_numbers({name: result[name] for name in ("arm_utilisation", "robot_contacts", "static_contacts")})
+    if bounds and "delivered_per_h" not in bounds:
+        raise ValueError("bounds have no delivered_per_h")
+    if not isinstance(result.get("bottleneck"), str | None):
+        raise ValueError(f"bottleneck is {result['bottleneck']!r}")
     for kind, columns in result["blame"].items():
         if len({len(column) for column in columns.values()}) != 1:
             raise ValueError(f"blame of {kind}: columns of several lengths")
         by = ("row", "col") if kind == "cells" else (kind.removesuffix("s"),)
         named = [columns[name] for name in ("account", *by, "ticks")]
         for account, *of, ticks in zip(*named, strict=True):
-            if not all(isinstance(word, str) for word in (account, *(of if kind != "cells" else ()))):
+            if not all(isinstance(word, str) and word for word in (account, *(of if kind != "cells" else ()))):
                 raise ValueError(f"blame of {kind}: {account!r}, {of!r}")
             _check_numbers(({} if kind != "cells" else dict(zip(by, of, strict=True))) | {"ticks": ticks})
 

@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from maps.site import Site
+from maps.text_file import shown
 
 MIN_EDGE_M, MAX_EDGE_M = 0.04, 0.10
 MIN_MASS_KG, MAX_MASS_KG = 0.05, 2.0
@@ -143,7 +144,7 @@ def misfit(order: Order, abilities: Sequence[Ability], grip_kg: float = math.inf
         return f"mass_kg is '{order.payload_kg:g}'; valid: at most {payload_kg:g}, the greatest payload of a car"
     known = sorted(frozenset().union(*(ability.capabilities for ability in abilities)))
     valid = f"what one car has and carries ({', '.join(known) or 'no car has a capability'})"
-    return f"needs is '{';'.join(order.needs)}'; valid: {valid}"
+    return f"needs is {shown(';'.join(order.needs))}; valid: {valid}"
 
 
 def between(bounds: tuple[float, float], share: float) -> float:

@@ -16,7 +16,7 @@ from fleet.tasks.place_names import PlaceNames
 from fleet.tasks.precedence import broken
 from fleet.tasks.types.task_type import Setting
 from maps.site import Site
-from maps.text_file import FileError, parse_json, read_text, shown
+from maps.text_file import FileError, named, parse_json, read_text, shown
 
 REQUIRED = ("id", "release_s")
 OPTIONAL = ("type", "due_s", "priority", "after", "needs", "batch", "every_s", "times")
@@ -178,7 +178,7 @@ def _json_row(item: object, where: str) -> _Row:
     fault = ""
     for name, value in item.items():
         if name not in _KNOWN:
-            fault = fault or f"{name[:60]} is not a known entry; valid: {known}"
+            fault = fault or f"{named(name)} is not a known entry; valid: {known}"
             continue
         text = _edges_text(value) if name == "size_m" else _text(value, ";")
         if text is None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from fleet.config import require
 from fleet.training.errors import TrainingError
-from maps.text_file import FileError, parse_toml, read_text, shown
+from maps.text_file import FileError, named, parse_toml, read_text, shown
 
 NETWORKS, CRITICS = ("perceptron", "attention"), ("own", "central")
 _FORM = "TOML with steps_n, checkpoint_n and tables [ppo] and [env]"
@@ -162,7 +162,7 @@ def read_settings(path: Path) -> dict[str, Any]:
 def _refuse_unknown(path: Path, where: str, found: dict[str, Any], valid: tuple[str, ...]) -> None:
     for name in found:
         if name not in valid:
-            raise TrainingError(f"--config {path}: unknown key {where}{name[:60]}; valid: {', '.join(valid)}")
+            raise TrainingError(f"--config {path}: unknown key {where}{named(name)}; valid: {', '.join(valid)}")
 
 
 def _is_like(value: object, default: object) -> bool:

@@ -79,7 +79,9 @@ class EnvState:
         """
         told = read_state(Path(path))
         if told.keys() != {field.name for field in fields(EnvState)} - {"quick"}:
-            raise StateError(f"saved state {path} holds {', '.join(told)}; valid: a file that EnvState.write wrote")
+            raise StateError(
+                f"saved state {path} holds {shown(', '.join(told))}; valid: a file that EnvState.write wrote"
+            )
         return EnvState(**told)
 
 

@@ -14,6 +14,7 @@ from fleet.config.field_checks import is_whole
 from fleet.envs.core.weights import require_weights
 from fleet.errors import ConfigError
 from maps.site import Site, load_site
+from maps.text_file import named
 
 _HOW_SHOWN = ("render_mode", "record_to")
 """Settings that decide nothing about an episode."""
@@ -63,7 +64,7 @@ class EnvConfig(ABC):
         valid = [field.name for field in fields(cls)]
         for name in settings:
             if name not in valid:
-                raise UnknownSetting(f"{cls.NAME}: unknown setting {name}; valid: {', '.join(valid)}")
+                raise UnknownSetting(f"{cls.NAME}: unknown setting {named(name)}; valid: {', '.join(valid)}")
         return cls(**settings)
 
     def __post_init__(self) -> None:
