@@ -209,7 +209,6 @@ def assemble(
         visit_queue=visit_queue,
         assignments=Assignments(missions, ways, allocation, admission, visits, charging, reasons),
         interventions=Interventions(missions, ways, inventory, docks, admission, visits, config.timeouts),
-        containment=Containment(missions, places, ways, fitness, inventory),
         admission=admission,
         docks=docks,
         prefetch=Prefetch(missions, ways, arm_manager, perception, clock.tick_s, log),
@@ -217,6 +216,7 @@ def assemble(
         parking=Parking(places.parking, missions, ways),
         charging=charging,
     )
+    containment = Containment(missions, places, ways, fitness, inventory)
     view = RunView(
         config=config,
         setup=setup,
@@ -228,7 +228,7 @@ def assemble(
         missions=missions,
         services=services,
         knowledge=Knowledge(places=places, inventory=inventory, perception=perception, reasons=reasons),
-        dispatcher=Dispatcher(rules, clock.tick_s),
+        dispatcher=Dispatcher(rules, containment, clock.tick_s),
         batteries=batteries,
     )
     return Assembled(view=view, arm_planner=arm_planner, abilities=abilities, book=book)

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 from benchmarks.harness import Trial
+from maps.formats.movingai import read_map
 from maps.grid import GridMap
-from maps.movingai import read_map
 
 INSTANCES = Path(os.environ.get("FLEET_INSTANCES", Path(__file__).resolve().parents[3] / "shared" / "instances"))
 """Folder of the instances; the environment variable FLEET_INSTANCES names another one."""

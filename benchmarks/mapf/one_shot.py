@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from benchmarks.harness import Kind, Row, Trial
 from benchmarks.mapf.instances import find, find_map
+from maps.formats.movingai import read_map, starts_and_goals
 from maps.grid import GridMap
 from maps.lane_graph import LaneGraph, grid_lane_graph
-from maps.movingai import read_map, starts_and_goals
 from planners.deadline import Deadline
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.lacam.lacam import Lacam, LacamConfig

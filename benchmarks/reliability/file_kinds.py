@@ -139,15 +139,15 @@ def _read_site(folder: Path) -> None:
 
 
 def _read_map(folder: Path) -> None:
-    from maps.movingai import read_marks, site_from_map
+    from maps.formats.movingai import read_marks, site_from_map
 
     read_marks(folder / "room.map")
     site_from_map(folder / "room.map", pick=1, drop=1, parking=1)
 
 
 def _read_scenario(folder: Path) -> None:
+    from maps.formats.movingai import read_map, starts_and_goals
     from maps.lane_graph import grid_lane_graph
-    from maps.movingai import read_map, starts_and_goals
 
     grid = read_map(folder / "room.map")
     starts_and_goals(folder / "room.scen", grid)
@@ -155,19 +155,19 @@ def _read_scenario(folder: Path) -> None:
 
 
 def _read_paths(folder: Path) -> None:
-    from maps.smart import read_paths
+    from maps.formats.smart import read_paths
 
     read_paths(folder / "plan.paths")
 
 
 def _read_floors(folder: Path) -> None:
-    from maps.pogema import read_floors
+    from maps.formats.pogema import read_floors
 
     read_floors(folder / "maps.yaml")
 
 
 def _read_league(folder: Path) -> None:
-    from maps.lorr import read_problem
+    from maps.formats.lorr import read_problem
 
     read_problem(folder / "room.json")
 

@@ -21,7 +21,7 @@ from fleet.terminal.progress_bar import Bar
 if TYPE_CHECKING:
     from fleet.league.arena import Arena
     from fleet.league.play import Played
-    from maps.lorr import LeagueProblem
+    from maps.formats.lorr import LeagueProblem
 
 PLAYED, ILLEGAL, INTERRUPTED = 0, 1, 130
 
@@ -49,7 +49,7 @@ class Lorr:
 
     def run(self) -> int:
         """Play and print the result; returns the exit status."""
-        from maps.lorr import read_problem, write_result
+        from maps.formats.lorr import read_problem, write_result
 
         self._check()
         problem = read_problem(self.problem)

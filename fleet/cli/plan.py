@@ -76,9 +76,9 @@ class PlanCommand:
         # The kernels take a second to load: only for plans, not for --help.
         import numpy as np
 
+        from maps.formats.movingai import read_map, starts_and_goals
+        from maps.formats.smart import write_paths
         from maps.lane_graph import grid_lane_graph
-        from maps.movingai import read_map, starts_and_goals
-        from maps.smart import write_paths
         from planners.deadline import Deadline
         from planners.mapf.distance_table import DistanceTable
         from planners.mapf.lacam.lns import improve
@@ -200,8 +200,8 @@ def _plan_of(path: Path, grid: GridMap, instance: Instance) -> Plan:
     """The plan in a path file, which must be a legal one of the instance."""
     import numpy as np
 
+    from maps.formats.smart import read_paths
     from maps.grid import EAST
-    from maps.smart import read_paths
     from planners.mapf.problem import Plan
     from planners.mapf.validate import breaches
     from planners.status import Status

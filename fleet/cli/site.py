@@ -129,7 +129,7 @@ class SiteConvert:
 
     def run(self) -> int:
         """Write the file; a site whose arms cannot serve their stations raises."""
-        from maps.movingai import site_from_map
+        from maps.formats.movingai import site_from_map
 
         for name in ("pick", "drop", "parking"):
             value = getattr(self, name)
@@ -156,7 +156,7 @@ def _unreached(site: Site, grip: Grip | None) -> dict[Grip, tuple[str, ...]]:
     grips = tuple(Grip) if grip is None else (grip,)
     total = len(grips) * len(site.stations)
     looked = 0
-    with Bar(total, "stations", shown=True) as bar:
+    with Bar(total, "stations", shown=sys.stdout.isatty()) as bar:
 
         def told(station: str) -> None:
             nonlocal looked

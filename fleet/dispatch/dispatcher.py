@@ -37,7 +37,6 @@ class DispatchRules:
     visit_queue: VisitQueue
     assignments: Assignments
     interventions: Interventions
-    containment: Containment
     admission: Admission
     docks: Docks
     prefetch: Prefetch
@@ -52,11 +51,13 @@ class Dispatcher:
 
     Args:
         rules: The rules.
+        containment: Ends what nobody will be able to do any more.
         tick_s: Length of a tick [s].
     """
 
-    def __init__(self, rules: DispatchRules, tick_s: float) -> None:
+    def __init__(self, rules: DispatchRules, containment: Containment, tick_s: float) -> None:
         self.rules = rules
+        self._containment = containment
         self._call_period = max(1, round(CALL_S / tick_s))
         self._period = max(1, round(REVIEW_S / tick_s))
         self._price_period = self._period * round(PRICE_S / REVIEW_S)
@@ -86,7 +87,7 @@ class Dispatcher:
         """End what cannot go on, and give out tasks."""
         rules, missions = self.rules, self.rules.missions
         rules.interventions.take_back(now_s)
-        rules.containment.tick(now_s)
+        self._containment.tick(now_s)
         rules.interventions.end_overdue(now_s)
         wanted = rules.visit_queue.chargers_wanted()
         if rules.charging is not None:

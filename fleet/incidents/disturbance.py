@@ -11,7 +11,7 @@ from fleet.config import EVENT_KINDS, ScenarioEvent
 from fleet.config.events import ARM, CAR, CELL, FLEET, STATION, TARGETS, ZONE
 from fleet.errors import ConfigError
 from fleet.incidents.faults import arms, cars, floor, plans
-from fleet.incidents.faults.fault import Fault
+from fleet.incidents.faults.incident import Incident
 from fleet.incidents.recovery import Recovery
 from fleet.run.view import RunView
 
@@ -141,9 +141,9 @@ class Disturbances:
         return TARGETS[kind] if kind == ZONE else kind
 
 
-def _faults(run: RunView, recovery: Recovery, humans: floor.HumanWalks) -> dict[str, Fault]:
+def _faults(run: RunView, recovery: Recovery, humans: floor.HumanWalks) -> dict[str, Incident]:
     """What happens, by kind of event; those that end others have none of their own."""
-    held = cars.Held(run)
+    held = cars.CarHeld(run)
     return {
         "car_dead": cars.CarDead(recovery),
         "car_towed": cars.CarTowed(recovery),

@@ -18,6 +18,8 @@ from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
 TURNING_RADIUS_M = 0.45
 """A little wider than the lanes' arcs, so that the follower has room to correct."""
+WIDE_RADII_M = (1.0, 2.0)
+"""Of curves that are tried beside a wall: in a tight one the tail swings into it."""
 N_STATES, N_SEARCHED = 12, 3
 """States that direct curves are tried to, and how many of them a search is tried to if none is free."""
 ITERATIONS = 300
@@ -291,8 +293,7 @@ class Recovery:
             return
         if run.services.is_served(car):
             return
-        margin_m = MARGIN_M if rejoin.n_failed <= N_PATIENT else LEAST_MARGIN_M
-        found = self._plan(driver, car, run.config.seed + tick, margin_m)
+        found = self._plan(driver, car, run.config.seed + tick, patient=rejoin.n_failed <= N_PATIENT)
         if found is None:
             self._fail(driver, car, rejoin, tick)
             return
@@ -332,22 +333,19 @@ class Recovery:
         offset = grid.cell_xy(np.arange(grid.n_cells)) - pose[:2]
         return np.flatnonzero(np.hypot(*offset.T) < KEPT_AWAY_M).tolist()
 
-    def _plan(self, driver: PathDriver, car: int, seed: int, margin_m: float) -> tuple[int, RejoinResult] | None:
+    def _plan(self, driver: PathDriver, car: int, seed: int, *, patient: bool) -> tuple[int, RejoinResult] | None:
         """A state to rejoin and a way to it whose cells are the car's from now on; None if there is none at present."""
         run = self._run
         start = driver.estimate[car]
-        room = RejoinRoom(run, car, start, self._usable_cells(car), margin_m)
+        room = RejoinRoom(run, car, start, self._usable_cells(car), MARGIN_M if patient else LEAST_MARGIN_M)
         states = self._near_states(start, room.usable)
-        for iterations, tried in ((0, states), (ITERATIONS, states[:N_SEARCHED])):
+        tries = [(TURNING_RADIUS_M, 0, states), (TURNING_RADIUS_M, ITERATIONS, states[:N_SEARCHED])]
+        if not patient:
+            tries += [(radius_m, 0, states) for radius_m in WIDE_RADII_M]
+        for radius_m, iterations, tried in tries:
             for state in tried:
-                way = plan_rejoin(
-                    start,
-                    run.graph.state_pose[state],
-                    TURNING_RADIUS_M,
-                    room.valid,
-                    seed=seed,
-                    max_iterations=iterations,
-                )
+                goal = run.graph.state_pose[state]
+                way = plan_rejoin(start, goal, radius_m, room.valid, seed=seed, max_iterations=iterations)
                 if not way.solved:
                     continue
                 cells = [cell for cell in self._cells_of(way.poses) if cell not in room.ground]

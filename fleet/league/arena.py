@@ -23,8 +23,8 @@ from fleet.league.rules import (
     judge_schedule,
     tick_errands,
 )
+from maps.formats.lorr import NO_ACTION, START_HEADING, WAIT, Ints, LeagueProblem, LeagueResult
 from maps.lane_graph import LaneGraph, grid_lane_graph
-from maps.lorr import NO_ACTION, START_HEADING, WAIT, Ints, LeagueProblem, LeagueResult
 
 __all__ = ["NO_TASK", "Arena", "Tasks"]
 

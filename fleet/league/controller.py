@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from fleet.league.arena import NO_TASK, Arena, Tasks
+from maps.formats.lorr import Ints
 from maps.grid import EAST
-from maps.lorr import Ints
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.pibt import Pibt
 from planners.mapf.problem import NO_GOAL, Instance

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from fleet.errors import FleetError
 from fleet.league.arena import NO_TASK, Arena, Tasks
 from fleet.league.schedule import TaskSchedule
+from maps.formats.lorr import Ints
 from maps.lane_graph import grid_lane_graph
-from maps.lorr import Ints
 from planners.deadline import Deadline
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.guidance import Errands, GuidanceConfig, learn_guidance

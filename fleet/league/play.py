@@ -13,7 +13,7 @@ from fleet.league.arena import Arena
 from fleet.league.controller import Controller
 from fleet.league.referee import check_actions
 from fleet.terminal.interrupts import interrupts
-from maps.lorr import LeagueProblem, LeagueResult
+from maps.formats.lorr import LeagueProblem, LeagueResult
 from planners.mapf.validate import Conflict
 
 

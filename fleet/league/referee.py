@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from maps.formats.lorr import CLOCKWISE, COUNTER_CLOCKWISE, FORWARD, START_HEADING, Actions, Ints, LeagueProblem
 from maps.grid import DCOL, DROW
 from maps.lane_graph import LaneGraph
-from maps.lorr import CLOCKWISE, COUNTER_CLOCKWISE, FORWARD, START_HEADING, Actions, Ints, LeagueProblem
 from planners.mapf.problem import Plan
 from planners.mapf.validate import Conflict, conflicts
 from planners.status import Status

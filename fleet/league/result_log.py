@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fleet.league.rules import NO_TASK, Tasks
-from maps.lorr import Actions, Ints
+from maps.formats.lorr import Actions, Ints
 
 
 class ResultLog:

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from maps.formats.lorr import CLOCKWISE, COUNTER_CLOCKWISE, FORWARD, NO_ACTION, WAIT, Actions, Ints
 from maps.lane_graph import STRAIGHT, LaneGraph
-from maps.lorr import CLOCKWISE, COUNTER_CLOCKWISE, FORWARD, NO_ACTION, WAIT, Actions, Ints
 
 Tasks = npt.NDArray[np.int64]
 """Task ids."""

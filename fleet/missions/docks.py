@@ -137,7 +137,8 @@ class Docks:
         if not self._arms.is_idle(station.arm):
             return
         at_source = on_slot if loading else in_tray
-        if (at_source or loading) and self._missions.phase[car] is CarPhase.RECOVERING:
+        pushed = self._missions.phase[car] is CarPhase.RECOVERING
+        if at_source and pushed:
             # The car was pushed from under the arm: it comes back to the dock, or another does.
             if loading:
                 self._missions.unassign(task, now_s, f"car_{car} left its lane")
@@ -146,7 +147,7 @@ class Docks:
             return
         cause = self._arms.reason(station.arm) or "the parcel is not where it was set down"
         x, y, z = (round(float(v), 3) for v in self._inventory.pose(task)[:3])
-        if self._transfers.may_repeat(task):
+        if not pushed and self._transfers.may_repeat(task):
             where = {} if at_source else {"x_m": x, "y_m": y, "z_m": z}
             self._log("transfer_repeated", task=task.order.name, station=station.name, cause=cause, **where)
             self._transfers.request(station, task, car, tick)

@@ -287,7 +287,7 @@ class StateDriver:
         if len(done):
             self._done = np.concatenate((self._done, done))
         commands = np.zeros((len(self._state), 2))
-        _aim(self._targets.arrays(), self._state, self._stand(done, world.tick_s), commands)
+        _aim(self._targets.arrays(), self._state, self._stand(done, world), commands)
         return commands
 
     def finished(self) -> CellArray:
@@ -344,14 +344,14 @@ class StateDriver:
     def delay(self, car: int, n_ticks: int) -> None:
         """See `Driver`; nothing is steered here."""
 
-    def _stand(self, done: CellArray, tick_s: float) -> BoolArray:
+    def _stand(self, done: CellArray, world: World) -> BoolArray:
         """Which cars make no move now, shape (n_cars,)."""
         if not self._hindrances.any:
             return self._stopped
         caps = self._hindrances.caps(np.ones(len(self._state)))
         self._rests = np.maximum(self._rests - 1, 0)
         slow = done[(caps[done] > 0.0) & (caps[done] < 1.0)]
-        self._rests[slow] = np.round((1.0 / caps[slow] - 1.0) * MOVE_S / tick_s)
+        self._rests[slow] = np.round((1.0 / caps[slow] - 1.0) * MOVE_S / world.tick_s)
         return self._stopped | (caps == 0.0) | (self._rests > 0)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import BoolArray
+from fleet.traffic.reversed_lanes import both_ways, cut_moves, dead_ends, in_order, with_reversed
 from maps.lane_graph import REVERSE, LaneGraph
-from maps.reversed_lanes import both_ways, cut_moves, dead_ends, in_order, with_reversed
 
 States = npt.NDArray[np.int32] | npt.NDArray[np.int64]
 

@@ -106,6 +106,8 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "o.csv",
         "--events",
         "e.toml",
+        "--chaos",
+        "30",
         "--stream",
         "waves",
         "--rate",

@@ -181,7 +181,7 @@ def test_orders_that_are_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ("[other]\n", ["other", "[[event]] tables only"]),
         ("event = [1]\n", ["event 1", "an [[event]] table"]),
         ("[[event]]\n", ["event 1", "time_s is missing"]),
-        (EVENT + 'kind = "quake"\ntarget = "car_0"\n', ["event 1", "kind is 'quake'", "car_dead, arm_slow"]),
+        (EVENT + 'kind = "quake"\ntarget = "car_0"\n', ["event 1", "kind is 'quake'", "car_dead, car_repaired"]),
         (EVENT.replace("1.0", "-1.0") + 'kind = "car_dead"\ntarget = "car_0"\n', ["time_s is -1.0", ">= 0"]),
         (EVENT.replace("1.0", '"x"') + 'kind = "car_dead"\ntarget = "car_0"\n', ["time_s is 'x'", "a number"]),
         (EVENT + 'kind = "arm_slow"\ntarget = "arm_0"\nfactor = 0\n', ["factor of arm_slow is 0.0", "0.01 to 1"]),
@@ -280,7 +280,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
     [
         (
             ["frob"],
-            ["'frob'", "calibrate, dataset, demo, diff, evaluate, lorr, plan, play, report, study, train, why, site"],
+            ["'frob'", "demo, diff, evaluate, lorr, mend, plan, play, replay, report, study, train, why, site"],
         ),
         (["site", "frob"], ["'frob'", "check, list, generate, convert"]),
         (["site", "check"], ["SITE", "missing"]),

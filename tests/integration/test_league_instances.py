@@ -11,7 +11,7 @@ import pytest
 from fleet.league.arena import Arena
 from fleet.league.controller import PibtController
 from fleet.league.play import play
-from maps.lorr import read_problem, write_result
+from maps.formats.lorr import read_problem, write_result
 from tests.unit.fleet.league.replay import Replay
 
 INSTANCES = Path(os.environ.get("FLEET_INSTANCES", Path(__file__).parents[3] / "shared" / "instances")) / "lorr2024"

@@ -148,9 +148,9 @@ def test_an_order_that_nobody_is_left_for_says_so(make: Make) -> None:
         while simulation.sim_s < 22.0:
             simulation.tick()
         report = simulation.explain_assignment("x")
-        assert report.reason is TaskReason.NO_CAPABLE_CAR
-        assert [pair.reason for pair in report.pairs] == [PairReason.LACKS_CAPABILITY, PairReason.CAR_OUT]
-    assert [e.facts["reason"] for e in log if e.kind == "task_waits"] == [TaskReason.NO_CAPABLE_CAR]
+        assert (report.state, report.reason) == (TaskState.FAILED, TaskReason.ENDED)
+        assert report.cause == "no car that is left can do it: car_1 could"
+    assert not [e for e in log if e.kind == "task_waits"]
 
 
 def test_a_station_that_is_cut_off_is_a_reason(make: Make) -> None:

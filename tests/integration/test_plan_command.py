@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fleet.cli.main import main
-from maps.movingai import read_map, starts_and_goals
-from maps.smart import read_paths
+from maps.formats.movingai import read_map, starts_and_goals
+from maps.formats.smart import read_paths
 from planners.mapf import ONE_SHOT_PLANNERS
 
 FLOOR = ["......", ".@@.@.", "......", ".@.@@.", "......"]

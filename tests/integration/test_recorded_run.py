@@ -173,7 +173,7 @@ def test_search_trees_are_recorded_on_request_and_change_nothing(
     def with_post(base: np.ndarray) -> list:
         aside = base[3] - np.pi / 2
         centre = np.array([base[0] + 0.45 * np.cos(aside), base[1] + 0.45 * np.sin(aside), 0.5])
-        return [*fence(base), (centre, np.array([0.04, 0.04, 0.5]), 0.0, 0)]
+        return [*fence(base), arm_cell._Box(centre, np.array([0.04, 0.04, 0.5]))]
 
     monkeypatch.setattr(arm_cell, "_fence", with_post)
     config = RunConfig(site="small", robots=2, tasks=2, fidelity=Fidelity.KINEMATIC, duration_s=25.0)

@@ -64,6 +64,8 @@ class Scenario:
     """What goes wrong: each waits for the one before."""
     not_done: Mapping[str, str] = field(default_factory=dict)
     """Orders that are not done, and what the reason that the fleet gives must say (a regular expression)."""
+    may_be_done: frozenset[str] = frozenset()
+    """Those of them that may be done as well: on the grid a push is over at the end of the timestep."""
     refused: str = ""
     """What the run says when it refuses to begin (a regular expression); empty = it begins."""
     longest_s: float

@@ -23,10 +23,6 @@ ARXIV = "https://ar5iv.labs.arxiv.org/html"
 ONE_SLOT = StationOptions(slots=((-0.190, 0.408, 0.25),))
 SMALL_BATTERY = {"capacity_wh": 2.0, "awake_w": 15.0}
 """Empty after eight minutes of standing, full after a minute at the charger."""
-CUT_OFF = "work that wrecks or boxes cut off stays open until the run stalls: nothing says that it is impossible"
-ONE_WAY = "lanes are driven one way even where a wreck or a box leaves no other way"
-ONLY_ITS_CAR = "an order that only a dead car may do stays open until the run stalls"
-NO_CAR = "orders stay open until the run stalls when no car lives"
 
 
 def everywhere(why: str) -> dict[str, str]:
@@ -37,11 +33,6 @@ def everywhere(why: str) -> dict[str, str]:
 def off_the_grid(why: str) -> dict[str, str]:
     """It fails today wherever a push moves a car off its lane; on the grid it keeps its state."""
     return {"kinematic": why, "physics": why}
-
-
-def but_with_physics(why: str) -> dict[str, str]:
-    """It fails today wherever a car moves as it is told; with physics it also rolls."""
-    return {"grid": why, "kinematic": why}
 
 
 TRAFFIC = (
@@ -194,9 +185,6 @@ TRAFFIC = (
         robots=2,
         orders=(visit("a", "7,5", needs="car_0", stand_s=3), visit("b", "7,5", needs="car_1", stand_s=3)),
         longest_s=90,
-        fails_today=everywhere(
-            "the idle car in the pocket and the one behind it wait for each other: PIBT cannot swap in a dead end"
-        ),
     ),
     Scenario(
         name="no_passing_place",
@@ -240,7 +228,6 @@ WRECKS = (
         happens=(dies(car="car_1", at=(3, 1), phases=("idle",)),),
         not_done={"a": "pick_1|car_1", "b": "pick_1|car_1"},
         longest_s=90,
-        fails_today=everywhere(CUT_OFF),
     ),
     Scenario(
         name="wreck_in_one_of_two_docks",
@@ -257,9 +244,6 @@ WRECKS = (
         happens=(dies(car="car_2", at=(3, 10), phases=("idle",)),),
         not_done={"a": "drop_1|car_2"},
         longest_s=150,
-        fails_today=everywhere(
-            "a parcel is loaded for the cut-off dock, its car is retired, and c waits for a way against a lane"
-        ),
     ),
     Scenario(
         name="wreck_in_only_lane",
@@ -270,7 +254,6 @@ WRECKS = (
         orders=(visit("halt", "1,7", needs="car_1", stand_s=1), delivery("a", after="halt")),
         happens=(dies(car="car_1", at=(1, 7), phases=("idle",)),),
         longest_s=120,
-        fails_today=everywhere(ONE_WAY),
     ),
     Scenario(
         name="wreck_in_one_corridor",
@@ -281,7 +264,6 @@ WRECKS = (
         orders=(visit("halt", "5,8", needs="car_1", stand_s=1), delivery("a", after="halt")),
         happens=(dies(car="car_1", at=(5, 8), phases=("idle",)),),
         longest_s=120,
-        fails_today=everywhere(ONE_WAY),
     ),
     Scenario(
         name="two_wrecks_cut_the_floor",
@@ -300,7 +282,6 @@ WRECKS = (
         ),
         not_done={"a": "drop_1|car_1|car_2"},
         longest_s=90,
-        fails_today=everywhere(CUT_OFF),
     ),
     Scenario(
         name="wreck_at_the_exit_of_a_dock",
@@ -315,9 +296,6 @@ WRECKS = (
         happens=(Happening(kind="car_dead", target="car_1", when=When(car="car_0", phases=("loading",))),),
         not_done={"halt": "car_1|4,1"},
         longest_s=120,
-        fails_today=everywhere(
-            "the car in the dock does not back out, and the visit that only the dead car may do stays open"
-        ),
     ),
     Scenario(
         name="wreck_at_the_entrance_of_a_dock",
@@ -329,7 +307,6 @@ WRECKS = (
         happens=(dies(car="car_2", at=(2, 1)),),
         not_done={"halt": "car_2|2,1"},
         longest_s=180,
-        fails_today=everywhere(ONE_WAY),
     ),
     Scenario(
         name="dead_with_a_parcel",
@@ -352,7 +329,6 @@ WRECKS = (
         happens=(dies(phases=("to_drop",), at=(4, 2)),),
         not_done={"a": "parcel stranded: car_. is dead"},
         longest_s=120,
-        fails_today=everywhere(ONE_WAY),
     ),
     Scenario(
         name="dead_while_loaded",
@@ -385,7 +361,6 @@ WRECKS = (
         happens=(dies(car="car_0", after_s=2.0), dies(car="car_1", after_s=3.0)),
         not_done={"a": "car", "b": "car"},
         longest_s=90,
-        fails_today=everywhere(NO_CAR),
     ),
     Scenario(
         name="its_own_car_is_dead",
@@ -397,7 +372,6 @@ WRECKS = (
         happens=(dies(car="car_1", after_s=2.0),),
         not_done={"b": "car_1"},
         longest_s=90,
-        fails_today=everywhere(ONLY_ITS_CAR),
     ),
     Scenario(
         name="dead_in_its_parking_place",
@@ -462,6 +436,7 @@ PUSHES_AND_BLOCKS = (
         orders=deliveries(3),
         happens=(pushed(-0.38, -0.42, phases=("loading",)),),
         not_done={"a": "parcel lies at"},
+        may_be_done=frozenset({"a"}),
         longest_s=80,
         fails_today=off_the_grid(
             "the pushed car finds no way back past cells of the halted one, and neither gives way"
@@ -476,10 +451,8 @@ PUSHES_AND_BLOCKS = (
         orders=deliveries(4),
         happens=(pushed(0.0, -0.55, phases=("loading",), lasts_s=0.5, after_s=10.0),),
         not_done={"b": "parcel lies at"},
+        may_be_done=frozenset({"b"}),
         longest_s=120,
-        fails_today=but_with_physics(
-            "the pushed car counts as standing at its stop, and is loaded where the arm does not reach"
-        ),
     ),
     Scenario(
         name="pushed_off_its_lane",
@@ -530,7 +503,6 @@ PUSHES_AND_BLOCKS = (
         orders=deliveries(1),
         happens=(blocked("1,7", after_s=0.0),),
         longest_s=120,
-        fails_today=everywhere(ONE_WAY),
     ),
     Scenario(
         name="floor_cut_for_good",
@@ -542,7 +514,6 @@ PUSHES_AND_BLOCKS = (
         happens=(blocked("1,7", after_s=0.0), blocked("3,5", after_s=0.0)),
         not_done={"a": "pick_1|drop_1", "b": "pick_1|drop_1"},
         longest_s=90,
-        fails_today=everywhere(CUT_OFF),
     ),
     Scenario(
         name="goal_is_blocked",
@@ -554,7 +525,6 @@ PUSHES_AND_BLOCKS = (
         happens=(blocked("6,5", after_s=0.0),),
         not_done={"a": "6,5"},
         longest_s=90,
-        fails_today=everywhere(CUT_OFF),
     ),
 )
 
@@ -622,9 +592,6 @@ STATIONS = (
         happens=(dies(car="car_2", at=(3, 10), phases=("idle",)),),
         not_done=dict.fromkeys("abcde", "drop_1|car_2"),
         longest_s=180,
-        fails_today=everywhere(
-            "parcels that cannot be delivered keep their slots, and those behind them wait until the run stalls"
-        ),
     ),
     Scenario(
         name="grip_lost",
@@ -722,7 +689,6 @@ ORDERS_AND_BATTERIES = (
         settings={"battery": BatteryConfig(enabled=True, start=0.7, **SMALL_BATTERY)},
         not_done={"charge": "car_1"},
         longest_s=120,
-        fails_today=everywhere(ONLY_ITS_CAR),
     ),
     Scenario(
         name="battery_empty_on_the_way_to_the_charger",
@@ -734,7 +700,6 @@ ORDERS_AND_BATTERIES = (
         settings={"battery": BatteryConfig(enabled=True, start=0.02, capacity_wh=0.5)},
         not_done={"a": "car", "b": "car"},
         longest_s=90,
-        fails_today=everywhere(NO_CAR),
     ),
 )
 

@@ -18,9 +18,9 @@ from fleet.config import require
 from fleet.envs.grid.fleet import FleetSite
 from fleet.envs.grid.kernel import NONE, Counts, Floor, Ints, Phase
 from fleet.envs.traffic.view import TrafficView
+from maps.formats.pogema import OpenFloor
 from maps.grid import DCOL, DROW, EAST, NORTH, SOUTH, WEST, GridMap
 from maps.lane_graph import grid_lane_graph
-from maps.pogema import OpenFloor
 from maps.site import Site
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.multi_step.priorities import Priorities

@@ -25,8 +25,8 @@ from fleet.envs.traffic.env import TrafficEnv, TrafficEnvConfig
 from fleet.envs.traffic.fleets import TrafficFleet
 from fleet.envs.traffic.lifelong import LifelongTraffic, open_place
 from fleet.tasks.order import Delivery
+from maps.formats.pogema import OpenFloor, read_floor
 from maps.grid import GridMap
-from maps.pogema import OpenFloor, read_floor
 from maps.site import Site
 
 

@@ -114,7 +114,7 @@ class WarehouseConfig(RecordedEnvConfig):
         require(self.car_action in CAR_ACTIONS, "car_action", self.car_action, ", ".join(CAR_ACTIONS))
         require(self.arm_action in list(ARM_ACTIONS), "arm_action", self.arm_action, ", ".join(ARM_ACTIONS))
         if self.pace is not None:
-            _require_number("pace", self.pace, 0.0, 2.0)
+            _require_number("pace", self.pace, 0.0, 4.0)
         for name, low, high in _RANGES:
             _require_number(name, getattr(self, name), low, high)
         lidar_ok = isinstance(self.lidar, bool | Lidar)

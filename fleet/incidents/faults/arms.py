@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fleet.config import ScenarioEvent
-from fleet.incidents.faults.fault import Once
+from fleet.incidents.faults.incident import Once
 from fleet.incidents.recovery import Recovery
 from fleet.run.view import RunView
 from fleet.tasks.board import TaskState
@@ -21,13 +21,13 @@ class ArmSlow:
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         for arm in targets:
             self._run.arm_manager.slow(arm, event.value("factor"))
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         for arm in targets:
             self._run.arm_manager.slow(arm, 1.0)
 
@@ -39,7 +39,7 @@ class StationClosed:
         self._run, self._for_good_s = run, for_good_s
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         for arm in targets:
             self._run.dispatcher.rules.interventions.close_station(
                 arm, self._run.sim_s, "is closed", for_good=event.duration_s > self._for_good_s
@@ -47,7 +47,7 @@ class StationClosed:
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         for arm in targets:
             self._run.dispatcher.rules.interventions.open_station(arm)
 
@@ -60,7 +60,7 @@ class ArmDead:
         self._under: dict[int, int] = {}
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         run, for_good = self._run, event.duration_s > self._for_good_s
         for arm in targets:
             run.arm_manager.slow(arm, DEAD_PACE)
@@ -77,7 +77,7 @@ class ArmDead:
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         for arm in targets:
             self._run.arm_manager.slow(arm, 1.0)
             self._run.dispatcher.rules.interventions.open_station(arm)
@@ -93,7 +93,7 @@ class GripLost(Once):
         self._since_s: dict[int, float] = {}
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`; it waits until the arm has carried a parcel for as long as is said."""
+        """See `Incident`; it waits until the arm has carried a parcel for as long as is said."""
         (arm,) = targets
         if not self._run.arm_manager.services[arm].carries:
             self._since_s.pop(arm, None)
@@ -112,11 +112,11 @@ class CameraBlind:
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         del event
         self._run.perception.covered.update(targets)
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         self._run.perception.covered.difference_update(targets)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fleet.config import ScenarioEvent
-from fleet.incidents.faults.fault import Once
+from fleet.incidents.faults.incident import Once
 from fleet.incidents.recovery import Recovery
 from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
@@ -18,14 +18,14 @@ class CarDead:
         self._recovery = recovery
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         del event
         for car in targets:
             self._recovery.lose_car(car, f"car_{car} is dead")
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._recovery.revive(car)
 
@@ -37,7 +37,7 @@ class CarTowed(Once):
         self._recovery = recovery
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         del event
         return all([self._recovery.tow(car) for car in targets])
 
@@ -49,7 +49,7 @@ class CarPushed(Once):
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._run.world.push_car(car, event.value("dx_m"), event.value("dy_m"), event.value("dyaw_rad"))
         return True
@@ -62,13 +62,13 @@ class CarSlow:
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._run.driver.slow(car, event.value("factor"))
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._run.driver.slow(car, 1.0)
 
@@ -80,14 +80,14 @@ class CarOut:
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         del event
         for car in targets:
             self._run.dispatcher.rules.interventions.take_out(car, self._run.sim_s)
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._run.dispatcher.rules.interventions.bring_back(car)
 
@@ -100,7 +100,7 @@ class CarTaken:
         self._moved: dict[int, tuple[float, float, float]] = {}
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         (car,) = targets
         if not self._recovery.take(car):
             return False
@@ -108,7 +108,7 @@ class CarTaken:
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         (car,) = targets
         self._run.world.push_car(car, *self._moved.pop(car))
         self._recovery.give_back(car)
@@ -121,7 +121,7 @@ class BatteryEmpty(Once):
         self._run, self._recovery = run, recovery
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         del event
         for car in targets:
             if self._run.batteries is not None:
@@ -137,32 +137,32 @@ class PoseNoisy:
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._run.driver.blur(car, event.value("factor"))
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._run.driver.blur(car, 1.0)
 
 
-class Held:
+class CarHeld:
     """Cars stand where they are until it is over: a car that has lost its place or its commands does so by itself."""
 
     def __init__(self, run: RunView) -> None:
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         del event
         for car in targets:
             self._run.driver.hold(car)
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._run.driver.let_go(car)
 
@@ -174,13 +174,13 @@ class CommandsLate:
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._run.driver.delay(car, round(event.value("delay_s") / self._run.tick_s))
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         for car in targets:
             self._run.driver.delay(car, 0)
 
@@ -193,7 +193,7 @@ class EmergencyStop:
         self._stopped: dict[tuple[int, ...], list[tuple[list[int], bool]]] = {}
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         run, whole = self._run, event.target == "fleet"
         cars = [car for car in targets if run.missions.phase[car] is not CarPhase.DEAD]
         for car in cars:
@@ -204,7 +204,7 @@ class EmergencyStop:
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         cars, whole = self._stopped[tuple(targets)].pop()
         for car in cars:
             self._run.driver.let_go(car)

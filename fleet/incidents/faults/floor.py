@@ -9,7 +9,7 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ScenarioEvent, require
-from fleet.incidents.faults.fault import Once
+from fleet.incidents.faults.incident import Once
 from fleet.run.view import RunView
 
 OBSTACLE_HALF_M = (0.25, 0.25, 0.2)
@@ -28,7 +28,7 @@ class LaneClosed:
         self._for_good: dict[int, bool] = {}
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         run, (cell,) = self._run, targets
         if not run.executor.close_if_free(cell):
             return False
@@ -37,7 +37,7 @@ class LaneClosed:
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         run, (cell,) = self._run, targets
         run.traffic.set_blocked(cell, False, for_good=self._for_good.pop(cell))
         run.executor.open(cell)
@@ -47,7 +47,7 @@ class LaneBlocked(LaneClosed):
     """A box stands in a cell, as soon as nobody is there."""
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         run, (cell,) = self._run, targets
         if not super().begin(event, targets):
             return False
@@ -55,7 +55,7 @@ class LaneBlocked(LaneClosed):
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         self._run.world.remove_obstacle(targets[0])
         super().end(targets)
 
@@ -88,7 +88,7 @@ class HumanWalks(Once):
         self._n_walks = 0
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         run, (cell,) = self._run, targets
         goal = self.goal(event)
         if not run.executor.close_if_free(cell, for_a_moment=True):

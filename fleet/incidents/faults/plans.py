@@ -15,13 +15,13 @@ class PlansLate:
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         del targets
         self._run.traffic.delay(event.value("delay_s"))
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         del targets
         self._run.traffic.delay(0.0)
 
@@ -33,12 +33,12 @@ class PlansLost:
         self._run = run
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Fault`."""
+        """See `Incident`."""
         del event, targets
         self._run.traffic.silence(True)
         return True
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""
         del targets
         self._run.traffic.silence(False)

@@ -16,7 +16,7 @@ from fleet.cli.main import main
 from fleet.league import arena as arena_module
 from fleet.league.arena import Arena, Tasks
 from fleet.league.multi_step_controller import MultiStepController
-from maps.lorr import Ints
+from maps.formats.lorr import Ints
 from tests.unit.fleet.league.problems import random_problem, write_files
 from tests.unit.fleet.league.replay import Replay
 

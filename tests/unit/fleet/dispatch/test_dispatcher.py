@@ -13,7 +13,7 @@ from fleet.tasks.board import TaskState
 from tests.unit.fleet.missions.floor import TICK_S, Floor, delivery, fake
 
 OTHERS = (
-    *("backlog", "slots", "visit_queue", "assignments", "interventions", "containment"),
+    *("backlog", "slots", "visit_queue", "assignments", "interventions"),
     *("admission", "docks", "prefetch", "visits", "parking"),
 )
 EVERY_TICK = ["slots.collect", "backlog.release", "clear_left"]
@@ -60,7 +60,9 @@ def dispatcher_of(names: Names, *, changed: bool = False, charges: bool = True) 
     )
     rules: Any = {name: names.rule(name) for name in OTHERS}
     return Dispatcher(
-        DispatchRules(missions=missions, charging=names.rule("charging") if charges else None, **rules), TICK_S
+        DispatchRules(missions=missions, charging=names.rule("charging") if charges else None, **rules),
+        names.rule("containment"),
+        TICK_S,
     )
 
 
@@ -121,7 +123,6 @@ def real(floor: Floor) -> Dispatcher:
         visit_queue=floor.visit_queue,
         assignments=floor.assignments,
         interventions=floor.interventions,
-        containment=floor.containment,
         admission=floor.admission,
         docks=floor.docks,
         prefetch=floor.prefetch,
@@ -129,7 +130,7 @@ def real(floor: Floor) -> Dispatcher:
         parking=floor.parking,
         charging=floor.charging,
     )
-    return Dispatcher(rules, TICK_S)
+    return Dispatcher(rules, floor.containment, TICK_S)
 
 
 @pytest.mark.parametrize("battery", [None, BatteryConfig(enabled=True)])

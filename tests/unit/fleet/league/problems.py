@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from maps.formats.lorr import LeagueProblem
 from maps.grid import GridMap
-from maps.lorr import LeagueProblem
 
 CORRIDOR = [".....", "@@@@.", "....."]
 """Cells 0..4 east, 9, and 10..14: a way round with a single turn in it."""

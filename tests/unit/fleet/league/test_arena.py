@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fleet.league.arena import NO_TASK, Arena
+from maps.formats.lorr import CLOCKWISE, COUNTER_CLOCKWISE, FORWARD, NO_ACTION, WAIT
 from maps.grid import EAST, NORTH, SOUTH, WEST
-from maps.lorr import CLOCKWISE, COUNTER_CLOCKWISE, FORWARD, NO_ACTION, WAIT
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of
 
 

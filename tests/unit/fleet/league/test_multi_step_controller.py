@@ -13,7 +13,7 @@ from fleet.league.arena import Arena
 from fleet.league.controller import PibtController
 from fleet.league.multi_step_controller import MultiStepController, MultiStepControllerConfig
 from fleet.league.play import Played, play
-from maps.lorr import LeagueProblem, write_result
+from maps.formats.lorr import LeagueProblem, write_result
 from planners.mapf.multi_step import goal_costs
 from planners.mapf.multi_step.guidance import GuidanceConfig
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem, write_files

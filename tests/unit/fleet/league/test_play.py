@@ -14,8 +14,8 @@ import pytest
 from fleet.league.arena import NO_TASK, Arena, Tasks
 from fleet.league.controller import PibtController
 from fleet.league.play import Played, play
+from maps.formats.lorr import Ints, read_problem, write_result
 from maps.grid import EAST
-from maps.lorr import Ints, read_problem, write_result
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem, write_files
 from tests.unit.fleet.league.replay import Replay
 

@@ -8,8 +8,8 @@ import pytest
 from fleet.league.controller import PibtController
 from fleet.league.play import play
 from fleet.league.referee import check_actions
+from maps.formats.lorr import LETTERS, LeagueProblem
 from maps.lane_graph import grid_lane_graph
-from maps.lorr import LETTERS, LeagueProblem
 from planners.mapf.validate import Conflict
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem
 

@@ -8,9 +8,9 @@ import pytest
 from fleet.league import schedule as schedule_module
 from fleet.league.arena import NO_TASK, Arena
 from fleet.league.schedule import TaskSchedule
+from maps.formats.lorr import LeagueProblem
 from maps.grid import EAST
 from maps.lane_graph import grid_lane_graph
-from maps.lorr import LeagueProblem
 from planners.mapf.multi_step.goal_costs import GoalCosts
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem
 

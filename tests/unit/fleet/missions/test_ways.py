@@ -33,13 +33,15 @@ def test_nothing_leads_past_what_is_blocked() -> None:
     assert floor.ways.reaches(1, floor.dock_of("pick_1"))
     assert not floor.ways.reaches_place(0, floor.places.named("drop_1"))
     assert floor.ways.blocked.any()
-    assert not floor.ways.blocked_for_good
+    assert not floor.ways.cut_off(0, floor.dock_of("pick_1")), "it is blocked for now"
 
 
 def test_a_dead_car_blocks_for_good() -> None:
     floor = Floor()
     floor.traffic.set_dead(0, [int(floor.graph.state_cell[floor.ways.tails[0]])])
-    assert floor.ways.blocked_for_good
+    assert floor.ways.cut_off(0, floor.dock_of("pick_1"))
+    assert not floor.ways.cut_off(1, floor.dock_of("pick_1"))
+    assert floor.ways.n_cuts == 1
 
 
 def test_of_several_ways_into_a_cell_the_shortest_counts() -> None:

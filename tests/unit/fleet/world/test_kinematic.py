@@ -149,13 +149,27 @@ def test_a_lasting_touch_counts_once_and_again_when_it_comes_back(hall: Scene) -
     step(world)
     assert world.contacts().robot == 0
     for expected in (1, 2):
-        world.push_car(0, 2.8, 0.0, 0.0)
+        world.put_car(0, world.car_poses()[0] + (2.8, 0.0, 0.0))
         step(world)
         step(world)
         assert world.contacts().robot == expected
-        world.push_car(0, -2.8, 0.0, 0.0)
+        world.put_car(0, world.car_poses()[0] - (2.8, 0.0, 0.0))
         step(world)
     assert world.contacts().static == 0
+
+
+def test_a_push_ends_where_something_is_in_the_way(hall: Scene) -> None:
+    world = KinematicWorld(hall)
+    free = world.car_poses()
+    world.push_car(0, 2.8, 0.0, 0.0)  # car_1 stands there
+    step(world)
+    pushed = world.car_poses()
+    assert 0.0 < pushed[0, 0] - free[0, 0] < 2.8
+    np.testing.assert_allclose(pushed[1], free[1])
+    world.push_car(1, 20.0, 0.0, 0.0)  # and here a wall
+    step(world)
+    assert world.car_poses()[1, 0] < free[1, 0] + 20.0
+    assert (world.contacts().robot, world.contacts().static) == (0, 0)
 
 
 def test_static_contacts_with_walls_and_run_time_boxes(hall: Scene) -> None:
@@ -163,7 +177,7 @@ def test_static_contacts_with_walls_and_run_time_boxes(hall: Scene) -> None:
     world.push_car(1, 0.7, -1.0, 0.0)  # under the arch
     step(world)
     assert world.contacts().static == 0
-    world.push_car(1, 3.5, 1.0, 0.0)  # nose at 9.11, in the wall
+    world.put_car(1, world.car_poses()[1] + (3.5, 1.0, 0.0))  # nose at 9.11, in the wall
     step(world)
     assert world.contacts().static == 1
     world.add_obstacle(5, np.array([1.5, 1.5, 0.2]), np.array([0.2, 0.2, 0.2]))

@@ -18,8 +18,8 @@ from fleet.envs.core.env_config import UnknownSetting
 from fleet.envs.policies import make_policy
 from fleet.envs.traffic.lifelong import MOST_CELLS
 from fleet.errors import ConfigError
+from maps.formats.pogema import PogemaError
 from maps.grid import GridMap
-from maps.pogema import PogemaError
 
 ROOMS = ("......#......", "......#......", ".............", "......#......", "......#......")
 SHARED = Path(os.environ.get("FLEET_INSTANCES", Path(__file__).parents[6] / "shared" / "instances")) / "pogema"

@@ -132,8 +132,8 @@ def test_a_slot_whose_parcel_has_failed_is_not_collected() -> None:
 
 def test_a_cancelled_task_takes_its_parcel_out_of_the_warehouse() -> None:
     floor = Floor(orders=[delivery("a"), delivery("b")])
-    floor.inventory.withdraw(floor.shelved("a"), 1.0, "by hand")
-    floor.inventory.withdraw(floor.task("b"), 1.0, "by hand")
+    floor.inventory.withdraw(floor.shelved("a"), TaskState.CANCELLED, 1.0, "by hand")
+    floor.inventory.withdraw(floor.task("b"), TaskState.CANCELLED, 1.0, "by hand")
     assert [task.state for task in floor.board.tasks] == [TaskState.CANCELLED] * 2
     assert floor.stations[0].n_free == 4
     assert (floor.inventory.n_entered, floor.inventory.n_left, floor.inventory.balance()) == (1, 1, 0)

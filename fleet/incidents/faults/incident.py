@@ -1,4 +1,4 @@
-"""Fault: what every kind of event can do."""
+"""Incident: what every kind of event can do."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol
 from fleet.config import ScenarioEvent
 
 
-class Fault(Protocol):
+class Incident(Protocol):
     """A kind of event."""
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
@@ -30,4 +30,4 @@ class Once:
     """An event that is over as soon as it has happened."""
 
     def end(self, targets: Sequence[int]) -> None:
-        """See `Fault`."""
+        """See `Incident`."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from maps.errors import MapsError
-from maps.lorr import (
+from maps.formats.lorr import (
     CLOCKWISE,
     COUNTER_CLOCKWISE,
     FORWARD,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maps.smart import Order, SmartError, read_paths, write_paths
+from maps.formats.smart import Order, SmartError, read_paths, write_paths
 
 
 def test_entries_with_timesteps_wait_until_the_next_one(tmp_path: Path) -> None:

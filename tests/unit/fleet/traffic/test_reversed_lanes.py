@@ -6,8 +6,8 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from fleet.traffic.reversed_lanes import both_ways, cut_moves, dead_ends, in_order, with_reversed
 from maps.lane_graph import REVERSE, LaneGraph, build_lane_graph
-from maps.reversed_lanes import both_ways, cut_moves, dead_ends, in_order, with_reversed
 from maps.site import load_site
 
 SITES = ("small", "twin", "medium")

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from maps.errors import MapsError
+from maps.formats.movingai import read_map
 from maps.grid import BoolGrid, GridMap
-from maps.movingai import read_map
 from maps.text_file import FileError, read_lines, shown
 
 _NAME = re.compile(r"""(?P<quote>["']?)(?P<name>[^"':]+)(?P=quote):\s*\|-?\s*""")

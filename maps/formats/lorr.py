@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.errors import MapsError
+from maps.formats.movingai import read_map, read_marks
 from maps.grid import EAST, GridMap
-from maps.movingai import read_map, read_marks
 from maps.text_file import FileError, is_file, parse_json, read_lines, read_text, shown
 
 Ints = npt.NDArray[np.int32]

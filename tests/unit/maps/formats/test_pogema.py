@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maps.movingai import MovingAiError
-from maps.pogema import PogemaError, read_floor, read_floors
+from maps.formats.movingai import MovingAiError
+from maps.formats.pogema import PogemaError, read_floor, read_floors
 
 TWO = '"open": |-\n  ..#\n  ...\n"marked": |-\n  $.@\n  #.@\n'
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from maps.errors import SiteError
+from maps.formats.movingai import MovingAiError, read_map, read_scenario, site_from_map, starts_and_goals
 from maps.lane_graph import build_lane_graph
-from maps.movingai import MovingAiError, read_map, read_scenario, site_from_map, starts_and_goals
 from maps.report import check_site
 
 INSTANCES = Path(os.environ.get("FLEET_INSTANCES", Path(__file__).parents[4] / "shared" / "instances")) / "movingai"

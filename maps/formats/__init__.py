@@ -1,0 +1,1 @@
+"""Formats: maps and problems as others publish them."""
