@@ -1,0 +1,78 @@
+"""SingleFile: a dead end is driven into by one car at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fleet.traffic.open_lanes import OpenLanes
+from fleet.traffic.single_file import PATIENCE_S, SingleFile
+from maps.lane_graph import LaneGraph, build_lane_graph
+from maps.site import load_site
+from planners.mapf.distance_table import DistanceTable
+
+SITE = load_site("small")
+DOCK = SITE.stations[1].dock
+
+
+class Floor:
+    """A floor whose second dock is entered from behind only, since a wreck stands before it."""
+
+    def __init__(self) -> None:
+        graph: LaneGraph = build_lane_graph(SITE)
+        self.dock = graph.state_at(DOCK.cell, DOCK.heading)
+        blocked = np.zeros(graph.n_cells, dtype=np.bool_)
+        into = graph.in_move[graph.in_ptr[self.dock] : graph.in_ptr[self.dock + 1]]
+        blocked[graph.state_cell[graph.move_from[into]]] = True
+        self.lanes = OpenLanes(graph)
+        self.lanes.block(blocked)
+        self.ways = DistanceTable(self.lanes.planned, blocked)
+        self.file = SingleFile(self.lanes)
+        left = self.ways.to(self.dock).astype(np.int64)
+        inside = self.lanes.dead_end
+        assert inside is not None
+        outside = [int(state) for state in np.argsort(left, kind="stable") if inside[state] < 0]
+        self.near = [outside[0], next(state for state in outside if left[state] > left[outside[0]])]
+        """Two states before the dead end, the nearer one first."""
+        self.far = int(np.argmax(np.where(left < 1000, left, -1)))
+
+    def goals(self, states: list[int], goals: list[int], still_s: list[float], now_s: float = 0.0) -> list[int]:
+        arrays = np.array(goals, dtype=np.int32), np.array(states, dtype=np.int32)
+        return self.file.goals(*arrays, self.ways, np.array(still_s), now_s).tolist()
+
+
+@pytest.fixture
+def floor() -> Floor:
+    return Floor()
+
+
+def test_the_nearest_goes_first_and_the_next_one_waits(floor: Floor) -> None:
+    a, b = floor.near
+    assert floor.goals([b, a], [floor.dock] * 2, [0.0, 0.0]) == [b, floor.dock]
+
+
+def test_who_is_far_away_drives_on(floor: Floor) -> None:
+    states = [floor.near[0], floor.far]
+    assert floor.goals(states, [floor.dock] * 2, [0.0, 0.0]) == [floor.dock] * 2
+
+
+def test_nobody_goes_in_while_somebody_is_there(floor: Floor) -> None:
+    states = [floor.near[0], floor.dock]
+    assert floor.goals(states, [floor.dock, floor.far], [0.0, 0.0]) == [floor.near[0], floor.far]
+
+
+def test_who_cannot_move_lets_the_next_one_go(floor: Floor) -> None:
+    a, b = floor.near
+    assert floor.goals([a, b], [floor.dock] * 2, [0.0, 0.0]) == [floor.dock, b]
+    later_s = PATIENCE_S + 1.0
+    assert floor.goals([a, b], [floor.dock] * 2, [later_s, 0.0], later_s) == [a, floor.dock]
+
+
+def test_without_dead_ends_all_drive_as_they_are_sent() -> None:
+    graph = build_lane_graph(SITE)
+    file = SingleFile(OpenLanes(graph))
+    goals = np.array([3, 4], dtype=np.int32)
+    assert (
+        file.goals(goals, goals, DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)), np.zeros(2), 0.0)
+        is goals
+    )
