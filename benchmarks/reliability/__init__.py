@@ -1,22 +1,24 @@
-"""Reliability: what is wrong is refused by name, and nothing hangs; one file per kind of groups.
+"""Reliability: faults are survived, what is wrong is refused by name, and nothing hangs; one file per kind of groups.
 
-`python -m benchmarks.reliability [--only fuzz | actions]`.
+`python -m benchmarks.reliability [--only chaos | fuzz | actions]`.
 """
 
 from __future__ import annotations
 
 from benchmarks.harness import Benchmark, in_groups
+from benchmarks.reliability.chaos import measure_chaos
 from benchmarks.reliability.fuzz import measure_fuzz
 from benchmarks.reliability.odd_actions import measure_actions
 
 GROUPS = {
+    "chaos": measure_chaos,
     "fuzz": measure_fuzz,
     "actions": measure_actions,
 }
 
 BENCHMARK = Benchmark(
     name="reliability",
-    summary="Mutated files and odd actions: taken, or refused by name with what would be valid",
+    summary="Runs with faults of all kinds; mutated files and odd actions, taken or refused with what would be valid",
     measure=in_groups(GROUPS),
     groups=tuple(GROUPS),
 )

@@ -68,9 +68,6 @@ class _Cells(NamedTuple):
     """The arm over each dock, -1 elsewhere."""
 
 
-_LATEST = np.iinfo(np.int32).max
-
-
 class CauseWatch:
     """The causes of all robots, tick by tick.
 
@@ -342,9 +339,8 @@ class CauseWatch:
         elif service.waits_for >= 0:
             self._set(robot, Cause.OTHER_ARM, by=self._n_cars + service.waits_for, place=arm)
         else:
-            # An arm that stands dead has no end that could be told.
-            ends = [tick + round(left_s / run.tick_s) for left_s in service.left_s()]
-            clear, until = (end if end <= _LATEST else NONE for end in ends)
+            clear_s, left_s = service.left_s()
+            clear, until = tick + round(clear_s / run.tick_s), tick + round(left_s / run.tick_s)
             self._set(robot, Cause.WORKS, place=arm, until=until, detail=slow)
         self._clear_tick[arm], self._arm_until[arm] = clear, until
         if served >= 0 and self.rows[served, _CAUSE] == Cause.SERVED:

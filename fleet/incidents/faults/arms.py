@@ -10,9 +10,6 @@ from fleet.incidents.recovery import Recovery
 from fleet.run.view import RunView
 from fleet.tasks.board import TaskState
 
-DEAD_PACE = 1e-9
-"""Of an arm that stands still: it goes on where it was when its pace is restored."""
-
 
 class ArmSlow:
     """An arm plays its motions at a fraction of their speed."""
@@ -63,7 +60,7 @@ class ArmDead:
         """See `Incident`."""
         run, for_good = self._run, event.duration_s > self._for_good_s
         for arm in targets:
-            run.arm_manager.slow(arm, DEAD_PACE)
+            run.arm_manager.stop([arm])
             run.dispatcher.rules.interventions.close_station(arm, run.sim_s, f"arm_{arm} is dead", for_good=for_good)
             car = int(run.missions.served[arm])
             clear = run.arm_manager.services[arm].dock_is_clear
@@ -79,7 +76,7 @@ class ArmDead:
     def end(self, targets: Sequence[int]) -> None:
         """See `Incident`."""
         for arm in targets:
-            self._run.arm_manager.slow(arm, 1.0)
+            self._run.arm_manager.go_on([arm])
             self._run.dispatcher.rules.interventions.open_station(arm)
             if arm in self._under:
                 self._recovery.revive(self._under.pop(arm))

@@ -199,7 +199,7 @@ class EmergencyStop:
         for car in cars:
             run.driver.hold(car)
         if whole:
-            run.arm_manager.stop()
+            run.arm_manager.stop(range(run.world.n_arms))
         self._stopped.setdefault(tuple(targets), []).append((cars, whole))
         return True
 
@@ -209,4 +209,4 @@ class EmergencyStop:
         for car in cars:
             self._run.driver.let_go(car)
         if whole:
-            self._run.arm_manager.go_on()
+            self._run.arm_manager.go_on(range(self._run.world.n_arms))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Protocol
 
 import numpy as np
@@ -82,7 +82,7 @@ class ArmManager:
         self._tick_s = tick_s
         self._due: dict[int, tuple[int, int | Transfer]] = {}
         self._reasons = [""] * len(start_rad)
-        self._stands = False
+        self._n_stops = [0] * len(start_rad)
         self.trees: dict[int, FloatArray] = {}
         """Search trees behind the plans that have landed, by arm, as in `Transfer`; whoever shows them takes them."""
 
@@ -147,25 +147,27 @@ class ArmManager:
         if gate is not None:
             gate.look_again()
 
-    def stop(self) -> None:
-        """Let all arms stand still until `go_on`, and nothing that was asked for them land."""
-        self._stands = True
+    def stop(self, arms: Iterable[int]) -> None:
+        """Let arms stand still where they are, until as many calls of `go_on`."""
+        for arm in arms:
+            self._n_stops[arm] += 1
 
-    def go_on(self) -> None:
+    def go_on(self, arms: Iterable[int]) -> None:
         """End a `stop`."""
-        self._stands = False
+        for arm in arms:
+            self._n_stops[arm] -= 1
 
     def tick(self, tick: int, held: IntArray) -> None:
         """Land the answers that are due and advance every busy arm; fills `q`, `qd` and `grip`."""
-        if self._stands:
-            self.qd[:] = 0.0
-            return
         for arm, (due_tick, answer) in list(self._due.items()):
             if due_tick <= tick:
                 del self._due[arm]
                 self._land(arm, answer if isinstance(answer, Transfer) else self._planner.result(answer))
         for service in self.services:
             if service.state is _IDLE:
+                continue
+            if self._n_stops[service.arm]:
+                self.qd[service.arm] = 0.0
                 continue
             service.tick(self._tick_s, int(held[service.arm]))
             self.q[service.arm], self.qd[service.arm] = service.q, service.qd
