@@ -61,7 +61,7 @@ class Ends:
 def measure_chaos(trial: Trial) -> Iterator[Row]:
     """Measure how runs with chaos end, in both worlds."""
     with tempfile.TemporaryDirectory() as folder:
-        sites = [*SITES, *_generated(Path(folder))]
+        sites = {**{name: CARS.get(name, USUAL_CARS) for name in SITES}, **_generated(Path(folder))}
         for fidelity, n_runs in (QUICK_RUNS if trial.quick else RUNS).items():
             ends = Ends()
             for seed in range(FIRST_SEED, FIRST_SEED + n_runs):
@@ -69,18 +69,22 @@ def measure_chaos(trial: Trial) -> Iterator[Row]:
             yield from _rows(trial, ends, fidelity)
 
 
-def _generated(folder: Path) -> Iterator[str]:
+def _generated(folder: Path) -> dict[str, tuple[int, int]]:
+    """Site files, and how many cars there may be: no more than park there."""
+    found = {}
     for k, floor in enumerate(FLOORS):
         path = folder / f"floor_{k}.toml"
         save_site(generate_warehouse(**floor), path)
-        yield str(path)
+        low, high = USUAL_CARS
+        found[str(path)] = low, min(high, floor["parking"])
+    return found
 
 
-def _drawn(seed: int, sites: list[str], fidelity: Fidelity) -> RunConfig:
+def _drawn(seed: int, sites: Mapping[str, tuple[int, int]], fidelity: Fidelity) -> RunConfig:
     """A run of a seed."""
     rng = np.random.default_rng(seed)
-    site = sites[rng.integers(len(sites))]
-    low, high = CARS.get(site, USUAL_CARS)
+    site = list(sites)[rng.integers(len(sites))]
+    low, high = sites[site]
     robots = int(rng.integers(low, high + 1))
     return RunConfig(
         site=site,
