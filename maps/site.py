@@ -16,8 +16,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from maps.errors import LaneError, PlanError, SiteFileError, UnknownSiteError
 from maps.grid import BoolGrid, GridMap
 from maps.plan import FloorPlan, parse_plan
+from maps.reading.shown import named, shown
+from maps.reading.text_file import FileError, is_file, parse_toml, read_text
 from maps.stations import StationOptions, StationPlace, match_arms, name_stations, place_stations
-from maps.text_file import FileError, is_file, named, parse_toml, read_text, shown
 
 _PASSING_WAYS = 3
 """Open neighbours that make a two-way cell a passing place: two for the way, one to step aside."""

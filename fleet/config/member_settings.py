@@ -18,7 +18,8 @@ from pathlib import Path
 
 from fleet.config.settings import SettingValue, require
 from fleet.errors import ConfigError
-from maps.text_file import FileError, named, parse_toml, read_text, shown
+from maps.reading.shown import named, shown
+from maps.reading.text_file import FileError, parse_toml, read_text
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 

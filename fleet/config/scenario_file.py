@@ -6,7 +6,8 @@ from pathlib import Path
 
 from fleet.config import ScenarioEvent
 from fleet.errors import ConfigError, FleetError
-from maps.text_file import FileError, named, parse_toml, read_text, shown
+from maps.reading.shown import named, shown
+from maps.reading.text_file import FileError, parse_toml, read_text
 
 REQUIRED = ("time_s", "kind", "target")
 _FORM = "TOML with [[event]] tables"

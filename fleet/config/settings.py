@@ -6,7 +6,7 @@ import math
 from typing import TypeAlias
 
 from fleet.errors import ConfigError
-from maps.text_file import shown
+from maps.reading.shown import shown
 from planners.settings import misfits
 
 SettingValue: TypeAlias = bool | int | float | str

@@ -19,7 +19,7 @@ from fleet.evaluation.scenarios import Scenario
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT, CONFIG
 from maps.errors import MapsError
-from maps.text_file import read_json
+from maps.reading.text_file import read_json
 
 ENVIRONMENT, TEAM_SIZES = "environment", "team_sizes"
 """What a class of one's own may say of itself: the environment with its version that it plays, as one text or several;

@@ -14,7 +14,7 @@ from fleet.evaluation.errors import EvaluationError
 from fleet.evaluation.players import Player
 from fleet.evaluation.scenarios import scenario_named
 from fleet.evaluation.scores import SplitScores
-from maps.text_file import read_json
+from maps.reading.text_file import read_json
 
 FORMAT = 1
 """Of the file."""

@@ -12,7 +12,7 @@ from fleet.errors import FleetError
 from fleet.insight.cause_log import CauseLog, Changes
 from fleet.insight.causes import DETAILS, NONE, Cause, Column
 from fleet.insight.codebook import Codebook
-from maps.text_file import shown
+from maps.reading.shown import shown
 
 LEGEND, CAUSES = "causes_legend", "causes"
 """Kinds of the lines."""

@@ -15,7 +15,7 @@ from fleet.training.errors import TrainingError
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT, CONFIG
 from maps.errors import MapsError
-from maps.text_file import read_json
+from maps.reading.text_file import read_json
 
 LAYERS = {"dispatch": "dispatch", "traffic": "traffic", "docking": "warehouse"}
 """Parts of a fleet that policies can play, and the environments in which such policies are learned."""

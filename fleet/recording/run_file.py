@@ -21,7 +21,8 @@ import numpy as np
 from fleet.recording.errors import OutputError
 from fleet.recording.output_file import OutputFile
 from fleet.recording.trace_file import TRACE
-from maps.text_file import FileError, parse_json, read_lines, read_text, shown
+from maps.reading.shown import shown
+from maps.reading.text_file import FileError, parse_json, read_lines, read_text
 
 RECORDING = "recording.rrd"
 EVENTS = "run.jsonl"

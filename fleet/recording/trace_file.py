@@ -24,7 +24,8 @@ from fleet.insight.causes import robot_names
 from fleet.recording.errors import OutputError
 from fleet.recording.output_file import OutputFile
 from maps.grid import HEADING_NAMES
-from maps.text_file import parse_json, shown
+from maps.reading.shown import shown
+from maps.reading.text_file import parse_json
 
 TRACE = "run.trace"
 VERSION = 2

@@ -18,7 +18,7 @@ from fleet.insight.time_accounts import Account
 from fleet.recording.errors import OutputError
 from fleet.recording.run_file import EVENTS, RESULT, RunRecord, read_run
 from fleet.recording.trace_file import TRACE, Trace, read_trace
-from maps.text_file import shown
+from maps.reading.shown import shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

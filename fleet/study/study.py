@@ -16,8 +16,8 @@ from fleet.study.pool import run_all
 from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
 from fleet.tasks.order import ability_of
 from fleet.tasks.order_file import read_orders
+from maps.reading.text_file import read_json
 from maps.site import load_site
-from maps.text_file import read_json
 from planners.allocation import allocator_named
 
 SETTINGS = "study.json"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 
 from fleet.errors import FleetError
-from maps.text_file import shown
+from maps.reading.shown import shown
 
 
 class OrdersError(FleetError):

@@ -11,8 +11,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from maps.reading.shown import shown
 from maps.site import Site
-from maps.text_file import shown
 
 MIN_EDGE_M, MAX_EDGE_M = 0.04, 0.10
 MIN_MASS_KG, MAX_MASS_KG = 0.05, 2.0

@@ -15,8 +15,9 @@ from fleet.tasks.order import Ability, Order, Priority, misfit
 from fleet.tasks.place_names import PlaceNames
 from fleet.tasks.precedence import broken
 from fleet.tasks.types.task_type import Setting
+from maps.reading.shown import named, shown
+from maps.reading.text_file import FileError, parse_json, read_text
 from maps.site import Site
-from maps.text_file import FileError, named, parse_json, read_text, shown
 
 REQUIRED = ("id", "release_s")
 OPTIONAL = ("type", "due_s", "priority", "after", "needs", "batch", "every_s", "times")

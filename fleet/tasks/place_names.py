@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from fleet.tasks.fields import Fields, OrdersError
+from maps.reading.shown import shown
 from maps.site import Site
-from maps.text_file import shown
 
 LANE_STAND_S = 10.0
 """Longest stand in a lane, where others have to wait behind [s]."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import networkx as nx
 
-from maps.text_file import shown
+from maps.reading.shown import shown
 
 
 def broken(after: Mapping[str, Iterable[str]], known: Iterable[str] = ()) -> dict[str, str]:

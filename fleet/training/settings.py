@@ -10,7 +10,8 @@ from typing import Any
 
 from fleet.config import require
 from fleet.training.errors import TrainingError
-from maps.text_file import FileError, named, parse_toml, read_text, shown
+from maps.reading.shown import named, shown
+from maps.reading.text_file import FileError, parse_toml, read_text
 
 NETWORKS, CRITICS = ("perceptron", "attention"), ("own", "central")
 _FORM = "TOML with steps_n, checkpoint_n and tables [ppo] and [env]"

@@ -15,7 +15,8 @@ import numpy.typing as npt
 from maps.errors import MapsError
 from maps.formats.movingai import read_map, read_marks
 from maps.grid import EAST, GridMap
-from maps.text_file import FileError, is_file, parse_json, read_lines, read_text, shown
+from maps.reading.shown import shown
+from maps.reading.text_file import FileError, is_file, parse_json, read_lines, read_text
 
 Ints = npt.NDArray[np.int32]
 Actions = npt.NDArray[np.int8]

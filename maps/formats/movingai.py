@@ -13,9 +13,10 @@ from maps.errors import MapsError, SiteError
 from maps.grid import DCOL, DROW, EAST, NORTH, SOUTH, WEST, GridMap
 from maps.orientation import n_separated, orient_lanes
 from maps.plan import parse_plan
+from maps.reading.shown import shown
+from maps.reading.text_file import FileError, read_lines
 from maps.site import Site, site_from_plan
 from maps.stations import MIN_ARM_SPACING_M, match_arms
-from maps.text_file import FileError, read_lines, shown
 
 _PASSABLE = ".GSE"
 """`E` marks the stations on maps of the League of Robot Runners."""

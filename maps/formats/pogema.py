@@ -19,7 +19,8 @@ import numpy as np
 from maps.errors import MapsError
 from maps.formats.movingai import read_map
 from maps.grid import BoolGrid, GridMap
-from maps.text_file import FileError, read_lines, shown
+from maps.reading.shown import shown
+from maps.reading.text_file import FileError, read_lines
 
 _NAME = re.compile(r"""(?P<quote>["']?)(?P<name>[^"':]+)(?P=quote):\s*\|-?\s*""")
 _MARKS = ".#@$"

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.errors import MapsError
-from maps.text_file import FileError, read_lines, shown
+from maps.reading.shown import shown
+from maps.reading.text_file import FileError, read_lines
 
 Cells = npt.NDArray[np.int32]
 Order = Literal["xy", "yx"]

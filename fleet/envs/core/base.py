@@ -21,7 +21,7 @@ from fleet.envs.core.env_config import EnvConfig, require_seed
 from fleet.envs.core.state_file import StateError, is_like, plain, read_state, write_state
 from fleet.envs.core.window import PictureWindow
 from fleet.errors import FleetError
-from maps.text_file import shown
+from maps.reading.shown import named, shown
 
 Picture = npt.NDArray[np.uint8]
 _SEEDS = 2**31
@@ -188,7 +188,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
             raise ActionError(f"step: actions are a {type(actions).__name__}; valid: a dictionary by agent")
         if not actions.keys() <= self._playing:
             unknown = sorted(map(str, actions.keys() - self._playing))
-            raise ActionError(f"step: actions of {', '.join(unknown)}; valid: {_listed(self.agents)}")
+            raise ActionError(f"step: actions of {named(', '.join(unknown))}; valid: {_listed(self.agents)}")
         resolved = self._resolved(actions)
         told = self._do(resolved)
         self._show()

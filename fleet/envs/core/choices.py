@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.envs.core.base import ActionError
+from maps.reading.shown import shown
 
 Int64Array = npt.NDArray[np.int64]
 ILLEGAL = -1
@@ -44,9 +45,9 @@ def row_of(agent: str, action: Any, n_entries: int) -> npt.NDArray[np.float64]:
     try:
         row = np.asarray(action)
     except (TypeError, ValueError, OverflowError) as reason:
-        raise ActionError(f"action of {agent} is {action!r}; valid: {n_entries} numbers in [-1, 1]") from reason
+        raise ActionError(f"action of {agent} is {shown(action)}; valid: {n_entries} numbers in [-1, 1]") from reason
     if row.dtype.kind not in _NUMBERS:
-        raise ActionError(f"action of {agent} is {action!r}; valid: {n_entries} numbers in [-1, 1]")
+        raise ActionError(f"action of {agent} is {shown(action)}; valid: {n_entries} numbers in [-1, 1]")
     if row.shape != (n_entries,):
         raise ActionError(f"action of {agent} has shape {row.shape}; valid: ({n_entries},)")
     return row.astype(np.float64)
@@ -74,6 +75,6 @@ def _whole(agent: str, value: Any) -> int:
         return ILLEGAL
     found = np.asarray(value)
     if found.size != 1 or found.dtype.kind not in f"b{_NUMBERS}":
-        raise ActionError(f"action of {agent} is {value!r}; valid: one whole number")
+        raise ActionError(f"action of {agent} is {shown(value)}; valid: one whole number")
     number = float(found.reshape(()))
     return int(number) if number == np.rint(number) and abs(number) < 2**31 else ILLEGAL

@@ -13,8 +13,8 @@ from fleet.config import require
 from fleet.config.field_checks import is_whole
 from fleet.envs.core.weights import require_weights
 from fleet.errors import ConfigError
+from maps.reading.shown import named
 from maps.site import Site, load_site
-from maps.text_file import named
 
 _HOW_SHOWN = ("render_mode", "record_to")
 """Settings that decide nothing about an episode."""

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.errors import FleetError
-from maps.text_file import shown
+from maps.reading.shown import shown
 
 _PACKAGES = ("fleet.config.", "fleet.envs.", "fleet.sensors.", "maps.")
 _PICKLE = b"\x80"

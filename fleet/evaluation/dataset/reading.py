@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from fleet.evaluation.dataset.layout import ABOUT, FORMAT, INFO, STEPS
 from fleet.evaluation.errors import DatasetError
-from maps.text_file import read_json
+from maps.reading.text_file import read_json
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

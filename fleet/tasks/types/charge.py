@@ -5,7 +5,7 @@ from __future__ import annotations
 from fleet.tasks.fields import Fields, OrdersError
 from fleet.tasks.order import Order, Visit
 from fleet.tasks.types.task_type import Setting
-from maps.text_file import shown
+from maps.reading.shown import shown
 
 
 class ChargeType:

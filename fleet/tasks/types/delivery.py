@@ -5,7 +5,7 @@ from __future__ import annotations
 from fleet.tasks.fields import Fields, OrdersError, number
 from fleet.tasks.order import MAX_EDGE_M, MAX_MASS_KG, MIN_EDGE_M, MIN_MASS_KG, Delivery, Order
 from fleet.tasks.types.task_type import Setting
-from maps.text_file import shown
+from maps.reading.shown import shown
 
 
 class DeliveryType:

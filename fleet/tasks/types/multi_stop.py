@@ -6,7 +6,7 @@ from fleet.tasks.fields import Fields, OrdersError, number
 from fleet.tasks.order import MAX_MASS_KG, MIN_MASS_KG, Delivery, Order
 from fleet.tasks.types.delivery import edges
 from fleet.tasks.types.task_type import Setting
-from maps.text_file import shown
+from maps.reading.shown import shown
 
 MAX_LEGS = 50
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 from fleet.tasks.fields import Fields, OrdersError
 from fleet.tasks.order import Order, Visit
 from fleet.tasks.types.task_type import Setting
-from maps.text_file import shown
+from maps.reading.shown import shown
 
 
 class PatrolType:

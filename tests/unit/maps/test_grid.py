@@ -35,7 +35,7 @@ def test_neighbour_stops_at_the_border():
 
 
 def test_point_outside_is_named():
-    with pytest.raises(CellOutsideError, match=r"\(3.200, 0.500\) m is outside x 0..3, y 0..2"):
+    with pytest.raises(CellOutsideError, match=r"\(3.200, 0.500\) m is outside the floor; valid: x 0 to 3, y 0 to 2"):
         GridMap(np.ones((2, 3), dtype=bool)).cell_at(3.2, 0.5)
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from maps.text_file import FileError, is_file, named, parse_json, parse_toml, read_lines, read_text, shown
+from maps.reading.shown import named, shown
+from maps.reading.text_file import FileError, is_file, parse_json, parse_toml, read_lines, read_text
 
 
 def test_bytes_that_are_no_text_are_named_by_line(tmp_path: Path) -> None:

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from maps.errors import MapsError
+from maps.reading.shown import shown
 
-_LONGEST = 60
-"""Characters of a value that a message shows."""
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 """Half of a character, as JSON may write it."""
 _AT = re.compile(r" \(at line (\d+), column (\d+)\)")
@@ -24,22 +23,6 @@ class FileError(MapsError):
 
     Whoever reads a kind of file raises an error of its own from it, with the same message.
     """
-
-
-def shown(value: object) -> str:
-    """A value as a message shows it: cut where it is long, so that what is valid can still be found behind it."""
-    if isinstance(value, int) and value.bit_length() > 4 * _LONGEST:
-        return f"an integer of {value.bit_length()} bits"
-    try:
-        text = ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value)
-    except (ValueError, RecursionError):  # there is such an integer in it, or it is nested too deeply
-        return f"a {type(value).__name__}"
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 4]} ..."
-
-
-def named(key: str) -> str:
-    """A key as a message names it: as it stands in the file, or as `shown` where it is long or has odd signs."""
-    return key if key.isprintable() and len(key) <= _LONGEST else shown(key)
 
 
 def is_file(path: str | os.PathLike[str]) -> bool:

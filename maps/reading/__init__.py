@@ -1,0 +1,1 @@
+"""Reading: files of users, and how messages show what stands in them."""
