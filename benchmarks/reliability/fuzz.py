@@ -104,7 +104,7 @@ def verdict(kind: str, files: Files, folder: Path) -> tuple[str, str]:
         except Hang:
             return REFUSED, f"{kind}: reading took more than {LONGEST_CPU_S:.0f} s"
         except Exception as error:
-            return REFUSED, _traceback_line(error)
+            return REFUSED, traceback_line(error)
     return TAKEN, next(filter(None, (message_fault(kind, part, folder) for part in parts)), "")
 
 
@@ -246,7 +246,7 @@ def at_most(cpu_s: float) -> Iterator[None]:
         signal.signal(signal.SIGVTALRM, before)
 
 
-def _traceback_line(error: Exception) -> str:
+def traceback_line(error: Exception) -> str:
     """An error that should have been a refusal, with its place in the project."""
     at = error.__traceback__
     place = ""

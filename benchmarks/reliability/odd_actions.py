@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.harness import Row, Trial
-from benchmarks.reliability.fuzz import at_most, reproducibly
+from benchmarks.reliability.fuzz import at_most, reproducibly, traceback_line
 from benchmarks.reliability.mutation import Draw
 from fleet.envs import dispatch_v0, handover_v0, navigate_v1, traffic_v1, warehouse_v1
 from fleet.errors import FleetError
@@ -187,7 +187,7 @@ def _verdict(play: _TeamPlay | _SinglePlay, actions: Any) -> tuple[str, str]:
             ok = _NAMES_VALID.search(text) and len(text) <= LONGEST_MESSAGE
             return "refused", "" if ok else f"says too little or too much: {ascii(text)[:200]}"
         except Exception as error:
-            return "refused", f"{type(error).__name__}: {ascii(str(error))[:200]}"
+            return "refused", traceback_line(error)
 
 
 def _after_the_end(env: Any) -> str:

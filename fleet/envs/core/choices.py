@@ -73,7 +73,10 @@ def resolve_choices(wanted: npt.NDArray[np.integer[Any]], priority: npt.NDArray[
 def _whole(agent: str, value: Any) -> int:
     if value is None:
         return ILLEGAL
-    found = np.asarray(value)
+    try:
+        found = np.asarray(value)
+    except (TypeError, ValueError, OverflowError) as reason:  # such as lists of unequal lengths
+        raise ActionError(f"action of {agent} is {shown(value)}; valid: one whole number") from reason
     if found.size != 1 or found.dtype.kind not in f"b{_NUMBERS}":
         raise ActionError(f"action of {agent} is {shown(value)}; valid: one whole number")
     number = float(found.reshape(()))

@@ -119,7 +119,7 @@ def time_to_collision(dx: float, dy: float, vx: float, vy: float) -> float:  # p
     closing = -(dx * vx + dy * vy)
     speed2 = vx * vx + vy * vy
     under = closing * closing - speed2 * outside
-    if closing <= 0.0 or under < 0.0:
+    if closing <= 0.0 or under < 0.0 or speed2 <= 0.0:  # the square of a very small speed is 0
         return math.inf
     return (closing - math.sqrt(under)) / speed2
 

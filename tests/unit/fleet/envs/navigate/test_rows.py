@@ -117,6 +117,7 @@ def test_bodies_within_a_centimetre_touch(second: tuple[float, float, float], to
 def test_collisions_are_foretold_at_constant_velocities() -> None:
     assert time_to_collision(2.0, 0.0, -1.0, 0.0) == pytest.approx(1.5)
     assert time_to_collision(0.3, 0.3, 1.0, 1.0) == 0.0
+    assert time_to_collision(2.0, 0.0, -1e-252, 0.0) == np.inf  # its square is 0
     assert time_to_collision(2.0, 0.0, 1.0, 0.0) == math.inf
     assert time_to_collision(2.0, 0.6, -1.0, 0.0) == math.inf
     assert time_to_collision(2.0, 0.0, 0.0, 0.0) == math.inf
