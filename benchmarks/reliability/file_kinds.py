@@ -118,7 +118,7 @@ class FileKind:
     """One kind of input: the files of a valid example, and how the program reads them."""
 
     forms: Mapping[str, str]
-    """Form of each file that is mutated, by its name: `json`, `jsonl`, `toml`, or `lines`."""
+    """Form of each file that is mutated, by its name: `json`, `jsonl`, `toml`; `lines` or `bytes` without structure."""
     make: Callable[[], Mapping[str, bytes]]
     """Content of all files, by name; called once."""
     where: tuple[str, ...] = ()
@@ -337,6 +337,26 @@ def _read_trained(folder: Path) -> None:
     learned_run(folder)
 
 
+def _a_demonstration() -> dict[str, bytes]:
+    import tempfile
+
+    import numpy as np
+
+    from fleet.training.demonstrations import Demonstration, write_demonstrations
+
+    seen = np.zeros((4, 3), dtype=np.float32)
+    told = Demonstration(rows=seen, mask=np.ones((4, 2), dtype=np.bool_), actions=np.zeros(4, dtype=np.int64))
+    with tempfile.TemporaryDirectory() as folder:
+        write_demonstrations(Path(folder) / "shown.npz", {"car": told})
+        return {"shown.npz": (Path(folder) / "shown.npz").read_bytes()}
+
+
+def _read_demonstration(folder: Path) -> None:
+    from fleet.training.demonstrations import read_demonstrations
+
+    read_demonstrations(folder / "shown.npz")
+
+
 FILE_KINDS: dict[str, FileKind] = {
     "site": FileKind(forms={"site.toml": "toml"}, make=lambda: {"site.toml": _SITE.encode()}, read=_read_site),
     "orders": FileKind(
@@ -399,6 +419,7 @@ FILE_KINDS: dict[str, FileKind] = {
         make=lambda: {"config.json": json.dumps(_TRAINED).encode(), "checkpoint.pt": b""},
         read=_read_trained,
     ),
+    "demonstrations": FileKind(forms={"shown.npz": "bytes"}, make=_a_demonstration, read=_read_demonstration),
     "state": FileKind(forms={"moment.json": "json"}, make=_a_state, where=("load_state: ",), read=_read_state),
 }
 """What is fuzzed, by name."""

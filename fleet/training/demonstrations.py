@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,8 @@ from fleet.training.batch import AgentType, agent_types, mask_of, type_of, vecto
 from fleet.training.errors import TrainingError
 
 _NAMES = ("rows", "mask", "actions")
+_DAMAGED = (OSError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+"""What reading a damaged archive raises, one that is packed in another way, and an array alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +78,13 @@ def read_demonstrations(path: Path) -> dict[str, Demonstration]:
         with path.open("rb") as source, np.load(source, allow_pickle=False) as file:
             known = [name for name in file.files if name.rpartition("_")[2] in _NAMES]
             arrays = {name: file[name] for name in known}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except _DAMAGED as error:
         raise TrainingError(f"{path}: cannot be read as demonstrations; valid: an .npz file of arrays") from error
+    for name, array in arrays.items():
+        if array.ndim == 0 or array.dtype.kind not in "biuf":
+            raise TrainingError(
+                f"{path}: {name} is an array of {array.dtype}, {array.ndim} axes; valid: rows of numbers"
+            )
     kinds = [name.rpartition("_")[0] for name in arrays if name.endswith("_rows")]
     if not kinds:
         raise TrainingError(f"{path}: has no array of observations; valid: arrays TYPE_rows, TYPE_actions, TYPE_mask")
