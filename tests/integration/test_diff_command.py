@@ -139,7 +139,7 @@ def test_without_a_recording_it_is_said(base: Path, tmp_path: Path, capsys: pyte
     [
         (shutil.rmtree, "valid: the --out directory of a run"),
         (lambda run: (run / "run.jsonl").unlink(), "no run in"),
-        (lambda run: (run / "run.jsonl").write_bytes(b"\xff\xfe\x00"), "is not text"),
+        (lambda run: (run / "run.jsonl").write_bytes(b"\xff\xfe\x00"), "is no text in UTF-8"),
         (lambda run: (run / "run.jsonl").write_text(""), "valid: the object of kind 'run'"),
         (lambda run: (run / "run.jsonl").write_text("[1]\n"), "line 1"),
         (lambda run: (run / "run.jsonl").write_text('{"kind":"run"}\n'), "with config, seed and versions"),
@@ -147,7 +147,7 @@ def test_without_a_recording_it_is_said(base: Path, tmp_path: Path, capsys: pyte
             lambda run: (run / "run.jsonl").write_text('{"kind":"run","config":{},"seed":0,"versions":{}}\n'),
             "config has no site",
         ),
-        (lambda run: (run / "result.json").write_text("{"), "result.json cannot be read"),
+        (lambda run: (run / "result.json").write_text("{"), "result.json: column 2:"),
         (lambda run: (run / "result.json").write_text("[]"), "as one JSON object"),
         (lambda run: (run / TRACE).unlink(), "no trace in"),
         (lambda run: (run / TRACE).write_bytes((run / TRACE).read_bytes()[:40]), "is no trace"),

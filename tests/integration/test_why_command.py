@@ -83,8 +83,8 @@ def test_what_does_not_exist_is_refused(folder: Path, tmp_path: Path, capsys: py
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "line 1: valid: the object of kind 'run'"),
-        (b"RRF2\x00\x00\xff\xfe\x01", "is no run file"),
+        (b"", "valid: the object of kind 'run'"),
+        (b"RRF2\x00\x00\xff\xfe\x01", "is no text in UTF-8"),
         (b"[1, 2]\n", "line 1"),
         (b'{"kind":"run","config":{},"seed":0,"versions":{}}\n{"tick":3,"kind":"task"}\n', "tells no causes"),
         (

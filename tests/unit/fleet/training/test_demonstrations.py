@@ -55,7 +55,7 @@ def test_what_is_no_file_of_arrays_is_refused(tmp_path: Path, content: bytes | N
 @pytest.mark.parametrize("rows", [np.zeros(()), np.array(["a"])])
 def test_arrays_that_are_no_rows_of_numbers_are_refused(rows: np.ndarray, tmp_path: Path) -> None:
     np.savez(tmp_path / "shown.npz", car_rows=rows, car_actions=np.zeros(1))
-    with pytest.raises(TrainingError, match="car_rows is an array of .*; valid: rows of numbers"):
+    with pytest.raises(TrainingError, match=r"car_rows is an array of .*; valid: rows of numbers"):
         read_demonstrations(tmp_path / "shown.npz")
 
 
@@ -64,5 +64,5 @@ def test_an_array_alone_and_objects_are_refused(tmp_path: Path) -> None:
     for array in (np.zeros(3), np.array([{}], dtype=object)):
         with path.open("wb") as file:
             np.save(file, array)
-        with pytest.raises(TrainingError, match="cannot be read as demonstrations; valid: an .npz file"):
+        with pytest.raises(TrainingError, match=r"cannot be read as demonstrations; valid: an .npz file"):
             read_demonstrations(path)

@@ -35,7 +35,7 @@ def test_lines_are_those_that_an_editor_counts(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_toml_is_shown(text: str, message: str) -> None:
-    with pytest.raises(FileError, match=f"^it: .*{re.escape(message)}.*; valid: tables$"):
+    with pytest.raises(FileError, match=rf"^it: .*{re.escape(message)}.*; valid: tables$"):
         parse_toml(text, "it", valid="tables")
 
 
@@ -50,7 +50,7 @@ def test_what_is_no_toml_is_shown(text: str, message: str) -> None:
     ],
 )
 def test_what_is_no_json_is_shown(text: str, message: str) -> None:
-    with pytest.raises(FileError, match=f"^it: .*{re.escape(message)}.*; valid: an object$"):
+    with pytest.raises(FileError, match=rf"^it: .*{re.escape(message)}.*; valid: an object$"):
         parse_json(text, "it", valid="an object")
 
 
