@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-_LONGEST = 60
+_LONGEST = 120
 """Characters of a value that a message shows."""
 
 
 def shown(value: object) -> str:
-    """A value as a message shows it: cut where it is long, so that what is valid can still be found behind it."""
+    """A value as a message shows it: cut in its middle where it is long.
+
+    So what is valid can still be found behind it, and a path keeps its name.
+    """
     if isinstance(value, int) and value.bit_length() > 4 * _LONGEST:
         return f"an integer of {value.bit_length()} bits"
     try:
@@ -16,7 +19,7 @@ def shown(value: object) -> str:
         return f"a {type(value).__name__}"
     if "\n" in text:  # as arrays have it
         text = " ".join(text.split())
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 4]} ..."
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 45]} ... {text[-40:]}"
 
 
 def named(key: str) -> str:
