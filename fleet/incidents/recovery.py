@@ -13,7 +13,7 @@ from fleet.arrays import FloatArray
 from fleet.incidents.rejoin_room import LEAST_MARGIN_M, MARGIN_M, SEARCH_M, RejoinRoom, cell_of, outline
 from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
-from fleet.traffic.drivers import OFF_LANE_M, PathDriver
+from fleet.traffic.drivers import PathDriver
 from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
 TURNING_RADIUS_M = 0.45
@@ -206,11 +206,9 @@ class Recovery:
         if tick % LOOK_TICKS:
             return []
         executor = run.executor
-        offset = driver.estimate[:, :2] - run.graph.state_pose[executor.tail_states(), :2]
-        off = (
-            executor.without_moves() & (np.hypot(*offset.T) > OFF_LANE_M) & (np.abs(run.world.car_speeds()) < STILL_MPS)
-        )
-        return [car for car in np.flatnonzero(off).tolist() if car not in self._rejoining]
+        stops = run.graph.state_pose[executor.tail_states()]
+        stands = executor.without_moves() & (np.abs(run.world.car_speeds()) < STILL_MPS)
+        return [car for car in driver.off_stop(stops, stands) if car not in self._rejoining]
 
     def _begin(self, driver: PathDriver, car: int, tick: int, reason: str) -> None:
         run = self._run

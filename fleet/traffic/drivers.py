@@ -203,6 +203,16 @@ class PathDriver:
         off = (np.abs(self.follower.cross_track) > OFF_LANE_M) | (np.abs(self.follower.heading_error) > OFF_LANE_RAD)
         return np.nonzero(off)[0].tolist()
 
+    def off_stop(self, stops: FloatArray, stands: BoolArray) -> list[int]:
+        """Cars that stand, but not where they should.
+
+        Args:
+            stops: Where each should stand, x, y, yaw, shape (n_cars, 3).
+            stands: Which are to be looked at, shape (n_cars,).
+        """
+        off_m = np.hypot(*(self.estimate - stops)[:, :2].T)
+        return np.flatnonzero(stands & (off_m > OFF_LANE_M)).tolist()
+
     def stop(self, car: int) -> None:
         """See `Driver`."""
         self._speed_cap[car] = 0.0

@@ -25,6 +25,8 @@ FRICTION = 0.5
 """Of bodies on each other: speed lost along a side, as a share of that lost into it."""
 N_PASSES = 2
 """Passes over all pairs in a tick: one car may be pushed into the next."""
+SHOVE_GAP_M = 0.02
+"""What is left free when a car is pushed up to something: it has to get away without scraping along it [m]."""
 N_SHOVES = 40
 """Steps in which a car is pushed: it stops before the one that would end in something."""
 
@@ -82,7 +84,7 @@ def shove(
         body: What all cars look like.
         boxes: What stands on the floor.
     """
-    bearable = max(_deepest(poses, car, body, boxes), 0.0)
+    bearable = max(_deepest(poses, car, body, boxes), -SHOVE_GAP_M)
     for _ in range(N_SHOVES):
         for axis in range(3):
             poses[car, axis] += way[axis] / N_SHOVES

@@ -113,7 +113,7 @@ class GridCars:
         _move(self._moves, self._found, ends, self._state_pose, self.states, self.poses, self.speeds)
 
     def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
-        """See `CarMotion`; the car keeps its state, and is back there at the end of the timestep."""
+        """See `CarMotion`; the car keeps its state, so its next move takes it back to the lane."""
         self.poses[car] += (dx_m, dy_m, dyaw_rad)
 
     def put(self, car: int, pose: FloatArray) -> None:
@@ -200,9 +200,11 @@ def _move(
     """Give cars the speeds of their moves, and when the timestep ends the states that these lead to."""
     _, to, speed = moves
     for car in range(len(found)):
-        speeds[car] = speed[found[car]] if found[car] != _STAYS else 0.0
+        speeds[car] = 0.0
+        if found[car] == _STAYS:
+            continue
+        speeds[car] = speed[found[car]]
         if ends:
-            if found[car] != _STAYS:
-                states[car] = to[found[car]]
+            states[car] = to[found[car]]
             for axis in range(3):
                 poses[car, axis] = state_pose[states[car], axis]

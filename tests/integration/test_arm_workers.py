@@ -22,7 +22,7 @@ from fleet.simulation import Simulation
 from fleet.stations.arms import arm_planner
 from fleet.stations.arms.arm_cell import arm_cells
 from fleet.stations.arms.arm_planner import ArmSetup, WorkerArmPlanner, arm_setup
-from fleet.stations.arms.arm_process import ENDED, ArmProcess, ArmWorkerError
+from fleet.stations.arms.process.arm_process import ENDED, ArmProcess, ArmWorkerError
 from fleet.stations.arms.transfer import ArmRequest
 
 CONFIG = RunConfig(

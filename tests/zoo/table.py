@@ -453,6 +453,7 @@ PUSHES_AND_BLOCKS = (
         not_done={"b": "parcel lies at"},
         may_be_done=frozenset({"b"}),
         longest_s=120,
+        fails_today={"grid": "a car keeps its state when it is pushed, and is loaded where the arm does not reach"},
     ),
     Scenario(
         name="pushed_off_its_lane",

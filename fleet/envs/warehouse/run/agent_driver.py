@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.arrays import CellArray, FloatArray
+from fleet.arrays import BoolArray, CellArray, FloatArray
 from fleet.config import EstimateConfig
 from fleet.robots.spec import CarSpec
 from fleet.traffic.drivers import AT_REST_MPS, OFF_LANE_M, OFF_LANE_RAD, RELEASE_M, PathDriver
@@ -145,6 +145,10 @@ class AgentDriver(PathDriver):
     def off_lane(self) -> list[int]:
         """See `Driver`; nobody brings back the car of an agent."""
         return [] if self._all_agents else [car for car in super().off_lane() if not self._is_agent[car]]
+
+    def off_stop(self, stops: FloatArray, stands: BoolArray) -> list[int]:
+        """See `PathDriver`; nobody brings back the car of an agent."""
+        return super().off_stop(stops, stands & ~self._by_agent)
 
     def poses_now(self, world: World) -> FloatArray:
         """Estimates at the end of the tick, shape (n_cars, 3): `estimate` is as old as the tick's beginning."""

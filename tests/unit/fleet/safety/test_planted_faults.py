@@ -125,7 +125,7 @@ def test_a_car_that_drives_without_a_grant_is_caught(make: Make, monkeypatch: py
 def test_a_body_off_the_floor_is_told(make: Make) -> None:
     simulation, check = make()
     drive(simulation, check, lambda: simulation.sim_s >= 1.0)
-    simulation.world.push_car(0, -50.0, 0.0, 0.0)
+    simulation.world.put_car(0, simulation.world.car_poses()[0] - (50.0, 0.0, 0.0))
     assert "outside of the floor" in str(violation(simulation, check))
 
 
