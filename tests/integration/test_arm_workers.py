@@ -22,7 +22,7 @@ from fleet.simulation import Simulation
 from fleet.stations.arms import arm_planner
 from fleet.stations.arms.arm_cell import arm_cells
 from fleet.stations.arms.arm_planner import ArmSetup, WorkerArmPlanner, arm_setup
-from fleet.stations.arms.process.arm_process import ENDED, ArmProcess, ArmWorkerError
+from fleet.stations.arms.arm_process import ENDED, ArmProcess, ArmWorkerError
 from fleet.stations.arms.transfer import ArmRequest
 
 CONFIG = RunConfig(
@@ -156,7 +156,8 @@ def test_the_end_of_a_process_is_told_with_its_status() -> None:
 
 def test_a_process_that_works_ends_soon_when_nobody_listens_any_more(repository: Path) -> None:
     works_for_ever = """
-from fleet.stations.arms import arm_planner, arm_worker
+from fleet.stations.arms import arm_planner
+from fleet.stations.arms.worker import arm_worker
 def work(setup):
     while True:
         pass

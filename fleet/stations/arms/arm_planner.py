@@ -18,9 +18,9 @@ from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import Held, UnreachableError
+from fleet.stations.arms.arm_process import BEAT, ENDED, FAILED, KEEP_TREES, READY, ArmProcess, ArmWorkerError
 from fleet.stations.arms.arm_spheres import planned_arm
 from fleet.stations.arms.cell_planner import CellPlanner, KnownWays
-from fleet.stations.arms.process.arm_process import BEAT, ENDED, FAILED, KEEP_TREES, READY, ArmProcess, ArmWorkerError
 from fleet.stations.arms.refusal import PlaceRefusal, refusal_of
 from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer

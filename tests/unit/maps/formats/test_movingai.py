@@ -9,7 +9,7 @@ from maps.formats.movingai import MovingAiError, read_map, read_scenario, site_f
 from maps.lane_graph import build_lane_graph
 from maps.report import check_site
 
-INSTANCES = Path(os.environ.get("FLEET_INSTANCES", Path(__file__).parents[4] / "shared" / "instances")) / "movingai"
+INSTANCES = Path(os.environ.get("FLEET_INSTANCES", Path(__file__).parents[5] / "shared" / "instances")) / "movingai"
 
 
 def published(name):

@@ -13,7 +13,7 @@ from fleet.robots.tools import TOOLS
 from fleet.stations.arms import arm_planner
 from fleet.stations.arms.arm_motions import UnreachableError
 from fleet.stations.arms.arm_planner import ArmSetup, WorkerArmPlanner
-from fleet.stations.arms.process.arm_process import BEAT, ENDED, FAILED, KEEP_TREES, READY, ArmWorkerError
+from fleet.stations.arms.arm_process import BEAT, ENDED, FAILED, KEEP_TREES, READY, ArmWorkerError
 from fleet.stations.arms.transfer import HomeRequest
 
 DIES = (ENDED, -9)

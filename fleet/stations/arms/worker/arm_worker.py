@@ -9,7 +9,7 @@ import threading
 import time
 
 from fleet.errors import FleetError
-from fleet.stations.arms.process.arm_process import BEAT, FAILED, KEEP_TREES, READY
+from fleet.stations.arms.arm_process import BEAT, FAILED, KEEP_TREES, READY
 
 BEAT_S = 1.0
 """Wall time between two beats [s]."""

@@ -22,7 +22,7 @@ class ArmWorkerError(BrokenRunError):
 
 
 class ArmProcess:
-    """One process of `fleet.stations.arms.process.arm_worker`; nothing here waits for it longer than it is told to.
+    """One process of `fleet.stations.arms.worker.arm_worker`; nothing here waits for it longer than it is told to.
 
     Args:
         setup: The first message: what the process plans with.
@@ -35,11 +35,11 @@ class ArmProcess:
         try:
             # A session of its own: Ctrl-C reaches this process only, which then ends the worker in order.
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "fleet.stations.arms.process.arm_worker"],
+                [sys.executable, "-m", "fleet.stations.arms.worker.arm_worker"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
-                cwd=Path(__file__).resolve().parents[4],
+                cwd=Path(__file__).resolve().parents[3],
                 start_new_session=True,
             )
         except OSError as error:

@@ -1,0 +1,1 @@
+"""Worker: the process of its own in which arms are planned."""
