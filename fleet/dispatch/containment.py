@@ -46,7 +46,7 @@ class Containment:
     def tick(self, now_s: float) -> None:
         """End the waiting tasks that cannot be done any more."""
         missions = self._missions
-        gone = missions.cars_in(*GONE)
+        gone = [car for car in missions.cars_in(*GONE) if missions.leaving.get(car, True)]
         if not gone and not self._ways.n_cuts and not self._stations.any_lost:
             return
         changes = self._ways.n_cuts, len(gone), self._stations.n_closings

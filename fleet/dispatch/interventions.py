@@ -117,10 +117,10 @@ class Interventions:
             missions.enter(car, CarPhase.RETIRED if self._inventory.tray_is_loaded(car) else CarPhase.IDLE)
         missions.changed = True
 
-    def take_out(self, car: int, now_s: float) -> None:
+    def take_out(self, car: int, now_s: float, *, for_good: bool) -> None:
         """Let a car leave service as planned: what it has not picked goes back, what it carries is delivered first."""
         missions = self._missions
-        missions.leaving.add(car)
+        missions.leaving[car] = for_good
         task = missions.task_of[car]
         if missions.phase[car] is CarPhase.IDLE:
             missions.enter(car, CarPhase.RETIRED)
@@ -130,7 +130,7 @@ class Interventions:
     def bring_back(self, car: int) -> None:
         """Let a car that has left service as planned come back."""
         missions = self._missions
-        missions.leaving.discard(car)
+        missions.leaving.pop(car, None)
         if missions.phase[car] is CarPhase.RETIRED and not self._inventory.tray_is_loaded(car):
             missions.enter(car, CarPhase.IDLE)
             missions.changed = True

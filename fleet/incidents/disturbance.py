@@ -149,7 +149,7 @@ def _faults(run: RunView, recovery: Recovery, humans: floor.HumanWalks) -> dict[
         "car_towed": cars.CarTowed(recovery),
         "car_pushed": cars.CarPushed(run),
         "car_slow": cars.CarSlow(run),
-        "car_out": cars.CarOut(run),
+        "car_out": cars.CarOut(run, FOR_GOOD_S),
         "car_taken": cars.CarTaken(run, recovery),
         "battery_empty": cars.BatteryEmpty(run, recovery),
         "pose_noisy": cars.PoseNoisy(run),

@@ -81,8 +81,8 @@ class Missions:
         """True for a car on its way to a station, charger or place, shape (n_cars,)."""
         self.served = np.full(len(stations), NOBODY, dtype=np.int64)
         """The car each arm is at work on, or on its way home from, -1 for none, shape (n_stations,)."""
-        self.leaving: set[int] = set()
-        """Cars that leave service as planned: they take no more tasks."""
+        self.leaving: dict[int, bool] = {}
+        """Cars that leave service as planned, and whether for good: they take no more tasks."""
         self.n_changes = 0
         """How often a car has begun a phase."""
         self.changed = True

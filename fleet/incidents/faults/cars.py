@@ -76,14 +76,14 @@ class CarSlow:
 class CarOut:
     """A car leaves service as planned: it does what it carries, takes no more tasks, and parks."""
 
-    def __init__(self, run: RunView) -> None:
-        self._run = run
+    def __init__(self, run: RunView, for_good_s: float) -> None:
+        self._run, self._for_good_s = run, for_good_s
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
         """See `Incident`."""
-        del event
+        for_good = event.duration_s > self._for_good_s
         for car in targets:
-            self._run.dispatcher.rules.interventions.take_out(car, self._run.sim_s)
+            self._run.dispatcher.rules.interventions.take_out(car, self._run.sim_s, for_good=for_good)
         return True
 
     def end(self, targets: Sequence[int]) -> None:

@@ -73,6 +73,18 @@ def test_where_no_car_is_left_nothing_waits() -> None:
         assert (floor.task(name).state, floor.task(name).reason) == (TaskState.FAILED, "no car is left")
 
 
+def test_a_car_that_will_be_back_is_waited_for() -> None:
+    floor = Floor(orders=[delivery("a")], n_cars=1)
+    floor.interventions.take_out(0, 0.0, for_good=False)
+    task = floor.ready("a")
+    floor.containment.tick(1.0)
+    assert task.state is TaskState.READY
+    floor.interventions.bring_back(0)
+    floor.interventions.take_out(0, 2.0, for_good=True)
+    floor.containment.tick(3.0)
+    assert (task.state, task.reason) == (TaskState.FAILED, "no car is left")
+
+
 def test_a_car_that_is_being_brought_back_may_come_back_anywhere() -> None:
     floor = Floor(orders=[delivery("a")])
     task = floor.ready("a")
