@@ -227,7 +227,11 @@ class PlanarWorld:
         self._surroundings.remove_box(obstacle)
 
     def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
-        """See `World`; it comes as far as something is in the way."""
+        """See `World`."""
+        self._cars.push(car, dx_m, dy_m, dyaw_rad)
+
+    def shove_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
+        """See `World`."""
         poses = self._cars.poses.copy()
         self._surroundings.shove(poses, car, np.array([dx_m, dy_m, dyaw_rad]))
         dx_m, dy_m, dyaw_rad = (poses[car] - self._cars.poses[car]).tolist()

@@ -98,6 +98,9 @@ class World(Protocol):
     def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """Shove a car sideways: what a careless human does. Physics applies an impulse towards it, others displace."""
 
+    def shove_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
+        """Do `push_car` as far as nothing is in the way, also where there is no physics."""
+
     def put_car(self, car: int, pose: FloatArray) -> None:
         """Let a car stand elsewhere, at a pose of its rear axle x, y, yaw, shape (3,)."""
 

@@ -51,7 +51,7 @@ class CarPushed(Once):
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
         """See `Incident`."""
         for car in targets:
-            self._run.world.push_car(car, event.value("dx_m"), event.value("dy_m"), event.value("dyaw_rad"))
+            self._run.world.shove_car(car, event.value("dx_m"), event.value("dy_m"), event.value("dyaw_rad"))
         return True
 
 
@@ -110,7 +110,7 @@ class CarTaken:
     def end(self, targets: Sequence[int]) -> None:
         """See `Incident`."""
         (car,) = targets
-        self._run.world.push_car(car, *self._moved.pop(car))
+        self._run.world.shove_car(car, *self._moved.pop(car))
         self._recovery.give_back(car)
 
 

@@ -243,6 +243,10 @@ class BulletWorld:
         """Shove a car for half a second: by that much in the world's frame, unless something is in the way."""
         self._cars.push(car, np.array([dx_m, dy_m, dyaw_rad]))
 
+    def shove_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
+        """See `World`."""
+        self.push_car(car, dx_m, dy_m, dyaw_rad)
+
     def put_car(self, car: int, pose: FloatArray) -> None:
         """See `World`."""
         self._cars.put(car, pose)

@@ -161,12 +161,12 @@ def test_a_lasting_touch_counts_once_and_again_when_it_comes_back(hall: Scene) -
 def test_a_push_ends_where_something_is_in_the_way(hall: Scene) -> None:
     world = KinematicWorld(hall)
     free = world.car_poses()
-    world.push_car(0, 2.8, 0.0, 0.0)  # car_1 stands there
+    world.shove_car(0, 2.8, 0.0, 0.0)  # car_1 stands there
     step(world)
     pushed = world.car_poses()
     assert 0.0 < pushed[0, 0] - free[0, 0] < 2.8
     np.testing.assert_allclose(pushed[1], free[1])
-    world.push_car(1, 20.0, 0.0, 0.0)  # and here a wall
+    world.shove_car(1, 20.0, 0.0, 0.0)  # and here a wall
     step(world)
     assert world.car_poses()[1, 0] < free[1, 0] + 20.0
     assert (world.contacts().robot, world.contacts().static) == (0, 0)
