@@ -15,7 +15,7 @@ from benchmarks.harness import Row, Trial
 from fleet.config import EVENT_KINDS, AllocationConfig, ArmConfig, Fidelity, RunConfig
 from fleet.run.events import Event
 from fleet.simulation import Simulation
-from fleet.tasks.board import OPEN_STATES, TaskState
+from fleet.tasks.board import TaskState
 from maps.site import save_site
 from maps.warehouse import generate_warehouse
 
@@ -116,10 +116,8 @@ def _play(config: RunConfig, ends: Ends) -> None:
         ends.kinds.update(str(event.facts["disturbance"]) for event in log if event.kind == "disturbance")
         if simulation.stalled:
             ends.stalled.append(config.seed)
-        elif simulation.sim_s < config.duration_s and any(task.state in OPEN_STATES for task in tasks):
-            open_tasks = [task for task in tasks if task.state in OPEN_STATES and task.state is not TaskState.DELIVERED]
-            if open_tasks:
-                ends.open.append(config.seed)
+        elif simulation.sim_s < config.duration_s and simulation.board.n_closed < len(tasks):
+            ends.open.append(config.seed)
         if any(not _is_caused(time_s, log) for time_s in touched_s):
             ends.contacts.append(config.seed)
         if simulation.parcel_balance():

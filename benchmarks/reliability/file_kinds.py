@@ -7,8 +7,8 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 from maps.site import load_site
 
@@ -209,9 +209,10 @@ def _read_events(folder: Path) -> None:
     from fleet.config.scenario_file import read_events
     from fleet.incidents.disturbance import Disturbances
 
-    run: Any = SimpleNamespace(site=_small(), world=SimpleNamespace(n_cars=3, n_arms=2), sim_s=0.0)
-    recovery: Any = None
-    Disturbances(run, recovery, read_events(folder / "events.toml"))
+    # Whether a target exists is asked of site, stations and world; nothing happens to the other parts of the run.
+    site = _small()
+    run = MagicMock(site=site, stations=site.stations, world=MagicMock(n_cars=3, n_arms=2))
+    Disturbances(run, MagicMock(), read_events(folder / "events.toml"))
 
 
 def _read_settings(folder: Path) -> None:

@@ -43,15 +43,14 @@ class EventKind:
 
 _TURN, _WAY = (-3.2, 3.2, 0.0), (-2.0, 2.0, 0.0)
 _MOVED = {"dx_m": _WAY, "dy_m": _WAY, "dyaw_rad": _TURN}
-_FOR_GOOD = math.inf
 EVENT_KINDS: Mapping[str, EventKind] = MappingProxyType(
     {
-        "car_dead": EventKind(targets=(CAR,), lasts_s=_FOR_GOOD),
+        "car_dead": EventKind(targets=(CAR,), lasts_s=math.inf),
         "car_repaired": EventKind(targets=(CAR,), ends="car_dead"),
         "car_towed": EventKind(targets=(CAR,)),
         "car_pushed": EventKind(targets=(CAR,), parameters=_MOVED),
         "car_slow": EventKind(targets=(CAR,), parameters={"factor": (0.05, 1.0, 0.5)}, lasts_s=60.0),
-        "car_out": EventKind(targets=(CAR,), lasts_s=_FOR_GOOD),
+        "car_out": EventKind(targets=(CAR,), lasts_s=math.inf),
         "car_back": EventKind(targets=(CAR,), ends="car_out"),
         "car_taken": EventKind(targets=(CAR,), parameters=_MOVED, lasts_s=30.0),
         "car_given_back": EventKind(targets=(CAR,), ends="car_taken"),
@@ -65,7 +64,7 @@ EVENT_KINDS: Mapping[str, EventKind] = MappingProxyType(
         "plans_late": EventKind(targets=(FLEET,), parameters={"delay_s": (0.0, 10.0, 2.0)}, lasts_s=30.0),
         "plans_lost": EventKind(targets=(FLEET,), lasts_s=10.0),
         "arm_slow": EventKind(targets=(ARM,), parameters={"factor": (0.01, 1.0, 0.5)}, lasts_s=60.0),
-        "arm_dead": EventKind(targets=(ARM,), lasts_s=_FOR_GOOD),
+        "arm_dead": EventKind(targets=(ARM,), lasts_s=math.inf),
         "arm_repaired": EventKind(targets=(ARM,), ends="arm_dead"),
         "grip_lost": EventKind(targets=(ARM,), parameters={"carried_s": (0.0, 60.0, 1.0)}),
         "camera_blind": EventKind(targets=(STATION,), lasts_s=30.0),
@@ -82,8 +81,10 @@ EVENT_KINDS: Mapping[str, EventKind] = MappingProxyType(
     }
 )
 """Kinds of events by name."""
+FOR_GOOD_S = 300.0
+"""What lasts longer is as good as lost: a run in which nothing goes on for so long has stalled [s]."""
 MOST_S = 1e6
-"""A duration of more is as good as for good [s]."""
+"""Longest duration that can be said [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +108,11 @@ class ScenarioEvent(Settings):
             require(name in ranges, f"parameter of {self.kind}", name, ", ".join(ranges) or "none")
             low, high = ranges[name]
             require(low <= value <= high, f"{name} of {self.kind}", value, f"a number from {low:g} to {high:g}")
+
+    @property
+    def is_for_good(self) -> bool:
+        """Whether what it does is as good as lost."""
+        return self.duration_s > FOR_GOOD_S
 
     def value(self, name: str) -> float:
         """A parameter, or what it is if nothing was said."""

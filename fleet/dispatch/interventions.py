@@ -144,12 +144,7 @@ class Interventions:
         missions.changed = True
         for car in missions.cars_in(CarPhase.TO_PICK, CarPhase.HELD):
             task = missions.task_of[car]
-            if (
-                task is not None
-                and task.visit is None
-                and task.state is TaskState.ASSIGNED
-                and task.pick == station.name
-            ):
+            if task is not None and task.state is TaskState.ASSIGNED and missions.pick_of[car] == arm:
                 missions.unassign(task, now_s, f"{station.name} {why}")
                 missions.stand_down(car)
 
@@ -178,8 +173,7 @@ class Interventions:
         for task in board.longer_than(limits.carried_s, now_s, TaskState.CARRIED):
             if task.car is not None:
                 reason = f"car_{task.car} was not at {task.delivery.drop} after {limits.carried_s:g} s"
-                self._docks.give_up(task, now_s, reason)
-                missions.release(task.car, CarPhase.RETIRED)
+                self._give_up(task.car, task, now_s, reason)
 
     def _give_up_lost(self, now_s: float) -> None:
         """Give up what is carried to stations that are closed for good; cars keep their parcels."""
@@ -190,8 +184,12 @@ class Interventions:
                 continue
             station = missions.stations.named(task.delivery.drop)
             if missions.stations.is_lost(station):
-                self._docks.give_up(task, now_s, f"{station.name} is closed for good; its parcel stays in the tray")
-                missions.release(car, CarPhase.RETIRED)
+                self._give_up(car, task, now_s, f"{station.name} is closed for good; its parcel stays in the tray")
+
+    def _give_up(self, car: int, task: Task, now_s: float, reason: str) -> None:
+        """Give up a task whose parcel stays in its car, which takes no other."""
+        self._docks.give_up(task, now_s, reason)
+        self._missions.release(car, CarPhase.RETIRED)
 
     def take_back(self, now_s: float) -> None:
         """Free cars of tasks that they have no way to go on with."""
@@ -217,5 +215,4 @@ class Interventions:
                 missions.unassign(task, now_s, f"car_{car} has no way to {name}")
                 missions.release(car)
             elif self._ways.cut_off(car, missions.stations.named(name).dock_state):
-                self._docks.give_up(task, now_s, f"car_{car} has no way to {name}; its parcel stays in the tray")
-                missions.release(car, CarPhase.RETIRED)
+                self._give_up(car, task, now_s, f"car_{car} has no way to {name}; its parcel stays in the tray")

@@ -42,15 +42,14 @@ def draw_chaos(
     time_s = 0.0
     while per_h > 0.0 and (time_s := time_s + float(rng.exponential(3600.0 / per_h))) < until_s:
         kind = str(rng.choice(kinds, p=weight / weight.sum()))
-        events.append(_drawn(kind, site, n_cars, time_s, rng))
+        event = _drawn(kind, site, n_cars, time_s, rng)
+        events.append(event)
         if kind == "car_dead" and rng.random() < 0.5:
             towed_s = time_s + float(rng.uniform(10.0, MENDED_S[0]))
-            events.append(ScenarioEvent(time_s=_rounded(towed_s), kind="car_towed", target=events[-1].target))
-        mended = EVENT_KINDS[kind].lasts_s == math.inf and rng.random() < MENDED
-        if mended:
+            events.append(ScenarioEvent(time_s=_rounded(towed_s), kind="car_towed", target=event.target))
+        if event.duration_s == math.inf and rng.random() < MENDED:
             mended_s = time_s + float(rng.uniform(*MENDED_S))
-            target = next(event.target for event in reversed(events) if event.kind == kind)
-            events.append(ScenarioEvent(time_s=_rounded(mended_s), kind=ends[kind], target=target))
+            events.append(ScenarioEvent(time_s=_rounded(mended_s), kind=ends[kind], target=event.target))
     return tuple(sorted(events, key=lambda event: event.time_s))
 
 

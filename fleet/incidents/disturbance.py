@@ -10,13 +10,13 @@ import numpy as np
 from fleet.config import EVENT_KINDS, ScenarioEvent
 from fleet.config.events import ARM, CAR, CELL, FLEET, STATION, TARGETS, ZONE
 from fleet.errors import ConfigError
-from fleet.incidents.faults import arms, cars, floor, plans
+from fleet.incidents.faults import floor, plans
+from fleet.incidents.faults.arms import arm_incidents
+from fleet.incidents.faults.cars import car_incidents
 from fleet.incidents.faults.incident import Incident
 from fleet.incidents.recovery import Recovery
 from fleet.run.view import RunView
 
-FOR_GOOD_S = 300.0
-"""What lasts longer is as good as lost: a run in which nothing goes on for so long has stalled [s]."""
 _Key = tuple[str, str]
 """A kind of event, and its target."""
 
@@ -102,8 +102,8 @@ class Disturbances:
         if kind == STATION:
             return next(([station.arm] for station in run.stations if station.name == target), None)
         if kind in (CAR, ARM):
-            number, n = target.removeprefix(f"{kind}_"), run.world.n_cars if kind == CAR else run.world.n_arms
-            ok = target.startswith(f"{kind}_") and number.isdecimal() and int(number) < n
+            number = target.removeprefix(f"{kind}_")
+            ok = target.startswith(f"{kind}_") and number.isdecimal() and int(number) < self._n(kind)
             return [int(number)] if ok else None
         corners = self._corners(target, 1 if kind == CELL else 2)
         if corners is None:
@@ -129,42 +129,28 @@ class Disturbances:
         found = list(zip(numbers[::2], numbers[1::2], strict=True))
         return found if all(row < grid.rows and col < grid.cols for row, col in found) else None
 
+    def _n(self, kind: str) -> int:
+        """How many cars or arms there are."""
+        return self._run.world.n_cars if kind == CAR else self._run.world.n_arms
+
     def _words(self, kind: str) -> str:
-        run = self._run
         if kind == CELL:
             return "row,col of a free cell"
         if kind == STATION:
-            return ", ".join(station.name for station in run.stations)
+            return ", ".join(station.name for station in self._run.stations)
         if kind in (CAR, ARM):
-            n = run.world.n_cars if kind == CAR else run.world.n_arms
-            return f"{kind}_0 to {kind}_{n - 1}"
+            return f"{kind}_0 to {kind}_{self._n(kind) - 1}"
         return TARGETS[kind] if kind == ZONE else kind
 
 
 def _faults(run: RunView, recovery: Recovery, humans: floor.HumanWalks) -> dict[str, Incident]:
     """What happens, by kind of event; those that end others have none of their own."""
-    held = cars.CarHeld(run)
     return {
-        "car_dead": cars.CarDead(recovery),
-        "car_towed": cars.CarTowed(recovery),
-        "car_pushed": cars.CarPushed(run),
-        "car_slow": cars.CarSlow(run),
-        "car_out": cars.CarOut(run, FOR_GOOD_S),
-        "car_taken": cars.CarTaken(run, recovery),
-        "battery_empty": cars.BatteryEmpty(run, recovery),
-        "pose_noisy": cars.PoseNoisy(run),
-        "pose_lost": held,
-        "commands_late": cars.CommandsLate(run),
-        "commands_lost": held,
-        "emergency_stop": cars.EmergencyStop(run),
+        **car_incidents(run, recovery),
+        **arm_incidents(run, recovery),
         "plans_late": plans.PlansLate(run),
         "plans_lost": plans.PlansLost(run),
-        "arm_slow": arms.ArmSlow(run),
-        "arm_dead": arms.ArmDead(run, recovery, FOR_GOOD_S),
-        "grip_lost": arms.GripLost(run),
-        "camera_blind": arms.CameraBlind(run),
-        "station_closed": arms.StationClosed(run, FOR_GOOD_S),
-        "lane_blocked": floor.LaneBlocked(run, FOR_GOOD_S),
-        "lane_closed": floor.LaneClosed(run, FOR_GOOD_S),
+        "lane_blocked": floor.LaneBlocked(run),
+        "lane_closed": floor.LaneClosed(run),
         "human_walks": humans,
     }

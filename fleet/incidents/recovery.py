@@ -142,7 +142,7 @@ class Recovery:
         if car in self._rejoining or car in self._wrecks or run.services.is_served(car):
             return False
         if run.driver.paths is None:
-            run.driver.hold(car)
+            run.driver.hindrances.hold(car)
             return True
         self._begin(run.driver.paths, car, run.now, f"an operator drives car_{car}")
         self._rejoining[car].taken = True
@@ -151,7 +151,7 @@ class Recovery:
     def give_back(self, car: int) -> None:
         """An operator has parked a car, and it comes back to its lane."""
         if self._run.driver.paths is None:
-            self._run.driver.let_go(car)
+            self._run.driver.hindrances.let_go(car)
         elif car in self._rejoining:
             self._rejoining[car].taken = False
             self._rejoining[car].still_since = self._run.now

@@ -136,7 +136,7 @@ class CauseWatch:
         if without_move:
             self._look_at_without_move(tick)
         _leave_out_free_arms(self.rows, self._n_cars)
-        for car in executor.driver.held:
+        for car in executor.driver.hindrances.held:
             self._set(car, Cause.FAULT, detail=DETAIL_OF["stopped"])
         self.log.append(tick, self.rows)
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fleet.config import ArmConfig, Grip
+from fleet.config import Fidelity, Grip, RunConfig
 from fleet.stations.arms.arm_cell import arm_cells
-from fleet.stations.arms.arm_planner import ArmSetup, LocalArmPlanner, ReachError
+from fleet.stations.arms.arm_planner import LocalArmPlanner, ReachError, arm_setup
 from fleet.world.site_scene import scene_of
 from maps.site import Site
 
@@ -24,17 +24,10 @@ def reach_refusals(site: Site, grip: Grip, told: Callable[[str], None]) -> tuple
     Returns:
         One line for each station that cannot be served: which slot, why, and what would be valid.
     """
-    arms = ArmConfig()
     scene = scene_of(site, np.empty((0, 3)), grip)
-    setup = ArmSetup(
-        cells=arm_cells(site, scene),
-        names=tuple(station.name for station in site.stations),
-        spec=scene.arm,
-        tool=str(grip),
-        planner=arms.planner,
-        n_iterations=arms.iterations_n,
-        confirm=True,
-    )
+    names = tuple(station.name for station in site.stations)
+    config = RunConfig(grip=grip, fidelity=Fidelity.PHYSICS)
+    setup = arm_setup(arm_cells(site, scene), names, scene.arm, config)
     try:
         LocalArmPlanner(setup, told).close()
     except ReachError as error:

@@ -36,6 +36,8 @@ class Driver(Protocol):
 
     estimate: FloatArray
     """Where the cars are believed to be, x, y, yaw, shape (n_cars, 3)."""
+    hindrances: Hindrances
+    """What keeps cars from driving as they are told."""
 
     @property
     def paths(self) -> PathDriver | None:
@@ -76,24 +78,8 @@ class Driver(Protocol):
     def go(self, car: int) -> None:
         """End a `stop` or a `give_up`."""
 
-    @property
-    def held(self) -> list[int]:
-        """Cars that are held by `hold`, ascending."""
-
-    def hold(self, car: int) -> None:
-        """Stand still until as many calls of `let_go`, whatever else is said."""
-
-    def let_go(self, car: int) -> None:
-        """End a `hold`."""
-
-    def slow(self, car: int, factor: float) -> None:
-        """Drive at a fraction of the usual speed from now on."""
-
     def blur(self, car: int, factor: float) -> None:
         """Measure so many times as badly from now on where a car is, if that is measured."""
-
-    def delay(self, car: int, n_ticks: int) -> None:
-        """Let a car have its commands so many ticks late from now on, if it is steered by commands."""
 
 
 class PathDriver:
@@ -136,7 +122,7 @@ class PathDriver:
         self._stop_s = np.zeros(n_cars)
         self._speed_cap = np.full(n_cars, PASS_SPEED_MPS)
         self._speeds = np.zeros(n_cars)
-        self._hindrances = Hindrances(n_cars)
+        self.hindrances = Hindrances(n_cars)
         self.estimate = start_poses.copy()
 
     @property
@@ -172,9 +158,9 @@ class PathDriver:
     def commands(self, world: World) -> FloatArray:
         """See `Driver`."""
         self.sense(world)
-        caps = self._hindrances.caps(self._speed_cap)
+        caps = self.hindrances.caps(self._speed_cap)
         commands = self.follower.commands(self.buffer, self.estimate, self._speeds, self._stop_s, caps)
-        return self._hindrances.late(commands)
+        return self.hindrances.late(commands)
 
     def sense(self, world: World) -> None:
         """Take in where the cars are and how fast."""
@@ -226,30 +212,9 @@ class PathDriver:
         """End a `stop`: drive on along what was granted, at most that fast."""
         self._speed_cap[car] = speed_mps
 
-    @property
-    def held(self) -> list[int]:
-        """See `Driver`."""
-        return self._hindrances.held
-
-    def hold(self, car: int) -> None:
-        """See `Driver`."""
-        self._hindrances.hold(car, 1)
-
-    def let_go(self, car: int) -> None:
-        """See `Driver`."""
-        self._hindrances.hold(car, -1)
-
-    def slow(self, car: int, factor: float) -> None:
-        """See `Driver`."""
-        self._hindrances.slow(car, factor)
-
     def blur(self, car: int, factor: float) -> None:
         """See `Driver`."""
         self.estimator.blur(car, factor)
-
-    def delay(self, car: int, n_ticks: int) -> None:
-        """See `Driver`."""
-        self._hindrances.delay(car, n_ticks)
 
 
 class StateDriver:
@@ -274,7 +239,7 @@ class StateDriver:
         self._targets = Rings(len(start_states), np.int64)  # states at the ends of granted moves
         self._done = np.empty(0, dtype=np.int32)
         self._stopped = np.zeros(len(start_states), dtype=np.bool_)
-        self._hindrances = Hindrances(len(start_states))
+        self.hindrances = Hindrances(len(start_states))
         self._rests = np.zeros(len(start_states), dtype=np.int64)  # ticks that slow cars still wait
 
     @property
@@ -331,34 +296,14 @@ class StateDriver:
         """See `Driver`."""
         self._stopped[car] = False
 
-    @property
-    def held(self) -> list[int]:
-        """See `Driver`."""
-        return self._hindrances.held
-
-    def hold(self, car: int) -> None:
-        """See `Driver`."""
-        self._hindrances.hold(car, 1)
-
-    def let_go(self, car: int) -> None:
-        """See `Driver`."""
-        self._hindrances.hold(car, -1)
-
-    def slow(self, car: int, factor: float) -> None:
-        """See `Driver`; such a car rests between two moves."""
-        self._hindrances.slow(car, factor)
-
     def blur(self, car: int, factor: float) -> None:
         """See `Driver`; nothing is measured here."""
 
-    def delay(self, car: int, n_ticks: int) -> None:
-        """See `Driver`; nothing is steered here."""
-
     def _stand(self, done: CellArray, world: World) -> BoolArray:
-        """Which cars make no move now, shape (n_cars,)."""
-        if not self._hindrances.any:
+        """Which cars make no move now, shape (n_cars,); a slow one rests between two moves, and none is told late."""
+        if not self.hindrances.any:
             return self._stopped
-        caps = self._hindrances.caps(np.ones(len(self._state)))
+        caps = self.hindrances.caps(np.ones(len(self._state)))
         self._rests = np.maximum(self._rests - 1, 0)
         slow = done[(caps[done] > 0.0) & (caps[done] < 1.0)]
         self._rests[slow] = np.round((1.0 / caps[slow] - 1.0) * MOVE_S / world.tick_s)

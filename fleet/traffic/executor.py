@@ -19,7 +19,7 @@ from planners.mapf.problem import Plan
 from planners.precedence.arrays import BoolArray, Int64Array
 from planners.precedence.dependency_graph import DependencyGraph
 from planners.precedence.errors import UnexecutablePlanError
-from planners.precedence.queues import Queues, move_at
+from planners.precedence.queues import NOBODY, Queues, move_at
 
 RETRY_S = 0.5
 """Time after which a car that could not go first asks again [s]."""
@@ -121,7 +121,7 @@ class Executor:
             cell: The cell.
             for_a_moment: Whether what leads through it waits; else it is dropped.
         """
-        if any(self.dependencies.holds(car, cell) for car in range(self._n_cars)):
+        if self.dependencies.queues.holder[cell] != NOBODY:
             return False
         self.close(cell)
         if not for_a_moment:

@@ -25,8 +25,15 @@ class Hindrances:
         self.held: list[int] = []
         """Cars that are held, ascending."""
 
-    def hold(self, car: int, change: int) -> None:
-        """Hold a car once more, or once less."""
+    def hold(self, car: int) -> None:
+        """Let a car stand still until as many calls of `let_go`, whatever else it is told."""
+        self._count(car, 1)
+
+    def let_go(self, car: int) -> None:
+        """End a `hold`."""
+        self._count(car, -1)
+
+    def _count(self, car: int, change: int) -> None:
         self._n_holds[car] += change
         self.held = np.flatnonzero(self._n_holds > 0).tolist()
         self._look()

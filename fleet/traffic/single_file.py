@@ -7,8 +7,8 @@ import numpy as np
 from fleet.arrays import CellArray, FloatArray
 from fleet.traffic.open_lanes import OpenLanes
 from planners.mapf.distance_table import DistanceTable
+from planners.mapf.problem import NO_GOAL
 
-NO_GOAL = -1
 NEAR_MOVES = 8
 """A car that has so many moves left to its goal in a dead end waits until it is its turn; others drive on."""
 PATIENCE_S = 10.0

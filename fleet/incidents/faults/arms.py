@@ -5,60 +5,37 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fleet.config import ScenarioEvent
-from fleet.incidents.faults.incident import Once
+from fleet.incidents.faults.incident import ForEach, Incident, Once
 from fleet.incidents.recovery import Recovery
 from fleet.run.view import RunView
 from fleet.tasks.board import TaskState
 
 
-class ArmSlow:
-    """An arm plays its motions at a fraction of their speed."""
-
-    def __init__(self, run: RunView) -> None:
-        self._run = run
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        for arm in targets:
-            self._run.arm_manager.slow(arm, event.value("factor"))
-        return True
-
-    def end(self, targets: Sequence[int]) -> None:
-        """See `Incident`."""
-        for arm in targets:
-            self._run.arm_manager.slow(arm, 1.0)
-
-
-class StationClosed:
-    """A station takes no more cars; those that have booked it are served."""
-
-    def __init__(self, run: RunView, for_good_s: float) -> None:
-        self._run, self._for_good_s = run, for_good_s
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        for arm in targets:
-            self._run.dispatcher.rules.interventions.close_station(
-                arm, self._run.sim_s, "is closed", for_good=event.duration_s > self._for_good_s
-            )
-        return True
-
-    def end(self, targets: Sequence[int]) -> None:
-        """See `Incident`."""
-        for arm in targets:
-            self._run.dispatcher.rules.interventions.open_station(arm)
+def arm_incidents(run: RunView, recovery: Recovery) -> dict[str, Incident]:
+    """What can happen to arms and stations, by kind of event."""
+    arms, covered, interventions = run.arm_manager, run.perception.covered, run.dispatcher.rules.interventions
+    return {
+        "arm_slow": ForEach(lambda arm, event: arms.slow(arm, event.value("factor")), lambda arm: arms.slow(arm, 1.0)),
+        "arm_dead": ArmDead(run, recovery),
+        "grip_lost": GripLost(run),
+        "camera_blind": ForEach(lambda arm, event: covered.add(arm), covered.discard),
+        "station_closed": ForEach(
+            lambda arm, event: interventions.close_station(arm, run.sim_s, "is closed", for_good=event.is_for_good),
+            interventions.open_station,
+        ),
+    }
 
 
 class ArmDead:
     """An arm stands still where it is: its station is closed, its task fails, and the car below it cannot leave."""
 
-    def __init__(self, run: RunView, recovery: Recovery, for_good_s: float) -> None:
-        self._run, self._recovery, self._for_good_s = run, recovery, for_good_s
+    def __init__(self, run: RunView, recovery: Recovery) -> None:
+        self._run, self._recovery = run, recovery
         self._under: dict[int, int] = {}
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
         """See `Incident`."""
-        run, for_good = self._run, event.duration_s > self._for_good_s
+        run, for_good = self._run, event.is_for_good
         for arm in targets:
             run.arm_manager.stop([arm])
             run.dispatcher.rules.interventions.close_station(arm, run.sim_s, f"arm_{arm} is dead", for_good=for_good)
@@ -100,20 +77,3 @@ class GripLost(Once):
             return False
         self._run.world.fail_grip(arm)
         return True
-
-
-class CameraBlind:
-    """The camera of a station sees nothing."""
-
-    def __init__(self, run: RunView) -> None:
-        self._run = run
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        del event
-        self._run.perception.covered.update(targets)
-        return True
-
-    def end(self, targets: Sequence[int]) -> None:
-        """See `Incident`."""
-        self._run.perception.covered.difference_update(targets)

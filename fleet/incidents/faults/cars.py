@@ -5,29 +5,54 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fleet.config import ScenarioEvent
-from fleet.incidents.faults.incident import Once
+from fleet.incidents.faults.incident import ForEach, Incident, Once
 from fleet.incidents.recovery import Recovery
 from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
 
 
-class CarDead:
-    """A car stops for good; when it is repaired, what lies in its tray is taken out, and it comes back to its lane."""
+def car_incidents(run: RunView, recovery: Recovery) -> dict[str, Incident]:
+    """What can happen to cars, and what operators do to them, by kind of event."""
+    driver, world, hindrances = run.driver, run.world, run.driver.hindrances
+    interventions = run.dispatcher.rules.interventions
+    # A car that has lost its place or its commands stands by itself.
+    held = ForEach(lambda car, event: hindrances.hold(car), hindrances.let_go)
 
-    def __init__(self, recovery: Recovery) -> None:
-        self._recovery = recovery
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
+    def empty(car: int, event: ScenarioEvent) -> None:
         del event
-        for car in targets:
-            self._recovery.lose_car(car, f"car_{car} is dead")
-        return True
+        if run.batteries is not None:
+            run.batteries.charge[car] = 0.0
+        recovery.lose_car(car, f"the battery of car_{car} is empty")
 
-    def end(self, targets: Sequence[int]) -> None:
-        """See `Incident`."""
-        for car in targets:
-            self._recovery.revive(car)
+    return {
+        "car_dead": ForEach(lambda car, event: recovery.lose_car(car, f"car_{car} is dead"), recovery.revive),
+        "car_towed": CarTowed(recovery),
+        "car_pushed": ForEach(lambda car, event: world.shove_car(car, *_moved(event))),
+        "car_slow": ForEach(
+            lambda car, event: hindrances.slow(car, event.value("factor")), lambda car: hindrances.slow(car, 1.0)
+        ),
+        "car_out": ForEach(
+            lambda car, event: interventions.take_out(car, run.sim_s, for_good=event.is_for_good),
+            interventions.bring_back,
+        ),
+        "car_taken": CarTaken(run, recovery),
+        "battery_empty": ForEach(empty),
+        "pose_noisy": ForEach(
+            lambda car, event: driver.blur(car, event.value("factor")), lambda car: driver.blur(car, 1.0)
+        ),
+        "pose_lost": held,
+        "commands_late": ForEach(
+            lambda car, event: hindrances.delay(car, round(event.value("delay_s") / run.tick_s)),
+            lambda car: hindrances.delay(car, 0),
+        ),
+        "commands_lost": held,
+        "emergency_stop": EmergencyStop(run),
+    }
+
+
+def _moved(event: ScenarioEvent) -> tuple[float, float, float]:
+    """How far a car is moved along x and y, and about z [m, m, rad]."""
+    return event.value("dx_m"), event.value("dy_m"), event.value("dyaw_rad")
 
 
 class CarTowed(Once):
@@ -42,56 +67,6 @@ class CarTowed(Once):
         return all([self._recovery.tow(car) for car in targets])
 
 
-class CarPushed(Once):
-    """Somebody shoves a car aside."""
-
-    def __init__(self, run: RunView) -> None:
-        self._run = run
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        for car in targets:
-            self._run.world.shove_car(car, event.value("dx_m"), event.value("dy_m"), event.value("dyaw_rad"))
-        return True
-
-
-class CarSlow:
-    """A car drives at a fraction of its speed."""
-
-    def __init__(self, run: RunView) -> None:
-        self._run = run
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        for car in targets:
-            self._run.driver.slow(car, event.value("factor"))
-        return True
-
-    def end(self, targets: Sequence[int]) -> None:
-        """See `Incident`."""
-        for car in targets:
-            self._run.driver.slow(car, 1.0)
-
-
-class CarOut:
-    """A car leaves service as planned: it does what it carries, takes no more tasks, and parks."""
-
-    def __init__(self, run: RunView, for_good_s: float) -> None:
-        self._run, self._for_good_s = run, for_good_s
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        for_good = event.duration_s > self._for_good_s
-        for car in targets:
-            self._run.dispatcher.rules.interventions.take_out(car, self._run.sim_s, for_good=for_good)
-        return True
-
-    def end(self, targets: Sequence[int]) -> None:
-        """See `Incident`."""
-        for car in targets:
-            self._run.dispatcher.rules.interventions.bring_back(car)
-
-
 class CarTaken:
     """An operator drives a car by hand, a little aside, and gives it back."""
 
@@ -104,7 +79,7 @@ class CarTaken:
         (car,) = targets
         if not self._recovery.take(car):
             return False
-        self._moved[car] = event.value("dx_m"), event.value("dy_m"), event.value("dyaw_rad")
+        self._moved[car] = _moved(event)
         return True
 
     def end(self, targets: Sequence[int]) -> None:
@@ -112,77 +87,6 @@ class CarTaken:
         (car,) = targets
         self._run.world.shove_car(car, *self._moved.pop(car))
         self._recovery.give_back(car)
-
-
-class BatteryEmpty(Once):
-    """A battery is empty all at once; a car without one stops as if it had."""
-
-    def __init__(self, run: RunView, recovery: Recovery) -> None:
-        self._run, self._recovery = run, recovery
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        del event
-        for car in targets:
-            if self._run.batteries is not None:
-                self._run.batteries.charge[car] = 0.0
-            self._recovery.lose_car(car, f"the battery of car_{car} is empty")
-        return True
-
-
-class PoseNoisy:
-    """What a car measures of its place is worse than usual."""
-
-    def __init__(self, run: RunView) -> None:
-        self._run = run
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        for car in targets:
-            self._run.driver.blur(car, event.value("factor"))
-        return True
-
-    def end(self, targets: Sequence[int]) -> None:
-        """See `Incident`."""
-        for car in targets:
-            self._run.driver.blur(car, 1.0)
-
-
-class CarHeld:
-    """Cars stand where they are until it is over: a car that has lost its place or its commands does so by itself."""
-
-    def __init__(self, run: RunView) -> None:
-        self._run = run
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        del event
-        for car in targets:
-            self._run.driver.hold(car)
-        return True
-
-    def end(self, targets: Sequence[int]) -> None:
-        """See `Incident`."""
-        for car in targets:
-            self._run.driver.let_go(car)
-
-
-class CommandsLate:
-    """What a car is told reaches it late."""
-
-    def __init__(self, run: RunView) -> None:
-        self._run = run
-
-    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
-        """See `Incident`."""
-        for car in targets:
-            self._run.driver.delay(car, round(event.value("delay_s") / self._run.tick_s))
-        return True
-
-    def end(self, targets: Sequence[int]) -> None:
-        """See `Incident`."""
-        for car in targets:
-            self._run.driver.delay(car, 0)
 
 
 class EmergencyStop:
@@ -197,7 +101,7 @@ class EmergencyStop:
         run, whole = self._run, event.target == "fleet"
         cars = [car for car in targets if run.missions.phase[car] is not CarPhase.DEAD]
         for car in cars:
-            run.driver.hold(car)
+            run.driver.hindrances.hold(car)
         if whole:
             run.arm_manager.stop(range(run.world.n_arms))
         self._stopped.setdefault(tuple(targets), []).append((cars, whole))
@@ -207,6 +111,6 @@ class EmergencyStop:
         """See `Incident`."""
         cars, whole = self._stopped[tuple(targets)].pop()
         for car in cars:
-            self._run.driver.let_go(car)
+            self._run.driver.hindrances.let_go(car)
         if whole:
             self._run.arm_manager.go_on(range(self._run.world.n_arms))

@@ -23,8 +23,8 @@ HUMAN_HALF_M = (0.2, 0.2, 0.9)
 class LaneClosed:
     """Nobody is sent into a cell any more, as soon as nobody is there."""
 
-    def __init__(self, run: RunView, for_good_s: float) -> None:
-        self._run, self._for_good_s = run, for_good_s
+    def __init__(self, run: RunView) -> None:
+        self._run = run
         self._for_good: dict[int, bool] = {}
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
@@ -32,7 +32,7 @@ class LaneClosed:
         run, (cell,) = self._run, targets
         if not run.executor.close_if_free(cell):
             return False
-        self._for_good[cell] = event.duration_s > self._for_good_s
+        self._for_good[cell] = event.is_for_good
         run.traffic.set_blocked(cell, True, for_good=self._for_good[cell])
         return True
 
@@ -169,8 +169,7 @@ def _neighbours(run: RunView, cell: int) -> list[int]:
 
 
 def _middle(run: RunView, cell: int, height_m: float) -> FloatArray:
-    x, y = run.site.grid.xy(*run.site.grid.row_col(cell))
-    return np.array([x, y, height_m])
+    return np.append(run.site.grid.cell_xy(cell), height_m)
 
 
 def _walk(run: RunView, cell: int, goal: int, taken: BoolArray | None = None) -> list[int]:

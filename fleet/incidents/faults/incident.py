@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from fleet.config import ScenarioEvent
@@ -31,3 +31,29 @@ class Once:
 
     def end(self, targets: Sequence[int]) -> None:
         """See `Incident`."""
+
+
+class ForEach:
+    """An event that can happen at any time, to each of its targets by itself.
+
+    Args:
+        begin: Called with each target and the event.
+        end: Called with each target when it is over; None = it happens once.
+    """
+
+    def __init__(
+        self, begin: Callable[[int, ScenarioEvent], object], end: Callable[[int], object] | None = None
+    ) -> None:
+        self._begin, self._end = begin, end
+
+    def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
+        """See `Incident`."""
+        for target in targets:
+            self._begin(target, event)
+        return True
+
+    def end(self, targets: Sequence[int]) -> None:
+        """See `Incident`."""
+        if self._end is not None:
+            for target in targets:
+                self._end(target)

@@ -116,9 +116,9 @@ class Inventory:
 
     def empty_tray(self, car: int) -> None:
         """Take what lies in a car's tray out of the warehouse; whose tasks it was has failed."""
-        for task in self._board.tasks:
-            there = task.state is TaskState.FAILED and task.visit is None and task.parcel in self._world.parcel_ids()
-            if there and self.in_tray(task, car):
+        for parcel in self._world.parcel_ids().tolist():
+            task = self._board.tasks[parcel]
+            if task.state is TaskState.FAILED and self.in_tray(task, car):
                 self._world.remove_parcel(task.parcel)
                 self.n_left += 1
                 self._log("parcel_left", task=task.order.name, car=f"car_{car}")

@@ -123,7 +123,7 @@ class SeenPoses:
             return Sighting(pose=true_pose, size_m=task.delivery.size_m)
         camera = self._cameras[station.arm]
         if station.arm in self.covered:
-            return self._unseen(task, f"{camera.name} is covered")
+            return self._unseen(task, camera.name, "is covered")
         image = self._world.image(camera)
         self.looks[station.name] = image
         labels = np.where(image.parcel == task.parcel, image.parcel, -1)
@@ -146,12 +146,13 @@ class SeenPoses:
                 return Sighting(pose=pose, size_m=edges)
             length, width, _ = box.size_m
             reason = f"sees a face of {length:.3f} x {width:.3f} m, which is none of the parcel's"
-        return self._unseen(task, f"{camera.name} {reason}")
+        return self._unseen(task, camera.name, reason)
 
-    def _unseen(self, task: Task, reason: str) -> Sighting:
+    def _unseen(self, task: Task, camera: str, why: str) -> Sighting:
         """What is told of a parcel that a camera did not locate."""
         self.n_blind += 1
-        self._log("parcel_not_located", task=task.order.name, camera=reason.split(maxsplit=1)[0], cause=reason)
+        reason = f"{camera} {why}"
+        self._log("parcel_not_located", task=task.order.name, camera=camera, cause=reason)
         return Sighting(pose=np.full(7, np.nan), size_m=task.delivery.size_m, reason=reason)
 
 

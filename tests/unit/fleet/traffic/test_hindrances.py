@@ -14,11 +14,11 @@ def test_what_hinders_nobody_changes_nothing() -> None:
 
 def test_a_car_is_held_until_all_have_let_it_go() -> None:
     hindrances, caps = Hindrances(2), np.ones(2)
-    hindrances.hold(1, 1)
-    hindrances.hold(1, 1)
-    hindrances.hold(1, -1)
+    hindrances.hold(1)
+    hindrances.hold(1)
+    hindrances.let_go(1)
     assert (hindrances.caps(caps).tolist(), hindrances.held) == ([1.0, 0.0], [1])
-    hindrances.hold(1, -1)
+    hindrances.let_go(1)
     assert (hindrances.caps(caps).tolist(), hindrances.held) == ([1.0, 1.0], [])
 
 
