@@ -36,9 +36,7 @@ TASKS_PER_CAR = 4
 LONGEST_S = {Fidelity.KINEMATIC: 1_800.0, Fidelity.PHYSICS: 240.0}
 """Simulated time of a run at most [s]: physics takes that long to compute."""
 CAUSED_S = 2.0
-"""A contact within so long of a push, or of a fault that lets a car drive blindly, is caused by it [s]."""
-BLIND = ("car_pushed", "car_taken", "commands_late")
-"""Faults that move a car without its doing, or steer it late as long as they last."""
+"""A contact within so long of an event that moves a car is caused by it [s]."""
 FIRST_SEED = 70_000
 """Nothing was developed on these."""
 
@@ -127,10 +125,12 @@ def _play(config: RunConfig, ends: Ends) -> None:
 
 
 def _is_caused(time_s: float, log: list[Event]) -> bool:
-    """Whether a fault that moves cars blindly was under way when something was touched, or just before."""
+    """Whether an event that moves a car was under way when something was touched, or just before."""
     began = {}
     for event in log:
-        if event.sim_s > time_s or event.facts.get("disturbance") not in BLIND:
+        if event.sim_s > time_s or event.kind not in ("disturbance", "disturbance_over"):
+            continue
+        if not EVENT_KINDS[str(event.facts["disturbance"])].moves_cars:
             continue
         key = event.facts["disturbance"], event.facts["target"]
         if event.kind == "disturbance":

@@ -34,6 +34,8 @@ class EventKind:
     """How long it lasts if nothing is said [s]; 0 = it happens once, inf = until it is ended."""
     ends: str = ""
     """The kind of event that this one ends, at the same target; empty = it ends none."""
+    moves_cars: bool = False
+    """Whether its target, a car, may come to be elsewhere than the car itself meant to."""
 
     @property
     def lasts(self) -> bool:
@@ -48,16 +50,18 @@ EVENT_KINDS: Mapping[str, EventKind] = MappingProxyType(
         "car_dead": EventKind(targets=(CAR,), lasts_s=math.inf),
         "car_repaired": EventKind(targets=(CAR,), ends="car_dead"),
         "car_towed": EventKind(targets=(CAR,)),
-        "car_pushed": EventKind(targets=(CAR,), parameters=_MOVED),
+        "car_pushed": EventKind(targets=(CAR,), parameters=_MOVED, moves_cars=True),
         "car_slow": EventKind(targets=(CAR,), parameters={"factor": (0.05, 1.0, 0.5)}, lasts_s=60.0),
         "car_out": EventKind(targets=(CAR,), lasts_s=math.inf),
         "car_back": EventKind(targets=(CAR,), ends="car_out"),
-        "car_taken": EventKind(targets=(CAR,), parameters=_MOVED, lasts_s=30.0),
+        "car_taken": EventKind(targets=(CAR,), parameters=_MOVED, lasts_s=30.0, moves_cars=True),
         "car_given_back": EventKind(targets=(CAR,), ends="car_taken"),
         "battery_empty": EventKind(targets=(CAR,)),
         "pose_noisy": EventKind(targets=(CAR,), parameters={"factor": (1.0, 20.0, 5.0)}, lasts_s=10.0),
         "pose_lost": EventKind(targets=(CAR,), lasts_s=10.0),
-        "commands_late": EventKind(targets=(CAR,), parameters={"delay_s": (0.0, 0.3, 0.15)}, lasts_s=10.0),
+        "commands_late": EventKind(
+            targets=(CAR,), parameters={"delay_s": (0.0, 0.3, 0.15)}, lasts_s=10.0, moves_cars=True
+        ),
         "commands_lost": EventKind(targets=(CAR,), lasts_s=10.0),
         "emergency_stop": EventKind(targets=(FLEET, CAR, ZONE), lasts_s=20.0),
         "emergency_over": EventKind(targets=(FLEET, CAR, ZONE), ends="emergency_stop"),

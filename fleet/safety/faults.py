@@ -5,33 +5,37 @@ from __future__ import annotations
 import numpy as np
 
 from fleet.arrays import BoolArray
+from fleet.config import EVENT_KINDS
 from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
 from fleet.run.events import Event
 from fleet.run.view import RunView
 
 SETTLES_S = 2.0
-"""A pushed car slides no longer than this [s]."""
+"""A car that something moved comes to rest within so long [s]."""
 _DEAD, _RECOVERING = NUMBER_OF_PHASE[CarPhase.DEAD], NUMBER_OF_PHASE[CarPhase.RECOVERING]
+
+_NEVER = np.iinfo(np.int64).max
 
 
 class CarFaults:
-    """Cars under a fault: dead ones, and pushed ones until they are recovered.
+    """Cars under a fault: dead ones, and those that an event moves (`EventKind.moves_cars`) until they are recovered.
 
-    A push begins with the event that tells of it. It is over when the car is back: not being recovered any more, with
-    its body in cells that are its own, `SETTLES_S` after the last push. A car that leaves its lane although nobody has
-    pushed it is recovered, too, but has no excuse.
+    Such a fault begins with the event. It is over when the car is back: the event has ended `SETTLES_S` ago, the car is
+    not being recovered any more, and its body is in cells that are its own. A car that leaves its lane although nothing
+    has moved it is recovered, too, but has no excuse.
 
     Attributes:
         cars: Whether each car is under a fault, shape (n_cars,).
 
     Args:
-        run: The run; its events tell of pushes.
+        run: The run; its events tell of faults.
     """
 
     def __init__(self, run: RunView) -> None:
         self._run = run
         self._phases = run.missions.phase_index
         self.cars: BoolArray = np.zeros(len(self._phases), dtype=np.bool_)
+        self._moved_by: list[set[str]] = [set() for _ in self._phases]
         self._settled_at = np.zeros(len(self._phases), dtype=np.int64)
         run.events.subscribe(self._note)
 
@@ -51,7 +55,17 @@ class CarFaults:
         self.cars &= out | ~inside
 
     def _note(self, event: Event) -> None:
-        if event.kind == "disturbance" and event.facts["disturbance"] == "car_pushed":
-            car = int(str(event.facts["target"]).removeprefix("car_"))
-            self.cars[car] = True
-            self._settled_at[car] = self._run.now + round(SETTLES_S / self._run.tick_s)
+        if event.kind not in ("disturbance", "disturbance_over"):
+            return
+        kind = str(event.facts["disturbance"])
+        if not EVENT_KINDS[kind].moves_cars:
+            return
+        car = int(str(event.facts["target"]).removeprefix("car_"))
+        self.cars[car] = True
+        moved_by = self._moved_by[car]
+        if event.kind == "disturbance_over":
+            moved_by.discard(kind)
+        elif EVENT_KINDS[kind].lasts:
+            moved_by.add(kind)
+        settled_at = self._run.now + round(SETTLES_S / self._run.tick_s)
+        self._settled_at[car] = _NEVER if moved_by else settled_at

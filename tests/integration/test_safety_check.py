@@ -9,7 +9,7 @@ import pytest
 
 from fleet.arrays import FloatArray
 from fleet.cli.main import main
-from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.config import EVENT_KINDS, ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.metrics import Summary
 from fleet.recording import read_run
 from fleet.safety.check import SafetyCheck
@@ -58,6 +58,21 @@ def test_what_goes_wrong_on_purpose_is_no_violation() -> None:
         ScenarioEvent(time_s=10.0, kind="arm_slow", target="arm_1", parameters={"factor": 0.3}),
         ScenarioEvent(time_s=12.0, kind="car_dead", target="car_2", parameters={}),
         ScenarioEvent(time_s=20.0, kind="lane_blocked", target="1,8", parameters={"duration_s": 10.0}),
+    )
+    config = RunConfig(
+        site="small", robots=8, fidelity=Fidelity.KINEMATIC, duration_s=90.0, events=events, arms=ArmConfig(workers_n=0)
+    )
+    assert checked(config).sim_s == 90.0
+
+
+@pytest.mark.parametrize("kind", [name for name, kind in EVENT_KINDS.items() if kind.moves_cars])
+def test_cars_that_are_moved_are_excused(kind: str) -> None:
+    """All at once, two by two among others that drive."""
+    moved = {"dx_m": 0.3, "dy_m": 0.5} if "dx_m" in EVENT_KINDS[kind].parameters else {"delay_s": 0.3}
+    events = tuple(
+        ScenarioEvent(time_s=time_s, kind=kind, target=f"car_{car}", parameters=moved)
+        for time_s, cars in ((6.0, (0, 1)), (14.0, (2, 3)), (30.0, (0, 5)))
+        for car in cars
     )
     config = RunConfig(
         site="small", robots=8, fidelity=Fidelity.KINEMATIC, duration_s=90.0, events=events, arms=ArmConfig(workers_n=0)
