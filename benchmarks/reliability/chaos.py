@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
+from benchmarks.reliability.possible import WorkLeft
 from fleet.config import EVENT_KINDS, AllocationConfig, ArmConfig, Fidelity, RunConfig
 from fleet.run.events import Event
 from fleet.simulation import Simulation
@@ -37,6 +38,8 @@ LONGEST_S = {Fidelity.KINEMATIC: 1_800.0, Fidelity.PHYSICS: 240.0}
 """Simulated time of a run at most [s]: physics takes that long to compute."""
 CAUSED_S = 2.0
 """A contact within so long of an event that moves a car is caused by it [s]."""
+ENDS_S = 60.0
+"""A task that has become impossible fails within so long [s]."""
 FIRST_SEED = 70_000
 """Nothing was developed on these."""
 
@@ -52,6 +55,12 @@ class Ends:
     contacts: list[int] = field(default_factory=list)
     lost: list[int] = field(default_factory=list)
     misplaced: list[int] = field(default_factory=list)
+    given_up: list[int] = field(default_factory=list)
+    """A task failed although it could be done."""
+    late: list[int] = field(default_factory=list)
+    """A task could not be done any more for longer than `ENDS_S`, and had not failed."""
+    ended_after_s: list[float] = field(default_factory=list)
+    """How long after it had become impossible each task failed [s]."""
     states: Counter[str] = field(default_factory=Counter)
     kinds: Counter[str] = field(default_factory=Counter)
 
@@ -100,10 +109,14 @@ def _drawn(seed: int, sites: Mapping[str, tuple[int, int]], fidelity: Fidelity) 
 def _play(config: RunConfig, ends: Ends) -> None:
     """Play a run and note how it ended."""
     log: list[Event] = []
-    with Simulation(config, on_event=log.append) as simulation:
+    with Simulation(config) as simulation:
+        left = WorkLeft(simulation)
+        simulation.view.events.subscribe(log.append)
+        simulation.view.events.subscribe(left.hear)
         touched_s, n_contacts = [], 0
         while not simulation.finished:
             simulation.tick()
+            left.tick()
             contacts = simulation.world.contacts()
             if contacts.robot + contacts.static > n_contacts:
                 n_contacts = contacts.robot + contacts.static
@@ -112,7 +125,12 @@ def _play(config: RunConfig, ends: Ends) -> None:
         ends.runs += 1
         ends.states.update(str(task.state) for task in tasks)
         ends.kinds.update(str(event.facts["disturbance"]) for event in log if event.kind == "disturbance")
-        if simulation.stalled:
+        ends.ended_after_s += left.ended_after_s
+        if left.failed_while_possible:
+            ends.given_up.append(config.seed)
+        if max(left.ended_after_s, default=0.0) > ENDS_S or left.open_too_long(ENDS_S):
+            ends.late.append(config.seed)
+        if simulation.stalled and left.open_while_possible():
             ends.stalled.append(config.seed)
         elif simulation.sim_s < config.duration_s and simulation.board.n_closed < len(tasks):
             ends.open.append(config.seed)
@@ -144,7 +162,9 @@ def _is_caused(time_s: float, log: list[Event]) -> bool:
 def _rows(trial: Trial, ends: Ends, fidelity: Fidelity) -> Iterator[Row]:
     what = f"chaos, {fidelity}, {ends.runs} runs"
     for name, seeds in (
-        ("runs that stalled", ends.stalled),
+        ("runs that stalled while work was possible", ends.stalled),
+        ("runs in which a task failed that was possible", ends.given_up),
+        (f"runs in which an impossible task was open after {ENDS_S:g} s", ends.late),
         ("runs that ended with tasks open", ends.open),
         ("runs with contacts that no fault caused", ends.contacts),
         ("runs with a parcel balance", ends.lost),
@@ -154,6 +174,9 @@ def _rows(trial: Trial, ends: Ends, fidelity: Fidelity) -> Iterator[Row]:
             trial.notes.append(f"{what}: {name}: seeds {', '.join(map(str, seeds[:10]))}")
         yield Row(name=f"{what}: {name}", value=float(len(seeds)), unit="runs", target="<= 0")
     done = ends.states[TaskState.COLLECTED] + ends.states[TaskState.DELIVERED]
+    for name, part in (("median", 0.5), ("latest", 1.0)):
+        value = float(np.quantile(ends.ended_after_s or [0.0], part))
+        yield Row(name=f"{what}: an impossible task fails after, {name}", value=value, unit="s", kind=Kind.PLAIN)
     yield Row(name=f"{what}: tasks done", value=100.0 * done / max(1, sum(ends.states.values())), unit="%")
     fewest = min(ends.kinds[kind] for kind, known in EVENT_KINDS.items() if not known.ends)
     target = "" if trial.quick or fidelity is Fidelity.PHYSICS else ">= 20"
