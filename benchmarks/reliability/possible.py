@@ -1,14 +1,15 @@
 """WorkLeft: which tasks can still be done, by a search that shares no code with the fleet.
 
-The search is generous: cars turn on the spot and drive every lane both ways, over all cells that are free and not under
-a wreck or a box that stays, and live cars make room for each other. Where it says no, no fleet can do the task.
+The search is generous: cars turn on the spot and drive every lane both ways, through all cells that are not under a
+wreck or a box that stays, and live cars make room for each other. Where it says no, no fleet can do the task.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from fleet.config.events import CELL, EVENT_KINDS, FOR_GOOD_S
 from fleet.missions.phases import CarPhase
@@ -16,8 +17,8 @@ from fleet.run.events import Event
 from fleet.simulation import Simulation
 from fleet.tasks.board import Task, TaskState
 
-INNER_M = 0.25
-"""Half size of the inner part of a cell: a car that drives along its middle takes 0.14 m to either side [m]."""
+INNER_M = 0.45
+"""Half size of the inner part of a cell, which has to be free [m]; past what looks in by less there is a way."""
 EVERY_S = 1.0
 """How often the search looks [s]."""
 WAITS = frozenset({TaskState.BACKLOG, TaskState.READY, TaskState.ASSIGNED})
@@ -128,26 +129,32 @@ class WorkLeft:
         return until_s is not None and until_s - self._simulation.sim_s > FOR_GOOD_S
 
     def _parts(self) -> npt.NDArray[np.int32]:
-        """Parts of the floor that hang together, from 1, 0 where nobody can be, shape (rows, cols)."""
+        """Parts of the floor that hang together by lanes, from 1, 0 where nobody can be, shape (rows, cols)."""
+        site = self._simulation.site
+        free = site.grid.free & ~self._covered()
+        lanes = site.lanes[free.ravel()[site.lanes].all(axis=1)]
+        n_cells = site.grid.n_cells
+        joined = coo_array((np.ones(len(lanes)), (lanes[:, 0], lanes[:, 1])), shape=(n_cells, n_cells))
+        parts: npt.NDArray[np.int32] = connected_components(joined, directed=False)[1].reshape(free.shape) + 1
+        return np.where(free, parts, 0)
+
+    def _covered(self) -> npt.NDArray[np.bool_]:
+        """Cells with a wreck or a box that stays in their inner part, shape (rows, cols)."""
         simulation = self._simulation
         grid, spec = simulation.site.grid, simulation.scene.car
-        free = grid.free.copy()
-        poses = simulation.world.car_poses()
+        covered = np.zeros((grid.rows, grid.cols), dtype=np.bool_)
         ahead, left = np.meshgrid(
-            np.linspace(-spec.rear_m, spec.front_m, 11), np.linspace(-spec.half_width_m, spec.half_width_m, 7)
+            np.linspace(-spec.rear_m, spec.front_m, 21), np.linspace(-spec.half_width_m, spec.half_width_m, 11)
         )
-        for car, phase in enumerate(simulation.missions.phase):
-            if phase is not CarPhase.DEAD:
+        for car, (x, y, yaw) in enumerate(simulation.world.car_poses()):
+            if simulation.missions.phase[car] is not CarPhase.DEAD:
                 continue
-            x, y, yaw = poses[car]
             xs, ys = x + ahead * np.cos(yaw) - left * np.sin(yaw), y + ahead * np.sin(yaw) + left * np.cos(yaw)
             for at in zip(xs.flat, ys.flat, strict=True):
                 row, col = grid.cell_at(*at)
-                if np.abs(np.array(at) - grid.xy(row, col)).max() <= INNER_M:
-                    free[row, col] = False
+                covered[row, col] |= np.abs(np.array(at) - grid.xy(row, col)).max() <= INNER_M
         for kind, target in self._going:
             if CELL in EVENT_KINDS[kind].targets and self._stays(kind, target):
                 row, col = (int(part) for part in target.split(","))
-                free[row, col] = False
-        parts: npt.NDArray[np.int32] = ndimage.label(free)[0]
-        return parts
+                covered[row, col] = True
+        return covered

@@ -25,6 +25,8 @@ QUEUE_MOVES = 6
 """Who waits so near to where it goes waits for its turn there, which no other way would spare it."""
 LEAVES_RANK_S = 1e4
 """Head start of a car that drives out of a dead end over all others: who wants to go in has to make room [s]."""
+TURN_RANK_S = 5e3
+"""Head start of a car whose turn it is at a dead end: less than that of one that drives out [s]."""
 REPRICE_S = 5.0
 """Time after which ways are found anew if cars wait elsewhere [s]."""
 
@@ -272,6 +274,7 @@ class Traffic:
         self.priorities = waited_s + self.rank + self._tie_break
         now_s = tick * self._tick_s
         goals = self._single_file.goals(self.goals.copy(), starts, self.ways, self.executor.still_s, now_s)
+        self.priorities[self._single_file.first] += TURN_RANK_S
         sent = (self.goals != NO_GOAL).nonzero()[0]
         self.priorities[sent[self.lanes.leave(starts[sent], self.goals[sent])]] += LEAVES_RANK_S
         instance = Instance(

@@ -21,12 +21,16 @@ class SingleFile:
     The nearest car goes first. One that cannot move lets the next one go: in a narrow place the nearest may be the one
     that is in the way.
 
+    Attributes:
+        first: The cars whose turn it is, as `goals` left it: all others make room for them.
+
     Args:
         lanes: Knows the dead ends.
     """
 
     def __init__(self, lanes: OpenLanes) -> None:
         self._lanes = lanes
+        self.first: list[int] = []
         self._turn: dict[int, int] = {}  # car by dead end
         self._given_s: dict[int, float] = {}
 
@@ -46,6 +50,7 @@ class SingleFile:
             Shape (n_cars,).
         """
         number = self._lanes.dead_end
+        self.first = []
         if number is None:
             return goals
         goes = goals != NO_GOAL
@@ -61,6 +66,7 @@ class SingleFile:
             first = self._first(end, queue, still_s, now_s) if queue and end not in busy else NO_GOAL
             held = cars[(left <= NEAR_MOVES) & (cars != first)]
             found[held] = states[held]
+            self.first += [first] if first != NO_GOAL else []
         return found
 
     def _first(self, end: int, queue: list[int], still_s: FloatArray, now_s: float) -> int:

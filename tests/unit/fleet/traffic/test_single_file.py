@@ -49,6 +49,7 @@ def floor() -> Floor:
 def test_the_nearest_goes_first_and_the_next_one_waits(floor: Floor) -> None:
     a, b = floor.near
     assert floor.goals([b, a], [floor.dock] * 2, [0.0, 0.0]) == [b, floor.dock]
+    assert floor.file.first == [1]
 
 
 def test_who_is_far_away_drives_on(floor: Floor) -> None:
@@ -59,6 +60,7 @@ def test_who_is_far_away_drives_on(floor: Floor) -> None:
 def test_nobody_goes_in_while_somebody_is_there(floor: Floor) -> None:
     states = [floor.near[0], floor.dock]
     assert floor.goals(states, [floor.dock, floor.far], [0.0, 0.0]) == [floor.near[0], floor.far]
+    assert floor.file.first == []
 
 
 def test_who_cannot_move_lets_the_next_one_go(floor: Floor) -> None:
