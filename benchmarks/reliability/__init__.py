@@ -1,17 +1,21 @@
 """Reliability: faults are survived, what is wrong is refused by name, and nothing hangs; one file per kind of groups.
 
-`python -m benchmarks.reliability [--only chaos | fuzz | actions]`.
+`python -m benchmarks.reliability [--only chaos | wrecks | day | fuzz | actions]`.
 """
 
 from __future__ import annotations
 
 from benchmarks.harness import Benchmark, in_groups
 from benchmarks.reliability.chaos import measure_chaos
+from benchmarks.reliability.day import measure_day
 from benchmarks.reliability.fuzz import measure_fuzz
 from benchmarks.reliability.odd_actions import measure_actions
+from benchmarks.reliability.wrecks import measure_wrecks
 
 GROUPS = {
     "chaos": measure_chaos,
+    "wrecks": measure_wrecks,
+    "day": measure_day,
     "fuzz": measure_fuzz,
     "actions": measure_actions,
 }

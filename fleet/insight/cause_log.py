@@ -22,17 +22,21 @@ Changes = npt.NDArray[np.int32]
 class CauseLog:
     """Changes of the causes of all robots, in the order of time.
 
-    A change takes 36 bytes; 100 robots in dense traffic make two or three per second each.
+    A change takes 40 bytes; 100 robots in dense traffic make two or three per second each.
 
     Args:
         n_robots: Number of cars and arms.
+        keeps: So many of the last changes are kept at least; None = all. What every robot was about before the first
+            of them is kept, too.
     """
 
-    def __init__(self, n_robots: int) -> None:
+    def __init__(self, n_robots: int, keeps: int | None = None) -> None:
         self.n_robots = n_robots
+        self._keeps = keeps
         self.end_tick = 0
         """Ticks so far."""
         self._n = 0
+        self._n_forgotten = 0
         self._table: Changes = np.empty((1024, _WIDTH), dtype=np.int32)
         self._before = np.empty(1024, dtype=np.int32)
         """Number of the same robot's change before each, so that its history is walked without the others."""
@@ -40,7 +44,7 @@ class CauseLog:
         self._last = np.full((n_robots, len(Column)), NONE, dtype=np.int32)
 
     def __len__(self) -> int:
-        return self._n
+        return self._n_forgotten + self._n
 
     def append(self, tick: int, rows: CauseRows) -> None:
         """Keep what has changed; ticks come in order, and each comes once."""
@@ -56,15 +60,30 @@ class CauseLog:
         self.end_tick = max(self.end_tick, end_tick)
 
     def _make_room(self, n: int) -> None:
+        if self._keeps is not None and self._n + n > 2 * self._keeps:
+            self._forget(self._n - self._keeps)
         short = self._n + n - len(self._table)
         if short > 0:
             more = max(short, len(self._table))
             self._table = np.concatenate([self._table, np.empty((more, _WIDTH), dtype=np.int32)])
             self._before = np.concatenate([self._before, np.empty(more, dtype=np.int32)])
 
+    def _forget(self, n: int) -> None:
+        """Forget the first changes, but for the last one of each robot among them."""
+        newest_first = self._table[:n][::-1]
+        last = n - 1 - np.unique(newest_first[:, ROBOT], return_index=True)[1]
+        kept = np.concatenate([np.sort(last), np.arange(n, self._n)])
+        place = np.full(self._n + 1, NONE, dtype=np.int32)  # the last entry stands for none
+        place[kept] = np.arange(len(kept))
+        self._table[: len(kept)] = self._table[kept]
+        self._before[: len(kept)] = place[self._before[kept]]
+        self._newest = place[self._newest]
+        self._n_forgotten += self._n - len(kept)
+        self._n = len(kept)
+
     def since(self, first: int) -> Changes:
-        """Changes from a number on, a view, shape (k, 2 + len(Column))."""
-        return self._table[first : self._n]
+        """Changes after so many, as far as they are kept, a view, shape (k, 2 + len(Column))."""
+        return self._table[max(0, first - self._n_forgotten) : self._n]
 
     def at(self, tick: int) -> CauseRows:
         """The row of every robot in a tick; `NONE` throughout for one that has none yet."""
@@ -81,7 +100,10 @@ class CauseLog:
         return table[table[:, ROBOT] == robot]
 
     def number(self, robot: int, tick: int) -> int:
-        """Number of the change that tells what a robot is about in a tick, `NONE` if it has none yet."""
+        """Number of the change that tells what a robot is about in a tick, `NONE` if it has none yet.
+
+        Numbers hold until the next tick.
+        """
         return int(_number(self._table, self._before, self._newest[robot], tick))
 
     def before(self, number: int) -> int:

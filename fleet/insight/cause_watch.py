@@ -42,6 +42,9 @@ _AWAITS, _NO_TASK = int(Cause.AWAITS), int(Cause.NO_TASK)
 _CAUSE, _BY, _AT, _PLACE, _UNTIL, _TASK, _DETAIL = map(int, Column)
 _AT_DOCK = (CarPhase.LOADING, CarPhase.UNLOADING)
 _FREE = (ArmPhase.IDLE, ArmPhase.HOLDING)
+KEPT, KEPT_OF_EACH = 2**16, 512
+"""So many of the last changes are kept, of all robots and for each: hours of a small fleet, minutes of a large one in
+dense traffic. The file of a run has all of them."""
 _MOST_REMEMBERED = 4096
 _LOOK_UP = -2  # on its way without a move
 
@@ -88,7 +91,7 @@ class CauseWatch:
         """The present tick."""
         self.rows[:, Column.CAUSE] = Cause.NO_TASK
         self.rows[:, Column.DETAIL] = 0
-        self.log = CauseLog(n_robots)
+        self.log = CauseLog(n_robots, max(KEPT, KEPT_OF_EACH * n_robots))
         graph = run.graph
         self._dock_at = np.full(graph.n_cells, NONE, dtype=np.int32)
         for station in run.stations:

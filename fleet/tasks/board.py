@@ -82,16 +82,6 @@ class UnknownTask(FleetError):
     """No task has that name."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Transition:
-    """One step of a life."""
-
-    before: TaskState
-    state: TaskState
-    time_s: float
-    cause: str
-
-
 @dataclass(kw_only=True)
 class Task:
     """One delivery or visit in progress."""
@@ -117,8 +107,6 @@ class Task:
     """Cause of the last transition."""
     since_s: dict[TaskState, float] = field(default_factory=dict)
     """Time of the last entry into each state [s]."""
-    history: list[Transition] = field(default_factory=list)
-    """Every step so far."""
 
     def __post_init__(self) -> None:
         if isinstance(self.order, Delivery):
@@ -282,7 +270,6 @@ class TaskBoard:
         del self._by_state[before][task.index]
         self._by_state[state][task.index] = task
         task.state, task.reason = state, reason
-        task.history.append(Transition(before=before, state=state, time_s=now_s, cause=reason))
         task.since_s[state] = now_s
         if state not in OPEN_STATES:
             self._open -= 1

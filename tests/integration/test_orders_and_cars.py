@@ -13,6 +13,7 @@ from fleet.run.events import Event
 from fleet.simulation import Simulation
 from fleet.tasks.board import TaskState, UnknownTask
 from fleet.tasks.reasons import PairReason, TaskReason
+from tests.lives import Lives
 
 HEADER = "id,release_s,pick,drop,mass_kg,size_m,due_s,priority,after,picks,needs"
 Make = Callable[..., Simulation]
@@ -51,14 +52,10 @@ def picked_in_order(simulation: Simulation) -> list[str]:
     return [task.order.name for task in sorted(picked, key=lambda task: task.since_s[TaskState.LOADING])]
 
 
-def check_nothing_lost(simulation: Simulation) -> None:
+def check_nothing_lost(simulation: Simulation, lives: Lives) -> None:
     assert simulation.parcel_balance() == 0
     assert simulation.view.inventory.misplaced() == []
-    for task in simulation.board.tasks:
-        steps = task.history
-        assert all(step.cause for step in steps)
-        assert [step.before for step in steps[1:]] == [step.state for step in steps[:-1]]
-        assert [step.time_s for step in steps] == sorted(step.time_s for step in steps)
+    lives.check()
 
 
 # --- who goes first
@@ -205,9 +202,8 @@ def test_names_that_nobody_has(make: Make) -> None:
 # --- re-assignment
 
 
-def swaps(simulation: Simulation) -> list[str]:
-    causes = [step.cause for task in simulation.board.tasks for step in task.history]
-    return [cause for cause in causes if cause.startswith("re-assigned")]
+def swaps(lives: Lives) -> list[str]:
+    return [step.cause for step in lives.all() if step.cause.startswith("re-assigned")]
 
 
 @pytest.mark.parametrize(("keep_gain_s", "swapped"), [(5.0, True), (1e6, False)])
@@ -219,11 +215,12 @@ def test_a_task_changes_hands_before_its_pick_up_if_enough_is_gained(
     stream = StreamConfig(rate_per_h=600.0, due_share=1.0, slack_s=(30.0, 120.0), emergency_share=0.0)
     settings = {"orders": None, "stream": stream, "duration_s": 240.0, "robots": 3, "seed": 3}
     with make("x,0,pick_1,drop_1,0.3", allocation=allocation, **settings) as simulation:
+        lives = Lives(simulation.board)
         simulation.run()
-        assert bool(swaps(simulation)) is swapped
-        check_nothing_lost(simulation)
-        for task in simulation.board.tasks:
-            states = [step.state for step in task.history]
+        assert bool(swaps(lives)) is swapped
+        check_nothing_lost(simulation, lives)
+        for steps in lives.of.values():
+            states = [step.state for step in steps]
             if TaskState.CARRIED in states:
                 after = states[states.index(TaskState.CARRIED) :]
                 assert TaskState.ASSIGNED not in after, "after the pick-up it stays with its car"
@@ -236,6 +233,7 @@ def test_a_task_changes_hands_before_its_pick_up_if_enough_is_gained(
 def test_an_order_is_taken_back(make: Make, state: TaskState) -> None:
     lines = ("w,0,pick_1,drop_1,0.3,,emergency", "x,3,pick_1,drop_1,0.3")
     with make(*(lines if state is not TaskState.ASSIGNED else lines[1:])) as simulation:
+        lives = Lives(simulation.board)
         until(simulation, "x", state)
         simulation.cancel("x")
         simulation.run()
@@ -243,7 +241,7 @@ def test_an_order_is_taken_back(make: Make, state: TaskState) -> None:
         assert simulation.board.named("x").reason == "cancelled on request"
         summary = simulation.summary()
         assert (summary.tasks_done, summary.tasks_cancelled) == (summary.tasks_total - 1, 1)
-        check_nothing_lost(simulation)
+        check_nothing_lost(simulation, lives)
         with pytest.raises(CannotCancel, match="task x is cancelled; valid to cancel: ordered, backlog, ready, assign"):
             simulation.cancel("x")
 
@@ -286,13 +284,14 @@ def test_what_lasts_too_long_is_ended_with_its_cause(
 ) -> None:
     lines = [f"{name},0,pick_1,drop_1,0.3" for name in "xyz"]
     with make(*lines, robots=2, timeouts=timeouts, duration_s=200.0) as simulation:
+        lives = Lives(simulation.board)
         simulation.run()
         tasks = simulation.board.tasks
-        causes = [step.cause for task in tasks for step in task.history]
+        causes = [step.cause for step in lives.all()]
         assert any(cause in other for other in causes), causes
         asked_again = (TaskState.READY, TaskState.ASSIGNED)
         assert {task.state for task in tasks if task.state not in asked_again} <= states
-        check_nothing_lost(simulation)
+        check_nothing_lost(simulation, lives)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -305,6 +304,7 @@ def test_whatever_is_asked_nothing_is_lost(make: Make, seed: int) -> None:
         lines.append(f"o{k},{3 * k},pick_{rng.integers(1, 3)},drop_{rng.integers(1, 3)},0.3,,,{after}")
     timeouts = TimeoutConfig(assigned_s=20.0, waiting_s=150.0)
     with make(*lines, robots=3, timeouts=timeouts, seed=seed, duration_s=900.0) as simulation:
+        lives = Lives(simulation.board)
 
         def ask(simulation: Simulation) -> None:
             if simulation.now % 40 == 0 and rng.random() < 0.3:
@@ -312,10 +312,10 @@ def test_whatever_is_asked_nothing_is_lost(make: Make, seed: int) -> None:
                 try:
                     request(f"o{rng.integers(14)}")
                 except (CannotCancel, CannotRequeue):
-                    check_nothing_lost(simulation)
+                    check_nothing_lost(simulation, lives)
 
         simulation.run(ask)
-        check_nothing_lost(simulation)
+        check_nothing_lost(simulation, lives)
         assert simulation.board.finished
         summary = simulation.summary()
         assert summary.tasks_done + summary.tasks_failed + summary.tasks_cancelled == 14

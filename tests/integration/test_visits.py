@@ -24,6 +24,7 @@ from fleet.tasks.board import CANCELLABLE, OPEN_STATES, UNDER_WAY, TaskState
 from fleet.tasks.place_names import LANE_STAND_S
 from fleet.tasks.reasons import PairReason, TaskReason
 from planners.allocation import ALLOCATORS
+from tests.lives import Lives
 
 Make = Callable[..., Simulation]
 Items = list[dict[str, object]]
@@ -107,11 +108,12 @@ def test_a_visit_and_a_parcel_that_come_with_other_changes_are_not_overlooked(ma
     visits: Items = [{"id": f"v{k}", "type": "park", "release_s": 0.1 * k} for k in range(2)]
     parcels = [parcel(f"d{k}", release_s=0.1 * k + 0.05) for k in range(2)]
     with make(*visits, *parcels, robots=4) as simulation:
+        lives = Lives(simulation.board)
         for _ in range(5):
             simulation.tick()
         assert simulation.board.count(TaskState.BACKLOG) == 0
         for task in simulation.board.tasks:
-            released, ready = task.history[:2]
+            released, ready = lives.of[task.order.name][:2]
             assert (ready.state, ready.time_s) == (TaskState.READY, released.time_s)
 
 
@@ -131,9 +133,10 @@ def test_an_inspection_tells_the_pose(make: Make) -> None:
     log: list[Event] = []
     item = {"id": "look", "type": "inspect", "places": "6,1", "stand_s": 8}
     with make(item, fidelity=Fidelity.KINEMATIC, log=log) as simulation:
+        lives = Lives(simulation.board)
         simulation.run(check)
         task = simulation.board.named("look")
-        assert [step.state for step in task.history][-2:] == [TaskState.VISITING, TaskState.DONE]
+        assert [step.state for step in lives.of["look"]][-2:] == [TaskState.VISITING, TaskState.DONE]
         stood_s = task.since_s[TaskState.DONE] - task.since_s[TaskState.VISITING]
         assert stood_s == pytest.approx(8.0, abs=0.1)
         (event,) = [event for event in log if event.kind == "inspected"]
@@ -441,10 +444,10 @@ def test_a_car_that_was_pushed_comes_back_and_somebody_makes_the_visit(make: Mak
     push = ScenarioEvent(time_s=6.0, kind="car_pushed", target="car_0", parameters={"dx_m": 0.3, "dy_m": 0.3})
     item = {"id": "walk", "type": "patrol", "places": ["drop_2", "pick_1"], "needs": "car_0"}
     with make(item, fidelity=Fidelity.KINEMATIC, robots=2, events=(push,)) as simulation:
+        lives = Lives(simulation.board)
         simulation.run(check)
-        task = simulation.board.named("walk")
-        assert task.state is TaskState.DONE
-        assert any(step.cause == "car_0 left its lane" for step in task.history)
+        assert simulation.board.named("walk").state is TaskState.DONE
+        assert any(step.cause == "car_0 left its lane" for step in lives.of["walk"])
 
 
 def test_an_impossible_due_date_is_told_at_once(make: Make) -> None:

@@ -13,6 +13,7 @@ from fleet.tasks.order import Ability
 from fleet.tasks.reasons import PairReason, TaskReason
 from planners.allocation.problem import assignment
 from planners.status import Status
+from tests.lives import Lives
 from tests.unit.fleet.missions.floor import Floor, delivery, fake, visit
 
 GREEDY = AllocationConfig(allocator="greedy")
@@ -70,9 +71,10 @@ def far_away() -> Floor:
 
 def test_tasks_change_hands_where_much_is_gained() -> None:
     floor = far_away()
+    lives = Lives(floor.missions.board)
     give_out(floor)
     assert [floor.task(name).car for name in "ab"] == [0, 4]
-    causes = [step.cause for step in floor.task("a").history if step.state is TaskState.READY]
+    causes = [step.cause for step in lives.of["a"] if step.state is TaskState.READY]
     assert causes[-1] == "re-assigned: cost car_5 16.5 s, costs car_0 5.5 s"
 
 

@@ -1,10 +1,11 @@
-"""Any sequence of legal steps: every task is in exactly one state, and its history is unbroken."""
+"""Any sequence of legal steps: every task is in exactly one state, and its life is unbroken."""
 
 import numpy as np
 import pytest
 
 from fleet.tasks.board import OPEN_STATES, IllegalTransition, TaskBoard, TaskState
 from fleet.tasks.order import Delivery
+from tests.lives import Lives
 
 
 def order(name: str, release_s: float) -> Delivery:
@@ -17,23 +18,25 @@ def order(name: str, release_s: float) -> Delivery:
 def test_nothing_is_lost_in_random_lives(seed: int) -> None:
     rng = np.random.default_rng(seed)
     board = TaskBoard([order(f"o{k}", float(k)) for k in range(12)])
+    lives = Lives(board)
     for step in range(300):
         now_s = step / 10
         if rng.random() < 0.2:
             board.release_due(now_s)
         task, state = board.tasks[int(rng.integers(12))], list(TaskState)[int(rng.integers(len(TaskState)))]
-        before = (task.state, len(task.history))
+        before = (task.state, len(lives.of[task.order.name]))
         try:
             board.move(task, state, now_s, f"step {step}")
         except IllegalTransition:
-            assert (task.state, len(task.history)) == before
+            assert (task.state, len(lives.of[task.order.name])) == before
         found = board.in_state(*TaskState)
         assert sorted(task.index for task in found) == list(range(12))
         assert all(task in board.in_state(task.state) for task in board.tasks)
         assert board.finished == (not any(task.state in OPEN_STATES for task in board.tasks))
     for task in board.tasks:
-        states = [TaskState.ORDERED, *(step.state for step in task.history)]
-        assert [step.before for step in task.history] == states[:-1]
+        steps = lives.of[task.order.name]
+        states = [TaskState.ORDERED, *(step.state for step in steps)]
+        assert [step.before for step in steps] == states[:-1]
         assert states[-1] is task.state
         assert not set(states[:-1]) - OPEN_STATES, "nothing comes after an end"
 
