@@ -17,8 +17,6 @@ from fleet.run.events import Event
 from fleet.simulation import Simulation
 from fleet.tasks.board import Task, TaskState
 
-INNER_M = 0.45
-"""Half size of the inner part of a cell, which has to be free [m]; past what looks in by less there is a way."""
 EVERY_S = 1.0
 """How often the search looks [s]."""
 WAITS = frozenset({TaskState.BACKLOG, TaskState.READY, TaskState.ASSIGNED})
@@ -139,7 +137,7 @@ class WorkLeft:
         return np.where(free, parts, 0)
 
     def _covered(self) -> npt.NDArray[np.bool_]:
-        """Cells with a wreck or a box that stays in their inner part, shape (rows, cols)."""
+        """Cells with any part of a wreck, or with a box that stays, shape (rows, cols)."""
         simulation = self._simulation
         grid, spec = simulation.site.grid, simulation.scene.car
         covered = np.zeros((grid.rows, grid.cols), dtype=np.bool_)
@@ -151,8 +149,7 @@ class WorkLeft:
                 continue
             xs, ys = x + ahead * np.cos(yaw) - left * np.sin(yaw), y + ahead * np.sin(yaw) + left * np.cos(yaw)
             for at in zip(xs.flat, ys.flat, strict=True):
-                row, col = grid.cell_at(*at)
-                covered[row, col] |= np.abs(np.array(at) - grid.xy(row, col)).max() <= INNER_M
+                covered[grid.cell_at(*at)] = True
         for kind, target in self._going:
             if CELL in EVENT_KINDS[kind].targets and self._stays(kind, target):
                 row, col = (int(part) for part in target.split(","))

@@ -29,8 +29,9 @@ class OpenLanes:
         self._blocked = np.zeros(graph.n_cells, dtype=np.bool_)
         self._parts = np.zeros(graph.n_states, dtype=np.int64)
         self._backs_up = bool((graph.move_kind == REVERSE).any())
-        self.dead_end: npt.NDArray[np.int64] | None = dead_ends(graph, self._blocked) if self._backs_up else None
-        """The dead end that each state is in, -1 where lanes go round, shape (n_states,); None = there is none."""
+        self.dead_ends = dead_ends(graph, self._blocked) if self._backs_up else ()
+        """The dead end that each state is in, -1 where lanes go round, shape (n_states,): of the outer ones, then of
+        those within them."""
         self.n_changes = 0
         """Grows whenever something blocks cells for good, or does not any more."""
         self.planned = graph
@@ -53,27 +54,24 @@ class OpenLanes:
         self.n_changes += 1
         self._parts = both_ways(self._graph, blocked)
         cut = cut_moves(self._graph, blocked)
-        self.dead_end = dead_ends(self._graph, blocked) if len(cut) or self._backs_up else None
+        self.dead_ends = dead_ends(self._graph, blocked) if len(cut) or self._backs_up else ()
         before = self.planned
         self._reversed = np.append(self._reversed, cut[~np.isin(cut, self._reversed)])
         self.granted = with_reversed(self._graph, self._reversed, np.isin(self._reversed, cut))
         self.planned = in_order(self.granted) if len(cut) else self._graph
         return self.planned is not before
 
-    def leave(self, states: States, goals: States) -> BoolArray:
-        """Which ways lead out of a dead end.
+    def leave(self, states: States, goals: States) -> list[BoolArray]:
+        """Which ways lead out of dead ends.
 
         Args:
             states: Where each begins, shape (k,).
             goals: And ends, shape (k,).
 
         Returns:
-            Shape (k,).
+            Shape (k,) each, as `dead_ends` has them.
         """
-        if self.dead_end is None:
-            return np.zeros(len(states), dtype=np.bool_)
-        out: BoolArray = (self.dead_end[states] >= 0) & (self.dead_end[states] != self.dead_end[goals])
-        return out
+        return [(number[states] >= 0) & (number[states] != number[goals]) for number in self.dead_ends]
 
     def joins(self, states: States, goals: States) -> BoolArray:
         """Whether a way leads from each state to the goal beside it, whatever is blocked only for now.

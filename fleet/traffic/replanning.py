@@ -23,10 +23,11 @@ NO_CELL = -1
 NO_CAR = -1
 QUEUE_MOVES = 6
 """Who waits so near to where it goes waits for its turn there, which no other way would spare it."""
-LEAVES_RANK_S = 1e4
-"""Head start of a car that drives out of a dead end over all others: who wants to go in has to make room [s]."""
-TURN_RANK_S = 5e3
-"""Head start of a car whose turn it is at a dead end: less than that of one that drives out [s]."""
+LEAVES_RANK_S = (1e6, 1e5)
+"""Head start of a car that drives out of an outer dead end, and out of an inner one: who wants to go in
+has to make room [s]."""
+TURN_RANK_S = 1e4
+"""Head start of a car whose turn it is at a dead end [s]."""
 REPRICE_S = 5.0
 """Time after which ways are found anew if cars wait elsewhere [s]."""
 
@@ -276,7 +277,8 @@ class Traffic:
         goals = self._single_file.goals(self.goals.copy(), starts, self.ways, self.executor.still_s, now_s)
         self.priorities[self._single_file.first] += TURN_RANK_S
         sent = (self.goals != NO_GOAL).nonzero()[0]
-        self.priorities[sent[self.lanes.leave(starts[sent], self.goals[sent])]] += LEAVES_RANK_S
+        for leaves, rank_s in zip(self.lanes.leave(starts[sent], self.goals[sent]), LEAVES_RANK_S, strict=False):
+            self.priorities[sent[leaves]] += rank_s
         instance = Instance(
             graph=self.graph,
             starts=starts,

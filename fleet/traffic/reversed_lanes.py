@@ -101,15 +101,19 @@ def cut_moves(graph: LaneGraph, blocked: Bools) -> Ints:
     return np.flatnonzero(cut).astype(np.int32)
 
 
-def dead_ends(graph: LaneGraph, blocked: Bools) -> npt.NDArray[np.int64]:
-    """Find the dead ends of a floor: all but the largest stretch that can be driven round forwards.
+def dead_ends(graph: LaneGraph, blocked: Bools) -> tuple[npt.NDArray[np.int64], ...]:
+    """Find the dead ends of a floor, from the outermost inwards.
+
+    The outer ones are all but the largest stretch that can be driven round forwards. Within them there may be smaller
+    stretches to drive round in, where cars can pass each other; the inner dead ends are what these leave.
 
     Args:
         graph: The lanes.
         blocked: Cells nobody may enter, shape (n_cells,).
 
     Returns:
-        Number of the dead end that each state is in, -1 where lanes still go round, shape (n_states,).
+        Number of the dead end that each state is in, -1 where lanes still go round, shape (n_states,), of the outer
+        ones and, if they differ from those, of the inner ones.
     """
     is_open = ~_touch(graph, blocked)
     forwards = is_open & (graph.move_kind != REVERSE)
@@ -117,9 +121,12 @@ def dead_ends(graph: LaneGraph, blocked: Bools) -> npt.NDArray[np.int64]:
     size = np.bincount(stretch)[stretch]
     largest = np.zeros(part.max() + 1, dtype=np.int64)
     np.maximum.at(largest, part, size)
-    goes_round = size == largest[part]
-    inside = is_open & ~goes_round[graph.move_from] & ~goes_round[graph.move_to]
-    return np.where(goes_round, -1, _parts(graph, inside, one_way=False))
+    outermost = size == largest[part]
+    found = []
+    for goes_round in (outermost, outermost | (size > 1)):
+        inside = is_open & ~goes_round[graph.move_from] & ~goes_round[graph.move_to]
+        found.append(np.where(goes_round, -1, _parts(graph, inside, one_way=False)))
+    return tuple(found if (found[1] != found[0]).any() else found[:1])
 
 
 def _touch(graph: LaneGraph, blocked: Bools) -> Bools:

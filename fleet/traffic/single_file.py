@@ -13,6 +13,8 @@ NEAR_MOVES = 8
 """A car that has so many moves left to its goal in a dead end waits until it is its turn; others drive on."""
 PATIENCE_S = 10.0
 """The car whose turn it is has to make room for the next if it has not moved for so long [s]."""
+_End = tuple[int, int]
+"""A dead end: how deep it lies within others, and its number."""
 
 
 class SingleFile:
@@ -31,8 +33,8 @@ class SingleFile:
     def __init__(self, lanes: OpenLanes) -> None:
         self._lanes = lanes
         self.first: list[int] = []
-        self._turn: dict[int, int] = {}  # car by dead end
-        self._given_s: dict[int, float] = {}
+        self._turn: dict[_End, int] = {}
+        self._given_s: dict[_End, float] = {}
 
     def goals(
         self, goals: CellArray, states: CellArray, ways: DistanceTable, still_s: FloatArray, now_s: float
@@ -49,27 +51,27 @@ class SingleFile:
         Returns:
             Shape (n_cars,).
         """
-        number = self._lanes.dead_end
         self.first = []
-        if number is None:
-            return goals
         goes = goals != NO_GOAL
-        bound_for = np.where(goes, number[np.where(goes, goals, 0)], -1)
-        stands_in = number[states]
-        # Who only parks there makes room.
-        busy = set(stands_in[(stands_in >= 0) & goes & (goals != states)].tolist())
-        found = goals.copy()
-        for end in np.unique(bound_for[bound_for >= 0]).tolist():
-            cars = np.flatnonzero((bound_for == end) & (stands_in != end))
-            left = np.array([int(ways.to(int(goals[car]))[states[car]]) for car in cars])
-            queue = cars[np.argsort(left, kind="stable")].tolist()
-            first = self._first(end, queue, still_s, now_s) if queue and end not in busy else NO_GOAL
-            held = cars[(left <= NEAR_MOVES) & (cars != first)]
-            found[held] = states[held]
-            self.first += [first] if first != NO_GOAL else []
+        found = goals.copy() if self._lanes.dead_ends else goals
+        for depth, number in enumerate(self._lanes.dead_ends):
+            bound_for = np.where(goes, number[np.where(goes, goals, 0)], -1)
+            stands_in = number[states]
+            # Who only parks there makes room.
+            busy = set(stands_in[(stands_in >= 0) & goes & (goals != states)].tolist())
+            for end in np.unique(bound_for[bound_for >= 0]).tolist():
+                cars = np.flatnonzero((bound_for == end) & (stands_in != end))
+                left = np.array([int(ways.to(int(goals[car]))[states[car]]) for car in cars])
+                queue = cars[np.argsort(left, kind="stable")].tolist()
+                first = NO_GOAL
+                if queue and end not in busy:
+                    first = self._first((depth, end), queue, still_s, now_s)
+                    self.first.append(first)
+                held = cars[(left <= NEAR_MOVES) & (cars != first)]
+                found[held] = states[held]
         return found
 
-    def _first(self, end: int, queue: list[int], still_s: FloatArray, now_s: float) -> int:
+    def _first(self, end: _End, queue: list[int], still_s: FloatArray, now_s: float) -> int:
         """Whose turn it is."""
         now = self._turn.get(end, NO_GOAL)
         if now not in queue:

@@ -116,7 +116,7 @@ def test_nothing_is_cut_where_nothing_is_blocked(graph: LaneGraph) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_dead_ends_are_what_lanes_do_not_go_round_in(graph: LaneGraph, seed: int) -> None:
     blocked = drawn_blocks(graph, seed)
-    ends, lanes = dead_ends(graph, blocked), lanes_past(graph, blocked)
+    (ends, *inner), lanes = dead_ends(graph, blocked), lanes_past(graph, blocked)
     for part in nx.weakly_connected_components(lanes):
         stretches = sorted(nx.strongly_connected_components(lanes.subgraph(part)), key=len)
         rounds = [s for s in stretches if len(s) == len(stretches[-1])]
@@ -125,3 +125,7 @@ def test_dead_ends_are_what_lanes_do_not_go_round_in(graph: LaneGraph, seed: int
         inside = lanes.subgraph(part - goes_round)
         for one in nx.weakly_connected_components(inside):
             assert len({int(ends[state]) for state in one}) == 1
+        within = inner[0] if inner else ends
+        for stretch in stretches:
+            passes = len(stretch) > 1 or stretch in rounds
+            assert {bool(within[state] < 0) for state in stretch} == {passes}

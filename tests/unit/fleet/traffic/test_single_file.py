@@ -29,8 +29,7 @@ class Floor:
         self.ways = DistanceTable(self.lanes.planned, blocked)
         self.file = SingleFile(self.lanes)
         left = self.ways.to(self.dock).astype(np.int64)
-        inside = self.lanes.dead_end
-        assert inside is not None
+        inside = self.lanes.dead_ends[0]
         outside = [int(state) for state in np.argsort(left, kind="stable") if inside[state] < 0]
         self.near = [outside[0], next(state for state in outside if left[state] > left[outside[0]])]
         """Two states before the dead end, the nearer one first."""
