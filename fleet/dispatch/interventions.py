@@ -176,15 +176,20 @@ class Interventions:
                 self._give_up(task.car, task, now_s, reason)
 
     def _give_up_lost(self, now_s: float) -> None:
-        """Give up what is carried to stations that are closed for good; cars keep their parcels."""
+        """Give up what leads to stations that are closed for good; cars keep the parcels that they carry."""
         missions = self._missions
-        for car in missions.cars_in(CarPhase.TO_DROP, CarPhase.HELD):
+        for car in missions.cars_in(CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.HELD):
             task = missions.task_of[car]
-            if task is None or task.state is not TaskState.CARRIED:
+            if task is None or task.visit is not None:
                 continue
-            station = missions.stations.named(task.delivery.drop)
-            if missions.stations.is_lost(station):
-                self._give_up(car, task, now_s, f"{station.name} is closed for good; its parcel stays in the tray")
+            carried = task.state is TaskState.CARRIED
+            names = (task.delivery.drop,) if carried else (task.pick, task.delivery.drop)
+            lost = [name for name in names if missions.stations.is_lost(missions.stations.named(name))]
+            if lost and carried:
+                self._give_up(car, task, now_s, f"{lost[0]} is closed for good; its parcel stays in the tray")
+            elif lost:
+                missions.unassign(task, now_s, f"{lost[0]} is closed for good")
+                missions.release(car)
 
     def _give_up(self, car: int, task: Task, now_s: float, reason: str) -> None:
         """Give up a task whose parcel stays in its car, which takes no other."""

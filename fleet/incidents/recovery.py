@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
@@ -10,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
+from fleet.config.events import ARM
 from fleet.incidents.rejoin_room import LEAST_MARGIN_M, MARGIN_M, SEARCH_M, RejoinRoom, cell_of, outline
 from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
@@ -84,10 +86,20 @@ class Recovery:
         self._run = run
         self._rejoining: dict[int, _Rejoin] = {}
         self._wrecks: dict[int, _Wreck] = {}
+        self._kept_dead_by: defaultdict[int, set[str]] = defaultdict(set)
 
-    def lose_car(self, car: int, reason: str) -> None:
-        """Take a car out of the run for good, unless it is out already: it rolls out and stays where it is."""
+    def lose_car(self, car: int, reason: str, by: str = "") -> None:
+        """Take a car out of the run for good, unless it is out already: it rolls out and stays where it is.
+
+        Args:
+            car: The car.
+            reason: Why, in words.
+            by: What has to end before the car can be alive again, such as a kind of event, or the arm that stands dead
+                over it; empty = nothing.
+        """
         run = self._run
+        if by:
+            self._kept_dead_by[car].add(by)
         if run.missions.phase[car] is CarPhase.DEAD:
             return
         run.driver.stop(car)
@@ -96,10 +108,16 @@ class Recovery:
         self.abandon(car)
         run.events.log("car_lost", car=f"car_{car}", cause=reason)
 
-    def revive(self, car: int) -> None:
-        """A dead car is alive again, without what lay in its tray: it comes back to its lane and into service."""
+    def revive(self, car: int, by: str) -> None:
+        """A dead car is alive again, without what lay in its tray: it comes back to its lane and into service.
+
+        Args:
+            car: The car; it stays dead as long as anything else keeps it so.
+            by: What has ended.
+        """
         run = self._run
-        if car not in self._wrecks:
+        self._kept_dead_by[car].discard(by)
+        if car not in self._wrecks or self._kept_dead_by[car]:
             return
         wreck, paths = self._wrecks.pop(car), run.driver.paths
         run.inventory.empty_tray(car)
@@ -233,7 +251,8 @@ class Recovery:
             self._hold_ground(driver.paths, car, wreck)
         if np.abs(run.world.car_speeds()[car]) > STILL_MPS:
             wreck.still_since = tick
-        if (tick - wreck.still_since) * run.tick_s < STILL_S or run.services.is_served(car):
+        under_dead_arm = any(by.startswith(ARM) for by in self._kept_dead_by[car])
+        if (tick - wreck.still_since) * run.tick_s < STILL_S or (run.services.is_served(car) and not under_dead_arm):
             return
         wreck.pose = pose.copy()
         self._settle(car)

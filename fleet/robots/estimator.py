@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from fleet.arrays import FloatArray
+from fleet.arrays import BoolArray, FloatArray
 from fleet.robots.angle import wrapped
 from fleet.robots.spec import CarSpec
 
@@ -19,7 +19,12 @@ ODOMETRY_RAD = math.radians(0.4)
 STANDING_M, STANDING_RAD = 0.0005, math.radians(0.02)
 """Growth per square root of a second, standing or not: keeps a standing car's filter awake."""
 SURPRISE = 5.0
-"""An innovation beyond this many standard deviations means that the car was moved; the filter then starts over."""
+"""An innovation beyond this many standard deviations is a surprise: the car was moved, or the measurement is wrong."""
+AGREES = 3.0 * math.sqrt(2.0)
+"""Two surprises tell the same if they differ by no more than so many standard deviations of one measurement."""
+MOVED_AFTER = 4
+"""So many surprises in a row that tell the same mean that the car was moved: the filter starts over. Those before are
+left out, and the car is told to brake: a burst of noise passes while it stands."""
 
 BLOCK_TICKS = 64
 """Ticks whose noise is drawn at once."""
@@ -42,6 +47,8 @@ class _Filter(NamedTuple):
     """Estimate of the measured instant, shape (n, 3)."""
     variance: FloatArray
     """Of its place and of its yaw, shape (n, 2)."""
+    surprise: FloatArray
+    """How many surprises in a row tell the same, and the last one's x, y, yaw, shape (n, 4)."""
 
 
 class PoseEstimator:
@@ -88,12 +95,19 @@ class PoseEstimator:
             motion=np.zeros((n_cars, 2)),
             past=np.zeros((n_cars, 3)),
             variance=np.zeros((n_cars, 2)),
+            surprise=np.zeros((n_cars, 4)),
         )
 
     def blur(self, car: int, factor: float) -> None:
         """Let measurements of a car be so many times as noisy from now on; the filter does not know."""
         self._blur[car] = factor
         self._blurred = bool((self._blur != 1.0).any())
+
+    @property
+    def surprised(self) -> BoolArray:
+        """Cars whose last measurement is not believed, shape (n_cars,): they had better brake."""
+        surprised: BoolArray = self._filter.surprise[:, 0] > 0.0
+        return surprised
 
     def update(self, true_poses: FloatArray, speeds: FloatArray, steering: FloatArray) -> FloatArray:
         """Take one tick's measurements.
@@ -139,6 +153,16 @@ def _advance(poses: FloatArray, car: int, distance: float, turn: float) -> None:
 
 
 @njit(cache=True)
+def _tells_the_same(surprise: FloatArray, dx: float, dy: float, turn: float, sigma: FloatArray) -> bool:
+    """Take in a surprise; returns whether enough in a row tell the same."""
+    near = math.hypot(dx - surprise[1], dy - surprise[2]) <= AGREES * sigma[0] or sigma[0] == 0.0
+    alike = abs(wrapped(turn - surprise[3])) <= AGREES * sigma[2] or sigma[2] == 0.0
+    surprise[0] = surprise[0] + 1.0 if surprise[0] > 0.0 and near and alike else 1.0
+    surprise[1], surprise[2], surprise[3] = dx, dy, turn
+    return surprise[0] >= MOVED_AFTER
+
+
+@njit(cache=True)
 def _estimate(
     known: _Filter,
     tick: int,
@@ -149,7 +173,7 @@ def _estimate(
     estimate: FloatArray,
 ) -> None:
     """Take one tick's measurements of all cars, and fill in the estimated poses now."""
-    tick_s, wheelbase, sigma, truth, odometry, motion, past, variance = known
+    tick_s, wheelbase, sigma, truth, odometry, motion, past, variance, surprise = known
     n_slots = len(truth)
     now, oldest = tick % n_slots, (tick + 1) % n_slots
     for i in range(len(true_poses)):
@@ -171,18 +195,25 @@ def _estimate(
         dx = truth[oldest, i, 0] + noise[i, 0] - past[i, 0]
         dy = truth[oldest, i, 1] + noise[i, 1] - past[i, 1]
         turn = wrapped(truth[oldest, i, 2] + noise[i, 2] - past[i, 2])
-        if dx * dx + dy * dy > SURPRISE**2 * (variance[i, 0] + sigma[0] ** 2):
-            variance[i, 0] += dx * dx + dy * dy
-        if turn * turn > SURPRISE**2 * (variance[i, 1] + sigma[2] ** 2):
-            variance[i, 1] += turn * turn
-        if sigma[0] > 0.0:
+        away = sigma[0] > 0.0 and dx * dx + dy * dy > SURPRISE**2 * (variance[i, 0] + sigma[0] ** 2)
+        turned = sigma[2] > 0.0 and turn * turn > SURPRISE**2 * (variance[i, 1] + sigma[2] ** 2)
+        believed = not (away or turned) or _tells_the_same(surprise[i], dx, dy, turn, sigma)
+        if believed:
+            surprise[i, 0] = 0.0
+            variance[i, 0] += (dx * dx + dy * dy) * away
+            variance[i, 1] += turn * turn * turned
+        if not believed:
+            pass
+        elif sigma[0] > 0.0:
             gain = variance[i, 0] / (variance[i, 0] + sigma[0] ** 2)
             variance[i, 0] *= 1.0 - gain
             past[i, 0] += gain * dx
             past[i, 1] += gain * dy
         else:
             past[i, 0], past[i, 1] = truth[oldest, i, 0], truth[oldest, i, 1]
-        if sigma[2] > 0.0:
+        if not believed:
+            pass
+        elif sigma[2] > 0.0:
             gain = variance[i, 1] / (variance[i, 1] + sigma[2] ** 2)
             variance[i, 1] *= 1.0 - gain
             past[i, 2] += gain * turn

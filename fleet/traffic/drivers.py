@@ -159,6 +159,9 @@ class PathDriver:
         """See `Driver`."""
         self.sense(world)
         caps = self.hindrances.caps(self._speed_cap)
+        surprised = self.estimator.surprised
+        if surprised.any():
+            caps = np.where(surprised, 0.0, caps)
         commands = self.follower.commands(self.buffer, self.estimate, self._speeds, self._stop_s, caps)
         return self.hindrances.late(commands)
 

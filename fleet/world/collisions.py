@@ -73,7 +73,7 @@ def set_apart(
 
 @njit(cache=True)
 def shove(
-    poses: FloatArray, car: int, way: FloatArray, body: Body, boxes: BinnedBoxes
+    poses: FloatArray, car: int, way: FloatArray, body: Body, boxes: FloatArray
 ) -> None:  # pragma: no cover - compiled
     """Push one car aside, in place, until it has come that far or something is in the way.
 
@@ -82,7 +82,7 @@ def shove(
         car: Which one.
         way: How far along x and y, and about z, shape (3,) [m, m, rad].
         body: What all cars look like.
-        boxes: What stands on the floor.
+        boxes: What stands on the floor, feet of arms included: middles x, y and half sizes, shape (k, 4).
     """
     bearable = max(_deepest(poses, car, body, boxes), -SHOVE_GAP_M)
     for _ in range(N_SHOVES):
@@ -95,7 +95,7 @@ def shove(
 
 
 @njit(cache=True)
-def _deepest(poses: FloatArray, car: int, body: Body, bins: BinnedBoxes) -> float:  # pragma: no cover - compiled
+def _deepest(poses: FloatArray, car: int, body: Body, boxes: FloatArray) -> float:  # pragma: no cover - compiled
     """How deep a car is in other cars or boxes, at most; negative if it touches nothing [m]."""
     x, y, cos, sin = _frame(poses, car, body.shift)
     deepest = -math.inf
@@ -104,7 +104,6 @@ def _deepest(poses: FloatArray, car: int, body: Body, bins: BinnedBoxes) -> floa
             ox, oy, oc, os = _frame(poses, other, body.shift)
             places = (x - ox, y - oy, cos, sin, oc, os)
             deepest = max(deepest, _overlap(places, body.length, body.width, body.length, body.width)[0])
-    boxes = bins[0]
     for b in range(len(boxes)):
         places = (x - boxes[b, 0], y - boxes[b, 1], cos, sin, 1.0, 0.0)
         deepest = max(deepest, _overlap(places, body.length, body.width, boxes[b, 2], boxes[b, 3])[0])

@@ -133,7 +133,8 @@ class Surroundings:
 
     def shove(self, car_poses: FloatArray, car: int, way: FloatArray) -> None:
         """Push one car aside until something is in the way, in place; see `fleet.world.collisions.shove`."""
-        shove(car_poses, car, way, self._body, self._boxes)
+        feet = np.column_stack((self._balls.xy, np.full_like(self._balls.xy, self._foot_m)))
+        shove(car_poses, car, way, self._body, np.concatenate((self._boxes.rows, feet)))
 
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
         """Hit fractions in the plane, shape (r,); a body that contains a ray's origin does not stop it.

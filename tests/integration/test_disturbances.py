@@ -174,6 +174,61 @@ def under(simulation: Simulation, car: int) -> set[int]:
     return {int(grid.index(*grid.cell_at(float(px), float(py)))) for px, py in points}
 
 
+def served(simulation: Simulation) -> tuple[int, int] | None:
+    """The first arm that reaches over a car, and the car."""
+    for service in simulation.arm_manager.services:
+        car = int(simulation.missions.served[service.arm])
+        if car >= 0 and not service.dock_is_clear:
+            return service.arm, car
+    return None
+
+
+def test_a_car_under_a_dead_arm_is_alive_again_when_both_are_mended() -> None:
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        found = served(simulation)
+        return None if found is None else event(simulation.sim_s, "arm_dead", f"arm_{found[0]}")
+
+    dies = first(find)
+    with made() as simulation:
+        while (found := served(simulation)) is None:
+            simulation.tick()
+    arm, car = f"arm_{found[0]}", f"car_{found[1]}"
+    at_s = [dies.time_s + 5.0 * k for k in range(4)]
+    events = (
+        dies,
+        event(at_s[1], "car_dead", car),
+        event(at_s[2], "car_repaired", car),
+        event(at_s[3], "arm_repaired", arm),
+    )
+    dead_s: list[float] = []
+
+    def look(simulation: Simulation) -> None:
+        if simulation.missions.phase[found[1]] is CarPhase.DEAD:
+            dead_s.append(simulation.sim_s)
+
+    summary, log = run(*events, look=look)
+    assert (dead_s[0], dead_s[-1]) == (pytest.approx(at_s[0], abs=0.11), pytest.approx(at_s[3], abs=0.11))
+    assert of_kind(log, "wreck"), "the cells under it are known, although the arm never ended its work"
+    check(summary, failed=summary.tasks_failed)
+
+
+def test_nobody_fetches_what_cannot_be_set_down_any_more() -> None:
+    """The drop arm dies while a car is on its way to the pick station."""
+
+    def find(simulation: Simulation) -> ScenarioEvent | None:
+        bound = [simulation.missions.task_of[car] for car in simulation.missions.cars_in(CarPhase.TO_PICK)]
+        drops = [task.delivery.drop for task in bound if task is not None]
+        arms = [station.arm for station in simulation.stations if station.name in drops[:1]]
+        return event(simulation.sim_s, "arm_dead", f"arm_{arms[0]}") if arms else None
+
+    dies = first(find)
+    log = run(dies)[1]
+    failed = [entry for entry in of_kind(log, "task") if entry.facts["state"] is TaskState.FAILED]
+    assert failed
+    assert all("is closed for good" in str(entry.facts["cause"]) for entry in failed)
+    assert not any(TaskState.LOADING in states_of(log, entry.facts["task"]) for entry in failed)
+
+
 @pytest.mark.parametrize("fidelity", [Fidelity.KINEMATIC, Fidelity.GRID])
 def test_a_dead_car_takes_only_the_cells_it_stands_in(fidelity: Fidelity) -> None:
     death = first(dies_on_the_way)

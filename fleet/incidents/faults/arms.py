@@ -47,7 +47,7 @@ class ArmDead:
             if task is not None and task.state in (TaskState.LOADING, TaskState.UNLOADING):
                 run.board.move(task, TaskState.FAILED, run.sim_s, f"arm_{arm} is dead")
             self._under[arm] = car
-            self._recovery.lose_car(car, f"arm_{arm} stands dead over car_{car}")
+            self._recovery.lose_car(car, f"arm_{arm} stands dead over car_{car}", by=f"arm_{arm}")
         return True
 
     def end(self, targets: Sequence[int]) -> None:
@@ -56,7 +56,7 @@ class ArmDead:
             self._run.arm_manager.go_on([arm])
             self._run.dispatcher.rules.interventions.open_station(arm)
             if arm in self._under:
-                self._recovery.revive(self._under.pop(arm))
+                self._recovery.revive(self._under.pop(arm), by=f"arm_{arm}")
 
 
 class GripLost(Once):

@@ -25,7 +25,10 @@ def car_incidents(run: RunView, recovery: Recovery) -> dict[str, Incident]:
         recovery.lose_car(car, f"the battery of car_{car} is empty")
 
     return {
-        "car_dead": ForEach(lambda car, event: recovery.lose_car(car, f"car_{car} is dead"), recovery.revive),
+        "car_dead": ForEach(
+            lambda car, event: recovery.lose_car(car, f"car_{car} is dead", by=event.kind),
+            lambda car: recovery.revive(car, by="car_dead"),
+        ),
         "car_towed": CarTowed(recovery),
         "car_pushed": ForEach(lambda car, event: world.shove_car(car, *_moved(event))),
         "car_slow": ForEach(

@@ -78,3 +78,21 @@ def test_yaw_across_pi_is_followed() -> None:
 def test_same_seed_gives_the_same_estimates() -> None:
     runs = [errors(PoseEstimator(SPEC, 2, 0.05, rng=np.random.default_rng(5)), 0.05, 2, 50) for _ in range(2)]
     assert np.array_equal(runs[0], runs[1])
+
+
+@pytest.mark.parametrize("factor", [5.0, 12.0, 20.0])
+def test_a_burst_of_noise_is_not_believed(factor: float) -> None:
+    n_cars = 20
+    estimator = PoseEstimator(SPEC, n_cars, 0.05, rng=np.random.default_rng(4))
+    truth, still = np.zeros((n_cars, 3)), np.zeros(n_cars)
+    for _ in range(40):
+        estimator.update(truth, still, still)
+        assert not estimator.surprised.any()
+    for car in range(n_cars):
+        estimator.blur(car, factor)
+    off_m, surprised = [], []
+    for _ in range(100):
+        off_m.append(np.hypot(*estimator.update(truth, still, still)[:, :2].T))
+        surprised.append(estimator.surprised)
+    assert np.mean(np.array(off_m) < 0.02) > 0.95  # a measurement is off by 0.06 m and more
+    assert np.mean(surprised) > 0.5
