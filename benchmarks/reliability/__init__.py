@@ -1,6 +1,6 @@
 """Reliability: faults are survived, what is wrong is refused by name, and nothing hangs; one file per kind of groups.
 
-`python -m benchmarks.reliability [--only chaos | wrecks | day | fuzz | actions]`.
+`python -m benchmarks.reliability [--only chaos | wrecks | day | worlds | fuzz | actions]`.
 """
 
 from __future__ import annotations
@@ -10,12 +10,14 @@ from benchmarks.reliability.chaos import measure_chaos
 from benchmarks.reliability.day import measure_day
 from benchmarks.reliability.fuzz import measure_fuzz
 from benchmarks.reliability.odd_actions import measure_actions
+from benchmarks.reliability.worlds import measure_worlds
 from benchmarks.reliability.wrecks import measure_wrecks
 
 GROUPS = {
     "chaos": measure_chaos,
     "wrecks": measure_wrecks,
     "day": measure_day,
+    "worlds": measure_worlds,
     "fuzz": measure_fuzz,
     "actions": measure_actions,
 }
