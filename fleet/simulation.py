@@ -15,7 +15,7 @@ from fleet.config import RunConfig
 from fleet.errors import FleetError
 from fleet.incidents.chaos import draw_chaos
 from fleet.incidents.disturbance import Disturbances
-from fleet.incidents.recovery import Recovery
+from fleet.incidents.recovery import EMPTY, Recovery
 from fleet.incidents.setting_changes import SettingChanges
 from fleet.insight.cause_watch import CauseWatch
 from fleet.insight.codebook import Codebook
@@ -177,7 +177,7 @@ class Simulation:
         batteries.tick(self.world.car_speeds(), missions.load_kg, missions.awake, missions.charges)
         for car in np.flatnonzero(batteries.charge <= 0.0).tolist():
             if missions.phase[car] is not CarPhase.DEAD:
-                self.recovery.lose_car(car, f"the battery of car_{car} is empty")
+                self.recovery.lose_car(car, f"the battery of car_{car} is empty", by=EMPTY)
 
     def run(self, on_tick: Callable[[Simulation], None] | None = None) -> None:
         """Tick until the run is finished; `on_tick` is called after every tick."""

@@ -1,6 +1,6 @@
 """Reliability: faults are survived, what is wrong is refused by name, and nothing hangs; one file per kind of groups.
 
-`python -m benchmarks.reliability [--only chaos | wrecks | day | worlds | fuzz | actions]`.
+`python -m benchmarks.reliability [--only chaos | wrecks | dips | day | worlds | fuzz | actions]`.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 from benchmarks.harness import Benchmark, in_groups
 from benchmarks.reliability.chaos import measure_chaos
 from benchmarks.reliability.day import measure_day
+from benchmarks.reliability.dips import measure_dips
 from benchmarks.reliability.fuzz import measure_fuzz
 from benchmarks.reliability.odd_actions import measure_actions
 from benchmarks.reliability.worlds import measure_worlds
@@ -16,6 +17,7 @@ from benchmarks.reliability.wrecks import measure_wrecks
 GROUPS = {
     "chaos": measure_chaos,
     "wrecks": measure_wrecks,
+    "dips": measure_dips,
     "day": measure_day,
     "worlds": measure_worlds,
     "fuzz": measure_fuzz,

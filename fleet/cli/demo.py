@@ -50,9 +50,9 @@ class Demo:
     events: Path | None = None
     """TOML file of disturbances: [[event]] tables of time_s, kind, target and parameters, as in
     docs/guide/disturbances.md. Kinds: car_dead (ended by car_repaired), car_towed, car_pushed, car_slow, car_out
-    (car_back), car_taken (car_given_back), battery_empty, pose_noisy, pose_lost, commands_late, commands_lost,
-    emergency_stop (emergency_over), plans_late, plans_lost, arm_slow, arm_dead (arm_repaired), grip_lost,
-    camera_blind, station_closed (station_opened), lane_blocked (lane_cleared), lane_closed (lane_opened),
+    (car_back), car_taken (car_given_back), battery_empty (battery_changed), pose_noisy, pose_lost, commands_late,
+    commands_lost, emergency_stop (emergency_over), plans_late, plans_lost, arm_slow, arm_dead (arm_repaired),
+    grip_lost, camera_blind, station_closed (station_opened), lane_blocked (lane_cleared), lane_closed (lane_opened),
     human_walks."""
     chaos: float = 0.0
     """Faults an hour, of all kinds, that are drawn from the seed, beside those of --events; 0 = none."""

@@ -57,6 +57,7 @@ EVENT_KINDS: Mapping[str, EventKind] = MappingProxyType(
         "car_taken": EventKind(targets=(CAR,), parameters=_MOVED, lasts_s=30.0, moves_cars=True),
         "car_given_back": EventKind(targets=(CAR,), ends="car_taken"),
         "battery_empty": EventKind(targets=(CAR,)),
+        "battery_changed": EventKind(targets=(CAR,)),
         "pose_noisy": EventKind(targets=(CAR,), parameters={"factor": (1.0, 20.0, 5.0)}, lasts_s=10.0),
         "pose_lost": EventKind(targets=(CAR,), lasts_s=10.0),
         "commands_late": EventKind(

@@ -18,6 +18,8 @@ from fleet.run.view import RunView
 from fleet.traffic.drivers import PathDriver
 from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
+EMPTY = "battery_empty"
+"""What keeps a car dead whose battery is empty, until it is changed."""
 TURNING_RADIUS_M = 0.45
 """A little wider than the lanes' arcs, so that the follower has room to correct."""
 WIDE_RADII_M = (1.0, 2.0)

@@ -19,7 +19,9 @@ PARAMETERS = {
     "car_taken": {"dx_m": 0.3, "dy_m": 0.2},
 }
 BEGINS_S, ENDS_S = 12.0, 40.0
-MAY_FAIL = {"car_pushed", "car_dead", "car_towed", "battery_empty", "arm_dead", "grip_lost"}
+BEFORE = {"car_towed": "car_dead", "battery_changed": "battery_empty"}
+"""What has to happen before some kinds."""
+MAY_FAIL = {"car_pushed", "car_dead", "car_towed", "battery_empty", "battery_changed", "arm_dead", "grip_lost"}
 """Kinds after which a parcel may be where nobody can take it."""
 CASES = [
     pytest.param(kind, target, id=f"{kind}-{target}")
@@ -33,8 +35,8 @@ def timeline(kind: str, target: str) -> tuple[ScenarioEvent, ...]:
     """The event, what has to come before it, and what ends it."""
     name, parameters = TARGET[target], PARAMETERS.get(kind, {})
     events = [ScenarioEvent(time_s=BEGINS_S, kind=kind, target=name, parameters=parameters)]
-    if kind == "car_towed":
-        events.append(ScenarioEvent(time_s=BEGINS_S - 5.0, kind="car_dead", target=name))
+    if kind in BEFORE:
+        events.append(ScenarioEvent(time_s=BEGINS_S - 5.0, kind=BEFORE[kind], target=name))
     ending = next((one for one, known in EVENT_KINDS.items() if known.ends == kind), None)
     if ending is not None:
         events.append(ScenarioEvent(time_s=ENDS_S, kind=ending, target=name))
@@ -72,6 +74,8 @@ def test_the_fleet_goes_on(kind: str, target: str, fidelity: Fidelity) -> None:
         assert all(task.reason for task in simulation.board.tasks if task.state is TaskState.FAILED)
     happened = [event.facts["disturbance"] for event in log if event.kind == "disturbance"]
     assert kind in happened
+    if kind in ("car_dead", "battery_changed") and simulation.sim_s > ENDS_S:
+        assert len([event for event in log if event.kind == "car_revived"]) == 1
     over = [event for event in log if event.kind == "disturbance_over" and event.facts["disturbance"] == kind]
     ends_in_time = EVENT_KINDS[kind].lasts and simulation.sim_s > ENDS_S
     assert len(over) == ends_in_time or EVENT_KINDS[kind].lasts_s > ENDS_S - BEGINS_S

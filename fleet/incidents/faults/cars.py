@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from fleet.config import ScenarioEvent
 from fleet.incidents.faults.incident import ForEach, Incident, Once
-from fleet.incidents.recovery import Recovery
+from fleet.incidents.recovery import EMPTY, Recovery
 from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
 
@@ -22,7 +22,13 @@ def car_incidents(run: RunView, recovery: Recovery) -> dict[str, Incident]:
         del event
         if run.batteries is not None:
             run.batteries.charge[car] = 0.0
-        recovery.lose_car(car, f"the battery of car_{car} is empty")
+        recovery.lose_car(car, f"the battery of car_{car} is empty", by=EMPTY)
+
+    def changed(car: int, event: ScenarioEvent) -> None:
+        del event
+        if run.batteries is not None:
+            run.batteries.charge[car] = 1.0
+        recovery.revive(car, by=EMPTY)
 
     return {
         "car_dead": ForEach(
@@ -40,6 +46,7 @@ def car_incidents(run: RunView, recovery: Recovery) -> dict[str, Incident]:
         ),
         "car_taken": CarTaken(run, recovery),
         "battery_empty": ForEach(empty),
+        "battery_changed": ForEach(changed),
         "pose_noisy": ForEach(
             lambda car, event: driver.blur(car, event.value("factor")), lambda car: driver.blur(car, 1.0)
         ),
