@@ -12,10 +12,18 @@ import numpy.typing as npt
 
 from fleet.arrays import FloatArray
 from fleet.config.events import ARM
-from fleet.incidents.rejoin_room import LEAST_MARGIN_M, MARGIN_M, SEARCH_M, RejoinRoom, cell_of, outline
+from fleet.incidents.rejoin_room import (
+    LEAST_MARGIN_M,
+    MARGIN_M,
+    SEARCH_M,
+    SWING_M,
+    RejoinRoom,
+    cell_of,
+    outline,
+)
 from fleet.missions.phases import CarPhase
 from fleet.run.view import RunView
-from fleet.traffic.drivers import PathDriver
+from fleet.traffic.drivers import OFF_LANE_M, PathDriver
 from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
 EMPTY = "battery_empty"
@@ -202,6 +210,7 @@ class Recovery:
         for car, wreck in self._wrecks.items():
             self._watch(car, wreck, tick)
         if driver is None:
+            self._put_back(tick)
             return
         for car in [*driver.off_lane(), *self._off_stop(driver, tick)]:
             if self._run.missions.phase[car] is CarPhase.DEAD:
@@ -229,6 +238,21 @@ class Recovery:
         stops = run.graph.state_pose[executor.tail_states()]
         stands = executor.without_moves() & (np.abs(run.world.car_speeds()) < STILL_MPS)
         return [car for car in driver.off_stop(stops, stands) if car not in self._rejoining]
+
+    def _put_back(self, tick: int) -> None:
+        """On the grid, where there is nothing between two states, let cars that were pushed stand in theirs again."""
+        run = self._run
+        if tick % LOOK_TICKS:
+            return
+        stops = run.graph.state_pose[run.executor.tail_states()]
+        off_m = np.hypot(*(run.driver.estimate - stops)[:, :2].T)
+        for car in np.flatnonzero(run.executor.without_moves() & (off_m > OFF_LANE_M)).tolist():
+            if run.missions.phase[car] is CarPhase.DEAD or run.services.is_served(car):
+                continue
+            run.world.put_car(car, stops[car])
+            run.driver.give_up(car)
+            run.driver.go(car)
+            run.events.log("rejoined", car=f"car_{car}", state=int(run.executor.tail_states()[car]))
 
     def _begin(self, driver: PathDriver, car: int, tick: int, reason: str) -> None:
         run = self._run
@@ -356,7 +380,8 @@ class Recovery:
         """A state to rejoin and a way to it whose cells are the car's from now on; None if there is none at present."""
         run = self._run
         start = driver.estimate[car]
-        room = RejoinRoom(run, car, start, self._usable_cells(car), MARGIN_M if patient else LEAST_MARGIN_M)
+        margin_m, swing_m = (MARGIN_M, 0.0) if patient else (LEAST_MARGIN_M, SWING_M)
+        room = RejoinRoom(run, car, start, self._usable_cells(car), margin_m, swing_m)
         states = self._near_states(start, room.usable)
         tries = [(TURNING_RADIUS_M, 0, states), (TURNING_RADIUS_M, ITERATIONS, states[:N_SEARCHED])]
         if not patient:

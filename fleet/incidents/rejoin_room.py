@@ -16,13 +16,17 @@ MARGIN_M, LEAST_MARGIN_M = 0.05, 0.02
 way with the first."""
 WAY_OUT_M = 0.6
 """A car that stands too near something must have left it this far from where it stands, or after twice the depth."""
+SWING_M = 0.005
+"""How much nearer its tail may come where it cannot get out otherwise. A car turns away from a wall beside it with its
+tail towards the wall, by the square of what is behind the rear axle over twice the radius: 4 mm in a curve of 1 m."""
 
 
 class RejoinRoom:
     """Where a car may be while it manoeuvres.
 
     The body stays in usable cells and in those it stands in, and `MARGIN_M` from walls, obstacles and other cars. Where
-    it stands nearer than that, or inside, it must get out: what it may be too near falls to nothing over `WAY_OUT_M`.
+    it stands nearer than that, or inside, it must get out: on the first half of `WAY_OUT_M` it may be as near as it
+    stands, and then what it may be too near falls to nothing.
 
     Args:
         run: Site, cars, obstacles.
@@ -30,12 +34,19 @@ class RejoinRoom:
         start: Where it stands, x, y, yaw.
         usable: Cells nobody else holds, shape (rows, cols).
         margin_m: Kept free around the body [m].
+        swing_m: How much nearer than where it stands it may be on that first half [m].
     """
 
     def __init__(
-        self, run: RunView, car: int, start: FloatArray, usable: npt.NDArray[np.bool_], margin_m: float = MARGIN_M
+        self,
+        run: RunView,
+        car: int,
+        start: FloatArray,
+        usable: npt.NDArray[np.bool_],
+        margin_m: float = MARGIN_M,
+        swing_m: float = 0.0,
     ) -> None:
-        self._margin_m = margin_m
+        self._margin_m, self._swing_m = margin_m, swing_m
         grid = run.site.grid
         self._spec, self._cell_m, self._rows = run.scene.car, grid.cell_m, grid.rows
         open_cells = grid.free & ~run.traffic.blocked.reshape(grid.rows, grid.cols)
@@ -58,7 +69,8 @@ class RejoinRoom:
         held_by_nobody = (self._allowed | ~self._open)[row, col].all(axis=1)
         away = np.hypot(poses[:, 0] - self._start[0], poses[:, 1] - self._start[1])
         way_out_m = max(WAY_OUT_M, 2.0 * self._depth)
-        bearable = self._depth * np.maximum(0.0, 1.0 - away / way_out_m) + 0.002
+        share = np.clip(2.0 * (1.0 - away / way_out_m), 0.0, 1.0)
+        bearable = (self._depth + self._swing_m) * share + 0.002
         return held_by_nobody & (self._too_near(poses) <= bearable)
 
     def _cells(self, points: FloatArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

@@ -274,8 +274,11 @@ class StateDriver:
         return done
 
     def at_rest(self, car: int) -> bool:
-        """See `Driver`."""
-        return self._targets.is_empty(car)
+        """See `Driver`; a car that was pushed is not at rest before it is back in its state."""
+        if not self._targets.is_empty(car):
+            return False
+        offset = self.estimate[car] - self._graph.state_pose[self._state[car]]
+        return bool(np.hypot(offset[0], offset[1]) <= OFF_LANE_M)
 
     def remaining(self, car: int) -> FloatArray:
         """See `Driver`."""

@@ -11,6 +11,7 @@ from fleet.config import TrafficConfig
 from fleet.traffic.crowding import WAITS_AFTER_S, Crowding
 from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
+from fleet.traffic.head_on import HeadOn
 from fleet.traffic.open_lanes import OpenLanes
 from fleet.traffic.single_file import SingleFile
 from maps.lane_graph import LaneGraph
@@ -23,6 +24,8 @@ NO_CELL = -1
 NO_CAR = -1
 QUEUE_MOVES = 6
 """Who waits so near to where it goes waits for its turn there, which no other way would spare it."""
+HEAD_ON_RANK_S = 1e7
+"""Head start of a car that cannot step aside for one it has met: the other one has to [s]."""
 LEAVES_RANK_S = (1e6, 1e5)
 """Head start of a car that drives out of an outer dead end, and out of an inner one: who wants to go in
 has to make room [s]."""
@@ -67,6 +70,7 @@ class Traffic:
         self.executor = executor
         self.lanes = OpenLanes(graph)
         self._single_file = SingleFile(self.lanes)
+        self._head_on = HeadOn(self.lanes)
         self.goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
         self.stay = np.zeros(n_cars, dtype=np.bool_)
         """Cars that must not be pushed once they are at their goal (docks)."""
@@ -279,6 +283,8 @@ class Traffic:
         sent = (self.goals != NO_GOAL).nonzero()[0]
         for leaves, rank_s in zip(self.lanes.leave(starts[sent], self.goals[sent]), LEAVES_RANK_S, strict=False):
             self.priorities[sent[leaves]] += rank_s
+        first = self._head_on.first(self.goals, starts, self.ways, self.executor.still_s, self.fixed)
+        self.priorities[first] += HEAD_ON_RANK_S
         instance = Instance(
             graph=self.graph,
             starts=starts,

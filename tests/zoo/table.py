@@ -15,7 +15,7 @@ from tests.zoo.drawings import (
     RING,
     TWO_ROOMS,
 )
-from tests.zoo.scenario import ALL, Happening, Scenario, When, blocked, deliveries, delivery, dies, pushed, visit
+from tests.zoo.scenario import Happening, Scenario, When, blocked, deliveries, delivery, dies, pushed, visit
 
 RMF = "https://github.com/open-rmf"
 OSRF = "https://github.com/osrf"
@@ -23,17 +23,6 @@ ARXIV = "https://ar5iv.labs.arxiv.org/html"
 ONE_SLOT = StationOptions(slots=((-0.190, 0.408, 0.25),))
 SMALL_BATTERY = {"capacity_wh": 2.0, "awake_w": 15.0}
 """Empty after eight minutes of standing, full after a minute at the charger."""
-
-
-def everywhere(why: str) -> dict[str, str]:
-    """It fails today at every fidelity."""
-    return dict.fromkeys(ALL, why)
-
-
-def off_the_grid(why: str) -> dict[str, str]:
-    """It fails today wherever a push moves a car off its lane; on the grid it keeps its state."""
-    return {"kinematic": why, "physics": why}
-
 
 TRAFFIC = (
     Scenario(
@@ -44,9 +33,6 @@ TRAFFIC = (
         robots=3,
         orders=deliveries(4),
         longest_s=150,
-        fails_today=everywhere(
-            "cars that back up into each other's lane at the drop dock wait for each other in a circle"
-        ),
     ),
     Scenario(
         name="swap_patrol",
@@ -438,9 +424,6 @@ PUSHES_AND_BLOCKS = (
         not_done={"a": "parcel lies at"},
         may_be_done=frozenset({"a"}),
         longest_s=80,
-        fails_today=off_the_grid(
-            "the pushed car finds no way back past cells of the halted one, and neither gives way"
-        ),
     ),
     Scenario(
         name="pushed_ahead_in_its_dock",
@@ -453,7 +436,6 @@ PUSHES_AND_BLOCKS = (
         not_done={"b": "parcel lies at"},
         may_be_done=frozenset({"b"}),
         longest_s=120,
-        fails_today={"grid": "a car keeps its state when it is pushed, and is loaded where the arm does not reach"},
     ),
     Scenario(
         name="pushed_off_its_lane",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fleet.config import ArmConfig, Fidelity, RunConfig
-from fleet.incidents.rejoin_room import MARGIN_M, RejoinRoom
+from fleet.incidents.rejoin_room import LEAST_MARGIN_M, MARGIN_M, SWING_M, RejoinRoom
 from fleet.simulation import Simulation
 
 # On the cell site: the open row 7 (from below: y 1..2) with walls below y = 1 and shelves above x 3..5, y 2..3.
@@ -82,3 +82,14 @@ def test_a_car_that_is_too_near_a_wall_may_only_get_out(simulation: Simulation) 
     assert not valid(room, 4.7, 1.16, 0.0), "as near, farther on"
     assert valid(room, 4.1, 1.17, 0.0)
     assert valid(room, 4.7, 1.25, 0.0)
+
+
+def test_who_gets_out_no_other_way_may_swing_its_tail_towards_the_wall(simulation: Simulation) -> None:
+    start, usable = (4.0, 1.13, 0.0), simulation.site.grid.free.copy()
+    x, y, radius_m = *start[:2], 1.0
+    turn = np.linspace(0.0, 0.6, 40)
+    curve = np.stack((x + radius_m * np.sin(turn), y + radius_m * (1 - np.cos(turn)), turn), axis=-1)
+    assert not room_of(simulation, start).valid(curve).all()
+    room = RejoinRoom(simulation.view, 0, np.array(start), usable, LEAST_MARGIN_M, SWING_M)
+    assert room.valid(curve).all()
+    assert not room.valid(np.array([[4.1, 1.12, 0.0]])).any(), "nearer than a tail swings"
