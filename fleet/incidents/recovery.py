@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
-from fleet.config.events import ARM
 from fleet.incidents.rejoin_room import (
     LEAST_MARGIN_M,
     MARGIN_M,
@@ -145,8 +144,8 @@ class Recovery:
         """Pull a dead car to the nearest free parking place, without what lies in its tray; False if there is none."""
         run = self._run
         wreck = self._wrecks.get(car)
-        if wreck is None or wreck.pose is None or wreck.halted:
-            return wreck is None  # who is not dead is not towed; a wreck is when it lies still
+        if wreck is None or wreck.pose is None or wreck.halted or run.services.is_served(car):
+            return wreck is None  # who is not dead is not towed; a wreck is when it lies still and no arm is over it
         graph, held = run.graph, run.executor.dependencies.holders()
         free = [
             s
@@ -277,8 +276,7 @@ class Recovery:
             self._hold_ground(driver.paths, car, wreck)
         if np.abs(run.world.car_speeds()[car]) > STILL_MPS:
             wreck.still_since = tick
-        under_dead_arm = any(by.startswith(ARM) for by in self._kept_dead_by[car])
-        if (tick - wreck.still_since) * run.tick_s < STILL_S or (run.services.is_served(car) and not under_dead_arm):
+        if (tick - wreck.still_since) * run.tick_s < STILL_S:
             return
         wreck.pose = pose.copy()
         self._settle(car)
