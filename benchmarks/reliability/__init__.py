@@ -1,6 +1,6 @@
 """Reliability: faults are survived, what is wrong is refused by name, and nothing hangs; one file per kind of groups.
 
-`python -m benchmarks.reliability [--only chaos | wrecks | dips | day | worlds | fuzz | actions]`.
+`python -m benchmarks.reliability [--only chaos | wrecks | dips | day | worlds | hash | killed | fuzz | actions]`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,9 @@ from benchmarks.reliability.chaos import measure_chaos
 from benchmarks.reliability.day import measure_day
 from benchmarks.reliability.dips import measure_dips
 from benchmarks.reliability.fuzz import measure_fuzz
+from benchmarks.reliability.killed_runs import measure_killed_runs
 from benchmarks.reliability.odd_actions import measure_actions
+from benchmarks.reliability.one_hash import measure_one_hash
 from benchmarks.reliability.worlds import measure_worlds
 from benchmarks.reliability.wrecks import measure_wrecks
 
@@ -20,13 +22,15 @@ GROUPS = {
     "dips": measure_dips,
     "day": measure_day,
     "worlds": measure_worlds,
+    "hash": measure_one_hash,
+    "killed": measure_killed_runs,
     "fuzz": measure_fuzz,
     "actions": measure_actions,
 }
 
 BENCHMARK = Benchmark(
     name="reliability",
-    summary="Runs with faults of all kinds; mutated files and odd actions, taken or refused with what would be valid",
+    summary="Runs with faults of all kinds, killed runs, random worlds; mutated files and odd actions",
     measure=in_groups(GROUPS),
     groups=tuple(GROUPS),
 )
