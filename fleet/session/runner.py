@@ -125,8 +125,9 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
         interrupted = stack.enter_context(interrupts())
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
-        recorder = stack.enter_context(_recorder(simulation.view, session))
+        # Before the recorder, which takes a second to open: a run that is killed meanwhile has both files.
         tracer = stack.enter_context(Tracer(simulation.view, session.out, run_file.name))
+        recorder = stack.enter_context(_recorder(simulation.view, session))
         progress = stack.enter_context(Progress(simulation.view, shown=session.progress))
         if session.serve:
             uri = f"rerun+http://127.0.0.1:{session.port}/proxy"

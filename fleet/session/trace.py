@@ -15,7 +15,9 @@ from fleet.run.view import RunView
 from fleet.stations.arms.arm_controller import ArmPhase
 
 BLOCK_TICKS = 60
-"""Ticks that are written at once; a killed run loses as many at most."""
+"""Ticks that are written at once at most."""
+BLOCK_S = 0.5
+"""Simulated time that is written at once at most, of which a killed run loses no more [s]."""
 _ARM_STATES = tuple(ArmPhase)
 _STATE_CODES = {state: code for code, state in enumerate(_ARM_STATES)}
 
@@ -54,10 +56,11 @@ class Tracer:
         self._floor = (site.grid.cell_m, site.grid.rows, site.grid.cols)
         n_cars, n_arms, n_joints = world.n_cars, world.n_arms, run.scene.arm.n_joints
         # One row for each tick: they are looked through together, which costs a fraction of doing it tick by tick.
-        self._cars = np.zeros((BLOCK_TICKS, 5, n_cars), dtype=np.int64)
-        self._poses, self._speeds = np.zeros((BLOCK_TICKS, n_cars, 3)), np.zeros((BLOCK_TICKS, n_cars))
-        self._arms = np.zeros((BLOCK_TICKS, 2, n_arms), dtype=np.int64)
-        self._joints = np.zeros((BLOCK_TICKS, n_arms, n_joints))
+        self._most = n = max(1, min(BLOCK_TICKS, round(BLOCK_S / run.tick_s)))
+        self._cars = np.zeros((n, 5, n_cars), dtype=np.int64)
+        self._poses, self._speeds = np.zeros((n, n_cars, 3)), np.zeros((n, n_cars))
+        self._arms = np.zeros((n, 2, n_arms), dtype=np.int64)
+        self._joints = np.zeros((n, n_arms, n_joints))
         self._first = self._rows = 0
 
     def tick(self) -> None:
@@ -79,7 +82,7 @@ class Tracer:
             self._arms[row, 1] = run.missions.served
             self._joints[row] = world.arm_positions()
         self._rows += 1
-        if self._rows == BLOCK_TICKS:
+        if self._rows == self._most:
             self._write()
 
     def close(self) -> None:
