@@ -1,4 +1,4 @@
-"""Tracer: what a killed run leaves of its trace lacks half a second at most, and is there before anything takes long."""
+"""Tracer: what a killed run leaves of its trace lacks half a second at most, and is there from the start."""
 
 from pathlib import Path
 
