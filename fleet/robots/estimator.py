@@ -19,12 +19,16 @@ ODOMETRY_RAD = math.radians(0.4)
 STANDING_M, STANDING_RAD = 0.0005, math.radians(0.02)
 """Growth per square root of a second, standing or not: keeps a standing car's filter awake."""
 SURPRISE = 5.0
-"""An innovation beyond this many standard deviations is a surprise: the car was moved, or the measurement is wrong."""
+"""An innovation beyond this many standard deviations means that the car was moved; the filter then starts over."""
+DOUBT = 7.0
+"""One beyond this many may also be a wrong measurement, which chance alone does not make in a million hours."""
+DOUBTS_ON = 40
+"""After one, whatever is a surprise is doubted for so many ticks more."""
 AGREES = 3.0 * math.sqrt(2.0)
-"""Two surprises tell the same if they differ by no more than so many standard deviations of one measurement."""
+"""Two doubtful measurements tell the same if they differ by no more than so many standard deviations of one."""
 MOVED_AFTER = 4
-"""So many surprises in a row that tell the same mean that the car was moved: the filter starts over. Those before are
-left out, and the car is told to brake: a burst of noise passes while it stands."""
+"""So many doubtful ones in a row that tell the same are believed. Those before are left out, and the car is told to
+brake: a burst of noise passes while it stands."""
 
 BLOCK_TICKS = 64
 """Ticks whose noise is drawn at once."""
@@ -47,8 +51,9 @@ class _Filter(NamedTuple):
     """Estimate of the measured instant, shape (n, 3)."""
     variance: FloatArray
     """Of its place and of its yaw, shape (n, 2)."""
-    surprise: FloatArray
-    """How many surprises in a row tell the same, and the last one's x, y, yaw, shape (n, 4)."""
+    doubt: FloatArray
+    """How many doubtful measurements in a row tell the same, the last one's x, y, yaw, and the ticks for which surprises
+    are doubted, shape (n, 5)."""
 
 
 class PoseEstimator:
@@ -95,7 +100,7 @@ class PoseEstimator:
             motion=np.zeros((n_cars, 2)),
             past=np.zeros((n_cars, 3)),
             variance=np.zeros((n_cars, 2)),
-            surprise=np.zeros((n_cars, 4)),
+            doubt=np.zeros((n_cars, 5)),
         )
 
     def blur(self, car: int, factor: float) -> None:
@@ -104,10 +109,10 @@ class PoseEstimator:
         self._blurred = bool((self._blur != 1.0).any())
 
     @property
-    def surprised(self) -> BoolArray:
+    def in_doubt(self) -> BoolArray:
         """Cars whose last measurement is not believed, shape (n_cars,): they had better brake."""
-        surprised: BoolArray = self._filter.surprise[:, 0] > 0.0
-        return surprised
+        in_doubt: BoolArray = self._filter.doubt[:, 0] > 0.0
+        return in_doubt
 
     def update(self, true_poses: FloatArray, speeds: FloatArray, steering: FloatArray) -> FloatArray:
         """Take one tick's measurements.
@@ -153,13 +158,13 @@ def _advance(poses: FloatArray, car: int, distance: float, turn: float) -> None:
 
 
 @njit(cache=True)
-def _tells_the_same(surprise: FloatArray, dx: float, dy: float, turn: float, sigma: FloatArray) -> bool:
-    """Take in a surprise; returns whether enough in a row tell the same."""
-    near = math.hypot(dx - surprise[1], dy - surprise[2]) <= AGREES * sigma[0] or sigma[0] == 0.0
-    alike = abs(wrapped(turn - surprise[3])) <= AGREES * sigma[2] or sigma[2] == 0.0
-    surprise[0] = surprise[0] + 1.0 if surprise[0] > 0.0 and near and alike else 1.0
-    surprise[1], surprise[2], surprise[3] = dx, dy, turn
-    return surprise[0] >= MOVED_AFTER
+def _tells_the_same(doubt: FloatArray, dx: float, dy: float, turn: float, sigma: FloatArray) -> bool:
+    """Take in a doubtful measurement; returns whether enough in a row tell the same."""
+    near = math.hypot(dx - doubt[1], dy - doubt[2]) <= AGREES * sigma[0] or sigma[0] == 0.0
+    alike = abs(wrapped(turn - doubt[3])) <= AGREES * sigma[2] or sigma[2] == 0.0
+    doubt[0] = doubt[0] + 1.0 if doubt[0] > 0.0 and near and alike else 1.0
+    doubt[1], doubt[2], doubt[3] = dx, dy, turn
+    return doubt[0] >= MOVED_AFTER
 
 
 @njit(cache=True)
@@ -173,7 +178,7 @@ def _estimate(
     estimate: FloatArray,
 ) -> None:
     """Take one tick's measurements of all cars, and fill in the estimated poses now."""
-    tick_s, wheelbase, sigma, truth, odometry, motion, past, variance, surprise = known
+    tick_s, wheelbase, sigma, truth, odometry, motion, past, variance, doubt = known
     n_slots = len(truth)
     now, oldest = tick % n_slots, (tick + 1) % n_slots
     for i in range(len(true_poses)):
@@ -195,13 +200,16 @@ def _estimate(
         dx = truth[oldest, i, 0] + noise[i, 0] - past[i, 0]
         dy = truth[oldest, i, 1] + noise[i, 1] - past[i, 1]
         turn = wrapped(truth[oldest, i, 2] + noise[i, 2] - past[i, 2])
-        away = sigma[0] > 0.0 and dx * dx + dy * dy > SURPRISE**2 * (variance[i, 0] + sigma[0] ** 2)
-        turned = sigma[2] > 0.0 and turn * turn > SURPRISE**2 * (variance[i, 1] + sigma[2] ** 2)
-        believed = not (away or turned) or _tells_the_same(surprise[i], dx, dy, turn, sigma)
+        off_2, place_2 = dx * dx + dy * dy, variance[i, 0] + sigma[0] ** 2
+        turn_2, yaw_2 = turn * turn, variance[i, 1] + sigma[2] ** 2
+        bound = SURPRISE**2 if doubt[i, 4] > 0.0 else DOUBT**2
+        doubtful = (sigma[0] > 0.0 and off_2 > bound * place_2) or (sigma[2] > 0.0 and turn_2 > bound * yaw_2)
+        doubt[i, 4] = DOUBTS_ON if doubtful else max(doubt[i, 4] - 1.0, 0.0)
+        believed = not doubtful or _tells_the_same(doubt[i], dx, dy, turn, sigma)
         if believed:
-            surprise[i, 0] = 0.0
-            variance[i, 0] += (dx * dx + dy * dy) * away
-            variance[i, 1] += turn * turn * turned
+            doubt[i, 0] = 0.0
+            variance[i, 0] += off_2 * (off_2 > SURPRISE**2 * place_2)
+            variance[i, 1] += turn_2 * (turn_2 > SURPRISE**2 * yaw_2)
         if not believed:
             pass
         elif sigma[0] > 0.0:

