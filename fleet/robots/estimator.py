@@ -52,8 +52,8 @@ class _Filter(NamedTuple):
     variance: FloatArray
     """Of its place and of its yaw, shape (n, 2)."""
     doubt: FloatArray
-    """How many doubtful measurements in a row tell the same, the last one's x, y, yaw, and the ticks for which surprises
-    are doubted, shape (n, 5)."""
+    """How many doubtful measurements in a row tell the same, the last one's x, y, yaw, and for how many ticks whatever
+    is a surprise is doubted, shape (n, 5)."""
 
 
 class PoseEstimator:
