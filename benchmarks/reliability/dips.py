@@ -22,12 +22,12 @@ ORDERS_PER_H = 360.0
 BEGINS_S, ENDS_S = 200.0, 320.0
 """When the fault happens, and when somebody ends one that lasts for good [s]."""
 LONGEST_S = 900.0
-SEEDS, QUICK_SEEDS = 8, 1
+SEEDS, QUICK_SEEDS = 5, 1
 FIRST_SEED = 60_000
 """Nothing was developed on these."""
-STEP_S, WINDOW_S = 10.0, 60.0
-BEHIND = 0.5
-"""The fleet is as it was once it is no more than so many deliveries behind, in the mean [deliveries]."""
+STEP_S, WINDOW_S, AFTER_S = 10.0, 60.0, 120.0
+USUAL = 0.95
+"""The fleet is as before from when on it delivers this share of the usual, over `AFTER_S`."""
 
 
 def measure_dips(trial: Trial) -> Iterator[Row]:
@@ -52,19 +52,20 @@ def figures(usual: FloatArray, found: FloatArray) -> tuple[float, float, float]:
 
     Returns:
         Deliveries in the worst `WINDOW_S` after it as a share of the usual [%], how many deliveries it was behind at
-        most, and how long after it the fleet was behind for the last time [s]; inf if it still was at the end.
+        most, and how long after it the fleet was as before [s]; inf if it never was.
     """
-    window, begins = round(WINDOW_S / STEP_S), round(BEGINS_S / STEP_S)
+    begins = round(BEGINS_S / STEP_S)
+    dip = 100.0 * float(_share(usual, found, begins, WINDOW_S).min())
+    as_before = np.flatnonzero(_share(usual, found, begins, AFTER_S) >= USUAL)
+    after_s = STEP_S * float(as_before[0]) if len(as_before) else math.inf
+    return min(dip, 100.0), float((usual - found)[begins:].max()), after_s
+
+
+def _share(usual: FloatArray, found: FloatArray, begins: int, window_s: float) -> FloatArray:
+    """Deliveries as a share of the usual ones, in the windows that begin every `STEP_S` from a step on."""
+    window = round(window_s / STEP_S)
     rate, usual_rate = (one[begins + window :] - one[begins:-window] for one in (found, usual))
-    busy = usual_rate > 0.0
-    dip = 100.0 * float(np.min(rate[busy] / usual_rate[busy], initial=1.0))
-    behind = (usual - found)[begins:]
-    late = np.flatnonzero(behind > BEHIND)
-    if not len(late):
-        after_s = 0.0
-    else:
-        after_s = STEP_S * (int(late[-1]) + 1) if late[-1] < len(behind) - 1 else math.inf
-    return dip, float(behind.max()), after_s
+    return np.divide(rate, usual_rate, out=np.ones_like(rate), where=usual_rate > 0.0)
 
 
 def _delivered(seed: int, events: tuple[ScenarioEvent, ...]) -> FloatArray:

@@ -68,10 +68,12 @@ def test_a_dip_is_measured() -> None:
     stopped_s = np.clip(at_s - BEGINS_S, 0.0, 60.0)
     back = np.clip((at_s - BEGINS_S - 60.0) / 120.0, 0.0, 1.0) * 6.0
     dip, behind, after_s = figures(usual, usual - stopped_s / 10.0 + back)
-    assert (dip, behind) == (0.0, pytest.approx(6.0))
-    assert after_s == pytest.approx(180.0, abs=20.0)
+    assert dip == 0.0
+    assert behind == pytest.approx(6.0)
+    assert 0.0 < after_s <= 60.0  # from then on it catches up
     assert figures(usual, usual) == (100.0, 0.0, 0.0)
-    assert figures(usual, usual - stopped_s / 10.0)[2] == math.inf
+    slow = np.where(at_s > BEGINS_S, usual - (at_s - BEGINS_S) / 20.0, usual)
+    assert figures(usual, slow)[2] == math.inf
 
 
 def test_somebody_lives_on() -> None:
