@@ -25,7 +25,7 @@ class RejoinRoom:
     """Where a car may be while it manoeuvres.
 
     The body stays in usable cells and in those it stands in, and `MARGIN_M` from walls, obstacles and other cars. Where
-    it stands nearer than that, or inside, it must get out: on the first half of `WAY_OUT_M` it may be as near as it
+    it stands nearer than that, or inside, it must get out: over the first half of `WAY_OUT_M` it may be as near as it
     stands, and then what it may be too near falls to nothing.
 
     Args:

@@ -54,8 +54,11 @@ class HeadOn:
         for car in waits:
             for other in waits:
                 if car < other and wants[car] == cells[other] and wants[other] == cells[car]:
-                    aside = [_n_aside(ways, int(states[a]), int(cells[b])) for a, b in ((car, other), (other, car))]
-                    goes = car if aside[0] <= aside[1] else other
+                    aside, others = (
+                        _n_aside(ways, int(states[a]), int(goals[a]), int(cells[b]))
+                        for a, b in ((car, other), (other, car))
+                    )
+                    goes = car if aside <= others else other
                     self._goal_of[goes] = int(goals[goes])
         return sorted(self._goal_of)
 
@@ -73,6 +76,7 @@ def _next_cell(ways: DistanceTable, state: int, goal: int) -> int:
     return int(ways.graph.state_cell[states[left[states].argmin()]])
 
 
-def _n_aside(ways: DistanceTable, state: int, cell: int) -> int:
-    """How many moves lead from a state to other cells than one."""
-    return int((ways.graph.state_cell[_next_states(ways, state)] != cell).sum())
+def _n_aside(ways: DistanceTable, state: int, goal: int, cell: int) -> int:
+    """How many moves lead from a state to other cells than one, with a way on from there to its goal."""
+    states = _next_states(ways, state)
+    return int(((ways.graph.state_cell[states] != cell) & (ways.to(goal)[states] < UNREACHABLE)).sum())
