@@ -16,12 +16,14 @@ class Invariant(StrEnum):
     """A move of the lane graph sweeps the cells that it says, and no others."""
     GRANTS = "grants"
     """A cell has one holder at most: the car that stands there, was granted a move through it, or has reserved it."""
+    CLOSED = "closed"
+    """No move is granted into a cell that is closed."""
     FOOTPRINT = "footprint"
     """A car's body is in cells that are the car's."""
     ORDER = "order"
     """The moves that wait can all be made, one after another: nobody waits in a ring."""
     CLEARANCE = "clearance"
-    """No robot touches another one, but for an arm and the car that it serves."""
+    """No robot touches another one, but for an arm and the car that it serves, while that one stands."""
     PHASES = "phases"
     """What a car is about fits the state of its task, which is its alone."""
     TASKS = "tasks"
@@ -29,7 +31,7 @@ class Invariant(StrEnum):
     BOOKINGS = "bookings"
     """No more cars have booked a place than it takes."""
     PARCELS = "parcels"
-    """A parcel is in one place, the one where it is booked."""
+    """A parcel is in one place, the one where it is booked, and a slot has one parcel at most."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,8 @@ from fleet.stations.arms.arm_spheres import arm_spheres
 CLEARANCE_M = 0.01
 """Robots are farther apart than this [m]: half of what two arms over one tray are kept apart by
 (`fleet.stations.arms.shared_dock.MARGIN_M`), which come closer than any other robots do."""
+STANDS_MPS = 0.05
+"""A car that is slower than this stands, and the arm that serves it may touch it [m/s]."""
 _NONE, _CARS, _ARM_CAR, _ARMS = 0, 1, 2, 3
 
 
@@ -91,6 +93,8 @@ class ClearanceCheck:
                 self._radius[arm] = -1.0 if size_m is None else math.sqrt(sum(edge**2 for edge in size_m)) / 2
         arms = self._arms
         excused, served = self._faults.cars, self._run.missions.served
+        stands = np.abs(self._run.world.car_speeds()) < STANDS_MPS
+        served = np.where((served >= 0) & stands[served], served, -1)
         _hold(arms.placed, held, self._radius, parcel_ids, parcels)
         kind, first, second, gap = _closest(
             poses, self._car, self._by_x, arms, self._run.world.arm_positions(), served, excused
@@ -101,7 +105,8 @@ class ClearanceCheck:
         a = f"car_{first}" if kind == _CARS else f"arm_{first}"
         b = f"arm_{second}" if kind == _ARMS else f"car_{second}"
         served = int(self._run.missions.served[first]) if kind == _ARM_CAR else -1
-        of = f" (it serves {f'car_{served}' if served >= 0 else 'no car'})" if kind == _ARM_CAR else ""
+        whom = "no car" if served < 0 else f"car_{served}, which drives" if served == second else f"car_{served}"
+        of = f" (it serves {whom})" if kind == _ARM_CAR else ""
         middle = poses[second, :2] if kind != _ARMS else self._arms.base[second, :2]
         cell = self._run.site.grid.cell_at(*middle.tolist())
         where = {name: poses[int(name[4:])] for name in (a, b) if name.startswith("car")}

@@ -13,6 +13,7 @@ from fleet.run.view import RunView
 from fleet.safety.breach import Breach, Invariant
 from fleet.safety.faults import CarFaults
 from maps.lane_graph import LaneGraph
+from planners.precedence.arrays import Int64Array
 from planners.precedence.queues import Queues
 
 TAIL_M, DEVIATIONS = 0.04, 3.0
@@ -48,6 +49,8 @@ class FloorCheck:
         self._body = _body(car, self._stray_m)
         self._owner = np.empty(grid.n_cells, dtype=np.int32)
         self._n_reasons = np.empty(grid.n_cells, dtype=np.int32)
+        self._closed = run.executor.closed.copy()
+        self._n_granted = self._dependencies.n_granted_so_far()
         self.inside: BoolArray = np.ones(run.world.n_cars, dtype=np.bool_)
         """Whether each car's body is in its own cells, shape (n_cars,)."""
 
@@ -78,9 +81,30 @@ class FloorCheck:
         kind, cell, first, second = _holders(queues, reserved, self._owner, self._n_reasons)
         if kind:
             return self._held_wrongly(kind, cell, first, second)
+        car, cell = self._let_in()
+        if car >= 0:
+            return self._closed_to(car, cell)
         self._owner[self._walls] = -1  # a car that was shoved into a wall holds it, and does not belong there
         car, cell = _strays(poses, self._body, self._owner, self._size, self._faults.cars, self.inside)
         return None if car < 0 else self._strayed(car, cell, poses[car])
+
+    def _let_in(self) -> tuple[int, int]:
+        """A car that was granted a move into a cell that was closed before and still is, and the cell; -1 if none."""
+        closed, n_granted = self._run.executor.closed, self._dependencies.n_granted_so_far()
+        shut = self._closed & closed
+        found = _entered(self._dependencies.queues, self._n_granted, shut) if shut.any() else (-1, -1)
+        self._closed, self._n_granted = closed.copy(), n_granted
+        return found
+
+    def _closed_to(self, car: int, cell: int) -> Breach:
+        return Breach(
+            invariant=Invariant.CLOSED,
+            words=f"{_car(car)} was let into cell {self._name(cell)}, which is closed",
+            valid="no grant into a closed cell",
+            robots=(_car(car),),
+            place=self._name(cell),
+            values={"own_cells": self._names(self._dependencies.held_cells(car))},
+        )
 
     def _held_wrongly(self, kind: int, cell: int, first: int, second: int) -> Breach:
         robots = tuple(f"car_{car}" for car in (first, second) if car >= 0)
@@ -171,6 +195,22 @@ def _holders(
         if owner[cell] != q.holder[cell] or n_reasons[cell] != q.holds[cell]:
             return _OTHER_HOLDER, cell, owner[cell], q.holder[cell]
     return 0, -1, -1, -1
+
+
+@njit(cache=True)
+def _entered(q: Queues, before: Int64Array, closed: BoolArray) -> tuple[int, int]:  # pragma: no cover - compiled
+    """The first car with a grant since the numbers `before` that ends in a closed cell, and the cell; -1 if none.
+
+    A move that turns on the spot enters nothing.
+    """
+    room = q.moves.shape[1]
+    for car in range(len(q.state)):
+        for number in range(max(before[car], q.finished[car]), q.granted[car]):
+            move = q.moves[car, number % room]
+            cell = q.state_cell[q.move_to[move]]
+            if closed[cell] and cell != q.state_cell[q.move_from[move]]:
+                return car, cell
+    return -1, -1
 
 
 @njit(cache=True)

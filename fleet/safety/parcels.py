@@ -13,6 +13,7 @@ from fleet.run.events import Event
 from fleet.run.view import RunView
 from fleet.safety.breach import Breach, Invariant
 from fleet.safety.faults import CarFaults
+from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
 
 UNSETTLED_S = 0.5
@@ -24,6 +25,7 @@ TRAY_LOW_M, TRAY_HIGH_M = 0.02, 0.15
 _ANYWHERE, _SLOT, _SLOT_OR_GRIP, _TRAY = 0, 1, 2, 3
 _BOOKED = {TaskState.READY: _SLOT_OR_GRIP, TaskState.ASSIGNED: _SLOT_OR_GRIP, TaskState.DELIVERED: _SLOT}
 _ON_SLOT = (TaskState.READY, TaskState.ASSIGNED)
+_FROM_SLOT = (*_ON_SLOT, TaskState.LOADING)
 _MEASURED = (TaskState.CARRIED, TaskState.DELIVERED)
 _IN_WORLD = (*_ON_SLOT, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING, TaskState.DELIVERED)
 
@@ -99,6 +101,16 @@ class ParcelsCheck:
         stray = [parcel for parcel in there if parcel not in known]
         if stray:
             return self._breach(f"in the world, not booked: parcels {stray}", parcels=stray)
+        for task in booked:
+            station, own = self._slot_by_books(task)
+            content = None if own is None else station.contents[own]
+            if own is not None and content != task.index:
+                whose = "free" if content is None else f"that of {board.name_of(content)}"
+                return self._breach(
+                    f"{task.order.name} has slot {own} of {station.name}, which is {whose} by the station's books",
+                    place=station.name,
+                    task=task.order.name,
+                )
         on_slots: Counter[int] = Counter()
         for station in run.stations:
             for slot, content in enumerate(station.contents):
@@ -140,6 +152,13 @@ class ParcelsCheck:
         else:
             x = y = z = math.inf
         return float(x), float(y), float(z)
+
+    def _slot_by_books(self, task: Task) -> tuple[Station, int | None]:
+        """The slot that a task has by its own books, None for none, and its station."""
+        stations = self._run.stations
+        if task.state in _FROM_SLOT:
+            return stations.named(task.pick), task.pick_slot
+        return stations.named(task.delivery.drop), task.drop_slot
 
     @staticmethod
     def _is_in_world(task: Task) -> bool:
