@@ -20,8 +20,12 @@ from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskBoard, TaskState
 from fleet.traffic.drivers import PathDriver
 from fleet.traffic.executor import Executor
+from planners.mapf.options import options_of
+from planners.mapf.pibt import Stepper
+from planners.mapf.problem import NO_GOAL
 from planners.precedence.dependency_graph import DependencyGraph
 from planners.precedence.queues import NOBODY, NONE, Queues, hold, may_start, move_at
+from tests.unit.planners.mapf.lanes import instance_of, king_grid, one_way_loop, open_grid
 
 Patch = pytest.MonkeyPatch
 
@@ -37,9 +41,9 @@ class Fault:
     plant: Callable[[Patch], None]
     """Takes it away; its docstring says how."""
     caught_by: str
-    """The invariant of a run, or the error, that notices."""
+    """The invariant of a run, the kind of conflict in a plan, or the error, that notices."""
     run: str = "crowd"
-    """In which of `RUNS`."""
+    """In which of `RUNS` or `PLANS`."""
 
     @property
     def row(self) -> str:
@@ -84,6 +88,15 @@ RUNS = {
     ),
 }
 """Each is safe as long as nothing is planted; what comes late in them is there for the faults that need time."""
+
+PLANS = {
+    "plan: a push": instance_of(open_grid(1, 4), [0, 1], [1, NO_GOAL], priorities=[1.0, 0.0], blocked=[2]),
+    "plan: a crossing": instance_of(king_grid(2, 2), [0, 1], [3, 2]),
+    "plan: a ring": instance_of(one_way_loop(4), [0, 1, 2, 3], [1, 2, 3, 0]),
+    "plan: a fixed car": instance_of(open_grid(1, 4), [0, 1], [3, NO_GOAL], fixed=[False, True]),
+    "plan: a car that stays": instance_of(open_grid(1, 4), [0, 1], [3, 1], priorities=[9.0, 0.0], stay=[False, True]),
+}
+"""Each is planned by PIBT, and its plan is judged by `planners.mapf.validate.breaches`."""
 
 # --------------------------------------------------------------------------------------------------------------- grants
 
@@ -300,6 +313,46 @@ def tasks_are_listed_twice(patch: Patch) -> None:
     patch.setattr(TaskBoard, "move", keep)
 
 
+# ---------------------------------------------------------------------------------------------------------------- plans
+
+
+def blocked_cells_are_options(patch: Patch) -> None:
+    """Steps into blocked cells are options like others."""
+    patch.setattr("planners.mapf.pibt.options_of", lambda graph, blocked: options_of(graph, np.zeros_like(blocked)))
+
+
+def options_sweep_nothing(patch: Patch) -> None:
+    """Steps claim the cell that they end in, and nothing on the way."""
+
+    def without_sweeps(graph: Any, blocked: Any) -> Any:
+        ends = np.column_stack([graph.state_cell[graph.move_from], graph.state_cell[graph.move_to]]).ravel()
+        bounds = 2 * np.arange(graph.n_moves + 1, dtype=np.int32)
+        return options_of(replace(graph, swept_cell=ends.astype(np.int32), swept_ptr=bounds), blocked)
+
+    patch.setattr("planners.mapf.pibt.options_of", without_sweeps)
+
+
+def rings_turn(patch: Patch) -> None:
+    """Closed rings of followers are allowed, whatever the instance says."""
+    step = Stepper.step
+
+    def rotating(self: Stepper, *states: Any, allow_rotation: bool, **more: Any) -> None:
+        del allow_rotation
+        step(self, *states, allow_rotation=True, **more)
+
+    patch.setattr(Stepper, "step", rotating)
+
+
+def nobody_is_locked(patch: Patch) -> None:
+    """Cars that must not move are pushed like others."""
+    step = Stepper.step
+
+    def pushing(self: Stepper, *states: Any, locked: Any, **more: Any) -> None:
+        step(self, *states, locked=np.zeros_like(locked), **more)
+
+    patch.setattr(Stepper, "step", pushing)
+
+
 FAULTS = (
     Fault(
         rule="A move is granted when nobody else holds a cell that it sweeps",
@@ -413,5 +466,40 @@ FAULTS = (
         lives_in="fleet.tasks.board.TaskBoard.move",
         plant=tasks_are_listed_twice,
         caught_by="tasks",
+    ),
+    Fault(
+        rule="No plan leads into a blocked cell",
+        lives_in="planners.mapf.options.options_of",
+        plant=blocked_cells_are_options,
+        caught_by="blocked",
+        run="plan: a push",
+    ),
+    Fault(
+        rule="No two moves sweep one cell at a time",
+        lives_in="planners.mapf.options.options_of",
+        plant=options_sweep_nothing,
+        caught_by="swept",
+        run="plan: a crossing",
+    ),
+    Fault(
+        rule="No plan has a closed ring of followers",
+        lives_in="planners.mapf.pibt.Stepper.step",
+        plant=rings_turn,
+        caught_by="rotation",
+        run="plan: a ring",
+    ),
+    Fault(
+        rule="A car that cannot move is not pushed",
+        lives_in="planners.mapf.window.plan_window",
+        plant=nobody_is_locked,
+        caught_by="fixed",
+        run="plan: a fixed car",
+    ),
+    Fault(
+        rule="A car that stays at its goal is not pushed",
+        lives_in="planners.mapf.window.plan_window",
+        plant=nobody_is_locked,
+        caught_by="stay",
+        run="plan: a car that stays",
     ),
 )

@@ -1,4 +1,4 @@
-"""A safety rule that is taken away is noticed by name, in a run that is safe with it."""
+"""A safety rule that is taken away is noticed by name, in a run or a plan that is safe with it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,23 @@ from fleet.errors import FleetError
 from fleet.safety.breach import Invariant, InvariantError
 from fleet.safety.check import SafetyCheck
 from fleet.simulation import Simulation
-from tests.integration.planted_faults import FAULTS, RUNS, Fault
+from planners.mapf.pibt import Pibt
+from planners.mapf.problem import Instance
+from planners.mapf.validate import breaches
+from tests.integration.planted_faults import FAULTS, PLANS, RUNS, Fault
 
 
-def noticed(config: RunConfig) -> str:
+def noticed(name: str) -> str:
+    """What is wrong in a run or a plan; empty if nothing is."""
+    return noticed_in_run(RUNS[name]) if name in RUNS else noticed_in_plan(PLANS[name])
+
+
+def noticed_in_plan(instance: Instance) -> str:
+    """The first kind of conflict in the plan of an instance."""
+    return next((found.kind for found in breaches(instance, Pibt(seed=1).plan(instance))), "")
+
+
+def noticed_in_run(config: RunConfig) -> str:
     """What ends a checked run: the name of an invariant or of an error; empty if it comes to its end."""
     simulation = None
     try:
@@ -39,19 +52,19 @@ def noticed(config: RunConfig) -> str:
 @functools.cache
 def noticed_without_fault(run: str) -> str:
     """The same of a run as it is."""
-    return noticed(RUNS[run])
+    return noticed(run)
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.plant.__name__)
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.plant.__name__}-{fault.caught_by}")
 def test_a_rule_that_is_taken_away_is_noticed(fault: Fault) -> None:
     assert noticed_without_fault(fault.run) == ""
     with pytest.MonkeyPatch.context() as patch:
         fault.plant(patch)
-        found = noticed(RUNS[fault.run])
+        found = noticed(fault.run)
     assert found == fault.caught_by
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.plant.__name__)
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.plant.__name__}-{fault.caught_by}")
 def test_a_rule_lives_where_it_is_said_to(fault: Fault) -> None:
     module, *names = fault.lives_in.split(".")
     found: object = importlib.import_module(module)
