@@ -27,6 +27,8 @@ from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
 EMPTY = "battery_empty"
 """What keeps a car dead whose battery is empty, until it is changed."""
+SERVED_S = 10.0
+"""A wreck is taken note of when the arm over it has ended its work, and after so long at the latest [s]."""
 TURNING_RADIUS_M = 0.45
 """A little wider than the lanes' arcs, so that the follower has room to correct."""
 WIDE_RADII_M = (1.0, 2.0)
@@ -276,7 +278,7 @@ class Recovery:
             self._hold_ground(driver.paths, car, wreck)
         if np.abs(run.world.car_speeds()[car]) > STILL_MPS:
             wreck.still_since = tick
-        if (tick - wreck.still_since) * run.tick_s < STILL_S:
+        if (tick - wreck.still_since) * run.tick_s < (SERVED_S if run.services.is_served(car) else STILL_S):
             return
         wreck.pose = pose.copy()
         self._settle(car)

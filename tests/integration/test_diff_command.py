@@ -200,4 +200,4 @@ run_session(config, SessionConfig(out=Path({str(tmp_path / "run")!r}), record=Fa
     assert done.returncode == -9
     from fleet.report.loaded_run import load_run
 
-    assert load_run(tmp_path / "run").trace.n_ticks == 120
+    assert load_run(tmp_path / "run").trace.n_ticks == 140
