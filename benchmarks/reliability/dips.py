@@ -11,9 +11,9 @@ from benchmarks.harness import Kind, Row, Trial
 from fleet.arrays import FloatArray
 from fleet.config import EVENT_KINDS, ArmConfig, Fidelity, RunConfig, ScenarioEvent, StreamConfig
 from fleet.config.events import ARM, CAR, CELL, FLEET, STATION, ZONE
-from fleet.incidents.chaos import HELP
+from fleet.incidents.chaos import FAULTS, MENDS
 from fleet.simulation import Simulation
-from fleet.tasks.board import TaskState
+from fleet.tasks.board import DONE_STATES, TaskState
 from maps.site import load_site
 
 SITE, CARS = "medium", 12
@@ -34,8 +34,7 @@ def measure_dips(trial: Trial) -> Iterator[Row]:
     """Measure the deliveries that a fault costs, against the same runs without it."""
     seeds = range(FIRST_SEED, FIRST_SEED + (QUICK_SEEDS if trial.quick else SEEDS))
     usual = np.mean([_delivered(seed, ()) for seed in seeds], axis=0)
-    kinds = [name for name, kind in EVENT_KINDS.items() if not kind.ends and name not in HELP]
-    for kind in kinds:
+    for kind in FAULTS:
         found = np.mean([_delivered(seed, _events(kind, seed)) for seed in seeds], axis=0)
         dip, behind, after_s = figures(usual, found)
         yield Row(name=f"{kind}: least deliveries in a minute, of the usual", value=dip, unit="%")
@@ -83,8 +82,7 @@ def _delivered(seed: int, events: tuple[ScenarioEvent, ...]) -> FloatArray:
     at_s = np.arange(0.0, LONGEST_S + STEP_S / 2, STEP_S)
     with Simulation(config) as simulation:
         simulation.run()
-        done = (TaskState.DELIVERED, TaskState.COLLECTED)
-        tasks = [task for task in simulation.board.tasks if task.state in done]
+        tasks = [task for task in simulation.board.tasks if task.state in DONE_STATES]
         times_s = np.sort([task.since_s[TaskState.DELIVERED] for task in tasks])
     return np.searchsorted(times_s, at_s, side="right").astype(np.float64)
 
@@ -107,8 +105,6 @@ def _events(kind: str, seed: int) -> tuple[ScenarioEvent, ...]:
     walks = {"to_row": float(cells[1][0]), "to_col": float(cells[1][1])} if kind == "human_walks" else {}
     target = named[known.targets[0]]
     events = [ScenarioEvent(time_s=BEGINS_S, kind=kind, target=target, parameters={**moved, **walks})]
-    ends = {other.ends: name for name, other in EVENT_KINDS.items() if other.ends}
-    ending = "battery_changed" if kind == "battery_empty" else ends.get(kind) if known.lasts_s == math.inf else None
-    if ending is not None:
-        events.append(ScenarioEvent(time_s=ENDS_S, kind=ending, target=target))
+    if kind in MENDS:
+        events.append(ScenarioEvent(time_s=ENDS_S, kind=MENDS[kind], target=target))
     return tuple(events)

@@ -54,7 +54,7 @@ class Ends:
 def play(config: RunConfig, ends: Ends) -> None:
     """Play a run and note how it ended."""
     with Simulation(config) as simulation:
-        left, touches = WorkLeft(simulation), _Touches(simulation)
+        left, touches = WorkLeft(simulation), Touches(simulation)
         for listener in (left.hear, touches.hear):
             simulation.view.events.subscribe(listener)
         while not simulation.finished:
@@ -101,7 +101,7 @@ def rows(trial: Trial, ends: Ends, what: str) -> Iterator[Row]:
     yield Row(name=f"{what}: tasks done", value=100.0 * ends.n_done / n_tasks, unit="%")
 
 
-class _Touches:
+class Touches:
     """Contacts of a run that no event has caused.
 
     Args:
@@ -111,6 +111,7 @@ class _Touches:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._moved: dict[int, tuple[float, tuple[float, float]]] = {}
+        self._n_before = 0
         self._before = simulation.world.contacts_of()[0].copy()
         self.kinds: Counter[str] = Counter()
         self.n_uncaused = 0
@@ -131,11 +132,14 @@ class _Touches:
 
     def tick(self) -> None:
         """Look at the contacts of a tick."""
+        contacts = self._simulation.world.contacts()
+        if contacts.robot + contacts.static == self._n_before:
+            return
+        self._n_before = contacts.robot + contacts.static
         counts = self._simulation.world.contacts_of()[0]
         touched = np.flatnonzero(counts > self._before)
-        if not len(touched):
-            return
         self._before = counts.copy()
+        self.n_uncaused += not len(touched)  # arms have touched each other
         poses = self._simulation.world.car_poses()[:, :2]
         for car in touched.tolist():
             near = False

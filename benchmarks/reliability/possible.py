@@ -25,6 +25,15 @@ SEARCHED = WAITS | {TaskState.CARRIED}
 """States in which the search has an opinion: else an arm is at work, or nothing is left to do."""
 
 
+def middle(simulation: Simulation, car: int) -> tuple[int, int]:
+    """The cell that the middle of a car's body is in, row and column."""
+    x, y, yaw = simulation.world.car_poses()[car]
+    spec = simulation.scene.car
+    ahead_m = (spec.front_m - spec.rear_m) / 2
+    row, col = simulation.site.grid.cell_at(float(x + ahead_m * np.cos(yaw)), float(y + ahead_m * np.sin(yaw)))
+    return int(row), int(col)
+
+
 class WorkLeft:
     """Follows a run and notes since when each task that is open cannot be done any more.
 
@@ -113,10 +122,7 @@ class WorkLeft:
 
     def _part_of(self, car: int, parts: npt.NDArray[np.int32]) -> int:
         """The part of the floor that the middle of a car is in."""
-        x, y, yaw = self._simulation.world.car_poses()[car]
-        spec = self._simulation.scene.car
-        ahead_m = (spec.front_m - spec.rear_m) / 2
-        return int(parts[self._simulation.site.grid.cell_at(x + ahead_m * np.cos(yaw), y + ahead_m * np.sin(yaw))])
+        return int(parts[middle(self._simulation, car)])
 
     def _is_dead(self, car: int) -> bool:
         return self._simulation.missions.phase[car] is CarPhase.DEAD or self._stays("car_out", f"car_{car}")

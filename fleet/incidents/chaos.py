@@ -15,6 +15,14 @@ FOR_GOOD = {"car_dead": 1.0, "battery_empty": 0.5, "arm_dead": 0.25}
 """How often a fault that lasts until somebody comes is drawn, as a share of those that pass by themselves."""
 HELP = ("car_towed", "battery_changed")
 """What happens only after something else."""
+FAULTS = tuple(name for name, kind in EVENT_KINDS.items() if not kind.ends and name not in HELP)
+"""What can go wrong by itself."""
+_UNTIL_ENDED = [name for name, kind in EVENT_KINDS.items() if kind.lasts_s == math.inf]
+MENDS = {
+    "battery_empty": "battery_changed",
+    **{kind.ends: name for name, kind in EVENT_KINDS.items() if kind.ends in _UNTIL_ENDED},
+}
+"""What mends each fault that lasts until somebody comes."""
 MENDED_S = (60.0, 600.0)
 """Nine in ten of the faults that last until somebody comes are mended after so long, the least and the greatest [s]."""
 MENDED = 0.9
@@ -37,22 +45,19 @@ def draw_chaos(
     Returns:
         Events in the order of their times; with those that end others in between.
     """
-    kinds = [name for name, kind in EVENT_KINDS.items() if not kind.ends and name not in HELP]
-    weight = np.array([FOR_GOOD.get(name, 1.0) for name in kinds])
-    ends = {kind.ends: name for name, kind in EVENT_KINDS.items() if kind.ends}
+    weight = np.array([FOR_GOOD.get(name, 1.0) for name in FAULTS])
     events: list[ScenarioEvent] = []
     time_s = 0.0
     while per_h > 0.0 and (time_s := time_s + float(rng.exponential(3600.0 / per_h))) < until_s:
-        kind = str(rng.choice(kinds, p=weight / weight.sum()))
+        kind = str(rng.choice(FAULTS, p=weight / weight.sum()))
         event = _drawn(kind, site, n_cars, time_s, rng)
         events.append(event)
         if kind == "car_dead" and rng.random() < 0.5:
             towed_s = time_s + float(rng.uniform(10.0, MENDED_S[0]))
             events.append(ScenarioEvent(time_s=_rounded(towed_s), kind="car_towed", target=event.target))
-        if (event.duration_s == math.inf or kind == "battery_empty") and rng.random() < MENDED:
+        if kind in MENDS and rng.random() < MENDED:
             mended_s = time_s + float(rng.uniform(*MENDED_S))
-            mends = "battery_changed" if kind == "battery_empty" else ends[kind]
-            events.append(ScenarioEvent(time_s=_rounded(mended_s), kind=mends, target=event.target))
+            events.append(ScenarioEvent(time_s=_rounded(mended_s), kind=MENDS[kind], target=event.target))
     return tuple(sorted(events, key=lambda event: event.time_s))
 
 

@@ -21,7 +21,7 @@ STANDING_M, STANDING_RAD = 0.0005, math.radians(0.02)
 SURPRISE = 5.0
 """An innovation beyond this many standard deviations means that the car was moved; the filter then starts over."""
 DOUBT = 7.0
-"""One beyond this many may also be a wrong measurement, which chance alone does not make in a million hours."""
+"""One beyond this many may also be a wrong measurement: chance alone makes one in 200,000 hours of a car at 60 Hz."""
 DOUBTS_ON = 40
 """After one, whatever is a surprise is doubted for so many ticks more."""
 AGREES = 3.0 * math.sqrt(2.0)
@@ -205,28 +205,23 @@ def _estimate(
         bound = SURPRISE**2 if doubt[i, 4] > 0.0 else DOUBT**2
         doubtful = (sigma[0] > 0.0 and off_2 > bound * place_2) or (sigma[2] > 0.0 and turn_2 > bound * yaw_2)
         doubt[i, 4] = DOUBTS_ON if doubtful else max(doubt[i, 4] - 1.0, 0.0)
-        believed = not doubtful or _tells_the_same(doubt[i], dx, dy, turn, sigma)
-        if believed:
+        if not doubtful or _tells_the_same(doubt[i], dx, dy, turn, sigma):
             doubt[i, 0] = 0.0
             variance[i, 0] += off_2 * (off_2 > SURPRISE**2 * place_2)
             variance[i, 1] += turn_2 * (turn_2 > SURPRISE**2 * yaw_2)
-        if not believed:
-            pass
-        elif sigma[0] > 0.0:
-            gain = variance[i, 0] / (variance[i, 0] + sigma[0] ** 2)
-            variance[i, 0] *= 1.0 - gain
-            past[i, 0] += gain * dx
-            past[i, 1] += gain * dy
-        else:
-            past[i, 0], past[i, 1] = truth[oldest, i, 0], truth[oldest, i, 1]
-        if not believed:
-            pass
-        elif sigma[2] > 0.0:
-            gain = variance[i, 1] / (variance[i, 1] + sigma[2] ** 2)
-            variance[i, 1] *= 1.0 - gain
-            past[i, 2] += gain * turn
-        else:
-            past[i, 2] = truth[oldest, i, 2]
+            if sigma[0] > 0.0:
+                gain = variance[i, 0] / (variance[i, 0] + sigma[0] ** 2)
+                variance[i, 0] *= 1.0 - gain
+                past[i, 0] += gain * dx
+                past[i, 1] += gain * dy
+            else:
+                past[i, 0], past[i, 1] = truth[oldest, i, 0], truth[oldest, i, 1]
+            if sigma[2] > 0.0:
+                gain = variance[i, 1] / (variance[i, 1] + sigma[2] ** 2)
+                variance[i, 1] *= 1.0 - gain
+                past[i, 2] += gain * turn
+            else:
+                past[i, 2] = truth[oldest, i, 2]
 
         for axis in range(3):
             estimate[i, axis] = past[i, axis]

@@ -13,7 +13,6 @@ from fleet.run.view import RunView
 SETTLES_S = 2.0
 """A car that something moved comes to rest within so long [s]."""
 _DEAD, _RECOVERING = NUMBER_OF_PHASE[CarPhase.DEAD], NUMBER_OF_PHASE[CarPhase.RECOVERING]
-
 _NEVER = np.iinfo(np.int64).max
 
 

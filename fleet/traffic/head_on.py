@@ -63,14 +63,9 @@ class HeadOn:
         return sorted(self._goal_of)
 
 
-def _next_states(ways: DistanceTable, state: int) -> CellArray:
-    graph = ways.graph
-    return graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]]
-
-
 def _next_cell(ways: DistanceTable, state: int, goal: int) -> int:
     """The cell that comes next on the shortest way, -1 if there is no way."""
-    states, left = _next_states(ways, state), ways.to(goal)
+    states, left = ways.after(state), ways.to(goal)
     if not states.size or left[states].min() >= UNREACHABLE:
         return -1
     return int(ways.graph.state_cell[states[left[states].argmin()]])
@@ -78,5 +73,5 @@ def _next_cell(ways: DistanceTable, state: int, goal: int) -> int:
 
 def _n_aside(ways: DistanceTable, state: int, goal: int, cell: int) -> int:
     """How many moves lead from a state to other cells than one, with a way on from there to its goal."""
-    states = _next_states(ways, state)
+    states = ways.after(state)
     return int(((ways.graph.state_cell[states] != cell) & (ways.to(goal)[states] < UNREACHABLE)).sum())

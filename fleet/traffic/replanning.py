@@ -194,12 +194,11 @@ class Traffic:
 
     def _step(self, tables: DistanceTable, state: int, goal: int) -> tuple[int, int]:
         """Cell and state that come next on the shortest way."""
-        graph, left = tables.graph, tables.to(goal)
-        states = graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]]
+        states, left = tables.after(state), tables.to(goal)
         if not states.size or left[state] >= UNREACHABLE:
             return NO_CELL, state
         best = int(states[left[states].argmin()])
-        return int(graph.state_cell[best]), best
+        return int(tables.graph.state_cell[best]), best
 
     def _count_blocked(self, cells: list[int], change: int, *, for_good: bool) -> None:
         self._n_blocks[cells] += change

@@ -93,6 +93,12 @@ class DistanceTable:
         """Goals whose distances are held."""
         return len(self._rows) - len(self._free)
 
+    def after(self, state: int) -> IntArray:
+        """States that a move leads to from a state, open or not."""
+        graph = self.graph
+        states: IntArray = graph.move_to[graph.out_move[graph.out_ptr[state] : graph.out_ptr[state + 1]]]
+        return states
+
     def to(self, goal: int) -> Distances:
         """Timesteps from each state to a goal state, shape (n_states,), read-only; `UNREACHABLE` = no way.
 

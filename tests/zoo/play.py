@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.reliability.possible import middle
 from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.errors import FleetError
 from fleet.incidents.disturbance import Disturbances
@@ -209,15 +210,6 @@ def _cell_named(simulation: Simulation, name: str) -> Cell:
         row, col = name.split(",")
         return int(row), int(col)
     row, col = simulation.site.grid.row_col(simulation.site.bays()[name])
-    return int(row), int(col)
-
-
-def middle(simulation: Simulation, car: int) -> Cell:
-    """The cell that the middle of a car's body is in."""
-    x, y, yaw = simulation.world.car_poses()[car]
-    spec = simulation.scene.car
-    ahead = (spec.front_m - spec.rear_m) / 2
-    row, col = simulation.site.grid.cell_at(float(x + ahead * np.cos(yaw)), float(y + ahead * np.sin(yaw)))
     return int(row), int(col)
 
 

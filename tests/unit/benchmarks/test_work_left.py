@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from benchmarks.reliability.dips import BEGINS_S, STEP_S, figures
+from benchmarks.reliability.ends import Touches
 from benchmarks.reliability.possible import WorkLeft
 from benchmarks.reliability.wrecks import draw
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.simulation import Simulation
 from fleet.tasks.board import TaskState
+from fleet.world.protocol import Contacts
 
 CONFIG = RunConfig(site="small", robots=2, tasks=4, fidelity=Fidelity.GRID, arms=ArmConfig(workers_n=0))
 
@@ -60,6 +62,17 @@ def test_a_dock_under_a_wreck_is_out_of_reach() -> None:
                 cut = {task.order.name for task in simulation.board.tasks if task.delivery.drop == station.name}
                 break
         assert not cut & set(left.open_while_possible())
+
+
+def test_arms_that_touch_each_other_are_seen() -> None:
+    with Simulation(CONFIG) as simulation:
+        touches = Touches(simulation)
+        touches.tick()
+        assert touches.n_uncaused == 0
+        simulation.world.contacts = lambda: Contacts(robot=1, static=0)  # type: ignore[method-assign]
+        for _ in range(2):
+            touches.tick()
+        assert touches.n_uncaused == 1
 
 
 def test_a_dip_is_measured() -> None:
