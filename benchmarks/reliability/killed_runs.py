@@ -220,7 +220,8 @@ def _read(run: Killed, name: str, found: Found) -> None:
     if name == RECORDING:
         _mend(run.out)
         report = verify_recording(run.out / RECORDING)
-        n_read = round(report.last_sim_s / notes.tick_s) if report.frames else 0
+        # The first picture is of the beginning, when no tick is over yet.
+        n_read = round(report.last_sim_s / notes.tick_s) if report.frames and notes.n_ticks else 0
         found.lost_wall_s.append(notes.age_s(n_read + 1, run.killed_s))
     elif name == TRACE:
         found.lost_sim_s.append((notes.n_ticks - read_trace(run.out).n_ticks) * notes.tick_s)

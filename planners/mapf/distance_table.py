@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ UNREACHABLE = 65_535
 MEMORY_CAP_BYTES = 2 * 2**30
 """What a table may hold unless it is told otherwise."""
 MOST_COST = 1_000
-"""The most that leaving a cell may cost."""
+"""The most that a move may cost."""
 _EVICTED_AT_ONCE = 16
 """A full table gives up one part in so many of its rows, so that not every new goal looks for the oldest row."""
 _WORTH_THREADS = 4_000_000
@@ -48,10 +49,11 @@ class DistanceTable:
         costs: What it costs to leave each cell, in timesteps of a usual one, shape (n_cells,), 1 to `MOST_COST`; None =
             1 each. A way costs the sum over its cells but the last, so that what is dear is gone round, and whoever
             stands there leaves it.
+        move_costs: What each move costs, shape (n_moves,), 1 to `MOST_COST`; in place of `costs`.
 
     Raises:
-        PlanningError: `blocked` or `costs` has the wrong length, a cost is out of range, or `memory_cap` does not hold
-            one goal.
+        PlanningError: `blocked`, `costs` or `move_costs` has the wrong length, a cost is out of range, both kinds of
+            costs are given, or `memory_cap` does not hold one goal.
     """
 
     def __init__(
@@ -61,6 +63,7 @@ class DistanceTable:
         *,
         memory_cap: int = MEMORY_CAP_BYTES,
         costs: npt.NDArray[np.int64] | None = None,
+        move_costs: npt.NDArray[np.integer[Any]] | None = None,
     ) -> None:
         if np.shape(blocked) != (graph.n_cells,):
             raise PlanningError(f"distance table: blocked has shape {np.shape(blocked)}; valid: ({graph.n_cells},)")
@@ -70,10 +73,15 @@ class DistanceTable:
                 f"distance table: memory_cap = {memory_cap}; valid: at least {row_bytes} bytes, one goal of this graph"
             )
         self.graph = graph
-        self._before = _states_before(graph, open_moves(graph, blocked))
-        self._costs: npt.NDArray[np.uint16] | None = None
+        if costs is not None and move_costs is not None:
+            raise PlanningError("distance table: costs and move_costs are both given; valid: one of them")
+        self._before, self._move_before = _states_before(graph, open_moves(graph, blocked))
+        self._price: npt.NDArray[np.uint16] | None = None
+        """What the moves cost that lead from `_before`, of the same shape; None = 1 each."""
         if costs is not None:
-            self._costs = self._of_states(costs)
+            self._price = self._price_of(self._of_moves(costs))
+        elif move_costs is not None:
+            self._price = self._price_of(_checked("move_costs", move_costs, graph.n_moves))
         # The system hands out memory when it is first written to, so rows that are never filled cost nothing.
         self._rows: Distances = np.empty((min(graph.n_states, memory_cap // row_bytes), graph.n_states), np.uint16)
         self._free = np.arange(len(self._rows) - 1, -1, -1, dtype=np.int32)  # a stack, its top at the end
@@ -150,21 +158,21 @@ class DistanceTable:
         """Let cells cost something else from now on.
 
         Args:
-            costs: As in the constructor, which must have been given some.
+            costs: As in the constructor, which must have been given costs of one kind or the other.
             goals: Goals whose ways are searched again if they are held, shape (n,); those of others stay as they are.
 
         Raises:
             PlanningError: The table has no costs, `costs` has the wrong length, or one is out of range.
             DistanceTooLong: A way to a goal costs more than 65,534.
         """
-        if self._costs is None:
+        if self._price is None:
             raise PlanningError("distance table: reprice of a table without costs; valid: one that was made with costs")
-        self._costs = self._of_states(costs)
+        self._price = self._price_of(self._of_moves(costs))
         self._queues = [self._queue()]
         rows = self._row_of[goals]
         held = rows >= 0
         _check_length(
-            _fill_by_cost(goals[held], rows[held], self._before, self._rows, self._costs, self._queues[0]), goals
+            _fill_by_cost(goals[held], rows[held], self._before, self._rows, self._price, self._queues[0]), goals
         )
 
     def _search(self, goals: IntArray) -> None:
@@ -181,9 +189,9 @@ class DistanceTable:
         def fill(part: int) -> int:
             of_part = slice(len(goals) * part // parts, len(goals) * (part + 1) // parts)
             asked = goals[of_part], rows[of_part], self._before, self._rows
-            if self._costs is None:
+            if self._price is None:
                 return int(_fill(*asked, self._queues[part]))
-            return int(_fill_by_cost(*asked, self._costs, self._queues[part]))
+            return int(_fill_by_cost(*asked, self._price, self._queues[part]))
 
         if parts == 1:
             furthest = fill(0)
@@ -196,24 +204,22 @@ class DistanceTable:
         self._goal_of[rows] = goals
         self._asked[rows] = self._call
 
-    def _of_states(self, costs: npt.NDArray[np.int64]) -> npt.NDArray[np.uint16]:
-        """What it costs to leave each state, from what it costs to leave each cell."""
-        n_cells = self.graph.n_cells
-        if np.shape(costs) != (n_cells,):
-            raise PlanningError(f"distance table: costs has shape {np.shape(costs)}; valid: ({n_cells},)")
-        wrong = ((costs < 1) | (costs > MOST_COST)).nonzero()[0]
-        if wrong.size:
-            cell = int(wrong[0])
-            raise PlanningError(
-                f"distance table: costs[{cell}] = {costs[cell]}; valid: whole numbers from 1 to {MOST_COST}"
-            )
-        of_states: npt.NDArray[np.uint16] = costs.astype(np.uint16)[self.graph.state_cell]
-        return of_states
+    def _of_moves(self, costs: npt.NDArray[np.int64]) -> npt.NDArray[np.integer[Any]]:
+        """What each move costs, from what it costs to leave each cell."""
+        of_cells = _checked("costs", costs, self.graph.n_cells)
+        of_moves: npt.NDArray[np.integer[Any]] = of_cells[self.graph.state_cell[self.graph.move_from]]
+        return of_moves
+
+    def _price_of(self, move_costs: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.uint16]:
+        """What each move costs, in the order of `_before`; what fills that up costs anything."""
+        return np.append(move_costs, 1).astype(np.uint16)[self._move_before]
 
     def _queue(self) -> npt.NDArray[np.uint32]:
         """Working memory of a search."""
-        n_buckets = 0 if self._costs is None else int(self._costs.max(initial=0)) + 1
-        return np.empty(self.graph.n_states + 1 + n_buckets, dtype=np.uint32)
+        n_states = self.graph.n_states
+        if self._price is None:
+            return np.empty(n_states + 1, dtype=np.uint32)
+        return np.empty(2 * n_states + int(self._price.max(initial=0)) + 1, dtype=np.uint32)
 
     def _make_room(self, n: int) -> None:
         """Give up the goals not asked for longest, so that `n` rows are free; never those of this call."""
@@ -254,15 +260,36 @@ def _check_length(furthest: int, goals: IntArray) -> None:
         )
 
 
-def _states_before(graph: LaneGraph, is_open: BoolArray) -> npt.NDArray[np.uint32]:
-    """States from which an open move leads to each state, shape (n_states, widest), filled up with the state itself."""
+def _checked(name: str, costs: npt.NDArray[np.integer[Any]], n: int) -> npt.NDArray[np.integer[Any]]:
+    """The costs, if they are as many as they should be and in range.
+
+    Raises:
+        PlanningError: They are not.
+    """
+    if np.shape(costs) != (n,):
+        raise PlanningError(f"distance table: {name} has shape {np.shape(costs)}; valid: ({n},)")
+    wrong = ((costs < 1) | (costs > MOST_COST)).nonzero()[0]
+    if wrong.size:
+        k = int(wrong[0])
+        raise PlanningError(f"distance table: {name}[{k}] = {costs[k]}; valid: whole numbers from 1 to {MOST_COST}")
+    return costs
+
+
+def _states_before(graph: LaneGraph, is_open: BoolArray) -> tuple[npt.NDArray[np.uint32], IntArray]:
+    """States from which an open move leads to each state, and the moves, shape (n_states, widest) each.
+
+    Filled up with the state itself, and with no move, -1.
+    """
     move = graph.in_move[is_open[graph.in_move]]
     to = graph.move_to[move]
     counts = np.bincount(to, minlength=graph.n_states)
     place = np.arange(len(to)) - np.repeat(np.cumsum(counts) - counts, counts)
-    before = np.repeat(np.arange(graph.n_states, dtype=np.uint32)[:, None], max(counts.max(initial=0), 1), axis=1)
+    widest = max(counts.max(initial=0), 1)
+    before = np.repeat(np.arange(graph.n_states, dtype=np.uint32)[:, None], widest, axis=1)
+    moves = np.full((graph.n_states, widest), -1, dtype=np.int32)
     before[to, place] = graph.move_from[move]
-    return before
+    moves[to, place] = move
+    return before, moves
 
 
 @njit(cache=True, nogil=True)
@@ -331,21 +358,20 @@ def _fill_by_cost(
     rows: IntArray,
     before: npt.NDArray[np.uint32],
     table: Distances,
-    costs: npt.NDArray[np.uint16],
+    price: npt.NDArray[np.uint16],
     queue: npt.NDArray[np.uint32],
 ) -> int:  # pragma: no cover - compiled
     """Search from each goal by ascending cost, in a ring of buckets; returns the greatest cost found.
 
-    What a way costs beyond a state depends on nothing but where it leads on to, so a state has its cost when it is
-    first reached, and waits in one bucket only.
+    A state waits in the bucket of the least cost known; it is taken out of it when a cheaper way is found.
 
     Source: R. B. Dial, "Algorithm 360: shortest-path forest with topological ordering", Communications of the ACM
     12(11), 1969, https://doi.org/10.1145/363269.363610.
     """
-    n_states = len(costs)
+    n_states = len(before)
     nobody = np.uint32(n_states)
-    # Behind each state the next one of its bucket; the buckets, by their first state, after the states.
-    following, bucket = queue[: n_states + 1], queue[n_states + 1 :]
+    # Behind and before each state the next one of its bucket; the buckets, by their first state, after the states.
+    following, leading, bucket = queue[:n_states], queue[n_states : 2 * n_states], queue[2 * n_states :]
     furthest = 0
     for k in range(len(goals)):
         distance = table[rows[k]]
@@ -354,24 +380,41 @@ def _fill_by_cost(
         bucket[:] = nobody
         bucket[0] = goals[k]
         following[goals[k]] = nobody
-        n_waiting, cost = 1, 0
+        n_waiting, cost, beyond = 1, 0, False
         while n_waiting:
-            state = bucket[cost % len(bucket)]
+            at = cost % len(bucket)
+            state = bucket[at]
             if state == nobody:
                 cost += 1
                 continue
-            bucket[cost % len(bucket)] = following[state]
+            bucket[at] = following[state]
             n_waiting -= 1
             for j in range(before.shape[1]):
                 other = before[state, j]
-                if distance[other] != UNREACHABLE:
+                known, far = int(distance[other]), cost + price[state, j]
+                if far >= known:
+                    beyond |= known == UNREACHABLE
                     continue
-                far = cost + costs[other]
-                if far >= UNREACHABLE:
-                    return UNREACHABLE
+                if known == UNREACHABLE:
+                    n_waiting += 1
+                else:
+                    behind = following[other]
+                    if bucket[known % len(bucket)] == other:
+                        bucket[known % len(bucket)] = behind
+                    else:
+                        following[leading[other]] = behind
+                        if behind != nobody:
+                            leading[behind] = leading[other]
                 distance[other] = far
-                following[other] = bucket[far % len(bucket)]
+                first = bucket[far % len(bucket)]
+                following[other] = first
+                if first != nobody:
+                    leading[first] = other
                 bucket[far % len(bucket)] = other
-                n_waiting += 1
         furthest = max(furthest, cost)
+        if beyond:  # unless what a row cannot hold was reached by a cheaper way later
+            for state in range(n_states):
+                for j in range(before.shape[1]):
+                    if distance[state] != UNREACHABLE and distance[before[state, j]] == UNREACHABLE:
+                        return UNREACHABLE
     return furthest

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from maps.lane_graph import TURN, LaneGraph
 from planners.deadline import Deadline
@@ -17,21 +18,21 @@ from planners.mapf.multi_step.multi_step_pibt import look_of_states
 EXACT_BYTES = 64 * 2**20
 """Floors whose costs between all states and cells take no more are kept whole, with weighted moves and turns."""
 COARSE_UNIT = 2
-"""Cost of a move or a wait on a large floor, twice that of a turn ahead: only the first turn is seen, and a move that
-ends before the next one must still be worth more than waiting."""
+"""Times that costs of moves count on a large floor, where a turn ahead counts as the cheapest move: only the first turn
+is seen, and a move that ends before the next one must still be worth more than waiting."""
 
 
 class GoalCosts:
     """Costs to goal cells on a rotating lane graph, entered in any heading.
 
-    A small floor is kept whole: each move has a weight and turns are counted exactly. On a large one a table knows the
-    timesteps from cell to cell without turns, filled as goals are asked for; the turns before the first move are
-    counted, those after it are not. That takes an eighth of the memory and of the time.
+    A small floor is kept whole: turns are counted exactly. On a large one a table knows the costs from cell to cell
+    without turns, filled as goals are asked for; the turns before the first move are counted, those after it are not.
+    That takes an eighth of the memory and of the time.
 
     Args:
         rotating: Lane graph that the robots move on.
         pebble: The same floor without headings.
-        move_cost: Cost of each move of `rotating`, shape (n_moves,); only small floors take other costs than 1.
+        move_cost: Cost of each move of `rotating`, shape (n_moves,); None = 1 each.
         memory_cap: Memory for a large floor's table [bytes].
     """
 
@@ -39,19 +40,16 @@ class GoalCosts:
         self, rotating: LaneGraph, pebble: LaneGraph, *, move_cost: IntArray | None = None, memory_cap: int = 2**31
     ) -> None:
         self._rotating, self._pebble = rotating, pebble
+        self._memory_cap = memory_cap
         self.exact = 2 * rotating.n_states * pebble.n_states <= EXACT_BYTES
         """Whether the floor is kept whole."""
-        self._tables = (
-            None
-            if self.exact
-            else DistanceTable(pebble, np.zeros(pebble.n_cells, dtype=np.bool_), memory_cap=memory_cap)
-        )
+        self._tables: DistanceTable | None = None
         self._table: Distances = np.empty((0, 0), dtype=np.uint16)
-        self.look = look_of_states(rotating.n_states) if self.exact else _look_ahead(rotating, pebble)
+        self.look = look_of_states(rotating.n_states)
         """Where to look costs up."""
-        self.unit = 1 if self.exact else COARSE_UNIT
+        self.unit = 1
         """Least cost of a move."""
-        self.dearest = self.unit
+        self.dearest = 1
         """Largest cost of a move."""
         self.weigh(np.ones(rotating.n_moves, dtype=np.int32) if move_cost is None else move_cost)
 
@@ -64,18 +62,23 @@ class GoalCosts:
         """Give the moves other costs.
 
         Args:
-            move_cost: Whole numbers >= 1, shape (n_moves,).
+            move_cost: Whole numbers >= 1, shape (n_moves,). On a large floor turns cost what they do there, and the
+                drives from a cell into another cost the same from every state.
 
         Raises:
-            PlanningError: The floor is too large for other costs than 1, or a cost is not positive.
+            PlanningError: A cost is not positive, or too large for the table of a large floor.
         """
         if move_cost.min(initial=1) < 1:
             raise PlanningError(f"goal costs: move_cost holds {move_cost.min()}; valid: integers >= 1")
-        if self._tables is not None:
-            if move_cost.max(initial=1) > 1:
-                raise PlanningError("goal costs: the floor is too large for weighted moves; valid: all costs 1")
+        drives = np.flatnonzero(self._rotating.move_kind != TURN)
+        self.unit = int(move_cost[drives].min(initial=2**16))
+        if not self.exact:
+            cost: IntArray = move_cost[drives]
+            self._tables = _coarse_table(self._rotating, self._pebble, drives, cost, self._memory_cap)
+            self.look = _look_ahead(self._rotating, self._pebble, drives, cost)
+            self.unit *= COARSE_UNIT
+            self.dearest = COARSE_UNIT * int(cost.max(initial=1))
             return
-        self.unit = int(move_cost[self._rotating.move_kind != TURN].min(initial=2**16))
         graph, n_goals = self._rotating, self._pebble.n_states
         self._table = np.empty((n_goals, graph.n_states), dtype=np.uint16)
         self.dearest = int(move_cost.max(initial=1))
@@ -124,15 +127,30 @@ class GoalCosts:
         return least
 
 
-def _look_ahead(rotating: LaneGraph, pebble: LaneGraph) -> Look:
-    """Every state looks into the cells around it: the turns towards each, the move, and what is left from there."""
-    moves = np.flatnonzero(rotating.move_kind != TURN)
-    origin, target = rotating.move_from[moves], rotating.move_to[moves]
+def _coarse_table(
+    rotating: LaneGraph, pebble: LaneGraph, drives: npt.NDArray[np.int64], cost: IntArray, memory_cap: int
+) -> DistanceTable:
+    """A table of the floor without headings, with the costs of these drives."""
+    nobody = np.zeros(pebble.n_cells, dtype=np.bool_)
+    if cost.max(initial=1) == 1:
+        return DistanceTable(pebble, nobody, memory_cap=memory_cap)
+    origin, target = rotating.state_cell[rotating.move_from[drives]], rotating.state_cell[rotating.move_to[drives]]
+    ends = pebble.state_cell[pebble.move_from], pebble.state_cell[pebble.move_to]
+    forth = origin.astype(np.int64) * rotating.n_cells + target
+    order = np.argsort(forth)
+    place = order[np.searchsorted(forth[order], ends[0].astype(np.int64) * rotating.n_cells + ends[1])]
+    return DistanceTable(pebble, nobody, memory_cap=memory_cap, move_costs=cost[place])
+
+
+def _look_ahead(rotating: LaneGraph, pebble: LaneGraph, drives: npt.NDArray[np.int64], cost: IntArray) -> Look:
+    """Every state looks into the cells around it: the turns towards each, the drive, and what is left from there."""
+    origin, target = rotating.move_from[drives], rotating.move_to[drives]
+    turn = int(cost.min(initial=2**16))
     cell, heading = rotating.state_cell[origin], rotating.state_heading[origin].astype(np.int64)
     found = []
     for turned in range(4):
         state = rotating.state_index[cell, (heading + turned) % 4]
-        ahead = np.full(len(state), COARSE_UNIT + min(turned, 4 - turned))
+        ahead = COARSE_UNIT * cost + turn * min(turned, 4 - turned)
         found.append(np.column_stack((state, pebble.state_index[rotating.state_cell[target], 0], ahead)))
     rows = np.concatenate(found)
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
