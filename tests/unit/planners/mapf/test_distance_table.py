@@ -211,3 +211,55 @@ def test_a_way_that_costs_too_much_is_refused() -> None:
     table = DistanceTable(one_way_loop(n), nothing_blocked(n), costs=np.full(n, MOST_COST))
     with pytest.raises(DistanceTooLong, match="valid: at most 65534"):
         table.to(0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_costs_of_moves_equal_networkx(seed: int) -> None:
+    graph = one_way_grid(6, 8)
+    rng = np.random.default_rng(seed)
+    cost = rng.integers(1, (2, 9, 40, 300, MOST_COST)[seed], graph.n_moves)
+    lanes = nx.DiGraph()
+    lanes.add_nodes_from(range(graph.n_states))
+    lanes.add_weighted_edges_from(zip(graph.move_to.tolist(), graph.move_from.tolist(), cost.tolist(), strict=True))
+    table = DistanceTable(graph, nothing_blocked(graph.n_cells), move_costs=cost)
+    for goal in rng.integers(graph.n_states, size=4).tolist():
+        found = nx.single_source_dijkstra_path_length(lanes, goal)
+        assert table.to(goal).tolist() == [found.get(state, UNREACHABLE) for state in range(graph.n_states)]
+
+
+def test_the_same_floor_costs_one_thing_one_way_and_another_the_other() -> None:
+    graph = open_grid(1, 3)
+    east = graph.move_to > graph.move_from
+    table = DistanceTable(graph, nothing_blocked(3), move_costs=np.where(east, 1, 24))
+    assert table.to(2).tolist() == [2, 1, 0]
+    assert table.to(0).tolist() == [0, 24, 48]
+
+
+def test_costs_of_one_kind_are_given() -> None:
+    graph = open_grid(1, 3)
+    with pytest.raises(PlanningError, match="costs and move_costs are both given; valid: one of them"):
+        DistanceTable(
+            graph,
+            nothing_blocked(3),
+            costs=np.ones(3, dtype=np.int64),
+            move_costs=np.ones(graph.n_moves, dtype=np.int64),
+        )
+
+
+def test_costs_of_other_moves_are_refused() -> None:
+    graph = open_grid(1, 3)
+    with pytest.raises(PlanningError, match=r"move_costs has shape \(3,\); valid: \(4,\)"):
+        DistanceTable(graph, nothing_blocked(3), move_costs=np.ones(3, dtype=np.int64))
+
+
+@pytest.mark.parametrize("cost", [-1, 0, MOST_COST + 1])
+def test_a_cost_of_a_move_out_of_range_is_refused(cost: int) -> None:
+    graph = open_grid(1, 3)
+    with pytest.raises(PlanningError, match=rf"move_costs\[2\] = {cost}; valid: whole numbers from 1 to 1000"):
+        DistanceTable(graph, nothing_blocked(3), move_costs=np.where(np.arange(4) == 2, cost, 1))
+
+
+def test_ways_that_cost_too_much_are_refused() -> None:
+    n = 80
+    with pytest.raises(DistanceTooLong, match="valid: at most 65534"):
+        DistanceTable(one_way_loop(n), nothing_blocked(n), move_costs=np.full(n, MOST_COST)).to(0)

@@ -142,11 +142,54 @@ def test_expected_goals_are_there_before_they_are_asked_for() -> None:
     assert (costs.between(rows, cells) == 0).all()
 
 
+def weighted_drives(rotating: LaneGraph, seed: int) -> IntArray:
+    """Costs of 2 to 9 for driving from a cell into another, the same from every heading; a turn costs 2."""
+    between = np.random.default_rng(seed).integers(2, 10, size=(rotating.n_cells, rotating.n_cells))
+    cost = between[rotating.state_cell[rotating.move_from], rotating.state_cell[rotating.move_to]]
+    return np.where(rotating.move_kind == TURN, 2, cost).astype(np.int32)
+
+
 @pytest.mark.usefixtures("coarse")
-def test_a_large_floor_takes_no_weights() -> None:
+def test_weights_on_a_large_floor_are_those_of_the_drives_and_the_turns_before_the_first() -> None:
     rotating, pebble = both_graphs(FLOOR)
-    with pytest.raises(PlanningError, match="goal costs: the floor is too large for weighted moves; valid: all costs"):
-        GoalCosts(rotating, pebble, move_cost=np.full(rotating.n_moves, 2, dtype=np.int32))
+    move_cost = weighted_drives(rotating, 3)
+    costs = GoalCosts(rotating, pebble, move_cost=move_cost)
+    drives = np.flatnonzero(rotating.move_kind != TURN)
+    assert (costs.unit, costs.dearest) == (2 * COARSE_UNIT, 9 * COARSE_UNIT)
+    for cell in free_cells(FLOOR).tolist():
+        # A robot may turn for nothing once it has left its cell: turns that cost nothing say what is left from there.
+        no_turns = np.where(rotating.move_kind == TURN, 0, move_cost * COARSE_UNIT).astype(np.int32)
+        left_then = by_hand(rotating, cell, no_turns)
+        expected = [UNREACHABLE] * rotating.n_states
+        for move in drives.tolist():
+            begin, end = int(rotating.move_from[move]), int(rotating.move_to[move])
+            for turned in range(4):
+                heading = (int(rotating.state_heading[begin]) + turned) % 4
+                state = int(rotating.state_at(int(rotating.state_cell[begin]), heading))
+                ahead = 2 * min(turned, 4 - turned) + COARSE_UNIT * int(move_cost[move])
+                expected[state] = min(expected[state], ahead + left_then[end])
+        found = costs_to(costs, rotating, cell)
+        away = np.flatnonzero(rotating.state_cell != cell).tolist()
+        assert [min(found[state], UNREACHABLE) for state in away] == [expected[state] for state in away]
+
+
+@pytest.mark.usefixtures("coarse")
+def test_a_large_floor_can_be_weighed_anew_and_back() -> None:
+    rotating, pebble = both_graphs(FLOOR)
+    costs = GoalCosts(rotating, pebble)
+    cell = int(free_cells(FLOOR)[7])
+    before = costs_to(costs, rotating, cell)
+    costs.weigh(weighted_drives(rotating, 5))
+    assert costs_to(costs, rotating, cell) != before
+    costs.weigh(np.ones(rotating.n_moves, dtype=np.int32))
+    assert costs_to(costs, rotating, cell) == before
+
+
+@pytest.mark.usefixtures("coarse")
+def test_weights_too_large_for_the_table_are_refused() -> None:
+    rotating, pebble = both_graphs(FLOOR)
+    with pytest.raises(PlanningError, match="valid: whole numbers from 1 to 1000"):
+        GoalCosts(rotating, pebble, move_cost=np.full(rotating.n_moves, 1001, dtype=np.int32))
 
 
 def test_a_move_that_costs_nothing_is_refused() -> None:
