@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 
 from benchmarks.harness import Benchmark, Row, Trial, in_groups
 from benchmarks.mapf.crowded import measure_crowded
+from benchmarks.mapf.floors import measure_floors
 from benchmarks.mapf.league import measure_league, measure_league_anytime
 from benchmarks.mapf.one_shot import measure_one_shot
 from benchmarks.mapf.pibt import measure_pibt
@@ -20,6 +21,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "one_shot": measure_one_shot,
     "league": measure_league,
     "league_anytime": measure_league_anytime,
+    "floors": measure_floors,
 }
 
 

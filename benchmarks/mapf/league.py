@@ -83,7 +83,7 @@ def _measure(trial: Trial, cases: Sequence[Case]) -> Iterable[Row]:
         path = find(trial, f"lorr2024/{case.problem}.json", what=title)
         if path is None:
             continue
-        summary = _play(path, steps, case.budget_ms, seed=trial.seeds[0])
+        summary = play_problem(path, steps, case.budget_ms, seed=trial.seeds[0])
         for key in WRONG:
             trial.check(summary[key] == 0, f"{title}: {summary[key]} {key}")
         trial.check(summary["steps"] == steps, f"{title}: {summary['steps']} steps played")
@@ -93,7 +93,7 @@ def _measure(trial: Trial, cases: Sequence[Case]) -> Iterable[Row]:
             yield Row(name=f"  {name}", value=summary[key], unit=unit, kind=kind, target=targets.get(key, ""))
 
 
-def _play(problem: Path, steps: int, budget_ms: float, *, seed: int) -> dict[str, Any]:
+def play_problem(problem: Path, steps: int, budget_ms: float, *, seed: int) -> dict[str, Any]:
     """Summary of `fleet lorr`; kernels that are not in the cache yet are compiled in its start-up."""
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "summary.json"

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from maps.formats.lorr import LeagueProblem
 
 PLAYED, ILLEGAL, INTERRUPTED = 0, 1, 130
+BLOCK = 200
+"""Timesteps of the blocks that the summary counts finished tasks in."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +109,8 @@ class Lorr:
 
     def _summary(self, problem: LeagueProblem, played: Played) -> dict[str, object]:
         """What the summary file holds."""
+        from fleet.league.pace import finished_in_blocks, longest_stand
+
         result = played.result
         wall_ms, cpu_ms = 1000.0 * result.planner_times_s, 1000.0 * played.step_cpu_s
         return {
@@ -124,6 +128,9 @@ class Lorr:
             "schedule_errors": len(result.schedule_errors),
             "timeouts": result.n_timeouts,
             "conflicts": len(played.conflicts),
+            "tasks_finished_in_blocks": finished_in_blocks(result, BLOCK).tolist(),
+            "block_steps": BLOCK,
+            "longest_stand_steps": longest_stand(result),
             "budget_ms": self.budget_ms,
             "seed": self.seed,
             "interrupted": played.interrupted,
@@ -139,6 +146,7 @@ def _table(summary: dict[str, object]) -> Table:
         ("steps over the budget", "{late_steps} of {budget_ms:g} ms"),
         ("start-up", "{startup_s:.2f} s"),
         ("peak memory", "{peak_rss_mb:.0f} MB"),
+        ("longest stand with a task", "{longest_stand_steps} steps"),
         ("planner errors", "{planner_errors}"),
         ("schedule errors", "{schedule_errors}"),
         ("conflicts found by the referee", "{conflicts}"),

@@ -14,6 +14,7 @@ from fleet.league.schedule import TaskSchedule
 from maps.formats.lorr import Ints
 from maps.lane_graph import grid_lane_graph
 from planners.deadline import Deadline
+from planners.mapf.multi_step.floor_guidance import guide_floor
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.guidance import Errands, GuidanceConfig, learn_guidance
 from planners.mapf.multi_step.multi_step_kernel import Wishes
@@ -69,11 +70,15 @@ class MultiStepController:
         self._rng = np.random.default_rng(seed)
 
     def prepare(self, arena: Arena, budget_s: float) -> None:
-        """Compute costs, learn guidance on small floors, and hand out the first tasks."""
+        """Compute costs, learn or find guidance, and hand out the first tasks."""
         graph, n = arena.graph, len(arena.states)
         self._budget_s = budget_s
-        self._costs = GoalCosts(graph, grid_lane_graph(arena.problem.grid, "pebble"))
+        pebble = grid_lane_graph(arena.problem.grid, "pebble")
+        self._costs = GoalCosts(graph, pebble)
         errands = _known_errands(arena)
+        density = n / np.count_nonzero(arena.problem.grid.free)
+        # On a full floor those who have farthest to go come no nearer by pushing, they only cost others time.
+        share = 1.0 - _HOLD_BACK * max(density - _ROOMY, 0.0)
         if self._costs.exact:
             # Loading or compiling kernels takes no time away from learning.
             short = GuidanceConfig(candidates=1, rounds=1, timesteps=1)
@@ -89,7 +94,10 @@ class MultiStepController:
                 deadline=deadline,
                 seed=self._rng,
             )
-        density = n / np.count_nonzero(arena.problem.grid.free)
+        else:
+            guidance = guide_floor(arena.problem.grid, pebble, errands, n, seed=self._rng)
+            self._costs.weigh_drives(guidance.cost)
+            share = min(share, guidance.share)
         length = min(self.config.length + 1, LONGEST) if density <= _ROOMY else self.config.length
         if not self._costs.exact:
             length = min(self.config.length, 3)
@@ -106,8 +114,7 @@ class MultiStepController:
         self._depth = pocket_depth(graph)
         self._waited = np.zeros(n, dtype=np.int64)
         self._cells = graph.state_cell[arena.states]
-        # On a full floor those who have farthest to go come no nearer by pushing, they only cost others time.
-        self._n_active = int(np.ceil(n * (1.0 - _HOLD_BACK * max(density - _ROOMY, 0.0))))
+        self._n_active = int(np.ceil(n * share))
         self._schedule = TaskSchedule(arena, self._costs)
         self._expect_goals(arena, errands.cell, deadline)
         first = self._assign(arena, everybody=True)

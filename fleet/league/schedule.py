@@ -51,8 +51,8 @@ class TaskSchedule:
 
     def learn(self, arena: Arena, tasks: Tasks) -> None:
         """Compute how long tasks are that are seen for the first time."""
-        row = np.unique(tasks % arena.problem.n_tasks)
-        row = row[self._onward[arena.errand_ptr[row]] < 0]
+        row = tasks % arena.problem.n_tasks
+        row = np.unique(row[self._onward[arena.errand_ptr[row]] < 0])
         if not row.size:
             return
         begin, end = arena.errand_ptr[row].astype(np.int64), arena.errand_ptr[row + 1].astype(np.int64)

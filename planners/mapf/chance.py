@@ -7,6 +7,8 @@ import numpy.typing as npt
 
 from planners.mapf.kernel import Int, kernel
 
+_STEP = 0x9E3779B97F4A7C15
+"""What every draw adds to the state."""
 Chance = npt.NDArray[np.uint64]
 """State of a stream of random numbers, shape (1,); every draw moves it on."""
 
@@ -14,6 +16,12 @@ Chance = npt.NDArray[np.uint64]
 def chance_of(rng: np.random.Generator) -> Chance:
     """A stream for kernels, seeded by a generator."""
     return rng.integers(0, 2**64, size=1, dtype=np.uint64)
+
+
+def split(chance: Chance) -> Chance:
+    """A stream of its own, seeded by the next number of this one."""
+    chance[0] = (int(chance[0]) + _STEP) % 2**64
+    return np.array([mixed(chance[0])], dtype=np.uint64)
 
 
 @kernel
@@ -30,7 +38,7 @@ def mixed(word: np.uint64) -> np.uint64:  # pragma: no cover - compiled
 @kernel
 def draw(chance: Chance) -> float:  # pragma: no cover - compiled
     """Next number in [0, 1)."""
-    chance[0] += np.uint64(0x9E3779B97F4A7C15)
+    chance[0] += np.uint64(_STEP)
     return np.float64(mixed(chance[0]) >> np.uint64(11)) * 2.0**-53
 
 

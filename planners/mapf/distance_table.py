@@ -24,7 +24,7 @@ MOST_COST = 1_000
 """The most that a move may cost."""
 _EVICTED_AT_ONCE = 16
 """A full table gives up one part in so many of its rows, so that not every new goal looks for the oldest row."""
-_WORTH_THREADS = 4_000_000
+_WORTH_THREADS = 500_000
 """States to search from which on threads pay."""
 
 

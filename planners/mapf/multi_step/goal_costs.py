@@ -9,7 +9,7 @@ from maps.lane_graph import TURN, LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import Distances, IntArray
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.distance_table import MOST_COST, UNREACHABLE, DistanceTable
 from planners.mapf.kernel import kernel
 from planners.mapf.multi_step import multi_step_kernel
 from planners.mapf.multi_step.multi_step_kernel import Costs, Look
@@ -37,7 +37,7 @@ class GoalCosts:
     """
 
     def __init__(
-        self, rotating: LaneGraph, pebble: LaneGraph, *, move_cost: IntArray | None = None, memory_cap: int = 2**31
+        self, rotating: LaneGraph, pebble: LaneGraph, *, move_cost: IntArray | None = None, memory_cap: int = 7 * 2**29
     ) -> None:
         self._rotating, self._pebble = rotating, pebble
         self._memory_cap = memory_cap
@@ -89,6 +89,23 @@ class GoalCosts:
             states, graph.in_ptr, graph.in_move, graph.move_from, move_cost.astype(np.int32), self._table, heads, pool
         )
 
+    def weigh_drives(self, cost: IntArray) -> None:
+        """Give the drives other costs, whatever the heading; turns cost as much as the cheapest drive.
+
+        Args:
+            cost: Cost of each move of the pebble graph, whole numbers >= 1, shape (n_moves of it,).
+
+        Raises:
+            PlanningError: As in `weigh`.
+        """
+        rotating, pebble = self._rotating, self._pebble
+        move_cost = np.full(rotating.n_moves, cost.min(initial=MOST_COST), dtype=np.int32)
+        drives = np.flatnonzero(rotating.move_kind != TURN)
+        ends = _ends(pebble, np.arange(pebble.n_moves))
+        order = np.argsort(ends)
+        move_cost[drives] = cost[order[np.searchsorted(ends[order], _ends(rotating, drives))]]
+        self.weigh(move_cost)
+
     def rows(self, cells: IntArray) -> IntArray:
         """Row of each goal cell in the table, shape (n,); -1 for a negative cell."""
         goals = np.where(cells >= 0, self._pebble.state_index[cells, 0], np.int32(-1))
@@ -134,12 +151,17 @@ def _coarse_table(
     nobody = np.zeros(pebble.n_cells, dtype=np.bool_)
     if cost.max(initial=1) == 1:
         return DistanceTable(pebble, nobody, memory_cap=memory_cap)
-    origin, target = rotating.state_cell[rotating.move_from[drives]], rotating.state_cell[rotating.move_to[drives]]
-    ends = pebble.state_cell[pebble.move_from], pebble.state_cell[pebble.move_to]
-    forth = origin.astype(np.int64) * rotating.n_cells + target
-    order = np.argsort(forth)
-    place = order[np.searchsorted(forth[order], ends[0].astype(np.int64) * rotating.n_cells + ends[1])]
+    ends = _ends(rotating, drives)
+    order = np.argsort(ends)
+    place = order[np.searchsorted(ends[order], _ends(pebble, np.arange(pebble.n_moves)))]
     return DistanceTable(pebble, nobody, memory_cap=memory_cap, move_costs=cost[place])
+
+
+def _ends(graph: LaneGraph, moves: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """A number for the two cells that each of these moves leads from and to, the same in both graphs."""
+    origin, target = graph.state_cell[graph.move_from[moves]], graph.state_cell[graph.move_to[moves]]
+    ends: npt.NDArray[np.int64] = origin.astype(np.int64) * graph.n_cells + target
+    return ends
 
 
 def _look_ahead(rotating: LaneGraph, pebble: LaneGraph, drives: npt.NDArray[np.int64], cost: IntArray) -> Look:

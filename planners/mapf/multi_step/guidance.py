@@ -132,7 +132,7 @@ def _learn(
     """Costs of the moves after some rounds; `costs` holds them too."""
     drives = np.flatnonzero(graph.move_kind != TURN)
     origin, target = graph.state_cell[graph.move_from[drives]], graph.state_cell[graph.move_to[drives]]
-    back = _reverse(origin, target, graph.n_cells)
+    back = reverse_moves(origin, target, graph.n_cells)
     move_cost = np.full(graph.n_moves, UNIT, dtype=np.int32)
     traffic, waiting = np.zeros(len(drives)), np.zeros(graph.n_cells)
     costs.weigh(move_cost)
@@ -150,7 +150,7 @@ def _learn(
     return move_cost
 
 
-def _reverse(origin: IntArray, target: IntArray, n_cells: int) -> npt.NDArray[np.int64]:
+def reverse_moves(origin: IntArray, target: IntArray, n_cells: int) -> npt.NDArray[np.int64]:
     """For each drive the one between the same cells the other way, or -1."""
     forth = origin.astype(np.int64) * n_cells + target
     order = np.argsort(forth)

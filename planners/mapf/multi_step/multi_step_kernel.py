@@ -155,6 +155,14 @@ def reconsider(ops: Operations, choices: Choices, patience: Int) -> None:  # pra
 
 
 @kernel
+def rank(ops: Operations, choices: Choices, aims: Aims, begin: Int, end: Int) -> None:  # pragma: no cover - compiled
+    """Rank the operations of the eager ones among agents `begin` to `end` - 1."""
+    for agent in range(begin, end):
+        if choices.eager[agent]:
+            _rank(ops, choices, aims, agent)
+
+
+@kernel
 def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Int) -> None:  # pragma: no cover - compiled
     """Compute the keys of an agent's operations: what is left to do behind each; all take the same time."""
     length = ops.cell.shape[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import BoolArray, IntArray
-from planners.mapf.chance import chance_of
+from planners.mapf.chance import chance_of, split
 from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.multi_step import multi_step_kernel as kernels
 from planners.mapf.multi_step.multi_step_kernel import Aims, Choices, Costs, Look, Wishes
@@ -23,6 +24,10 @@ from planners.mapf.window import plan_window, reachable_goals
 
 _ROUND = 2000
 """Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
+_WORTH_THREADS = 2000
+"""Agents from which on threads pay that rank operations before anybody is pushed."""
+_PARTS = 2
+"""Threads that rank operations."""
 MOST_ROUNDS = 10_000
 """Rounds of a timestep; so many take minutes, and a window ends only between two timesteps."""
 
@@ -206,6 +211,7 @@ class Mover:
         """Stream of the tie-breaking; whoever puts an earlier copy back repeats what followed."""
         self._rested = rested_look(look_of_states(graph.n_states) if look is None else look, self.operations)
         widest = int(np.diff(self.operations.ptr).max(initial=1))
+        self._crew = ThreadPoolExecutor(_PARTS) if n >= _WORTH_THREADS else None
 
         def ints(*shape: int) -> IntArray:
             return np.zeros(shape, dtype=np.int32)
@@ -280,6 +286,13 @@ class Mover:
         choices.weight[:] = weight
         aims = Aims(table=costs.table, rested=self._rested, wishes=wishes, reach=self._reach, chance=self.chance)
         kernels.reconsider(ops, choices, self._patience)
+        if self._crew is not None:
+            # Always the same parts with streams of their own: what comes out depends on no number of cores.
+            parts = [
+                (aims._replace(chance=split(self.chance)), n * k // _PARTS, n * (k + 1) // _PARTS)
+                for k in range(_PARTS)
+            ]
+            list(self._crew.map(lambda part: kernels.rank(ops, choices, *part), parts))
         kernels.sweep(ops, choices, aims, sequence, most_tries, cell, allow_rotation)
         done = 0
         while (rounds is None or done < rounds) and polish():
