@@ -14,6 +14,7 @@ from benchmarks.mapf.floors import measure_floors
 from benchmarks.mapf.league import measure_league, measure_league_anytime
 from benchmarks.mapf.one_shot import measure_one_shot
 from benchmarks.mapf.pibt import measure_pibt
+from benchmarks.mapf.pogema import measure_pogema
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "pibt": measure_pibt,
@@ -22,6 +23,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "league": measure_league,
     "league_anytime": measure_league_anytime,
     "floors": measure_floors,
+    "pogema": measure_pogema,
 }
 
 
