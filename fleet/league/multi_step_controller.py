@@ -31,6 +31,11 @@ _PATIENCE = 10
 _HASTE = 50
 """Moves by which the way ahead counts as shorter for each further timestep. The first in a knot may be the one who
 cannot get out; sooner or later each of them is the first, and the knot comes loose."""
+_SHUT_IN = 40
+"""Timesteps that a robot spends in a pocket before it counts more than those who are nearer to the way out."""
+_OUT_FIRST = 8.0
+"""How much more, for each bottleneck between them. Rounds of improvement would otherwise give a robot at the mouth of a
+dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
 _LARGE = 2**20
 """More than any way costs."""
 
@@ -113,6 +118,7 @@ class MultiStepController:
         )
         self._depth = pocket_depth(graph)
         self._waited = np.zeros(n, dtype=np.int64)
+        self._inside = np.zeros(n, dtype=np.int64)
         self._cells = graph.state_cell[arena.states]
         self._n_active = int(np.ceil(n * share))
         self._schedule = TaskSchedule(arena, self._costs)
@@ -168,12 +174,15 @@ class MultiStepController:
             np.int32
         )
         wishes.row[sequence[self._n_active :]] = -1
+        weight = rank_weights(sequence)
+        self._inside = np.where(self._depth[here] > 0, self._inside + 1, 0)
+        weight *= np.where(self._inside > _SHUT_IN, _OUT_FIRST ** self._depth[here], 1.0)
         rounds = count()
         return self._mover.step(
             costs,
             wishes,
             sequence,
-            weight=rank_weights(sequence),
+            weight=weight,
             most_tries=self.config.most_tries,
             allow_rotation=True,
             # One round in any case: without it crossings of narrow aisles fill up with knots.

@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 from fleet.errors import FleetError
+from fleet.league import multi_step_controller
 from fleet.league.arena import Arena
 from fleet.league.controller import PibtController
 from fleet.league.multi_step_controller import MultiStepController, MultiStepControllerConfig
 from fleet.league.play import Played, play
 from maps.formats.lorr import LeagueProblem, write_result
+from maps.lane_graph import LaneGraph
 from planners.mapf.multi_step import goal_costs
+from planners.mapf.multi_step.goal_costs import GoalCosts
 from planners.mapf.multi_step.guidance import GuidanceConfig
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem, write_files
 from tests.unit.fleet.league.replay import Replay
@@ -86,6 +89,19 @@ def test_robots_without_a_task_make_room(tmp_path: Path) -> None:
     """Ten robots, one task at a time, on a floor with hardly room to pass."""
     problem = problem_of(ROOM[:2], list(range(10)), [[11], [0]], pool_size=1)
     assert played_well(tmp_path, problem, made(), 80).result.n_finished >= 4
+
+
+def test_who_is_in_a_dead_end_gets_out_before_others_get_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The outer robot wants to where the inner one stands, and to make room costs it more than the inner one gains."""
+
+    def dear_to_enter(graph: LaneGraph, costs: GoalCosts, *_: object, **__: object) -> None:
+        west = graph.state_cell[graph.move_to] == graph.state_cell[graph.move_from] - 1
+        costs.weigh(np.where(west, 56, 8).astype(np.int32))
+
+    monkeypatch.setattr(multi_step_controller, "learn_guidance", dear_to_enter)
+    floor = ["@@@@.....", ".........", "@@@@.....", "@@@@....."]
+    problem = problem_of(floor, [9, 10], [[35], [9], [34], [13]], pool_size=2, round_robin=True)
+    assert play(problem, made(), 150, PATIENT_S).result.n_finished > 10
 
 
 def test_a_full_floor(tmp_path: Path) -> None:
