@@ -28,6 +28,8 @@ _HOLD_BACK = 0.6
 """Share of the robots that only make room, for each share of the floor that is fuller than that."""
 _PATIENCE = 10
 """Timesteps that a robot stands in one cell of a large floor before it counts as stuck."""
+_LONG_PATIENCE = 60
+"""The same on small floors, where everybody waits so long at times that haste for all would be haste for none."""
 _HASTE = 50
 """Moves by which the way ahead counts as shorter for each further timestep. The first in a knot may be the one who
 cannot get out; sooner or later each of them is the first, and the knot comes loose."""
@@ -167,8 +169,7 @@ class MultiStepController:
         here = arena.graph.state_cell[arena.states]
         self._waited = np.where(here == self._cells, self._waited + 1, 0)
         self._cells = here
-        # On small crowded floors everybody waits so long at times, and haste for all is haste for none.
-        patience = _LARGE if self._costs.exact else _PATIENCE
+        patience = _LONG_PATIENCE if self._costs.exact else _PATIENCE
         stuck = np.maximum(self._waited - patience, 0) * (_HASTE * self._costs.unit)
         sequence = np.argsort(to_go.astype(np.int64) - stuck - self._depth[here] * (2 * _LARGE), kind="stable").astype(
             np.int32
