@@ -277,7 +277,7 @@ class Traffic:
         waited_s = (tick - self._goal_since) * self._tick_s
         self.priorities = waited_s + self.rank + self._tie_break
         now_s = tick * self._tick_s
-        goals = self._single_file.goals(self.goals.copy(), starts, self.ways, self.executor.still_s, now_s)
+        goals = self._single_file.goals(self.goals.copy(), starts, self.stay, self.ways, self.executor.still_s, now_s)
         self.priorities[self._single_file.first] += TURN_RANK_S
         sent = (self.goals != NO_GOAL).nonzero()[0]
         for leaves, rank_s in zip(self.lanes.leave(starts[sent], self.goals[sent]), LEAVES_RANK_S, strict=False):

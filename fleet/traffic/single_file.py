@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from fleet.arrays import CellArray, FloatArray
+from fleet.arrays import BoolArray, CellArray, FloatArray
 from fleet.traffic.open_lanes import OpenLanes
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.problem import NO_GOAL
 
 NEAR_MOVES = 8
 """A car that has so many moves left to its goal in a dead end waits until it is its turn; others drive on."""
+ENTRY_MOVES = 4
+"""So does one whose way leads within so many moves into a dead end in which nothing goes round, however deep in it its
+goal lies: more than are granted before the next plan."""
 PATIENCE_S = 10.0
 """The car whose turn it is has to make room for the next if it has not moved for so long [s]."""
 _End = tuple[int, int]
@@ -37,13 +40,20 @@ class SingleFile:
         self._given_s: dict[_End, float] = {}
 
     def goals(
-        self, goals: CellArray, states: CellArray, ways: DistanceTable, still_s: FloatArray, now_s: float
+        self,
+        goals: CellArray,
+        states: CellArray,
+        stay: BoolArray,
+        ways: DistanceTable,
+        still_s: FloatArray,
+        now_s: float,
     ) -> CellArray:
         """Where cars are to go for now: those whose turn it is not stay where they are, and make room.
 
         Args:
             goals: State that each is to go to in the end, -1 = none, shape (n_cars,).
             states: State in which the next plan finds each, shape (n_cars,).
+            stay: Who does not make room once it is there, such as in a dock, shape (n_cars,).
             ways: Distances.
             still_s: Time since each was last granted a move or finished one, shape (n_cars,) [s].
             now_s: Simulated time [s].
@@ -57,9 +67,11 @@ class SingleFile:
         for depth, number in enumerate(self._lanes.dead_ends):
             bound_for = np.where(goes, number[np.where(goes, goals, 0)], -1)
             stands_in = number[states]
-            # Who only parks there makes room.
-            busy = set(stands_in[(stands_in >= 0) & goes & (goals != states)].tolist())
+            # Who only parks there makes room; who stands in a dock will come out.
+            narrow = depth == len(self._lanes.dead_ends) - 1
+            busy = set(stands_in[(stands_in >= 0) & goes & ((goals != states) | (stay & narrow))].tolist())
             for end in np.unique(bound_for[bound_for >= 0]).tolist():
+                inside = number == end
                 cars = np.flatnonzero((bound_for == end) & (stands_in != end))
                 left = np.array([int(ways.to(int(goals[car]))[states[car]]) for car in cars])
                 queue = cars[np.argsort(left, kind="stable")].tolist()
@@ -67,7 +79,10 @@ class SingleFile:
                 if queue and end not in busy:
                     first = self._first((depth, end), queue, still_s, now_s)
                     self.first.append(first)
-                held = cars[(left <= NEAR_MOVES) & (cars != first)]
+                near = left <= NEAR_MOVES
+                if narrow:
+                    near |= np.array([_enters(ways, states[k], goals[k], inside) for k in cars], dtype=np.bool_)
+                held = cars[near & (cars != first)]
                 found[held] = states[held]
         return found
 
@@ -82,3 +97,16 @@ class SingleFile:
             return now
         self._turn[end], self._given_s[end] = turn, now_s
         return turn
+
+
+def _enters(ways: DistanceTable, state: int, goal: int, inside: BoolArray) -> bool:
+    """Whether the shortest way from a state to a goal leads into a dead end with one of the next moves."""
+    left = ways.to(int(goal))
+    for _ in range(ENTRY_MOVES):
+        states = ways.after(int(state))
+        if not states.size:
+            return False
+        state = states[left[states].argmin()]
+        if inside[state]:
+            return True
+    return False

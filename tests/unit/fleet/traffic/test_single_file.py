@@ -2,28 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from fleet.traffic.open_lanes import OpenLanes
-from fleet.traffic.single_file import PATIENCE_S, SingleFile
+from fleet.traffic.single_file import NEAR_MOVES, PATIENCE_S, SingleFile
 from maps.lane_graph import LaneGraph, build_lane_graph
-from maps.site import load_site
+from maps.site import Site, load_site
+from maps.warehouse import generate_warehouse
 from planners.mapf.distance_table import DistanceTable
 
 SITE = load_site("small")
-DOCK = SITE.stations[1].dock
+DEEP_SITE = generate_warehouse(rows=9, cols=17, pick=1, drop=1, parking=6)
+DEEP_WRECKS = ((3, 10), (3, 14))
+"""The way into the dock is longer than that far from it a car has to wait."""
 
 
 class Floor:
-    """A floor whose second dock is entered from behind only, since a wreck stands before it."""
+    """A floor whose last dock is entered from behind only, since a wreck stands before it.
 
-    def __init__(self) -> None:
-        graph: LaneGraph = build_lane_graph(SITE)
-        self.dock = graph.state_at(DOCK.cell, DOCK.heading)
+    Args:
+        site: The site.
+        wrecks: Rows and columns of further cells with a wreck.
+    """
+
+    def __init__(self, site: Site = SITE, wrecks: Sequence[tuple[int, int]] = ()) -> None:
+        graph: LaneGraph = build_lane_graph(site)
+        dock = site.stations[1].dock
+        self.dock = graph.state_at(dock.cell, dock.heading)
         blocked = np.zeros(graph.n_cells, dtype=np.bool_)
         into = graph.in_move[graph.in_ptr[self.dock] : graph.in_ptr[self.dock + 1]]
-        blocked[graph.state_cell[graph.move_from[into]]] = True
+        blocked[graph.state_cell[graph.move_from[into]]] = not wrecks
+        blocked[[row * site.grid.cols + col for row, col in wrecks]] = True
         self.lanes = OpenLanes(graph)
         self.lanes.block(blocked)
         self.ways = DistanceTable(self.lanes.planned, blocked)
@@ -37,7 +49,8 @@ class Floor:
 
     def goals(self, states: list[int], goals: list[int], still_s: list[float], now_s: float = 0.0) -> list[int]:
         arrays = np.array(goals, dtype=np.int32), np.array(states, dtype=np.int32)
-        return self.file.goals(*arrays, self.ways, np.array(still_s), now_s).tolist()
+        stay = arrays[0] == self.dock
+        return self.file.goals(*arrays, stay, self.ways, np.array(still_s), now_s).tolist()
 
 
 @pytest.fixture
@@ -62,6 +75,19 @@ def test_nobody_goes_in_while_somebody_is_there(floor: Floor) -> None:
     assert floor.file.first == []
 
 
+def test_nobody_goes_in_while_somebody_stands_in_the_dock(floor: Floor) -> None:
+    a = floor.near[0]
+    assert floor.goals([a, floor.dock], [floor.dock] * 2, [0.0, 0.0]) == [a, floor.dock]
+    assert floor.file.first == []
+
+
+def test_nobody_goes_into_a_deep_dead_end_behind_another() -> None:
+    floor = Floor(DEEP_SITE, DEEP_WRECKS)
+    a, b = (floor.lanes.planned.state_at(DEEP_SITE.grid.cols + col, 0) for col in (9, 8))
+    assert floor.ways.to(floor.dock)[a] > NEAR_MOVES
+    assert floor.goals([b, a], [floor.dock] * 2, [0.0, 0.0]) == [b, floor.dock]
+
+
 def test_who_cannot_move_lets_the_next_one_go(floor: Floor) -> None:
     a, b = floor.near
     assert floor.goals([a, b], [floor.dock] * 2, [0.0, 0.0]) == [floor.dock, b]
@@ -73,7 +99,5 @@ def test_without_dead_ends_all_drive_as_they_are_sent() -> None:
     graph = build_lane_graph(SITE)
     file = SingleFile(OpenLanes(graph))
     goals = np.array([3, 4], dtype=np.int32)
-    assert (
-        file.goals(goals, goals, DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)), np.zeros(2), 0.0)
-        is goals
-    )
+    ways = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_))
+    assert file.goals(goals, goals, np.ones(2, dtype=np.bool_), ways, np.zeros(2), 0.0) is goals
