@@ -24,9 +24,9 @@ tail towards the wall, by the square of what is behind the rear axle over twice 
 class RejoinRoom:
     """Where a car may be while it manoeuvres.
 
-    The body stays in usable cells and in those it stands in, and `MARGIN_M` from walls, obstacles and other cars. Where
-    it stands nearer than that, or inside, it must get out: over the first half of `WAY_OUT_M` it may be as near as it
-    stands, and then what it may be too near falls to nothing.
+    The body stays in usable cells and in those it stands in, and `MARGIN_M` from walls, obstacles and other cars. What
+    it stands nearer to than that, or inside, it must get away from: over the first half of `WAY_OUT_M` it may be as
+    near to that as it stands, and then what it may be too near falls to nothing. To all else it keeps the margin.
 
     Args:
         run: Site, cars, obstacles.
@@ -61,17 +61,17 @@ class RejoinRoom:
         self.ground = frozenset((row * grid.cols + col).tolist())
         bodies = np.delete(run.driver.estimate, car, axis=0)
         self._bodies = bodies[np.hypot(*(bodies - start)[:, :2].T) < 2 * SEARCH_M]
-        self._depth = float(self._too_near(start[None])[0])
+        self._depths = self._too_near(start[None])
 
     def valid(self, poses: FloatArray) -> npt.NDArray[np.bool_]:
         """Which of the poses (k, 3) the car may take, shape (k,)."""
         row, col = self._cells(outline(poses, self._spec, 0.0))
         held_by_nobody = (self._allowed | ~self._open)[row, col].all(axis=1)
         away = np.hypot(poses[:, 0] - self._start[0], poses[:, 1] - self._start[1])
-        way_out_m = max(WAY_OUT_M, 2.0 * self._depth)
-        share = np.clip(2.0 * (1.0 - away / way_out_m), 0.0, 1.0)
-        bearable = (self._depth + self._swing_m) * share + 0.002
-        return held_by_nobody & (self._too_near(poses) <= bearable)
+        way_out_m = np.maximum(WAY_OUT_M, 2.0 * self._depths)
+        share = np.clip(2.0 * (1.0 - away[:, None] / way_out_m), 0.0, 1.0)
+        bearable = (self._depths + self._swing_m) * share + 0.002
+        return held_by_nobody & (self._too_near(poses) <= bearable).all(axis=1)
 
     def _cells(self, points: FloatArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         row, col = cell_of(points, self._rows, self._cell_m)
@@ -79,15 +79,16 @@ class RejoinRoom:
         return np.clip(row + 1, 0, height - 1), np.clip(col + 1, 0, width - 1)
 
     def _too_near(self, poses: FloatArray) -> FloatArray:
-        """How far the body and its margin reach into what they must not touch [m], shape (k,)."""
+        """How far the body and its margin reach into walls, and into each car nearby [m], shape (k, 1 + n_near)."""
         points = outline(poses, self._spec, self._margin_m)
-        depth = self._into_walls(points)
+        depths = [self._into_walls(points)]
         for body in self._bodies:
             inside = _depth_in_body(points, body[None, None], self._spec)
             corners = outline(body[None], self._spec, self._margin_m)
-            inside = np.maximum(inside.max(axis=1), _depth_in_body(corners, poses[:, None], self._spec).max(axis=1))
-            depth = np.maximum(depth, inside)
-        return depth
+            depths.append(
+                np.maximum(inside.max(axis=1), _depth_in_body(corners, poses[:, None], self._spec).max(axis=1))
+            )
+        return np.stack(depths, axis=1)
 
     def _into_walls(self, points: FloatArray) -> FloatArray:
         """Greatest distance of a point from the nearest open cell [m]; at most a cell, shape (k,)."""

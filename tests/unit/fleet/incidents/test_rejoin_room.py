@@ -93,3 +93,14 @@ def test_who_gets_out_no_other_way_may_swing_its_tail_towards_the_wall(simulatio
     room = RejoinRoom(simulation.view, 0, np.array(start), usable, LEAST_MARGIN_M, SWING_M)
     assert room.valid(curve).all()
     assert not room.valid(np.array([[4.1, 1.12, 0.0]])).any(), "nearer than a tail swings"
+
+
+def test_a_car_that_is_in_a_wall_keeps_its_margin_to_other_cars(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(simulation.driver, "estimate", np.array([OPEN, (4.5, 1.6, np.pi / 2)]))
+    beside = 4.5 - simulation.scene.car.half_width_m - simulation.scene.car.front_m
+    room = room_of(simulation, (beside - 0.25, 1.1, 0.0))
+    assert valid(room, beside - 0.25, 1.1, 0.0)
+    assert valid(room, beside - MARGIN_M - 0.01, 1.45, 0.0)
+    assert not valid(room, beside - MARGIN_M + 0.01, 1.45, 0.0)
