@@ -161,6 +161,7 @@ class Recovery:
         run.inventory.empty_tray(car)
         run.world.put_car(car, graph.state_pose[state])
         run.driver.give_up(car)
+        run.traffic.set_dead(car, [])
         run.events.log("car_towed", car=f"car_{car}", state=state)
         run.executor.dependencies.reserve(car, (int(graph.state_cell[state]),))
         return True
@@ -274,6 +275,7 @@ class Recovery:
             if np.hypot(*(pose - wreck.pose)[:2]) < SHIFTED_M and turned < SHIFTED_RAD:
                 return
             wreck.pose, wreck.still_since = None, tick
+            run.traffic.set_dead(car, [])  # nothing is cut off for good by what moves
         if driver.paths is not None:
             self._hold_ground(driver.paths, car, wreck)
         if np.abs(run.world.car_speeds()[car]) > STILL_MPS:

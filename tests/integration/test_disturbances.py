@@ -271,6 +271,24 @@ def test_a_dead_car_that_is_pushed_is_seen_where_it_stands_then(ahead_m: float) 
     assert before != after
 
 
+@pytest.mark.parametrize("kind", ["car_towed", "car_pushed"])
+def test_what_a_moved_wreck_cut_off_is_open_at_once(kind: str) -> None:
+    """Else a task that comes in the meantime fails because of a wreck that is gone."""
+    death = first(dies_on_the_way)
+    push = {"dx_m": 0.3, "dy_m": 0.3} if kind == "car_pushed" else {}
+    moved = event(death.time_s + 5.0, kind, death.target, **push)
+    log: list[Event] = []
+    with made([death, moved], log) as simulation:
+        while simulation.sim_s < moved.time_s - 0.5:
+            simulation.tick()
+        assert simulation.traffic.blocked.any()
+        while not any(entry.facts["disturbance"] == kind for entry in of_kind(log, "disturbance")):
+            simulation.tick()
+        while simulation.sim_s < moved.time_s + (0.3 if push else 0.0):  # a push has to be measured
+            simulation.tick()
+        assert not simulation.traffic.blocked.any()
+
+
 def test_tasks_of_a_dock_that_a_dead_car_cuts_off_hold_no_car_up() -> None:
     """A car dies in a pick dock: whoever was sent there is free again, and the other station's tasks are done."""
 
