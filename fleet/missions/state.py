@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from fleet.missions.phases import (
     AT_CHARGER,
+    AT_DOCK,
     BOOKED,
     BOUND,
     GONE,
@@ -168,6 +169,8 @@ class Missions:
         self.awake[car] = not _PARKED[number] and phase is not CarPhase.DEAD
         self.charges[car] = phase is CarPhase.CHARGING
         self.bound[car] = _BOUND[number]
+        # An arm reaches into its tray: the car stays where it stands, however badly it is measured.
+        self._traffic.executor.driver.brake(car, phase in AT_DOCK)
         if phase not in BOOKED:
             self.leave(car)
 

@@ -253,6 +253,7 @@ class _Following(NamedTuple):
     cross_track: FloatArray
     heading_error: FloatArray
     standing: BoolArray
+    braked: BoolArray
 
 
 SPEED_SLACK_MPS = 0.3
@@ -276,6 +277,7 @@ class Follower:
         cross_track: Signed distance to the path, positive = car left of it as the nose points [m], shape (n_cars,).
         heading_error: Estimated yaw minus the path's yaw [rad] in [-pi, pi], shape (n_cars,).
         standing: True where the car was told to stand at its stop, shape (n_cars,).
+        braked: True where a car that stands goes on standing wherever it is believed to be, shape (n_cars,).
 
     Args:
         spec: The car model.
@@ -293,7 +295,8 @@ class Follower:
         self.heading_error = np.zeros(n_cars)
         self.standing = np.ones(n_cars, dtype=np.bool_)
         self._last = np.zeros((n_cars, 2))
-        self._following = _Following(self._last, self.cross_track, self.heading_error, self.standing)
+        self.braked = np.zeros(n_cars, dtype=np.bool_)
+        self._following = _Following(self._last, self.cross_track, self.heading_error, self.standing, self.braked)
         self._gains = _Gains(
             tick_s=tick_s,
             wheelbase_m=spec.wheelbase_m,
@@ -520,7 +523,7 @@ def _follow(
     """Move cursor and progress of every car on its path, and fill in its command."""
     points, s, direction, count, cursor, progress, segments = path
     start, step, ahead = segments.start, segments.step, segments.ahead
-    last_command, cross_track, heading_error, standing = following
+    last_command, cross_track, heading_error, standing, braked = following
     for i in range(len(poses)):
         if not segments.loaded[i]:
             _load_piece(path, i)
@@ -555,9 +558,9 @@ def _follow(
         left = stop - s_here
         speed = sign * speeds[i]
 
-        # Standing: the true car must be slow, and only a stop that moved on ends it.
+        # Standing: the true car must be slow, and only a stop that is farther on ends it, unless it is braked.
         if standing[i]:
-            standing[i] = left < g.restart_m
+            standing[i] = braked[i] or left < g.restart_m
         elif left <= g.stop_tolerance_m and abs(speed) < SLOW_MPS:
             standing[i] = True
         if standing[i] and piece < count[i] - 1 and stop_s[i] > piece_s and left <= g.restart_m:

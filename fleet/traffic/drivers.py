@@ -78,6 +78,9 @@ class Driver(Protocol):
     def go(self, car: int) -> None:
         """End a `stop` or a `give_up`."""
 
+    def brake(self, car: int, on: bool) -> None:
+        """Keep a car that has come to its stop there, wherever it is measured to be, or no longer."""
+
     def blur(self, car: int, factor: float) -> None:
         """Measure so many times as badly from now on where a car is, if that is measured."""
 
@@ -215,6 +218,10 @@ class PathDriver:
         """End a `stop`: drive on along what was granted, at most that fast."""
         self._speed_cap[car] = speed_mps
 
+    def brake(self, car: int, on: bool) -> None:
+        """See `Driver`."""
+        self.follower.braked[car] = on
+
     def blur(self, car: int, factor: float) -> None:
         """See `Driver`."""
         self.estimator.blur(car, factor)
@@ -301,6 +308,9 @@ class StateDriver:
     def go(self, car: int) -> None:
         """See `Driver`."""
         self._stopped[car] = False
+
+    def brake(self, car: int, on: bool) -> None:
+        """See `Driver`; a car without moves stands in its state."""
 
     def blur(self, car: int, factor: float) -> None:
         """See `Driver`; nothing is measured here."""

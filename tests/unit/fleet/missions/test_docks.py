@@ -47,6 +47,7 @@ def test_a_car_that_has_come_is_served() -> None:
     assert floor.services.under_way == [(PICK, 0)]
     assert len(floor.arms.requests) == 1
     assert floor.missions.faults() == []
+    assert floor.driver.braked == {0}
 
 
 @pytest.mark.parametrize("what", ["on its way", "not booked", "still moving", "arm busy"])
@@ -96,6 +97,7 @@ def test_a_loaded_car_goes_on_while_the_arm_still_goes_home() -> None:
     assert floor.missions.phase[0] is CarPhase.TO_DROP
     assert floor.ways.goals[0] == floor.dock_of("drop_1")
     assert not floor.traffic.fixed[0]
+    assert not floor.driver.braked
     assert floor.stations[PICK].n_free == 4
     assert floor.services.is_served(0)  # the dock is not open yet
     floor.arms.come_home(PICK)

@@ -165,6 +165,23 @@ def test_stop_before_the_end_then_go_on() -> None:
         assert follower.progress[0] == pytest.approx(stop_m, abs=0.005)
 
 
+def test_a_braked_car_stands_wherever_it_is_measured() -> None:
+    paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
+    lay(paths, 0, [(1.0, 0.0)])
+
+    def command_mps(x_m: float) -> float:
+        poses, stop_m = np.array([[x_m, 0.0, 0.0]]), np.array([1.0])
+        return float(follower.commands(paths, poses, np.zeros(1), stop_m, np.array([1.0]))[0, 1])
+
+    assert command_mps(0.9) > 0.0
+    follower.braked[:] = True
+    assert command_mps(0.9) > 0.0, "it has not come to its stop yet"
+    assert command_mps(1.0) == 0.0
+    assert command_mps(0.9) == 0.0
+    follower.braked[:] = False
+    assert command_mps(0.9) > 0.0
+
+
 def test_cap_of_zero_brakes_to_a_stand() -> None:
     paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
     lay(paths, 0, [(5.0, 0.0)])

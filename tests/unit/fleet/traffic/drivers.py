@@ -13,7 +13,11 @@ class Drivers:
     def __init__(self) -> None:
         self.late: set[int] = set()
         self.driven: list[tuple[int, int]] = []
+        self.braked: set[int] = set()
         self._doing: list[int] = []
+
+    def brake(self, car: int, on: bool) -> None:
+        (self.braked.add if on else self.braked.discard)(car)
 
     def extend_lanes(self, graph: LaneGraph) -> None:
         pass
