@@ -18,6 +18,7 @@ PLANNERS: Family[MapfPlanner] = Family(
     {
         "pibt": "planners.mapf.pibt.Pibt",
         "multi_step_pibt": "planners.mapf.multi_step.multi_step_pibt.MultiStepPibt",
+        "window_search": "planners.mapf.window_search.window_search.WindowSearch",
     },
 )
 """Planner of one window by name."""
