@@ -2,7 +2,8 @@
 
 Every cell of the scoreboard with at least 32 agents is played. What RHCR and Follower reached is the benchmark's own
 raw data (branch ICLR of https://github.com/CognitiveAISystems/pogema-benchmark): RHCR plans windows of 10 timesteps and
-replans after 5, Follower is a learned policy that sees 11 x 11 cells.
+replans after 5 and knows all future goals; Follower is a learned policy that sees 11 x 11 cells; ours knows the map
+beforehand, all goals, and the one after each.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ import numpy as np
 from benchmarks.harness import Kind, Row, Trial
 from benchmarks.mapf.instances import find
 from benchmarks.mapf.pogema.episode import Episode, Floor, read_floors
-from benchmarks.mapf.pogema.online import MultiStep, learnt_costs
-from benchmarks.mapf.pogema.play import Played, play
+from benchmarks.mapf.pogema.online import WindowPlanner, learnt_costs
+from benchmarks.mapf.pogema.play import play
 from benchmarks.mapf.pogema.scores import STAGES, Scores, Stage, read_scores
 from fleet.training.intervals import Interval, difference
 from maps.lane_graph import LaneGraph, grid_lane_graph
+from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts
 from planners.mapf.validate import conflicts
 
@@ -79,33 +81,23 @@ def measure_cell(
         episodes: Map and seed of each; a name that is empty stands for the only map.
     """
     step_ms, throughput, learning_s = [], [], []
-    known: dict[str, tuple[LaneGraph, GoalCosts]] = {}
+    known: dict[str, tuple[LaneGraph, IntArray, GoalCosts]] = {}
     for name, seed in episodes:
         floor = floors[name] if name else next(iter(floors.values()))
         if floor.name not in known:
-            known.clear()
             graph = grid_lane_graph(floor.grid, "pebble")
             begin = time.process_time()
-            costs = learnt_costs(floor, graph, n, rounds=stage.learning_rounds, seed=trial.seeds[0])
+            move_cost = learnt_costs(floor, graph, n, rounds=stage.learning_rounds, seed=trial.seeds[0])
             learning_s.append(time.process_time() - begin)
-            known[floor.name] = graph, costs
-            _warm_up(floor, graph, costs, n)
-        graph, costs = known[floor.name]
-        played = _played(floor, graph, costs, n, seed, stage.steps)
+            known = {floor.name: (graph, move_cost, GoalCosts(graph, graph, move_cost=move_cost))}
+        graph, move_cost, costs = known[floor.name]
+        planner = WindowPlanner(graph, move_cost, n, costs=costs, seed=trial.seeds[0])
+        played = play(Episode(floor, n, seed=seed), graph, planner, steps=stage.steps)
         wrong = conflicts(graph, played.plan, allow_rotation=True)
         trial.check(not wrong, f"{floor.name}, {n} agents, seed {seed}: {len(wrong)} conflicts, first {wrong[:1]}")
         throughput.append(played.throughput)
         step_ms.append(played.step_ms)
     return Cell(throughput=throughput, step_ms=step_ms, learning_s=learning_s)
-
-
-def _played(floor: Floor, graph: LaneGraph, costs: GoalCosts, n: int, seed: int, steps: int) -> Played:
-    return play(Episode(floor, n, seed=seed), graph, MultiStep(graph, costs, n, seed=0), steps=steps)
-
-
-def _warm_up(floor: Floor, graph: LaneGraph, costs: GoalCosts, n: int) -> None:
-    """Compile and load kernels, which is no part of a step."""
-    _played(floor, graph, costs, n, 0, 1)
 
 
 def _rows(

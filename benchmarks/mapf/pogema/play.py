@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -55,7 +56,7 @@ class Played:
 
 
 def play(episode: Episode, graph: LaneGraph, planner: OnlinePlanner, *, steps: int) -> Played:
-    """Play an episode: a goal counts in the timestep that reaches it, and the next one is given at once.
+    """Play an episode.
 
     POGEMA's soft collisions carry out any legal step as it stands, closed rings of followers too.
 
@@ -65,11 +66,25 @@ def play(episode: Episode, graph: LaneGraph, planner: OnlinePlanner, *, steps: i
         planner: Decides.
         steps: Timesteps.
     """
-    n = episode.n
-    streams = [episode.goals(agent) for agent in range(n)]
+    streams = [episode.goals(agent) for agent in range(episode.n)]
+    return drive(planner, graph, graph.state_index[episode.starts, 0], streams, steps=steps)
+
+
+def drive(
+    planner: OnlinePlanner, graph: LaneGraph, starts: IntArray, streams: Sequence[Iterator[int]], *, steps: int
+) -> Played:
+    """Let agents go to one goal after the other: it counts in the timestep that reaches it, and the next one is given.
+
+    Args:
+        planner: Decides.
+        graph: Lane graph, of pebbles.
+        starts: State of each agent, shape (n,).
+        streams: Goal cells of each agent.
+        steps: Timesteps.
+    """
     goals, next_goals = (np.array([next(stream) for stream in streams], dtype=np.int32) for _ in range(2))
-    states = np.empty((steps + 1, n), dtype=np.int32)
-    states[0] = graph.state_index[episode.starts, 0]
+    states = np.empty((steps + 1, len(starts)), dtype=np.int32)
+    states[0] = starts
     finished = np.zeros(steps, dtype=np.int64)
     cpu_s = 0.0
     for t in range(steps):
