@@ -14,8 +14,8 @@ from planners.mapf.roads import Roads
 from planners.mapf.window_search.timetable import (
     FREE,
     TO_GOAL,
-    Timetable,
-    Ways,
+    WayCosts,
+    WindowTimetable,
     closes_ring,
     extend,
     first_leg,
@@ -34,7 +34,7 @@ _EXTENSIONS = 3
 """Times that everybody is asked whether there is room now for another move at the end of its path."""
 
 
-class Frontier(NamedTuple):
+class WindowFrontier(NamedTuple):
     """Working memory of the search for one path; between searches the buckets are empty."""
 
     state: IntArray
@@ -71,13 +71,13 @@ class Chain(NamedTuple):
     """Place of each agent in the order of priority, shape (n,)."""
 
 
-class Search(NamedTuple):
+class ChainSearch(NamedTuple):
     """All that the search in a window works with."""
 
     roads: Roads
-    ways: Ways
-    table: Timetable
-    frontier: Frontier
+    ways: WayCosts
+    table: WindowTimetable
+    frontier: WindowFrontier
     chain: Chain
     chance: Chance
     allow_rotation: bool
@@ -85,7 +85,7 @@ class Search(NamedTuple):
 
 
 @kernel
-def work(search: Search, sequence: IntArray, most_nodes: Int) -> None:  # pragma: no cover - compiled
+def work(search: ChainSearch, sequence: IntArray, most_nodes: Int) -> None:  # pragma: no cover - compiled
     """Bring the plan up to date with what everybody wants now, use the timestep that is new in it, and improve it.
 
     Args:
@@ -105,7 +105,7 @@ def work(search: Search, sequence: IntArray, most_nodes: Int) -> None:  # pragma
 
 
 @kernel
-def _free_the_stuck(search: Search, sequence: IntArray, end: Int) -> None:  # pragma: no cover - compiled
+def _free_the_stuck(search: ChainSearch, sequence: IntArray, end: Int) -> None:  # pragma: no cover - compiled
     """Let those who come no nearer in the whole window drive out whoever comes after them in the order.
 
     Thrift alone comes to a stand where two queues meet and the shorter one would have to go back.
@@ -121,7 +121,7 @@ def _free_the_stuck(search: Search, sequence: IntArray, end: Int) -> None:  # pr
 
 
 @kernel
-def _improve(search: Search, end: Int) -> None:  # pragma: no cover - compiled
+def _improve(search: ChainSearch, end: Int) -> None:  # pragma: no cover - compiled
     """Begin chains with random agents that lose something."""
     table, locked, n = search.table, search.ways.locked, len(search.table.loss)
     while n > 0 and search.frontier.expanded[0] < end:
@@ -137,7 +137,7 @@ def _improve(search: Search, end: Int) -> None:  # pragma: no cover - compiled
 
 
 @kernel
-def lead_chain(search: Search, root: Int, bound: Int, price: Int) -> bool:  # pragma: no cover - compiled
+def lead_chain(search: ChainSearch, root: Int, bound: Int, price: Int) -> bool:  # pragma: no cover - compiled
     """Lead an agent anew, and all whom it drives out of their way.
 
     Args:
@@ -177,7 +177,7 @@ def lead_chain(search: Search, root: Int, bound: Int, price: Int) -> bool:  # pr
 
 
 @kernel
-def _join(search: Search, k: Int, agent: Int) -> None:  # pragma: no cover - compiled
+def _join(search: ChainSearch, k: Int, agent: Int) -> None:  # pragma: no cover - compiled
     """Take an agent out of the timetable as the k-th member of a chain."""
     table, chain = search.table, search.chain
     chain.member[k] = agent
@@ -191,7 +191,7 @@ def _join(search: Search, k: Int, agent: Int) -> None:  # pragma: no cover - com
 
 
 @kernel
-def _undo(search: Search, done: Int) -> None:  # pragma: no cover - compiled
+def _undo(search: ChainSearch, done: Int) -> None:  # pragma: no cover - compiled
     """Give all members of a chain their paths back, of whom the first `done` are in the timetable."""
     table, chain = search.table, search.chain
     for k in range(done):
@@ -208,7 +208,7 @@ def _undo(search: Search, done: Int) -> None:  # pragma: no cover - compiled
 
 
 @kernel
-def _drive_out(search: Search, agent: Int, count: Int) -> Int:  # pragma: no cover - compiled
+def _drive_out(search: ChainSearch, agent: Int, count: Int) -> Int:  # pragma: no cover - compiled
     """Let all join whom the path of an agent is in conflict with; returns the new count, -1 if they are too many."""
     roads, occupant = search.roads, search.table.occupant
     path = search.table.path[agent]
@@ -228,7 +228,7 @@ def _drive_out(search: Search, agent: Int, count: Int) -> Int:  # pragma: no cov
 
 
 @kernel
-def _join_if_other(search: Search, agent: Int, other: Int, count: Int) -> Int:  # pragma: no cover - compiled
+def _join_if_other(search: ChainSearch, agent: Int, other: Int, count: Int) -> Int:  # pragma: no cover - compiled
     if count < 0 or other == NOBODY or other == agent:  # noqa: PLR1714, SIM109
         return count
     if count == len(search.chain.member):
@@ -238,7 +238,7 @@ def _join_if_other(search: Search, agent: Int, other: Int, count: Int) -> Int:  
 
 
 @kernel
-def _lead(search: Search, agent: Int, limit: Int, bound: Int, price: Int) -> bool:  # pragma: no cover - compiled
+def _lead(search: ChainSearch, agent: Int, limit: Int, bound: Int, price: Int) -> bool:  # pragma: no cover - compiled
     """Find the path of least loss, at most `limit`, and write it down but for the cells.
 
     A* over legs, timesteps and states. A direct way loses nothing, so what is lost is all there is to a cost, and the
@@ -304,7 +304,7 @@ def _key(roads: Roads, leg: Int, t: Int, state: Int) -> Int:  # pragma: no cover
 
 @kernel
 def _push(
-    roads: Roads, frontier: Frontier, count: Int, state: Int, t: Int, leg: Int, parent: Int, loss: Int
+    roads: Roads, frontier: WindowFrontier, count: Int, state: Int, t: Int, leg: Int, parent: Int, loss: Int
 ) -> Int:  # pragma: no cover - compiled
     """Queue a node unless it has been reached with as little loss; returns the new number of nodes."""
     key = _key(roads, leg, t, state)
@@ -321,7 +321,7 @@ def _push(
 
 @kernel
 def _pushed(
-    search: Search, agent: Int, t: Int, state: Int, move: Int, to: Int, bound: Int
+    search: ChainSearch, agent: Int, t: Int, state: Int, move: Int, to: Int, bound: Int
 ) -> Int:  # pragma: no cover - compiled
     """How many agents a step drives out of their way; -1 if one of them cannot be, or the step closes a ring."""
     roads, occupant = search.roads, search.table.occupant
@@ -353,7 +353,7 @@ def _pushed(
 
 
 @kernel
-def _is_firm(search: Search, other: Int, bound: Int) -> bool:  # pragma: no cover - compiled
+def _is_firm(search: ChainSearch, other: Int, bound: Int) -> bool:  # pragma: no cover - compiled
     """Whether an agent cannot be driven out of its way."""
     chain = search.chain
     return bool(search.ways.locked[other] or chain.mark[other] == chain.stamp[0] or chain.place[other] < bound)

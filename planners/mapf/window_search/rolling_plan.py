@@ -12,8 +12,8 @@ from planners.mapf.multi_step.multi_step_kernel import Wishes
 from planners.mapf.options import open_moves
 from planners.mapf.roads import roads_of
 from planners.mapf.window_search import timetable
-from planners.mapf.window_search.chains import Chain, Frontier, Search, work
-from planners.mapf.window_search.timetable import FREE, Timetable, Ways
+from planners.mapf.window_search.chains import Chain, ChainSearch, WindowFrontier, work
+from planners.mapf.window_search.timetable import FREE, WayCosts, WindowTimetable
 
 LONGEST = 100
 """Timesteps of a window at most."""
@@ -79,9 +79,11 @@ class RollingPlan:
         def longs(*shape: int) -> np.typing.NDArray[np.int64]:
             return np.zeros(shape, dtype=np.int64)
 
-        self._table = Timetable(path=ints(n, window + 1), occupant=ints(window + 1, self._roads.n_cells), loss=longs(n))
+        self._table = WindowTimetable(
+            path=ints(n, window + 1), occupant=ints(window + 1, self._roads.n_cells), loss=longs(n)
+        )
         n_keys = (window + 1) * (FREE + 1) * graph.n_states
-        self._frontier = Frontier(
+        self._frontier = WindowFrontier(
             state=ints(_POOL),
             timestep=ints(_POOL),
             leg=ints(_POOL),
@@ -147,7 +149,7 @@ class RollingPlan:
             chain.mark[:], frontier.seen[:] = 0, 0
             chain.stamp[0], frontier.stamp[0] = 1, 1
         chain.place[sequence] = np.arange(len(sequence), dtype=np.int32)
-        ways = Ways(
+        ways = WayCosts(
             move_cost=self._move_cost,
             unit=self._unit,
             table=distances,
@@ -155,7 +157,7 @@ class RollingPlan:
             stay=self._stay,
             locked=self._locked,
         )
-        search = Search(
+        search = ChainSearch(
             roads=self._roads,
             ways=ways,
             table=self._table,

@@ -18,7 +18,7 @@ SIDE_STEP = 1
 """What a move costs that leads an agent without a goal somewhere; a wait costs it nothing."""
 
 
-class Timetable(NamedTuple):
+class WindowTimetable(NamedTuple):
     """The plan; n agents, T timesteps."""
 
     path: IntArray
@@ -30,7 +30,7 @@ class Timetable(NamedTuple):
     """What each agent does beyond a direct way to its goals, in units of cost, shape (n,)."""
 
 
-class Ways(NamedTuple):
+class WayCosts(NamedTuple):
     """What ways cost, and where they shall lead; n agents."""
 
     move_cost: IntArray
@@ -48,13 +48,13 @@ class Ways(NamedTuple):
 
 
 @kernel
-def first_leg(ways: Ways, agent: Int) -> Int:  # pragma: no cover - compiled
+def first_leg(ways: WayCosts, agent: Int) -> Int:  # pragma: no cover - compiled
     """What an agent is up to at first."""
     return TO_GOAL if ways.wishes.row[agent] >= 0 else FREE
 
 
 @kernel
-def price_of(ways: Ways, agent: Int, leg: Int, state: Int, to: Int, move_cost: Int) -> Int:  # pragma: no cover
+def price_of(ways: WayCosts, agent: Int, leg: Int, state: Int, to: Int, move_cost: Int) -> Int:  # pragma: no cover
     """What a timestep loses, from a state to another or to itself; compiled."""
     if leg == FREE:
         return SIDE_STEP if to != state else 0
@@ -67,7 +67,7 @@ def price_of(ways: Ways, agent: Int, leg: Int, state: Int, to: Int, move_cost: I
 
 
 @kernel
-def leg_after(ways: Ways, agent: Int, leg: Int, to: Int) -> Int:  # pragma: no cover - compiled
+def leg_after(ways: WayCosts, agent: Int, leg: Int, to: Int) -> Int:  # pragma: no cover - compiled
     """What an agent is up to once it is in a state."""
     if leg == TO_GOAL and ways.wishes.cell[agent] >= 0 and ways.table[ways.wishes.row[agent], to] == 0:
         return TO_NEXT if ways.wishes.next_row[agent] >= 0 else FREE
@@ -77,7 +77,7 @@ def leg_after(ways: Ways, agent: Int, leg: Int, to: Int) -> Int:  # pragma: no c
 
 
 @kernel
-def loss_of(roads: Roads, ways: Ways, table: Timetable, agent: Int) -> Int:  # pragma: no cover - compiled
+def loss_of(roads: Roads, ways: WayCosts, table: WindowTimetable, agent: Int) -> Int:  # pragma: no cover - compiled
     """What the path of an agent loses."""
     path = table.path[agent]
     leg, loss = first_leg(ways, agent), np.int64(0)
@@ -98,7 +98,7 @@ def move_of(roads: Roads, state: Int, to: Int) -> Int:  # pragma: no cover - com
 
 
 @kernel
-def write(roads: Roads, table: Timetable, agent: Int, who: Int) -> None:  # pragma: no cover - compiled
+def write(roads: Roads, table: WindowTimetable, agent: Int, who: Int) -> None:  # pragma: no cover - compiled
     """Write somebody, or nobody, wherever the path of an agent leads after the present."""
     path = table.path[agent]
     for t in range(1, len(path)):
@@ -112,7 +112,7 @@ def write(roads: Roads, table: Timetable, agent: Int, who: Int) -> None:  # prag
 
 
 @kernel
-def begin(roads: Roads, table: Timetable, states: IntArray) -> None:  # pragma: no cover - compiled
+def begin(roads: Roads, table: WindowTimetable, states: IntArray) -> None:  # pragma: no cover - compiled
     """Let everybody stay where it stands."""
     for t in range(table.occupant.shape[0]):
         for cell in range(table.occupant.shape[1]):
@@ -124,7 +124,7 @@ def begin(roads: Roads, table: Timetable, states: IntArray) -> None:  # pragma: 
 
 
 @kernel
-def go_on(roads: Roads, table: Timetable) -> None:  # pragma: no cover - compiled
+def go_on(roads: Roads, table: WindowTimetable) -> None:  # pragma: no cover - compiled
     """Let a timestep pass; the plan goes on with a wait, which hinders nobody where everybody is alone at the end."""
     last = table.path.shape[1] - 1
     for agent in range(len(table.path)):
@@ -139,7 +139,7 @@ def go_on(roads: Roads, table: Timetable) -> None:  # pragma: no cover - compile
 
 @kernel
 def extend(
-    roads: Roads, ways: Ways, table: Timetable, agent: Int, allow_rotation: bool
+    roads: Roads, ways: WayCosts, table: WindowTimetable, agent: Int, allow_rotation: bool
 ) -> None:  # pragma: no cover - compiled
     """Use the last timestep of a path for a move, where it is a wait, a move is better, and its cell is empty."""
     path, last = table.path[agent], table.path.shape[1] - 1
@@ -166,7 +166,9 @@ def extend(
 
 
 @kernel
-def _is_empty(roads: Roads, table: Timetable, last: Int, move: Int, to: Int, agent: Int) -> bool:  # pragma: no cover
+def _is_empty(
+    roads: Roads, table: WindowTimetable, last: Int, move: Int, to: Int, agent: Int
+) -> bool:  # pragma: no cover
     """Whether an agent can make a move in the last timestep without anybody's noticing; compiled."""
     other = table.occupant[last, roads.cell[to]]
     if other != NOBODY and other != agent:  # noqa: PLR1714
@@ -181,7 +183,7 @@ def _is_empty(roads: Roads, table: Timetable, last: Int, move: Int, to: Int, age
 
 @kernel
 def closes_ring(
-    roads: Roads, table: Timetable, agent: Int, t: Int, here: Int, there: Int
+    roads: Roads, table: WindowTimetable, agent: Int, t: Int, here: Int, there: Int
 ) -> bool:  # pragma: no cover - compiled
     """Whether somebody who goes from a cell to another follows one who follows ... one who goes where it came from."""
     path, at = table.path, there
