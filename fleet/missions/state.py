@@ -169,7 +169,7 @@ class Missions:
         self.awake[car] = not _PARKED[number] and phase is not CarPhase.DEAD
         self.charges[car] = phase is CarPhase.CHARGING
         self.bound[car] = _BOUND[number]
-        # An arm reaches into its tray: the car stays where it stands, however badly it is measured.
+        # An arm reaches into its tray: the car stays where it stands, though it is measured badly.
         self._traffic.executor.driver.brake(car, phase in AT_DOCK)
         if phase not in BOOKED:
             self.leave(car)

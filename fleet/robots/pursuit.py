@@ -220,6 +220,9 @@ class FollowerConfig:
     """A car this close to its stop, or past it, stands."""
     restart_m: float = 0.02
     """A standing car ignores a stop nearer than this [m], so that noise does not wake it."""
+    braked_restart_m: float = 0.2
+    """One that has its brake on ignores a stop nearer than this [m]: a burst of noise does not wake it either, and a
+    push that is more than that takes it off its lane."""
 
 
 class _Gains(NamedTuple):
@@ -243,6 +246,7 @@ class _Gains(NamedTuple):
     creep_mps: float
     stop_tolerance_m: float
     restart_m: float
+    braked_restart_m: float
 
 
 class _Following(NamedTuple):
@@ -277,7 +281,7 @@ class Follower:
         cross_track: Signed distance to the path, positive = car left of it as the nose points [m], shape (n_cars,).
         heading_error: Estimated yaw minus the path's yaw [rad] in [-pi, pi], shape (n_cars,).
         standing: True where the car was told to stand at its stop, shape (n_cars,).
-        braked: True where a car that stands goes on standing wherever it is believed to be, shape (n_cars,).
+        braked: True where a standing car has its brake on: little that is measured wakes it, shape (n_cars,).
 
     Args:
         spec: The car model.
@@ -318,6 +322,7 @@ class Follower:
             creep_mps=config.creep_mps,
             stop_tolerance_m=config.stop_tolerance_m,
             restart_m=config.restart_m,
+            braked_restart_m=config.braked_restart_m,
         )
 
     def reset(self, car: int) -> None:
@@ -558,9 +563,9 @@ def _follow(
         left = stop - s_here
         speed = sign * speeds[i]
 
-        # Standing: the true car must be slow, and only a stop that is farther on ends it, unless it is braked.
+        # Standing: the true car must be slow, and only a stop that is farther on ends it.
         if standing[i]:
-            standing[i] = braked[i] or left < g.restart_m
+            standing[i] = left < (g.braked_restart_m if braked[i] else g.restart_m)
         elif left <= g.stop_tolerance_m and abs(speed) < SLOW_MPS:
             standing[i] = True
         if standing[i] and piece < count[i] - 1 and stop_s[i] > piece_s and left <= g.restart_m:

@@ -79,7 +79,7 @@ class Driver(Protocol):
         """End a `stop` or a `give_up`."""
 
     def brake(self, car: int, on: bool) -> None:
-        """Keep a car that has come to its stop there, wherever it is measured to be, or no longer."""
+        """Let a car that has come to its stop stand there although it is measured a little off it, or no longer."""
 
     def blur(self, car: int, factor: float) -> None:
         """Measure so many times as badly from now on where a car is, if that is measured."""

@@ -165,7 +165,7 @@ def test_stop_before_the_end_then_go_on() -> None:
         assert follower.progress[0] == pytest.approx(stop_m, abs=0.005)
 
 
-def test_a_braked_car_stands_wherever_it_is_measured() -> None:
+def test_a_braked_car_stands_though_it_is_measured_a_little_off_its_stop() -> None:
     paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
     lay(paths, 0, [(1.0, 0.0)])
 
@@ -178,6 +178,8 @@ def test_a_braked_car_stands_wherever_it_is_measured() -> None:
     assert command_mps(0.9) > 0.0, "it has not come to its stop yet"
     assert command_mps(1.0) == 0.0
     assert command_mps(0.9) == 0.0
+    assert command_mps(0.7) > 0.0, "it was pushed"
+    assert command_mps(1.0) == 0.0
     follower.braked[:] = False
     assert command_mps(0.9) > 0.0
 
