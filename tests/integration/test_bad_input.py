@@ -88,7 +88,10 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--stream", "waves", "--orders", "some.csv"], ["--stream", "without --orders"]),
         (["--stream", "waves", "--rate", "0"], ["--rate is 0.0", "a number from 0.001"]),
         (["--rate", "10"], ["--rate", "with --stream"]),
-        (["--planner", "nope"], ["--planner is 'nope'", "pibt, multi_step_pibt, window_search or package.module.Class"]),
+        (
+            ["--planner", "nope"],
+            ["--planner is 'nope'", "pibt, multi_step_pibt, window_search or package.module.Class"],
+        ),
         (["--planner", "no_such_package.Mine"], ["--planner is 'no_such_package.Mine'", "No module named", "pibt"]),
         (["--planner", f"{OWN}.a_function"], ["no class with plan(instance, tables, deadline) -> Plan"]),
         (["--planner", f"{OWN}.Seedless"], ["unexpected keyword argument 'seed'", "made with seed="]),

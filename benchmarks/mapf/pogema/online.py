@@ -15,7 +15,7 @@ from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.guidance import UNIT, Errands, GuidanceConfig, learn_guidance
 from planners.mapf.multi_step.multi_step_kernel import Wishes
 from planners.mapf.multi_step.pockets import pocket_depth
-from planners.mapf.window_search.rolling_plan import RollingPlan
+from planners.mapf.window_search.steady_plan import SteadyPlan
 from planners.mapf.window_search.window_search import WindowSearchConfig
 
 LEARNING_STEPS = 150
@@ -54,7 +54,7 @@ class WindowPlanner:
         self._graph = graph
         self._config = WindowSearchConfig() if config is None else config
         self._costs = GoalCosts(graph, graph, move_cost=move_cost) if costs is None else costs
-        self._plan = RollingPlan(
+        self._plan = SteadyPlan(
             graph,
             np.zeros(graph.n_cells, dtype=np.bool_),
             n,

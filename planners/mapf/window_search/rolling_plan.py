@@ -107,6 +107,12 @@ class RollingPlan:
         self._stay = np.zeros(n, dtype=np.bool_)
         self._begun = False
 
+    @property
+    def stuck_share(self) -> float:
+        """Share of the agents that come no nearer in the whole window, as of the last timestep decided."""
+        stuck = self._unit * (self._table.path.shape[1] - 1)
+        return float(np.mean(self._table.loss >= stuck)) if len(self._locked) else 0.0
+
     def fits(self, graph: LaneGraph, blocked: BoolArray, n: int) -> bool:
         """Whether this is the floor and the size of fleet it was made for."""
         return graph is self.graph and n == len(self._locked) and np.array_equal(blocked, self._blocked)

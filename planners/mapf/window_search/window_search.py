@@ -13,7 +13,8 @@ from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.multi_step.multi_step_kernel import Wishes
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
-from planners.mapf.window_search.rolling_plan import LONGEST, RollingPlan
+from planners.mapf.window_search.rolling_plan import LONGEST
+from planners.mapf.window_search.steady_plan import SteadyPlan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +38,7 @@ class WindowSearchConfig:
 
 
 class WindowSearch:
-    """Plans a longer window than it is asked for, hands out its beginning, and keeps the rest; see `RollingPlan`.
+    """Plans a longer window than it is asked for, hands out its beginning, and keeps the rest; see `SteadyPlan`.
 
     Where there is room it finds better ways than PIBT, which sees a step or a few; what it costs is set beforehand.
 
@@ -49,7 +50,7 @@ class WindowSearch:
     def __init__(self, config: WindowSearchConfig | None = None, *, seed: int | np.random.Generator = 0) -> None:
         self.config = WindowSearchConfig() if config is None else config
         self._rng = np.random.default_rng(seed)
-        self._plan: RollingPlan | None = None
+        self._plan: SteadyPlan | None = None
 
     def plan(self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None) -> Plan:
         """Plan one window.
@@ -69,7 +70,7 @@ class WindowSearch:
         tables = tables_of(instance, tables, "window search")
         deadline = Deadline() if deadline is None else deadline
         if self._plan is None or not self._plan.fits(graph, instance.blocked, n):
-            self._plan = RollingPlan(graph, instance.blocked, n, window=self.config.window, seed=self._rng)
+            self._plan = SteadyPlan(graph, instance.blocked, n, window=self.config.window, seed=self._rng)
         plan = self._plan
         table, row = tables.rows(instance.goals)
         reachable = reachable_goals(instance, table, row)

@@ -14,6 +14,7 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.multi_step.multi_step_kernel import Wishes
+from planners.mapf.multi_step.priorities import Priorities
 from planners.mapf.pibt import Pibt
 from planners.mapf.planner import MapfPlanner
 from planners.mapf.problem import NO_GOAL, Instance, Plan
@@ -31,6 +32,7 @@ from tests.unit.planners.mapf.lanes import (
     reached,
     rotating_grid,
 )
+from tests.unit.planners.mapf.test_never_frozen import cluttered
 
 GRAPHS = {"pebble": open_grid, "rotating": rotating_grid, "one_way": one_way_grid, "wide": king_grid}
 
@@ -128,21 +130,23 @@ def test_who_is_held_stays_and_the_others_go_round() -> None:
     assert (plan.states[:, 1] == 10).all()
 
 
-def lifelong(planner: MapfPlanner, graph: LaneGraph, n: int, steps: int, seed: int) -> int:
-    """Goals reached when each agent gets a new one at once."""
+def lifelong(planner: MapfPlanner, graph: LaneGraph, n: int, steps: int, seed: int) -> list[int]:
+    """Goals reached in each timestep when each agent gets a new one at once."""
     rng = np.random.default_rng(seed)
     tables = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_))
     states = random_starts(graph, n, rng)
     goals = rng.integers(graph.n_states, size=n)
-    waited, done = rng.random(n), 0
+    priorities = Priorities(graph, n, seed=seed)
+    done = []
     for _ in range(steps):
         instance = instance_of(
-            graph, states, goals.tolist(), priorities=waited.tolist(), allow_rotation=True, horizon=1
+            graph, states, goals.tolist(), priorities=priorities.values.tolist(), allow_rotation=True, horizon=1
         )
         row = planner.plan(instance, tables).states[1]
         there = row == goals
-        states, done = row.tolist(), done + int(there.sum())
-        waited = np.where(there, waited % 1.0, waited + 1.0)
+        states = row.tolist()
+        done.append(int(there.sum()))
+        priorities.advance(row, goals.astype(np.int32))
         goals[there] = rng.integers(graph.n_states, size=int(there.sum()))
     return done
 
@@ -153,8 +157,17 @@ def test_on_a_floor_with_some_room_more_is_done_than_by_pibt() -> None:
     free[2::4, 1:-1] = False
     free[:, 6] |= rng.random(14) < 0.5
     graph = grid_lane_graph(GridMap(free), "pebble")
-    ours, pibt = (sum(lifelong(make(seed=3), graph, 30, 200, s) for s in range(2)) for make in (WindowSearch, Pibt))
+    ours, pibt = (
+        sum(sum(lifelong(make(seed=3), graph, 30, 200, s)) for s in range(2)) for make in (WindowSearch, Pibt)
+    )
     assert ours > 1.1 * pibt
+
+
+def test_a_crowd_that_jams_is_driven_on_by_multi_step_pibt() -> None:
+    graph = cluttered(1, side=12)
+    done = lifelong(WindowSearch(seed=0), graph, int(0.65 * graph.n_states), 600, 0)
+    quarters = [sum(done[k : k + 150]) for k in range(0, 600, 150)]
+    assert min(quarters) > 0.6 * max(quarters)
 
 
 def rolled(
