@@ -59,7 +59,7 @@ class SteadyPlan:
         dearest = 1 if move_cost is None else int(move_cost.max(initial=1))
         self._mover = Mover(graph, blocked, n, length=_LENGTH, dearest=dearest, seed=rng)
         self._graph, self._window = graph, window
-        self._spell = _FIRST_SPELL
+        self._spell = 0
         self._pushing = 0
         self._searched = 0
         self._expected = np.full(n, -1, dtype=np.int32)

@@ -20,6 +20,7 @@ from planners.mapf.planner import MapfPlanner
 from planners.mapf.problem import NO_GOAL, Instance, Plan
 from planners.mapf.validate import breaches, conflicts
 from planners.mapf.window_search.rolling_plan import RollingPlan
+from planners.mapf.window_search.steady_plan import SteadyPlan
 from planners.mapf.window_search.window_search import WindowSearch, WindowSearchConfig
 from planners.status import Status
 from tests.unit.planners.mapf.lanes import (
@@ -168,6 +169,20 @@ def test_a_crowd_that_jams_is_driven_on_by_multi_step_pibt() -> None:
     done = lifelong(WindowSearch(seed=0), graph, int(0.65 * graph.n_states), 600, 0)
     quarters = [sum(done[k : k + 150]) for k in range(0, 600, 150)]
     assert min(quarters) > 0.6 * max(quarters)
+
+
+def test_multi_step_pibt_drives_for_two_windows_and_for_twice_as_long_if_the_fleet_jams_again() -> None:
+    graph, window = bay_corridor(4, []), 4  # two who meet here never pass
+    plan = SteadyPlan(graph, np.zeros(graph.n_cells, dtype=np.bool_), 2, window=window, seed=0)
+    distances, row = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)).rows(np.array([3, 0]))
+    nowhere = np.full(2, -1, dtype=np.int32)
+    wishes = Wishes(row=row, cell=nowhere, next_row=nowhere, onward=np.zeros(2, dtype=np.int32))
+    states, pushing = np.array([1, 2], dtype=np.int32), []
+    for _ in range(80):
+        plan.begin(states)
+        states = plan.step(distances, wishes, np.arange(2, dtype=np.int32), nodes=500, allow_rotation=False)
+        pushing.append("p" if plan.is_pushing else " ")
+    assert [len(spell) for spell in "".join(pushing).split()][:3] == [2 * window, 4 * window, 8 * window]
 
 
 def rolled(
