@@ -9,6 +9,14 @@ import numpy as np
 from scipy.ndimage import label
 
 from maps.formats.lorr import read_problem
+from maps.grid import BoolGrid
+
+
+def largest_part(free: BoolGrid) -> BoolGrid:
+    """The largest part of a floor that holds together, shape (rows, cols)."""
+    parts, _ = label(free)
+    largest: BoolGrid = parts == np.argmax(np.bincount(parts.ravel())[1:]) + 1
+    return largest
 
 
 def draw_problem(published: Path, folder: Path, n_robots: int, seed: int) -> Path:
@@ -28,9 +36,7 @@ def draw_problem(published: Path, folder: Path, n_robots: int, seed: int) -> Pat
     """
     problem = read_problem(published)
     rng = np.random.default_rng(seed)
-    parts, _ = label(problem.grid.free)
-    largest = np.argmax(np.bincount(parts.ravel())[1:]) + 1
-    starts = rng.choice(np.flatnonzero(parts.ravel() == largest), n_robots, replace=False)
+    starts = rng.choice(np.flatnonzero(largest_part(problem.grid.free)), n_robots, replace=False)
     tasks = [",".join(map(str, problem.errands(task).tolist())) for task in rng.permutation(problem.n_tasks).tolist()]
     name = f"{published.stem}_{n_robots}_{seed}"
     (folder / f"{name}.agents").write_text("\n".join(map(str, [n_robots, *starts.tolist()])) + "\n", encoding="utf-8")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.ndimage import label
 
 from benchmarks.harness import Row, Trial
+from benchmarks.mapf.drawn import largest_part
 from fleet.arrays import BoolArray
 from fleet.league.multi_step_controller import MultiStepController
 from fleet.league.pace import finished_in_blocks, longest_stand
@@ -55,10 +55,7 @@ def draw_floor(seed: int) -> LeagueProblem:
         seed: Seed of everything: racks, aisles, dead ends, robots (a tenth to half of the floor), tasks of two errands.
     """
     rng = np.random.default_rng(seed)
-    free = _racks(rng)
-    parts, _ = label(free)
-    largest = np.argmax(np.bincount(parts.ravel())[1:]) + 1
-    grid = GridMap(parts == largest)
+    grid = GridMap(largest_part(_racks(rng)))
     cells = np.flatnonzero(grid.free)
     n = int(rng.uniform(0.1, 0.5) * len(cells))
     ends = rng.choice(cells, size=2 * TASKS_PER_ROBOT * n)

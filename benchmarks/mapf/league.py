@@ -6,7 +6,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,8 @@ ANYTIME = (
     Case(problem="RANDOM-03", steps=800, budget_ms=ANYTIME_MS, targets={"tasks_finished": ">= 2100"} | STARTUP),
 )
 
-FIGURES = (
+Figure = tuple[str, str, str, Kind]
+FIGURES: tuple[Figure, ...] = (
     ("tasks_finished", "tasks finished", "", Kind.PLAIN),
     ("step_ms_mean", "step, mean", "ms", Kind.TIME),
     ("step_ms_max", "step, worst", "ms", Kind.TIME),
@@ -83,18 +84,44 @@ def _measure(trial: Trial, cases: Sequence[Case]) -> Iterable[Row]:
         path = find(trial, f"lorr2024/{case.problem}.json", what=title)
         if path is None:
             continue
-        summary = play_problem(path, steps, case.budget_ms, seed=trial.seeds[0])
-        for key in WRONG:
-            trial.check(summary[key] == 0, f"{title}: {summary[key]} {key}")
-        trial.check(summary["steps"] == steps, f"{title}: {summary['steps']} steps played")
-        targets = {} if trial.quick else case.targets
-        yield Row(name=f"{title}: robots", value=summary["robots"], unit="")
-        for key, name, unit, kind in FIGURES:
-            yield Row(name=f"  {name}", value=summary[key], unit=unit, kind=kind, target=targets.get(key, ""))
+        summary = play_problem(trial, title, path, steps, case.budget_ms, seed=trial.seeds[0])
+        yield from figure_rows(title, summary, FIGURES, {} if trial.quick else case.targets)
 
 
-def play_problem(problem: Path, steps: int, budget_ms: float, *, seed: int) -> dict[str, Any]:
-    """Summary of `fleet lorr`; kernels that are not in the cache yet are compiled in its start-up."""
+def figure_rows(
+    title: str, summary: Mapping[str, Any], figures: Iterable[Figure], targets: Mapping[str, str]
+) -> Iterable[Row]:
+    """Rows of a run: how many robots, then its figures, with the targets that have the same key."""
+    yield Row(name=f"{title}: robots", value=summary["robots"], unit="")
+    for key, name, unit, kind in figures:
+        yield Row(name=f"  {name}", value=summary[key], unit=unit, kind=kind, target=targets.get(key, ""))
+
+
+def play_problem(trial: Trial, title: str, problem: Path, steps: int, budget_ms: float, *, seed: int) -> dict[str, Any]:
+    """Play by `fleet lorr`, and check that nothing was wrong.
+
+    Kernels that are not in the cache yet are compiled in its start-up.
+
+    Args:
+        trial: Told, under the title, what was wrong.
+        title: Name of the run.
+        problem: Problem file.
+        steps: Timesteps.
+        budget_ms: Wall time for each of them [ms].
+        seed: Seed of everything random.
+
+    Returns:
+        Its summary.
+    """
+    summary = _played(problem, steps, budget_ms, seed=seed)
+    for key in WRONG:
+        trial.check(summary[key] == 0, f"{title}: {summary[key]} {key}")
+    trial.check(summary["steps"] == steps, f"{title}: {summary['steps']} steps played")
+    return summary
+
+
+def _played(problem: Path, steps: int, budget_ms: float, *, seed: int) -> dict[str, Any]:
+    """Summary of `fleet lorr`."""
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "summary.json"
         words = [problem, "--steps", steps, "--budget-ms", budget_ms, "--seed", seed, "--json", output]

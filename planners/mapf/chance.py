@@ -7,8 +7,6 @@ import numpy.typing as npt
 
 from planners.mapf.kernel import Int, kernel
 
-_STEP = 0x9E3779B97F4A7C15
-"""What every draw adds to the state."""
 Chance = npt.NDArray[np.uint64]
 """State of a stream of random numbers, shape (1,); every draw moves it on."""
 
@@ -20,8 +18,7 @@ def chance_of(rng: np.random.Generator) -> Chance:
 
 def split(chance: Chance) -> Chance:
     """A stream of its own, seeded by the next number of this one."""
-    chance[0] = (int(chance[0]) + _STEP) % 2**64
-    return np.array([mixed(chance[0])], dtype=np.uint64)
+    return np.array([_next_word(chance)], dtype=np.uint64)
 
 
 @kernel
@@ -36,10 +33,17 @@ def mixed(word: np.uint64) -> np.uint64:  # pragma: no cover - compiled
 
 
 @kernel
+def _next_word(chance: Chance) -> np.uint64:  # pragma: no cover - compiled
+    """Next 64 bits."""
+    chance[0] += np.uint64(0x9E3779B97F4A7C15)
+    word: np.uint64 = mixed(chance[0])
+    return word
+
+
+@kernel
 def draw(chance: Chance) -> float:  # pragma: no cover - compiled
     """Next number in [0, 1)."""
-    chance[0] += np.uint64(_STEP)
-    return np.float64(mixed(chance[0]) >> np.uint64(11)) * 2.0**-53
+    return np.float64(_next_word(chance) >> np.uint64(11)) * 2.0**-53
 
 
 @kernel

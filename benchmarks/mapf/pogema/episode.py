@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import label
 
 from maps.grid import GridMap
 
@@ -67,22 +68,8 @@ class Floor:
     @cached_property
     def parts(self) -> Cells:
         """Number of the connected part of the floor that each cell belongs to, -1 for obstacles, shape (n_cells,)."""
-        free = self.grid.free
-        rows, cols = free.shape
-        part = np.full(free.size, -1, dtype=np.int64)
-        n_parts = 0
-        for seed in np.flatnonzero(free).tolist():
-            if part[seed] >= 0:
-                continue
-            part[seed], waiting = n_parts, [seed]
-            while waiting:
-                row, col = divmod(waiting.pop(), cols)
-                for there, across in ((row - 1, col), (row + 1, col), (row, col - 1), (row, col + 1)):
-                    cell = there * cols + across
-                    if 0 <= there < rows and 0 <= across < cols and free[there, across] and part[cell] < 0:
-                        part[cell] = n_parts
-                        waiting.append(cell)
-            n_parts += 1
+        parts, _ = label(self.grid.free)
+        part: Cells = parts.ravel().astype(np.int64) - 1
         return part
 
     def _marked(self, characters: str) -> npt.NDArray[np.bool_]:

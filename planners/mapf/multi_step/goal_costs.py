@@ -101,9 +101,7 @@ class GoalCosts:
         rotating, pebble = self._rotating, self._pebble
         move_cost = np.full(rotating.n_moves, cost.min(initial=MOST_COST), dtype=np.int32)
         drives = np.flatnonzero(rotating.move_kind != TURN)
-        ends = _ends(pebble, np.arange(pebble.n_moves))
-        order = np.argsort(ends)
-        move_cost[drives] = cost[order[np.searchsorted(ends[order], _ends(rotating, drives))]]
+        move_cost[drives] = cost[_same(_ends(rotating, drives), _ends(pebble, np.arange(pebble.n_moves)))]
         self.weigh(move_cost)
 
     def rows(self, cells: IntArray) -> IntArray:
@@ -151,9 +149,7 @@ def _coarse_table(
     nobody = np.zeros(pebble.n_cells, dtype=np.bool_)
     if cost.max(initial=1) == 1:
         return DistanceTable(pebble, nobody, memory_cap=memory_cap)
-    ends = _ends(rotating, drives)
-    order = np.argsort(ends)
-    place = order[np.searchsorted(ends[order], _ends(pebble, np.arange(pebble.n_moves)))]
+    place = _same(_ends(pebble, np.arange(pebble.n_moves)), _ends(rotating, drives))
     return DistanceTable(pebble, nobody, memory_cap=memory_cap, move_costs=cost[place])
 
 
@@ -162,6 +158,13 @@ def _ends(graph: LaneGraph, moves: npt.NDArray[np.int64]) -> npt.NDArray[np.int6
     origin, target = graph.state_cell[graph.move_from[moves]], graph.state_cell[graph.move_to[moves]]
     ends: npt.NDArray[np.int64] = origin.astype(np.int64) * graph.n_cells + target
     return ends
+
+
+def _same(wanted: npt.NDArray[np.int64], ends: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Where in `ends` each of the numbers stands that are wanted; all of them do."""
+    order = np.argsort(ends)
+    place: npt.NDArray[np.int64] = order[np.searchsorted(ends[order], wanted)]
+    return place
 
 
 def _look_ahead(rotating: LaneGraph, pebble: LaneGraph, drives: npt.NDArray[np.int64], cost: IntArray) -> Look:

@@ -14,7 +14,7 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import FloatArray, IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
-from planners.mapf.multi_step.multi_step_kernel import Wishes
+from planners.mapf.multi_step.multi_step_kernel import wishes_to_stay
 from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
 from planners.mapf.multi_step.pockets import pocket_depth
 
@@ -183,8 +183,7 @@ def _drive(
     place = errands.ptr[rng.integers(len(errands.ptr) - 1, size=n)].astype(np.int64)
     end = np.zeros(len(errands.cell), dtype=np.bool_)
     end[errands.ptr[1:] - 1] = True
-    no_cost = np.zeros(n, dtype=np.int32)
-    nothing = np.full(n, -1, dtype=np.int32)
+    wishes = wishes_to_stay(np.full(n, -1, dtype=np.int32))
     states, n_done = [starts], 0
     mover.begin(starts)
     for _ in range(config.timesteps):
@@ -194,7 +193,7 @@ def _drive(
         sequence = np.argsort(to_go - depth[graph.state_cell[states[-1]]] * 2**20, kind="stable").astype(np.int32)
         after = mover.step(
             costs.costs,
-            Wishes(row=row, cell=nothing, next_row=nothing, onward=no_cost),
+            wishes._replace(row=row),
             sequence,
             weight=rank_weights(sequence),
             most_tries=1000,

@@ -59,6 +59,12 @@ class Wishes(NamedTuple):
     """Cost from the goal to the next one."""
 
 
+def wishes_to_stay(row: IntArray) -> Wishes:
+    """Wishes of agents that go to a goal and stay there; row of each goal in the table, -1 = none, shape (n,)."""
+    nowhere = np.full(len(row), -1, dtype=np.int32)
+    return Wishes(row=row, cell=nowhere, next_row=nowhere, onward=np.zeros(len(row), dtype=np.int32))
+
+
 class Aims(NamedTuple):
     """What makes one operation better than another."""
 

@@ -16,7 +16,7 @@ from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.chance import chance_of, split
 from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.multi_step import multi_step_kernel as kernels
-from planners.mapf.multi_step.multi_step_kernel import Aims, Choices, Costs, Look, Wishes
+from planners.mapf.multi_step.multi_step_kernel import Aims, Choices, Costs, Look, Wishes, wishes_to_stay
 from planners.mapf.multi_step.operations import LONGEST, Operations, operations_of
 from planners.mapf.options import open_moves
 from planners.mapf.problem import Instance, Plan
@@ -98,13 +98,7 @@ class MultiStepPibt:
         mover = self._mover
         table, row = tables.rows(instance.goals)
         reachable = reachable_goals(instance, table, row)
-        nowhere = np.full(n, -1, dtype=np.int32)
-        wishes = Wishes(
-            row=np.where(reachable, row, np.int32(-1)),
-            cell=nowhere,
-            next_row=nowhere,
-            onward=np.zeros(n, dtype=np.int32),
-        )
+        wishes = wishes_to_stay(np.where(reachable, row, np.int32(-1)))
         costs = exact_costs(table, graph.n_states)
         mover.begin(instance.starts)
 

@@ -91,14 +91,12 @@ def assign_traffic(
         graph: Pebble graph on it; every move has one the other way.
         errands: Tasks as the fleet will get them.
         n_robots: Robots on the floor.
-        own_cost: What each move costs where nobody is, shape (n_moves,); None = 1 each.
+        own_cost: What each move costs where nobody is, 1 or more, shape (n_moves,); None = 1 each.
         first_cost: The same in the first round, to break the tie between the two directions of an aisle; None = as in
             all others.
         config: Settings.
         seed: Seed of the goals drawn.
 
-    Raises:
-        PlanningError: A cost is out of range.
     Source: all-or-nothing assignment to shortest-path trees with averaged volumes, Smock, "An iterative assignment
     approach to capacity restraint on arterial networks", Highway Research Board Bulletin 347, 1962; that opposing
     traffic and crowds are what costs time here is our own.
@@ -108,7 +106,8 @@ def assign_traffic(
     back = reverse_moves(graph.state_cell[graph.move_from], graph.state_cell[graph.move_to], graph.n_cells)
     nobody = np.zeros(graph.n_cells, dtype=np.bool_)
     own = np.ones(graph.n_moves, dtype=np.int32) if own_cost is None else own_cost
-    cost = _fitting(graph, back, _whole(own if first_cost is None else first_cost))
+    parts = _parts(graph)
+    cost = _fitting(graph, back, parts, _whole(own if first_cost is None else first_cost))
     place = np.arange(len(errands.cell)) - np.repeat(errands.ptr[:-1], np.diff(errands.ptr))
     sources = _sources(graph, errands, place)
     flow = np.zeros(graph.n_moves)
@@ -124,7 +123,7 @@ def assign_traffic(
         extra = np.minimum(config.meeting * flow[back], config.most)
         if config.crowding:
             extra += config.crowding * np.maximum(_around(grid, graph, flow, config.around) - config.roomy, 0.0)
-        cost = _fitting(graph, back, _whole(own + extra))
+        cost = _fitting(graph, back, parts, _whole(own + extra))
     return Streams(cost=cost, flow=flow)
 
 
@@ -132,25 +131,34 @@ def _whole(cost: npt.NDArray[np.floating[Any] | np.integer[Any]]) -> IntArray:
     return np.clip(np.round(UNIT * cost), 1, MOST_COST).astype(np.int32)
 
 
-def _fitting(graph: LaneGraph, back: npt.NDArray[np.int64], cost: IntArray) -> IntArray:
+def _parts(graph: LaneGraph) -> list[npt.NDArray[np.int64]]:
+    """States of each part of the floor that holds together."""
+    ends = np.ones(graph.n_moves, dtype=np.bool_), (graph.move_from, graph.move_to)
+    n_parts, part_of = connected_components(coo_array(ends, shape=(graph.n_states, graph.n_states)), directed=False)
+    in_parts = np.argsort(part_of, kind="stable")
+    return np.split(in_parts, np.cumsum(np.bincount(part_of, minlength=n_parts))[:-1])
+
+
+def _fitting(
+    graph: LaneGraph, back: npt.NDArray[np.int64], parts: list[npt.NDArray[np.int64]], cost: IntArray
+) -> IntArray:
     """The costs, halved until a distance table can hold the dearest way between any two cells of the floor."""
-    while cost.max(initial=1) > 1 and not _fits(graph, back, cost):
+    while cost.max(initial=1) > 1 and not _fits(graph, back, parts, cost):
         cost = np.maximum(cost // 2, 1)
     return cost
 
 
-def _fits(graph: LaneGraph, back: npt.NDArray[np.int64], cost: IntArray) -> bool:
+def _fits(graph: LaneGraph, back: npt.NDArray[np.int64], parts: list[npt.NDArray[np.int64]], cost: IntArray) -> bool:
     """Whether all ways over some cell of each part of the floor can be held; no cheapest way is dearer than those."""
-    ends = np.ones(graph.n_moves, dtype=np.bool_), (graph.move_from, graph.move_to)
-    n_parts, part_of = connected_components(coo_array(ends, shape=(graph.n_states, graph.n_states)), directed=False)
-    large = np.flatnonzero(np.bincount(part_of, minlength=n_parts) * int(cost.max()) >= UNREACHABLE)
+    large = [part for part in parts if len(part) * int(cost.max()) >= UNREACHABLE]
+    if not large:
+        return True
     nobody = np.zeros(graph.n_cells, dtype=np.bool_)
     try:
         to, fro = (DistanceTable(graph, nobody, move_costs=way) for way in (cost, cost[back]))
-        for part in large.tolist():
-            state = int(np.argmax(part_of == part))
-            inside = part_of == part
-            if int(to.to(state)[inside].max()) + int(fro.to(state)[inside].max()) >= UNREACHABLE:
+        for part in large:
+            state = int(part[0])
+            if int(to.to(state)[part].max()) + int(fro.to(state)[part].max()) >= UNREACHABLE:
                 return False
     except DistanceTooLong:
         return False

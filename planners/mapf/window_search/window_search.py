@@ -10,7 +10,7 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.distance_table import DistanceTable, tables_of
-from planners.mapf.multi_step.multi_step_kernel import Wishes
+from planners.mapf.multi_step.multi_step_kernel import wishes_to_stay
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
 from planners.mapf.window_search.rolling_plan import LONGEST
@@ -74,13 +74,7 @@ class WindowSearch:
         plan = self._plan
         table, row = tables.rows(instance.goals)
         reachable = reachable_goals(instance, table, row)
-        nowhere = np.full(n, -1, dtype=np.int32)
-        wishes = Wishes(
-            row=np.where(reachable, row, np.int32(-1)),
-            cell=nowhere,
-            next_row=nowhere,
-            onward=np.zeros(n, dtype=np.int32),
-        )
+        wishes = wishes_to_stay(np.where(reachable, row, np.int32(-1)))
         plan.begin(instance.starts)
 
         def step(now: IntArray, after: IntArray, *, order: IntArray, locked: BoolArray) -> None:
