@@ -165,7 +165,9 @@ class MultiStepController:
             next_row=rows[n:].copy(),
             onward=np.where(further, self._schedule.onward_of[place], np.int32(0)).astype(np.int32),
         )
-        to_go = left(costs, arena.states, wishes.row) + np.where(busy, self._schedule.rest_of[place], _LARGE)
+        to_go = left(costs, arena.states, wishes.row, self._mover.crew) + np.where(
+            busy, self._schedule.rest_of[place], _LARGE
+        )
         here = arena.graph.state_cell[arena.states]
         self._waited = np.where(here == self._cells, self._waited + 1, 0)
         self._cells = here

@@ -16,11 +16,6 @@ def chance_of(rng: np.random.Generator) -> Chance:
     return rng.integers(0, 2**64, size=1, dtype=np.uint64)
 
 
-def split(chance: Chance) -> Chance:
-    """A stream of its own, seeded by the next number of this one."""
-    return np.array([_next_word(chance)], dtype=np.uint64)
-
-
 @kernel
 def mixed(word: np.uint64) -> np.uint64:  # pragma: no cover - compiled
     """Spread the bits of a word, so that neighbouring words become strangers.
@@ -33,7 +28,7 @@ def mixed(word: np.uint64) -> np.uint64:  # pragma: no cover - compiled
 
 
 @kernel
-def _next_word(chance: Chance) -> np.uint64:  # pragma: no cover - compiled
+def next_word(chance: Chance) -> np.uint64:  # pragma: no cover - compiled
     """Next 64 bits."""
     chance[0] += np.uint64(0x9E3779B97F4A7C15)
     word: np.uint64 = mixed(chance[0])
@@ -43,7 +38,7 @@ def _next_word(chance: Chance) -> np.uint64:  # pragma: no cover - compiled
 @kernel
 def draw(chance: Chance) -> float:  # pragma: no cover - compiled
     """Next number in [0, 1)."""
-    return np.float64(_next_word(chance) >> np.uint64(11)) * 2.0**-53
+    return np.float64(next_word(chance) >> np.uint64(11)) * 2.0**-53
 
 
 @kernel

@@ -10,8 +10,9 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import Distances, IntArray
 from planners.mapf.distance_table import MOST_COST, UNREACHABLE, DistanceTable
-from planners.mapf.kernel import kernel
+from planners.mapf.kernel import Int, kernel
 from planners.mapf.multi_step import multi_step_kernel
+from planners.mapf.multi_step.crew import Crew
 from planners.mapf.multi_step.multi_step_kernel import Costs, Look
 from planners.mapf.multi_step.multi_step_pibt import look_of_states
 
@@ -244,14 +245,19 @@ def _fill_all(
 
 
 @kernel
-def left_of(costs: Costs, states: IntArray, rows: IntArray, out: IntArray) -> None:  # pragma: no cover - compiled
-    """What is left from each state to its row's goal, shape (n,); 0 for a negative row."""
-    for k in range(len(states)):
+def _left_of(
+    costs: Costs, states: IntArray, rows: IntArray, out: IntArray, begin: Int, end: Int
+) -> None:  # pragma: no cover - compiled
+    """What is left from states `begin` to `end` - 1 to their rows' goals."""
+    for k in range(begin, end):
         out[k] = min(multi_step_kernel.left(costs, states[k], rows[k]), UNREACHABLE) if rows[k] >= 0 else 0
 
 
-def left(costs: Costs, states: IntArray, rows: IntArray) -> IntArray:
-    """What is left from each state to its row's goal, shape (n,); 0 for a negative row."""
+def left(costs: Costs, states: IntArray, rows: IntArray, crew: Crew | None = None) -> IntArray:
+    """What is left from each state to its row's goal, shape (n,); 0 for a negative row; a crew of n shares the work."""
     out = np.empty(len(states), dtype=np.int32)
-    left_of(costs, states, rows, out)
+    if crew is None:
+        _left_of(costs, states, rows, out, 0, len(states))
+    else:
+        crew.each(lambda begin, end: _left_of(costs, states, rows, out, begin, end))
     return out

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.mapf.arrays import BoolArray, Distances, FloatArray, IntArray, SmallIntArray
-from planners.mapf.chance import Chance, draw_below
-from planners.mapf.kernel import Int, kernel
+from planners.mapf.chance import Chance, draw_below, mixed
+from planners.mapf.kernel import Int, inlined, kernel
 from planners.mapf.multi_step.operations import Operations
 from planners.mapf.problem import NOBODY
 
@@ -20,6 +20,7 @@ UNRANKED = -1
 _COST_BIT = 10
 """An operation's key: what is left to do behind it; then how late its last move is; then chance."""
 _LATE_BIT = 6
+_LUCK_BIT = np.uint64(64 - _LATE_BIT)
 _PASSED_OF_TEN = 3
 """Of ten pushes that a round of improvement could make, those it passes over, so that an agent that is asked again
 tries other chains."""
@@ -70,11 +71,13 @@ class Aims(NamedTuple):
 
     table: Distances
     """What is left to do, shape (goals, keys)."""
-    rested: Look
-    """Where to look after a rest in which the robot may turn: entry r * S + s for r timesteps in state s."""
+    behind: Look
+    """Where to look behind each operation, in whose last timesteps, of rest, the robot may turn; one entry each."""
     wishes: Wishes
     reach: int
     """Cost beyond which no operation comes to its goal."""
+    salt: np.uint64
+    """Decides between operations of an agent that cost the same: a new one in each timestep, whoever ranks them."""
     chance: Chance
 
 
@@ -86,7 +89,7 @@ class Choices(NamedTuple):
     chosen: IntArray
     """Its operation, shape (n,)."""
     at: IntArray
-    """Agent in each cell at each timestep, or `NOBODY`, shape (T + 1, n_cells)."""
+    """Agent in each cell at each timestep, or `NOBODY`, shape (n_cells, T + 1)."""
     key: IntArray
     """Keys of an agent's operations, smallest best, shape (n, W)."""
     order: SmallIntArray
@@ -117,13 +120,13 @@ class Choices(NamedTuple):
 @kernel
 def begin(ops: Operations, choices: Choices, state_cell: IntArray) -> None:  # pragma: no cover - compiled
     """Let everybody stay."""
-    for t in range(choices.at.shape[0]):
-        for cell in range(choices.at.shape[1]):
-            choices.at[t, cell] = NOBODY
+    for cell in range(choices.at.shape[0]):
+        for t in range(choices.at.shape[1]):
+            choices.at[cell, t] = NOBODY
     for agent in range(len(choices.state)):
         choices.chosen[agent] = ops.ptr[choices.state[agent]]
-        for t in range(choices.at.shape[0]):
-            choices.at[t, state_cell[choices.state[agent]]] = agent
+        for t in range(choices.at.shape[1]):
+            choices.at[state_cell[choices.state[agent]], t] = agent
 
 
 @kernel
@@ -132,15 +135,17 @@ def go_on(ops: Operations, choices: Choices, state_cell: IntArray, after: IntArr
 
     What is left of operations free of conflicts is free of conflicts, and who waits where it ends has that cell alone.
     """
+    at, last = choices.at, choices.at.shape[1] - 1
     for agent in range(len(after)):
-        choices.at[0, state_cell[choices.state[agent]]] = NOBODY
-        _lift(ops, choices, agent)
+        _lift_beside(ops, at, choices.chosen[agent])
+    for cell in range(len(at)):
+        for t in range(last):
+            at[cell, t] = at[cell, t + 1]
     for agent in range(len(after)):
         choices.state[agent] = after[agent]
         op = ops.then[choices.chosen[agent]]
         choices.chosen[agent] = op if op >= 0 else ops.ptr[after[agent]]
-        choices.at[0, state_cell[after[agent]]] = agent
-        _place(ops, choices, agent, choices.chosen[agent])
+        _place_beside(ops, at, agent, choices.chosen[agent])
 
 
 @kernel
@@ -172,17 +177,13 @@ def rank(ops: Operations, choices: Choices, aims: Aims, begin: Int, end: Int) ->
 def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Int) -> None:  # pragma: no cover - compiled
     """Compute the keys of an agent's operations: what is left to do behind each; all take the same time."""
     length = ops.cell.shape[1]
-    n_states = len(ops.ptr) - 1
-    table, rested, wishes = aims.table, aims.rested, aims.wishes
-    longest_rest = np.int64((len(rested.ptr) - 1) // n_states - 1)
+    table, behind, wishes = aims.table, aims.behind, aims.wishes
     first = ops.ptr[choices.state[agent]]
     row = wishes.row[agent]
     choices.n_sorted[agent] = 0
+    luck = mixed(aims.salt + np.uint64(agent))
     # Only who is near may pass its goal; all others need not look at the cells of their operations.
-    near = False
-    if row >= 0 and wishes.cell[agent] >= 0:
-        for k in range(rested.ptr[choices.state[agent]], rested.ptr[choices.state[agent] + 1]):
-            near |= rested.ahead[k] + rested.scale * np.int64(table[row, rested.key[k]]) <= aims.reach
+    near = row >= 0 and wishes.cell[agent] >= 0 and _left_behind(table, behind, first, row) <= aims.reach
     for op in range(first, ops.ptr[choices.state[agent] + 1]):
         at_row, total = row, np.int64(0)
         if row >= 0:
@@ -192,16 +193,22 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Int) -> None:  #
                     at_row, total = wishes.next_row[agent], np.int64(t)
                     break
         if at_row >= 0:
-            best = FAR
-            at = min(np.int64(ops.ending[op, 1]), longest_rest) * n_states + ops.ending[op, 0]
-            for k in range(rested.ptr[at], rested.ptr[at + 1]):
-                best = min(best, rested.ahead[k] + rested.scale * np.int64(table[at_row, rested.key[k]]))
-            total += best
+            total += _left_behind(table, behind, op, at_row)
         k = op - first
         choices.order[agent, k] = k
         choices.key[agent, k] = (
-            (total << _COST_BIT) + (np.int64(length - ops.ending[op, 1]) << _LATE_BIT) + draw_below(aims.chance, 64)
+            (total << _COST_BIT) + (np.int64(length - ops.ending[op, 1]) << _LATE_BIT) + np.int64(luck >> _LUCK_BIT)
         )
+        luck = mixed(luck)
+
+
+@inlined
+def _left_behind(table: Distances, behind: Look, op: Int, row: Int) -> Int:  # pragma: no cover - compiled
+    """What an operation leaves to do."""
+    best = FAR
+    for k in range(behind.ptr[op], behind.ptr[op + 1]):
+        best = min(best, behind.ahead[k] + behind.scale * np.int64(table[row, behind.key[k]]))
+    return best
 
 
 @kernel
@@ -221,18 +228,27 @@ def sweep(
 
 
 @kernel
+def draw_agents(choices: Choices, chance: Chance, drawn: IntArray) -> None:  # pragma: no cover - compiled
+    """Draw agents for a round of improvement, with repetition; the eager ones are then those who have no keys yet."""
+    choices.eager[:] = False
+    for k in range(len(drawn)):
+        agent = draw_below(chance, len(choices.state))
+        drawn[k] = agent
+        choices.eager[agent] = choices.n_sorted[agent] == UNRANKED and not choices.locked[agent]
+
+
+@kernel
 def polish(
     ops: Operations,
     choices: Choices,
     aims: Aims,
-    n_agents: Int,
+    drawn: IntArray,
     most_tries: Int,
     state_cell: IntArray,
     allow_rotation: bool,
 ) -> None:  # pragma: no cover - compiled
-    """Offer random agents a better operation wherever that, weighted, costs the others no more than it gains."""
-    for _ in range(n_agents):
-        agent = draw_below(aims.chance, len(choices.state))
+    """Offer agents a better operation wherever that, weighted, costs the others no more than it gains."""
+    for agent in drawn:
         if not choices.locked[agent]:
             _push(ops, choices, aims, agent, 0, most_tries, state_cell, allow_rotation, True)
 
@@ -279,21 +295,21 @@ def _in_the_way(ops: Operations, at: IntArray, agent: Int, op: Int, home: Int) -
     before = home
     for t in range(ops.cell.shape[1]):
         cell = ops.cell[op, t]
-        other = at[t + 1, cell]
+        other = at[cell, t + 1]
         if other != NOBODY and other != agent and other != found:  # noqa: PLR1714
             if found != NOBODY:
                 return SEVERAL
             found = other
         if cell != before:
-            other = at[t, cell]
-            if other != NOBODY and other != agent and other != found and at[t + 1, before] == other:  # noqa: PLR1714
+            other = at[cell, t]
+            if other != NOBODY and other != agent and other != found and at[before, t + 1] == other:  # noqa: PLR1714
                 if found != NOBODY:
                     return SEVERAL
                 found = other
         before = cell
     for k in range(ops.beside_ptr[op], ops.beside_ptr[op + 1]):
         for t in range(ops.beside_time[k], ops.beside_time[k] + 2):
-            other = at[t, ops.beside_cell[k]]
+            other = at[ops.beside_cell[k], t]
             if other != NOBODY and other != agent:  # noqa: PLR1714
                 if t == 0 or (found != NOBODY and found != other):  # noqa: PLR1714
                     return SEVERAL  # whoever stands there now cannot be made to have stood elsewhere
@@ -311,11 +327,11 @@ def _closes_ring(
         cell = ops.cell[op, t]
         at = cell
         for _ in range(len(choices.state)):
-            ahead = choices.at[t, at]
+            ahead = choices.at[at, t]
             if cell == before or ahead == NOBODY or ahead == agent:  # noqa: PLR1714, SIM109
                 break
             to = ops.cell[choices.chosen[ahead], t]
-            if to == at or choices.at[t + 1, to] != ahead:
+            if to == at or choices.at[to, t + 1] != ahead:
                 break
             at = to
             if at == before:
@@ -327,20 +343,30 @@ def _closes_ring(
 @kernel
 def _place(ops: Operations, choices: Choices, agent: Int, op: Int) -> None:  # pragma: no cover - compiled
     for t in range(ops.cell.shape[1]):
-        choices.at[t + 1, ops.cell[op, t]] = agent
-    for k in range(ops.beside_ptr[op], ops.beside_ptr[op + 1]):
-        choices.at[ops.beside_time[k], ops.beside_cell[k]] = agent
-        choices.at[ops.beside_time[k] + 1, ops.beside_cell[k]] = agent
+        choices.at[ops.cell[op, t], t + 1] = agent
+    _place_beside(ops, choices.at, agent, op)
 
 
 @kernel
 def _lift(ops: Operations, choices: Choices, agent: Int) -> None:  # pragma: no cover - compiled
     op = choices.chosen[agent]
     for t in range(ops.cell.shape[1]):
-        choices.at[t + 1, ops.cell[op, t]] = NOBODY
+        choices.at[ops.cell[op, t], t + 1] = NOBODY
+    _lift_beside(ops, choices.at, op)
+
+
+@kernel
+def _place_beside(ops: Operations, at: IntArray, agent: Int, op: Int) -> None:  # pragma: no cover - compiled
     for k in range(ops.beside_ptr[op], ops.beside_ptr[op + 1]):
-        choices.at[ops.beside_time[k], ops.beside_cell[k]] = NOBODY
-        choices.at[ops.beside_time[k] + 1, ops.beside_cell[k]] = NOBODY
+        at[ops.beside_cell[k], ops.beside_time[k]] = agent
+        at[ops.beside_cell[k], ops.beside_time[k] + 1] = agent
+
+
+@kernel
+def _lift_beside(ops: Operations, at: IntArray, op: Int) -> None:  # pragma: no cover - compiled
+    for k in range(ops.beside_ptr[op], ops.beside_ptr[op + 1]):
+        at[ops.beside_cell[k], ops.beside_time[k]] = NOBODY
+        at[ops.beside_cell[k], ops.beside_time[k] + 1] = NOBODY
 
 
 @kernel

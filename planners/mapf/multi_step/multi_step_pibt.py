@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +12,10 @@ from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import BoolArray, IntArray
-from planners.mapf.chance import chance_of, split
+from planners.mapf.chance import chance_of, next_word
 from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.multi_step import multi_step_kernel as kernels
+from planners.mapf.multi_step.crew import Crew
 from planners.mapf.multi_step.multi_step_kernel import Aims, Choices, Costs, Look, Wishes, wishes_to_stay
 from planners.mapf.multi_step.operations import LONGEST, Operations, operations_of
 from planners.mapf.options import open_moves
@@ -24,10 +24,6 @@ from planners.mapf.window import plan_window, reachable_goals
 
 _ROUND = 2000
 """Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
-_WORTH_THREADS = 2000
-"""Agents from which on threads pay that rank operations before anybody is pushed."""
-_PARTS = 2
-"""Threads that rank operations."""
 MOST_ROUNDS = 10_000
 """Rounds of a timestep; so many take minutes, and a window ends only between two timesteps."""
 
@@ -130,7 +126,19 @@ def look_of_states(n_states: int) -> Look:
     return Look(ptr=every, key=every[:-1], ahead=np.zeros(n_states, dtype=np.int32), scale=1)
 
 
-def rested_look(look: Look, operations: Operations) -> Look:
+def look_behind(look: Look, operations: Operations) -> Look:
+    """Where to look behind each operation: from all states that the robot can turn into while it rests at its end."""
+    rested, n_states = _look_of_rests(look, operations), len(look.ptr) - 1
+    longest = (len(rested.ptr) - 1) // n_states - 1
+    state, rest = operations.ending.T
+    at = np.minimum(rest, longest) * n_states + state
+    counts = np.diff(rested.ptr)[at]
+    ptr = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
+    entry = np.repeat(rested.ptr[at] - ptr[:-1], counts) + np.arange(ptr[-1], dtype=np.int32)
+    return Look(ptr=ptr, key=rested.key[entry], ahead=rested.ahead[entry], scale=look.scale)
+
+
+def _look_of_rests(look: Look, operations: Operations) -> Look:
     """Where to look after r timesteps of rest, spent turning: entry r * S + s for state s; r up to the longest turn."""
     n_states = len(look.ptr) - 1
     state = np.arange(n_states, dtype=np.int64).repeat(np.diff(operations.turn_ptr))
@@ -203,9 +211,11 @@ class Mover:
         self._reach = length * dearest
         self.chance = chance_of(np.random.default_rng(seed))
         """Stream of the tie-breaking; whoever puts an earlier copy back repeats what followed."""
-        self._rested = rested_look(look_of_states(graph.n_states) if look is None else look, self.operations)
+        self._behind = look_behind(look_of_states(graph.n_states) if look is None else look, self.operations)
         widest = int(np.diff(self.operations.ptr).max(initial=1))
-        self._crew = ThreadPoolExecutor(_PARTS) if n >= _WORTH_THREADS else None
+        self._drawn = np.empty(min(n, _ROUND), dtype=np.int32)
+        self.crew = Crew(n)
+        """Threads that share the agents."""
 
         def ints(*shape: int) -> IntArray:
             return np.zeros(shape, dtype=np.int32)
@@ -213,7 +223,7 @@ class Mover:
         self._choices = Choices(
             state=ints(n),
             chosen=ints(n),
-            at=ints(length + 1, graph.n_cells),
+            at=ints(graph.n_cells, length + 1),
             key=ints(n, widest),
             order=np.zeros((n, widest), dtype=np.int16),
             n_sorted=ints(n),
@@ -278,21 +288,30 @@ class Mover:
             choices.stamp[0] = 0
         choices.place[sequence] = np.arange(n, dtype=np.int32)
         choices.weight[:] = weight
-        aims = Aims(table=costs.table, rested=self._rested, wishes=wishes, reach=self._reach, chance=self.chance)
+        aims = Aims(
+            table=costs.table,
+            behind=self._behind,
+            wishes=wishes,
+            reach=self._reach,
+            salt=np.uint64(next_word(self.chance)),
+            chance=self.chance,
+        )
         kernels.reconsider(ops, choices, self._patience)
-        if self._crew is not None:
-            # Always the same parts with streams of their own: what comes out depends on no number of cores.
-            parts = [
-                (aims._replace(chance=split(self.chance)), n * k // _PARTS, n * (k + 1) // _PARTS)
-                for k in range(_PARTS)
-            ]
-            list(self._crew.map(lambda part: kernels.rank(ops, choices, *part), parts))
+        self._rank_eager(aims)
         kernels.sweep(ops, choices, aims, sequence, most_tries, cell, allow_rotation)
         done = 0
         while (rounds is None or done < rounds) and polish():
-            kernels.polish(ops, choices, aims, min(n, _ROUND), min(most_tries, 100), cell, allow_rotation)
+            kernels.draw_agents(choices, self.chance, self._drawn)
+            self._rank_eager(aims)
+            kernels.polish(ops, choices, aims, self._drawn, min(most_tries, 100), cell, allow_rotation)
             done += 1
         after = np.empty(n, dtype=np.int32)
         kernels.first_states(ops, choices, costs, wishes, after)
         kernels.go_on(ops, choices, cell, after)
         return after
+
+    def _rank_eager(self, aims: Aims) -> None:
+        """In a large fleet, rank the operations of all who are about to ask for them; else each does when it asks."""
+        if not self.crew.is_shared:
+            return
+        self.crew.each(lambda begin, end: kernels.rank(self.operations, self._choices, aims, begin, end))

@@ -101,6 +101,8 @@ class SteadyPlan:
                 polish=lambda: True,
                 rounds=_ROUNDS if self._spell < _PATIENT_SPELL else 0,
             )
+            if self._pushing == 0:
+                self._plan.begin(self._expected)
             return self._expected
         self._expected = self._plan.step(distances, wishes, sequence, nodes=nodes, allow_rotation=allow_rotation)
         self._searched += 1

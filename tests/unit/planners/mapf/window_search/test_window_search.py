@@ -185,6 +185,13 @@ def test_multi_step_pibt_drives_for_two_windows_and_for_twice_as_long_if_the_fle
     assert [len(spell) for spell in "".join(pushing).split()][:3] == [2 * window, 4 * window, 8 * window]
 
 
+def test_search_takes_over_where_the_agents_have_been_pushed_to_in_the_middle_of_a_window() -> None:
+    graph = bay_corridor(9, [])  # two who meet here never pass
+    planner = WindowSearch(WindowSearchConfig(window=4, nodes=500), seed=0)
+    instance = instance_of(graph, [4, 5], [8, 0], priorities=[1.0, 0.0], horizon=60)
+    assert breaches(instance, planner.plan(instance)) == []
+
+
 def rolled(
     graph: LaneGraph, starts: list[int], goals: npt.NDArray[np.int32], *, move_cost: npt.NDArray[np.int32], steps: int
 ) -> Plan:
