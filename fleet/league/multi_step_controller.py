@@ -157,6 +157,9 @@ class MultiStepController:
         further = busy & (place + 1 < arena.errand_ptr[row + 1])
         cell = np.where(busy, arena.errand_cell[place], np.int32(-1))
         after = np.where(further, arena.errand_cell[np.minimum(place + 1, len(arena.errand_cell) - 1)], np.int32(-1))
+        if not self._costs.exact:
+            # Whoever stands where it has another errand is done there; costs of a large floor begin with a drive.
+            after = np.where(after == cell, np.int32(-1), after)
         rows = self._costs.rows(np.concatenate((cell, after)))
         costs = self._costs.costs
         wishes = Wishes(
