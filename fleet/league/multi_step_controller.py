@@ -14,6 +14,7 @@ from fleet.league.schedule import TaskSchedule
 from maps.formats.lorr import Ints
 from maps.lane_graph import grid_lane_graph
 from planners.deadline import Deadline
+from planners.mapf.multi_step.crowd_costs import CrowdCosts
 from planners.mapf.multi_step.floor_guidance import guide_floor
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.guidance import Errands, GuidanceConfig, learn_guidance
@@ -38,6 +39,8 @@ _SHUT_IN = 40
 _OUT_FIRST = 8.0
 """How much more, for each bottleneck between them. Rounds of improvement would otherwise give a robot at the mouth of a
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
+_CROWD = 6
+"""Moves that a cell of a large floor counts as farther in the midst of a crowd."""
 _LARGE = 2**20
 """More than any way costs."""
 
@@ -118,6 +121,7 @@ class MultiStepController:
             patience=1 if self._costs.exact else length,
             seed=self._rng,
         )
+        self._crowd = None if self._costs.exact else CrowdCosts(arena.problem.grid, _CROWD * self._costs.unit)
         self._depth = pocket_depth(graph)
         self._waited = np.zeros(n, dtype=np.int64)
         self._inside = np.zeros(n, dtype=np.int64)
@@ -194,6 +198,7 @@ class MultiStepController:
             # One round in any case: without it crossings of narrow aisles fill up with knots.
             polish=lambda: next(rounds) == 0 or deadline.spend(),
             rounds=self.config.rounds,
+            crowd=None if self._crowd is None else self._crowd.of(here),
         )
 
     def _expect_goals(self, arena: Arena, known: Ints, deadline: Deadline) -> None:

@@ -17,7 +17,7 @@ _LAID_OUT = 0.8
 """Share of a floor in streets, from which on it is guided by them."""
 _AGAINST = 24
 """Cost of a move against its street, of one with it, where nobody is."""
-_IN_STREETS = AssignmentConfig(meeting=0.0, crowding=3.0)
+_IN_STREETS = AssignmentConfig(meeting=0.0, crowding=5.0)
 _IN_CAVES = AssignmentConfig()
 _BUSIEST = 1.5
 """Robots a timestep that may want to pass a cell, all of them driving unhindered. No cell passes more than one, and

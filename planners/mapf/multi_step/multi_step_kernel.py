@@ -76,6 +76,8 @@ class Aims(NamedTuple):
     wishes: Wishes
     reach: int
     """Cost beyond which no operation comes to its goal."""
+    crowd: IntArray
+    """What it costs more to end in each cell, shape (n_cells,)."""
     salt: np.uint64
     """Decides between operations of an agent that cost the same: a new one in each timestep, whoever ranks them."""
     chance: Chance
@@ -194,6 +196,7 @@ def _rank(ops: Operations, choices: Choices, aims: Aims, agent: Int) -> None:  #
                     break
         if at_row >= 0:
             total += _left_behind(table, behind, op, at_row)
+        total += aims.crowd[ops.cell[op, length - 1]]
         k = op - first
         choices.order[agent, k] = k
         choices.key[agent, k] = (

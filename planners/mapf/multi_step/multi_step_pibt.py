@@ -213,6 +213,7 @@ class Mover:
         """Stream of the tie-breaking; whoever puts an earlier copy back repeats what followed."""
         self._behind = look_behind(look_of_states(graph.n_states) if look is None else look, self.operations)
         widest = int(np.diff(self.operations.ptr).max(initial=1))
+        self._nowhere_dear = np.zeros(graph.n_cells, dtype=np.int32)
         self._drawn = np.empty(min(n, _ROUND), dtype=np.int32)
         self.crew = Crew(n)
         """Threads that share the agents."""
@@ -265,6 +266,7 @@ class Mover:
         allow_rotation: bool,
         polish: Callable[[], bool],
         rounds: int | None = None,
+        crowd: IntArray | None = None,
     ) -> IntArray:
         """Decide a timestep and let it pass.
 
@@ -277,6 +279,7 @@ class Mover:
             allow_rotation: Whether a closed ring of followers is legal.
             polish: Asked before each round of improvement whether there is time for it.
             rounds: Most rounds of improvement; None = as long as there is time.
+            crowd: What it costs more to be in each cell, shape (n_cells,); None = nothing.
 
         Returns:
             State of each agent after the timestep, shape (n,).
@@ -293,6 +296,7 @@ class Mover:
             behind=self._behind,
             wishes=wishes,
             reach=self._reach,
+            crowd=self._nowhere_dear if crowd is None else crowd,
             salt=np.uint64(next_word(self.chance)),
             chance=self.chance,
         )

@@ -29,7 +29,7 @@ class AssignmentConfig:
 
     rounds: int = 12
     """Times the streams are sent with the costs of the round before."""
-    goals: int = 200
+    goals: int = 600
     """Goals drawn in each round, to which everybody drives."""
     meeting: float = 60.0
     """How much dearer a move gets, as a multiple, for each robot a timestep that makes it the other way."""
