@@ -13,6 +13,7 @@ from benchmarks.mapf.crowded import measure_crowded
 from benchmarks.mapf.floors import measure_floors
 from benchmarks.mapf.frozen import measure_frozen
 from benchmarks.mapf.league import measure_league, measure_league_anytime
+from benchmarks.mapf.learned import measure_learned
 from benchmarks.mapf.one_shot import measure_one_shot
 from benchmarks.mapf.pibt import measure_pibt
 from benchmarks.mapf.pogema import measure_pogema
@@ -26,6 +27,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "floors": measure_floors,
     "frozen": measure_frozen,
     "pogema": measure_pogema,
+    "learned": measure_learned,
 }
 
 

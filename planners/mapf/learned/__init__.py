@@ -1,0 +1,1 @@
+"""Moves scored by a small learned network, carried out by PIBT."""
