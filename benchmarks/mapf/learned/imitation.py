@@ -35,9 +35,9 @@ class ImitationConfig:
     """Units of the two hidden layers."""
     first_floors: int = 48
     """Floors on which the teacher drives."""
-    rounds: int = 12
+    rounds: int = 8
     """Times the student drives and learns."""
-    floors: int = 36
+    floors: int = 32
     """Floors on which it drives in each."""
     timesteps: int = 150
     """Timesteps on each floor."""

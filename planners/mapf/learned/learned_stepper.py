@@ -219,7 +219,9 @@ def _rank(
         )
         score(scores, desk.seen[agent], desk.layers)
         last[WAIT] -= np.float32(moment.eagerness)
-        best = last.max()
+        best = last[WAIT]
+        for move in range(WAIT):
+            best = max(best, last[move])
     noise = (salt ^ (agent * 0x9E3779B97F4A7C1)) * 0x2545F4914F6CDD1D
     noise ^= noise >> 29
     for option in range(-1, options.aim.shape[1]):

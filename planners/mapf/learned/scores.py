@@ -86,18 +86,21 @@ def read_scores(path: Path) -> Scores:
 def score(scores: Scores, seen: Seen, layers: Layers) -> None:  # pragma: no cover - compiled
     """Fill `layers.last`: the larger, the better a move. Most of what is seen is 0, and skipped."""
     first, second, last = layers
-    first[:] = scores.first_bias
+    for j in range(len(first)):
+        first[j] = scores.first_bias[j]
     for k in range(len(seen)):
         if seen[k] != 0:
             weight = np.float32(seen[k])
             for j in range(len(first)):
                 first[j] += weight * scores.first[k, j]
-    second[:] = scores.second_bias
+    for j in range(len(second)):
+        second[j] = scores.second_bias[j]
     for k in range(len(first)):
         if first[k] > 0.0:
             for j in range(len(second)):
                 second[j] += first[k] * scores.second[k, j]
-    last[:] = scores.last_bias
+    for j in range(len(last)):
+        last[j] = scores.last_bias[j]
     for k in range(len(second)):
         if second[k] > 0.0:
             for j in range(len(last)):
