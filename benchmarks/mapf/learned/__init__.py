@@ -1,7 +1,8 @@
 """Learned PIBT: what scores of moves are worth that were learned by imitating window search.
 
 `python -m benchmarks.mapf.learned --seed 0 --out weights.npz` learns; `python -m benchmarks.mapf --only learned` learns
-with every seed and plays episodes of POGEMA on maps that nobody learned on, all planners with the same guidance.
+with every seed and plays episodes of POGEMA on maps that nobody learned on, all planners with the same costs of moves:
+those of guidance, and then all alike.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from fleet.training.intervals import difference
 from maps.lane_graph import grid_lane_graph
 from planners.mapf.learned.scores import Scores
 from planners.mapf.multi_step.goal_costs import GoalCosts
+from planners.mapf.multi_step.guidance import UNIT
 from planners.mapf.validate import conflicts
 
 CELLS = (
@@ -55,13 +57,14 @@ def measure_learned(trial: Trial) -> Iterable[Row]:
         path = find(trial, f"pogema/{stage.folder}/maps.yaml", what=f"POGEMA, {name}")
         if path is not None:
             floors = list(read_floors(path).values())
-            yield from measure_cell(trial, stage, n, floors, learnt)
+            for guided in (True, False):
+                yield from measure_cell(trial, stage, n, floors, learnt, guided=guided)
 
 
 def measure_cell(
-    trial: Trial, stage: Stage, n: int, floors: Sequence[Floor], learnt: Sequence[Scores]
+    trial: Trial, stage: Stage, n: int, floors: Sequence[Floor], learnt: Sequence[Scores], *, guided: bool
 ) -> Iterable[Row]:
-    """Play some episodes on maps that are evenly spread, each planner with the same guidance.
+    """Play some episodes on maps that are evenly spread, each planner with the same costs of moves.
 
     Args:
         trial: Told what the referee finds wrong.
@@ -69,13 +72,14 @@ def measure_cell(
         n: Number of agents.
         floors: Its maps.
         learnt: Weights of each seed.
+        guided: Whether moves cost what a fleet has learnt, once for each map; else all the same.
     """
     n_episodes = QUICK_EPISODES if trial.quick else EPISODES
     episodes = [
-        play_episode(trial, stage, n, floors[seed * len(floors) // n_episodes], seed, learnt)
+        play_episode(trial, stage, n, floors[seed * len(floors) // n_episodes], seed, learnt, guided=guided)
         for seed in range(n_episodes)
     ]
-    title = f"{stage.name}, {n} agents"
+    title = f"{stage.name}, {n} agents, {'guided' if guided else 'not guided'}"
     throughput = {
         name: [float(np.mean([one.throughput for one in episode[name]])) for episode in episodes]
         for name in ("learned", *RIVALS)
@@ -92,7 +96,7 @@ def measure_cell(
 
 
 def play_episode(
-    trial: Trial, stage: Stage, n: int, floor: Floor, seed: int, learnt: Sequence[Scores]
+    trial: Trial, stage: Stage, n: int, floor: Floor, seed: int, learnt: Sequence[Scores], *, guided: bool
 ) -> dict[str, list[Played]]:
     """Play an episode with every planner, the learned one with all weights.
 
@@ -103,9 +107,12 @@ def play_episode(
         floor: The map.
         seed: Seed of the episode, of guidance and of tie-breaking.
         learnt: Weights of each seed.
+        guided: Whether moves cost what a fleet has learnt; else all the same.
     """
     graph = grid_lane_graph(floor.grid, "pebble")
-    costs = GoalCosts(graph, graph, move_cost=guide(floor, graph, n, np.random.default_rng(seed)))
+    rng = np.random.default_rng(seed)
+    move_cost = guide(floor, graph, n, rng) if guided else np.full(graph.n_moves, UNIT, dtype=np.int32)
+    costs = GoalCosts(graph, graph, move_cost=move_cost)
     players: dict[str, list[OnlinePlanner]] = {
         "learned": [LearnedPlayer(graph, n, costs, scores, seed=seed) for scores in learnt],
         "pibt": [PibtPlayer(graph, n, costs, seed=seed)],

@@ -94,7 +94,7 @@ def _maze(rng: np.random.Generator) -> BoolArray:
         wall_row, wall_col = ahead[rng.integers(len(ahead))]
         way.append((2 * wall_row - row, 2 * wall_col - col))
         free[wall_row, wall_col] = free[way[-1]] = True
-    taken = rng.random(free.shape) < rng.uniform(0.05, 0.5)
+    taken: BoolArray = np.asarray(rng.random(free.shape) < rng.uniform(0.05, 0.5))
     free[1:-1, 1:-1] |= taken[1:-1, 1:-1]
     if rng.random() < 0.5:
         free[[0, -1]] = free[:, [0, -1]] = True

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.mapf.drawn import largest_part
-from benchmarks.mapf.learned import QUICK
+from benchmarks.harness import Trial
+from benchmarks.mapf import instances
+from benchmarks.mapf.learned import CELLS, QUICK, measure_cell, measure_learned
 from benchmarks.mapf.learned.floors import draw_lesson
 from benchmarks.mapf.learned.imitation import drive, learn
 from benchmarks.mapf.learned.network import Network, Samples
+from benchmarks.mapf.pogema.episode import Floor
+from benchmarks.mapf.pogema.scores import Stage
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.learned.observation import N_MOVES, N_SEEN, ONE, WAIT
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_floors_hold_together_and_have_room(seed: int) -> None:
     lesson = draw_lesson(seed)
-    n_free = lesson.graph.n_states
-    free = np.zeros(lesson.graph.n_cells, dtype=np.bool_)
-    free[lesson.graph.state_cell] = True
-    cols = int(np.abs(np.diff(lesson.graph.state_cell[[lesson.graph.move_from, lesson.graph.move_to]], axis=0)).max())
-    assert largest_part(free.reshape(-1, cols)).sum() == n_free
-    assert 8 <= lesson.episode.n <= n_free // 2
+    graph = lesson.graph
+    assert (DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)).to(0) < UNREACHABLE).all()
+    assert 8 <= lesson.episode.n <= graph.n_states // 2
 
 
 def test_the_network_learns_what_can_be_seen() -> None:
@@ -58,3 +60,20 @@ def test_samples_hold_open_moves_only(taught: bool) -> None:
 def test_a_run_repeats() -> None:
     first, second = (learn(1, replace(QUICK, timesteps=8)) for _ in range(2))
     assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize("guided", [True, False])
+def test_all_planners_play_a_cell_legally(guided: bool) -> None:
+    trial = Trial(quick=True, seeds=(0,))
+    stage = Stage(name="square", folder="", steps=30, sizes=(8,), learning_rounds=1)
+    scores = Network((8, 8), np.random.default_rng(0)).scores()
+    rows = list(measure_cell(trial, stage, 8, [Floor("square", ("." * 8,) * 8)], [scores], guided=guided))
+    assert trial.failures == []
+    assert all(row.value > 0 for row in rows if "goals per step" in row.name)
+
+
+def test_without_the_files_cells_are_left_out_with_a_reason(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(instances, "INSTANCES", tmp_path)
+    trial = Trial(quick=True, seeds=(0,))
+    assert [row.name for row in measure_learned(trial)] == ["learning, one seed"]
+    assert sum("left out" in note for note in trial.notes) == len(CELLS)
