@@ -39,7 +39,7 @@ _SHUT_IN = 40
 _OUT_FIRST = 8.0
 """How much more, for each bottleneck between them. Rounds of improvement would otherwise give a robot at the mouth of a
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
-_CROWD = 6
+_CROWD = 12
 """Moves that a cell of a large floor counts as farther in the midst of a crowd."""
 _LARGE = 2**20
 """More than any way costs."""
