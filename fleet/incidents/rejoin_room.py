@@ -59,6 +59,8 @@ class RejoinRoom:
         allowed[np.clip(row + 1, 0, grid.rows + 1), np.clip(col + 1, 0, grid.cols + 1)] = True
         self._allowed = allowed
         self.ground = frozenset((row * grid.cols + col).tolist())
+        corners = _corners(self._open, self._cell_m)
+        self._corners = corners[np.hypot(*(corners - start[:2]).T) < 2 * SEARCH_M]
         bodies = np.delete(run.driver.estimate, car, axis=0)
         self._bodies = bodies[np.hypot(*(bodies - start)[:, :2].T) < 2 * SEARCH_M]
         self._depths = self._too_near(start[None])
@@ -81,7 +83,8 @@ class RejoinRoom:
     def _too_near(self, poses: FloatArray) -> FloatArray:
         """How far the body and its margin reach into walls, and into each car nearby [m], shape (k, 1 + n_near)."""
         points = outline(poses, self._spec, self._margin_m)
-        depths = [self._into_walls(points)]
+        edges = _depth_in_body(self._corners[None], poses[:, None], self._spec, self._margin_m).max(axis=1, initial=0.0)
+        depths = [np.maximum(self._into_walls(points), edges)]
         for body in self._bodies:
             inside = _depth_in_body(points, body[None, None], self._spec)
             corners = outline(body[None], self._spec, self._margin_m)
@@ -117,13 +120,22 @@ def outline(poses: FloatArray, car: CarSpec, margin_m: float) -> FloatArray:
     return np.stack([poses[:, 0:1] + cos * ahead - sin * left, poses[:, 1:2] + sin * ahead + cos * left], axis=-1)
 
 
-def _depth_in_body(points: FloatArray, poses: FloatArray, car: CarSpec) -> FloatArray:
-    """How far points (k, m, 2) are inside the bodies at poses (k or 1, 1, 3) [m], shape (k, m)."""
+def _corners(is_open: npt.NDArray[np.bool_], cell_m: float) -> FloatArray:
+    """Corners of walls that point into open cells, x, y, shape (n, 2); the cells have one more all around."""
+    closed = np.pad(~is_open, 1, constant_values=True)
+    a, b, c, d = closed[:-1, :-1], closed[:-1, 1:], closed[1:, :-1], closed[1:, 1:]
+    n_closed = a.astype(np.int64) + b + c + d
+    row, col = np.nonzero((n_closed == 1) | ((n_closed == 2) & (a == d)))
+    return np.stack([col - 1.0, len(is_open) - 1.0 - row], axis=-1) * cell_m
+
+
+def _depth_in_body(points: FloatArray, poses: FloatArray, car: CarSpec, margin_m: float = 0.0) -> FloatArray:
+    """How far points (k or 1, m, 2) are inside bodies and a margin at poses (k or 1, 1, 3) [m], shape (k, m)."""
     middle = (car.front_m - car.rear_m) / 2
     dx, dy = points[..., 0] - poses[..., 0], points[..., 1] - poses[..., 1]
     cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
-    ahead = (car.front_m + car.rear_m) / 2 - np.abs(cos * dx + sin * dy - middle)
-    left = car.half_width_m - np.abs(cos * dy - sin * dx)
+    ahead = margin_m + (car.front_m + car.rear_m) / 2 - np.abs(cos * dx + sin * dy - middle)
+    left = margin_m + car.half_width_m - np.abs(cos * dy - sin * dx)
     return np.maximum(np.minimum(ahead, left), 0.0)
 
 
