@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 import numpy.typing as npt
 
@@ -34,7 +36,6 @@ class RejoinRoom:
         start: Where it stands, x, y, yaw.
         usable: Cells nobody else holds, shape (rows, cols).
         margin_m: Kept free around the body [m].
-        swing_m: How much nearer than where it stands it may be on that first half [m].
     """
 
     def __init__(
@@ -44,9 +45,8 @@ class RejoinRoom:
         start: FloatArray,
         usable: npt.NDArray[np.bool_],
         margin_m: float = MARGIN_M,
-        swing_m: float = 0.0,
     ) -> None:
-        self._margin_m, self._swing_m = margin_m, swing_m
+        self._margin_m, self._way_out_m, self._swing_m = margin_m, WAY_OUT_M, 0.0
         grid = run.site.grid
         self._spec, self._cell_m, self._rows = run.scene.car, grid.cell_m, grid.rows
         open_cells = grid.free & ~run.traffic.blocked.reshape(grid.rows, grid.cols)
@@ -65,12 +65,23 @@ class RejoinRoom:
         self._bodies = bodies[np.hypot(*(bodies - start)[:, :2].T) < 2 * SEARCH_M]
         self._depths = self._too_near(start[None])
 
+    def eased(self, *, lead_m: float = 0.0, swing_m: float = 0.0) -> RejoinRoom:
+        """Give the same room with an easier way out of what the car stands too near.
+
+        Args:
+            lead_m: How much farther it may go before it must have left that [m].
+            swing_m: How much nearer to that than where it stands it may be on its way out [m].
+        """
+        room = copy(self)
+        room._way_out_m, room._swing_m = WAY_OUT_M + lead_m, swing_m
+        return room
+
     def valid(self, poses: FloatArray) -> npt.NDArray[np.bool_]:
         """Which of the poses (k, 3) the car may take, shape (k,)."""
         row, col = self._cells(outline(poses, self._spec, 0.0))
         held_by_nobody = (self._allowed | ~self._open)[row, col].all(axis=1)
         away = np.hypot(poses[:, 0] - self._start[0], poses[:, 1] - self._start[1])
-        way_out_m = np.maximum(WAY_OUT_M, 2.0 * self._depths)
+        way_out_m = np.maximum(self._way_out_m, 2.0 * self._depths)
         share = np.clip(2.0 * (1.0 - away[:, None] / way_out_m), 0.0, 1.0)
         bearable = (self._depths + self._swing_m) * share + 0.002
         return held_by_nobody & (self._too_near(poses) <= bearable).all(axis=1)

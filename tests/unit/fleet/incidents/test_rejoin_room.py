@@ -92,7 +92,7 @@ def test_who_gets_out_no_other_way_may_swing_its_tail_towards_the_wall(simulatio
     turn = np.linspace(0.0, 0.6, 40)
     curve = np.stack((x + radius_m * np.sin(turn), y + radius_m * (1 - np.cos(turn)), turn), axis=-1)
     assert not room_of(simulation, start).valid(curve).all()
-    room = RejoinRoom(simulation.view, 0, np.array(start), usable, LEAST_MARGIN_M, SWING_M)
+    room = RejoinRoom(simulation.view, 0, np.array(start), usable, LEAST_MARGIN_M).eased(swing_m=SWING_M)
     assert room.valid(curve).all()
     assert not room.valid(np.array([[4.1, 1.12, 0.0]])).any(), "nearer than a tail swings"
 
