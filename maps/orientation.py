@@ -117,8 +117,11 @@ def orient_lanes(plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]]) -> Orie
         if best is None or rank < best[0]:
             best = rank, candidate
     lanes = np.empty((0, 2), dtype=np.int32)
+    global LAST
+    LAST = []
     if best is not None:
         chosen = _with_ways_round(best[1], sorted(arm_side), np.flatnonzero(plan.bays.ravel()), grid)
+        LAST = _against(chosen, grid.n_cells)
         start, end = chosen.arcs(chosen.sign)
         lanes = np.column_stack((start, end)).astype(np.int32)
         lanes = lanes[np.lexsort((lanes[:, 1], lanes[:, 0]))]
@@ -442,3 +445,21 @@ def _mean_path(start: Ints, end: Ints, kept: Ints, max_sources: int) -> float:
     sources = np.unique(np.linspace(0, n - 1, min(n, max_sources)).round().astype(np.int64))
     distance = dijkstra(_graph(compact[start], compact[end], n), unweighted=True, indices=sources)
     return float(distance.sum() / (len(sources) * (n - 1)))
+
+
+def _against(chosen, n_cells):
+    graph = nx.Graph()
+    graph.add_edges_from(zip(chosen.tail.tolist(), chosen.head.tolist(), strict=True))
+    bridges = {(min(a, b), max(a, b)) for a, b in nx.bridges(graph)}
+    isb = np.array([(min(a, b), max(a, b)) in bridges for a, b in zip(chosen.tail.tolist(), chosen.head.tolist())])
+    streets = _repaired(replace(chosen, both=chosen.both & isb), n_cells)
+    k = chosen.both & ~isb
+    a = np.where(streets.sign > 0, streets.head, streets.tail)[k]
+    b = np.where(streets.sign > 0, streets.tail, streets.head)[k]
+    print("against:", len(a), "bridges", len(bridges))
+    return np.column_stack((a, b))
+
+
+def against_lanes(plan, arm_sides):
+    orient_lanes(plan, arm_sides)
+    return LAST

@@ -52,5 +52,22 @@ class RunSetup:
             graph=graph,
             start_states=start_states,
             scene=scene_of(site, graph.state_pose[start_states], config.grip, config.arms),
-            distances=FloorDistances(graph, [place.dock.cell for place in site.stations]),
+            distances=FloorDistances(graph, [place.dock.cell for place in site.stations], against=_against(site, graph)),
         )
+
+
+def _against(site, graph):
+    from maps.orientation import against_lanes
+    if not site.allow_reverse: return None
+    from maps.plan import parse_plan
+    from maps.stations import match_arms
+    from maps.grid import GridMap
+    plan=parse_plan(site.plan, where="")
+    lanes=against_lanes(plan, match_arms(plan, GridMap(plan.open), where=""))
+    out=np.zeros(graph.n_states, dtype=np.int64)
+    for a,b in lanes:
+        d=b-a
+        h={1:0,-site.grid.cols:1,-1:2}.get(d,3)
+        s=graph.state_at(b,h)
+        if s>=0: out[s]=1
+    return out

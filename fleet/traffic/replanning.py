@@ -14,6 +14,7 @@ from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.head_on import HeadOn
 from fleet.traffic.open_lanes import OpenLanes
 from fleet.traffic.single_file import SingleFile
+from fleet.traffic.tides import Tides
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
@@ -71,6 +72,7 @@ class Traffic:
         self.lanes = OpenLanes(graph)
         self._single_file = SingleFile(self.lanes)
         self._head_on = HeadOn(self.lanes)
+        self._tides = Tides(graph)
         self.goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
         self.stay = np.zeros(n_cars, dtype=np.bool_)
         """Cars that must not be pushed once they are at their goal (docks)."""
@@ -278,6 +280,10 @@ class Traffic:
         self.priorities = waited_s + self.rank + self._tie_break
         now_s = tick * self._tick_s
         goals = self._single_file.goals(self.goals.copy(), starts, self.stay, self.ways, self.executor.still_s, now_s)
+        import os
+        if not os.environ.get("NOTIDE"):
+            goals = self._tides.goals(goals, starts, self.stay, self.fixed, self.ways, now_s)
+            self.priorities[self._tides.inside] += 1e5
         self.priorities[self._single_file.first] += TURN_RANK_S
         sent = (self.goals != NO_GOAL).nonzero()[0]
         for leaves, rank_s in zip(self.lanes.leave(starts[sent], self.goals[sent]), LEAVES_RANK_S, strict=False):

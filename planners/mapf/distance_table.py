@@ -64,6 +64,7 @@ class DistanceTable:
         memory_cap: int = MEMORY_CAP_BYTES,
         costs: npt.NDArray[np.int64] | None = None,
         move_costs: npt.NDArray[np.integer[Any]] | None = None,
+        surcharges: npt.NDArray[np.integer[Any]] | None = None,
     ) -> None:
         if np.shape(blocked) != (graph.n_cells,):
             raise PlanningError(f"distance table: blocked has shape {np.shape(blocked)}; valid: ({graph.n_cells},)")
@@ -76,6 +77,7 @@ class DistanceTable:
         if costs is not None and move_costs is not None:
             raise PlanningError("distance table: costs and move_costs are both given; valid: one of them")
         self._before, self._move_before = _states_before(graph, open_moves(graph, blocked))
+        self._surcharges = surcharges
         self._price: npt.NDArray[np.uint16] | None = None
         """What the moves cost that lead from `_before`, of the same shape; None = 1 each."""
         if costs is not None:
@@ -208,6 +210,8 @@ class DistanceTable:
         """What each move costs, from what it costs to leave each cell."""
         of_cells = _checked("costs", costs, self.graph.n_cells)
         of_moves: npt.NDArray[np.integer[Any]] = of_cells[self.graph.state_cell[self.graph.move_from]]
+        if self._surcharges is not None:
+            of_moves = of_moves + self._surcharges
         return of_moves
 
     def _price_of(self, move_costs: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.uint16]:
