@@ -6,7 +6,7 @@ import numpy as np
 
 from fleet.arrays import BoolArray, CellArray, FloatArray
 from fleet.traffic.narrow_aisles import narrow_aisles
-from maps.lane_graph import LaneGraph
+from maps.lane_graph import REVERSE, LaneGraph
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.problem import NO_GOAL
 
@@ -18,6 +18,11 @@ class Tides:
     def __init__(self, graph: LaneGraph) -> None:
         self._aisle = narrow_aisles(graph)
         self._cell = graph.state_cell
+        self._of_state = self._aisle[self._cell]
+        forwards = graph.move_kind != REVERSE
+        out = np.full(graph.n_states, -1)
+        out[graph.move_to[forwards]] = self._aisle[self._cell[graph.move_from[forwards]]]
+        self._of_state = np.where(self._of_state >= 0, self._of_state, out)
         n = int(self._aisle.max(initial=-1)) + 1
         self._ends = [-1] * n
         self._since_s = [0.0] * n
@@ -28,7 +33,7 @@ class Tides:
         if not self._ends:
             return goals
         found = goals.copy()
-        aisle_now = self._aisle[self._cell[states]]
+        aisle_now = self._of_state[states]
         goes = (goals != NO_GOAL) & (goals != states)
         n = len(self._ends)
         inside = [[] for _ in range(n)]
@@ -82,12 +87,10 @@ class Tides:
         """Cell in which a car comes out of the aisle, or its goal in it."""
         left = ways.to(goal)
         for _ in range(200):
-            if state == goal:
+            if state == goal or self._aisle[self._cell[state]] != aisle:
                 break
             nxt = ways.after(state)
             if not nxt.size or left[state] >= UNREACHABLE:
                 break
             state = int(nxt[left[nxt].argmin()])
-            if self._aisle[self._cell[state]] != aisle:
-                break
         return int(self._cell[state])
