@@ -13,8 +13,8 @@ def narrow_aisles(graph: LaneGraph) -> IntArray:
     """Find the aisles that have to be driven both ways because they alone join the halls at their ends.
 
     A lane whose loss would cut the floor in two is a bridge; all else falls into blocks, in which every lane that is
-    two-way could be made one-way. A block with one-way lanes is a hall. What lies between halls, bridges and blocks
-    without any one-way lane (places to pass in an aisle), makes up the aisles.
+    two-way could be made one-way. A block with one-way lanes is a hall, and so is the largest one. What lies between
+    halls, bridges and blocks of two-way lanes alone (places to pass in an aisle), makes up the aisles.
 
     Args:
         graph: The lanes of the site.
@@ -42,7 +42,8 @@ def narrow_aisles(graph: LaneGraph) -> IntArray:
     floor.remove_edges_from(bridges)
     between = nx.Graph(bridges)
     aisle_cells: set[int] = set()
-    for block in nx.connected_components(floor):
+    blocks = sorted(nx.connected_components(floor), key=len)
+    for block in blocks[:-1]:
         if not any(a in block and b in block for a, b in one_way):
             aisle_cells |= block
     inside = nx.Graph()

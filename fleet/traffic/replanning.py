@@ -30,6 +30,8 @@ HEAD_ON_RANK_S = 1e7
 LEAVES_RANK_S = (1e6, 1e5)
 """Head start of a car that drives out of an outer dead end, and out of an inner one: who wants to go in
 has to make room [s]."""
+AISLE_RANK_S = 1e5
+"""Head start of a car that drives through a narrow aisle: who waits before it has to make room [s]."""
 TURN_RANK_S = 1e4
 """Head start of a car whose turn it is at a dead end [s]."""
 REPRICE_S = 5.0
@@ -280,11 +282,9 @@ class Traffic:
         self.priorities = waited_s + self.rank + self._tie_break
         now_s = tick * self._tick_s
         goals = self._single_file.goals(self.goals.copy(), starts, self.stay, self.ways, self.executor.still_s, now_s)
-        import os
-        if not os.environ.get("NOTIDE"):
-            goals = self._tides.goals(goals, starts, self.stay, self.fixed, self.ways, now_s)
-            self.priorities[self._tides.inside] += 1e5
         self.priorities[self._single_file.first] += TURN_RANK_S
+        goals = self._tides.goals(goals, starts, self.stay, self.fixed, self.ways, now_s)
+        self.priorities[self._tides.first] += AISLE_RANK_S
         sent = (self.goals != NO_GOAL).nonzero()[0]
         for leaves, rank_s in zip(self.lanes.leave(starts[sent], self.goals[sent]), LEAVES_RANK_S, strict=False):
             self.priorities[sent[leaves]] += rank_s
