@@ -13,7 +13,7 @@ from planners.mapf.distance_table import DistanceTable
 DOCK_COST = 200
 """What a dock costs a car that only passes, in moves: it would stand behind the one that is served, and in the way of
 those that come next."""
-AGAINST_COST = 8
+AGAINST_COST = 3
 """What a lane costs beyond a move that leads against the street of a two-way aisle: where another aisle leads the right
 way, opposing cars part; where none does nearby, or nobody is about, the shorter way is taken."""
 BACKWARDS_COST = 8
