@@ -53,10 +53,15 @@ def drive(site: str, cars: int, *, seed: int, duration_s: float) -> Drive:
         longest_s = 0.0
         with Simulation(config) as simulation:
             traffic, executor = simulation.traffic, simulation.executor
+            goals, sent_s = traffic.goals.copy(), np.zeros(cars)
             while not simulation.finished:
                 simulation.tick()
-                away = (traffic.goals != NO_GOAL) & (traffic.goals != executor.tail_states()) & ~traffic.fixed
-                longest_s = max(longest_s, float(executor.still_s[away].max(initial=0.0)))
+                sent_s[traffic.goals != goals] = simulation.sim_s
+                goals = traffic.goals.copy()
+                away = (goals != NO_GOAL) & (goals != executor.tail_states()) & ~traffic.fixed
+                # Who has parked for long has not stood on its way.
+                stood_s = np.minimum(executor.still_s, simulation.sim_s - sent_s)
+                longest_s = max(longest_s, float(stood_s[away].max(initial=0.0)))
             contacts = simulation.world.contacts()
             summary = simulation.summary()
             return Drive(
