@@ -16,6 +16,7 @@ from benchmarks.mapf.league import measure_league, measure_league_anytime
 from benchmarks.mapf.one_shot import measure_one_shot
 from benchmarks.mapf.pibt import measure_pibt
 from benchmarks.mapf.pogema import measure_pogema
+from benchmarks.mapf.two_way import measure_two_way
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "pibt": measure_pibt,
@@ -26,6 +27,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "floors": measure_floors,
     "frozen": measure_frozen,
     "pogema": measure_pogema,
+    "two_way": measure_two_way,
 }
 
 

@@ -12,7 +12,7 @@ from fleet.traffic.floor_distances import FloorDistances
 from fleet.world.protocol import World
 from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
-from maps.lane_graph import LaneGraph, build_lane_graph
+from maps.lane_graph import LaneGraph, build_lane_graph, states_of_lanes
 from maps.site import Site, load_site
 
 
@@ -46,11 +46,13 @@ class RunSetup:
             f"1 to {len(site.parking)} (parking cells of site {site.name})",
         )
         graph = build_lane_graph(site)
+        docks = [place.dock.cell for place in site.stations]
+        against = states_of_lanes(graph, site.against, site.grid) if site.allow_reverse else None
         start_states = graph.first_states(site.parking[: config.robots])
         return RunSetup(
             site=site,
             graph=graph,
             start_states=start_states,
             scene=scene_of(site, graph.state_pose[start_states], config.grip, config.arms),
-            distances=FloorDistances(graph, [place.dock.cell for place in site.stations]),
+            distances=FloorDistances(graph, docks, against=against),
         )

@@ -14,6 +14,7 @@ from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.head_on import HeadOn
 from fleet.traffic.open_lanes import OpenLanes
 from fleet.traffic.single_file import SingleFile
+from fleet.traffic.tides import Tides
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
@@ -29,6 +30,8 @@ HEAD_ON_RANK_S = 1e7
 LEAVES_RANK_S = (1e6, 1e5)
 """Head start of a car that drives out of an outer dead end, and out of an inner one: who wants to go in
 has to make room [s]."""
+AISLE_RANK_S = 1e5
+"""Head start of a car that drives through a narrow aisle: who waits before it has to make room [s]."""
 TURN_RANK_S = 1e4
 """Head start of a car whose turn it is at a dead end [s]."""
 REPRICE_S = 5.0
@@ -71,6 +74,7 @@ class Traffic:
         self.lanes = OpenLanes(graph)
         self._single_file = SingleFile(self.lanes)
         self._head_on = HeadOn(self.lanes)
+        self._tides = Tides(graph)
         self.goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
         self.stay = np.zeros(n_cars, dtype=np.bool_)
         """Cars that must not be pushed once they are at their goal (docks)."""
@@ -279,6 +283,8 @@ class Traffic:
         now_s = tick * self._tick_s
         goals = self._single_file.goals(self.goals.copy(), starts, self.stay, self.ways, self.executor.still_s, now_s)
         self.priorities[self._single_file.first] += TURN_RANK_S
+        goals = self._tides.goals(goals, starts, self.stay, self.fixed, self.ways, now_s)
+        self.priorities[self._tides.first] += AISLE_RANK_S
         sent = (self.goals != NO_GOAL).nonzero()[0]
         for leaves, rank_s in zip(self.lanes.leave(starts[sent], self.goals[sent]), LEAVES_RANK_S, strict=False):
             self.priorities[sent[leaves]] += rank_s
