@@ -129,6 +129,11 @@ class Traffic:
             self._wanted = True
         self.stay[car] = stay
 
+    def let_wait(self, car: int) -> None:
+        """Leave a car without a goal: it waits where it comes to stand, and whoever wants to pass pushes it on."""
+        self.goals[car] = NO_GOAL
+        self.stay[car] = False
+
     def set_fixed(self, car: int, fixed: bool) -> None:
         """Say that a car cannot move, or that it can again."""
         self.fixed[car] = fixed
