@@ -30,7 +30,9 @@ def require_room(n_cars: int, site: Site) -> None:
         ConfigError: The site has no room for that many cars.
     """
     most, n_parking = most_cars(site), len(site.parking)
-    valid = f"1 to {most} ({n_parking} parking cells of site {site.name}, and {most - n_parking} more cars on its lanes)"
+    valid = (
+        f"1 to {most} ({n_parking} parking cells of site {site.name}, and {most - n_parking} more cars on its lanes)"
+    )
     require(n_cars <= most, "--robots", n_cars, valid)
 
 
