@@ -12,6 +12,7 @@ from benchmarks.harness import Benchmark, Row, Trial, in_groups
 from benchmarks.mapf.crowded import measure_crowded
 from benchmarks.mapf.floors import measure_floors
 from benchmarks.mapf.frozen import measure_frozen
+from benchmarks.mapf.lanes import measure_lanes
 from benchmarks.mapf.league import measure_league, measure_league_anytime
 from benchmarks.mapf.one_shot import measure_one_shot
 from benchmarks.mapf.pibt import measure_pibt
@@ -26,6 +27,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "league_anytime": measure_league_anytime,
     "floors": measure_floors,
     "frozen": measure_frozen,
+    "lanes": measure_lanes,
     "pogema": measure_pogema,
     "two_way": measure_two_way,
 }

@@ -31,6 +31,7 @@ from planners.precedence.queues import (
     start_all,
     tails,
     take_places,
+    timesteps_left,
     with_room,
 )
 from planners.precedence.reorder import go_first, held_up
@@ -129,6 +130,10 @@ class DependencyGraph:
     def granted_states(self) -> IntArray:
         """State each agent stands in when all it was granted is done, shape (n,)."""
         return granted_tails(self._q)
+
+    def timesteps_left(self) -> Int64Array:
+        """Timesteps until each agent stands in its tail state, shape (n,), if each move takes one as soon as it may."""
+        return timesteps_left(self._q)
 
     def n_granted_so_far(self) -> Int64Array:
         """Number of moves each agent was granted so far, shape (n,)."""

@@ -64,6 +64,25 @@ def test_a_cell_is_entered_in_the_order_of_the_plan(crossing: LaneGraph) -> None
     assert dependencies.blockers(1) == []
 
 
+def test_what_is_left_counts_own_moves_and_the_waits_for_those_who_come_first(crossing: LaneGraph) -> None:
+    dependencies = with_plan(crossing, [0, 3], [1, 3], [2, 4], [2, 5])
+    # The other agent leaves the crossing at the end of timestep 2; entering and leaving it takes two more.
+    assert dependencies.timesteps_left().tolist() == [2, 4]
+    dependencies.grant(0)
+    dependencies.grant(0)
+    assert dependencies.timesteps_left().tolist() == [2, 4]
+    dependencies.finish(0)
+    assert dependencies.timesteps_left().tolist() == [1, 3]
+    dependencies.finish(0)
+    assert dependencies.timesteps_left().tolist() == [0, 2]
+
+
+def test_followers_start_one_after_another() -> None:
+    dependencies = with_plan(open_grid(1, 5), [0, 1, 2], [1, 2, 3], [2, 3, 4])
+    assert dependencies.timesteps_left().tolist() == [4, 3, 2]
+    assert dependencies.n_queued(0) == 2, "nothing was changed"
+
+
 def test_a_follower_of_the_same_timestep_waits_for_its_leader() -> None:
     dependencies = with_plan(open_grid(1, 4), [0, 1, 2], [1, 2, 3])
     assert [dependencies.grantable(agent) for agent in range(3)] == [False, False, True]
