@@ -45,6 +45,9 @@ class Arena:
     v2.1.2; for problems of 2023 InfAssignSystem in CompetitionSystem.cpp, tag v1.1.5.
     """
 
+    allow_rotation = True
+    """Whether robots may follow each other in a closed ring."""
+
     def __init__(self, problem: LeagueProblem) -> None:
         n = problem.n_robots
         self.problem = problem

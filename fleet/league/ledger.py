@@ -7,7 +7,16 @@ from copy import copy
 import numpy as np
 import numpy.typing as npt
 
-from fleet.league.rules import NO_TASK, UNKNOWN, WAITING, Lives, Tasks, judge_schedule, tick_errands
+from fleet.league.rules import (
+    NO_TASK,
+    UNKNOWN,
+    WAITING,
+    Lives,
+    Tasks,
+    judge_schedule,
+    tick_errands,
+    tick_errands_on_way,
+)
 from maps.formats.lorr import Ints, LeagueProblem
 
 
@@ -36,10 +45,18 @@ class TaskLedger:
         self._n_revealed = 0
         self.reveal(0)
 
-    def foresight(self) -> TaskLedger:
-        """A ledger of its own that goes on from here, to look ahead."""
+    def ahead(self, ptr: Ints, cells: Ints) -> TaskLedger:
+        """A ledger of its own that goes on when the robots have come through some cells under the present schedule.
+
+        Args:
+            ptr: With `cells`, the ways of the robots as CSR, shape (n + 1,).
+            cells: Cells in order, shape (k,).
+        """
         ahead = copy(self)
         ahead.task_of, ahead.errand_of, ahead.life = self.task_of.copy(), self.errand_of.copy(), self.life.copy()
+        errands = self.problem.errand_ptr, self.problem.errand_cell
+        tick_errands_on_way(ptr, cells, *errands, ahead.task_of, ahead.errand_of, ahead.life)
+        ahead._pool = self._pool[ahead.life[self._pool] == WAITING]
         return ahead
 
     def pool(self) -> Tasks:
