@@ -59,11 +59,11 @@ class PlanExecutor:
         self._order.finish_all(np.flatnonzero(robots))
 
     def cells_ahead(self) -> tuple[Ints, Ints]:
-        """Cells that each robot comes through on its way to `tail_states()`, as CSR, shapes (n + 1,) and (k,)."""
+        """Cells of each robot from here to `tail_states()`, both included, as CSR, shapes (n + 1,) and (k,)."""
         q = self._order.queues
-        counts = q.queued - q.finished
+        counts = q.queued - q.finished + 1
         ptr = np.concatenate(([0], np.cumsum(counts)))
         robot = np.repeat(np.arange(len(counts)), counts)
-        number = q.finished[robot] + np.arange(ptr[-1]) - ptr[robot]
-        move = q.moves[robot, number & (q.moves.shape[1] - 1)]
-        return ptr.astype(np.int32), q.state_cell[q.move_to[move]]
+        place = np.arange(ptr[-1]) - ptr[robot]
+        move = q.moves[robot, (q.finished[robot] + place - 1) & (q.moves.shape[1] - 1)]
+        return ptr.astype(np.int32), q.state_cell[np.where(place == 0, q.state[robot], q.move_to[move])]
