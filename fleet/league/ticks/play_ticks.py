@@ -16,7 +16,6 @@ from fleet.league.ticks.tick_arena import TickArena
 from fleet.league.ticks.tick_referee import check_ticks
 from fleet.terminal.interrupts import interrupts
 from maps.formats.lorr import Ints, LeagueProblem
-from maps.formats.lorr_2026 import Ticks
 
 TICK_S = 0.1
 """Wall time of a tick, as the League's own simulator has it if nothing else is said [s]."""
@@ -24,7 +23,6 @@ TICK_S = 0.1
 
 def play_ticks(
     problem: LeagueProblem,
-    ticks: Ticks,
     controller: Controller,
     steps: int,
     budget_s: float,
@@ -38,8 +36,7 @@ def play_ticks(
     schedule when its budget is over.
 
     Args:
-        problem: The problem.
-        ticks: How its time passes.
+        problem: A problem of 2026.
         controller: Who plays; its preparation and its plans are timed, and separately.
         steps: Ticks to play, >= 0.
         budget_s: Wall time for each plan, and what passes from one to the next in units of `TICK_S` [s], > 0.
@@ -49,10 +46,10 @@ def play_ticks(
 
     Source: BaseSystem::simulate of https://github.com/MAPF-Competition/Start-Kit, tag v3.1.0.
     """
-    arena = TickArena(problem, ticks)
+    arena = TickArena(problem)
     # In tenths of a millisecond, so that 0.3 s are three ticks.
     interval = max(1, math.ceil(round(budget_s / TICK_S, 3)))
-    rows = interval // ticks.per_action + 1
+    rows = interval // arena.ticks.per_action + 1
     executor = PlanExecutor(arena.graph, arena.states, rows)
     begin = time.perf_counter()
     controller.prepare(Foresight(arena, executor), budget_s / rows)
@@ -92,6 +89,6 @@ def play_ticks(
             startup_s=startup_s,
             step_cpu_s=np.array(cpu_s),
             late_steps=sum(each > budget_s for each in wall_s),
-            conflicts=tuple(check_ticks(problem, ticks, result)),
+            conflicts=tuple(check_ticks(result)),
             interrupted=bool(interrupted),
         )

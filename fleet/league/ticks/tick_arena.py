@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
+from fleet.errors import FleetError
 from fleet.league.ledger import TaskLedger
 from fleet.league.result_log import ResultLog
 from fleet.league.rules import NO_TASK, Tasks, action_table
@@ -26,14 +27,18 @@ class TickArena:
 
     Args:
         problem: A problem of 2026.
-        ticks: How its time passes.
+
+    Raises:
+        FleetError: It is a problem of another year.
 
     Source: Simulator.cpp, ActionModel.cpp and TaskManager.cpp of https://github.com/MAPF-Competition/Start-Kit, tag
     v3.1.0.
     """
 
-    def __init__(self, problem: LeagueProblem, ticks: Ticks) -> None:
+    def __init__(self, problem: LeagueProblem) -> None:
         n, cols = problem.n_robots, problem.grid.cols
+        if problem.ticks is None:
+            raise FleetError(f"league: {problem.name} is played in timesteps; valid: a problem of 2026, with ticks")
         self.problem = problem
         self.graph: LaneGraph = grid_lane_graph(problem.grid, "rotating")
         self.timestep = 0
@@ -41,8 +46,9 @@ class TickArena:
         self.ledger = TaskLedger(problem)
         self.schedule_errors: list[tuple[int, int, int, int, str]] = []
         """Task, robot, other robot or -1, tick, text."""
-        self._ticks = ticks
-        self._delays = DelayStream(ticks.delays, n)
+        self.ticks: Ticks = problem.ticks
+        """How time passes."""
+        self._delays = DelayStream(self.ticks.delays, n)
         self._cells = problem.start_cell.copy()
         self._headings = np.full(n, START_HEADING, dtype=np.int32)
         self._done = np.zeros(n, dtype=np.int32)
@@ -116,13 +122,13 @@ class TickArena:
             np.array(DCOL, dtype=np.int32),
             ahead,
             self._occupant,
-            self._ticks.per_action,
-            self._ticks.size * self._ticks.per_action,
+            self.ticks.per_action,
+            self.ticks.size * self.ticks.per_action,
         )
         done = np.where(free, ahead, np.int8(WAIT))
         self._log.moved(done, planned)
         ended = pass_tick(
-            self._cells, self._headings, self._done, self._doing, done, self._steps, self._ticks.per_action
+            self._cells, self._headings, self._done, self._doing, done, self._steps, self.ticks.per_action
         )
         self.timestep += 1
         self._work()

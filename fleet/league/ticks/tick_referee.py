@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
+from fleet.errors import FleetError
 from maps.formats.lorr import CLOCKWISE, COUNTER_CLOCKWISE, FORWARD, START_HEADING, WAIT, LeagueProblem, LeagueResult
 from maps.formats.lorr_2026 import Ticks
 from maps.grid import DCOL, DROW
@@ -22,7 +23,7 @@ _STEP = np.column_stack((DROW, DCOL)).astype(np.int64)
 _ROUNDING = 1e-9
 
 
-def check_ticks(problem: LeagueProblem, ticks: Ticks, result: LeagueResult) -> list[Conflict]:
+def check_ticks(result: LeagueResult) -> list[Conflict]:
     """Find what the rules of 2026 do not allow.
 
     Kinds: `vertex`, two squares overlap at some time of a tick; `illegal_move`, a drive off the free floor, or an
@@ -30,15 +31,13 @@ def check_ticks(problem: LeagueProblem, ticks: Ticks, result: LeagueResult) -> l
     where it is, or by somebody else than whoever has the task, or out of order.
 
     Args:
-        problem: The floor, the starts, the tasks.
-        ticks: How time passes.
-        result: What happened.
+        result: What happened in a run of a problem of 2026.
 
     Returns:
         What is wrong, by tick; of a tick in which somebody leaves the floor nothing more.
     """
     return sorted(
-        [*_delayed(result), *_driven(problem, ticks, result), *_errands(problem, ticks, result)],
+        [*_delayed(result), *_driven(result), *_errands(result)],
         key=lambda conflict: conflict.timestep,
     )
 
@@ -51,12 +50,13 @@ def _delayed(result: LeagueResult) -> Iterator[Conflict]:
             yield Conflict(kind="delayed", timestep=int(first + moved[0]), agents=(int(robot),), where=-1)
 
 
-def _driven(problem: LeagueProblem, ticks: Ticks, result: LeagueResult) -> Iterator[Conflict]:
+def _driven(result: LeagueResult) -> Iterator[Conflict]:
     """Overlaps, and drives and actions that cannot be."""
-    grid, whole = problem.grid, ticks.per_action
+    grid, ticks = result.problem.grid, _ticks(result)
+    whole = ticks.per_action
     free = np.zeros((grid.rows + 2, grid.cols + 2), dtype=np.bool_)
     free[1:-1, 1:-1] = grid.free
-    for step, place, step_of, action, broken in _motion(problem, whole, result.actual):
+    for step, place, step_of, action, broken in _motion(result.problem, whole, result.actual):
         for robot in broken.tolist():
             yield Conflict(kind="illegal_move", timestep=step, agents=(robot,), where=-1)
         after = place + step_of
@@ -117,9 +117,10 @@ def _overlaps(place: Wide, step_of: Wide, edge: float) -> list[tuple[int, int]]:
     return sorted(zip(one[bad].tolist(), two[bad].tolist(), strict=True))
 
 
-def _errands(problem: LeagueProblem, ticks: Ticks, result: LeagueResult) -> Iterator[Conflict]:
+def _errands(result: LeagueResult) -> Iterator[Conflict]:
     """Errands that were not done as they are said to be."""
-    cells = _cells(problem, ticks.per_action, result.actual)
+    problem = result.problem
+    cells = _cells(problem, _ticks(result).per_action, result.actual)
     has = np.full(problem.n_robots, -1, dtype=np.int64)
     done: dict[int, int] = {}
     by: dict[int, int] = {}
@@ -155,3 +156,9 @@ def _cells(problem: LeagueProblem, whole: int, actions: npt.NDArray[np.int8]) ->
         reached = np.where(there[:, None], after // whole, reached)
         cells.append(reached[:, 0] * problem.grid.cols + reached[:, 1])
     return cells
+
+
+def _ticks(result: LeagueResult) -> Ticks:
+    if result.problem.ticks is None:
+        raise FleetError(f"league: {result.problem.name} is played in timesteps; valid: a problem of 2026, with ticks")
+    return result.problem.ticks
