@@ -42,6 +42,19 @@ def _meet(row: float, col: float, row_to: float, col_to: float, size: float) -> 
 
 
 @njit(cache=True, nogil=True)
+def _in_the_way(
+    at: Tasks, step: Tasks, robot: int, other: int, goes: bool, size: float
+) -> bool:  # pragma: no cover - compiled
+    """Whether a robot's step runs into another one, which goes its own or stands."""
+    row, col = float(at[robot, 0] - at[other, 0]), float(at[robot, 1] - at[other, 1])
+    row_to, col_to = row + step[robot, 0], col + step[robot, 1]
+    if goes:
+        row_to -= step[other, 0]
+        col_to -= step[other, 1]
+    return _meet(row, col, row_to, col_to, size)
+
+
+@njit(cache=True, nogil=True)
 def judge_tick(
     poses: Ints, cols: int, drow: Ints, dcol: Ints, wanted: Actions, occupant: Ints, edge: int, size: float
 ) -> BoolArray:  # pragma: no cover - compiled
@@ -66,12 +79,14 @@ def judge_tick(
     n = len(poses)
     at = np.empty((n, 2), np.int64)
     step = np.zeros((n, 2), np.int64)
+    beside = np.full(n, -1, np.int32)  # small robots may be two in a cell
     for robot in range(n):
         row, col, heading, ticks = poses[robot]
         at[robot, 0] = row * edge + drow[heading] * ticks
         at[robot, 1] = col * edge + dcol[heading] * ticks
         if wanted[robot] == FORWARD:
             step[robot, 0], step[robot, 1] = drow[heading], dcol[heading]
+        beside[robot] = occupant[row * cols + col]
         occupant[row * cols + col] = robot
     rows = len(occupant) // cols
     status = np.zeros(n, np.int8)
@@ -89,33 +104,27 @@ def judge_tick(
                 status[robot] = _GOES
                 depth -= 1
                 continue
-            asks = False
-            while look[robot] < _WIDTH * _WIDTH:
+            asks = -1
+            while asks < 0 and status[robot] == _ASKED and look[robot] < _WIDTH * _WIDTH:
                 row = poses[robot, 0] + look[robot] // _WIDTH - _AROUND
                 col = poses[robot, 1] + look[robot] % _WIDTH - _AROUND
                 other = -1
                 if 0 <= row < rows and 0 <= col < cols:
                     other = occupant[row * cols + col]
-                if other < 0 or other == robot:
+                while other >= 0:
+                    if other != robot and _in_the_way(at, step, robot, other, status[other] == _GOES, size):
+                        if status[other] == _OPEN:
+                            asks = other
+                        else:
+                            status[robot] = _STAYS
+                        break
+                    other = beside[other]
+                if other < 0:
                     look[robot] += 1
-                    continue
-                away_row, away_col = float(at[robot, 0] - at[other, 0]), float(at[robot, 1] - at[other, 1])
-                to_row, to_col = away_row + step[robot, 0], away_col + step[robot, 1]
-                if status[other] == _GOES:
-                    to_row -= step[other, 0]
-                    to_col -= step[other, 1]
-                if not _meet(away_row, away_col, to_row, to_col, size):
-                    look[robot] += 1
-                    continue
-                if status[other] == _OPEN:
-                    asks = True
-                    status[other] = _ASKED
-                    stack[depth] = other
-                    depth += 1
-                else:
-                    status[robot] = _STAYS
-                break
-            if asks:
+            if asks >= 0:
+                status[asks] = _ASKED
+                stack[depth] = asks
+                depth += 1
                 continue
             if status[robot] == _ASKED:
                 status[robot] = _GOES
