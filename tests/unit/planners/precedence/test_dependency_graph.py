@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from maps.lane_graph import LaneGraph
+from maps.grid import EAST, NORTH, SOUTH, WEST, GridMap
+from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.mapf.problem import Plan
 from planners.precedence.dependency_graph import DependencyGraph
 from planners.precedence.errors import CyclicPlanError, ExecutionError, IllegalPlanError, StalePlanError
@@ -470,3 +471,39 @@ def test_an_exchange_that_would_close_a_cycle_is_not_made() -> None:
     assert dependencies.go_first(1, np.ones(3, dtype=np.bool_)), "agent 1 may, and then the way is free for agent 2"
     assert dependencies.go_first(2, np.ones(3, dtype=np.bool_))
     assert not dependencies.has_cycle()
+
+
+def test_a_follower_is_let_in_behind_whoever_drives_on_straight_ahead() -> None:
+    graph = grid_lane_graph(GridMap(np.ones((1, 5), dtype=np.bool_)), "rotating")
+    east = [graph.state_at(cell, EAST) for cell in range(5)]
+    dependencies = with_plan(graph, [east[1], east[0]], [east[2], east[1]], [east[3], east[2]])
+    assert dependencies.grant_behind() == 0, "nobody leaves yet"
+    dependencies.grant(0)
+    assert not dependencies.grantable(1)
+    assert dependencies.grant_behind() == 1
+    assert (dependencies.n_granted(0), dependencies.n_granted(1)) == (1, 1)
+    assert dependencies.grant_behind() == 0, "one at a time"
+    dependencies.finish_all([0, 1])
+    assert dependencies.holders().tolist() == [-1, 1, 0, -1, -1]
+    dependencies.grant(0)
+    assert dependencies.grant_behind() == 1
+    dependencies.finish_all([1, 0])
+    assert dependencies.holders().tolist() == [-1, -1, 1, 0, -1], "in any order"
+
+
+def test_nobody_is_let_in_behind_who_turns_or_whose_turn_it_is_not() -> None:
+    graph = grid_lane_graph(GridMap(np.ones((2, 3), dtype=np.bool_)), "rotating")
+    south, east = graph.state_at(1, SOUTH), [graph.state_at(cell, EAST) for cell in range(3)]
+    dependencies = with_plan(graph, [south, east[0]], [graph.state_at(4, SOUTH), east[1]])
+    dependencies.grant(0)
+    assert dependencies.grant_behind() == 0
+    # Agent 0 leaves cell 1 straight ahead of agent 1, but agent 2 comes into it first.
+    north = graph.state_at(4, NORTH)
+    dependencies = with_plan(
+        graph,
+        [east[1], east[0], north],
+        [east[2], east[0], graph.state_at(1, NORTH)],
+        [east[2], east[0], graph.state_at(1, WEST)],
+    )
+    dependencies.grant(0)
+    assert dependencies.grant_behind() == 0
