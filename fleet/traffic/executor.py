@@ -82,16 +82,16 @@ class Executor:
         self.dependencies.extend_lanes(graph)
         self.driver.extend_lanes(graph)
 
-    def cut(self, commit_n: int) -> npt.NDArray[np.int32]:
+    def cut(self, n_commits: int) -> npt.NDArray[np.int32]:
         """Drop what is not needed until the next plan lands.
 
         Args:
-            commit_n: Moves beyond the granted ones that each car keeps.
+            n_commits: Moves beyond the granted ones that each car keeps.
 
         Returns:
             The states plans start from, shape (n_cars,).
         """
-        return self.dependencies.commit_cut(commit_n)
+        return self.dependencies.commit_cut(n_commits)
 
     def timesteps_left(self) -> npt.NDArray[np.int64]:
         """Timesteps until each car stands in its tail state, if nobody is late, shape (n_cars,)."""

@@ -287,7 +287,7 @@ class Traffic:
         on_the_way = (self.goals != NO_GOAL) & (self.goals != self.executor.tail_states())
         self.ways.reprice(self._distances.costs + self._crowd_costs, np.unique(self.goals[on_the_way]))
 
-    def _commit_n(self) -> int:
+    def _n_commits(self) -> int:
         """Moves beyond the granted ones that cars keep when plans are made anew."""
         if self._config.commit_moves_n is not None:
             return self._config.commit_moves_n
@@ -299,7 +299,7 @@ class Traffic:
 
     def _plan(self, tick: int) -> Plan:
         self._see_crowd(tick)
-        starts = self.executor.cut(self._commit_n())
+        starts = self.executor.cut(self._n_commits())
         waited_s = (tick - self._goal_since) * self._tick_s
         self.priorities = waited_s + self.rank + self._tie_break
         now_s = tick * self._tick_s
