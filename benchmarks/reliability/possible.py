@@ -16,7 +16,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from fleet.config.events import CELL, EVENT_KINDS, FOR_GOOD_S
-from fleet.missions.phases import CarPhase
+from fleet.missions.phases import GONE, CarPhase
 from fleet.run.events import Event
 from fleet.simulation import Simulation
 from fleet.tasks.board import Task, TaskState
@@ -147,16 +147,21 @@ class WorkLeft:
         return [tasks[k].order.name for k, since_s in self._impossible_since.items() if now_s - since_s > longest_s]
 
     def _possible(self, task: Task, state: TaskState) -> bool:
-        """Whether a live car can come to where the parcel is, and on to where it goes, with live arms at both."""
-        drop = self._dock(task.delivery.drop)
+        """Whether a live car can come to where the parcel is, and on to where it goes, with live arms at both.
+
+        A car that is taken out of service delivers what it carries.
+        """
+        phases, drop = self._simulation.missions.phase, self._dock(task.delivery.drop)
         if not drop:
             return False
         if state is TaskState.CARRIED:
-            return task.car is not None and not self._is_dead(task.car) and bool(self._parts_of(task.car) & drop)
+            car = task.car
+            return car is not None and phases[car] is not CarPhase.DEAD and bool(self._parts_of(car) & drop)
         picks = (task.pick,) if task.pick_slot is not None else task.delivery.picks
         both = drop.intersection(frozenset().union(*(self._dock(name) for name in picks)))
-        phases = self._simulation.missions.phase
-        cars = [car for car in range(len(phases)) if not self._is_dead(car) and phases[car] is not CarPhase.RETIRED]
+        cars = [
+            car for car, phase in enumerate(phases) if phase not in GONE and not self._stays("car_out", f"car_{car}")
+        ]
         return any(self._parts_of(car) & both for car in cars)
 
     def _dock(self, name: str) -> frozenset[int]:
@@ -170,9 +175,6 @@ class WorkLeft:
     def _parts_of(self, car: int) -> frozenset[int]:
         """The parts of the floor that the middle of a car is in."""
         return self._parts.at(int(self._simulation.site.grid.index(*middle(self._simulation, car))))
-
-    def _is_dead(self, car: int) -> bool:
-        return self._simulation.missions.phase[car] is CarPhase.DEAD or self._stays("car_out", f"car_{car}")
 
     def _stays(self, kind: str, target: str) -> bool:
         """Whether something that has happened lasts for good."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,9 +12,9 @@ from benchmarks.reliability.dips import BEGINS_S, STEP_S, figures
 from benchmarks.reliability.ends import Touches
 from benchmarks.reliability.possible import Parts, WorkLeft
 from benchmarks.reliability.wrecks import draw
-from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.simulation import Simulation
-from fleet.tasks.board import TaskState
+from fleet.tasks.board import DONE_STATES, TaskState
 from fleet.traffic.reversed_lanes import both_ways
 from fleet.world.protocol import Contacts
 from maps.lane_graph import build_lane_graph
@@ -38,6 +39,20 @@ def test_a_task_that_fails_for_no_reason_is_seen() -> None:
         assert left.failed_while_possible == [f"{waiting[0].order.name}: planted"]
         assert waiting[0].order.name not in left.open_while_possible()
         assert left.open_while_possible()
+
+
+def test_a_car_that_is_taken_out_delivers_what_it_carries() -> None:
+    with Simulation(CONFIG) as simulation:
+        while not (carried := simulation.board.in_state(TaskState.CARRIED)):
+            simulation.tick()
+    out = tuple(ScenarioEvent(time_s=simulation.sim_s + 0.1, kind="car_out", target=f"car_{car}") for car in range(2))
+    with Simulation(replace(CONFIG, events=out)) as simulation:
+        left = follow(simulation)
+        while simulation.sim_s < out[0].time_s + 1.0:
+            simulation.tick()
+        assert left.open_while_possible() == [task.order.name for task in carried]
+        simulation.run()
+        assert simulation.board.named(carried[0].order.name).state in DONE_STATES
 
 
 def test_without_a_live_car_nothing_is_possible() -> None:
