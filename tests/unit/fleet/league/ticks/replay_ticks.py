@@ -20,7 +20,7 @@ def complaints(result: dict[str, Any]) -> list[str]:
         row, col, _ = result["start"][robot]
         pose, doing = [row, col, 0, 0], "W"
         still = {t for first, end in result["delayIntervals"][robot] for t in range(first, end)}
-        own = []
+        own: list[tuple[int, int]] = []
         for begin, where, runs in re.findall(r"\[\((\d+),([-\d,]+)\):\(([^)]*)\)\]", text):
             if int(begin) != len(own) or pose != [int(number) for number in where.split(",")]:
                 found.append(f"robot {robot} is not at {where} at tick {begin}")
