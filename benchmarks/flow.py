@@ -9,13 +9,13 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.harness import Benchmark, Row, Trial, in_groups, main
-from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.config import ArmConfig, Fidelity, RunConfig, TrafficConfig
 from fleet.insight.bounds import Bounds, bounds_of, deliveries_of
 from fleet.insight.metrics import Summary
 from fleet.run.events import Event
@@ -75,6 +75,8 @@ class Case:
     """All of them open from the start."""
     end_s: float = 900.0
     """When counting ends [s]."""
+    fidelity: Fidelity = Fidelity.KINEMATIC
+    traffic: TrafficConfig = field(default_factory=TrafficConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +85,9 @@ class Flow:
 
     bounds: Bounds
     idle: float
-    """Share of the cars' time."""
+    """Share of the cars' time, as the next two."""
+    traffic: float
+    queue: float
     per_pick: float
     """Transfers of a pick station in an hour, mean over those stations."""
     most_changes: int
@@ -113,7 +117,8 @@ def measure_flow(case: Case) -> Flow:
             robots=case.cars,
             orders=orders,
             seed=case.seed,
-            fidelity=Fidelity.KINEMATIC,
+            fidelity=case.fidelity,
+            traffic=case.traffic,
             duration_s=case.end_s,
             arms=ArmConfig(workers_n=0),
         )
@@ -121,7 +126,7 @@ def measure_flow(case: Case) -> Flow:
             while simulation.sim_s < WARM_S:
                 simulation.tick()
             stations, accounts = simulation.stations, simulation.metrics.time_accounts
-            before, idle_before = deliveries_of(simulation.board.tasks, stations), accounts.fleet_time().idle
+            before, then = deliveries_of(simulation.board.tasks, stations), accounts.fleet_time()
             events_before = n_events
             while simulation.sim_s < case.end_s:
                 simulation.tick()
@@ -130,10 +135,12 @@ def measure_flow(case: Case) -> Flow:
             if bounds is None:
                 raise ValueError(f"{case}: nothing was delivered")
             ticks = case.cars * (case.end_s - WARM_S) / simulation.tick_s
-            contacts = simulation.world.contacts()
+            contacts, now = simulation.world.contacts(), accounts.fleet_time()
             return Flow(
                 bounds=bounds,
-                idle=(accounts.fleet_time().idle - idle_before) / ticks,
+                idle=(now.idle - then.idle) / ticks,
+                traffic=(now.traffic - then.traffic) / ticks,
+                queue=(now.queue - then.queue) / ticks,
                 per_pick=bounds.delivered_per_h / len(stations.loading()),
                 most_changes=max(changes.values(), default=0),
                 events_per_order=(n_events - events_before) / int(made.sum()),
@@ -155,7 +162,7 @@ def write_orders(path: Path, site: Site, n: int, seed: int) -> None:
             )
 
 
-def _flows(cases: Sequence[Case]) -> Iterator[Flow]:
+def run_flows(cases: Sequence[Case]) -> Iterator[Flow]:
     """Run cases, as many at once as there are cores."""
     jobs = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
@@ -190,14 +197,14 @@ def _targets(
     def measure(trial: Trial) -> Iterable[Row]:
         for cars, per_h in targets:
             cases = [Case(layout=layout, cars=cars, seed=seed, end_s=_end_s(trial, end_s)) for seed in trial.seeds]
-            flows = list(_flows(cases))
+            flows = list(run_flows(cases))
             yield from _rows(trial, f"{layout.name}, {cars} cars", flows, f">= {per_h:g}", idle)
 
     return measure
 
 
 def _small(trial: Trial) -> Iterable[Row]:
-    flows = list(_flows([Case(layout=SMALL, cars=18, seed=seed, end_s=_end_s(trial)) for seed in trial.seeds]))
+    flows = list(run_flows([Case(layout=SMALL, cars=18, seed=seed, end_s=_end_s(trial)) for seed in trial.seeds]))
     yield from _rows(trial, "small, 18 cars", flows)
     per_pick = float(np.mean([flow.per_pick for flow in flows]))
     yield Row(name="  transfers of a pick station", value=per_pick, unit="/h", target=">= 340")
@@ -205,7 +212,7 @@ def _small(trial: Trial) -> Iterable[Row]:
 
 def _large(trial: Trial) -> Iterable[Row]:
     end_s = _end_s(trial, LONG_S)
-    flows = list(_flows([Case(layout=LARGE, cars=1_000, seed=s, orders=8_000, end_s=end_s) for s in trial.seeds]))
+    flows = list(run_flows([Case(layout=LARGE, cars=1_000, seed=s, orders=8_000, end_s=end_s) for s in trial.seeds]))
     yield from _rows(trial, f"{LARGE.name}, 1,000 cars", flows)
     yield Row(name="  share of the bound that binds", value=_share(flows), unit="", target=f">= {ALONE}")
 
@@ -216,7 +223,7 @@ def _shares(trial: Trial) -> Iterable[Row]:
     for layout in OTHERS:
         for cars in sizes:
             cases = [Case(layout=layout, cars=cars, seed=seed, end_s=_end_s(trial, LONG_S)) for seed in trial.seeds]
-            flows = list(_flows(cases))
+            flows = list(run_flows(cases))
             bounds = [flow.bounds for flow in flows]
             per_h = sorted(
                 float(np.mean([getattr(bound, f"{name}_per_h") for bound in bounds]))

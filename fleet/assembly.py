@@ -213,7 +213,7 @@ def assemble(
         docks=docks,
         prefetch=Prefetch(missions, ways, arm_manager, perception, clock.tick_s, log),
         visits=visits,
-        parking=Parking(places.parking, missions, ways),
+        parking=Parking(places.parking, places.waiting, missions, ways),
         charging=charging,
     )
     containment = Containment(missions, places, ways, fitness, inventory)

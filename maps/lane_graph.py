@@ -192,6 +192,11 @@ def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> Lane
     return _assemble("carlike", cell, heading, pose, index, move, length, paths)
 
 
+def states_of_lanes(graph: LaneGraph, lanes: Ints, grid: GridMap) -> Ints:
+    """The state of each lane (from cell, to cell) of a site, lanes of shape (k, 2), shape (k,)."""
+    return np.asarray(graph.state_index[lanes[:, 1], _headings(lanes, grid.cols)])
+
+
 def grid_lane_graph(grid: GridMap, motion: Literal["pebble", "rotating"]) -> LaneGraph:
     """Build the graph of a bare grid for the motion models of the public benchmarks.
 

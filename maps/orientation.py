@@ -41,6 +41,9 @@ class Orientation:
 
     lanes: npt.NDArray[np.int32]
     """(from cell, to cell), shape (n_lanes, 2), sorted."""
+    against: npt.NDArray[np.int32]
+    """Those of two-way lanes that lead against the street: where two-way lanes could be made one-way, they would lead
+    the other way, shape (k, 2), sorted."""
     cut_cells: tuple[int, ...]
     """Open cells outside the strongly connected part: no lane touches them."""
 
@@ -101,7 +104,8 @@ def orient_lanes(plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]]) -> Orie
     arm_side = {cell: sides[0] for cell, sides in arm_sides.items()}
     edges = _two_edge_connected(_pruned_at_bays(_edges_of(plan, grid), plan, grid, arm_side), grid.n_cells)
     if len(edges.tail) == 0:
-        return Orientation(lanes=np.empty((0, 2), dtype=np.int32), cut_cells=tuple(plan.cells(_open_characters(plan))))
+        none = np.empty((0, 2), dtype=np.int32)
+        return Orientation(lanes=none, against=none, cut_cells=tuple(plan.cells(_open_characters(plan))))
 
     best: tuple[tuple[int, float], _Edges] | None = None
     starts = _alternating_starts(edges, grid)
@@ -116,15 +120,15 @@ def orient_lanes(plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]]) -> Orie
         rank = (-len(kept), _mean_path(*candidate.arcs(candidate.sign), kept, _SAMPLE_SOURCES))
         if best is None or rank < best[0]:
             best = rank, candidate
-    lanes = np.empty((0, 2), dtype=np.int32)
+    lanes = against = np.empty((0, 2), dtype=np.int32)
     if best is not None:
         chosen = _with_ways_round(best[1], sorted(arm_side), np.flatnonzero(plan.bays.ravel()), grid)
-        start, end = chosen.arcs(chosen.sign)
-        lanes = np.column_stack((start, end)).astype(np.int32)
-        lanes = lanes[np.lexsort((lanes[:, 1], lanes[:, 0]))]
+        lanes = _sorted(*chosen.arcs(chosen.sign))
+        if chosen.both.any():
+            against = _sorted(*_against_streets(chosen, grid.n_cells))
     cut = plan.open.ravel().copy()
     cut[lanes.ravel()] = False
-    return Orientation(lanes=lanes, cut_cells=tuple(int(cell) for cell in np.flatnonzero(cut)))
+    return Orientation(lanes=lanes, against=against, cut_cells=tuple(int(cell) for cell in np.flatnonzero(cut)))
 
 
 def path_lengths(lanes: npt.NDArray[np.int32], grid: GridMap, *, max_sources: int = 256) -> PathLengths:
@@ -247,19 +251,23 @@ def _pruned_at_bays(edges: _Edges, plan: FloorPlan, grid: GridMap, arm_side: dic
 
 def _two_edge_connected(edges: _Edges, n_cells: int) -> _Edges:
     """The largest part that stays connected when any one edge is taken out: only that can be made one-way."""
-    graph: nx.Graph[int] = nx.Graph()
-    graph.add_edges_from(zip(edges.tail.tolist(), edges.head.tolist(), strict=True))
-    bridges = {(min(a, b), max(a, b)) for a, b in nx.bridges(graph)}
-    is_bridge = np.fromiter(
-        (pair in bridges for pair in zip(edges.tail.tolist(), edges.head.tolist(), strict=True)),
-        dtype=np.bool_,
-        count=len(edges.tail),
-    )
-    edges = edges.select(~is_bridge | edges.both)
+    edges = edges.select(~_bridges(edges) | edges.both)
     if len(edges.tail) == 0:
         return edges
     part = _largest_part(edges.tail, edges.head, strong=False, n_cells=n_cells)
     return edges.select(part[edges.tail])
+
+
+def _bridges(edges: _Edges) -> Bools:
+    """Which edges cut the floor in two when they are taken out."""
+    graph: nx.Graph[int] = nx.Graph()
+    graph.add_edges_from(zip(edges.tail.tolist(), edges.head.tolist(), strict=True))
+    bridges = {(min(a, b), max(a, b)) for a, b in nx.bridges(graph)}
+    return np.fromiter(
+        (pair in bridges for pair in zip(edges.tail.tolist(), edges.head.tolist(), strict=True)),
+        dtype=np.bool_,
+        count=len(edges.tail),
+    )
 
 
 def _alternating_starts(edges: _Edges, grid: GridMap) -> list[npt.NDArray[np.int8]]:
@@ -406,6 +414,26 @@ def _with_ways_round(edges: _Edges, docks: list[int], places: Ints, grid: GridMa
                 if n_separated(*edges.arcs(sign), dock, places) == 0:
                     break
     return replace(edges, sign=sign)
+
+
+def _against_streets(edges: _Edges, n_cells: int) -> tuple[Ints, Ints]:
+    """Start and end of the lanes of two-way edges that a one-way drawing would not have.
+
+    Only a bridge has to stay two-way; all else keeps the directions of the alternating guess, repaired like that of
+    one-way lanes.
+
+    Source: F. Boesch and R. Tindell, Robbins's theorem for mixed multigraphs, Amer. Math. Monthly 87(9), 1980.
+    """
+    streets = edges.both & ~_bridges(edges)
+    sign = _repaired(replace(edges, both=edges.both & ~streets), n_cells).sign[streets]
+    tail, head = edges.tail[streets], edges.head[streets]
+    return np.where(sign > 0, head, tail), np.where(sign > 0, tail, head)
+
+
+def _sorted(start: Ints, end: Ints) -> npt.NDArray[np.int32]:
+    """Lanes (from cell, to cell), shape (n, 2), sorted."""
+    order = np.lexsort((end, start))
+    return np.column_stack((start, end))[order].astype(np.int32)
 
 
 def _strong_part(edges: _Edges, n_cells: int) -> _Edges:

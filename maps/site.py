@@ -62,12 +62,14 @@ class Site:
     """The drawing the site was made from."""
     options: Mapping[str, StationOptions] = field(default_factory=dict)
     """What the site file says about single stations, by name."""
+    against: npt.NDArray[np.int32] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int32))
+    """Lanes of two-way aisles that lead against the aisle's street (from cell, to cell), shape (k, 2), sorted."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Site):
             return NotImplemented
         words = ("name", "stations", "parking", "chargers", "cut_cells", "allow_reverse", "plan", "grid")
-        arrays = ("walls", "shelves", "lanes")
+        arrays = ("walls", "shelves", "lanes", "against")
         return (
             all(getattr(self, word) == getattr(other, word) for word in words)
             and dict(self.options) == dict(other.options)
@@ -286,6 +288,7 @@ def site_from_plan(
         allow_reverse=allow_reverse,
         plan=plan.lines,
         options=options,
+        against=orientation.against,
     )
 
 

@@ -35,6 +35,10 @@ STILL_MPS = 0.05
 NEXT_M = 1.3
 """Cars that are nearer than this stand in one row: cells are 1 m [m]."""
 
+MEETING_M = 9.0
+"""Cars that are nearer than this and go to each other's half meet in the corridor: it is driven one way at a time, so
+one waits at an end while the other comes to the corridor and through it [m]."""
+
 CORRIDOR = '''
 name = "corridor"
 allow_reverse = true
@@ -183,14 +187,8 @@ def _is_blocked(simulation: Simulation, row: int, col: int) -> bool:
     return bool(simulation.traffic.blocked[simulation.site.grid.index(row, col)])
 
 
-def _in_corridor(simulation: Simulation, car: int) -> bool:
-    x, y, _ = simulation.world.car_poses()[car]
-    row, col = simulation.site.grid.cell_at(float(x), float(y))
-    return row == 3 and 6 <= col <= 9
-
-
 def _meets_head_on(simulation: Simulation, car: int) -> bool:
-    """Both cars are to go through the corridor, the other one moves in or near it, and this one may not."""
+    """Both cars are to go through the corridor, the other one moves, and this one may not."""
     moves = abs(float(simulation.world.car_speeds()[1 - car])) > STILL_MPS
     return _may_meet(simulation, car) and moves and simulation.executor.dependencies.n_granted(car) == 0
 
@@ -198,7 +196,7 @@ def _meets_head_on(simulation: Simulation, car: int) -> bool:
 def _may_meet(simulation: Simulation, car: int) -> bool:
     apart_m = abs(float(np.subtract(*simulation.world.car_poses()[:, 0])))
     both = all(_phase(simulation, one) is CarPhase.TO_PLACE for one in (0, 1))
-    return both and apart_m < 3.0 and (_in_corridor(simulation, 0) or _in_corridor(simulation, 1))
+    return both and apart_m < MEETING_M
 
 
 def _is_ready_to_drop(simulation: Simulation, car: int) -> bool:
@@ -292,7 +290,7 @@ SITUATIONS: dict[str, Situation] = {
         summary="two cars come from both ends of a corridor with room for one",
         settings={"robots": 2, "duration_s": 60.0},
         site=CORRIDOR,
-        orders=_moves((1.0, "car_1", "parking_6"), (25.0, "car_0", "parking_5"), (25.0, "car_1", "parking_2")),
+        orders=_moves((1.0, "car_1", "parking_6"), (26.0, "car_0", "parking_5"), (25.0, "car_1", "parking_2")),
         robots=("car_0", "car_1"),
         holds=_meets_head_on,
         may_hold=_may_meet,

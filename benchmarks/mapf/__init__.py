@@ -12,11 +12,13 @@ from benchmarks.harness import Benchmark, Row, Trial, in_groups
 from benchmarks.mapf.crowded import measure_crowded
 from benchmarks.mapf.floors import measure_floors
 from benchmarks.mapf.frozen import measure_frozen
+from benchmarks.mapf.lanes import measure_lanes
 from benchmarks.mapf.league import measure_league, measure_league_anytime
 from benchmarks.mapf.learned import measure_learned
 from benchmarks.mapf.one_shot import measure_one_shot
 from benchmarks.mapf.pibt import measure_pibt
 from benchmarks.mapf.pogema import measure_pogema
+from benchmarks.mapf.two_way import measure_two_way
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "pibt": measure_pibt,
@@ -26,8 +28,10 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "league_anytime": measure_league_anytime,
     "floors": measure_floors,
     "frozen": measure_frozen,
+    "lanes": measure_lanes,
     "pogema": measure_pogema,
     "learned": measure_learned,
+    "two_way": measure_two_way,
 }
 
 

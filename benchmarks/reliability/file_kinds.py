@@ -111,6 +111,21 @@ _LEAGUE = {
     "agentFile": "team.agents",
     "taskFile": "room.tasks",
 }
+_LEAGUE_2026 = _LEAGUE | {
+    "version": "2026 LoRR",
+    "agentCounter": 3,
+    "agentSize": 1.0,
+    "delayConfig": {
+        "seed": 0,
+        "minDelay": 2,
+        "maxDelay": 6,
+        "eventModel": "poisson",
+        "pDelay": 0.1,
+        "durationModel": "gaussian",
+        "gaussMeanRatio": 0.5,
+        "gaussStdRatio": 0.2,
+    },
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,6 +179,15 @@ def _read_floors(folder: Path) -> None:
     from maps.formats.pogema import read_floors
 
     read_floors(folder / "maps.yaml")
+
+
+def _league_files(keys: Mapping[str, object]) -> dict[str, bytes]:
+    return {
+        "room.json": json.dumps(keys, indent=1).encode(),
+        "team.agents": b"# team\n3\n17\n18\n19\n",
+        "room.tasks": b"4\n20,21\n22\n23,24,25\n30,36\n",
+        "room.map": _MAP.encode(),
+    }
 
 
 def _read_league(folder: Path) -> None:
@@ -407,14 +431,10 @@ FILE_KINDS: dict[str, FileKind] = {
     "floors": FileKind(forms={"maps.yaml": "lines"}, make=lambda: {"maps.yaml": _FLOORS.encode()}, read=_read_floors),
     "lorr": FileKind(
         forms={"room.json": "json", "team.agents": "lines", "room.tasks": "lines", "room.map": "lines"},
-        make=lambda: {
-            "room.json": json.dumps(_LEAGUE, indent=1).encode(),
-            "team.agents": b"# team\n3\n17\n18\n19\n",
-            "room.tasks": b"4\n20,21\n22\n23,24,25\n30,36\n",
-            "room.map": _MAP.encode(),
-        },
+        make=lambda: _league_files(_LEAGUE),
         read=_read_league,
     ),
+    "lorr_2026": FileKind(forms={"room.json": "json"}, make=lambda: _league_files(_LEAGUE_2026), read=_read_league),
     "trained": FileKind(
         forms={"config.json": "json"},
         make=lambda: {"config.json": json.dumps(_TRAINED).encode(), "checkpoint.pt": b""},

@@ -37,6 +37,7 @@ WORDS = {
     "map": ("site", "convert", "{folder}/room.map", "{folder}/room.toml", "--pick=1", "--drop=1", "--parking=1"),
     "plan": ("plan", "--map={folder}/room.map", "--scen={folder}/room.scen", "--budget-s=0.2", "--output={folder}/out"),
     "lorr": ("lorr", "{folder}/room.json", "--steps=5"),
+    "lorr_2026": ("lorr", "{folder}/room.json", "--steps=5"),
     "why": ("why", "car_0", "{folder}"),
     "run": ("report", "{folder}"),
     "orders_json": (*_DEMO, "--orders={folder}/orders.json"),

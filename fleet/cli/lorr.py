@@ -21,6 +21,7 @@ from fleet.terminal.progress_bar import Bar
 if TYPE_CHECKING:
     from fleet.league.arena import Arena
     from fleet.league.play import Played
+    from fleet.league.ticks.tick_arena import TickArena
     from maps.formats.lorr import LeagueProblem
 
 PLAYED, ILLEGAL, INTERRUPTED = 0, 1, 130
@@ -33,11 +34,11 @@ class Lorr:
     """Play a League of Robot Runners problem; prints a table, writes the League's output format and a summary."""
 
     problem: Annotated[Path, tyro.conf.Positional]
-    """Problem file of 2023 or 2024 (JSON); its map, agent and task files are found relative to it."""
+    """Problem file of 2023, 2024 or 2026 (JSON); its map, agent and task files are found relative to it."""
     steps: int = 1000
-    """Timesteps to play."""
+    """Timesteps to play; for a problem of 2026 ticks of 100 ms."""
     budget_ms: float = 1000.0
-    """Wall time for each step of the planner [ms]."""
+    """Wall time for each step of the planner [ms]; for a problem of 2026 for each plan, and from one to the next."""
     output: Path | None = None
     """File for the run in the League's output format (JSON)."""
     json: Path | None = None
@@ -47,7 +48,8 @@ class Lorr:
     seed: int = 0
     """Seed of everything random."""
     strict_time: bool = False
-    """While the planner is late all robots wait, as in the League; otherwise late steps are only counted."""
+    """While the planner is late all robots wait, as in the League (in 2026 they carry out the plan that they have);
+    otherwise late steps are only counted."""
 
     def run(self) -> int:
         """Play and print the result; returns the exit status."""
@@ -62,17 +64,18 @@ class Lorr:
         from fleet.league.controller import PibtController
         from fleet.league.multi_step_controller import MultiStepController
         from fleet.league.play import play
+        from fleet.league.ticks.play_ticks import play_ticks
 
         make = MultiStepController if self.controller == "multi_step_pibt" else PibtController
 
         with Bar(self.steps, "steps", shown=True) as bar:
 
-            def progress(arena: Arena) -> None:
+            def progress(arena: Arena | TickArena) -> None:
                 if bar.due():
                     done = f"{arena.n_finished} tasks"
                     bar.show(arena.timestep, done, f"step {arena.timestep} of {self.steps}, {done} finished")
 
-            played = play(
+            played = (play if problem.ticks is None else play_ticks)(
                 problem,
                 make(seed=self.seed),
                 self.steps,

@@ -75,7 +75,7 @@ class SiteList:
             site = outline(name)
             sys.stdout.write(
                 f"{name:10s} {site.cols} x {site.rows} m, {site.n_pick} pick and {site.n_drop} drop stations, "
-                f"up to {site.n_parking} cars\n"
+                f"parking for {site.n_parking} cars\n"
             )
         return 0
 

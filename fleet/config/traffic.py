@@ -29,8 +29,9 @@ class TrafficConfig(Settings):
     """Simulated time from a request to the tick at which its plan lands [s]."""
     iterations_n: int = 1000
     """Budget of one request, in the planner's own unit; what is not planned then is left to the next request."""
-    commit_moves_n: int = 2
-    """Moves beyond the granted ones that a car may still execute while a request is under way."""
+    commit_moves_n: int | None = None
+    """Moves beyond the granted ones that a car may still execute while a request is under way; None = as many as keep
+    it from running dry, for a planner that heeds when cars come to where its plan begins, and 2 for others."""
     grant_moves_n: int = 3
     """Moves a car may hold a grant for at once: enough to brake from full speed inside them."""
     reorder_after_s: float = 2.0
@@ -42,7 +43,8 @@ class TrafficConfig(Settings):
         positive("traffic.period_s", self.period_s)
         not_negative("traffic.latency_s", self.latency_s)
         require(self.iterations_n >= 1, "traffic.iterations_n", self.iterations_n, "an integer >= 1")
-        require(self.commit_moves_n >= 0, "traffic.commit_moves_n", self.commit_moves_n, "an integer >= 0")
+        commit_ok = self.commit_moves_n is None or self.commit_moves_n >= 0
+        require(commit_ok, "traffic.commit_moves_n", self.commit_moves_n, "an integer >= 0")
         require(self.grant_moves_n >= 1, "traffic.grant_moves_n", self.grant_moves_n, "an integer >= 1")
         require(self.reorder_after_s > 0, "traffic.reorder_after_s", self.reorder_after_s, "a number > 0, or inf")
 

@@ -33,6 +33,8 @@ TURNING_RADIUS_M = 0.45
 """A little wider than the lanes' arcs, so that the follower has room to correct."""
 WIDE_RADII_M = (1.0, 2.0)
 """Of curves that are tried beside a wall: in a tight one the tail swings into it."""
+LEADS_M = (0.3, -0.3)
+"""Driven straight at first, forwards or backwards, by a car beside a wall: so its tail is off it when it swings."""
 N_STATES, N_SEARCHED = 12, 3
 """States that direct curves are tried to, and how many of them a search is tried to if none is free."""
 ITERATIONS = 300
@@ -65,6 +67,8 @@ class _Rejoin:
     stage: _Stage
     still_since: int
     retry_tick: int = 0
+    starts_tick: int = 0
+    """When its wheels are turned to where its manoeuvre begins, and it moves off."""
     retry_s: float = RETRY_S
     target: int = -1
     n_failed: int = 0
@@ -84,6 +88,29 @@ class _Wreck:
     """Where it came to rest; None while it rolls."""
     halted: set[int] = field(default_factory=set)
     """Cars that stand because their granted way leads through it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Attempt:
+    """How a way to the states nearby is looked for."""
+
+    room: RejoinRoom
+    radius_m: float = TURNING_RADIUS_M
+    lead_m: float = 0.0
+    iterations: int = 0
+
+
+def _patient(room: RejoinRoom) -> list[_Attempt]:
+    return [_Attempt(room=room), _Attempt(room=room, iterations=ITERATIONS)]
+
+
+def _impatient(room: RejoinRoom) -> list[_Attempt]:
+    """Off a wall straight, without a touch, if there is such a way; else with the tail that much nearer to it."""
+    led, swinging = room.eased(lead_m=max(LEADS_M)), room.eased(swing_m=SWING_M)
+    radii_m = (TURNING_RADIUS_M, *WIDE_RADII_M)
+    straight = [_Attempt(room=led, radius_m=radius_m, lead_m=lead_m) for lead_m in LEADS_M for radius_m in radii_m]
+    wide = [_Attempt(room=swinging, radius_m=radius_m) for radius_m in WIDE_RADII_M]
+    return [_Attempt(room=room), *straight, *_patient(swinging), *wide]
 
 
 class Recovery:
@@ -228,6 +255,8 @@ class Recovery:
                 self._hold_ground(driver, car, rejoin)
                 if not rejoin.taken:
                     self._try(driver, car, rejoin, tick)
+            elif tick == rejoin.starts_tick:
+                driver.go(car, MANOEUVRE_MPS)
             elif driver.at_rest(car):
                 self._end(driver, car, rejoin, tick)
 
@@ -343,8 +372,10 @@ class Recovery:
             self._fail(driver, car, rejoin, tick)
             return
         rejoin.target, way = found
-        self._drive(driver, car, way)
-        rejoin.stage = _Stage.DRIVING
+        self._lay_out(driver, car, way)
+        spec = run.scene.car
+        turns_s = 2.0 * spec.max_steering_rad / spec.max_steering_rate_radps  # from lock to lock
+        rejoin.stage, rejoin.starts_tick = _Stage.DRIVING, tick + round(turns_s / run.tick_s)
         run.events.log("rejoin", car=f"car_{car}", state=rejoin.target, length_m=round(way.length_m, 2))
 
     def _fail(self, driver: PathDriver, car: int, rejoin: _Rejoin, tick: int) -> None:
@@ -382,16 +413,20 @@ class Recovery:
         """A state to rejoin and a way to it whose cells are the car's from now on; None if there is none at present."""
         run = self._run
         start = driver.estimate[car]
-        margin_m, swing_m = (MARGIN_M, 0.0) if patient else (LEAST_MARGIN_M, SWING_M)
-        room = RejoinRoom(run, car, start, self._usable_cells(car), margin_m, swing_m)
-        states = self._near_states(start, room.usable)
-        tries = [(TURNING_RADIUS_M, 0, states), (TURNING_RADIUS_M, ITERATIONS, states[:N_SEARCHED])]
-        if not patient:
-            tries += [(radius_m, 0, states) for radius_m in WIDE_RADII_M]
-        for radius_m, iterations, tried in tries:
-            for state in tried:
-                goal = run.graph.state_pose[state]
-                way = plan_rejoin(start, goal, radius_m, room.valid, seed=seed, max_iterations=iterations)
+        usable = self._usable_cells(car)
+        room = RejoinRoom(run, car, start, usable, MARGIN_M if patient else LEAST_MARGIN_M)
+        states = self._near_states(start, usable)
+        for attempt in _patient(room) if patient else _impatient(room):
+            for state in states[: N_SEARCHED if attempt.iterations else N_STATES]:
+                way = plan_rejoin(
+                    start,
+                    run.graph.state_pose[state],
+                    attempt.radius_m,
+                    attempt.room.valid,
+                    seed=seed,
+                    max_iterations=attempt.iterations,
+                    lead_m=attempt.lead_m,
+                )
                 if not way.solved:
                     continue
                 cells = [cell for cell in self._cells_of(way.poses) if cell not in room.ground]
@@ -399,8 +434,13 @@ class Recovery:
                     return state, way
         return None
 
-    def _drive(self, driver: PathDriver, car: int, way: RejoinResult) -> None:
+    def _lay_out(self, driver: PathDriver, car: int, way: RejoinResult) -> None:
+        """Lay a manoeuvre out before a car that stands.
+
+        It moves off only when its wheels are turned: while they turn a car swings whichever way they stood before.
+        """
         driver.restart(car)
+        driver.stop(car)
         cusps = np.nonzero(np.diff(way.directions))[0] + 1
         bounds = [0, *cusps.tolist(), len(way.poses) - 1]
         for a, b in pairwise(bounds):
@@ -408,7 +448,6 @@ class Recovery:
             if len(part) > 1:
                 s_m = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(part[:, 0]), np.diff(part[:, 1])))))
                 driver.append_points(car, part, s_m, int(way.directions[a]))
-        driver.go(car, MANOEUVRE_MPS)
 
     def _end(self, driver: PathDriver, car: int, rejoin: _Rejoin, tick: int) -> None:
         run = self._run

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 import numpy.typing as npt
 
@@ -34,7 +36,6 @@ class RejoinRoom:
         start: Where it stands, x, y, yaw.
         usable: Cells nobody else holds, shape (rows, cols).
         margin_m: Kept free around the body [m].
-        swing_m: How much nearer than where it stands it may be on that first half [m].
     """
 
     def __init__(
@@ -44,9 +45,8 @@ class RejoinRoom:
         start: FloatArray,
         usable: npt.NDArray[np.bool_],
         margin_m: float = MARGIN_M,
-        swing_m: float = 0.0,
     ) -> None:
-        self._margin_m, self._swing_m = margin_m, swing_m
+        self._margin_m, self._way_out_m, self._swing_m = margin_m, WAY_OUT_M, 0.0
         grid = run.site.grid
         self._spec, self._cell_m, self._rows = run.scene.car, grid.cell_m, grid.rows
         open_cells = grid.free & ~run.traffic.blocked.reshape(grid.rows, grid.cols)
@@ -59,16 +59,29 @@ class RejoinRoom:
         allowed[np.clip(row + 1, 0, grid.rows + 1), np.clip(col + 1, 0, grid.cols + 1)] = True
         self._allowed = allowed
         self.ground = frozenset((row * grid.cols + col).tolist())
+        corners = _corners(self._open, self._cell_m)
+        self._corners = corners[np.hypot(*(corners - start[:2]).T) < 2 * SEARCH_M]
         bodies = np.delete(run.driver.estimate, car, axis=0)
         self._bodies = bodies[np.hypot(*(bodies - start)[:, :2].T) < 2 * SEARCH_M]
         self._depths = self._too_near(start[None])
+
+    def eased(self, *, lead_m: float = 0.0, swing_m: float = 0.0) -> RejoinRoom:
+        """Give the same room with an easier way out of what the car stands too near.
+
+        Args:
+            lead_m: How much farther it may go before it must have left that [m].
+            swing_m: How much nearer to that than where it stands it may be on its way out [m].
+        """
+        room = copy(self)
+        room._way_out_m, room._swing_m = WAY_OUT_M + lead_m, swing_m
+        return room
 
     def valid(self, poses: FloatArray) -> npt.NDArray[np.bool_]:
         """Which of the poses (k, 3) the car may take, shape (k,)."""
         row, col = self._cells(outline(poses, self._spec, 0.0))
         held_by_nobody = (self._allowed | ~self._open)[row, col].all(axis=1)
         away = np.hypot(poses[:, 0] - self._start[0], poses[:, 1] - self._start[1])
-        way_out_m = np.maximum(WAY_OUT_M, 2.0 * self._depths)
+        way_out_m = np.maximum(self._way_out_m, 2.0 * self._depths)
         share = np.clip(2.0 * (1.0 - away[:, None] / way_out_m), 0.0, 1.0)
         bearable = (self._depths + self._swing_m) * share + 0.002
         return held_by_nobody & (self._too_near(poses) <= bearable).all(axis=1)
@@ -81,7 +94,8 @@ class RejoinRoom:
     def _too_near(self, poses: FloatArray) -> FloatArray:
         """How far the body and its margin reach into walls, and into each car nearby [m], shape (k, 1 + n_near)."""
         points = outline(poses, self._spec, self._margin_m)
-        depths = [self._into_walls(points)]
+        edges = _depth_in_body(self._corners[None], poses[:, None], self._spec, self._margin_m).max(axis=1, initial=0.0)
+        depths = [np.maximum(self._into_walls(points), edges)]
         for body in self._bodies:
             inside = _depth_in_body(points, body[None, None], self._spec)
             corners = outline(body[None], self._spec, self._margin_m)
@@ -117,13 +131,22 @@ def outline(poses: FloatArray, car: CarSpec, margin_m: float) -> FloatArray:
     return np.stack([poses[:, 0:1] + cos * ahead - sin * left, poses[:, 1:2] + sin * ahead + cos * left], axis=-1)
 
 
-def _depth_in_body(points: FloatArray, poses: FloatArray, car: CarSpec) -> FloatArray:
-    """How far points (k, m, 2) are inside the bodies at poses (k or 1, 1, 3) [m], shape (k, m)."""
+def _corners(is_open: npt.NDArray[np.bool_], cell_m: float) -> FloatArray:
+    """Corners of walls that point into open cells, x, y, shape (n, 2); the cells have one more all around."""
+    closed = np.pad(~is_open, 1, constant_values=True)
+    a, b, c, d = closed[:-1, :-1], closed[:-1, 1:], closed[1:, :-1], closed[1:, 1:]
+    n_closed = a.astype(np.int64) + b + c + d
+    row, col = np.nonzero((n_closed == 1) | ((n_closed == 2) & (a == d)))
+    return np.stack([col - 1.0, len(is_open) - 1.0 - row], axis=-1) * cell_m
+
+
+def _depth_in_body(points: FloatArray, poses: FloatArray, car: CarSpec, margin_m: float = 0.0) -> FloatArray:
+    """How far points (k or 1, m, 2) are inside bodies and a margin at poses (k or 1, 1, 3) [m], shape (k, m)."""
     middle = (car.front_m - car.rear_m) / 2
     dx, dy = points[..., 0] - poses[..., 0], points[..., 1] - poses[..., 1]
     cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
-    ahead = (car.front_m + car.rear_m) / 2 - np.abs(cos * dx + sin * dy - middle)
-    left = car.half_width_m - np.abs(cos * dy - sin * dx)
+    ahead = margin_m + (car.front_m + car.rear_m) / 2 - np.abs(cos * dx + sin * dy - middle)
+    left = margin_m + car.half_width_m - np.abs(cos * dy - sin * dx)
     return np.maximum(np.minimum(ahead, left), 0.0)
 
 

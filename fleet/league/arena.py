@@ -8,20 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
+from fleet.league.ledger import TaskLedger
 from fleet.league.result_log import ResultLog
 from fleet.league.rules import (
     MOVE_TEXTS,
     NO_TASK,
     SCHEDULE_TEXTS,
-    UNKNOWN,
     VALID,
-    WAITING,
     WRONG_SIZE,
     Tasks,
     action_table,
     judge_moves,
-    judge_schedule,
-    tick_errands,
 )
 from maps.formats.lorr import NO_ACTION, START_HEADING, WAIT, Ints, LeagueProblem, LeagueResult
 from maps.lane_graph import LaneGraph, grid_lane_graph
@@ -48,13 +45,14 @@ class Arena:
     v2.1.2; for problems of 2023 InfAssignSystem in CompetitionSystem.cpp, tag v1.1.5.
     """
 
+    allow_rotation = True
+    """Whether robots may follow each other in a closed ring."""
+
     def __init__(self, problem: LeagueProblem) -> None:
         n = problem.n_robots
         self.problem = problem
         self.graph: LaneGraph = grid_lane_graph(problem.grid, "rotating")
         self.timestep = 0
-        self.n_finished = 0
-        """Tasks done."""
         self.planner_errors: list[tuple[int, int, int, str]] = []
         """Robot, other robot or -1, timestep, text."""
         self.schedule_errors: list[tuple[int, int, int, int, str]] = []
@@ -62,20 +60,17 @@ class Arena:
         self.n_timeouts = 0
         """Timesteps that passed in `idle`."""
         self._states: Ints = self.graph.state_index[problem.start_cell, START_HEADING]
-        self._task_of: Tasks = np.full(n, NO_TASK, dtype=np.int64)
-        self._errand_of: Ints = np.zeros(n, dtype=np.int32)
+        self._ledger = TaskLedger(problem)
         self._cells = problem.start_cell
         self._table = action_table(self.graph)
         self._after = np.full(self.graph.n_cells, -1, dtype=np.int32)
         self._log = ResultLog(n)
-        self._life = np.full(1024, UNKNOWN, dtype=np.int8)
-        self._holder = np.full(1024, -1, dtype=np.int32)
-        self._release = np.zeros(1024, dtype=np.int32)
-        self._pool: Tasks = np.empty(0, dtype=np.int64)
-        self._given = np.zeros(n, dtype=np.int64)
-        self._n_revealed = 0
-        self._reveal()
         self._publish()
+
+    @property
+    def n_finished(self) -> int:
+        """Tasks done."""
+        return self._ledger.n_finished
 
     @property
     def errand_ptr(self) -> Ints:
@@ -89,14 +84,11 @@ class Arena:
 
     def pool(self) -> Tasks:
         """Tasks that are known and not opened by anybody, ascending, those included that a robot is on its way to."""
-        return self._pool.copy()
+        return self._ledger.pool()
 
     def next_cell(self, task_of: Tasks) -> Ints:
         """Cell of the next errand of each robot under a schedule, -1 without a task, shape (n,)."""
-        row = task_of % self.problem.n_tasks
-        place = np.minimum(self.errand_ptr[row] + self._errand_of, len(self.errand_cell) - 1)
-        cells: Ints = np.where(task_of == NO_TASK, np.int32(-1), self.errand_cell[place])
-        return cells
+        return self._ledger.next_cell(task_of)
 
     def apply(self, next_states: npt.NDArray[np.integer[Any]], task_of: npt.NDArray[np.integer[Any]]) -> None:
         """Let a timestep pass.
@@ -111,9 +103,11 @@ class Arena:
         """
         self.timestep += 1
         self._move(_row(next_states, len(self._states)))
-        self._assign(self._task_of.copy() if self.problem.round_robin else _row(task_of, len(self._states)))
-        self._tick()
-        self._reveal()
+        self._assign(self._ledger.task_of.copy() if self.problem.round_robin else _row(task_of, len(self._states)))
+        events = self._ledger.tick(self.timestep, self._cells)
+        if len(events):
+            self._log.events.append(events)
+        self._ledger.reveal(self.timestep)
         self._publish()
 
     def idle(self, timesteps: int) -> None:
@@ -121,14 +115,14 @@ class Arena:
         nothing = np.full(len(self._states), NO_ACTION, dtype=np.int8)
         for _ in range(timesteps):
             self._log.moved(nothing, nothing)
-            self._log.held += self._task_of != NO_TASK
+            self._log.held += self._ledger.task_of != NO_TASK
         self.timestep += timesteps
         self.n_timeouts += timesteps
 
     def result(self, planner_times_s: FloatArray) -> LeagueResult:
         """What happened so far."""
         log = self._log
-        known = np.flatnonzero(self._life != UNKNOWN)
+        known, release = self._ledger.known()
         return LeagueResult(
             problem=self.problem,
             actual=log.actions(log.actual),
@@ -138,7 +132,7 @@ class Arena:
             makespan=int(log.held.max(initial=0)),
             n_timeouts=self.n_timeouts,
             task_id=known,
-            task_release=self._release[known],
+            task_release=release,
             events=np.concatenate(log.events),
             schedule=np.concatenate(log.schedule),
             proposed=np.concatenate(log.proposed),
@@ -167,63 +161,22 @@ class Arena:
             self.schedule_errors.append((-1, -1, -1, self.timestep, SCHEDULE_TEXTS[WRONG_SIZE]))
         else:
             self._log.proposes(self.timestep, wanted)
-            error, robot, other = judge_schedule(self._task_of, self._errand_of, wanted, self._life, self._holder)
+            error, robot, other = self._ledger.judge(wanted)
             if error == VALID:
-                self._task_of[:] = wanted
+                self._ledger.give(wanted)
                 self._log.assigned(self.timestep, wanted)
             else:
                 text = SCHEDULE_TEXTS[error]
                 self.schedule_errors.append((int(wanted[robot]), robot, other, self.timestep, text))
-        self._log.held += self._task_of != NO_TASK
+        self._log.held += self._ledger.task_of != NO_TASK
 
     def _publish(self) -> None:
         self.states: Ints = self._states.copy()
         """State of each robot, shape (n,)."""
-        self.task_of: Tasks = self._task_of.copy()
+        self.task_of: Tasks = self._ledger.task_of.copy()
         """Task that each robot holds, or `NO_TASK`, shape (n,)."""
-        self.errand_of: Ints = self._errand_of.copy()
+        self.errand_of: Ints = self._ledger.errand_of.copy()
         """Errands of it that are done, shape (n,); a task is opened, and stays with its robot, from the first on."""
-
-    def _tick(self) -> None:
-        """Errands that are reached are done; robots at the end of a task are free."""
-        events = np.empty((len(self._states), 4), dtype=np.int32)
-        n_events, n_finished = tick_errands(
-            self.timestep,
-            self._cells,
-            self.errand_ptr,
-            self.errand_cell,
-            self._task_of,
-            self._errand_of,
-            self._life,
-            events,
-        )
-        self.n_finished += n_finished
-        if n_events:
-            self._log.events.append(events[:n_events].copy())
-            self._pool = self._pool[self._life[self._pool] == WAITING]
-
-    def _reveal(self) -> None:
-        """Make tasks known until the pool is full, or every robot has one."""
-        if self.problem.round_robin:
-            free = np.flatnonzero(self._task_of == NO_TASK)
-            fresh = self._given[free] * len(self._states) + free
-            self._given[free] += 1
-            self._task_of[free] = fresh
-        else:
-            missing = self.problem.pool_size - (self._n_revealed - self.n_finished)
-            fresh = np.arange(self._n_revealed, self._n_revealed + missing)
-        if not fresh.size:
-            return
-        self._n_revealed += len(fresh)
-        while fresh.max() >= len(self._life):
-            self._life = np.append(self._life, np.full_like(self._life, UNKNOWN))
-            self._holder = np.append(self._holder, np.full_like(self._holder, -1))
-            self._release = np.append(self._release, np.zeros_like(self._release))
-        self._life[fresh] = WAITING
-        self._release[fresh] = self.timestep
-        self._pool = np.concatenate((self._pool, fresh))
-        if self.problem.round_robin:
-            self._pool.sort()
 
 
 def _row(values: npt.NDArray[np.integer[Any]], n: int) -> Row | None:

@@ -6,7 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from fleet.league.arena import NO_TASK, Arena, Tasks
+from fleet.league.rules import NO_TASK, Tasks
+from fleet.league.view import LeagueView
 from maps.formats.lorr import Ints
 from maps.grid import EAST
 from planners.mapf.distance_table import DistanceTable
@@ -17,7 +18,7 @@ from planners.mapf.problem import NO_GOAL, Instance
 class Controller(Protocol):
     """Says what every robot does next, and on which task it works."""
 
-    def prepare(self, arena: Arena, budget_s: float) -> None:
+    def prepare(self, arena: LeagueView, budget_s: float) -> None:
         """Get ready before the first timestep, with what is known by then: the map, the robots, the first tasks.
 
         Args:
@@ -25,7 +26,7 @@ class Controller(Protocol):
             budget_s: Wall time that each call of `step` should keep to [s].
         """
 
-    def step(self, arena: Arena) -> tuple[Ints, Tasks]:
+    def step(self, arena: LeagueView) -> tuple[Ints, Tasks]:
         """Decide a timestep.
 
         Returns:
@@ -44,7 +45,7 @@ class PibtController:
     def __init__(self, *, seed: int = 0) -> None:
         self._pibt = Pibt(seed=seed)
 
-    def prepare(self, arena: Arena, budget_s: float) -> None:
+    def prepare(self, arena: LeagueView, budget_s: float) -> None:
         """Make room for the distances, and decide a timestep in vain, which loads the kernels."""
         del budget_s
         graph, n = arena.graph, len(arena.states)
@@ -55,7 +56,7 @@ class PibtController:
         self._goals = np.full(n, NO_GOAL, dtype=np.int32)
         self.step(arena)
 
-    def step(self, arena: Arena) -> tuple[Ints, Tasks]:
+    def step(self, arena: LeagueView) -> tuple[Ints, Tasks]:
         """Decide a timestep."""
         graph = arena.graph
         task_of = _with_nearest(arena)
@@ -73,7 +74,7 @@ class PibtController:
                 stay=self._nobody,
                 fixed=self._nobody,
                 blocked=self._nowhere,
-                allow_rotation=True,
+                allow_rotation=arena.allow_rotation,
                 horizon=1,
             ),
             self._tables,
@@ -81,7 +82,7 @@ class PibtController:
         return plan.states[-1], task_of
 
 
-def _with_nearest(arena: Arena) -> Tasks:
+def _with_nearest(arena: LeagueView) -> Tasks:
     """The schedule, with a task for each free robot as long as there are some, the lowest robot first."""
     task_of = arena.task_of.copy()
     open_tasks = np.setdiff1d(arena.pool(), task_of, assume_unique=False)

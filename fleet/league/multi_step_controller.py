@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.errors import FleetError
-from fleet.league.arena import NO_TASK, Arena, Tasks
+from fleet.league.rules import NO_TASK, Tasks
 from fleet.league.schedule import TaskSchedule
+from fleet.league.view import LeagueView
 from maps.formats.lorr import Ints
 from maps.lane_graph import grid_lane_graph
 from planners.deadline import Deadline
@@ -39,7 +40,7 @@ _SHUT_IN = 40
 _OUT_FIRST = 8.0
 """How much more, for each bottleneck between them. Rounds of improvement would otherwise give a robot at the mouth of a
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
-_CROWD = 6
+_CROWD = 12
 """Moves that a cell of a large floor counts as farther in the midst of a crowd."""
 _LARGE = 2**20
 """More than any way costs."""
@@ -79,7 +80,7 @@ class MultiStepController:
         self.config = MultiStepControllerConfig() if config is None else config
         self._rng = np.random.default_rng(seed)
 
-    def prepare(self, arena: Arena, budget_s: float) -> None:
+    def prepare(self, arena: LeagueView, budget_s: float) -> None:
         """Compute costs, learn or find guidance, and hand out the first tasks."""
         graph, n = arena.graph, len(arena.states)
         self._budget_s = budget_s
@@ -137,22 +138,27 @@ class MultiStepController:
         self._move(arena, first, Deadline(iterations=1))
         self._mover.chance = chance
         self._mover.begin(arena.states)
+        self._states = arena.states.copy()
 
-    def step(self, arena: Arena) -> tuple[Ints, Tasks]:
+    def step(self, arena: LeagueView) -> tuple[Ints, Tasks]:
         """Decide a timestep."""
         deadline = Deadline(wall_s=self._budget_s * self.config.budget_share)
         task_of, self._task_of = self._task_of, None
         if task_of is None:
             task_of = self._assign(arena)
-        return self._move(arena, task_of, deadline), task_of
+        if not np.array_equal(arena.states, self._states):
+            # Somebody did not get as far as it was told.
+            self._mover.begin(arena.states)
+        self._states = self._move(arena, task_of, deadline)
+        return self._states.copy(), task_of
 
-    def _assign(self, arena: Arena, *, everybody: bool = False) -> Tasks:
+    def _assign(self, arena: LeagueView, *, everybody: bool = False) -> Tasks:
         if arena.problem.round_robin:
             self._schedule.learn(arena, arena.task_of)
             return arena.task_of
         return self._schedule.assign(arena, everybody=everybody)
 
-    def _move(self, arena: Arena, task_of: Tasks, deadline: Deadline) -> Ints:
+    def _move(self, arena: LeagueView, task_of: Tasks, deadline: Deadline) -> Ints:
         n = len(arena.states)
         busy = task_of != NO_TASK
         done = np.where(task_of == arena.task_of, arena.errand_of, 0)
@@ -194,14 +200,14 @@ class MultiStepController:
             sequence,
             weight=weight,
             most_tries=self.config.most_tries,
-            allow_rotation=True,
+            allow_rotation=arena.allow_rotation,
             # One round in any case: without it crossings of narrow aisles fill up with knots.
             polish=lambda: next(rounds) == 0 or deadline.spend(),
             rounds=self.config.rounds,
             crowd=None if self._crowd is None else self._crowd.of(here),
         )
 
-    def _expect_goals(self, arena: Arena, known: Ints, deadline: Deadline) -> None:
+    def _expect_goals(self, arena: LeagueView, known: Ints, deadline: Deadline) -> None:
         """Fill the table of a large floor before the clock runs: the goals that are known, then cells like them."""
         if self._costs.exact:
             return
@@ -212,7 +218,7 @@ class MultiStepController:
         self._costs.expect(np.concatenate((np.unique(known), np.setdiff1d(alike, known))), deadline)
 
 
-def _known_errands(arena: Arena) -> Errands:
+def _known_errands(arena: LeagueView) -> Errands:
     """The errands of all tasks that are known."""
     tasks = np.concatenate((arena.pool(), arena.task_of[arena.task_of != NO_TASK]))
     row = np.unique(tasks % arena.problem.n_tasks)

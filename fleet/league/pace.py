@@ -34,6 +34,7 @@ def longest_stand(result: LeagueResult) -> int:
     # The first timestep is number 1; what is changed in a timestep holds for it.
     changes = result.schedule[np.argsort(result.schedule[:, 0], kind="stable")]
     bounds = np.searchsorted(changes[:, 0], np.arange(1, n_steps + 2))
+    bounds[0] = 0  # in a run in ticks the first schedule holds before the first one
     for step in range(n_steps):
         change = changes[bounds[step] : bounds[step + 1]]
         has_task[change[:, 1]] = change[:, 2] >= 0

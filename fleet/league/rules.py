@@ -33,13 +33,18 @@ SCHEDULE_TEXTS = (
 """What the League's files say of each error of the schedule: `WRONG_SIZE`, `GONE`, `TWICE`, `LEFT`."""
 
 
+def move_actions(graph: LaneGraph) -> Actions:
+    """Action that makes each move of a graph of robots that turn on the spot, shape (n_moves,)."""
+    quarter = (graph.state_heading[graph.move_to] - graph.state_heading[graph.move_from]) % 4
+    action = np.select([graph.move_kind == STRAIGHT, quarter == 1], [FORWARD, COUNTER_CLOCKWISE], default=CLOCKWISE)
+    return action.astype(np.int8)
+
+
 def action_table(graph: LaneGraph) -> Ints:
     """State after each action, -1 where it cannot be done, shape (n_states, 4)."""
     table = np.full((graph.n_states, 4), -1, dtype=np.int32)
     table[:, WAIT] = np.arange(graph.n_states)
-    quarter = (graph.state_heading[graph.move_to] - graph.state_heading[graph.move_from]) % 4
-    action = np.select([graph.move_kind == STRAIGHT, quarter == 1], [FORWARD, COUNTER_CLOCKWISE], default=CLOCKWISE)
-    table[graph.move_from, action] = graph.move_to
+    table[graph.move_from, move_actions(graph)] = graph.move_to
     return table
 
 
@@ -143,3 +148,21 @@ def tick_errands(
             errand_of[robot] = 0
             n_finished += 1
     return n_events, n_finished
+
+
+@njit(cache=True, nogil=True)
+def tick_errands_on_way(
+    ptr: Ints, cells: Ints, errand_ptr: Ints, errand_cell: Ints, task_of: Tasks, errand_of: Ints, life: Lives
+) -> None:  # pragma: no cover - compiled
+    """Tick off, in place, the errands that robots do on their ways, given as CSR, with the tasks they hold."""
+    n_tasks = len(errand_ptr) - 1
+    for robot in range(len(task_of)):
+        row = task_of[robot] % n_tasks
+        for k in range(ptr[robot], ptr[robot + 1]):
+            while task_of[robot] != NO_TASK and errand_cell[errand_ptr[row] + errand_of[robot]] == cells[k]:
+                errand_of[robot] += 1
+                life[task_of[robot]] = OPENED
+                if errand_ptr[row] + errand_of[robot] == errand_ptr[row + 1]:
+                    life[task_of[robot]] = FINISHED
+                    task_of[robot] = NO_TASK
+                    errand_of[robot] = 0

@@ -8,7 +8,8 @@ from numba import njit
 from scipy.optimize import linear_sum_assignment
 
 from fleet.arrays import BoolArray
-from fleet.league.arena import NO_TASK, Arena, Tasks
+from fleet.league.rules import NO_TASK, Tasks
+from fleet.league.view import LeagueView
 from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.multi_step_kernel import Costs
@@ -40,7 +41,7 @@ class TaskSchedule:
     https://arxiv.org/abs/2511.09193.
     """
 
-    def __init__(self, arena: Arena, costs: GoalCosts) -> None:
+    def __init__(self, arena: LeagueView, costs: GoalCosts) -> None:
         self._costs = costs
         self._onward = np.full(len(arena.errand_cell), -1, dtype=np.int32)
         self.onward_of: IntArray = self._onward
@@ -49,7 +50,7 @@ class TaskSchedule:
         """Cost from each errand to the end of its task."""
         self._turn = 0
 
-    def learn(self, arena: Arena, tasks: Tasks) -> None:
+    def learn(self, arena: LeagueView, tasks: Tasks) -> None:
         """Compute how long tasks are that are seen for the first time."""
         row = tasks % arena.problem.n_tasks
         row = np.unique(row[self._onward[arena.errand_ptr[row]] < 0])
@@ -65,7 +66,7 @@ class TaskSchedule:
         backwards = place[::-1]
         _add_up(backwards, last[::-1].copy(), self._onward, self.rest_of)
 
-    def assign(self, arena: Arena, *, everybody: bool = False) -> Tasks:
+    def assign(self, arena: LeagueView, *, everybody: bool = False) -> Tasks:
         """Decide who does what.
 
         Args:
@@ -104,7 +105,7 @@ class TaskSchedule:
         task_of[asked] = np.where(chosen >= 0, tasks[chosen], NO_TASK)
         return task_of
 
-    def _asked(self, arena: Arena, n_tasks: int, everybody: bool) -> npt.NDArray[np.intp]:
+    def _asked(self, arena: LeagueView, n_tasks: int, everybody: bool) -> npt.NDArray[np.intp]:
         """Robots whose task is decided in this timestep."""
         idle = arena.task_of == NO_TASK
         free = np.flatnonzero(idle | (arena.errand_of == 0))

@@ -1,8 +1,9 @@
-"""Parking: where cars wait."""
+"""Parking: where cars wait, in parking places and, when these are taken, on lanes."""
 
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from fleet.missions.phases import ON_VISIT
 from fleet.missions.state import Missions
@@ -13,13 +14,19 @@ from planners.mapf.distance_table import UNREACHABLE
 class Parking:
     """Parking places and who is bound for them.
 
+    A car that finds all of them taken waits where it is, without a goal: whoever wants to pass pushes it on. Only where
+    others come to a bay or leave it does it not wait, but goes on to the first cell behind.
+
     Args:
         states: Lane-graph state of each parking place.
+        lane_states: Lane-graph states in which cars may wait when all are taken.
         missions: Tells which cars wait.
         ways: How far cars are from parking places.
     """
 
-    def __init__(self, states: tuple[int, ...], missions: Missions, ways: Ways) -> None:
+    def __init__(
+        self, states: tuple[int, ...], lane_states: npt.NDArray[np.intp], missions: Missions, ways: Ways
+    ) -> None:
         self.states = states
         self._missions = missions
         self._ways = ways
@@ -28,6 +35,8 @@ class Parking:
         self._nowhere = np.zeros(ways.n_states + 1, dtype=np.bool_)
         self._is_place = self._nowhere.copy()
         self._is_place[self._sorted] = True
+        self._may_wait = self._nowhere.copy()
+        self._may_wait[lane_states] = True
 
     def send(self, tick: int) -> None:
         """Send every car that waits to the nearest parking place that no other such car has, or visits."""
@@ -48,10 +57,20 @@ class Parking:
         taken[goals] = True
         free = self._sorted[~taken[self._sorted]]
         for k in without.tolist():
+            if not free.size:
+                self._wait_on_lane(int(waiting[k]), int(tails[k]), int(goals[k]), tick)
+                continue
             moves = self._ways.moves_each(np.full(len(free), tails[k], dtype=np.int32), free)
-            if not free.size or moves.min() >= UNREACHABLE:
+            if moves.min() >= UNREACHABLE:
                 continue
             # Of equally near ones, the one with the smallest number.
             nearest = int(moves.argmin())
             self._ways.send(int(waiting[k]), int(free[nearest]), rank_s=0.0, stay=False, tick=tick)
             free = np.delete(free, nearest)
+
+    def _wait_on_lane(self, car: int, tail: int, goal: int, tick: int) -> None:
+        """Let a car wait where it is, or at the first cell where it may."""
+        if self._may_wait[tail]:
+            self._ways.wait(car)
+        elif not self._may_wait[goal] and (place := self._ways.first(tail, self._may_wait)) is not None:
+            self._ways.send(car, place, rank_s=0.0, stay=False, tick=tick)

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from fleet.stations.stations import Stations
 from fleet.tasks.place_names import PlaceNames
 from maps.lane_graph import LaneGraph
 from maps.site import Site
+from maps.waiting_cells import waiting_cells
 
 NOT_BOOKED = -1
 """Number of a place in a lane, which nobody books: who stands there goes on soon."""
@@ -39,6 +42,8 @@ class Places:
         """Lane-graph state of each charger."""
         self.parking: tuple[int, ...] = tuple(graph.first_states(site.parking).tolist())
         """Lane-graph state of each parking place."""
+        self.waiting = np.flatnonzero(np.isin(graph.state_cell, waiting_cells(site, graph)))
+        """Lane-graph states in which cars may wait when all parking places are taken, ascending."""
         self._states = [*(station.dock_state for station in stations), *self.chargers, *self.parking]
         self.cells: tuple[int, ...] = tuple(graph.state_cell[self._states].tolist())
         """Cell of each place that is booked."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 import numpy.typing as npt
 
@@ -82,6 +84,25 @@ class Ways:
         """Whether a car has a way to a goal."""
         return self.of_car(car, goal) < UNREACHABLE
 
+    def first(self, state: int, wanted: npt.NDArray[np.bool_]) -> int | None:
+        """The first of some states that a car comes to from another one, past all that is blocked; None if to none.
+
+        Args:
+            state: Where the way begins.
+            wanted: Whether each state is one of them, shape (n_states,) or longer.
+        """
+        tables, blocked = self._traffic.tables, self._traffic.blocked
+        seen, ahead = {state}, deque([state])
+        while ahead:
+            for after in tables.after(ahead.popleft()).tolist():
+                if after in seen or blocked[tables.graph.state_cell[after]]:
+                    continue
+                if wanted[after]:
+                    return int(after)
+                seen.add(after)
+                ahead.append(after)
+        return None
+
     # --- how far from places
 
     def to_place(self, place: Place, states: States) -> npt.NDArray[np.float64]:
@@ -142,6 +163,11 @@ class Ways:
         """
         self._traffic.rank[car] = rank_s
         self._traffic.send(car, goal, stay=stay, tick=tick)
+
+    def wait(self, car: int) -> None:
+        """Leave a car where it comes to stand, until somebody pushes it on."""
+        self._traffic.rank[car] = 0.0
+        self._traffic.let_wait(car)
 
     def let_push(self, cars: npt.NDArray[np.intp]) -> None:
         """Let others push cars from their goals."""

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import RunConfig, require
+from fleet.config import RunConfig
+from fleet.run.starts import start_states
 from fleet.traffic.floor_distances import FloorDistances
 from fleet.world.protocol import World
 from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
-from maps.lane_graph import LaneGraph, build_lane_graph
+from maps.lane_graph import LaneGraph, build_lane_graph, states_of_lanes
 from maps.site import Site, load_site
 
 
@@ -39,18 +40,14 @@ class RunSetup:
             SiteError: The site cannot be read.
         """
         site = load_site(config.site)
-        require(
-            config.robots <= len(site.parking),
-            "--robots",
-            config.robots,
-            f"1 to {len(site.parking)} (parking cells of site {site.name})",
-        )
         graph = build_lane_graph(site)
-        start_states = graph.first_states(site.parking[: config.robots])
+        docks = [place.dock.cell for place in site.stations]
+        against = states_of_lanes(graph, site.against, site.grid) if site.allow_reverse else None
+        states = start_states(config, site, graph)
         return RunSetup(
             site=site,
             graph=graph,
-            start_states=start_states,
-            scene=scene_of(site, graph.state_pose[start_states], config.grip, config.arms),
-            distances=FloorDistances(graph, [place.dock.cell for place in site.stations]),
+            start_states=states,
+            scene=scene_of(site, graph.state_pose[states], config.grip, config.arms),
+            distances=FloorDistances(graph, docks, against=against),
         )

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from fleet.config import require
 from fleet.recording.run_file import plain
 from fleet.robots import racecar_spec
+from fleet.run.starts import require_room
 from fleet.study.design import Design, StudyError
 from fleet.study.findings import Findings, find
 from fleet.study.pool import run_all
@@ -43,8 +43,7 @@ def check(design: Design) -> None:
         OrdersError: The orders cannot be read, or none can be accepted.
     """
     site = load_site(design.site)
-    room = len(site.parking)
-    require(max(design.robots) <= room, "--robots", max(design.robots), f"1 to {room} (parking cells of {site.name})")
+    require_room(max(design.robots), site)
     for allocator in design.allocators:
         allocator_named(allocator, design.allocator_settings.get(allocator, {}), what="--allocators")
     design.run_config(design.variants[0]).traffic.make_planner(seed=0)

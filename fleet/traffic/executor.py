@@ -82,9 +82,20 @@ class Executor:
         self.dependencies.extend_lanes(graph)
         self.driver.extend_lanes(graph)
 
-    def cut(self) -> npt.NDArray[np.int32]:
-        """Drop what is not needed until the next plan lands; returns the states plans start from, shape (n_cars,)."""
-        return self.dependencies.commit_cut(self._config.commit_moves_n)
+    def cut(self, n_commits: int) -> npt.NDArray[np.int32]:
+        """Drop what is not needed until the next plan lands.
+
+        Args:
+            n_commits: Moves beyond the granted ones that each car keeps.
+
+        Returns:
+            The states plans start from, shape (n_cars,).
+        """
+        return self.dependencies.commit_cut(n_commits)
+
+    def timesteps_left(self) -> npt.NDArray[np.int64]:
+        """Timesteps until each car stands in its tail state, if nobody is late, shape (n_cars,)."""
+        return self.dependencies.timesteps_left()
 
     def tail_states(self) -> npt.NDArray[np.int32]:
         """State each car stands in when all it has is done, shape (n_cars,), read-only."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +15,11 @@ from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.head_on import HeadOn
 from fleet.traffic.open_lanes import OpenLanes
 from fleet.traffic.single_file import SingleFile
+from fleet.traffic.tides import Tides
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.planner import heeds_comes
 from planners.mapf.problem import Instance, Plan
 
 NO_GOAL = -1
@@ -29,8 +32,15 @@ HEAD_ON_RANK_S = 1e7
 LEAVES_RANK_S = (1e6, 1e5)
 """Head start of a car that drives out of an outer dead end, and out of an inner one: who wants to go in
 has to make room [s]."""
+AISLE_RANK_S = 1e5
+"""Head start of a car that drives through a narrow aisle: who waits before it has to make room [s]."""
 TURN_RANK_S = 1e4
 """Head start of a car whose turn it is at a dead end [s]."""
+COMMIT_MOVES = 2
+"""Moves that a car keeps beyond the granted ones if the planner takes it to stand where they end: with fewer, more of
+the order in which cars meet is decided by where they are not yet."""
+MOVE_S = 1.0
+"""Least time of a move [s]."""
 REPRICE_S = 5.0
 """Time after which ways are found anew if cars wait elsewhere [s]."""
 
@@ -71,6 +81,7 @@ class Traffic:
         self.lanes = OpenLanes(graph)
         self._single_file = SingleFile(self.lanes)
         self._head_on = HeadOn(self.lanes)
+        self._tides = Tides(graph)
         self.goals = np.full(n_cars, NO_GOAL, dtype=np.int32)
         self.stay = np.zeros(n_cars, dtype=np.bool_)
         """Cars that must not be pushed once they are at their goal (docks)."""
@@ -128,6 +139,11 @@ class Traffic:
             self._goal_since[car] = tick
             self._wanted = True
         self.stay[car] = stay
+
+    def let_wait(self, car: int) -> None:
+        """Leave a car without a goal: it waits where it comes to stand, and whoever wants to pass pushes it on."""
+        self.goals[car] = NO_GOAL
+        self.stay[car] = False
 
     def set_fixed(self, car: int, fixed: bool) -> None:
         """Say that a car cannot move, or that it can again."""
@@ -271,14 +287,26 @@ class Traffic:
         on_the_way = (self.goals != NO_GOAL) & (self.goals != self.executor.tail_states())
         self.ways.reprice(self._distances.costs + self._crowd_costs, np.unique(self.goals[on_the_way]))
 
+    def _n_commits(self) -> int:
+        """Moves beyond the granted ones that cars keep when plans are made anew."""
+        if self._config.commit_moves_n is not None:
+            return self._config.commit_moves_n
+        if not heeds_comes(self._planner):
+            return COMMIT_MOVES
+        moves = math.ceil((self._latency + self._late_ticks) * self._tick_s / MOVE_S)
+        # The first of the granted moves may be all but done.
+        return max(0, moves - self._config.grant_moves_n + 1)
+
     def _plan(self, tick: int) -> Plan:
         self._see_crowd(tick)
-        starts = self.executor.cut()
+        starts = self.executor.cut(self._n_commits())
         waited_s = (tick - self._goal_since) * self._tick_s
         self.priorities = waited_s + self.rank + self._tie_break
         now_s = tick * self._tick_s
         goals = self._single_file.goals(self.goals.copy(), starts, self.stay, self.ways, self.executor.still_s, now_s)
         self.priorities[self._single_file.first] += TURN_RANK_S
+        goals = self._tides.goals(goals, starts, self.stay, self.fixed, self.ways, now_s)
+        self.priorities[self._tides.first] += AISLE_RANK_S
         sent = (self.goals != NO_GOAL).nonzero()[0]
         for leaves, rank_s in zip(self.lanes.leave(starts[sent], self.goals[sent]), LEAVES_RANK_S, strict=False):
             self.priorities[sent[leaves]] += rank_s
@@ -294,5 +322,6 @@ class Traffic:
             blocked=self.blocked.copy(),
             allow_rotation=False,
             horizon=self._config.horizon_n,
+            comes=self.executor.timesteps_left() if heeds_comes(self._planner) else None,
         )
         return self._planner.plan(instance, self.ways, Deadline(self._config.iterations_n))

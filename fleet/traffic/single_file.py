@@ -23,8 +23,9 @@ _End = tuple[int, int]
 class SingleFile:
     """Whose turn it is at each dead end.
 
-    The nearest car goes first. One that cannot move lets the next one go: in a narrow place the nearest may be the one
-    that is in the way.
+    The nearest car goes first; at a dead end within another, the nearest of those that are in the outer one or whose
+    turn it is there, since the others cannot come. One that cannot move lets the next one go: in a narrow place the
+    nearest may be the one that is in the way.
 
     Attributes:
         first: The cars whose turn it is, as `goals` left it: all others make room for them.
@@ -64,6 +65,7 @@ class SingleFile:
         self.first = []
         goes = goals != NO_GOAL
         found = goals.copy() if self._lanes.dead_ends else goals
+        waits = np.zeros(len(goals), dtype=np.bool_)  # outside an outer dead end: it is nobody's turn within it
         for depth, number in enumerate(self._lanes.dead_ends):
             bound_for = np.where(goes, number[np.where(goes, goals, 0)], -1)
             stands_in = number[states]
@@ -74,11 +76,13 @@ class SingleFile:
                 inside = number == end
                 cars = np.flatnonzero((bound_for == end) & (stands_in != end))
                 left = np.array([int(ways.to(int(goals[car]))[states[car]]) for car in cars])
-                queue = cars[np.argsort(left, kind="stable")].tolist()
+                order = cars[np.argsort(left, kind="stable")]
+                queue = order[~waits[order]].tolist()
                 first = NO_GOAL
                 if queue and end not in busy:
                     first = self._first((depth, end), queue, still_s, now_s)
                     self.first.append(first)
+                waits[cars[cars != first]] = True
                 near = left <= NEAR_MOVES
                 if narrow:
                     near |= np.array([_enters(ways, states[k], goals[k], inside) for k in cars], dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""League of Robot Runners: problems of 2023 and 2024 in, results in the format of 2024 out."""
+"""League of Robot Runners: problems of 2023, 2024 and 2026 in, results in the format of 2024 or 2026 out."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from maps.errors import MapsError
+from maps.formats import lorr_2026
+from maps.formats.lorr_2026 import TickedRun, Ticks
+from maps.formats.lorr_files import CellTable, LeagueError, ProblemKeys
 from maps.formats.movingai import read_map, read_marks
 from maps.grid import EAST, GridMap
-from maps.reading.shown import shown
-from maps.reading.text_file import FileError, is_file, parse_json, read_lines, read_text
 
 Ints = npt.NDArray[np.int32]
 Actions = npt.NDArray[np.int8]
@@ -30,13 +30,8 @@ START_HEADING = EAST
 MOST_REVEALED = 1000
 """Most tasks per robot that may be known at a time; the League's own problems have 1 and 1.5."""
 
-_VERSIONS = ("2023 LoRR", "2024 LoRR")
+_VERSIONS = ("2023 LoRR", "2024 LoRR", lorr_2026.VERSION)
 _ROUND_ROBIN = "roundrobin"
-_FORM = "a JSON object with teamSize, mapFile, agentFile and taskFile"
-
-
-class LeagueError(MapsError):
-    """A problem of the League is malformed; the message names file, line and field."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,6 +52,8 @@ class LeagueProblem:
     """Rule of 2023: robot k is given tasks k, k + n, k + 2 n, ... one after the other. Otherwise tasks are chosen."""
     marks: npt.NDArray[np.str_] | None = None
     """The map's own character for each cell, shape (n_cells,); the League marks stations and shelves. None = no map."""
+    ticks: Ticks | None = None
+    """How time passes in a problem of 2026. None = an action takes one timestep, and nobody is delayed."""
 
     @property
     def n_robots(self) -> int:
@@ -103,6 +100,8 @@ class LeagueResult:
     """Robot, other robot or -1, timestep, text."""
     schedule_errors: tuple[tuple[int, int, int, int, str], ...]
     """Task, robot, other robot or -1, timestep, text."""
+    ticked: TickedRun | None = None
+    """What a run in ticks has besides; there a timestep is a tick."""
 
 
 def read_problem(path: str | os.PathLike[str]) -> LeagueProblem:
@@ -116,10 +115,12 @@ def read_problem(path: str | os.PathLike[str]) -> LeagueProblem:
             outside or blocked, two robots start in one cell, lines are missing, or no robot can do a task.
         MovingAiError: The map is malformed.
 
-    Source: Input_Output_Format.md of https://github.com/MAPF-Competition/Start-Kit, tags v1.1.5 and v2.1.2.
+    Source: Input_Output_Format.md of https://github.com/MAPF-Competition/Start-Kit, tags v1.1.5, v2.1.2 and v3.1.0.
     """
-    problem = _Keys(Path(path))
-    round_robin = _is_round_robin(problem)
+    problem = ProblemKeys(Path(path))
+    version = _version(problem)
+    round_robin = version == _VERSIONS[0]
+    ticks = lorr_2026.read_ticks(problem) if version == lorr_2026.VERSION else None
     n_robots = problem.whole("teamSize", least=1)
     reveal = problem.number("numTasksReveal", default=1.0, most=MOST_REVEALED)
     # They multiply in single precision and cut off.
@@ -132,7 +133,7 @@ def read_problem(path: str | os.PathLike[str]) -> LeagueProblem:
     if n_robots > room:
         raise problem.error("teamSize", f"at most {room}, the free cells of {map_path}")
 
-    agents = _Table(agent_path)
+    agents = CellTable(agent_path)
     if agents.count < n_robots:
         raise LeagueError(
             f"{agent_path}: line {agents.count_line}: {agents.count} agents; valid: at least teamSize = {n_robots}"
@@ -146,7 +147,7 @@ def read_problem(path: str | os.PathLike[str]) -> LeagueProblem:
             f"{agent_path}: line {agents.lines[second]}: location {start_cell[second]} is the start of robot {first} "
             f"(line {agents.lines[first]}) too; valid: one robot a cell"
         )
-    tasks = _Table(task_path)
+    tasks = CellTable(task_path)
     if tasks.count < 1:
         raise LeagueError(f"{task_path}: line {tasks.count_line}: {tasks.count} tasks; valid: at least 1")
     errand_ptr, errand_cell = tasks.cells(tasks.count, grid, most=1 if round_robin else None)
@@ -160,11 +161,12 @@ def read_problem(path: str | os.PathLike[str]) -> LeagueProblem:
         errand_cell=errand_cell,
         pool_size=n_robots if round_robin else pool_size,
         round_robin=round_robin,
+        ticks=ticks,
     )
 
 
 def write_result(path: str | os.PathLike[str], result: LeagueResult) -> None:
-    """Write a result file of 2024, also for a problem of 2023.
+    """Write a result file of 2024, also for a problem of 2023; for a run in ticks one of 2026.
 
     Args:
         path: The .json file.
@@ -173,14 +175,15 @@ def write_result(path: str | os.PathLike[str], result: LeagueResult) -> None:
     Raises:
         OSError: The file cannot be written.
 
-    Source: BaseSystem::saveResults in the Start-Kit, tag v2.1.2. Unlike there, schedule errors carry the timestep in
-    which the schedule would have come into force, as events and schedules do.
+    Source: BaseSystem::saveResults in the Start-Kit, tags v2.1.2 and v3.1.0. Unlike there, schedule errors carry the
+    timestep in which the schedule would have come into force, as events and schedules do, and each segment of a path
+    of 2026 says where it begins, as their description of the format has it; their program writes the start in all.
     """
     problem = result.problem
     row, col = (axis.tolist() for axis in problem.grid.row_col(problem.start_cell))
     entries: dict[str, Any] = {
         "actionModel": "MAPF_T",
-        "version": "2024 LoRR",
+        "version": _VERSIONS[1],
         "teamSize": problem.n_robots,
         "numTaskFinished": result.n_finished,
         "makespan": result.makespan,
@@ -198,6 +201,16 @@ def write_result(path: str | os.PathLike[str], result: LeagueResult) -> None:
         "events": result.events.tolist(),
         "tasks": _tasks(result),
     }
+    if (ticked := result.ticked) is not None and problem.ticks is not None:
+        entries |= {
+            "version": lorr_2026.VERSION,
+            "makespan": len(result.actual),
+            "agentMaxCounter": problem.ticks.per_action,
+            "outputSegmentSize": lorr_2026.SEGMENT,
+            "delayIntervals": lorr_2026.delay_lists(ticked.delays, problem.n_robots),
+            "actualPaths": lorr_2026.segment_paths(result.actual, ticked.poses, LETTERS),
+            "plannerPaths": lorr_2026.segment_paths(result.planned, ticked.poses, LETTERS),
+        }
     with Path(path).open("w", encoding="ascii") as file:
         file.write("{")
         for number, (key, value) in enumerate(entries.items()):
@@ -242,8 +255,8 @@ def _tasks(result: LeagueResult) -> Iterator[list[Any]]:
         yield [task, release, stops.ravel().tolist()]
 
 
-def _is_round_robin(problem: _Keys) -> bool:
-    """Which edition's rule of assignment holds."""
+def _version(problem: ProblemKeys) -> str:
+    """Whose rules hold."""
     version = problem.text("version", default=None)
     strategy = problem.text("taskAssignmentStrategy", default=None)
     if version is None:
@@ -252,10 +265,10 @@ def _is_round_robin(problem: _Keys) -> bool:
         raise problem.error("version", f"one of {', '.join(map(repr, _VERSIONS))}")
     if version == _VERSIONS[0] and strategy not in (None, _ROUND_ROBIN):
         raise problem.error("taskAssignmentStrategy", repr(_ROUND_ROBIN))
-    return version == _VERSIONS[0]
+    return version
 
 
-def _require_doable(grid: GridMap, start_cell: Ints, errand_ptr: Ints, errand_cell: Ints, tasks: _Table) -> None:
+def _require_doable(grid: GridMap, start_cell: Ints, errand_ptr: Ints, errand_cell: Ints, tasks: CellTable) -> None:
     """Refuse tasks that no robot could ever finish."""
     area = _areas(grid)
     manned = np.zeros(grid.n_cells, dtype=np.bool_)
@@ -285,117 +298,3 @@ def _areas(grid: GridMap) -> npt.NDArray[np.int64]:
         while (label != label[label]).any():
             label = label[label]
     return label
-
-
-class _Keys:
-    """The keys of a problem file, and where they stand in it."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._text = _read(path)
-        try:
-            keys = parse_json(self._text, str(path), valid=_FORM)
-        except FileError as error:
-            raise LeagueError(str(error)) from error
-        if not isinstance(keys, dict):
-            raise LeagueError(f"{path}: line 1: {type(keys).__name__}; valid: {_FORM}")
-        self._keys: dict[str, Any] = keys
-
-    def error(self, key: str, valid: str) -> LeagueError:
-        """What to raise about the value of a key."""
-        if key not in self._keys:
-            return LeagueError(f"{self.path}: {key} is missing; valid: {valid}")
-        before, _, _ = self._text.partition(f'"{key}"')
-        line = 1 + before.count("\n")
-        return LeagueError(f"{self.path}: line {line}: {key} = {shown(self._keys[key])}; valid: {valid}")
-
-    def text(self, key: str, *, default: str | None) -> str | None:
-        value = self._keys.get(key, default)
-        if value is not None and not isinstance(value, str):
-            raise self.error(key, "a text")
-        return value
-
-    def number(self, key: str, *, default: float, most: int) -> float:
-        value = self._keys.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value <= most:
-            raise self.error(key, f"a number > 0 and <= {most}")
-        return float(value)
-
-    def whole(self, key: str, *, least: int) -> int:
-        value = self._keys.get(key)
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise self.error(key, f"an integer >= {least}")
-        return value
-
-    def file(self, key: str) -> Path:
-        value = self._keys.get(key)
-        if not isinstance(value, str) or not value:
-            raise self.error(key, "the path of a file, relative to this one")
-        path = self.path.parent / value
-        if not is_file(path):
-            raise self.error(key, "the path of a file, relative to this one")
-        return path
-
-
-class _Table:
-    """An agent or task file: comments, the number of entries, and an entry a line."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.lines: list[int] = []
-        """Line number of each entry that was read."""
-        numbered = enumerate(_lines(path), start=1)
-        self._entries = ((number, line) for number, line in numbered if not line.startswith("#"))
-        self.count_line, line = next(self._entries, (1, ""))
-        try:
-            self.count = int(line)
-        except ValueError:
-            raise LeagueError(
-                f"{path}: line {self.count_line}: {shown(line)}; valid: the number of entries that follow"
-            ) from None
-
-    def cells(self, n: int, grid: GridMap, *, most: int | None) -> tuple[Ints, Ints]:
-        """Read n entries of at most `most` cells each: their CSR, shapes (n + 1,) and (k,)."""
-        ptr, cells = [0], []
-        for number, line in self._entries:
-            if len(self.lines) == n:
-                break
-            fields = line.strip().removesuffix(",").split(",")
-            try:
-                cells += [int(field) for field in fields]
-            except ValueError:
-                what = "a location" if most == 1 else "locations, separated by commas"
-                raise LeagueError(f"{self.path}: line {number}: {shown(line)}; valid: {what}") from None
-            if most is not None and len(fields) > most:
-                raise LeagueError(f"{self.path}: line {number}: {len(fields)} locations; valid: {most}")
-            ptr.append(len(cells))
-            self.lines.append(number)
-        if len(self.lines) < n:
-            raise LeagueError(f"{self.path}: ends after {len(self.lines)} entries; valid: {self.count}, as it promises")
-        return np.array(ptr, dtype=np.int32), self._checked(ptr, cells, grid)
-
-    def _checked(self, ptr: list[int], cells: list[int], grid: GridMap) -> Ints:
-        """Cells on the free floor, shape (k,)."""
-        location = np.array([cell if 0 <= cell < grid.n_cells else -1 for cell in cells], dtype=np.int32)
-        outside = location < 0
-        bad = outside | ~grid.free.ravel()[location]
-        if bad.any():
-            at = int(np.flatnonzero(bad)[0])
-            line = self.lines[int(np.searchsorted(ptr, at, side="right")) - 1]
-            why = f"outside 0..{grid.n_cells - 1}" if outside[at] else "an obstacle"
-            raise LeagueError(f"{self.path}: line {line}: location {shown(cells[at])} is {why}; valid: a free cell")
-        return location
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        return read_lines(path, str(path), valid="a file of the League of Robot Runners")
-    except FileError as error:
-        raise LeagueError(str(error)) from error
-
-
-def _read(path: Path) -> str:
-    try:
-        return read_text(path, str(path), valid="a file of the League of Robot Runners")
-    except FileError as error:
-        raise LeagueError(str(error)) from error

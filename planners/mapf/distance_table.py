@@ -50,10 +50,12 @@ class DistanceTable:
             1 each. A way costs the sum over its cells but the last, so that what is dear is gone round, and whoever
             stands there leaves it.
         move_costs: What each move costs, shape (n_moves,), 1 to `MOST_COST`; in place of `costs`.
+        surcharges: What each move costs beyond `costs`, whatever these become, shape (n_moves,), >= 0, with them at
+            most `MOST_COST`; None = nothing.
 
     Raises:
-        PlanningError: `blocked`, `costs` or `move_costs` has the wrong length, a cost is out of range, both kinds of
-            costs are given, or `memory_cap` does not hold one goal.
+        PlanningError: `blocked`, `costs`, `move_costs` or `surcharges` has the wrong length, a cost is out of range,
+            both kinds of costs are given, surcharges without `costs`, or `memory_cap` does not hold one goal.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class DistanceTable:
         memory_cap: int = MEMORY_CAP_BYTES,
         costs: npt.NDArray[np.int64] | None = None,
         move_costs: npt.NDArray[np.integer[Any]] | None = None,
+        surcharges: npt.NDArray[np.integer[Any]] | None = None,
     ) -> None:
         if np.shape(blocked) != (graph.n_cells,):
             raise PlanningError(f"distance table: blocked has shape {np.shape(blocked)}; valid: ({graph.n_cells},)")
@@ -75,6 +78,9 @@ class DistanceTable:
         self.graph = graph
         if costs is not None and move_costs is not None:
             raise PlanningError("distance table: costs and move_costs are both given; valid: one of them")
+        if surcharges is not None and costs is None:
+            raise PlanningError("distance table: surcharges are given without costs; valid: both, or no surcharges")
+        self._surcharges = surcharges
         self._before, self._move_before = _states_before(graph, open_moves(graph, blocked))
         self._price: npt.NDArray[np.uint16] | None = None
         """What the moves cost that lead from `_before`, of the same shape; None = 1 each."""
@@ -205,10 +211,12 @@ class DistanceTable:
         self._asked[rows] = self._call
 
     def _of_moves(self, costs: npt.NDArray[np.int64]) -> npt.NDArray[np.integer[Any]]:
-        """What each move costs, from what it costs to leave each cell."""
+        """What each move costs, from what it costs to leave each cell and the surcharges."""
         of_cells = _checked("costs", costs, self.graph.n_cells)
         of_moves: npt.NDArray[np.integer[Any]] = of_cells[self.graph.state_cell[self.graph.move_from]]
-        return of_moves
+        if self._surcharges is None:
+            return of_moves
+        return _checked("costs with surcharges", of_moves + self._surcharges, self.graph.n_moves)
 
     def _price_of(self, move_costs: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.uint16]:
         """What each move costs, in the order of `_before`; what fills that up costs anything."""

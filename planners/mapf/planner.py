@@ -21,13 +21,18 @@ class MapfPlanner(Protocol):
     """What every planner of the family offers, of one window or from start to goal.
 
     Its class is made with `seed=`, and with `config=` if it has settings: a frozen dataclass, which the annotation of
-    that argument names.
+    that argument names. One that plans with `Instance.comes` says so: `heeds_comes = True` in its class.
     """
 
     def __init__(self, *, seed: int | np.random.Generator = 0) -> None: ...
 
     def plan(self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None) -> Plan:
         """Plan; an instance that cannot be solved, or not in time, is a result with a status, not an error."""
+
+
+def heeds_comes(planner: MapfPlanner) -> bool:
+    """Whether a planner plans with the times at which agents come to their starts."""
+    return bool(getattr(planner, "heeds_comes", False))
 
 
 class CheckedPlanner:
@@ -42,6 +47,7 @@ class CheckedPlanner:
 
     def __init__(self, name: str, planner: MapfPlanner) -> None:
         self.planner = planner
+        self.heeds_comes = heeds_comes(planner)
         self._name = name
 
     def plan(self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None) -> Plan:

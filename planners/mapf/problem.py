@@ -10,7 +10,7 @@ from numba import njit
 
 from maps.lane_graph import LaneGraph
 from planners.errors import PlanningError
-from planners.mapf.arrays import BoolArray, IntArray
+from planners.mapf.arrays import BoolArray, Int64Array, IntArray
 from planners.status import Status
 
 NO_GOAL = -1
@@ -51,6 +51,9 @@ class Instance:
     """Whether a closed ring of followers is legal."""
     horizon: int
     """Timesteps to plan, >= 0."""
+    comes: Int64Array | None = None
+    """Timestep at which each agent comes to its start, shape (n,): until then it cannot move on, and nobody else can be
+    there. Planners that do not heed it (`planner.heeds_comes`) take everybody to be there; None = so it is."""
 
     def __post_init__(self) -> None:
         n, graph = len(self.starts), self.graph
@@ -58,6 +61,8 @@ class Instance:
             shape = np.shape(getattr(self, name))
             if shape != (n,):
                 raise InstanceError(f"instance: {name} has shape {shape}; valid: ({n},), one entry per agent")
+        if self.comes is not None and np.shape(self.comes) != (n,):
+            raise InstanceError(f"instance: comes has shape {np.shape(self.comes)}; valid: ({n},), one entry per agent")
         if np.shape(self.blocked) != (graph.n_cells,):
             raise InstanceError(f"instance: blocked has shape {np.shape(self.blocked)}; valid: ({graph.n_cells},)")
         if self.horizon < 0:

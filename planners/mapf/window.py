@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.deadline import Deadline
-from planners.mapf.arrays import BoolArray, FloatArray, IntArray
+from planners.mapf.arrays import BoolArray, FloatArray, Int64Array, IntArray
 from planners.mapf.distance_table import UNREACHABLE
 from planners.mapf.kernel import Int, kernel
 from planners.mapf.problem import NO_GOAL, Instance, Plan
@@ -43,7 +43,13 @@ class WindowTurns(NamedTuple):
 
 
 def plan_window(
-    instance: Instance, step: WindowStep, deadline: Deadline, *, impatience: float, reachable: BoolArray
+    instance: Instance,
+    step: WindowStep,
+    deadline: Deadline,
+    *,
+    impatience: float,
+    reachable: BoolArray,
+    comes: Int64Array | None = None,
 ) -> Plan:
     """Plan a window.
 
@@ -55,6 +61,7 @@ def plan_window(
         deadline: Budget; an iteration is one timestep.
         impatience: Priority an agent gains with each timestep that ends away from its goal.
         reachable: Agents without a goal, and those that have a way to theirs, shape (n,).
+        comes: See `Instance`; None = all are at their starts.
     """
     states = np.empty((instance.horizon + 1, instance.n_agents), dtype=np.int32)
     states[0] = instance.starts
@@ -68,7 +75,8 @@ def plan_window(
     )
     done = 0
     while done < instance.horizon and deadline.spend():
-        _take_turns(turns, states[done], instance.goals, instance.stay, instance.fixed, impatience if done else 0.0)
+        fixed = instance.fixed if comes is None else instance.fixed | (comes > done)
+        _take_turns(turns, states[done], instance.goals, instance.stay, fixed, impatience if done else 0.0)
         step(states[done], states[done + 1], order=turns.order, locked=turns.locked)
         done += 1
     status = Status.FEASIBLE if done == instance.horizon else Status.TIMEOUT

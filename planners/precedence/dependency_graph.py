@@ -11,6 +11,7 @@ import numpy.typing as npt
 from maps.lane_graph import LaneGraph
 from planners.precedence.arrays import BoolArray, Int64Array, IntArray
 from planners.precedence.errors import ExecutionError, StalePlanError
+from planners.precedence.following import start_behind
 from planners.precedence.queues import (
     NOBODY,
     NONE,
@@ -31,6 +32,7 @@ from planners.precedence.queues import (
     start_all,
     tails,
     take_places,
+    timesteps_left,
     with_room,
 )
 from planners.precedence.reorder import go_first, held_up
@@ -129,6 +131,10 @@ class DependencyGraph:
     def granted_states(self) -> IntArray:
         """State each agent stands in when all it was granted is done, shape (n,)."""
         return granted_tails(self._q)
+
+    def timesteps_left(self) -> Int64Array:
+        """Timesteps until each agent stands in its tail state, shape (n,), if each move takes one as soon as it may."""
+        return timesteps_left(self._q)
 
     def n_granted_so_far(self) -> Int64Array:
         """Number of moves each agent was granted so far, shape (n,)."""
@@ -235,6 +241,15 @@ class DependencyGraph:
         count = start_all(self._q, most, closed, agents, moves)
         self._held_up = None
         return agents[:count], moves[:count]
+
+    def grant_behind(self) -> int:
+        """Grant moves of agents without a grant into cells that others leave straight ahead of them; returns how many.
+
+        Both hold the cell until the leader has left it, so only for agents that are kept apart while they move: the
+        follower must not be faster than its leader.
+        """
+        self._held_up = None
+        return start_behind(self._q, self._graph.state_heading)
 
     def finish(self, agent: int) -> int:
         """Take note that the agent's oldest granted move has reached its end, and free what it left.

@@ -335,6 +335,56 @@ def run_through(q: Queues, limits: Int64Array, closed: BoolArray) -> Int64Array:
 
 
 @njit(cache=True, nogil=True)
+def timesteps_left(q: Queues) -> Int64Array:  # pragma: no cover - compiled
+    """Timesteps until each agent has made all its moves, shape (n,), if each takes one as soon as it may start.
+
+    Args:
+        q: The queues; nothing is changed. Everybody comes through.
+    """
+    n = len(q.state)
+    at = q.line_first.copy()
+    free = np.zeros(len(at), dtype=np.int64)  # timestep at which whoever came last in a cell has left it
+    done = q.granted.copy()
+    left = np.zeros(n, dtype=np.int64)
+    todo = np.empty(n, dtype=np.int32)
+    listed = np.ones(n, dtype=np.bool_)
+    for agent in range(n):
+        todo[agent] = agent
+        for number in range(q.finished[agent], q.granted[agent]):
+            left[agent] += 1
+            move = move_at(q, agent, number)
+            for k in range(q.swept_ptr[move], q.swept_ptr[move + 1]):
+                free[q.swept_cell[k]] = left[agent]
+    count = n
+    while count > 0:
+        count -= 1
+        agent = todo[count]
+        listed[agent] = False
+        while done[agent] < q.queued[agent]:
+            move = move_at(q, agent, done[agent])
+            first, last = q.swept_ptr[move], q.swept_ptr[move + 1]
+            is_first, begin = True, left[agent]
+            for k in range(first, last):
+                is_first &= q.visit_agent[at[q.swept_cell[k]]] == agent
+                begin = max(begin, free[q.swept_cell[k]])
+            if not is_first:
+                break
+            done[agent] += 1
+            left[agent] = begin + 1
+            for k in range(first, last):
+                cell = q.swept_cell[k]
+                free[cell] = left[agent]
+                at[cell] = q.visit_next[at[cell]]
+                if at[cell] != NONE:
+                    other = q.visit_agent[at[cell]]
+                    if other != agent and not listed[other]:
+                        listed[other] = True
+                        todo[count] = other
+                        count += 1
+    return left
+
+
+@njit(cache=True, nogil=True)
 def cut_off(q: Queues, kept: Int64Array) -> None:  # pragma: no cover - compiled
     """Drop all queued moves but the first `kept` of each agent, which come through without the others."""
     for cell in range(len(q.line_first)):

@@ -14,6 +14,7 @@ EXPECTED = {
     "twin": {"picks": 2, "drops": 2, "parking": 12, "rows": (9, 12), "cols": (12, 16)},
     "dense": {"picks": 3, "drops": 3, "parking": 40, "rows": (14, 14), "cols": (22, 22)},
     "dense_large": {"picks": 6, "drops": 6, "parking": 120, "rows": (24, 24), "cols": (40, 40)},
+    "two_way": {"picks": 3, "drops": 3, "parking": 8, "rows": (14, 14), "cols": (19, 19)},
     "medium": {"picks": 6, "drops": 6, "parking": 24, "rows": (22, 26), "cols": (38, 42)},
 }
 

@@ -110,8 +110,8 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
             ["--allocator is 'no_such_package.Mine'", "No module named", "greedy"],
         ),
         (["--allocator", "nope"], ["--allocator is 'nope'", "greedy, hungarian"]),
-        (["--site", "nope"], ["'nope'", "cell, dense, dense_large, medium, small"]),
-        (["--site", "cell", "--robots", "4"], ["--robots is 4", "1 to 3", "site cell"]),
+        (["--site", "nope"], ["'nope'", "cell, dense, dense_large, medium, small, twin, two_way"]),
+        (["--site", "cell", "--robots", "19"], ["--robots is 19", "1 to 18", "site cell"]),
         (["--orders", "nope.csv"], ["nope.csv", "No such file"]),
         (["--events", "nope.toml"], ["nope.toml", "No such file"]),
     ],
@@ -287,7 +287,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         ),
         (["site", "frob"], ["'frob'", "check, list, generate, convert"]),
         (["site", "check"], ["SITE", "missing"]),
-        (["site", "check", "nope"], ["'nope'", "cell, dense, dense_large, medium, small"]),
+        (["site", "check", "nope"], ["'nope'", "cell, dense, dense_large, medium, small, twin, two_way"]),
         (["site", "check", "small", "--plot"], ["--plot", "--no-draw"]),
         (["site", "generate", "OUT", "--rows", "0"], ["--rows is 0", "1 to 1000"]),
         (["site", "generate", "OUT", "--rows", "5"], ["rows is 5", "at least 7"]),
@@ -311,7 +311,7 @@ def test_wrong_words_for_other_commands(
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--robots", "40"], "--robots is 40; valid: 1 to 18"),
+        (["--robots", "400"], "--robots is 400; valid: 1 to 47"),
         (["--site", "nowhere"], "site 'nowhere' is unknown"),
         (["--orders", "orders.csv"], "orders file orders.csv, line 3: mass_kg is '-1'"),
         (["--fidelity", "grid", "--out", "orders.csv"], "--out orders.csv"),

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.metrics import Summary
 from fleet.missions.phases import CarPhase
@@ -525,6 +526,36 @@ def test_a_push_in_the_very_tick_of_arrival_on_the_grid() -> None:
     push = first(find, fidelity=Fidelity.GRID)
     summary, _ = run(push, fidelity=Fidelity.GRID)
     check(summary)
+
+
+def test_a_car_that_leans_on_a_wall_leaves_it_without_touching_it_again() -> None:
+    """Its wheels are turned towards its lane when it stands there: its tail would swing into the wall at once."""
+    log: list[Event] = []
+    with made(log=log) as simulation:
+        spec, world = simulation.scene.car, simulation.world
+
+        def gap_m(pose: FloatArray) -> float:
+            sin, cos = np.sin(pose[2]), np.cos(pose[2])
+            return float(pose[1] + min(-spec.rear_m * sin, spec.front_m * sin) - spec.half_width_m * abs(cos) - 1.0)
+
+        def in_the_lowest_row() -> list[int]:
+            x, y, yaw = world.car_poses().T
+            return np.flatnonzero((y < 2.0) & (x > 4.0) & (x < 12.0) & (np.cos(yaw) > 0.99)).tolist()
+
+        while not in_the_lowest_row():
+            simulation.tick()
+        car = in_the_lowest_row()[0]
+        pose = world.car_poses()[car] * [1.0, 0.0, 0.0] + [0.0, 1.0, 0.02]
+        pose[1] -= gap_m(pose) - 0.001
+        world.put_car(car, pose)
+        while not of_kind(log, "rejoin"):
+            simulation.tick()
+        gaps_m = [gap_m(world.car_poses()[car])]
+        while not of_kind(log, "rejoined"):
+            simulation.tick()
+            gaps_m.append(gap_m(world.car_poses()[car]))
+    assert gaps_m[0] < 0.01
+    assert min(gaps_m) > gaps_m[0] - 0.001
 
 
 def test_a_small_push_is_steered_out() -> None:

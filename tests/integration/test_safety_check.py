@@ -17,7 +17,7 @@ from fleet.simulation import Simulation
 from fleet.traffic.executor import Executor
 from fleet.world.kinematic import KinematicWorld
 
-SITES = ("cell", "dense", "dense_large", "medium", "small", "twin")
+SITES = ("cell", "dense", "dense_large", "medium", "small", "twin", "two_way")
 
 
 def checked(config: RunConfig) -> Summary:

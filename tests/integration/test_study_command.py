@@ -63,7 +63,7 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
     ("words", "complaint"),
     [
         (["--robots", "5:2"], "--robots is '5:2'"),
-        (["--robots", "1:99"], "--robots is 99; valid: 1 to 3"),
+        (["--robots", "1:99"], "--robots is 99; valid: 1 to 18"),
         (["--allocators", "greedy,nobody"], "--allocators is 'nobody'; valid: greedy"),
         (["--allocators", "greedy,greedy"], "each once"),
         (["--seeds", "0"], "--seeds is 0"),

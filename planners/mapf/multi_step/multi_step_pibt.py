@@ -67,6 +67,8 @@ class MultiStepPibt:
     https://arxiv.org/abs/2511.09193. Keeping the rest of an operation and refusing closed rings are additions.
     """
 
+    heeds_comes = True
+
     def __init__(self, config: MultiStepConfig | None = None, *, seed: int | np.random.Generator = 0) -> None:
         self.config = MultiStepConfig() if config is None else config
         self._rng = np.random.default_rng(seed)
@@ -112,7 +114,14 @@ class MultiStepPibt:
                 rounds=self.config.rounds,
             )
 
-        return plan_window(instance, step, deadline, impatience=self.config.impatience, reachable=reachable)
+        return plan_window(
+            instance,
+            step,
+            deadline,
+            impatience=self.config.impatience,
+            reachable=reachable,
+            comes=instance.comes,
+        )
 
 
 def exact_costs(table: npt.NDArray[np.uint16], n_states: int) -> Costs:

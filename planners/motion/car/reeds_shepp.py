@@ -115,6 +115,7 @@ def plan_rejoin(
     *,
     seed: int = 0,
     max_iterations: int = 1000,
+    lead_m: float = 0.0,
 ) -> RejoinResult:
     """Find a drivable way from a pose to a pose, reversing where needed.
 
@@ -128,6 +129,7 @@ def plan_rejoin(
         valid: Says for poses (k, 3) which are free, shape (k,) bool; called at poses at most 0.05 m apart.
         seed: Seed of the search, 0 to 2^32 - 2.
         max_iterations: Tree extensions to try; 0 tries the direct curve only.
+        lead_m: Driven straight before all else [m]; negative backwards.
 
     Returns:
         The manoeuvre; empty arrays if there is none.
@@ -144,19 +146,23 @@ def plan_rejoin(
         raise PlanningError(f"plan_rejoin: turning_radius_m {turning_radius_m}; valid: > 0")
     if not 0 <= seed < 2**32 - 1 or max_iterations < 0:
         raise PlanningError(f"plan_rejoin: seed {seed}, max_iterations {max_iterations}; valid: >= 0")
+    if not np.isfinite(lead_m):
+        raise PlanningError(f"plan_rejoin: lead_m {lead_m}; valid: a finite length")
     if not np.all(valid(a[None])):
         return _unsolved(MotionStatus.INVALID_START, 0)
     if not np.all(valid(b[None])):
         return _unsolved(MotionStatus.INVALID_GOAL, 0)
     room = _REACH_RADII * turning_radius_m
     curves = _Curves(turning_radius_m, np.minimum(a, b)[:2] - room, np.maximum(a, b)[:2] + room)
-    direct = _finished(curves, np.stack([a, b]), 0)
+    led = a + lead_m * np.array([np.cos(a[2]), np.sin(a[2]), 0.0])
+    before = a[None] if lead_m else np.empty((0, 3))  # the curve from there to the led pose is the straight line
+    direct = _finished(curves, np.concatenate([before, np.stack([led, b])]), 0)
     if np.all(valid(direct.poses)):
         return direct
-    corners, iterations = _search(curves, a, b, valid, seed, max_iterations)
+    corners, iterations = _search(curves, led, b, valid, seed, max_iterations)
     if corners is not None:
         for candidate in (_shorten(curves, corners, valid, np.random.default_rng(seed)), corners):
-            result = _finished(curves, candidate, iterations)
+            result = _finished(curves, np.concatenate([before, candidate]), iterations)
             if np.all(valid(result.poses)):  # the result has poses, at cusps, that the search did not look at
                 return result
     return _unsolved(MotionStatus.NO_SOLUTION, iterations)

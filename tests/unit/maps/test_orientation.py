@@ -5,7 +5,7 @@ import pytest
 from maps.grid import GridMap
 from maps.orientation import n_separated, orient_lanes, path_lengths
 from maps.plan import parse_plan
-from maps.site import site_from_plan
+from maps.site import load_site, site_from_plan
 
 
 def orient(*lines):
@@ -95,3 +95,32 @@ def test_same_plan_gives_same_lanes():
     first, _ = orient(*random_floor(3))
     second, _ = orient(*random_floor(3))
     np.testing.assert_array_equal(first.lanes, second.lanes)
+
+
+def test_two_way_aisles_side_by_side_are_streets_that_alternate():
+    result, plan = orient(".......", ".#####.", "xxxxxxx", ".#####.", "xxxxxxx", ".#####.", ".......")
+    grid = GridMap(plan.open)
+    against = set(map(tuple, result.against.tolist()))
+    eastward = [(grid.index(row, 2), grid.index(row, 3)) in against for row in (2, 4)]
+    westward = [(grid.index(row, 3), grid.index(row, 2)) in against for row in (2, 4)]
+    assert eastward == [not west for west in westward]
+    assert eastward[0] != eastward[1]
+
+
+def test_without_the_lanes_against_streets_every_cell_is_reached():
+    result, _ = orient("....xxxx....", ".##.####.##.", "....xxxx....", ".##.####.##.", "............")
+    against = set(map(tuple, result.against.tolist()))
+    streets = [lane for lane in map(tuple, result.lanes.tolist()) if lane not in against]
+    assert against
+    assert nx.is_strongly_connected(nx.DiGraph(streets))
+
+
+def test_a_bridge_has_no_street():
+    result, _ = orient("...#...", ".#xxx#.", "...#...")
+    assert {(9, 10), (10, 9), (10, 11), (11, 10)} <= set(map(tuple, result.lanes.tolist()))
+    assert {(9, 10), (10, 9), (10, 11), (11, 10)}.isdisjoint(map(tuple, result.against.tolist()))
+
+
+@pytest.mark.parametrize("name", ["small", "medium"])
+def test_one_way_lanes_are_never_against_a_street(name):
+    assert len(load_site(name).against) == 0

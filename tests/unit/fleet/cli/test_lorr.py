@@ -17,8 +17,9 @@ from fleet.league import arena as arena_module
 from fleet.league.arena import Arena, Tasks
 from fleet.league.multi_step_controller import MultiStepController
 from maps.formats.lorr import Ints
-from tests.unit.fleet.league.problems import random_problem, write_files
+from tests.unit.fleet.league.problems import in_ticks, random_problem, write_files
 from tests.unit.fleet.league.replay import Replay
+from tests.unit.fleet.league.ticks.replay_ticks import complaints
 
 SUMMARY_KEYS = {"tasks_finished", "step_ms_mean", "step_ms_max", "peak_rss_mb", "startup_s", "planner_errors"}
 
@@ -62,6 +63,24 @@ def test_a_run_leaves_a_file_for_the_league_and_a_summary(
     assert summary["peak_rss_mb"] > 10
     assert "tiny: 12 robots, 80 steps, seed 0" in said.out
     assert f"tasks finished                 │ {summary['tasks_finished']:>12}" in said.out
+
+
+def test_a_problem_of_2026_is_played_in_ticks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    problem = write_files(tmp_path, in_ticks(random_problem(0), chance=0.02))
+    out, figures = tmp_path / "out.json", tmp_path / "summary.json"
+    assert end(problem, "--steps", 250, "--output", out, "--json", figures) == 0
+    assert "tiny: 12 robots, 250 steps, seed 0" in capsys.readouterr().out
+    result, summary = json.loads(out.read_text()), json.loads(figures.read_text())
+    assert (result["version"], result["makespan"], result["agentMaxCounter"]) == ("2026 LoRR", 250, 3)
+    assert complaints(result) == []
+    assert summary["tasks_finished"] == result["numTaskFinished"] > 5
+    assert (summary["steps"], summary["conflicts"], summary["schedule_errors"]) == (250, 0, 0)
+    assert any(result["delayIntervals"])
+
+
+def test_a_wrong_delay_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    problem = write_files(tmp_path, in_ticks(random_problem(0), chance=2.0))
+    assert "delayConfig.pDelay = 2.0; valid: a number from 0 to 1" in complaint(capsys, problem)
 
 
 def test_without_files_it_only_prints(problem: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -38,7 +38,7 @@ def test_list_has_a_line_for_every_site(capsys: pytest.CaptureFixture[str]) -> N
     lines = said(["list"], capsys).splitlines()
     assert [line.split()[0] for line in lines] == list(site_names())
     small = next(line for line in lines if line.startswith("small"))
-    assert "16 x 13 m, 2 pick and 2 drop stations, up to 18 cars" in small
+    assert "16 x 13 m, 2 pick and 2 drop stations, parking for 18 cars" in small
 
 
 @pytest.mark.parametrize("name", site_names())

@@ -38,9 +38,11 @@ def test_the_body_and_its_margin_keep_off_walls(simulation: Simulation) -> None:
     assert not valid(room, -5.0, 1.5, 0.0), "off the map"
 
 
-def test_a_corner_between_two_points_of_the_outline_is_not_missed(simulation: Simulation) -> None:
+@pytest.mark.parametrize("margin_m", [MARGIN_M, LEAST_MARGIN_M])
+def test_a_corner_between_two_points_of_the_outline_is_not_missed(simulation: Simulation, margin_m: float) -> None:
     """The shelf's corner at (3, 3) from all sides: wherever the corner is inside the body, the pose is refused."""
-    room, car = room_of(simulation), simulation.scene.car
+    usable, car = simulation.site.grid.free.copy(), simulation.scene.car
+    room = RejoinRoom(simulation.view, 0, np.array(OPEN), usable, margin_m)
     draw = np.random.default_rng(0)
     poses = np.column_stack([draw.uniform(2.2, 3.8, 4000), draw.uniform(2.2, 3.8, 4000), draw.uniform(-3.1, 3.1, 4000)])
     dx, dy = 3.0 - poses[:, 0], 3.0 - poses[:, 1]
@@ -90,7 +92,7 @@ def test_who_gets_out_no_other_way_may_swing_its_tail_towards_the_wall(simulatio
     turn = np.linspace(0.0, 0.6, 40)
     curve = np.stack((x + radius_m * np.sin(turn), y + radius_m * (1 - np.cos(turn)), turn), axis=-1)
     assert not room_of(simulation, start).valid(curve).all()
-    room = RejoinRoom(simulation.view, 0, np.array(start), usable, LEAST_MARGIN_M, SWING_M)
+    room = RejoinRoom(simulation.view, 0, np.array(start), usable, LEAST_MARGIN_M).eased(swing_m=SWING_M)
     assert room.valid(curve).all()
     assert not room.valid(np.array([[4.1, 1.12, 0.0]])).any(), "nearer than a tail swings"
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from maps.formats.lorr import LeagueProblem
+from maps.formats.lorr_2026 import Delays, Ticks
 from maps.grid import GridMap
 
 CORRIDOR = [".....", "@@@@.", "....."]
@@ -37,6 +40,21 @@ def problem_of(
     )
 
 
+def in_ticks(problem: LeagueProblem, *, per_action: int = 3, size: float = 1.0, **delays: Any) -> LeagueProblem:
+    """The same problem under the rules of 2026; nobody is delayed if nothing else is said."""
+    laws: dict[str, Any] = {
+        "seed": 0,
+        "shortest": 2,
+        "longest": 6,
+        "events": "bernoulli",
+        "chance": 0.0,
+        "durations": "uniform",
+        "mean": 0.5,
+        "spread": 0.2,
+    }
+    return replace(problem, ticks=Ticks(per_action=per_action, size=size, delays=Delays(**laws | delays)))
+
+
 def write_files(folder: Path, problem: LeagueProblem, *, edition: int = 2024) -> Path:
     """Write a problem as the League does; returns the problem file."""
     grid = problem.grid
@@ -45,7 +63,7 @@ def write_files(folder: Path, problem: LeagueProblem, *, edition: int = 2024) ->
     (folder / "tiny.agents").write_text("\n".join(map(str, [problem.n_robots, *problem.start_cell.tolist()])) + "\n")
     tasks = [",".join(map(str, problem.errands(task).tolist())) for task in range(problem.n_tasks)]
     (folder / "tiny.tasks").write_text("\n".join([f"# {edition}", str(len(tasks)), *tasks]) + "\n")
-    keys = {
+    keys: dict[str, Any] = {
         "mapFile": "tiny.map",
         "agentFile": "tiny.agents",
         "teamSize": problem.n_robots,
@@ -53,6 +71,23 @@ def write_files(folder: Path, problem: LeagueProblem, *, edition: int = 2024) ->
         "numTasksReveal": 1 if edition == 2023 else 1.5,
         "version": f"{edition} LoRR",
     }
+    if problem.ticks is not None:
+        delays = problem.ticks.delays
+        keys |= {
+            "version": "2026 LoRR",
+            "agentCounter": problem.ticks.per_action,
+            "agentSize": problem.ticks.size,
+            "delayConfig": {
+                "seed": delays.seed,
+                "minDelay": delays.shortest,
+                "maxDelay": delays.longest,
+                "eventModel": delays.events,
+                "pDelay": delays.chance,
+                "durationModel": delays.durations,
+                "gaussMeanRatio": delays.mean,
+                "gaussStdRatio": delays.spread,
+            },
+        }
     path = folder / "tiny.json"
     path.write_text(json.dumps(keys, indent=4))
     return path

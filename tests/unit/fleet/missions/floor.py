@@ -59,6 +59,7 @@ from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.replanning import Traffic
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site, site_from_plan
+from maps.waiting_cells import waiting_cells
 from tests.unit.fleet.traffic.drivers import Drivers
 
 PLAN = (
@@ -250,7 +251,8 @@ class Floor:
     def __post_init__(self) -> None:
         self.log = Log()
         self.graph: LaneGraph = build_lane_graph(self.site)
-        starts = self.graph.first_states(self.site.parking[: self.n_cars])
+        cells = (*self.site.parking, *waiting_cells(self.site, self.graph).tolist())
+        starts = self.graph.first_states(cells[: self.n_cars])
         self.stations = Stations(
             [
                 Station(arm, place, self.graph.state_at(place.dock.cell, place.dock.heading))
@@ -331,7 +333,7 @@ class Floor:
 
     @cached_property
     def parking(self) -> Parking:
-        return Parking(self.places.parking, self.missions, self.ways)
+        return Parking(self.places.parking, self.places.waiting, self.missions, self.ways)
 
     @cached_property
     def prefetch(self) -> Prefetch:

@@ -93,3 +93,46 @@ def test_cars_are_sent_as_if_each_looked_at_all_places(seed: int) -> None:
     expected = sent_naively(floor)
     floor.parking.send(tick=1)
     assert floor.ways.goals.tolist() == expected
+
+
+def full_floor() -> Floor:
+    """A floor with one car more than parking places, whose last car finds all of them taken."""
+    n_places = len(Floor(n_cars=1).places.parking)
+    floor = Floor(n_cars=n_places + 1)
+    for car, place in enumerate(floor.places.parking):
+        floor.ways.send(car, place, rank_s=0.0, stay=False, tick=0)
+    return floor
+
+
+def test_a_car_that_finds_all_places_taken_waits_on_the_lane_and_may_be_pushed() -> None:
+    floor = full_floor()
+    car = floor.n_cars - 1
+    floor.stand(car, int(floor.places.waiting[0]))
+    floor.ways.send(car, floor.dock_of("pick_1"), rank_s=30.0, stay=True, tick=0)
+    floor.parking.send(tick=1)
+    assert floor.ways.goals[car] == -1
+    assert not floor.traffic.stay[car]
+    assert floor.traffic.rank[car] == 0.0
+
+
+def test_in_a_dock_it_goes_on_to_the_first_cell_where_it_may_wait() -> None:
+    floor = full_floor()
+    car = floor.n_cars - 1
+    floor.stand(car, floor.dock_of("pick_1"))
+    floor.parking.send(tick=0)
+    goal = int(floor.ways.goals[car])
+    assert goal in floor.places.waiting
+    moves = floor.ways.moves_to(np.array([floor.dock_of("pick_1")]), floor.places.waiting.astype(np.int32))
+    assert floor.ways.between(floor.dock_of("pick_1"), goal) == moves.min()
+    assert not floor.traffic.stay[car]
+
+
+def test_a_car_on_the_lane_takes_a_place_that_becomes_free() -> None:
+    floor = full_floor()
+    car = floor.n_cars - 1
+    floor.stand(car, int(floor.places.waiting[0]))
+    floor.parking.send(tick=0)
+    floor.missions.enter(0, CarPhase.RECOVERING)
+    floor.ways.wait(0)
+    floor.parking.send(tick=1)
+    assert floor.ways.goals[car] == floor.places.parking[0]

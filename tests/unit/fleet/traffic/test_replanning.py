@@ -64,6 +64,24 @@ def test_cars_with_grants_drive_on_while_a_plan_is_late() -> None:
         assert sorted(car for car, _ in run.driver.driven[before:]) == [0, 1], f"a car stood still at tick {run.now}"
 
 
+@pytest.mark.parametrize(
+    ("planner", "latency_s", "kept"),
+    [("pibt", 0.2, 2), ("pibt", 3.0, 2), ("multi_step_pibt", 0.2, 0), ("multi_step_pibt", 3.0, 3)],
+)
+def test_a_car_keeps_no_more_than_it_drives_meanwhile_if_the_planner_knows_when_it_comes(
+    planner: str, latency_s: float, kept: int
+) -> None:
+    run = Run([0], planner=planner, latency_s=latency_s, period_s=4.0, grant_moves_n=1, horizon_n=60)
+    run.traffic.send(0, 29, stay=False, tick=0)
+    while not run.tick():
+        pass
+    while run.now % 40 or run.executor.granted_states()[0] == 0:
+        run.tick()
+    granted = int(run.executor.granted_states()[0])
+    run.traffic.tick(run.now)
+    assert int(run.executor.tail_states()[0]) - granted == min(kept, 29 - granted)
+
+
 def test_a_request_costs_what_its_budget_says_and_the_next_goes_on() -> None:
     run = Run([0], latency_s=0.0, period_s=1.0, iterations_n=3)
     run.traffic.send(0, 20, stay=False, tick=0)

@@ -95,6 +95,29 @@ def test_who_cannot_move_lets_the_next_one_go(floor: Floor) -> None:
     assert floor.goals([a, b], [floor.dock] * 2, [later_s, 0.0], later_s) == [a, floor.dock]
 
 
+def test_who_waits_outside_an_outer_dead_end_has_no_turn_at_one_within() -> None:
+    """Else he waits for whoever is in the outer one, and is waited for there."""
+    site = generate_warehouse(rows=13, cols=29, pick=3, drop=3, parking=12)
+    graph = build_lane_graph(site)
+    blocked = np.zeros(graph.n_cells, dtype=np.bool_)
+    blocked[[row * site.grid.cols + col for row, col in ((1, 24), (1, 25), (5, 2), (6, 2), (9, 1))]] = True
+    lanes = OpenLanes(graph)
+    lanes.block(blocked)
+    ways, file = DistanceTable(lanes.planned, blocked), SingleFile(lanes)
+    outside, between = graph.state_at(9 * site.grid.cols + 2, 2), graph.state_at(4 * site.grid.cols + 2, 3)
+    docks = [graph.state_at(site.bays()[name], 1) for name in ("pick_2", "pick_1")]
+    outer, inner = lanes.dead_ends
+    assert outer[outside] < 0 <= outer[between] == outer[docks].max()
+    assert inner[between] != inner[docks[0]] == inner[docks[1]] >= 0
+
+    def goals(*wanted: int) -> list[int]:
+        cars = np.array(wanted), np.array([outside, between]), np.ones(2, dtype=np.bool_)
+        return file.goals(*cars, ways, np.zeros(2), 0.0).tolist()
+
+    assert goals(docks[0], -1) == [docks[0], -1]
+    assert goals(*docks) == [outside, docks[1]]
+
+
 def test_without_dead_ends_all_drive_as_they_are_sent() -> None:
     graph = build_lane_graph(SITE)
     file = SingleFile(OpenLanes(graph))

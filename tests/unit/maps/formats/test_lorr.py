@@ -16,12 +16,12 @@ from maps.formats.lorr import (
     FORWARD,
     NO_ACTION,
     WAIT,
-    LeagueError,
     LeagueProblem,
     LeagueResult,
     read_problem,
     write_result,
 )
+from maps.formats.lorr_files import LeagueError
 
 FLOOR = ["....", ".@@.", "....", "@@@@", "...T"]
 KEYS = {
@@ -83,7 +83,7 @@ def test_a_problem_of_2023_gives_tasks_in_turn(tmp_path: Path, edition: dict[str
         ({"agentFile": "nobody.agents"}, "line 3: agentFile = 'nobody.agents'; valid: the path of a file"),
         ({"taskFile": "."}, "taskFile = '.'; valid: the path of a file"),
         ({"mapFile": "team.agents"}, "team.agents: lines 1-4 are .*; valid: 'type octile'"),
-        ({"version": "2026 LoRR"}, "version = '2026 LoRR'; valid: one of '2023 LoRR', '2024 LoRR'"),
+        ({"version": "2025 LoRR"}, "version = '2025 LoRR'; valid: one of '2023 LoRR', '2024 LoRR', '2026 LoRR'"),
         ({"version": 2024}, "version = 2024; valid: a text"),
         (
             {"version": "2023 LoRR", "taskAssignmentStrategy": "greedy"},

@@ -263,3 +263,20 @@ def test_ways_that_cost_too_much_are_refused() -> None:
     n = 80
     with pytest.raises(DistanceTooLong, match="valid: at most 65534"):
         DistanceTable(one_way_loop(n), nothing_blocked(n), move_costs=np.full(n, MOST_COST)).to(0)
+
+
+def test_surcharges_are_paid_beyond_costs_whatever_these_become() -> None:
+    graph = open_grid(1, 4)
+    east = graph.move_to > graph.move_from
+    costs = np.ones(4, dtype=np.int64)
+    table = DistanceTable(graph, nothing_blocked(4), costs=costs, surcharges=np.where(east, 0, 5))
+    assert table.to(3).tolist() == [3, 2, 1, 0]
+    assert table.to(0).tolist() == [0, 6, 12, 18]
+    table.reprice(2 * costs, np.array([0], dtype=np.int32))
+    assert table.to(0).tolist() == [0, 7, 14, 21]
+
+
+def test_surcharges_need_costs() -> None:
+    graph = open_grid(1, 3)
+    with pytest.raises(PlanningError, match="surcharges are given without costs"):
+        DistanceTable(graph, nothing_blocked(3), surcharges=np.ones(graph.n_moves, dtype=np.int64))

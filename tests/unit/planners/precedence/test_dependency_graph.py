@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from maps.lane_graph import LaneGraph
+from maps.grid import EAST, NORTH, SOUTH, WEST, GridMap
+from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.mapf.problem import Plan
 from planners.precedence.dependency_graph import DependencyGraph
 from planners.precedence.errors import CyclicPlanError, ExecutionError, IllegalPlanError, StalePlanError
@@ -62,6 +63,25 @@ def test_a_cell_is_entered_in_the_order_of_the_plan(crossing: LaneGraph) -> None
     dependencies.finish(0)
     assert dependencies.grantable(1)
     assert dependencies.blockers(1) == []
+
+
+def test_what_is_left_counts_own_moves_and_the_waits_for_those_who_come_first(crossing: LaneGraph) -> None:
+    dependencies = with_plan(crossing, [0, 3], [1, 3], [2, 4], [2, 5])
+    # The other agent leaves the crossing at the end of timestep 2; entering and leaving it takes two more.
+    assert dependencies.timesteps_left().tolist() == [2, 4]
+    dependencies.grant(0)
+    dependencies.grant(0)
+    assert dependencies.timesteps_left().tolist() == [2, 4]
+    dependencies.finish(0)
+    assert dependencies.timesteps_left().tolist() == [1, 3]
+    dependencies.finish(0)
+    assert dependencies.timesteps_left().tolist() == [0, 2]
+
+
+def test_followers_start_one_after_another() -> None:
+    dependencies = with_plan(open_grid(1, 5), [0, 1, 2], [1, 2, 3], [2, 3, 4])
+    assert dependencies.timesteps_left().tolist() == [4, 3, 2]
+    assert dependencies.n_queued(0) == 2, "nothing was changed"
 
 
 def test_a_follower_of_the_same_timestep_waits_for_its_leader() -> None:
@@ -451,3 +471,39 @@ def test_an_exchange_that_would_close_a_cycle_is_not_made() -> None:
     assert dependencies.go_first(1, np.ones(3, dtype=np.bool_)), "agent 1 may, and then the way is free for agent 2"
     assert dependencies.go_first(2, np.ones(3, dtype=np.bool_))
     assert not dependencies.has_cycle()
+
+
+def test_a_follower_is_let_in_behind_whoever_drives_on_straight_ahead() -> None:
+    graph = grid_lane_graph(GridMap(np.ones((1, 5), dtype=np.bool_)), "rotating")
+    east = [graph.state_at(cell, EAST) for cell in range(5)]
+    dependencies = with_plan(graph, [east[1], east[0]], [east[2], east[1]], [east[3], east[2]])
+    assert dependencies.grant_behind() == 0, "nobody leaves yet"
+    dependencies.grant(0)
+    assert not dependencies.grantable(1)
+    assert dependencies.grant_behind() == 1
+    assert (dependencies.n_granted(0), dependencies.n_granted(1)) == (1, 1)
+    assert dependencies.grant_behind() == 0, "one at a time"
+    dependencies.finish_all([0, 1])
+    assert dependencies.holders().tolist() == [-1, 1, 0, -1, -1]
+    dependencies.grant(0)
+    assert dependencies.grant_behind() == 1
+    dependencies.finish_all([1, 0])
+    assert dependencies.holders().tolist() == [-1, -1, 1, 0, -1], "in any order"
+
+
+def test_nobody_is_let_in_behind_who_turns_or_whose_turn_it_is_not() -> None:
+    graph = grid_lane_graph(GridMap(np.ones((2, 3), dtype=np.bool_)), "rotating")
+    south, east = graph.state_at(1, SOUTH), [graph.state_at(cell, EAST) for cell in range(3)]
+    dependencies = with_plan(graph, [south, east[0]], [graph.state_at(4, SOUTH), east[1]])
+    dependencies.grant(0)
+    assert dependencies.grant_behind() == 0
+    # Agent 0 leaves cell 1 straight ahead of agent 1, but agent 2 comes into it first.
+    north = graph.state_at(4, NORTH)
+    dependencies = with_plan(
+        graph,
+        [east[1], east[0], north],
+        [east[2], east[0], graph.state_at(1, NORTH)],
+        [east[2], east[0], graph.state_at(1, WEST)],
+    )
+    dependencies.grant(0)
+    assert dependencies.grant_behind() == 0

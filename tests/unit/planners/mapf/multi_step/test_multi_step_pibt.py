@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,31 @@ def test_tables_of_another_graph_are_refused() -> None:
     other = open_grid(2, 2)
     with pytest.raises(PlanningError, match="another graph"):
         MultiStepPibt().plan(instance_of(open_grid(2, 2), [0], [3]), DistanceTable(other, np.zeros(4, dtype=np.bool_)))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_nobody_goes_on_before_it_has_come_to_its_start(seed: int) -> None:
+    instance = crowd("one_way", 0.4, seed, allow_rotation=False)
+    comes = np.random.default_rng(seed).integers(5, size=instance.n_agents)
+    plan = MultiStepPibt().plan(replace(instance, comes=comes))
+    for agent, timestep in enumerate(comes):
+        assert (plan.states[: timestep + 1, agent] == instance.starts[agent]).all()
+    assert breaches(instance, plan) == []
+    assert (plan.states[5:] != instance.starts).any()
+
+
+def test_who_is_there_already_does_not_wait_for_one_who_is_still_coming() -> None:
+    """Two lanes cross in a cell, and the agent with the right of way comes to it much later."""
+    crossing = graph_of([0, 1, 2, 3, 1, 4], [(0, 1), (1, 2), (3, 4), (4, 5)])
+    instance = instance_of(crossing, [0, 3], [2, 5], priorities=[2.0, 1.0], horizon=8)
+    assert arrivals(instance) == [2, 3]
+    assert arrivals(replace(instance, comes=np.array([4, 0]))) == [6, 2]
+
+
+def arrivals(instance: Instance) -> list[int]:
+    """First row of the plan in which each agent is at its goal."""
+    there: list[int] = (MultiStepPibt().plan(instance).states == instance.goals).argmax(axis=0).tolist()
+    return there
 
 
 @pytest.mark.parametrize(

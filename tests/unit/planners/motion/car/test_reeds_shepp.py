@@ -69,6 +69,18 @@ def test_straight_ahead_and_straight_back():
     assert back.length_m == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("lead_m", [0.3, -0.3])
+def test_a_lead_is_driven_straight_before_all_else(lead_m: float):
+    start, goal = (0.0, 0.0, 0.4), (0.6, 1.0, 2.0)
+    for valid in (_anywhere, _beside_a_wall):
+        result = plan_rejoin(start, goal, RADIUS, valid, lead_m=lead_m)
+        _check_drivable(result, start, goal)
+        n_lead = int(np.argmax(np.linalg.norm(result.poses[:, :2], axis=1) > abs(lead_m) - 1e-9))
+        assert n_lead > 5
+        np.testing.assert_allclose(result.poses[:n_lead, 2], 0.4, atol=1e-6)
+        assert set(result.directions[:n_lead].tolist()) == {np.sign(lead_m)}
+
+
 def test_no_distance_at_all():
     result = plan_rejoin((1, 2, 0.3), (1, 2, 0.3), RADIUS, _anywhere)
     assert result.solved
@@ -113,3 +125,5 @@ def test_malformed_input_is_named():
         plan_rejoin((0, 0, 0), (1, 0, 0), 0.0, _anywhere)
     with pytest.raises(PlanningError, match="seed"):
         plan_rejoin((0, 0, 0), (1, 0, 0), 0.5, _anywhere, seed=-1)
+    with pytest.raises(PlanningError, match="lead_m"):
+        plan_rejoin((0, 0, 0), (1, 0, 0), 0.5, _anywhere, lead_m=np.nan)
