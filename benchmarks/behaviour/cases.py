@@ -62,7 +62,8 @@ def case(play: Callable[[], Played]) -> Callable[[], Played]:
 def settings(**given: Any) -> RunConfig:
     """Settings of a run; those of a part, such as `arms`, may be given as a mapping.
 
-    The arms are planned for in the run's own process unless it is said otherwise: one process less to start.
+    The arms are planned for in the run's own process unless it is said otherwise: one process less to start. Cars are
+    planned for by PIBT, the default when these runs were recorded first.
     """
     from fleet import config
 
@@ -76,6 +77,8 @@ def settings(**given: Any) -> RunConfig:
         "stream": config.StreamConfig,
     }
     chosen: dict[str, Any] = {"arms": {"workers_n": 0}} | given
+    if isinstance(traffic := chosen.get("traffic", {}), dict):
+        chosen["traffic"] = {"planner": "pibt"} | traffic
     made = {
         name: kinds[name](**value) if name in kinds and isinstance(value, dict) else value
         for name, value in chosen.items()

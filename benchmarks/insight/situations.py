@@ -88,7 +88,9 @@ class Situation:
             path = folder / "site.toml"
             path.write_text(self.site.strip() + "\n", encoding="utf-8")
             chosen["site"] = str(path)
-        base = RunConfig(fidelity=Fidelity.KINEMATIC, arms=ArmConfig(workers_n=0))
+        # With PIBT a car keeps moves while a plan is made, so that it waits for others and not for plans.
+        traffic = TrafficConfig(planner="pibt")
+        base = RunConfig(fidelity=Fidelity.KINEMATIC, traffic=traffic, arms=ArmConfig(workers_n=0))
         return replace(base, **chosen)  # type: ignore[arg-type]
 
 

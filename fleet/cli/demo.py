@@ -27,7 +27,7 @@ from fleet.config.member_settings import member_settings
 from fleet.config.scenario_file import read_events
 from fleet.errors import ConfigError
 from planners.allocation import ALLOCATORS
-from planners.mapf import PLANNERS
+from planners.mapf import DEFAULT_PLANNER, PLANNERS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +74,7 @@ class Demo:
     """Parcels are put on the racks beside the middle of their slot and turned."""
     fidelity: Fidelity = Fidelity.PHYSICS
     """How robots are moved."""
-    planner: Annotated[str, tyro.conf.arg(help=f"Path planner of the fleet: {PLANNERS.valid}.")] = "pibt"
+    planner: Annotated[str, tyro.conf.arg(help=f"Path planner of the fleet: {PLANNERS.valid}.")] = DEFAULT_PLANNER
     planner_setting: tuple[str, ...] = ()
     """A setting of the path planner, as name=value; once for each setting. A name that does not exist is answered with
     those that do."""

@@ -18,7 +18,7 @@ from fleet.study.design import Design, parse_names, parse_range
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 from planners.allocation import ALLOCATORS
-from planners.mapf import PLANNERS
+from planners.mapf import DEFAULT_PLANNER, PLANNERS
 
 if TYPE_CHECKING:
     from fleet.study.study import Outcome
@@ -74,7 +74,7 @@ class Study:
     """File of orders in place of a stream, as in the demo."""
     battery: bool = False
     """Cars have batteries and go to charge."""
-    planner: Annotated[str, tyro.conf.arg(help=f"Path planner of the fleet: {PLANNERS.valid}.")] = "pibt"
+    planner: Annotated[str, tyro.conf.arg(help=f"Path planner of the fleet: {PLANNERS.valid}.")] = DEFAULT_PLANNER
     planner_setting: tuple[str, ...] = ()
     """A setting of the path planner, as name=value; once for each setting. A name that does not exist is answered with
     those that do."""

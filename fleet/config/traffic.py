@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from fleet.config.settings import Settings, SettingValue, not_negative, positive, require
-from planners.mapf import planner_named
+from planners.mapf import DEFAULT_PLANNER, planner_named
 
 if TYPE_CHECKING:
     from planners.mapf.planner import MapfPlanner
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class TrafficConfig(Settings):
     """Multi-agent path finding and its execution."""
 
-    planner: str = "pibt"
+    planner: str = DEFAULT_PLANNER
     """Name in `planners.mapf.PLANNERS`, or `package.module.Class` of one's own."""
     planner_settings: Mapping[str, SettingValue] = field(default_factory=dict)
     """Settings of that planner, by name; the others keep their defaults."""

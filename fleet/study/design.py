@@ -18,6 +18,7 @@ from fleet.config import (
     require,
 )
 from fleet.errors import FleetError
+from planners.mapf import DEFAULT_PLANNER
 
 RANGE_FORM = "a list of numbers and ranges, such as 4, 2:20, 2:20:2 or 2,4,8"
 
@@ -51,7 +52,7 @@ class Design:
     """How orders arrive: each seed has a stream of its own, the same for all fleets."""
     orders: Path | None = None
     """File of orders in place of streams; seeds then differ in measurement noise only."""
-    planner: str = "pibt"
+    planner: str = DEFAULT_PLANNER
     """See `TrafficConfig.planner`."""
     planner_settings: Mapping[str, SettingValue] = field(default_factory=dict)
     """Settings of the planner, by name."""

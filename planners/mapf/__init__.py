@@ -19,9 +19,13 @@ PLANNERS: Family[MapfPlanner] = Family(
         "pibt": "planners.mapf.pibt.Pibt",
         "multi_step_pibt": "planners.mapf.multi_step.multi_step_pibt.MultiStepPibt",
         "window_search": "planners.mapf.window_search.window_search.WindowSearch",
+        "auto": "planners.mapf.window_search.auto.Auto",
     },
 )
 """Planner of one window by name."""
+
+DEFAULT_PLANNER = "multi_step_pibt"
+"""What a fleet plans with unless told otherwise: the best over the shipped sites and densities, see decision 58."""
 
 ONE_SHOT_PLANNERS: Family[MapfPlanner] = Family(
     "planner",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent, TrafficConfig
 from fleet.dispatch.interventions import Interventions
 from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.state import Missions
@@ -54,7 +54,8 @@ class Fault:
 
 def _run(**more: Any) -> RunConfig:
     usual = {"site": "small", "robots": 10, "tasks": 60, "fidelity": Fidelity.KINEMATIC, "duration_s": 60.0, "seed": 1}
-    return RunConfig(**{**usual, **more}, arms=ArmConfig(workers_n=0))
+    # With PIBT cars keep moves while a plan is made; some rules are about those.
+    return RunConfig(**{**usual, **more}, arms=ArmConfig(workers_n=0), traffic=TrafficConfig(planner="pibt"))
 
 
 RUNS = {

@@ -90,16 +90,19 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--rate", "10"], ["--rate", "with --stream"]),
         (
             ["--planner", "nope"],
-            ["--planner is 'nope'", "pibt, multi_step_pibt, window_search or package.module.Class"],
+            ["--planner is 'nope'", "pibt, multi_step_pibt, window_search, auto or package.module.Class"],
         ),
         (["--planner", "no_such_package.Mine"], ["--planner is 'no_such_package.Mine'", "No module named", "pibt"]),
         (["--planner", f"{OWN}.a_function"], ["no class with plan(instance, tables, deadline) -> Plan"]),
         (["--planner", f"{OWN}.Seedless"], ["unexpected keyword argument 'seed'", "made with seed="]),
         (["--planner", "tests.unit.planners.broken_module.X"], ["RuntimeError: the weights are missing", "line 3"]),
         (["--planner-setting", "impatience"], ["--planner-setting is 'impatience'", "name=value"]),
-        (["--planner-setting", "impatienc=1"], ["setting 'impatienc' of planner 'pibt'", "valid: impatience"]),
-        (["--planner-setting", "impatience=x"], ["setting 'impatience' of planner 'pibt' is 'x'", "a number"]),
-        (["--planner-setting", "impatience=-1"], ["pibt: impatience = -1", "a number >= 0"]),
+        (["--planner-setting", "impatienc=1"], ["setting 'impatienc' of planner 'multi_step_pibt'", "most_tries"]),
+        (
+            ["--planner-setting", "impatience=x"],
+            ["'impatience' of planner 'multi_step_pibt' is 'x'", "a number"],
+        ),
+        (["--planner-setting", "impatience=-1"], ["multi-step pibt: impatience = -1", "a number >= 0"]),
         (["--planner", f"{OWN}.PlainPlanner", "--planner-setting", "x=1"], ["'x'", "PlainPlanner'", "no settings"]),
         (["--allocator-setting", "soon=1"], ["'soon' of allocator 'hungarian'", "dense_work, nearest_n"]),
         (["--allocator", "regret_lns", "--allocator-setting", "iterations=2.5"], ["iterations", "2.5", "an integer"]),
@@ -143,7 +146,7 @@ def test_a_settings_file_is_read_by_every_command_that_plans(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = tmp_path / "mine.toml"
-    settings.write_text("[planner.pibt]\nspeed = 1\n[planner.lacam]\nspeed = 1\n", encoding="utf-8")
+    settings.write_text("[planner.multi_step_pibt]\nspeed = 1\n[planner.lacam]\nspeed = 1\n", encoding="utf-8")
     for command in (["demo"], ["study", "--robots", "2"], ["plan", "--map", "x.map", "--scen", "x.scen"]):
         said = complaint([*command, "--settings", str(settings)], capsys)
         assert "setting 'speed' of planner" in said

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig, ScenarioEvent, TrafficConfig
 from fleet.insight.causes import NONE, NOT_KEPT_BY_PLACE, OWN, WITHOUT_TASK, Cause, Column
 from fleet.insight.explain import Explanation
 from fleet.insight.time_accounts import STANDING_MPS
 from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
 
+PIBT = TrafficConfig(planner="pibt")
 AT_DOCK = (CarPhase.LOADING, CarPhase.UNLOADING)
 OUT = (CarPhase.DEAD, CarPhase.RECOVERING, CarPhase.RETIRED)
 BOUND = (CarPhase.TO_PICK, CarPhase.TO_DROP, CarPhase.TO_CHARGER, CarPhase.TO_PLACE)
@@ -95,7 +96,7 @@ def test_causes_agree_with_the_run(settings: dict[str, object]) -> None:
 
 def test_a_chain_goes_on_through_a_car_without_a_task_that_is_held_up_on_its_way() -> None:
     through: set[str] = set()
-    with made(site="small", robots=18, tasks=20, seed=1, duration_s=120.0) as simulation:
+    with made(site="small", robots=18, tasks=20, seed=1, duration_s=120.0, traffic=PIBT) as simulation:
         while not simulation.finished:
             simulation.tick()
             idle = {f"car_{car}" for car, phase in enumerate(simulation.missions.phase) if phase is CarPhase.IDLE}

@@ -6,7 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fleet.config import AllocationConfig, ArmConfig, CarConfig, Fidelity, RunConfig, StreamConfig, TimeoutConfig
+from fleet.config import (
+    AllocationConfig,
+    ArmConfig,
+    CarConfig,
+    Fidelity,
+    RunConfig,
+    StreamConfig,
+    TimeoutConfig,
+    TrafficConfig,
+)
 from fleet.dispatch.interventions import CannotCancel, CannotRequeue
 from fleet.missions.phases import CarPhase
 from fleet.run.events import Event
@@ -16,6 +25,7 @@ from fleet.tasks.reasons import PairReason, TaskReason
 from tests.lives import Lives
 
 HEADER = "id,release_s,pick,drop,mass_kg,size_m,due_s,priority,after,picks,needs"
+PIBT = TrafficConfig(planner="pibt")
 Make = Callable[..., Simulation]
 
 
@@ -213,7 +223,7 @@ def test_a_task_changes_hands_before_its_pick_up_if_enough_is_gained(
     """A stream of orders keeps two of three cars on their way to a pick station."""
     allocation = AllocationConfig(keep_gain_s=keep_gain_s)
     stream = StreamConfig(rate_per_h=600.0, due_share=1.0, slack_s=(30.0, 120.0), emergency_share=0.0)
-    settings = {"orders": None, "stream": stream, "duration_s": 240.0, "robots": 3, "seed": 3}
+    settings = {"orders": None, "stream": stream, "duration_s": 240.0, "robots": 3, "seed": 3, "traffic": PIBT}
     with make("x,0,pick_1,drop_1,0.3", allocation=allocation, **settings) as simulation:
         lives = Lives(simulation.board)
         simulation.run()

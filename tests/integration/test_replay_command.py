@@ -183,9 +183,7 @@ def test_figures_that_were_changed_afterwards_are_found(run: Path, replay: Calla
 # --- what if
 
 
-@pytest.mark.parametrize(
-    "word", ["allocation.allocator=regret_lns", "traffic.planner=multi_step_pibt", "traffic.latency_s=0.3"]
-)
+@pytest.mark.parametrize("word", ["allocation.allocator=regret_lns", "traffic.planner=pibt", "traffic.latency_s=0.3"])
 def test_another_setting_parts_from_its_moment_on(
     word: str, recorded: Path, tmp_path: Path, replay: Callable[..., tuple[int, str, str]]
 ) -> None:
@@ -224,7 +222,14 @@ def test_events_come_and_go(recorded: Path, tmp_path: Path, replay: Callable[...
 def test_a_setting_that_is_the_same_changes_nothing(
     recorded: Path, tmp_path: Path, replay: Callable[..., tuple[int, str, str]]
 ) -> None:
-    words = ("--set", "allocation.allocator=hungarian", "--set", "traffic.planner=pibt", "--set", "traffic.period_s=1")
+    words = (
+        "--set",
+        "allocation.allocator=hungarian",
+        "--set",
+        "traffic.planner=multi_step_pibt",
+        "--set",
+        "traffic.period_s=1",
+    )
     status, said, _ = replay(recorded, "--at", 5, *words, "--out", tmp_path / "out")
     assert status == 0
     assert f"no difference in {TICKS} ticks (30.0 s)\n" in said

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fleet.assembly import Parts
-from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.config import ArmConfig, Fidelity, RunConfig, TrafficConfig
 from fleet.dispatch.allocation import Choice, TaskAllocation
 from fleet.dispatch.situation import CAN_TAKE, Situation
 from fleet.envs.dispatch.outlook import Jobs, Outlook
@@ -77,6 +77,7 @@ class SimulatedDispatch(SimulatedFleet):
             fidelity=fidelity,
             seed=seed,
             duration_s=duration_s,
+            traffic=TrafficConfig(planner="pibt"),  # how cars drive is part of what a version of the environment means
             arms=ArmConfig(workers_n=0),
         )
         parts = Parts(orders=orders, allocation=AgentAllocation, figures=False)

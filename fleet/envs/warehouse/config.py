@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig, require
+from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig, TrafficConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.env_config import RecordedEnvConfig
 from fleet.envs.warehouse.control.actions import ARM_ACTIONS, CAR_ACTIONS
@@ -207,6 +207,7 @@ class WarehouseConfig(RecordedEnvConfig):
             robots=n_robots,
             tasks=n_robots if self.tasks is None else self.tasks,
             fidelity=Fidelity(self.fidelity),
+            traffic=TrafficConfig(planner="pibt"),  # how cars drive is part of what a version of the environment means
             arms=ArmConfig(workers_n=0),
             battery=self.battery or BatteryConfig(),
         )

@@ -121,7 +121,7 @@ def test_a_class_of_one_s_own_gets_seed_and_settings() -> None:
 @pytest.mark.parametrize(
     ("name", "what"),
     [
-        ("nope", "; valid: pibt, multi_step_pibt, window_search or package.module.Class"),
+        ("nope", "; valid: pibt, multi_step_pibt, window_search, auto or package.module.Class"),
         ("", "; valid: pibt"),
         (".Pibt", "; valid: pibt"),
         ("..", "; valid: pibt"),

@@ -84,7 +84,10 @@ def test_a_setting_that_is_typed_twice_is_refused() -> None:
         ("rounds = 2", "top level has rounds = 2; valid: tables [planner.NAME] and [allocator.NAME]"),
         ("[planer.pibt]\n", "top level has planer = {'pibt': {}}; valid: tables [planner.NAME]"),
         ("[planner]\nrounds = 2", "top level has planner = {'rounds': 2}; valid: tables [planner.NAME]"),
-        ("[planner.pibbt]\n", "planner is 'pibbt'; valid: pibt, multi_step_pibt, window_search, lacam, sipp, cbs or"),
+        (
+            "[planner.pibbt]\n",
+            "planner is 'pibbt'; valid: pibt, multi_step_pibt, window_search, auto, lacam, sipp, cbs or",
+        ),
         ("[allocator.pibt]\n", "allocator is 'pibt'; valid: greedy, hungarian"),
         ("[planner.pibt]\nx = [1]", "planner.pibt.x is [1]; valid: a number, true, false or a text"),
         ("[planner.mine.Planner]\nx = 1", "planner is 'mine'; valid: pibt, multi_step_pibt, window_search"),

@@ -15,7 +15,7 @@ CHANGED_S = 1.0
 VALUES: dict[str, Any] = {
     "allocation.allocator": "greedy",
     "allocation.allocator_settings": ("nearest_n", 9),
-    "traffic.planner": "multi_step_pibt",
+    "traffic.planner": "pibt",
     "traffic.planner_settings": ("impatience", 2),
     "allocation.keep_share": 0.5,
     "traffic.grant_moves_n": 2,
