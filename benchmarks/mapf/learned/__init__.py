@@ -17,12 +17,12 @@ from benchmarks.mapf.instances import find
 from benchmarks.mapf.learned.floors import guide
 from benchmarks.mapf.learned.imitation import ImitationConfig, learn
 from benchmarks.mapf.learned.players import LearnedPlayer, MultiStepPlayer, PibtPlayer
+from benchmarks.mapf.learned.scores import Scores
 from benchmarks.mapf.pogema.episode import Episode, Floor, read_floors
 from benchmarks.mapf.pogema.play import OnlinePlanner, Played, play
 from benchmarks.mapf.pogema.scores import STAGES, Stage
 from fleet.training.intervals import difference
 from maps.lane_graph import grid_lane_graph
-from planners.mapf.learned.scores import Scores
 from planners.mapf.multi_step.goal_costs import GoalCosts
 from planners.mapf.multi_step.guidance import UNIT
 from planners.mapf.validate import conflicts

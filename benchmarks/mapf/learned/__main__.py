@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from benchmarks.mapf.learned.imitation import learn
-from planners.mapf.learned.scores import Scores, write_scores
+from benchmarks.mapf.learned.scores import Scores, write_scores
 
 
 def main() -> None:

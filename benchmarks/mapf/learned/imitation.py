@@ -13,12 +13,12 @@ import numpy as np
 
 from benchmarks.mapf.learned.floors import draw_lesson
 from benchmarks.mapf.learned.network import Network, Samples
+from benchmarks.mapf.learned.observation import N_MOVES, WAIT
 from benchmarks.mapf.learned.players import LearnedPlayer
+from benchmarks.mapf.learned.scores import Scores
 from benchmarks.mapf.learned.teacher import Teacher
 from benchmarks.mapf.pogema.online import WindowPlanner
 from planners.mapf.arrays import IntArray
-from planners.mapf.learned.observation import N_MOVES, WAIT
-from planners.mapf.learned.scores import Scores
 
 _SEEDS_PER_RUN = 100_000
 """Seeds of floors that one run may draw; those of different runs are different."""

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from planners.mapf.learned.observation import N_MOVES, N_SEEN, ONE
-from planners.mapf.learned.scores import Floats32, Scores
+from benchmarks.mapf.learned.observation import N_MOVES, N_SEEN, ONE
+from benchmarks.mapf.learned.scores import Floats32, Scores
 
 _BATCH = 2048
 _CLOSED = np.float32(-1e9)

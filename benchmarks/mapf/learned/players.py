@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.mapf.learned.learned_pibt import LearnedPibtConfig
+from benchmarks.mapf.learned.learned_stepper import LearnedStepper, Moment
+from benchmarks.mapf.learned.progress import Progress
+from benchmarks.mapf.learned.scores import Scores
 from maps.lane_graph import LaneGraph
 from planners.mapf.arrays import IntArray
-from planners.mapf.learned.learned_pibt import LearnedPibtConfig
-from planners.mapf.learned.learned_stepper import LearnedStepper, Moment
-from planners.mapf.learned.progress import Progress
-from planners.mapf.learned.scores import Scores
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.guidance import UNIT
 from planners.mapf.multi_step.multi_step_kernel import wishes_to_stay

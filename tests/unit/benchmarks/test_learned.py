@@ -14,10 +14,10 @@ from benchmarks.mapf.learned import CELLS, QUICK, measure_cell, measure_learned
 from benchmarks.mapf.learned.floors import draw_lesson
 from benchmarks.mapf.learned.imitation import drive, learn
 from benchmarks.mapf.learned.network import Network, Samples
+from benchmarks.mapf.learned.observation import N_MOVES, N_SEEN, ONE, WAIT
 from benchmarks.mapf.pogema.episode import Floor
 from benchmarks.mapf.pogema.scores import Stage
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
-from planners.mapf.learned.observation import N_MOVES, N_SEEN, ONE, WAIT
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -6,11 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maps.lane_graph import LaneGraph
-from planners.mapf.arrays import BoolArray, Distances, Int64Array, IntArray
-from planners.mapf.inheritance import PUSHED, UNDECIDED, Claims, claims_of, clear, enter, push, stay
-from planners.mapf.kernel import Int, kernel
-from planners.mapf.learned.observation import (
+from benchmarks.mapf.learned.observation import (
     N_SEEN,
     WAIT,
     Outlook,
@@ -23,7 +19,11 @@ from planners.mapf.learned.observation import (
     outlook_of,
     surroundings_of,
 )
-from planners.mapf.learned.scores import Layers, Scores, layers_of, score
+from benchmarks.mapf.learned.scores import Layers, Scores, layers_of, score
+from maps.lane_graph import LaneGraph
+from planners.mapf.arrays import BoolArray, Distances, Int64Array, IntArray
+from planners.mapf.inheritance import PUSHED, UNDECIDED, Claims, claims_of, clear, enter, push, stay
+from planners.mapf.kernel import Int, kernel
 from planners.mapf.options import Options, options_of
 
 # A key orders the options of an agent: what a score lacks to the best one, or what is left, then chance.

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.mapf.learned.observation import N_MOVES, N_SEEN, RADIUS, Seen
 from planners.errors import PlanningError
 from planners.mapf.kernel import kernel
-from planners.mapf.learned.observation import N_MOVES, N_SEEN, RADIUS, Seen
 
 Floats32 = npt.NDArray[np.float32]
 

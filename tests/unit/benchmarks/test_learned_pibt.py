@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.mapf.learned.learned_pibt import LearnedPibt, LearnedPibtConfig
+from benchmarks.mapf.learned.learned_stepper import LearnedStepper, Moment
+from benchmarks.mapf.learned.observation import N_CELLS, N_MOVES, N_SEEN, ONE, RADIUS
+from benchmarks.mapf.learned.progress import Progress
+from benchmarks.mapf.learned.scores import Scores, WeightsError, read_scores, write_scores
 from maps.grid import GridMap
 from maps.lane_graph import grid_lane_graph
 from planners.errors import PlanningError
 from planners.mapf.distance_table import DistanceTable
-from planners.mapf.learned.learned_pibt import LearnedPibt, LearnedPibtConfig
-from planners.mapf.learned.learned_stepper import LearnedStepper, Moment
-from planners.mapf.learned.observation import N_CELLS, N_MOVES, N_SEEN, ONE, RADIUS
-from planners.mapf.learned.progress import Progress
-from planners.mapf.learned.scores import Scores, WeightsError, read_scores, write_scores
 from planners.mapf.problem import Plan
 from planners.mapf.validate import conflicts
 from tests.unit.planners.mapf.lanes import instance_of, open_grid, rotating_grid

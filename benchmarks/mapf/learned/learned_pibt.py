@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.mapf.learned.learned_stepper import LearnedStepper, Moment
+from benchmarks.mapf.learned.progress import Progress
+from benchmarks.mapf.learned.scores import Scores, read_scores
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.distance_table import DistanceTable, tables_of
-from planners.mapf.learned.learned_stepper import LearnedStepper, Moment
-from planners.mapf.learned.progress import Progress
-from planners.mapf.learned.scores import Scores, read_scores
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
 

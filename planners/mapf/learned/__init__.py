@@ -1,1 +1,0 @@
-"""Moves scored by a small learned network, carried out by PIBT."""
