@@ -42,6 +42,9 @@ _OUT_FIRST = 8.0
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
 _CROWD = 12
 """Moves that a cell of a large floor counts as farther in the midst of a crowd."""
+_DELAY, _DELAY_REACH, _DELAY_ROOMY = 200, 8, 0.2
+"""Moves by which an errand in the midst of a crowd counts as longer when tasks are given out on a large floor, how many
+cells to each side count as around it, and the share of them that may be taken at no cost."""
 _LARGE = 2**20
 """More than any way costs."""
 
@@ -122,7 +125,10 @@ class MultiStepController:
             patience=1 if self._costs.exact else length,
             seed=self._rng,
         )
-        self._crowd = None if self._costs.exact else CrowdCosts(arena.problem.grid, _CROWD * self._costs.unit)
+        grid, unit = arena.problem.grid, self._costs.unit
+        large = not self._costs.exact
+        self._crowd = CrowdCosts(grid, _CROWD * unit) if large else None
+        self._delay = CrowdCosts(grid, _DELAY * unit, reach=_DELAY_REACH, roomy=_DELAY_ROOMY) if large else None
         self._depth = pocket_depth(graph)
         self._waited = np.zeros(n, dtype=np.int64)
         self._inside = np.zeros(n, dtype=np.int64)
@@ -156,7 +162,8 @@ class MultiStepController:
         if arena.problem.round_robin:
             self._schedule.learn(arena, arena.task_of)
             return arena.task_of
-        return self._schedule.assign(arena, everybody=everybody)
+        delay = None if self._delay is None else self._delay.of(arena.graph.state_cell[arena.states])
+        return self._schedule.assign(arena, delay=delay, everybody=everybody)
 
     def _move(self, arena: LeagueView, task_of: Tasks, deadline: Deadline) -> Ints:
         n = len(arena.states)

@@ -31,7 +31,8 @@ class TaskSchedule:
     """Tasks by cost: the way to the first errand, weighted, and then the task's own length; cheapest pair first.
 
     A robot that has not opened its task may get another one. In a large fleet only some of these robots are asked in
-    each timestep, in turn.
+    each timestep, in turn. Where crowds delay what leads into them, such tasks wait until they have gone: no part of
+    the floor gets more work than it can pass.
 
     Args:
         arena: The arena.
@@ -66,11 +67,12 @@ class TaskSchedule:
         backwards = place[::-1]
         _add_up(backwards, last[::-1].copy(), self._onward, self.rest_of)
 
-    def assign(self, arena: LeagueView, *, everybody: bool = False) -> Tasks:
+    def assign(self, arena: LeagueView, *, delay: IntArray | None = None, everybody: bool = False) -> Tasks:
         """Decide who does what.
 
         Args:
             arena: The arena.
+            delay: Cost of what crowds around each cell delay an errand there, shape (n_cells,); None = nothing.
             everybody: Ask all robots that may still change, however many pairs that makes.
 
         Returns:
@@ -87,6 +89,9 @@ class TaskSchedule:
         place = arena.errand_ptr[tasks % arena.problem.n_tasks]
         rows = self._costs.rows(arena.errand_cell[place])
         length = self.rest_of[place]
+        if delay is not None:
+            end = arena.errand_ptr[tasks % arena.problem.n_tasks + 1]
+            length = length + _sum_at_errands(delay, arena.errand_cell, place, end)
         if len(asked) * len(tasks) <= _EXACT_PAIRS:
             way = left(self._costs.costs, np.repeat(arena.states[asked], len(rows)), np.tile(rows, len(asked)))
             robot, task = linear_sum_assignment(_HASTE * way.reshape(len(asked), -1) + length)
@@ -129,6 +134,18 @@ def _add_up(
     for k in range(len(backwards)):
         total = 0 if last[k] else total + onward[backwards[k]]
         rest[backwards[k]] = total
+
+
+@njit(cache=True, nogil=True)
+def _sum_at_errands(
+    delay: IntArray, cell: IntArray, begin: IntArray, end: IntArray
+) -> IntArray:  # pragma: no cover - compiled
+    """Sum of the delays at the errands `begin` to `end` - 1 of each task."""
+    total = np.zeros(len(begin), dtype=np.int32)
+    for task in range(len(begin)):
+        for errand in range(begin[task], end[task]):
+            total[task] += delay[cell[errand]]
+    return total
 
 
 @njit(cache=True, nogil=True)

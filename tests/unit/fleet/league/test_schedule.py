@@ -70,6 +70,14 @@ def test_a_short_task_goes_before_a_long_one_at_the_same_place() -> None:
     assert schedule.assign(arena).tolist() == [1]
 
 
+def test_a_task_with_an_errand_in_a_crowd_waits_for_others() -> None:
+    arena, schedule = begin(problem_of(ROOM, [0], [[3, 5], [3, 4]]))
+    delay = np.zeros(arena.graph.n_cells, dtype=np.int32)
+    assert schedule.assign(arena, delay=delay).tolist() == [1]
+    delay[4] = 50
+    assert schedule.assign(arena, delay=delay).tolist() == [0]
+
+
 def test_a_task_that_is_opened_stays_and_one_that_is_not_may_change_hands() -> None:
     """Robot 0 has opened its long task; robot 1 was on its way to task 1, which robot 0 could not take anyway."""
     arena, schedule = begin(problem_of(ROOM, [0, 35], [[1, 30, 5, 30], [2], [34]]))

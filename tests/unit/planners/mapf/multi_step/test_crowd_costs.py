@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from maps.grid import GridMap
 from planners.mapf.distance_table import DistanceTable
@@ -11,24 +12,25 @@ from planners.mapf.multi_step.multi_step_kernel import wishes_to_stay
 from planners.mapf.multi_step.multi_step_pibt import Mover, exact_costs
 from tests.unit.planners.mapf.lanes import open_grid
 
-MOST, REACH, ROOMY = 24, 3, 0.4
+MOST = 24
 
 
-def test_costs_grow_with_the_share_of_free_cells_around_that_are_taken() -> None:
+@pytest.mark.parametrize(("reach", "roomy"), [(3, 0.4), (1, 0.0), (8, 0.2)])
+def test_costs_grow_with_the_share_of_free_cells_around_that_are_taken(reach: int, roomy: float) -> None:
     rng = np.random.default_rng(0)
     for shape in ((1, 1), (3, 20), (17, 11)):
         free = rng.random(shape) < 0.8
         free[0, 0] = True
-        costs = CrowdCosts(GridMap(free), MOST)
+        costs = CrowdCosts(GridMap(free), MOST, reach=reach, roomy=roomy)
         for share in (0.0, 0.5, 1.0):
             cells = np.flatnonzero(free & (rng.random(shape) < share)).astype(np.int32)
             taken = np.zeros(free.size, dtype=np.bool_)
             taken[cells] = True
             expected = []
             for row, col in np.ndindex(*shape):
-                square = slice(max(row - REACH, 0), row + REACH + 1), slice(max(col - REACH, 0), col + REACH + 1)
+                square = slice(max(row - reach, 0), row + reach + 1), slice(max(col - reach, 0), col + reach + 1)
                 full = taken.reshape(shape)[square].sum() / max(free[square].sum(), 1)
-                expected.append(int(MOST * max(full - ROOMY, 0.0) / (1.0 - ROOMY) + 0.5))
+                expected.append(int(MOST * max(full - roomy, 0.0) / (1.0 - roomy) + 0.5))
             assert costs.of(cells).tolist() == expected
 
 
