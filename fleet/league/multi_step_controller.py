@@ -20,7 +20,7 @@ from planners.mapf.multi_step.floor_guidance import guide_floor
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.guidance import Errands, GuidanceConfig, learn_guidance
 from planners.mapf.multi_step.multi_step_kernel import Wishes
-from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
+from planners.mapf.multi_step.multi_step_pibt import ROUND, Mover, rank_weights
 from planners.mapf.multi_step.operations import LONGEST
 from planners.mapf.multi_step.pockets import pocket_depth
 
@@ -40,6 +40,8 @@ _SHUT_IN = 40
 _OUT_FIRST = 8.0
 """How much more, for each bottleneck between them. Rounds of improvement would otherwise give a robot at the mouth of a
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
+_UNHURRIED_S = 0.1
+"""Budget of a step from which on robots of a large floor look four timesteps ahead, and all of them decide in each."""
 _CROWD = 12
 """Moves that a cell of a large floor counts as farther in the midst of a crowd."""
 _DELAY, _DELAY_REACH, _DELAY_ROOMY = 200, 8, 0.2
@@ -55,11 +57,11 @@ class MultiStepControllerConfig:
 
     length: int = 4
     """Timesteps of an operation; one more where there is room for long ones, and on floors too large for exact costs
-    one less, as each takes memory per state."""
+    one less, unless a step may take long."""
     most_tries: int = 3000
     """Operations that a chain of pushes tries before it gives up."""
     rounds: int = 40
-    """Most rounds of improvement in a timestep."""
+    """Most times that a robot is asked in a timestep, on average, whether it finds something better."""
     budget_share: float = 0.7
     """Share of a step's budget after which no further round of improvement begins."""
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
@@ -113,8 +115,9 @@ class MultiStepController:
             self._costs.weigh_drives(guidance.cost)
             share = min(share, guidance.share)
         length = min(self.config.length + 1, LONGEST) if density <= _ROOMY else self.config.length
+        hasty = not self._costs.exact and budget_s < _UNHURRIED_S
         if not self._costs.exact:
-            length = min(self.config.length, 3)
+            length = min(self.config.length, 3 if hasty else 4)
         self._mover = Mover(
             graph,
             np.zeros(graph.n_cells, dtype=np.bool_),
@@ -122,7 +125,7 @@ class MultiStepController:
             length=length,
             look=self._costs.look,
             dearest=self._costs.dearest,
-            patience=1 if self._costs.exact else length,
+            patience=length if hasty else 1,
             seed=self._rng,
         )
         grid, unit = arena.problem.grid, self._costs.unit
@@ -210,7 +213,7 @@ class MultiStepController:
             allow_rotation=arena.allow_rotation,
             # One round in any case: without it crossings of narrow aisles fill up with knots.
             polish=lambda: next(rounds) == 0 or deadline.spend(),
-            rounds=self.config.rounds,
+            rounds=self.config.rounds * -(-n // ROUND),
             crowd=None if self._crowd is None else self._crowd.of(here),
         )
 

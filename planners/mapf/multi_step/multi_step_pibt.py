@@ -22,9 +22,9 @@ from planners.mapf.options import open_moves
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
 
-_ROUND = 2000
+ROUND = 2000
 """Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
-MOST_ROUNDS = 10_000
+MOSTROUNDS = 10_000
 """Rounds of a timestep; so many take minutes, and a window ends only between two timesteps."""
 
 
@@ -45,8 +45,8 @@ class MultiStepConfig:
     def __post_init__(self) -> None:
         if self.most_tries < 1:
             raise PlanningError(f"multi-step pibt: most_tries = {self.most_tries}; valid: an integer >= 1")
-        if not 0 <= self.rounds <= MOST_ROUNDS:
-            raise PlanningError(f"multi-step pibt: rounds = {self.rounds}; valid: 0 to {MOST_ROUNDS}")
+        if not 0 <= self.rounds <= MOSTROUNDS:
+            raise PlanningError(f"multi-step pibt: rounds = {self.rounds}; valid: 0 to {MOSTROUNDS}")
         if not 1 <= self.length <= LONGEST:
             raise PlanningError(f"multi-step pibt: length = {self.length}; valid: 1 to {LONGEST}")
         if not self.impatience >= 0:
@@ -223,7 +223,7 @@ class Mover:
         self._behind = look_behind(look_of_states(graph.n_states) if look is None else look, self.operations)
         widest = int(np.diff(self.operations.ptr).max(initial=1))
         self._nowhere_dear = np.zeros(graph.n_cells, dtype=np.int32)
-        self._drawn = np.empty(min(n, _ROUND), dtype=np.int32)
+        self._drawn = np.empty(min(n, ROUND), dtype=np.int32)
         self.crew = Crew(n)
         """Threads that share the agents."""
 
