@@ -20,7 +20,7 @@ from planners.mapf.multi_step.floor_guidance import guide_floor
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.guidance import Errands, GuidanceConfig, learn_guidance
 from planners.mapf.multi_step.multi_step_kernel import Wishes
-from planners.mapf.multi_step.multi_step_pibt import ROUND, Mover, rank_weights
+from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
 from planners.mapf.multi_step.operations import LONGEST
 from planners.mapf.multi_step.pockets import pocket_depth
 
@@ -61,7 +61,7 @@ class MultiStepControllerConfig:
     most_tries: int = 3000
     """Operations that a chain of pushes tries before it gives up."""
     rounds: int = 40
-    """Most times that a robot is asked in a timestep, on average, whether it finds something better."""
+    """Most rounds of improvement in a timestep."""
     budget_share: float = 0.7
     """Share of a step's budget after which no further round of improvement begins."""
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
@@ -115,8 +115,9 @@ class MultiStepController:
             self._costs.weigh_drives(guidance.cost)
             share = min(share, guidance.share)
         length = min(self.config.length + 1, LONGEST) if density <= _ROOMY else self.config.length
-        hasty = not self._costs.exact and budget_s < _UNHURRIED_S
-        if not self._costs.exact:
+        large = not self._costs.exact
+        hasty = large and budget_s < _UNHURRIED_S
+        if large:
             length = min(self.config.length, 3 if hasty else 4)
         self._mover = Mover(
             graph,
@@ -129,7 +130,6 @@ class MultiStepController:
             seed=self._rng,
         )
         grid, unit = arena.problem.grid, self._costs.unit
-        large = not self._costs.exact
         self._crowd = CrowdCosts(grid, _CROWD * unit) if large else None
         self._delay = CrowdCosts(grid, _DELAY * unit, reach=_DELAY_REACH, roomy=_DELAY_ROOMY) if large else None
         self._depth = pocket_depth(graph)
@@ -213,7 +213,7 @@ class MultiStepController:
             allow_rotation=arena.allow_rotation,
             # One round in any case: without it crossings of narrow aisles fill up with knots.
             polish=lambda: next(rounds) == 0 or deadline.spend(),
-            rounds=self.config.rounds * -(-n // ROUND),
+            rounds=self.config.rounds,
             crowd=None if self._crowd is None else self._crowd.of(here),
         )
 

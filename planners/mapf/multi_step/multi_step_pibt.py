@@ -22,7 +22,7 @@ from planners.mapf.options import open_moves
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
 
-ROUND = 2000
+_ROUND = 2000
 """Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
 STUCK_WINDOWS, RELEASE_WINDOWS = 60, 20
 """After so many windows in which an agent has come no nearer to its goal than before, those who may be pushed away from
@@ -149,7 +149,7 @@ class MultiStepPibt:
         self._least = np.where(nearer, left, self._least)
         self._goals = instance.goals.copy()
         longest = int(self._vain.max(initial=0))
-        return longest >= STUCK_WINDOWS and longest % (STUCK_WINDOWS + RELEASE_WINDOWS) >= STUCK_WINDOWS
+        return longest % (STUCK_WINDOWS + RELEASE_WINDOWS) >= STUCK_WINDOWS
 
 
 def exact_costs(table: npt.NDArray[np.uint16], n_states: int) -> Costs:
@@ -251,7 +251,7 @@ class Mover:
         self._behind = look_behind(look_of_states(graph.n_states) if look is None else look, self.operations)
         widest = int(np.diff(self.operations.ptr).max(initial=1))
         self._nowhere_dear = np.zeros(graph.n_cells, dtype=np.int32)
-        self._drawn = np.empty(min(n, ROUND), dtype=np.int32)
+        self._drawn = np.empty(min(n, _ROUND), dtype=np.int32)
         self.crew = Crew(n)
         """Threads that share the agents."""
 
