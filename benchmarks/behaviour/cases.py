@@ -642,6 +642,7 @@ def league() -> Played:
 def study() -> Played:
     """A small study of two allocators: table, words, and a page without its pictures."""
     words = ["study", "--site", "cell", "--fidelity", "grid", "--robots", "1:3", "--seeds", "2", "--rate", "600"]
+    words += ["--planner", "pibt"]
     said = command(*words, "--duration", "150", "--jobs", "1", "--out", "study")
     return Played(parts={"said": said.lines, "rows": text_of(Path("study") / "study.csv")})
 
@@ -651,7 +652,7 @@ def told() -> Played:
     """Two runs from the command line, and what why, report and diff say of them."""
     for name, seed in (("a", "1"), ("b", "2")):
         words = ("demo", "--robots", "6", "--seed", seed, "--fidelity", "kinematic", "--duration", "70", "--no-record")
-        command(*words, "--out", name)
+        command(*words, "--planner", "pibt", "--out", name)
     played = read_run(Path("a"))
     asked = [["why", robot, "a", "--at", at] for robot, at in (("car_3", "41.5"), ("car_5", "20"), ("arm_1", "41.5"))]
     played.parts["why"] = commands(*asked, ["why", "car_2", "b"], ["why", "car_2", "a", "--json"])

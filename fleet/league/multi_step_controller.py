@@ -40,6 +40,8 @@ _SHUT_IN = 40
 _OUT_FIRST = 8.0
 """How much more, for each bottleneck between them. Rounds of improvement would otherwise give a robot at the mouth of a
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
+_UNHURRIED_S = 0.1
+"""Budget of a step from which on robots of a large floor look four timesteps ahead, and all of them decide in each."""
 _CROWD = 12
 """Moves that a cell of a large floor counts as farther in the midst of a crowd."""
 _DELAY, _DELAY_REACH, _DELAY_ROOMY = 200, 8, 0.2
@@ -55,7 +57,7 @@ class MultiStepControllerConfig:
 
     length: int = 4
     """Timesteps of an operation; one more where there is room for long ones, and on floors too large for exact costs
-    one less, as each takes memory per state."""
+    one less, unless a step may take long."""
     most_tries: int = 3000
     """Operations that a chain of pushes tries before it gives up."""
     rounds: int = 40
@@ -113,8 +115,10 @@ class MultiStepController:
             self._costs.weigh_drives(guidance.cost)
             share = min(share, guidance.share)
         length = min(self.config.length + 1, LONGEST) if density <= _ROOMY else self.config.length
-        if not self._costs.exact:
-            length = min(self.config.length, 3)
+        large = not self._costs.exact
+        hasty = large and budget_s < _UNHURRIED_S
+        if large:
+            length = min(self.config.length, 3 if hasty else 4)
         self._mover = Mover(
             graph,
             np.zeros(graph.n_cells, dtype=np.bool_),
@@ -122,11 +126,10 @@ class MultiStepController:
             length=length,
             look=self._costs.look,
             dearest=self._costs.dearest,
-            patience=1 if self._costs.exact else length,
+            patience=length if hasty else 1,
             seed=self._rng,
         )
         grid, unit = arena.problem.grid, self._costs.unit
-        large = not self._costs.exact
         self._crowd = CrowdCosts(grid, _CROWD * unit) if large else None
         self._delay = CrowdCosts(grid, _DELAY * unit, reach=_DELAY_REACH, roomy=_DELAY_ROOMY) if large else None
         self._depth = pocket_depth(graph)

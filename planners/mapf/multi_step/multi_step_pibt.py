@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,11 @@ from planners.mapf.window import plan_window, reachable_goals
 
 _ROUND = 2000
 """Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
+STUCK_WINDOWS, RELEASE_WINDOWS = 60, 20
+"""After so many windows in which an agent has come no nearer to its goal than before, those who may be pushed away from
+theirs, such as cars that park, make room for all others for so many; and again."""
+_LAST = 1e9
+"""More than any two priorities differ."""
 MOST_ROUNDS = 10_000
 """Rounds of a timestep; so many take minutes, and a window ends only between two timesteps."""
 
@@ -59,6 +64,9 @@ class MultiStepPibt:
     Looking a few timesteps ahead lets a vehicle that must turn first make room in time, which one-step PIBT cannot
     see. Of each operation only the first timestep is carried out, the rest is kept until something better is found.
 
+    Two agents whose priorities grow alike can push each other to and fro for ever where one has to get out of a dead
+    end and the other wants in. After a while whoever only wants to rest makes room.
+
     Args:
         config: Settings.
         seed: Seed of the tie-breaking. Each call draws on: the same sequence of calls gives the same plans.
@@ -73,6 +81,11 @@ class MultiStepPibt:
         self.config = MultiStepConfig() if config is None else config
         self._rng = np.random.default_rng(seed)
         self._mover: Mover | None = None
+        self._goals: IntArray = np.empty(0, dtype=np.int32)
+        self._least: IntArray = self._goals
+        """The least that was left to each agent's goal since it has that goal, shape (n,)."""
+        self._vain: IntArray = self._goals
+        """Windows since then, shape (n,)."""
 
     def plan(self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None) -> Plan:
         """Plan one window.
@@ -91,11 +104,15 @@ class MultiStepPibt:
         graph, n = instance.graph, instance.n_agents
         tables = tables_of(instance, tables, "multi-step pibt")
         deadline = Deadline() if deadline is None else deadline
+        table, row = tables.rows(instance.goals)
+        reachable = reachable_goals(instance, table, row)
+        left = np.where(reachable, table[row, instance.starts], np.uint16(0)).astype(np.int32)
+        if self._is_stuck(instance, left):
+            priorities = np.where(instance.stay, instance.priorities, instance.priorities - _LAST)
+            instance = replace(instance, priorities=priorities)
         if self._mover is None or not self._mover.fits(graph, instance.blocked, n):
             self._mover = Mover(graph, instance.blocked, n, length=self.config.length, seed=self._rng)
         mover = self._mover
-        table, row = tables.rows(instance.goals)
-        reachable = reachable_goals(instance, table, row)
         wishes = wishes_to_stay(np.where(reachable, row, np.int32(-1)))
         costs = exact_costs(table, graph.n_states)
         mover.begin(instance.starts)
@@ -122,6 +139,17 @@ class MultiStepPibt:
             reachable=reachable,
             comes=instance.comes,
         )
+
+    def _is_stuck(self, instance: Instance, left: IntArray) -> bool:
+        """Count a window, at whose begin so much is `left` to each agent; whether those who may be pushed make room."""
+        if len(self._goals) != len(left):
+            self._goals, self._least, self._vain = np.full((3, len(left)), -1, dtype=np.int32)
+        nearer = (self._goals != instance.goals) | (left < self._least) | (left == 0) | instance.fixed
+        self._vain = np.where(nearer, 0, self._vain + 1)
+        self._least = np.where(nearer, left, self._least)
+        self._goals = instance.goals.copy()
+        longest = int(self._vain.max(initial=0))
+        return longest % (STUCK_WINDOWS + RELEASE_WINDOWS) >= STUCK_WINDOWS
 
 
 def exact_costs(table: npt.NDArray[np.uint16], n_states: int) -> Costs:

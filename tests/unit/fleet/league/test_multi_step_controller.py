@@ -32,10 +32,16 @@ def made(*, seed: int = 0, **settings: Any) -> MultiStepController:
 
 
 def played_well(
-    folder: Path, problem: LeagueProblem, controller: MultiStepController, steps: int, *, edition: int = 2024
+    folder: Path,
+    problem: LeagueProblem,
+    controller: MultiStepController,
+    steps: int,
+    *,
+    edition: int = 2024,
+    budget_s: float = PATIENT_S,
 ) -> Played:
     """Play, and let the independent replay judge the file."""
-    played = play(problem, controller, steps, PATIENT_S)
+    played = play(problem, controller, steps, budget_s)
     write_result(folder / "out.json", played.result)
     replay = Replay(write_files(folder, problem, edition=edition), folder / "out.json")
     assert replay.complaints == []
@@ -58,9 +64,10 @@ def test_operations_of_any_length_are_legal(tmp_path: Path, length: int) -> None
     assert played_well(tmp_path, random_problem(3), made(length=length), 60).result.n_finished > 5
 
 
-def test_a_floor_too_large_for_exact_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("budget_s", [0.02, PATIENT_S], ids=["hasty", "patient"])
+def test_a_floor_too_large_for_exact_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, budget_s: float) -> None:
     monkeypatch.setattr(goal_costs, "EXACT_BYTES", 0)
-    assert played_well(tmp_path, random_problem(4), made(), 100).result.n_finished > 20
+    assert played_well(tmp_path, random_problem(4), made(), 100, budget_s=budget_s).result.n_finished > 20
 
 
 def test_a_robot_that_has_only_a_turn_to_make_makes_it_without_exact_costs(

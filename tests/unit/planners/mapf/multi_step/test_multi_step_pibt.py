@@ -15,7 +15,13 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.multi_step import multi_step_kernel
-from planners.mapf.multi_step.multi_step_pibt import MultiStepConfig, MultiStepPibt, rank_weights
+from planners.mapf.multi_step.multi_step_pibt import (
+    RELEASE_WINDOWS,
+    STUCK_WINDOWS,
+    MultiStepConfig,
+    MultiStepPibt,
+    rank_weights,
+)
 from planners.mapf.options import open_moves
 from planners.mapf.problem import NO_GOAL, Instance
 from planners.mapf.validate import breaches
@@ -86,6 +92,15 @@ def test_nobody_goes_on_before_it_has_come_to_its_start(seed: int) -> None:
         assert (plan.states[: timestep + 1, agent] == instance.starts[agent]).all()
     assert breaches(instance, plan) == []
     assert (plan.states[5:] != instance.starts).any()
+
+
+def test_who_may_be_pushed_makes_room_where_somebody_gets_nowhere_for_long() -> None:
+    """Agent 0 wants to rest in the cell in the middle, agent 1 to stay there; window after window begins alike."""
+    instance = instance_of(open_grid(1, 3), [0, 2], [1, 1], priorities=[10.0, 1.0], stay=[False, True], horizon=1)
+    planner, first = MultiStepPibt(seed=0), []
+    for _ in range(2 * (STUCK_WINDOWS + RELEASE_WINDOWS)):
+        first.append(planner.plan(instance).states[1].tolist())
+    assert first == 2 * ([[1, 2]] * STUCK_WINDOWS + [[0, 1]] * RELEASE_WINDOWS)
 
 
 def test_who_is_there_already_does_not_wait_for_one_who_is_still_coming() -> None:
