@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -33,8 +34,9 @@ TURNING_RADIUS_M = 0.45
 """A little wider than the lanes' arcs, so that the follower has room to correct."""
 WIDE_RADII_M = (1.0, 2.0)
 """Of curves that are tried beside a wall: in a tight one the tail swings into it."""
-LEADS_M = (0.3, -0.3)
-"""Driven straight at first, forwards or backwards, by a car beside a wall: so its tail is off it when it swings."""
+LEADS_M = ((0.8, 15.0), (0.8, -15.0), (0.3, math.inf), (-0.3, math.inf))
+"""Driven at first by a car beside a wall, so that its tail is off it when it swings: length, negative backwards, and
+radius, positive to the left. In the wide curves it swings by 0.3 mm, and is 2 cm off the wall at their end."""
 N_STATES, N_SEARCHED = 12, 3
 """States that direct curves are tried to, and how many of them a search is tried to if none is free."""
 ITERATIONS = 300
@@ -97,6 +99,7 @@ class _Attempt:
     room: RejoinRoom
     radius_m: float = TURNING_RADIUS_M
     lead_m: float = 0.0
+    lead_radius_m: float = math.inf
     iterations: int = 0
 
 
@@ -106,9 +109,12 @@ def _patient(room: RejoinRoom) -> list[_Attempt]:
 
 def _impatient(room: RejoinRoom) -> list[_Attempt]:
     """Off a wall straight, without a touch, if there is such a way; else with the tail that much nearer to it."""
-    led, swinging = room.eased(lead_m=max(LEADS_M)), room.eased(swing_m=SWING_M)
-    radii_m = (TURNING_RADIUS_M, *WIDE_RADII_M)
-    straight = [_Attempt(room=led, radius_m=radius_m, lead_m=lead_m) for lead_m in LEADS_M for radius_m in radii_m]
+    swinging = room.eased(swing_m=SWING_M)
+    straight = [
+        _Attempt(room=room.eased(lead_m=abs(lead_m)), radius_m=radius_m, lead_m=lead_m, lead_radius_m=lead_radius_m)
+        for lead_m, lead_radius_m in LEADS_M
+        for radius_m in (TURNING_RADIUS_M, *WIDE_RADII_M)
+    ]
     wide = [_Attempt(room=swinging, radius_m=radius_m) for radius_m in WIDE_RADII_M]
     return [_Attempt(room=room), *straight, *_patient(swinging), *wide]
 
@@ -426,6 +432,7 @@ class Recovery:
                     seed=seed,
                     max_iterations=attempt.iterations,
                     lead_m=attempt.lead_m,
+                    lead_radius_m=attempt.lead_radius_m,
                 )
                 if not way.solved:
                     continue
