@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -33,8 +34,16 @@ TURNING_RADIUS_M = 0.45
 """A little wider than the lanes' arcs, so that the follower has room to correct."""
 WIDE_RADII_M = (1.0, 2.0)
 """Of curves that are tried beside a wall: in a tight one the tail swings into it."""
-LEADS_M = (0.3, -0.3)
-"""Driven straight at first, forwards or backwards, by a car beside a wall: so its tail is off it when it swings."""
+LEADS_M = (
+    (0.8, 15.0),
+    (0.8, -15.0),
+    (1.2, 15.0),
+    (1.2, -15.0),
+    (0.3, math.inf),
+    (-0.3, math.inf),
+)
+"""Driven at first by a car beside a wall, so that its tail is off it when it swings: length, negative backwards, and
+radius, positive to the left. In the wide curves it swings by 0.3 mm, and is 2 or 5 cm off the wall at their end."""
 N_STATES, N_SEARCHED = 12, 3
 """States that direct curves are tried to, and how many of them a search is tried to if none is free."""
 ITERATIONS = 300
@@ -43,6 +52,8 @@ LOOK_TICKS = 10
 """Ticks between two looks at cars that have no move, and should stand at their stops."""
 STILL_MPS, STILL_S = 0.05, 0.5
 """A car has stopped when it was this slow for this long."""
+SETTLED_S = 3.0
+"""One that may touch something stands so long before it moves [s]: then it knows to 0.3 mm where it is, not to 2."""
 MANOEUVRE_MPS = 0.5
 JOIN_M = 0.08
 """A manoeuvre that ends farther than this from its state is repeated."""
@@ -97,20 +108,30 @@ class _Attempt:
     room: RejoinRoom
     radius_m: float = TURNING_RADIUS_M
     lead_m: float = 0.0
+    lead_radius_m: float = math.inf
     iterations: int = 0
 
 
 def _patient(room: RejoinRoom) -> list[_Attempt]:
-    return [_Attempt(room=room), _Attempt(room=room, iterations=ITERATIONS)]
+    """Directly, else around what is in the way; off what it touches without a touch."""
+    return [_Attempt(room=room), *(_led(room) if room.touches else ()), _Attempt(room=room, iterations=ITERATIONS)]
 
 
 def _impatient(room: RejoinRoom) -> list[_Attempt]:
-    """Off a wall straight, without a touch, if there is such a way; else with the tail that much nearer to it."""
-    led, swinging = room.eased(lead_m=max(LEADS_M)), room.eased(swing_m=SWING_M)
-    radii_m = (TURNING_RADIUS_M, *WIDE_RADII_M)
-    straight = [_Attempt(room=led, radius_m=radius_m, lead_m=lead_m) for lead_m in LEADS_M for radius_m in radii_m]
+    """Off a wall without a touch, if there is such a way; else with the tail that much nearer to it."""
+    swinging = room.eased(swing_m=SWING_M)
     wide = [_Attempt(room=swinging, radius_m=radius_m) for radius_m in WIDE_RADII_M]
-    return [_Attempt(room=room), *straight, *_patient(swinging), *wide]
+    around = [_Attempt(room=swinging), _Attempt(room=swinging, iterations=ITERATIONS)]
+    return [_Attempt(room=room), *_led(room), *around, *wide]
+
+
+def _led(room: RejoinRoom) -> list[_Attempt]:
+    """Straight or in a wide curve at first."""
+    return [
+        _Attempt(room=room.eased(lead_m=abs(lead_m)), radius_m=radius_m, lead_m=lead_m, lead_radius_m=lead_radius_m)
+        for lead_m, lead_radius_m in LEADS_M
+        for radius_m in ((TURNING_RADIUS_M,) if math.isfinite(lead_radius_m) else (TURNING_RADIUS_M, *WIDE_RADII_M))
+    ]
 
 
 class Recovery:
@@ -363,11 +384,16 @@ class Recovery:
         speeds = np.abs(run.world.car_speeds())
         if speeds[[car, *rejoin.halted]].max() > STILL_MPS:
             rejoin.still_since = tick
-        if (tick - rejoin.still_since) * run.tick_s < STILL_S or tick < rejoin.retry_tick:
+        still_s = (tick - rejoin.still_since) * run.tick_s
+        if still_s < STILL_S or tick < rejoin.retry_tick or run.services.is_served(car):
             return
-        if run.services.is_served(car):
+        patient = rejoin.n_failed <= N_PATIENT
+        usable = self._usable_cells(car)
+        room = RejoinRoom(run, car, driver.estimate[car], usable, MARGIN_M if patient else LEAST_MARGIN_M)
+        if room.touches and still_s < SETTLED_S:
+            rejoin.retry_tick = rejoin.still_since + round(SETTLED_S / run.tick_s)
             return
-        found = self._plan(driver, car, run.config.seed + tick, patient=rejoin.n_failed <= N_PATIENT)
+        found = self._plan(car, room, run.config.seed + tick, patient=patient)
         if found is None:
             self._fail(driver, car, rejoin, tick)
             return
@@ -409,13 +435,10 @@ class Recovery:
         offset = grid.cell_xy(np.arange(grid.n_cells)) - pose[:2]
         return np.flatnonzero(np.hypot(*offset.T) < KEPT_AWAY_M).tolist()
 
-    def _plan(self, driver: PathDriver, car: int, seed: int, *, patient: bool) -> tuple[int, RejoinResult] | None:
+    def _plan(self, car: int, room: RejoinRoom, seed: int, *, patient: bool) -> tuple[int, RejoinResult] | None:
         """A state to rejoin and a way to it whose cells are the car's from now on; None if there is none at present."""
-        run = self._run
-        start = driver.estimate[car]
-        usable = self._usable_cells(car)
-        room = RejoinRoom(run, car, start, usable, MARGIN_M if patient else LEAST_MARGIN_M)
-        states = self._near_states(start, usable)
+        run, start = self._run, room.start
+        states = self._near_states(start, room.usable)
         for attempt in _patient(room) if patient else _impatient(room):
             for state in states[: N_SEARCHED if attempt.iterations else N_STATES]:
                 way = plan_rejoin(
@@ -426,6 +449,7 @@ class Recovery:
                     seed=seed,
                     max_iterations=attempt.iterations,
                     lead_m=attempt.lead_m,
+                    lead_radius_m=attempt.lead_radius_m,
                 )
                 if not way.solved:
                     continue

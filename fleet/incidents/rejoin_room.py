@@ -18,6 +18,11 @@ MARGIN_M, LEAST_MARGIN_M = 0.05, 0.02
 way with the first."""
 WAY_OUT_M = 0.6
 """A car that stands too near something must have left it this far from where it stands, or after twice the depth."""
+TOUCHES_M, SLACK_M, LEAST_SLACK_M = 0.01, 0.002, 0.0005
+"""How much nearer than it stands a car may come to something on its way out, from rounding and between the poses that
+are looked at: the first beyond which it touches it perhaps has the least."""
+FOOT_M = 0.015
+"""How much farther the foot of an arm reaches than its outline's circle, in the direction of its corners."""
 SWING_M = 0.005
 """How much nearer its tail may come where it cannot get out otherwise. A car turns away from a wall beside it with its
 tail towards the wall, by the square of what is behind the rear axle over twice the radius: 4 mm in a curve of 1 m."""
@@ -26,9 +31,10 @@ tail towards the wall, by the square of what is behind the rear axle over twice 
 class RejoinRoom:
     """Where a car may be while it manoeuvres.
 
-    The body stays in usable cells and in those it stands in, and `MARGIN_M` from walls, obstacles and other cars. What
-    it stands nearer to than that, or inside, it must get away from: over the first half of `WAY_OUT_M` it may be as
-    near to that as it stands, and then what it may be too near falls to nothing. To all else it keeps the margin.
+    The body stays in usable cells and in those it stands in, and `MARGIN_M` from walls, obstacles, arms' feet and other
+    cars. What it stands nearer to than that, or inside, it must get away from: over the first half of `WAY_OUT_M` it
+    may be as near to that as it stands, and then what it may be too near falls to nothing. To all else it keeps the
+    margin.
 
     Args:
         run: Site, cars, obstacles.
@@ -52,18 +58,25 @@ class RejoinRoom:
         open_cells = grid.free & ~run.traffic.blocked.reshape(grid.rows, grid.cols)
         # One more cell all around, so that neighbours need no special case.
         self._open = np.pad(open_cells, 1)
-        self._start = start
+        self.start = start
         row, col = cell_of(outline(start[None], self._spec, 0.0)[0], grid.rows, grid.cell_m)
         self.usable = usable
         allowed = np.pad(usable, 1)
         allowed[np.clip(row + 1, 0, grid.rows + 1), np.clip(col + 1, 0, grid.cols + 1)] = True
         self._allowed = allowed
         self.ground = frozenset((row * grid.cols + col).tolist())
+        feet = run.scene.arm_base[:, :2]
+        self._feet = feet[np.hypot(*(feet - start[:2]).T) < 2 * SEARCH_M]
+        self._foot_m = run.scene.arm.outline.foot_m + FOOT_M
         corners = _corners(self._open, self._cell_m)
         self._corners = corners[np.hypot(*(corners - start[:2]).T) < 2 * SEARCH_M]
         bodies = np.delete(run.driver.estimate, car, axis=0)
         self._bodies = bodies[np.hypot(*(bodies - start)[:, :2].T) < 2 * SEARCH_M]
         self._depths = self._too_near(start[None])
+        touches = self._depths > margin_m - TOUCHES_M
+        self.touches = bool(touches.any())
+        """Whether the car touches something where it stands, as far as can be told."""
+        self._slack_m = np.where(touches, LEAST_SLACK_M, SLACK_M)
 
     def eased(self, *, lead_m: float = 0.0, swing_m: float = 0.0) -> RejoinRoom:
         """Give the same room with an easier way out of what the car stands too near.
@@ -80,10 +93,10 @@ class RejoinRoom:
         """Which of the poses (k, 3) the car may take, shape (k,)."""
         row, col = self._cells(outline(poses, self._spec, 0.0))
         held_by_nobody = (self._allowed | ~self._open)[row, col].all(axis=1)
-        away = np.hypot(poses[:, 0] - self._start[0], poses[:, 1] - self._start[1])
+        away = np.hypot(poses[:, 0] - self.start[0], poses[:, 1] - self.start[1])
         way_out_m = np.maximum(self._way_out_m, 2.0 * self._depths)
         share = np.clip(2.0 * (1.0 - away[:, None] / way_out_m), 0.0, 1.0)
-        bearable = (self._depths + self._swing_m) * share + 0.002
+        bearable = (self._depths + self._swing_m) * share + self._slack_m
         return held_by_nobody & (self._too_near(poses) <= bearable).all(axis=1)
 
     def _cells(self, points: FloatArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -92,10 +105,12 @@ class RejoinRoom:
         return np.clip(row + 1, 0, height - 1), np.clip(col + 1, 0, width - 1)
 
     def _too_near(self, poses: FloatArray) -> FloatArray:
-        """How far the body and its margin reach into walls, and into each car nearby [m], shape (k, 1 + n_near)."""
+        """How far the body and its margin reach into walls, each arm's foot and each car nearby [m], shape (k, n)."""
         points = outline(poses, self._spec, self._margin_m)
         edges = _depth_in_body(self._corners[None], poses[:, None], self._spec, self._margin_m).max(axis=1, initial=0.0)
-        depths = [np.maximum(self._into_walls(points), edges)]
+        # Cells beside an arm are kept clear: who was pushed there may go through them, round the foot.
+        feet = [self._margin_m + self._foot_m - _apart(poses, foot, self._spec) for foot in self._feet]
+        depths = [np.maximum(self._into_walls(points), edges), *(np.maximum(foot, 0.0) for foot in feet)]
         for body in self._bodies:
             inside = _depth_in_body(points, body[None, None], self._spec)
             corners = outline(body[None], self._spec, self._margin_m)
@@ -148,6 +163,15 @@ def _depth_in_body(points: FloatArray, poses: FloatArray, car: CarSpec, margin_m
     ahead = margin_m + (car.front_m + car.rear_m) / 2 - np.abs(cos * dx + sin * dy - middle)
     left = margin_m + car.half_width_m - np.abs(cos * dy - sin * dx)
     return np.maximum(np.minimum(ahead, left), 0.0)
+
+
+def _apart(poses: FloatArray, point: FloatArray, car: CarSpec) -> FloatArray:
+    """Distance of a point x, y from the body at each pose (k, 3) [m]; 0 inside, shape (k,)."""
+    dx, dy = point[0] - poses[:, 0], point[1] - poses[:, 1]
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    ahead, left = cos * dx + sin * dy, np.abs(cos * dy - sin * dx)
+    beyond = np.maximum(np.maximum(ahead - car.front_m, -car.rear_m - ahead), 0.0)
+    return np.hypot(beyond, np.maximum(left - car.half_width_m, 0.0))
 
 
 def cell_of(points: FloatArray, rows: int, cell_m: float) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

@@ -56,7 +56,7 @@ class MultiStepControllerConfig:
     """Settings of `MultiStepController`."""
 
     length: int = 4
-    """Timesteps of an operation; one more where there is room for long ones, and on floors too large for exact costs
+    """Timesteps of an operation; two more where there is room for long ones, and on floors too large for exact costs
     one less, unless a step may take long."""
     most_tries: int = 3000
     """Operations that a chain of pushes tries before it gives up."""
@@ -114,7 +114,7 @@ class MultiStepController:
             guidance = guide_floor(arena.problem.grid, pebble, errands, n, seed=self._rng)
             self._costs.weigh_drives(guidance.cost)
             share = min(share, guidance.share)
-        length = min(self.config.length + 1, LONGEST) if density <= _ROOMY else self.config.length
+        length = min(self.config.length + 2, LONGEST) if density <= _ROOMY else self.config.length
         large = not self._costs.exact
         hasty = large and budget_s < _UNHURRIED_S
         if large:

@@ -102,7 +102,7 @@ def learnt_costs(floor: Floor, graph: LaneGraph, n: int, *, rounds: int, seed: i
     room = np.flatnonzero(floor.parts == main)
     starts = graph.state_index[rng.permutation(room)[: min(n, len(room))], 0]
     errands = Errands(ptr=np.arange(len(goals) + 1, dtype=np.int32), cell=goals)
-    config = GuidanceConfig(candidates=1, rounds=rounds, timesteps=LEARNING_STEPS)
+    config = GuidanceConfig(candidates=1, rounds=rounds, timesteps=LEARNING_STEPS, memory=0.7)
     costs = GoalCosts(graph, graph)
     learnt = learn_guidance(graph, costs, starts, errands, config=config, seed=rng)
 

@@ -26,25 +26,27 @@ UNIT = 8
 class GuidanceConfig:
     """Settings of `learn_guidance`."""
 
-    candidates: int = 4
+    candidates: int = 6
     """Times learning begins anew, with other draws; the costs that the fleet gets most done with are kept."""
-    rounds: int = 10
+    rounds: int = 40
     """Times the fleet drives with the costs of the round before."""
-    timesteps: int = 400
+    timesteps: int = 100
     """Timesteps of a round."""
+    trial_timesteps: int = 800
+    """Timesteps that an outcome is tried for."""
     meeting: float = 30.0
     """Units that a move costs more for each robot a timestep that makes it the other way."""
     most: float = 6.0
     """Most units that meeting others adds to a move."""
     waiting: float = 1.0
     """Units that a move costs more into a cell somebody waits in all the time."""
-    memory: float = 0.7
+    memory: float = 0.85
     """Share of the traffic seen before that counts on in each round."""
     length: int = 3
     """Timesteps of an operation."""
 
     def __post_init__(self) -> None:
-        for name, least in (("candidates", 1), ("rounds", 0), ("timesteps", 1), ("length", 1)):
+        for name, least in (("candidates", 1), ("rounds", 0), ("timesteps", 1), ("trial_timesteps", 1), ("length", 1)):
             if getattr(self, name) < least:
                 raise PlanningError(f"guidance: {name} = {getattr(self, name)}; valid: an integer >= {least}")
         for name in ("meeting", "most", "waiting"):
@@ -107,7 +109,7 @@ def learn_guidance(
     config = GuidanceConfig() if config is None else config
     deadline = Deadline() if deadline is None else deadline
     *streams, trial = np.random.default_rng(seed).spawn(config.candidates + 1)
-    trial_config = replace(config, timesteps=2 * config.timesteps, length=config.length + 1)
+    trial_config = replace(config, timesteps=config.trial_timesteps, length=config.length + 1)
     best, most = np.full(graph.n_moves, UNIT, dtype=np.int32), -1
     for rng in streams:
         if most >= 0 and not deadline.spend():

@@ -116,6 +116,7 @@ def plan_rejoin(
     seed: int = 0,
     max_iterations: int = 1000,
     lead_m: float = 0.0,
+    lead_radius_m: float = np.inf,
 ) -> RejoinResult:
     """Find a drivable way from a pose to a pose, reversing where needed.
 
@@ -129,7 +130,8 @@ def plan_rejoin(
         valid: Says for poses (k, 3) which are free, shape (k,) bool; called at poses at most 0.05 m apart.
         seed: Seed of the search, 0 to 2^32 - 2.
         max_iterations: Tree extensions to try; 0 tries the direct curve only.
-        lead_m: Driven straight before all else [m]; negative backwards.
+        lead_m: Driven straight, or in a wide curve, before all else [m]; negative backwards.
+        lead_radius_m: Radius of that curve [m]; positive to the left, negative to the right.
 
     Returns:
         The manoeuvre; empty arrays if there is none.
@@ -148,21 +150,23 @@ def plan_rejoin(
         raise PlanningError(f"plan_rejoin: seed {seed}, max_iterations {max_iterations}; valid: >= 0")
     if not np.isfinite(lead_m):
         raise PlanningError(f"plan_rejoin: lead_m {lead_m}; valid: a finite length")
+    if not abs(lead_radius_m) >= turning_radius_m:
+        raise PlanningError(f"plan_rejoin: lead_radius_m {lead_radius_m}; valid: at least {turning_radius_m} to a side")
     if not np.all(valid(a[None])):
         return _unsolved(MotionStatus.INVALID_START, 0)
     if not np.all(valid(b[None])):
         return _unsolved(MotionStatus.INVALID_GOAL, 0)
     room = _REACH_RADII * turning_radius_m
     curves = _Curves(turning_radius_m, np.minimum(a, b)[:2] - room, np.maximum(a, b)[:2] + room)
-    led = a + lead_m * np.array([np.cos(a[2]), np.sin(a[2]), 0.0])
-    before = a[None] if lead_m else np.empty((0, 3))  # the curve from there to the led pose is the straight line
-    direct = _finished(curves, np.concatenate([before, np.stack([led, b])]), 0)
+    before = _lead(a, lead_m, lead_radius_m)
+    led = before[-1]
+    direct = _finished(before, curves, np.stack([led, b]), 0)
     if np.all(valid(direct.poses)):
         return direct
     corners, iterations = _search(curves, led, b, valid, seed, max_iterations)
     if corners is not None:
         for candidate in (_shorten(curves, corners, valid, np.random.default_rng(seed)), corners):
-            result = _finished(curves, np.concatenate([before, candidate]), iterations)
+            result = _finished(before, curves, candidate, iterations)
             if np.all(valid(result.poses)):  # the result has poses, at cusps, that the search did not look at
                 return result
     return _unsolved(MotionStatus.NO_SOLUTION, iterations)
@@ -224,10 +228,21 @@ def _shorten(curves: _Curves, corners: FloatArray, valid: Validity, rng: np.rand
     return corners
 
 
-def _finished(curves: _Curves, corners: FloatArray, iterations: int) -> RejoinResult:
+def _lead(start: FloatArray, length_m: float, radius_m: float) -> FloatArray:
+    """Poses of an arc, or a straight line, at most `_STEP_M` apart, shape (k, 3)."""
+    n = int(np.ceil(abs(length_m) / _STEP_M))
+    s_m = np.linspace(0.0, length_m, n + 1)
+    turn = s_m / radius_m
+    # Chords of an arc: sinc is sin(pi x) / (pi x).
+    chord, heading = s_m * np.sinc(turn / (2 * np.pi)), start[2] + turn / 2
+    return np.stack([start[0] + chord * np.cos(heading), start[1] + chord * np.sin(heading), start[2] + turn], axis=1)
+
+
+def _finished(before: FloatArray, curves: _Curves, corners: FloatArray, iterations: int) -> RejoinResult:
+    """A way along the poses `before`, the last of which is the first corner, and then from corner to corner."""
     pieces = [_with_cusps(curves, a, b) for a, b in pairwise(corners)]
-    poses = np.concatenate([p[:-1] for p, _ in pieces] + [corners[-1:]])
-    directions = np.concatenate([d for _, d in pieces])
+    poses = np.concatenate([before[:-1]] + [p[:-1] for p, _ in pieces] + [corners[-1:]])
+    directions = np.concatenate([_travel(before)] + [d for _, d in pieces])
     poses[:, 2] = np.unwrap(poses[:, 2])
     moved = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1) > 1e-9
     poses = poses[np.concatenate([moved, [True]])]

@@ -106,3 +106,22 @@ def test_a_car_that_is_in_a_wall_keeps_its_margin_to_other_cars(
     assert valid(room, beside - 0.25, 1.1, 0.0)
     assert valid(room, beside - MARGIN_M - 0.01, 1.45, 0.0)
     assert not valid(room, beside - MARGIN_M + 0.01, 1.45, 0.0)
+
+
+def test_the_foot_of_an_arm_is_kept_off(simulation: Simulation) -> None:
+    """Who was pushed into the cells beside an arm may not go through its foot on the way out."""
+    (foot_x, foot_y), car = simulation.scene.arm_base[0, :2], simulation.scene.car
+    reach = simulation.scene.arm.outline.foot_m + car.half_width_m
+    x, y = float(foot_x), float(foot_y)
+    room = room_of(simulation, (x, y + reach + 0.02, 0.0))
+    assert room.touches
+    assert valid(room, x, y + reach + 0.02, 0.0)
+    assert valid(room, x, y + reach + 0.03, 0.0)
+    assert not valid(room, x, y + reach + 0.018, 0.0), "nearer"
+    assert not valid(room, x - 0.2, y + reach + 0.02, 0.3), "its body would be in the foot"
+
+
+def test_who_may_touch_a_wall_is_known(simulation: Simulation) -> None:
+    lowest = 1.0 + simulation.scene.car.half_width_m
+    assert room_of(simulation, (4.0, lowest + 0.005, 0.0)).touches
+    assert not room_of(simulation, (4.0, lowest + 0.015, 0.0)).touches

@@ -32,7 +32,7 @@ def shuttle(*, seed: int = 0, robots: int = 8, **settings: Any) -> tuple[LaneGra
     graph, costs = costs_on(ROUND_ABOUT)
     cells = np.array([0, 1, 2, 7, 8, 9, 20, 21, 22, 27, 28, 29][:robots])
     errands = Errands(ptr=np.array([0, 2], dtype=np.int32), cell=np.array([10, 19], dtype=np.int32))
-    config = GuidanceConfig(**({"rounds": 4, "timesteps": 120} | settings))
+    config = GuidanceConfig(**({"rounds": 4, "timesteps": 120, "trial_timesteps": 240, "memory": 0.7} | settings))
     starts = graph.state_index[cells, EAST]
     return graph, learn_guidance(graph, costs, starts, errands, config=config, seed=seed)
 

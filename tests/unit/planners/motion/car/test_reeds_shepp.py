@@ -81,6 +81,18 @@ def test_a_lead_is_driven_straight_before_all_else(lead_m: float):
         assert set(result.directions[:n_lead].tolist()) == {np.sign(lead_m)}
 
 
+@pytest.mark.parametrize("radius_m", [15.0, -15.0])
+def test_a_lead_may_be_a_wide_curve(radius_m: float):
+    start, goal = (0.0, 0.0, 0.3), (2.5, 0.3, 0.3)
+    result = plan_rejoin(start, goal, RADIUS, _anywhere, lead_m=0.8, lead_radius_m=radius_m)
+    _check_drivable(result, start, goal)
+    led = result.poses[:17]
+    middle = radius_m * np.array([-np.sin(0.3), np.cos(0.3)])
+    np.testing.assert_allclose(np.linalg.norm(led[:, :2] - middle, axis=1), 15.0, atol=1e-9)
+    np.testing.assert_allclose(led[-1, 2], 0.3 + 0.8 / radius_m, atol=1e-9)
+    assert set(result.directions[:16].tolist()) == {1}
+
+
 def test_no_distance_at_all():
     result = plan_rejoin((1, 2, 0.3), (1, 2, 0.3), RADIUS, _anywhere)
     assert result.solved
@@ -127,3 +139,5 @@ def test_malformed_input_is_named():
         plan_rejoin((0, 0, 0), (1, 0, 0), 0.5, _anywhere, seed=-1)
     with pytest.raises(PlanningError, match="lead_m"):
         plan_rejoin((0, 0, 0), (1, 0, 0), 0.5, _anywhere, lead_m=np.nan)
+    with pytest.raises(PlanningError, match="lead_radius_m"):
+        plan_rejoin((0, 0, 0), (1, 0, 0), 0.5, _anywhere, lead_m=0.3, lead_radius_m=-0.4)
