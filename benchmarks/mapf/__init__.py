@@ -14,6 +14,7 @@ from benchmarks.mapf.floors import measure_floors
 from benchmarks.mapf.frozen import measure_frozen
 from benchmarks.mapf.lanes import measure_lanes
 from benchmarks.mapf.league import measure_league, measure_league_anytime
+from benchmarks.mapf.learned import measure_learned
 from benchmarks.mapf.one_shot import measure_one_shot
 from benchmarks.mapf.pibt import measure_pibt
 from benchmarks.mapf.pogema import measure_pogema
@@ -29,6 +30,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "frozen": measure_frozen,
     "lanes": measure_lanes,
     "pogema": measure_pogema,
+    "learned": measure_learned,
     "two_way": measure_two_way,
 }
 
