@@ -136,13 +136,17 @@ class Inventory:
         """Parcels that entered, less those that left, less those found in the world."""
         return self.n_entered - self.n_left - len(self._world.parcel_ids())
 
+    def in_world(self, task: Task) -> bool:
+        """Whether a task's parcel is in the world; one in the tray of a car that was towed has left it."""
+        return bool((self._world.parcel_ids() == task.parcel).any())
+
     def pose(self, task: Task) -> FloatArray:
         """Where a task's parcel is, shape (7,); it must be in the world."""
         return self._world.parcel_poses()[int(np.searchsorted(self._world.parcel_ids(), task.parcel))]
 
     def on_slot(self, task: Task, slot: int | None, station: Station) -> bool:
         """Whether a task's parcel stands on a slot."""
-        if slot is None:
+        if slot is None or not self.in_world(task):
             return False
         x, y, z = station.place.slots[slot]
         pose = self.pose(task)
@@ -158,7 +162,7 @@ class Inventory:
 
     def in_tray(self, task: Task, car: int) -> bool:
         """Whether a task's parcel lies in a car's tray."""
-        return self._holds(car, self.pose(task))
+        return self.in_world(task) and self._holds(car, self.pose(task))
 
     def tray_is_loaded(self, car: int) -> bool:
         """Whether any parcel lies in a car's tray."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from fleet.missions.phases import CarPhase
 from fleet.tasks.board import TaskState
 from tests.unit.fleet.missions.floor import Floor, delivery, visit
@@ -35,6 +37,17 @@ def test_a_delivery_to_a_dock_with_a_wreck_fails_and_its_parcel_leaves() -> None
     )
     assert len(floor.world.poses) == 0
     assert floor.inventory.balance() == 0
+
+
+@pytest.mark.parametrize(("for_good", "state"), [(True, TaskState.FAILED), (False, TaskState.READY)])
+def test_nothing_waits_for_a_car_that_leaves_when_it_has_delivered(for_good: bool, state: TaskState) -> None:
+    floor = Floor(orders=[delivery("a"), delivery("b")])
+    carried = floor.carried("a", car=0)
+    floor.ready("b")
+    for car in range(floor.missions.n_cars):
+        floor.interventions.take_out(car, 0.0, for_good=for_good)
+    floor.containment.tick(1.0)
+    assert (carried.state, floor.task("b").state) == (TaskState.CARRIED, state)
 
 
 def test_another_delivery_is_done_all_the_same() -> None:

@@ -95,6 +95,18 @@ def test_a_parcel_is_in_the_tray_of_the_car_it_lies_in() -> None:
     assert floor.inventory.tray_is_loaded(1)
 
 
+def test_a_parcel_that_has_left_is_nowhere() -> None:
+    """A car was towed with the parcel of a task that had failed, while an arm was still on its way home from it."""
+    floor = Floor(orders=[delivery("a")])
+    task = floor.carried("a", car=1)
+    floor.lay_in_tray(task, 1)
+    floor.board.move(task, TaskState.FAILED, 1.0, "by hand")
+    floor.inventory.empty_tray(1)
+    assert not floor.inventory.in_world(task)
+    assert not floor.inventory.in_tray(task, 1)
+    assert not floor.inventory.on_slot(task, 0, floor.stations.named("pick_1"))
+
+
 @pytest.mark.parametrize(
     ("at", "inside"), [(0, True), (1, False), (2, False)], ids=["on the floor", "beside", "in the air over it"]
 )
