@@ -498,11 +498,11 @@ class Recovery:
         return [other for other in range(self._run.world.n_cars) if other != car]
 
     def _usable_cells(self, car: int) -> npt.NDArray[np.bool_]:
-        """Free cells that no other car holds, shape (rows, cols)."""
+        """Free cells that no other car holds and nobody walks in, shape (rows, cols)."""
         run = self._run
         grid = run.site.grid
         usable = grid.free.copy().ravel()
-        usable &= ~run.traffic.blocked
+        usable &= ~(run.traffic.blocked | (run.executor.n_walkers > 0))
         for other in self._others(car):
             usable[run.executor.dependencies.held_cells(other)] = False
         return usable.reshape(grid.rows, grid.cols)

@@ -55,6 +55,8 @@ class Executor:
         self._waited_s = np.zeros(self._n_cars)  # held up by nothing but the order
         self.still_s = np.zeros(self._n_cars)
         """Time since each car was last granted a move or finished one, shape (n_cars,) [s]."""
+        self.n_walkers = np.zeros(graph.n_cells, dtype=np.int64)
+        """People in each cell, shape (n_cells,)."""
         self._n_closings = np.zeros(graph.n_cells, dtype=np.int64)
         self._closed = np.zeros(graph.n_cells, dtype=np.bool_)
         self._dirty = True

@@ -78,8 +78,9 @@ class _Walk:
 class HumanWalks(Once):
     """A person walks from one cell to another, from middle to middle, and lets cars pass that are about to enter.
 
-    The cells that the person is in are closed to cars; the person enters one only when no car holds it. A person whom
-    a car keeps waiting walks around it, steps aside, or leaves the floor where there is no room for both.
+    The cells that the person is in are closed to cars; the person enters one only when no car holds it or lies dead in
+    it. A person whom a car keeps waiting walks around it, steps aside, or leaves the floor where there is no room for
+    both.
     """
 
     def __init__(self, run: RunView) -> None:
@@ -91,7 +92,7 @@ class HumanWalks(Once):
         """See `Incident`."""
         run, (cell,) = self._run, targets
         goal = self.goal(event)
-        if not run.executor.close_if_free(cell, for_a_moment=True):
+        if not self._enter(cell):
             return False
         cells = _walk(run, cell, goal)
         self._n_walks += 1
@@ -126,12 +127,12 @@ class HumanWalks(Once):
         if walk.at == len(walk.cells) - 1:
             run.world.remove_obstacle(walk.obstacle)
             for cell in walk.closed:
-                run.executor.open(cell)
+                self._leave(cell)
             self._walks.remove(walk)
             return
         here, there = walk.cells[walk.at : walk.at + 2]
         if there not in walk.closed:
-            if not run.executor.close_if_free(there, for_a_moment=True):
+            if not self._enter(there):
                 self._wait(walk, here)
                 return
             walk.closed, walk.waited_s = (here, there), 0.0
@@ -139,11 +140,24 @@ class HumanWalks(Once):
         walk.gone_m += walk.speed_mps * run.tick_s
         if walk.gone_m >= cell_m:
             walk.at, walk.gone_m, walk.closed = walk.at + 1, 0.0, (there,)
-            run.executor.open(here)
+            self._leave(here)
         a, b = (_middle(run, cell, HUMAN_HALF_M[2]) for cell in (here, there))
         share = 1.0 if walk.gone_m == 0.0 else walk.gone_m / cell_m
         run.world.remove_obstacle(walk.obstacle)
         run.world.add_obstacle(walk.obstacle, a + share * (b - a), np.array(HUMAN_HALF_M))
+
+    def _enter(self, cell: int) -> bool:
+        """Keep cars out of a cell, unless there is one in it."""
+        executor = self._run.executor
+        # A wreck may lie in cells that it does not hold: others did when it came to rest.
+        if self._run.traffic.blocked[cell] or not executor.close_if_free(cell, for_a_moment=True):
+            return False
+        executor.n_walkers[cell] += 1
+        return True
+
+    def _leave(self, cell: int) -> None:
+        self._run.executor.open(cell)
+        self._run.executor.n_walkers[cell] -= 1
 
     def _wait(self, walk: _Walk, here: int) -> None:
         """A car is in the way."""
@@ -151,9 +165,9 @@ class HumanWalks(Once):
         walk.waited_s += run.tick_s
         if walk.waited_s < PATIENCE_S:
             return
-        holders = run.executor.dependencies.holders()
-        around = _walk(run, here, walk.goal, taken=holders >= 0)
-        aside = [cell for cell in _neighbours(run, here) if holders[cell] < 0]
+        taken = (run.executor.dependencies.holders() >= 0) | run.traffic.blocked
+        around = _walk(run, here, walk.goal, taken=taken)
+        aside = [cell for cell in _neighbours(run, here) if not taken[cell]]
         if len(around) == 1:
             around = [here, *aside[:1]]
         walk.cells, walk.at, walk.waited_s = around, 0, 0.0
