@@ -26,7 +26,7 @@ UNIT = 8
 class GuidanceConfig:
     """Settings of `learn_guidance`."""
 
-    candidates: int = 5
+    candidates: int = 6
     """Times learning begins anew, with other draws; the costs that the fleet gets most done with are kept."""
     rounds: int = 40
     """Times the fleet drives with the costs of the round before."""
