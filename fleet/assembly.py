@@ -248,10 +248,10 @@ class _Losses:
 
         A parcel that was fetched ahead may have left the world, because its task was cancelled: that is no loss.
         """
-        if parcel not in self._world.parcel_ids():
+        task = self._board.tasks[parcel]
+        if not self._inventory.in_world(task):
             return ""
         cause = self._world.grip_loss(arm) or "why is not known"
-        task = self._board.tasks[parcel]
         x, y, z = (round(float(v), 3) for v in self._inventory.pose(task)[:3])
         self._log("parcel_dropped", task=task.order.name, arm=f"arm_{arm}", x_m=x, y_m=y, z_m=z, cause=cause)
         return cause

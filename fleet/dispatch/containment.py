@@ -46,9 +46,9 @@ class Containment:
     def tick(self, now_s: float) -> None:
         """End the waiting tasks that cannot be done any more."""
         missions = self._missions
+        out = set(missions.cars_in(*GONE))
         # Who leaves for good delivers what it carries, and takes nothing else.
-        leaving = {car for car, for_good in missions.leaving.items() if for_good}
-        gone = sorted(leaving | {car for car in missions.cars_in(*GONE) if missions.leaving.get(car, True)})
+        gone = [car for car in range(missions.n_cars) if missions.leaving.get(car, car in out)]
         if not gone and not self._ways.n_cuts and not self._stations.any_lost:
             return
         changes = self._ways.n_cuts, len(gone), self._stations.n_closings

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
 from benchmarks.mapf.instances import find
-from benchmarks.mapf.learned.floors import guide
+from benchmarks.mapf.learned.floors import guide_on
 from benchmarks.mapf.learned.imitation import ImitationConfig, learn
 from benchmarks.mapf.learned.players import LearnedPlayer, MultiStepPlayer, PibtPlayer
 from benchmarks.mapf.learned.scores import Scores
@@ -113,7 +113,7 @@ def play_episode(
     """
     graph = grid_lane_graph(floor.grid, "pebble")
     rng = np.random.default_rng(seed)
-    move_cost = guide(floor, graph, n, rng) if guided else np.full(graph.n_moves, UNIT, dtype=np.int32)
+    move_cost = guide_on(floor, graph, n, rng) if guided else np.full(graph.n_moves, UNIT, dtype=np.int32)
     costs = GoalCosts(graph, graph, move_cost=move_cost)
     players: dict[str, list[OnlinePlanner]] = {
         "learned": [LearnedPlayer(graph, n, costs, scores, seed=seed) for scores in learnt],

@@ -8,15 +8,18 @@ import numpy as np
 
 from benchmarks.mapf.drawn import largest_part
 from benchmarks.mapf.pogema.episode import Episode, Floor
+from benchmarks.mapf.pogema.online import anywhere, guide
 from fleet.arrays import BoolArray
 from maps.lane_graph import LaneGraph, grid_lane_graph
 from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts
-from planners.mapf.multi_step.guidance import UNIT, Errands, GuidanceConfig, learn_guidance
+from planners.mapf.multi_step.guidance import UNIT
 
 _MOST_AGENTS = 220
 _GUIDED = 0.6
 """Share of floors with guidance."""
+_ROUNDS = 8
+"""Rounds in which it is learnt."""
 _STRENGTHS = (0.25, 0.5, 1.0)
 """Shares of what guidance adds to the costs of moves."""
 
@@ -47,7 +50,7 @@ def draw_lesson(seed: int) -> Lesson:
     graph = grid_lane_graph(floor.grid, "pebble")
     move_cost = np.full(graph.n_moves, UNIT, dtype=np.int32)
     if rng.random() < _GUIDED:
-        learnt = guide(floor, graph, n, rng)
+        learnt = guide_on(floor, graph, n, rng)
         move_cost = np.round(UNIT + rng.choice(_STRENGTHS) * (learnt - UNIT)).astype(np.int32)
     return Lesson(
         episode=Episode(floor, n, seed=seed),
@@ -57,15 +60,10 @@ def draw_lesson(seed: int) -> Lesson:
     )
 
 
-def guide(floor: Floor, graph: LaneGraph, n: int, rng: np.random.Generator) -> IntArray:
+def guide_on(floor: Floor, graph: LaneGraph, n: int, rng: np.random.Generator) -> IntArray:
     """Guidance that a fleet learns on a floor, which it does not know the episodes of, shape (n_moves,)."""
-    main = np.bincount(floor.parts[floor.parts >= 0]).argmax()
-    goals = floor.goals[floor.parts[floor.goals] == main].astype(np.int32)
-    room = np.flatnonzero(floor.parts == main)
-    starts = graph.state_index[rng.permutation(room)[: min(n, len(room))], 0]
-    errands = Errands(ptr=np.arange(len(goals) + 1, dtype=np.int32), cell=goals)
-    config = GuidanceConfig(candidates=1, rounds=8, timesteps=150)
-    return learn_guidance(graph, GoalCosts(graph, graph), starts, errands, config=config, seed=rng)
+    starts, goals = anywhere(floor, graph, n, rng)
+    return guide(graph, GoalCosts(graph, graph), starts, goals, rounds=_ROUNDS, rng=rng)
 
 
 def _scattered(rng: np.random.Generator) -> BoolArray:

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
-from benchmarks.mapf.learned.floors import draw_lesson
+from benchmarks.mapf.learned.floors import Lesson, draw_lesson
+from benchmarks.mapf.learned.learned_stepper import Moment
 from benchmarks.mapf.learned.network import Network, Samples
 from benchmarks.mapf.learned.observation import N_MOVES, WAIT
 from benchmarks.mapf.learned.players import LearnedPlayer
 from benchmarks.mapf.learned.scores import Scores
 from benchmarks.mapf.learned.teacher import Teacher
 from benchmarks.mapf.pogema.online import WindowPlanner
+from benchmarks.mapf.pogema.play import OnlinePlanner, play
 from planners.mapf.arrays import IntArray
 
 _SEEDS_PER_RUN = 100_000
@@ -97,35 +100,43 @@ def drive(floor_seed: int, scores: Scores, config: ImitationConfig, *, taught: b
         taught: The teacher drives, keeping its plan; else the student does, and a teacher that begins anew looks on.
     """
     lesson = draw_lesson(floor_seed)
-    graph, episode = lesson.graph, lesson.episode
-    student = LearnedPlayer(graph, episode.n, lesson.costs, scores, seed=floor_seed)
-    teacher = (
-        WindowPlanner(graph, lesson.move_cost, episode.n, costs=lesson.costs, seed=floor_seed)
-        if taught
-        else Teacher(lesson, seed=floor_seed)
-    )
-    streams = [episode.goals(agent) for agent in range(episode.n)]
-    goals, next_goals = (np.array([next(stream) for stream in streams], dtype=np.int32) for _ in range(2))
-    now = graph.state_index[episode.starts, 0]
-    parts = []
-    for t in range(config.timesteps):
-        moment = student.moment(now, goals)
-        after = np.empty_like(now)
-        if taught:
-            told = after = teacher.step(now, goals, next_goals)
-        else:
-            student.stepper.step(now, after, moment)
-            told = after
-        if taught or (t >= _WARM_UP and t % config.every == 0):
-            if not taught:
-                told = teacher.step(now, goals, next_goals)
-            seen = student.stepper.observe_along(now, told, moment).copy()
-            parts.append(_samples(student, seen, now, told))
-        there = np.flatnonzero(graph.state_cell[after] == goals)
-        goals[there] = next_goals[there]
-        next_goals[there] = [next(streams[agent]) for agent in there.tolist()]
-        now = after
-    return Samples.joined(parts)
+    notes = _NoteTaker(lesson, scores, config, taught=taught, seed=floor_seed)
+    play(lesson.episode, lesson.graph, notes, steps=config.timesteps)
+    return Samples.joined(notes.parts)
+
+
+class _NoteTaker:
+    """A planner, student or teacher, beside whom somebody notes what the teacher does or would do."""
+
+    def __init__(self, lesson: Lesson, scores: Scores, config: ImitationConfig, *, taught: bool, seed: int) -> None:
+        graph, n = lesson.graph, lesson.episode.n
+        self.parts: list[Samples] = []
+        self._student = LearnedPlayer(graph, n, lesson.costs, scores, seed=seed)
+        self._teacher: OnlinePlanner = (
+            WindowPlanner(graph, lesson.move_cost, n, costs=lesson.costs, seed=seed)
+            if taught
+            else Teacher(lesson, seed=seed)
+        )
+        self._every, self._taught = config.every, taught
+        self._timesteps = count()
+
+    def step(self, states: IntArray, goals: IntArray, next_goals: IntArray) -> IntArray:
+        """Decide a timestep; see `OnlinePlanner`."""
+        student, timestep = self._student, next(self._timesteps)
+        moment = student.moment(states, goals)
+        if self._taught:
+            after = self._teacher.step(states, goals, next_goals)
+            self._note(states, after, moment)
+            return after
+        after = np.empty_like(states)
+        student.stepper.step(states, after, moment)
+        if timestep >= _WARM_UP and timestep % self._every == 0:
+            self._note(states, self._teacher.step(states, goals, next_goals), moment)
+        return after
+
+    def _note(self, states: IntArray, told: IntArray, moment: Moment) -> None:
+        seen = self._student.stepper.observe_along(states, told, moment).copy()
+        self.parts.append(_samples(self._student, seen, states, told))
 
 
 def _samples(student: LearnedPlayer, seen: np.typing.NDArray[np.int8], now: IntArray, told: IntArray) -> Samples:

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.mapf.learned.learned_stepper import LearnedStepper, Moment
-from benchmarks.mapf.learned.progress import Progress
 from benchmarks.mapf.learned.scores import Scores, read_scores
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.distance_table import DistanceTable, tables_of
+from planners.mapf.multi_step.stagnation import Stagnation
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
 
@@ -58,7 +58,7 @@ class LearnedPibt:
         self._scores: Scores = read_scores(Path(self.config.weights))
         self._rng = np.random.default_rng(seed)
         self._stepper: LearnedStepper | None = None
-        self._progress = Progress(0)
+        self._stagnation = Stagnation(0)
 
     def plan(self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None) -> Plan:
         """Plan one window.
@@ -79,8 +79,8 @@ class LearnedPibt:
         deadline = Deadline() if deadline is None else deadline
         if self._stepper is None or not self._stepper.fits(graph, instance.blocked, n):
             self._stepper = LearnedStepper(graph, instance.blocked, n, self._scores, seed=self._rng)
-            self._progress = Progress(n)
-        stepper, progress, config = self._stepper, self._progress, self.config
+            self._stagnation = Stagnation(n)
+        stepper, stagnation, config = self._stepper, self._stagnation, self.config
         distances, row = tables.rows(instance.goals)
         reachable = reachable_goals(instance, distances, row)
         row = np.where(reachable, row, np.int32(-1))
@@ -91,7 +91,7 @@ class LearnedPibt:
                 distances=distances,
                 row=row,
                 order=order,
-                waited=progress.look(left, instance.goals),
+                waited=stagnation.look(left, instance.goals),
                 locked=locked,
                 unit=1,
                 patience=config.patience,

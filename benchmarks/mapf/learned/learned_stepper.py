@@ -184,6 +184,25 @@ def _decide(
 
 
 @kernel
+def _look_around(
+    around: Surroundings, desk: Desk, moment: Moment, now: IntArray, agent: Int
+) -> None:  # pragma: no cover - compiled
+    """Note what an agent sees."""
+    observe(
+        around,
+        desk.outlook,
+        moment.distances,
+        moment.row,
+        now,
+        moment.waited,
+        desk.claims.goes,
+        moment.unit,
+        agent,
+        desk.seen[agent],
+    )
+
+
+@kernel
 def _rank(
     options: Options,
     headings: IntArray,
@@ -205,18 +224,7 @@ def _rank(
     scored = not aimless and moment.waited[agent] < moment.patience
     best = np.float32(0.0)
     if scored:
-        observe(
-            around,
-            desk.outlook,
-            moment.distances,
-            moment.row,
-            now,
-            moment.waited,
-            desk.claims.goes,
-            moment.unit,
-            agent,
-            desk.seen[agent],
-        )
+        _look_around(around, desk, moment, now, agent)
         score(scores, desk.seen[agent], desk.layers)
         last[WAIT] -= np.float32(moment.eagerness)
         best = last[WAIT]
@@ -253,17 +261,6 @@ def _observe_along(
     look_out(around, desk.outlook, moment.distances, moment.row, now, moment.order, moment.unit)
     goes[:] = UNDECIDED
     for agent in moment.order:
-        observe(
-            around,
-            desk.outlook,
-            moment.distances,
-            moment.row,
-            now,
-            moment.waited,
-            goes,
-            moment.unit,
-            agent,
-            desk.seen[agent],
-        )
+        _look_around(around, desk, moment, now, agent)
         goes[agent] = around.cell[after[agent]]
     forget(desk.outlook, now)

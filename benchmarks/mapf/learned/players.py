@@ -6,7 +6,6 @@ import numpy as np
 
 from benchmarks.mapf.learned.learned_pibt import LearnedPibtConfig
 from benchmarks.mapf.learned.learned_stepper import LearnedStepper, Moment
-from benchmarks.mapf.learned.progress import Progress
 from benchmarks.mapf.learned.scores import Scores
 from maps.lane_graph import LaneGraph
 from planners.mapf.arrays import IntArray
@@ -14,27 +13,9 @@ from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.guidance import UNIT
 from planners.mapf.multi_step.multi_step_kernel import wishes_to_stay
 from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
-from planners.mapf.multi_step.pockets import pocket_depth
-from planners.mapf.multi_step.priorities import Priorities
+from planners.mapf.multi_step.priorities import NearestFirst, Priorities
+from planners.mapf.multi_step.stagnation import Stagnation
 from planners.mapf.pibt import Stepper
-
-_DEEPER = 2**20
-"""More than any way costs, so that who is in a pocket goes before all who are not."""
-
-
-class NearestFirst:
-    """Order of the agents: who has least to go is first, before that who is in a pocket.
-
-    Args:
-        graph: Lane graph, of pebbles.
-    """
-
-    def __init__(self, graph: LaneGraph) -> None:
-        self._depth = pocket_depth(graph)[graph.state_cell]
-
-    def of(self, states: IntArray, to_go: IntArray) -> IntArray:
-        """Agents, the one that chooses first in front, shape (n,), by their states and what is left to them."""
-        return np.argsort(to_go - self._depth[states] * _DEEPER, kind="stable").astype(np.int32)
 
 
 class PibtPlayer:
@@ -108,7 +89,7 @@ class LearnedPlayer:
         eagerness: float = LearnedPibtConfig.eagerness,
         seed: int,
     ) -> None:
-        self._costs, self._order, self._progress = costs, NearestFirst(graph), Progress(n)
+        self._costs, self._order, self._stagnation = costs, NearestFirst(graph), Stagnation(n)
         self._patience, self._eagerness = patience, eagerness
         self._locked = np.zeros(n, dtype=np.bool_)
         self.stepper = LearnedStepper(graph, np.zeros(graph.n_cells, dtype=np.bool_), n, scores, seed=seed)
@@ -121,7 +102,7 @@ class LearnedPlayer:
             distances=self._costs.costs.table,
             row=row,
             order=self._order.of(states, to_go),
-            waited=self._progress.look(to_go, goals),
+            waited=self._stagnation.look(to_go, goals),
             locked=self._locked,
             unit=UNIT,
             patience=self._patience,

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.mapf.learned.floors import Lesson
-from benchmarks.mapf.learned.players import MultiStepPlayer, NearestFirst
+from benchmarks.mapf.learned.players import MultiStepPlayer
 from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step.goal_costs import left
 from planners.mapf.multi_step.guidance import UNIT
 from planners.mapf.multi_step.multi_step_kernel import Wishes
+from planners.mapf.multi_step.priorities import NearestFirst
 from planners.mapf.window_search.rolling_plan import RollingPlan
 
 _WINDOW, _NODES = 12, 60_000

@@ -14,7 +14,7 @@ from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.guidance import UNIT, Errands, GuidanceConfig, learn_guidance
 from planners.mapf.multi_step.multi_step_kernel import Wishes
-from planners.mapf.multi_step.pockets import pocket_depth
+from planners.mapf.multi_step.priorities import NearestFirst
 from planners.mapf.window_search.steady_plan import SteadyPlan
 from planners.mapf.window_search.window_search import WindowSearchConfig
 
@@ -25,8 +25,6 @@ TRIAL_STEPS = 256
 STRENGTHS = (0.0, 0.125, 0.25, 0.5, 1.0)
 """Shares of what guidance adds to the costs of moves. It is learnt from PIBT, which needs more of it than a planner
 that looks farther; on a map with much room none is best."""
-_DEEPER = 2**20
-"""More than any way costs, so that who is in a pocket goes before all who are not."""
 
 
 class WindowPlanner:
@@ -63,19 +61,18 @@ class WindowPlanner:
             unit=UNIT,
             seed=seed,
         )
-        self._depth = pocket_depth(graph)
+        self._order = NearestFirst(graph)
 
     def step(self, states: IntArray, goals: IntArray, next_goals: IntArray) -> IntArray:
         """Decide a timestep; see `OnlinePlanner`."""
         costs = self._costs
         row, next_row = costs.rows(goals), costs.rows(next_goals)
         onward = left(costs.costs, self._graph.state_index[goals, 0], next_row)
-        to_go = left(costs.costs, states, row) - self._depth[self._graph.state_cell[states]] * _DEEPER
         self._plan.begin(states)
         return self._plan.step(
             costs.costs.table,
             Wishes(row=row, cell=goals, next_row=next_row, onward=onward),
-            np.argsort(to_go, kind="stable").astype(np.int32),
+            self._order.of(states, left(costs.costs, states, row)),
             nodes=self._config.nodes,
             allow_rotation=True,
         )
@@ -97,14 +94,9 @@ def learnt_costs(floor: Floor, graph: LaneGraph, n: int, *, rounds: int, seed: i
         Cost of each move, shape (n_moves,).
     """
     rng = np.random.default_rng(seed)
-    main = np.bincount(floor.parts[floor.parts >= 0]).argmax()
-    goals = floor.goals[floor.parts[floor.goals] == main].astype(np.int32)
-    room = np.flatnonzero(floor.parts == main)
-    starts = graph.state_index[rng.permutation(room)[: min(n, len(room))], 0]
-    errands = Errands(ptr=np.arange(len(goals) + 1, dtype=np.int32), cell=goals)
-    config = GuidanceConfig(candidates=1, rounds=rounds, timesteps=LEARNING_STEPS, memory=0.7)
+    starts, goals = anywhere(floor, graph, n, rng)
     costs = GoalCosts(graph, graph)
-    learnt = learn_guidance(graph, costs, starts, errands, config=config, seed=rng)
+    learnt = guide(graph, costs, starts, goals, rounds=rounds, rng=rng)
 
     trial_seed = int(rng.integers(2**32))
     best, most = learnt, -1
@@ -117,6 +109,25 @@ def learnt_costs(floor: Floor, graph: LaneGraph, n: int, *, rounds: int, seed: i
         if n_done > most:
             best, most = move_cost, n_done
     return best
+
+
+def anywhere(
+    floor: Floor, graph: LaneGraph, n: int, rng: np.random.Generator
+) -> tuple[IntArray, npt.NDArray[np.int32]]:
+    """States of up to `n` robots anywhere in the largest part of a map, and the goal cells there."""
+    main = np.bincount(floor.parts[floor.parts >= 0]).argmax()
+    goals = floor.goals[floor.parts[floor.goals] == main].astype(np.int32)
+    room = np.flatnonzero(floor.parts == main)
+    return graph.state_index[rng.permutation(room)[: min(n, len(room))], 0], goals
+
+
+def guide(
+    graph: LaneGraph, costs: GoalCosts, starts: IntArray, goals: IntArray, *, rounds: int, rng: np.random.Generator
+) -> IntArray:
+    """Guidance that robots learn who are sent to goals alike, shape (n_moves,); `costs` hold it."""
+    errands = Errands(ptr=np.arange(len(goals) + 1, dtype=np.int32), cell=goals)
+    config = GuidanceConfig(candidates=1, rounds=rounds, timesteps=LEARNING_STEPS, memory=0.7)
+    return learn_guidance(graph, costs, starts, errands, config=config, seed=rng)
 
 
 def _drawn(goals: npt.NDArray[np.int32], rng: np.random.Generator) -> Iterator[int]:

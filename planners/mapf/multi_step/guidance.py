@@ -16,7 +16,7 @@ from planners.mapf.arrays import FloatArray, IntArray
 from planners.mapf.multi_step.goal_costs import GoalCosts, left
 from planners.mapf.multi_step.multi_step_kernel import wishes_to_stay
 from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
-from planners.mapf.multi_step.pockets import pocket_depth
+from planners.mapf.multi_step.priorities import NearestFirst
 
 UNIT = 8
 """Cost of a wait, a turn or an unhindered move; a whole number, so that hindrance counts in eighths."""
@@ -115,6 +115,8 @@ def learn_guidance(
         if most >= 0 and not deadline.spend():
             break
         move_cost = _learn(graph, costs, starts, errands, config, deadline, rng)
+        if config.candidates == 1:
+            return move_cost  # there is nothing to choose from
         n_done = _drive(graph, costs, move_cost, starts, errands, trial_config, deepcopy(trial)).n_done
         if n_done > most:
             best, most = move_cost, n_done
@@ -181,7 +183,7 @@ def _drive(
         dearest=int(move_cost.max()),
         seed=rng,
     )
-    depth = pocket_depth(graph)
+    nearest_first = NearestFirst(graph)
     place = errands.ptr[rng.integers(len(errands.ptr) - 1, size=n)].astype(np.int64)
     end = np.zeros(len(errands.cell), dtype=np.bool_)
     end[errands.ptr[1:] - 1] = True
@@ -192,7 +194,7 @@ def _drive(
         cell = errands.cell[place]
         row = costs.rows(cell)
         to_go = left(costs.costs, states[-1], row)
-        sequence = np.argsort(to_go - depth[graph.state_cell[states[-1]]] * 2**20, kind="stable").astype(np.int32)
+        sequence = nearest_first.of(states[-1], to_go)
         after = mover.step(
             costs.costs,
             wishes._replace(row=row),

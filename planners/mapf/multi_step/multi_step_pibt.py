@@ -18,6 +18,7 @@ from planners.mapf.multi_step import multi_step_kernel as kernels
 from planners.mapf.multi_step.crew import Crew
 from planners.mapf.multi_step.multi_step_kernel import Aims, Choices, Costs, Look, Wishes, wishes_to_stay
 from planners.mapf.multi_step.operations import LONGEST, Operations, operations_of
+from planners.mapf.multi_step.stagnation import Stagnation
 from planners.mapf.options import open_moves
 from planners.mapf.problem import Instance, Plan
 from planners.mapf.window import plan_window, reachable_goals
@@ -81,11 +82,7 @@ class MultiStepPibt:
         self.config = MultiStepConfig() if config is None else config
         self._rng = np.random.default_rng(seed)
         self._mover: Mover | None = None
-        self._goals: IntArray = np.empty(0, dtype=np.int32)
-        self._least: IntArray = self._goals
-        """The least that was left to each agent's goal since it has that goal, shape (n,)."""
-        self._vain: IntArray = self._goals
-        """Windows since then, shape (n,)."""
+        self._stagnation = Stagnation(0)
 
     def plan(self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None) -> Plan:
         """Plan one window.
@@ -142,13 +139,10 @@ class MultiStepPibt:
 
     def _is_stuck(self, instance: Instance, left: IntArray) -> bool:
         """Count a window, at whose begin so much is `left` to each agent; whether those who may be pushed make room."""
-        if len(self._goals) != len(left):
-            self._goals, self._least, self._vain = np.full((3, len(left)), -1, dtype=np.int32)
-        nearer = (self._goals != instance.goals) | (left < self._least) | (left == 0) | instance.fixed
-        self._vain = np.where(nearer, 0, self._vain + 1)
-        self._least = np.where(nearer, left, self._least)
-        self._goals = instance.goals.copy()
-        longest = int(self._vain.max(initial=0))
+        if len(self._stagnation) != len(left):
+            self._stagnation = Stagnation(len(left))
+        waited = self._stagnation.look(left, instance.goals, excused=(left == 0) | instance.fixed)
+        longest = int(waited.max(initial=0))
         return longest % (STUCK_WINDOWS + RELEASE_WINDOWS) >= STUCK_WINDOWS
 
 

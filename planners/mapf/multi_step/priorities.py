@@ -1,4 +1,4 @@
-"""Priorities that outlive a window: they grow until the goal is reached, faster behind bottlenecks."""
+"""Priorities on floors with pockets: by what is left, or such as grow until the goal is reached."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ _DEEPEST = 200
 """Bottlenecks that count; beyond them the numbers would grow out of a float."""
 _KEPT = 0.9
 """Share of its priority that an agent keeps with each timestep outside the pocket that it has left."""
+_DEEPER = 2**20
+"""More than any way costs, so that who is in a pocket goes before all who are not."""
 
 
 class Priorities:
@@ -55,3 +57,18 @@ class Priorities:
         self._waited = np.where(there, self._fraction, self._waited + 1.0)
         here = self._waited / (1.0 + self._waited / _LONGEST) * self._weight[self._state_cell[states]]
         self.values = np.where(there, self._fraction, np.maximum(here, _KEPT * self.values + (1.0 - _KEPT) * here))
+
+
+class NearestFirst:
+    """Order of the agents in which who has least to go is first, before that who is in a pocket.
+
+    Args:
+        graph: Lane graph.
+    """
+
+    def __init__(self, graph: LaneGraph) -> None:
+        self._depth = pocket_depth(graph)[graph.state_cell]
+
+    def of(self, states: IntArray, to_go: IntArray) -> IntArray:
+        """Agents, the one that chooses first in front, shape (n,), by their states and what is left to them."""
+        return np.argsort(to_go - self._depth[states] * _DEEPER, kind="stable").astype(np.int32)

@@ -11,12 +11,12 @@ import pytest
 from benchmarks.mapf.learned.learned_pibt import LearnedPibt, LearnedPibtConfig
 from benchmarks.mapf.learned.learned_stepper import LearnedStepper, Moment
 from benchmarks.mapf.learned.observation import N_CELLS, N_MOVES, N_SEEN, ONE, RADIUS
-from benchmarks.mapf.learned.progress import Progress
 from benchmarks.mapf.learned.scores import Scores, WeightsError, read_scores, write_scores
 from maps.grid import GridMap
 from maps.lane_graph import grid_lane_graph
 from planners.errors import PlanningError
 from planners.mapf.distance_table import DistanceTable
+from planners.mapf.multi_step.stagnation import Stagnation
 from planners.mapf.problem import Plan
 from planners.mapf.validate import conflicts
 from tests.unit.planners.mapf.lanes import instance_of, open_grid, rotating_grid
@@ -164,7 +164,7 @@ def test_whoever_has_waited_for_long_goes_by_distances() -> None:
 
 
 def test_progress_counts_from_the_nearest_so_far() -> None:
-    progress = Progress(1)
+    progress = Stagnation(1)
     goal, other = np.array([7], dtype=np.int32), np.array([8], dtype=np.int32)
 
     def seen(left: int, to: Any) -> int:
