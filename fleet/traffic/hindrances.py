@@ -8,6 +8,11 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 
+HEARD_M = 0.05
+"""How far a car drives at most before it hears what it is told [m]. Pure pursuit with a look-ahead of L at v [m/s]
+stands a delay of 0.52 L / v (phase margin of its linear loop); L is 0.22 m at least and the wheels take 0.1 s to turn,
+so this is half of what would let it swing ever wider about its lane."""
+
 
 class Hindrances:
     """What hinders each car.
@@ -19,9 +24,10 @@ class Hindrances:
     def __init__(self, n_cars: int) -> None:
         self._n_holds = np.zeros(n_cars, dtype=np.int64)
         self._pace = np.ones(n_cars)
+        self._heard_mps = np.full(n_cars, np.inf)
         self._late: dict[int, deque[FloatArray]] = {}
         self.any = False
-        """Whether any car is held or slow."""
+        """Whether any car is held, slow, or hears late."""
         self.held: list[int] = []
         """Cars that are held, ascending."""
 
@@ -43,11 +49,14 @@ class Hindrances:
         self._pace[car] = factor
         self._look()
 
-    def delay(self, car: int, n_ticks: int) -> None:
-        """Let a car hear of its commands so many ticks late."""
+    def delay(self, car: int, n_ticks: int, tick_s: float) -> None:
+        """Let a car hear of its commands so many ticks late, and drive at most `HEARD_M` in that time."""
         self._late.pop(car, None)
+        self._heard_mps[car] = np.inf
         if n_ticks > 0:
             self._late[car] = deque(maxlen=n_ticks + 1)
+            self._heard_mps[car] = HEARD_M / (n_ticks * tick_s)
+        self._look()
 
     def caps(self, caps: FloatArray) -> FloatArray:
         """Greatest speeds of the cars as they are hindered.
@@ -58,7 +67,9 @@ class Hindrances:
         Returns:
             Shape (n_cars,) [m/s].
         """
-        return np.where(self._n_holds > 0, 0.0, caps * self._pace) if self.any else caps
+        if not self.any:
+            return caps
+        return np.where(self._n_holds > 0, 0.0, np.minimum(caps * self._pace, self._heard_mps))
 
     def late(self, commands: FloatArray) -> FloatArray:
         """Commands as cars hear them: the oldest ones kept, for cars that are late.
@@ -75,4 +86,4 @@ class Hindrances:
         return commands
 
     def _look(self) -> None:
-        self.any = bool(self.held) or bool((self._pace != 1.0).any())
+        self.any = bool(self.held) or bool(self._late) or bool((self._pace != 1.0).any())

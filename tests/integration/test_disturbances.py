@@ -613,3 +613,17 @@ def test_a_disturbed_run_repeats_exactly(fidelity: Fidelity) -> None:
     push = event(5.0, "car_pushed", "car_2", dx_m=-0.08, dy_m=0.35, dyaw_rad=0.54)
     hashes = {run(push, duration_s=12.0, fidelity=fidelity)[0].state_hash for _ in range(2)}
     assert len(hashes) == 1
+
+
+@pytest.mark.parametrize("delay_s", [0.15, 0.3])
+def test_a_car_that_hears_late_stays_on_its_lane(delay_s: float) -> None:
+    off_m: list[float] = []
+
+    def look(simulation: Simulation) -> None:
+        off_m.append(float(np.abs(simulation.view.driver.paths.follower.cross_track).max()))
+
+    late = event(1.0, "commands_late", "car_0", delay_s=delay_s, duration_s=400.0)
+    summary, log = run(late, look=look, robots=1, tasks=2)
+    check(summary)
+    assert not of_kind(log, "off_lane")
+    assert max(off_m) <= 0.05

@@ -52,8 +52,8 @@ def car_incidents(run: RunView, recovery: Recovery) -> dict[str, Incident]:
         ),
         "pose_lost": held,
         "commands_late": ForEach(
-            lambda car, event: hindrances.delay(car, round(event.value("delay_s") / run.tick_s)),
-            lambda car: hindrances.delay(car, 0),
+            lambda car, event: hindrances.delay(car, round(event.value("delay_s") / run.tick_s), run.tick_s),
+            lambda car: hindrances.delay(car, 0, run.tick_s),
         ),
         "commands_lost": held,
         "emergency_stop": EmergencyStop(run),
