@@ -39,6 +39,11 @@ class Deadline:
         self._clock = clock
         self._end_s = None if wall_s is None else clock() + wall_s
 
+    @property
+    def reads_clock(self) -> bool:
+        """Whether the time that has passed counts."""
+        return self._end_s is not None
+
     def spend(self, iterations: int = 1) -> bool:
         """Take iterations out of the budget.
 

@@ -29,17 +29,25 @@ class Fitness:
         self._capabilities = list(dict.fromkeys(ability.capabilities for ability in abilities))
         kinds = {capabilities: kind for kind, capabilities in enumerate(self._capabilities)}
         self._kind_of = np.array([kinds[ability.capabilities] for ability in abilities])
+        self._lacking: dict[tuple[str, ...], npt.NDArray[np.bool_]] = {}
         self._codes: dict[int, Codes | None] = {}
 
     def codes(self, task: Task) -> Codes | None:
         """Why cars can never do a task, as indices into `PAIR_REASONS`, shape (n_cars,); None if all can."""
         if task.index not in self._codes:
             heavy = task.order.payload_kg > self._most_kg
-            lacks = np.array([not able.issuperset(task.order.needs) for able in self._capabilities])[self._kind_of]
+            lacks = self._lacks(task.order.needs)
             codes = np.where(heavy, _CODE[PairReason.TOO_HEAVY], _CODE[PairReason.LACKS_CAPABILITY])
             unfit = heavy | lacks
             self._codes[task.index] = np.where(unfit, codes, CAN_TAKE).astype(np.int8) if unfit.any() else None
         return self._codes[task.index]
+
+    def _lacks(self, needs: tuple[str, ...]) -> npt.NDArray[np.bool_]:
+        """Which cars lack one of some capabilities, shape (n_cars,)."""
+        if needs not in self._lacking:
+            lacking = [not able.issuperset(needs) for able in self._capabilities]
+            self._lacking[needs] = np.array(lacking)[self._kind_of]
+        return self._lacking[needs]
 
     def fits_any(self, task: Task, cars: npt.NDArray[np.intp]) -> bool:
         """Whether any of some cars can do a task."""

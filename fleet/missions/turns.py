@@ -195,7 +195,14 @@ def free_turn(free: FreeTimes, station: int, comes_s: float) -> float:  # pragma
     """When a car that comes to a station at some time could be served [s], as `first_turn`, for many cars at once."""
     comes_s = max(comes_s, free.pace.free_s[station])
     cycle_s = free.pace.cycle_s[station]
-    k = free.first[station]
+    # The first gap that ends late enough for a whole turn from now on; it may begin too late for one.
+    k, end = free.first[station], free.first[station + 1] - 1
+    while k < end:
+        middle = (k + end) // 2
+        if free.until_s[middle] < comes_s + cycle_s:
+            k = middle + 1
+        else:
+            end = middle
     while free.until_s[k] < max(comes_s, free.from_s[k]) + cycle_s:
         k += 1
     return max(comes_s, free.from_s[k])

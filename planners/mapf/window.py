@@ -42,6 +42,19 @@ class WindowTurns(NamedTuple):
     """Agents that do not move, shape (n,)."""
 
 
+class WindowAgents(NamedTuple):
+    """What is asked of the agents of a window, shape (n,) each."""
+
+    goals: IntArray
+    """States, `NO_GOAL` = none."""
+    stay: BoolArray
+    """Who stays once it is at its goal."""
+    fixed: BoolArray
+    """Who does not move."""
+    comes: Int64Array
+    """Timesteps until each is where it starts; before, it does not move."""
+
+
 def plan_window(
     instance: Instance,
     step: WindowStep,
@@ -65,38 +78,63 @@ def plan_window(
     """
     states = np.empty((instance.horizon + 1, instance.n_agents), dtype=np.int32)
     states[0] = instance.starts
+    agents, turns = agents_of(instance, comes), turns_at_start(instance)
+    done = 0
+    while done < instance.horizon and deadline.spend():
+        take_turns(turns, states[done], agents, done, impatience)
+        step(states[done], states[done + 1], order=turns.order, locked=turns.locked)
+        done += 1
+    return window_plan(instance, states[: done + 1], reachable)
+
+
+def agents_of(instance: Instance, comes: Int64Array | None) -> WindowAgents:
+    """What a window asks of its agents; `comes` as for `plan_window`."""
+    comes = np.zeros(instance.n_agents, dtype=np.int64) if comes is None else comes
+    return WindowAgents(goals=instance.goals, stay=instance.stay, fixed=instance.fixed, comes=comes)
+
+
+def turns_at_start(instance: Instance) -> WindowTurns:
+    """Who chooses first in the first timestep of a window."""
     content = (instance.goals == NO_GOAL) | (instance.goals == instance.starts)
     priority = np.array(instance.priorities, dtype=np.float64)
-    turns = WindowTurns(
+    return WindowTurns(
         order=np.lexsort((-priority, content)).astype(np.int32),
         content=content,
         priority=priority,
         locked=np.empty(instance.n_agents, dtype=np.bool_),
     )
-    done = 0
-    while done < instance.horizon and deadline.spend():
-        fixed = instance.fixed if comes is None else instance.fixed | (comes > done)
-        _take_turns(turns, states[done], instance.goals, instance.stay, fixed, impatience if done else 0.0)
-        step(states[done], states[done + 1], order=turns.order, locked=turns.locked)
-        done += 1
+
+
+def window_plan(instance: Instance, states: IntArray, reachable: BoolArray) -> Plan:
+    """The plan of a window of which so much was planned.
+
+    Args:
+        instance: The window.
+        states: Shape (timesteps + 1, n).
+        reachable: As for `plan_window`.
+    """
+    done = len(states) - 1
     status = Status.FEASIBLE if done == instance.horizon else Status.TIMEOUT
     if not reachable.all():
         status = Status.INFEASIBLE
-    return Plan(states=states[: done + 1], status=status, iterations=done)
+    return Plan(states=states, status=status, iterations=done)
 
 
 @kernel
-def _take_turns(
-    turns: WindowTurns, now: IntArray, goals: IntArray, stay: BoolArray, fixed: BoolArray, impatience: float
+def take_turns(
+    turns: WindowTurns, now: IntArray, agents: WindowAgents, done: Int, impatience: float
 ) -> None:  # pragma: no cover - compiled
-    """Begin a timestep: whoever is not content has become more impatient, and may be content now."""
+    """Begin a timestep, before which so many are `done`.
+
+    From the second on, whoever is not content has become more impatient; it may be content now.
+    """
     order, content, priority, locked = turns
     some = False
     for agent in range(len(now)):
-        if not content[agent]:
+        if done > 0 and not content[agent]:
             priority[agent] += impatience
-        at_goal = now[agent] == goals[agent]
-        locked[agent] = fixed[agent] or (stay[agent] and at_goal)
+        at_goal = now[agent] == agents.goals[agent]
+        locked[agent] = agents.fixed[agent] or agents.comes[agent] > done or (agents.stay[agent] and at_goal)
         if at_goal and not content[agent]:
             content[agent] = True
             some = True

@@ -19,9 +19,18 @@ from planners.mapf.multi_step.crew import Crew
 from planners.mapf.multi_step.multi_step_kernel import Aims, Choices, Costs, Look, Wishes, wishes_to_stay
 from planners.mapf.multi_step.operations import LONGEST, Operations, operations_of
 from planners.mapf.multi_step.stagnation import Stagnation
+from planners.mapf.multi_step.window_kernel import StepSearch, plan_steps
 from planners.mapf.options import open_moves
 from planners.mapf.problem import Instance, Plan
-from planners.mapf.window import plan_window, reachable_goals
+from planners.mapf.window import (
+    WindowAgents,
+    WindowTurns,
+    agents_of,
+    plan_window,
+    reachable_goals,
+    turns_at_start,
+    window_plan,
+)
 
 _ROUND = 2000
 """Agents that a round of improvement asks at most, so that one round of a large fleet is no long wait."""
@@ -30,6 +39,8 @@ STUCK_WINDOWS, RELEASE_WINDOWS = 60, 20
 theirs, such as cars that park, make room for all others for so many; and again."""
 _LAST = 1e9
 """More than any two priorities differ."""
+_MOST_CHAINS = 2**30
+"""Number of the last chain of pushes before they are numbered anew; half of what there is room for."""
 MOST_ROUNDS = 10_000
 """Rounds of a timestep; so many take minutes, and a window ends only between two timesteps."""
 
@@ -112,6 +123,8 @@ class MultiStepPibt:
         mover = self._mover
         wishes = wishes_to_stay(np.where(reachable, row, np.int32(-1)))
         costs = exact_costs(table, graph.n_states)
+        if self.config.rounds == 0 and not mover.crew.is_shared and not deadline.reads_clock:
+            return self._plan_at_once(instance, mover, costs, wishes, deadline, reachable)
         mover.begin(instance.starts)
 
         def step(now: IntArray, after: IntArray, *, order: IntArray, locked: BoolArray) -> None:
@@ -136,6 +149,33 @@ class MultiStepPibt:
             reachable=reachable,
             comes=instance.comes,
         )
+
+    def _plan_at_once(
+        self,
+        instance: Instance,
+        mover: Mover,
+        costs: Costs,
+        wishes: Wishes,
+        deadline: Deadline,
+        reachable: BoolArray,
+    ) -> Plan:
+        """As `plan_window`, in one kernel."""
+        n_steps = 0
+        while n_steps < instance.horizon and deadline.spend():
+            n_steps += 1
+        states = np.empty((n_steps + 1, instance.n_agents), dtype=np.int32)
+        states[0] = instance.starts
+        mover.window(
+            states,
+            costs,
+            wishes,
+            agents_of(instance, instance.comes),
+            turns_at_start(instance),
+            impatience=self.config.impatience,
+            most_tries=self.config.most_tries,
+            allow_rotation=instance.allow_rotation,
+        )
+        return window_plan(instance, states, reachable)
 
     def _is_stuck(self, instance: Instance, left: IntArray) -> bool:
         """Count a window, at whose begin so much is `left` to each agent; whether those who may be pushed make room."""
@@ -317,9 +357,7 @@ class Mover:
         """
         ops, choices, cell = self.operations, self._choices, self.graph.state_cell
         n = len(choices.state)
-        if choices.stamp[0] > 2**30:
-            choices.mark[:] = 0
-            choices.stamp[0] = 0
+        self._renumber()
         choices.place[sequence] = np.arange(n, dtype=np.int32)
         choices.weight[:] = weight
         aims = Aims(
@@ -344,6 +382,59 @@ class Mover:
         kernels.first_states(ops, choices, costs, wishes, after)
         kernels.go_on(ops, choices, cell, after)
         return after
+
+    def window(
+        self,
+        states: IntArray,
+        costs: Costs,
+        wishes: Wishes,
+        agents: WindowAgents,
+        turns: WindowTurns,
+        *,
+        impatience: float,
+        most_tries: int,
+        allow_rotation: bool,
+    ) -> None:
+        """Decide timesteps one after the other, as `begin`, `lock` and `step` without improvement do.
+
+        Args:
+            states: The first row says where the agents stand, the others are filled in, shape (timesteps + 1, n).
+            costs: What is left to do.
+            wishes: Where the agents want to go.
+            agents: What is asked of them.
+            turns: Who chooses first in the first timestep; moves on.
+            impatience: See `plan_window`.
+            most_tries: Operations a chain of pushes tries.
+            allow_rotation: Whether a closed ring of followers is legal.
+        """
+        search = StepSearch(
+            behind=self._behind,
+            reach=self._reach,
+            crowd=self._nowhere_dear,
+            chance=self.chance,
+            patience=self._patience,
+            most_tries=most_tries,
+            allow_rotation=allow_rotation,
+        )
+        self._renumber()
+        plan_steps(
+            self.operations,
+            self._choices,
+            search,
+            costs,
+            wishes,
+            agents,
+            turns,
+            impatience,
+            self.graph.state_cell,
+            states,
+        )
+
+    def _renumber(self) -> None:
+        """Let chains of pushes be numbered from the start before the numbers run out."""
+        if self._choices.stamp[0] > _MOST_CHAINS:
+            self._choices.mark[:] = 0
+            self._choices.stamp[0] = 0
 
     def _rank_eager(self, aims: Aims) -> None:
         """In a large fleet, rank the operations of all who are about to ask for them; else each does when it asks."""

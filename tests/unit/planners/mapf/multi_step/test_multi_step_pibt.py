@@ -137,9 +137,23 @@ def test_the_referee_would_see_a_search_that_looks_away(monkeypatch: pytest.Monk
 
     first_states = multi_step_kernel.first_states
     instance = crowd("pebble", 0.5, 0, allow_rotation=False, horizon=1)
-    assert breaches(instance, MultiStepPibt().plan(instance)) == []
+    step_by_step = MultiStepConfig(rounds=1)
+    assert breaches(instance, MultiStepPibt(step_by_step).plan(instance)) == []
     monkeypatch.setattr(multi_step_kernel, "first_states", careless)
-    assert breaches(instance, MultiStepPibt().plan(instance)) != []
+    assert breaches(instance, MultiStepPibt(step_by_step).plan(instance)) != []
+
+
+@pytest.mark.parametrize("name", ["pebble", "one_way", "wide"])
+def test_a_window_is_planned_at_once_as_it_is_step_by_step(name: str) -> None:
+    """Where the clock counts, timesteps are decided one by one."""
+    at_once, step_by_step = MultiStepPibt(seed=3), MultiStepPibt(seed=3)
+    for seed, share in enumerate((0.3, 0.7, 0.95)):
+        instance = crowd(name, share, seed, allow_rotation=seed == 1)
+        instance = replace(instance, comes=np.arange(instance.n_agents) % 4)
+        plan = at_once.plan(instance, deadline=Deadline(1000))
+        assert np.array_equal(plan.states, step_by_step.plan(instance, deadline=Deadline(wall_s=1e6)).states)
+        assert len(at_once.plan(instance, deadline=Deadline(2)).states) == 3
+        step_by_step.plan(instance, deadline=Deadline(2, wall_s=1e6))
 
 
 @pytest.mark.parametrize("length", [1, 3])
