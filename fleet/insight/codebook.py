@@ -43,10 +43,15 @@ class Codebook:
         Raises:
             UnknownRobot: There is none of that name.
         """
-        if name not in self.robots:
+        number = self._numbers.get(name)
+        if number is None:
             ranges = ", ".join(_range(kind, n) for kind, n in (("car", self.n_cars), ("arm", self.n_arms)) if n)
             raise UnknownRobot(f"robot is {name!r}; valid: {ranges}")
-        return self.robots.index(name)
+        return number
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {name: number for number, name in enumerate(self.robots)}
 
     def tick(self, time_s: float, end_tick: int) -> int:
         """The tick that a time belongs to; the end of the run belongs to its last tick.

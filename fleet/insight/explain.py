@@ -10,6 +10,10 @@ from fleet.insight.codebook import Codebook, OutsideRun
 from fleet.insight.link import Link
 from fleet.insight.phrases import in_the_way, predicate, reason, release
 
+_CAUSES = tuple(Cause)
+_KINDS = tuple(int(cause) if cause in OWN else NONE for cause in Cause)
+"""The same number for all causes of waiting, one of its own for each other."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation:
@@ -79,56 +83,90 @@ def explain(log: CauseLog, codebook: Codebook, robot: str, time_s: float) -> Exp
         UnknownRobot: There is no such robot.
         OutsideRun: The run was not under way then.
     """
-    robot_number, tick = codebook.robot(robot), codebook.tick(time_s, log.end_tick)
-    numbers: list[int] = []
-    chain: list[Link] = []
-    while robot_number != NONE and robot_number not in numbers:
-        numbers.append(robot_number)
-        change = log.number(robot_number, tick)
-        if change == NONE:
-            break  # a file that does not begin at the beginning
-        chain.append(_link(log.change(change), _since_tick(log, change), tick, codebook))
-        robot_number = log.change(change)[2 + Column.BY]
-        if len(chain) > 1 and chain[-1].cause in WITHOUT_TASK:
-            robot_number = NONE
-    if not chain:
-        raise OutsideRun(f"time is {time_s:g} s: nothing is told of {robot} then; valid: a later time")
-    cycle = numbers[numbers.index(robot_number) :] if robot_number in numbers[: len(chain)] else []
-    if cycle and chain[-len(cycle)].cause in WITHOUT_TASK:
-        cycle = []  # it stands in the way of others, but does not wait for them: it goes as soon as it can
-    return Explanation(
-        robot=robot,
-        time_s=time_s,
-        chain=tuple(chain),
-        cycle=tuple(codebook.robots[k] for k in cycle),
-    )
+    return Moment(log, codebook, time_s).explain(codebook.robot(robot))
 
 
-def _since_tick(log: CauseLog, change: int) -> int:
-    """Since when a robot has been about the like of a change."""
-    kind = _kind(log.change(change))
-    while (before := log.before(change)) != NONE and _kind(log.change(before)) == kind:
-        change = before
-    return log.change(change)[TICK]
+class Moment:
+    """One time of a run, at which any number of robots can be explained; those that wait for the same share its links.
 
+    Args:
+        log: Causes of the run.
+        codebook: What their numbers stand for.
+        time_s: When [s].
 
-def _kind(change: list[int]) -> int:
-    """The same number for all causes of waiting, one of its own for each other."""
-    cause = Cause(change[2 + Column.CAUSE])
-    return int(cause) if cause in OWN else NONE
+    Raises:
+        OutsideRun: The run was not under way then.
+    """
 
+    def __init__(self, log: CauseLog, codebook: Codebook, time_s: float) -> None:
+        self._log, self._codebook, self._time_s = log, codebook, time_s
+        self._tick = codebook.tick(time_s, log.end_tick)
+        self._links: dict[int, tuple[Link, int] | None] = {}
 
-def _link(change: list[int], since_tick: int, tick: int, codebook: Codebook) -> Link:
-    _, robot, cause, by, cell, place, until, task, detail = change
-    names = codebook.robots
-    return Link(
-        robot=names[robot],
-        cause=Cause(cause),
-        by="" if by == NONE else names[by],
-        cell=codebook.cell(cell),
-        place=codebook.place(place),
-        since_s=since_tick * codebook.tick_s,
-        left_s=None if until == NONE else max(0.0, (until - tick) * codebook.tick_s),
-        task="" if task == NONE else codebook.task_name(task),
-        detail=DETAILS[detail],
-    )
+    def explain(self, robot: int) -> Explanation:
+        """Say why a robot waits, as the function of that name.
+
+        Args:
+            robot: Its number.
+
+        Raises:
+            OutsideRun: Nothing is told of it at that time.
+        """
+        names = self._codebook.robots
+        numbers: list[int] = []
+        chain: list[Link] = []
+        by = robot
+        while by != NONE and by not in numbers:
+            numbers.append(by)
+            found = self._link(by)
+            if found is None:
+                break  # a file that does not begin at the beginning
+            link, by = found
+            chain.append(link)
+            if len(chain) > 1 and link.cause in WITHOUT_TASK:
+                by = NONE
+        if not chain:
+            raise OutsideRun(f"time is {self._time_s:g} s: nothing is told of {names[robot]} then; valid: a later time")
+        cycle = numbers[numbers.index(by) :] if by in numbers[: len(chain)] else []
+        if cycle and chain[-len(cycle)].cause in WITHOUT_TASK:
+            cycle = []  # it stands in the way of others, but does not wait for them: it goes as soon as it can
+        return Explanation(
+            robot=names[robot],
+            time_s=self._time_s,
+            chain=tuple(chain),
+            cycle=tuple(names[k] for k in cycle),
+        )
+
+    def _link(self, robot: int) -> tuple[Link, int] | None:
+        """What a robot is about, and the number of the one that it waits for; None if nothing is told of it."""
+        if robot not in self._links:
+            change = self._log.number(robot, self._tick)
+            self._links[robot] = None if change == NONE else self._made(change)
+        return self._links[robot]
+
+    def _made(self, number: int) -> tuple[Link, int]:
+        codebook = self._codebook
+        change = self._log.change(number)
+        _, robot, cause, by, cell, place, until, task, detail = change
+        link = Link(
+            robot=codebook.robots[robot],
+            cause=_CAUSES[cause],
+            by="" if by == NONE else codebook.robots[by],
+            cell=codebook.cell(cell),
+            place=codebook.place(place),
+            since_s=self._since_tick(number, change) * codebook.tick_s,
+            left_s=None if until == NONE else max(0.0, (until - self._tick) * codebook.tick_s),
+            task="" if task == NONE else codebook.task_name(task),
+            detail=DETAILS[detail],
+        )
+        return link, by
+
+    def _since_tick(self, number: int, change: list[int]) -> int:
+        """Since when a robot has been about the like of a change."""
+        kind = _KINDS[change[2 + Column.CAUSE]]
+        while (number := self._log.before(number)) != NONE:
+            before = self._log.change(number)
+            if _KINDS[before[2 + Column.CAUSE]] != kind:
+                break
+            change = before
+        return change[TICK]

@@ -115,9 +115,8 @@ class Display:
 
     def _draw_paths(self) -> None:
         run = self._run
-        cars = range(run.world.n_cars)
         for key, lines, height, size in (
-            ("granted", [run.driver.remaining(car) for car in cars], _GRANTED_Z_M, 5.0),
+            ("granted", run.driver.remaining_lines(), _GRANTED_Z_M, 5.0),
             ("planned", run.executor.planned_lines(), _PLANNED_Z_M, 2.5),
         ):
             dotted = [_dotted(line) for line in lines]

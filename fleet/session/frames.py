@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from fleet.config import Perception
 from fleet.insight.causes import NONE, OWN, Cause, Column
-from fleet.insight.explain import explain
+from fleet.insight.explain import Moment
 from fleet.insight.figures import Figures
 from fleet.missions.phases import PHASES, CarPhase
 from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunRecorder, Wait, versions
@@ -268,9 +268,8 @@ class Watch:
     def _look_at_lines(self, frame: Frame) -> None:
         """Ways that are granted, and ways that are planned beyond."""
         run = self._run
-        cars = range(run.world.n_cars)
         self._epoch = frame.plan_epoch = run.traffic.n_plans
-        frame.paths = tuple(run.driver.remaining(car) for car in cars)
+        frame.paths = run.driver.remaining_lines()
         frame.plans = run.executor.planned_lines()
         if self._internals:
             frame.priorities = run.traffic.priorities
@@ -291,11 +290,8 @@ class Watch:
             self._waits = frame.waits = waits
         if waiting or self._explained:
             # Of the last tick that was looked at: the present one has not been.
-            last_s = frame.sim_s - run.tick_s
-            frame.explanations = {
-                names[robot]: str(explain(self._figures.causes.log, codebook, names[robot], last_s))
-                for robot in waiting
-            }
+            moment = Moment(self._figures.causes.log, codebook, frame.sim_s - run.tick_s)
+            frame.explanations = {names[robot]: str(moment.explain(robot)) for robot in waiting}
         self._explained = bool(waiting)
 
     def _wait(self, name: str, row: list[int]) -> Wait:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -201,6 +202,7 @@ def _loop(
     display = None if window is None else Display(simulation.view, window, pace)
     begin = time.perf_counter()
     pace.change(session.speed, simulation.sim_s)
+    gc.freeze()  # what is there lives as long as the run: the collector need not look through it again and again
     try:
         while not simulation.finished and not interrupted:
             simulation.tick()
@@ -213,6 +215,8 @@ def _loop(
             pace.wait(simulation.sim_s, interrupted)
     except (FleetError, MapsError, PlanningError) as reason:
         error = reason
+    finally:
+        gc.unfreeze()
     return _Course(wall_s=time.perf_counter() - begin, first_move_s=first_move_s, error=error)
 
 

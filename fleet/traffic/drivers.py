@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Protocol
 
@@ -65,6 +66,9 @@ class Driver(Protocol):
 
     def remaining(self, car: int) -> FloatArray:
         """The granted path ahead of a car as points x, y, shape (k, 2)."""
+
+    def remaining_lines(self) -> tuple[FloatArray, ...]:
+        """`remaining` of every car."""
 
     def off_lane(self) -> list[int]:
         """Cars that are not where their path is."""
@@ -188,6 +192,12 @@ class PathDriver:
         passed = int(self.buffer.s[car, :count].searchsorted(self.follower.progress[car]))
         return self.buffer.points[car, passed:count, :2].copy()
 
+    def remaining_lines(self) -> tuple[FloatArray, ...]:
+        """See `Driver`."""
+        buffer = self.buffer
+        points, bounds = _ahead(buffer.points, buffer.s, buffer.count, self.follower.progress)
+        return tuple(points[begin:end] for begin, end in itertools.pairwise(bounds.tolist()))
+
     def off_lane(self) -> list[int]:
         """See `Driver`."""
         if not any_beyond(self.follower.cross_track, OFF_LANE_M, self.follower.heading_error, OFF_LANE_RAD):
@@ -291,6 +301,10 @@ class StateDriver:
         """See `Driver`."""
         return self._graph.state_pose[[int(self._state[car]), *self._targets.of(car)], :2]
 
+    def remaining_lines(self) -> tuple[FloatArray, ...]:
+        """See `Driver`."""
+        return tuple(self.remaining(car) for car in range(len(self._state)))
+
     def off_lane(self) -> list[int]:
         """See `Driver`."""
         return []
@@ -334,6 +348,24 @@ def _pieces_of(graph: LaneGraph) -> Pieces:
         s_m=graph.path_s,
         direction=np.where(graph.move_kind == REVERSE, -1, 1).astype(np.int8),
     )
+
+
+@njit(cache=True)
+def _ahead(
+    points: FloatArray, s_m: FloatArray, count: IntArray, progress: FloatArray
+) -> tuple[FloatArray, IntArray]:  # pragma: no cover - compiled
+    """Points x, y of all paths that are still ahead, (k, 2), car by car, and where each car's begin, (n_cars + 1,)."""
+    n_cars = len(count)
+    first, bounds = np.empty(n_cars, np.int64), np.zeros(n_cars + 1, np.int64)
+    for car in range(n_cars):
+        first[car] = np.searchsorted(s_m[car, : count[car]], progress[car])
+        bounds[car + 1] = bounds[car] + count[car] - first[car]
+    ahead = np.empty((bounds[n_cars], 2))
+    for car in range(n_cars):
+        for k in range(first[car], count[car]):
+            ahead[bounds[car] + k - first[car], 0] = points[car, k, 0]
+            ahead[bounds[car] + k - first[car], 1] = points[car, k, 1]
+    return ahead, bounds
 
 
 @njit(cache=True)

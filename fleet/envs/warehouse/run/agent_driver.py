@@ -142,6 +142,10 @@ class AgentDriver(PathDriver):
         spans = [slice(graph.path_ptr[move], graph.path_ptr[move + 1]) for move in self._moves[car]]
         return np.concatenate([graph.path_points[span, :2] for span in spans])
 
+    def remaining_lines(self) -> tuple[FloatArray, ...]:
+        """See `Driver`."""
+        return tuple(self.remaining(car) for car in range(len(self._is_agent)))
+
     def off_lane(self) -> list[int]:
         """See `Driver`; nobody brings back the car of an agent."""
         return [] if self._all_agents else [car for car in super().off_lane() if not self._is_agent[car]]
