@@ -48,6 +48,10 @@ COMMANDS = {
         "calibrate.Calibrate",
         "Replay a measured joint motion and fit damping and friction of the joints.",
     ),
+    "capacity": Command(
+        "scale.capacity.CapacityCommand",
+        "Measure how large a fleet this machine runs at which speed; prints a table, writes JSON and a plot.",
+    ),
     "dataset": Command(
         "learning.dataset.DatasetCommand",
         "Play a scenario with a policy and keep every step of every agent as a data set in Parquet.",
@@ -63,6 +67,14 @@ COMMANDS = {
     "evaluate": Command(
         "learning.evaluate.Evaluate",
         "Play named scenarios with a policy; prints figures with intervals and the gain over the scripted fleet.",
+    ),
+    "fit": Command(
+        "scale.fit.FitCommand",
+        "Fit the car of the kinematic world to physical runs; prints today's values beside the fitted ones.",
+    ),
+    "gap": Command(
+        "scale.gap.GapCommand",
+        "Run one scenario at several fidelities; prints how far they are apart, writes CSV, JSON and a plot.",
     ),
     "lorr": Command(
         "lorr.Lorr",

@@ -7,12 +7,12 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from multiprocessing.connection import wait as wait_for
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from fleet.config import RunConfig
 from fleet.errors import BrokenRunError
@@ -30,9 +30,20 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 """One thread per process: the processes themselves use the cores."""
 _log = logging.getLogger(__name__)
 
+Measured = TypeVar("Measured")
+Measure = Callable[[RunConfig], Measured]
+"""Runs to the end and says what was achieved; a function of a module, which a process can find by its name."""
+
 
 def run_all(configs: Sequence[RunConfig], jobs: int, interrupted: Sequence[int]) -> Iterator[Row | None]:
-    """Run variants in parallel; each row is given out as soon as its run has ended, None where nothing new happened.
+    """Run the variants of a study; see `run_each`."""
+    return run_each(configs, _measure, jobs, interrupted, again="fewer --jobs, then --resume")
+
+
+def run_each(
+    configs: Sequence[RunConfig], measure: Measure[Measured], jobs: int, interrupted: Sequence[int], *, again: str
+) -> Iterator[Measured | None]:
+    """Run in parallel; what was measured is given out as soon as its run has ended, None where nothing new happened.
 
     The processes are started anew (spawned), not copied: the engines behind the planners do not survive a copy. One of
     them first compiles all kernels into the cache that the others then read. If one dies, all are started again for the
@@ -40,8 +51,10 @@ def run_all(configs: Sequence[RunConfig], jobs: int, interrupted: Sequence[int])
 
     Args:
         configs: The runs; their outcome does not depend on `jobs`.
+        measure: Makes one of them.
         jobs: Processes at once, >= 1.
         interrupted: Becomes non-empty when the user wants to stop: then the iteration ends, runs under way are dropped.
+        again: What to do when processes die, for the message.
 
     Raises:
         FleetError: A run was refused.
@@ -51,7 +64,7 @@ def run_all(configs: Sequence[RunConfig], jobs: int, interrupted: Sequence[int])
     n_deaths = 0
     while left and not interrupted:
         try:
-            for ended in _run_pool(left, jobs, interrupted):
+            for ended in _run_pool(left, measure, jobs, interrupted):
                 if ended is None:
                     yield None
                     continue
@@ -65,29 +78,28 @@ def run_all(configs: Sequence[RunConfig], jobs: int, interrupted: Sequence[int])
             n_deaths += 1
             if n_deaths > N_RESTARTS:
                 raise BrokenRunError(
-                    f"processes of the study died {n_deaths} times without a new row, perhaps for want of memory; "
-                    "valid: fewer --jobs, then --resume"
+                    f"processes died {n_deaths} times without a new row, perhaps for want of memory; valid: {again}"
                 ) from error
-            _log.warning("a process of the study died; start %d of %d", n_deaths, N_RESTARTS)
+            _log.warning("a process died; start %d of %d", n_deaths, N_RESTARTS)
 
 
 def _run_pool(
-    configs: Mapping[int, RunConfig], jobs: int, interrupted: Sequence[int]
-) -> Iterator[tuple[int, Row] | None]:
+    configs: Mapping[int, RunConfig], measure: Measure[Measured], jobs: int, interrupted: Sequence[int]
+) -> Iterator[tuple[int, Measured] | None]:
     """One set of processes; runs are known by their keys."""
     context = multiprocessing.get_context("spawn")
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(min(jobs, len(configs)), mp_context=context, initializer=_begin)
+    pool = ProcessPoolExecutor(min(jobs, len(configs)), mp_context=context, initializer=begin_process)
     try:
         first = next(iter(configs.values()))
-        warm: Future[Row] = pool.submit(_measure, replace(first, duration_s=min(WARM_UP_S, first.duration_s)))
+        warm: Future[Measured] = pool.submit(measure, replace(first, duration_s=min(WARM_UP_S, first.duration_s)))
         while not warm.done():
             yield None
             if interrupted:
                 return
             wait([warm], timeout=POLL_S)
         warm.result()
-        open_runs = {pool.submit(_measure, config): key for key, config in configs.items()}
+        open_runs = {pool.submit(measure, config): key for key, config in configs.items()}
         while open_runs and not interrupted:
             ended, _ = wait(open_runs, timeout=POLL_S, return_when=FIRST_COMPLETED)
             for run in ended:
@@ -102,13 +114,13 @@ def _run_pool(
 
 
 def _measure(config: RunConfig) -> Row:
-    # Planners and kernels are loaded here, in the process that needs them, after `_begin`.
+    # Planners and kernels are loaded here, in the process that needs them, after `begin_process`.
     from fleet.study.measurement import measure
 
     return measure(config)
 
 
-def _begin() -> None:
+def begin_process() -> None:
     """Leave Ctrl-C to the process that started this one, and end with it however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for name in THREADS:

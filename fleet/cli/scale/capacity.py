@@ -1,0 +1,115 @@
+"""The capacity command: how large a fleet this machine runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from fleet.cli.run_output import INTERRUPTED, plain_console
+from fleet.config import Fidelity, require
+from fleet.study.design import parse_range
+from fleet.terminal.interrupts import interrupts
+from fleet.terminal.progress_bar import Bar
+
+if TYPE_CHECKING:
+    from fleet.scale.capacity import CapacityCell
+
+DONE = 0
+MOST_ROBOTS = 100_000
+MOST_MINUTES = 600.0
+QUIET = 0.9
+"""Share of a core below which a cell was held up by other programs."""
+MARK = "~"
+"""Before a figure that was extrapolated."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CapacityCommand:
+    """Measure how large a fleet this machine runs at which speed; prints a table, writes JSON and a plot."""
+
+    robots: str = "10,100,1000,10000"
+    """Numbers of cars, as in the study: a number, a range, a range with a step, or a list."""
+    fidelities: str = ",".join(Fidelity)
+    """Fidelities, separated by commas."""
+    minutes: float = 3.0
+    """Wall time in all; what does not fit is extrapolated, and marked [min]."""
+    out: Path = Path("runs/capacity")
+    """Directory for capacity.json and a plot of each figure, as SVG and PNG."""
+
+    def run(self) -> int:
+        """Measure, print and write; returns the exit status."""
+        robots = parse_range(self.robots, "--robots")
+        require(max(robots) <= MOST_ROBOTS, "--robots", self.robots, f"numbers from 1 to {MOST_ROBOTS}")
+        fidelities = [name.strip() for name in self.fidelities.split(",")]
+        for name in fidelities:
+            require(name in list(Fidelity), "--fidelities", name, ", ".join(Fidelity))
+        require(len(set(fidelities)) == len(fidelities), "--fidelities", self.fidelities, "each once")
+        minutes_ok = 0.0 < self.minutes <= MOST_MINUTES
+        require(minutes_ok, "--minutes", self.minutes, f"a number > 0, at most {MOST_MINUTES:g}")
+        # The simulation takes a second to load: only for runs, not for --help.
+        from fleet.scale.capacity import JSON_FILE, capacity_plots, measure_capacity, write_capacity
+
+        n_cells = len(robots) * len(fidelities)
+        with interrupts() as interrupted, Bar(n_cells, "cells", shown=True) as bar:
+
+            def progress(done: int, now: str) -> None:
+                bar.show(done, now, f"{done} of {n_cells} cells done; now {now}")
+
+            cells = measure_capacity(
+                robots, [Fidelity(name) for name in fidelities], self.minutes,
+                interrupted=interrupted, progress=progress,
+            )  # fmt: skip
+        plots = capacity_plots(cells)
+        write_capacity(self.out, cells, plots, self.minutes)
+        console = plain_console(wide=True)
+        console.print(_table(cells))
+        if any(cell.extrapolated for cell in cells):
+            console.print(
+                f"{MARK} was not measured: continued from smaller fleets of the same fidelity, memory by a line and "
+                "speed by a power law; tasks/h are those of another fidelity, or at most what the arms could do.",
+                soft_wrap=True,
+            )
+        shares = [cell.core_share for cell in cells if cell.core_share is not None]
+        if shares and min(shares) < QUIET:
+            console.print(
+                f"The machine was busy: cells had {min(shares):.0%} to {max(shares):.0%} of a core, so speeds are low.",
+                soft_wrap=True,
+            )
+        for cell in cells:
+            if cell.why:
+                console.print(f"{cell.robots} robots, {cell.fidelity}, not measured: {cell.why}", soft_wrap=True)
+        console.print(
+            f"{self.out / JSON_FILE}: the figures; beside it {', '.join(plots)} as SVG and PNG", soft_wrap=True
+        )
+        return INTERRUPTED if interrupted else DONE
+
+
+def _table(cells: Sequence[CapacityCell]) -> Table:
+    table = Table(title="what this machine runs")
+    table.add_column("robots", justify="right")
+    table.add_column("fidelity")
+    for heading in ("real-time factor", "memory [MB]", "tasks/h", "cars idle", "start [s]", "simulated [s]"):
+        table.add_column(heading, justify="right")
+    for cell in cells:
+        table.add_row(
+            f"{cell.robots:,}",
+            cell.fidelity,
+            _figure(cell, "real_time_factor", ".3g"),
+            _figure(cell, "memory_mb", ",.0f"),
+            _figure(cell, "tasks_per_h", ",.0f"),
+            "-" if cell.idle_share is None else f"{cell.idle_share:.0%}",
+            "-" if cell.start_s is None else f"{cell.start_s:.1f}",
+            "-" if cell.sim_s is None else f"{cell.sim_s:.0f}",
+        )
+    return table
+
+
+def _figure(cell: CapacityCell, name: str, form: str) -> str:
+    value = getattr(cell, name)
+    if value is None:
+        return "-"
+    return f"{MARK if name in cell.extrapolated else ''}{value:{form}}"

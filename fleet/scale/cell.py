@@ -1,0 +1,174 @@
+"""Cell: one fleet size at one fidelity, measured in a process of its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import resource
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+
+from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.errors import FleetError
+from fleet.scale.floors import floor_for
+from fleet.simulation import Simulation
+from fleet.study.pool import begin_process
+from fleet.tasks.board import DONE_STATES
+from maps.site import save_site
+
+WARM_UP_S = 2.0
+"""Simulated time before anything is measured: the first plans are made, the first cars drive [s]."""
+LEAST_SIM_S = 1.0
+"""Least simulated time from which a speed is told [s]."""
+LEAST_TASKS_SIM_S = 300.0
+"""Least simulated time from which deliveries are told: the first parcel takes a minute or two [s]."""
+MOST_SIM_S = 900.0
+"""Simulated time after which a cell has seen enough [s]."""
+SPARE_S = 0.5
+"""Wall time for the answer [s]."""
+POLL_S = 0.2
+"""Longest wall time until an interrupt is noticed [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellFigures:
+    """What was measured."""
+
+    real_time_factor: float | None
+    """Simulated time by wall time, after the warm-up; None if there was too little of it."""
+    memory_mb: float
+    """The most that the process ever had in memory [MB]."""
+    tasks_per_h: float | None
+    """Tasks done in the second half of the run; None if it was too short."""
+    idle_share: float
+    """Share of the cars' time in which they had no task."""
+    start_s: float
+    """Wall time until the first tick was done [s]."""
+    sim_s: float
+    """Simulated time in all [s]."""
+    core_share: float
+    """Time of the processor by wall time, after the warm-up: below 1 where other programs had the cores."""
+
+
+def run_cell(
+    n_cars: int,
+    fidelity: Fidelity,
+    floor: Path,
+    wall_s: float,
+    interrupted: Sequence[int],
+    *,
+    most_sim_s: float = MOST_SIM_S,
+) -> CellFigures | str:
+    """Measure one cell in a process of its own.
+
+    Args:
+        n_cars: Fleet size.
+        fidelity: How robots are moved.
+        floor: Site file; made if it is not there.
+        wall_s: Most wall time, start of the process included [s].
+        interrupted: Becomes non-empty when the user wants to stop.
+        most_sim_s: Simulated time after which it has seen enough [s].
+
+    Returns:
+        Figures, or why there are none.
+
+    Raises:
+        FleetError: The run was refused.
+    """
+    until = time.time() + wall_s
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe(duplex=False)
+    words = (there, n_cars, fidelity, floor, until - SPARE_S, most_sim_s)
+    process = context.Process(target=_answer, args=words, daemon=True)
+    process.start()
+    there.close()
+    try:
+        while not here.poll(POLL_S):
+            if interrupted:
+                return "interrupted"
+            if time.time() > until:
+                return f"did not start within {wall_s:.0f} s"
+        answer: CellFigures | FleetError = here.recv()
+    except EOFError:
+        process.join()
+        return f"its process died ({process.exitcode}), perhaps for want of memory"
+    finally:
+        process.kill()
+        process.join()
+        here.close()
+    if isinstance(answer, FleetError):
+        raise answer
+    return answer
+
+
+def _answer(there: Connection, n_cars: int, fidelity: Fidelity, floor: Path, until: float, most_sim_s: float) -> None:
+    begin_process()
+    try:
+        there.send(measure_cell(n_cars, fidelity, floor, until, most_sim_s))
+    except FleetError as error:
+        there.send(error)
+
+
+def measure_cell(
+    n_cars: int, fidelity: Fidelity, floor: Path, until: float, most_sim_s: float = MOST_SIM_S
+) -> CellFigures:
+    """Measure one cell in this process.
+
+    Args:
+        n_cars: Fleet size.
+        fidelity: How robots are moved.
+        floor: Site file; made if it is not there.
+        until: When to stop, as `time.time` has it [s].
+        most_sim_s: Simulated time after which it has seen enough [s].
+
+    Raises:
+        FleetError: The run was refused.
+    """
+    begin = time.perf_counter()
+    if not floor.exists():
+        save_site(floor_for(n_cars), floor)
+    config = RunConfig(
+        site=str(floor),
+        robots=n_cars,
+        tasks=2 * n_cars + 300,  # some are left when a small fleet has run its time
+        duration_s=most_sim_s,
+        fidelity=fidelity,
+        arms=ArmConfig(workers_n=0),
+    )
+    with Simulation(config) as simulation:
+        simulation.tick()
+        start_s = time.perf_counter() - begin
+        while simulation.sim_s < WARM_UP_S and time.time() < until:
+            simulation.tick()
+        warm_sim_s, warm, warm_cpu = simulation.sim_s, time.perf_counter(), time.process_time()
+        while not simulation.finished and time.time() < until:
+            simulation.tick()
+        wall_s, cpu_s, sim_s = time.perf_counter() - warm, time.process_time() - warm_cpu, simulation.sim_s
+        done_s = [task.done_s or 0.0 for task in simulation.board.in_state(*DONE_STATES)]
+        late = int((np.array(done_s) > sim_s / 2).sum())
+        spent = simulation.metrics.time_accounts.fleet_time()
+        return CellFigures(
+            real_time_factor=(sim_s - warm_sim_s) / wall_s if sim_s - warm_sim_s >= LEAST_SIM_S else None,
+            memory_mb=peak_memory_mb(),
+            tasks_per_h=late * 3600.0 / (sim_s / 2) if sim_s >= LEAST_TASKS_SIM_S else None,
+            idle_share=spent.idle / max(sum(vars(spent).values()), 1),
+            start_s=start_s,
+            sim_s=sim_s,
+            core_share=cpu_s / max(wall_s, 1e-9),
+        )
+
+
+def peak_memory_mb() -> float:
+    """The most that this process ever had in memory [MB]."""
+    try:
+        # Where the kernel tells of this process alone: what `getrusage` tells begins with its parent's.
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        return next(float(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM")) / 1024.0
+    except (OSError, StopIteration):
+        most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return most / (2.0**20 if sys.platform == "darwin" else 1024.0)

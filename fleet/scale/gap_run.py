@@ -1,0 +1,157 @@
+"""GapRun: one scenario at one fidelity, and when its cars and arms did what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig, require
+from fleet.simulation import Simulation
+from fleet.tasks.board import DONE_STATES, Task, TaskState
+
+
+@dataclass(frozen=True, kw_only=True)
+class GapDesign:
+    """Everything that decides the runs: each fidelity on each seed's orders, all else alike."""
+
+    site: str
+    robots: int
+    seeds: tuple[int, ...]
+    fidelities: tuple[Fidelity, ...]
+    """At least two; see `reference`."""
+    duration_s: float
+    """Length of every run [s]."""
+    stream: StreamConfig | None
+    """How orders arrive; None = all from the start."""
+    orders: Path | None = None
+    """File of orders in place of a stream."""
+
+    def __post_init__(self) -> None:
+        said = ",".join(self.fidelities)
+        require(len(set(self.fidelities)) == len(self.fidelities), "--fidelities", said, "each once")
+        require(len(self.fidelities) >= 2, "--fidelities", said, f"two or more of {', '.join(Fidelity)}")
+
+    @property
+    def reference(self) -> Fidelity:
+        """What the others are compared with: physics, or the first where that is not among them."""
+        return Fidelity.PHYSICS if Fidelity.PHYSICS in self.fidelities else self.fidelities[0]
+
+    @property
+    def others(self) -> tuple[Fidelity, ...]:
+        """What is compared with it, in order."""
+        return tuple(fidelity for fidelity in self.fidelities if fidelity is not self.reference)
+
+    @property
+    def configs(self) -> tuple[RunConfig, ...]:
+        """All runs, seed by seed, the slowest fidelity first: it is under way while the others are done."""
+        order = sorted(self.fidelities, key=list(Fidelity).index)
+        return tuple(self._config(fidelity, seed) for seed in self.seeds for fidelity in order)
+
+    def _config(self, fidelity: Fidelity, seed: int) -> RunConfig:
+        return RunConfig(
+            site=self.site,
+            robots=self.robots,
+            orders=self.orders,
+            stream=self.stream,
+            seed=seed,
+            duration_s=self.duration_s,
+            fidelity=fidelity,
+            # The runs share the cores already.
+            arms=ArmConfig(workers_n=0),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GapRow:
+    """What one run achieved."""
+
+    fidelity: str
+    seed: int
+    tasks_done: int
+    tasks_failed: int
+    throughput_per_h: float
+    task_time_s: float | None
+    """From release to delivery, mean of the tasks done [s]."""
+    drive_s: float | None
+    """From a parcel in the tray to the arrival at its drop dock, mean [s]."""
+    service_s: float | None
+    """From the arrival at a dock until the parcel is where it should be, mean over all docks [s]."""
+    waiting_share: float
+    """Share of the cars' time in which they stood in traffic or queued for a station."""
+    robot_contacts: int
+    static_contacts: int
+    slip_max_m: float | None
+    """The farthest that a parcel lay at release from where it was gripped; None without physics."""
+    stalled: bool
+    """Nothing went on any more before the time was up."""
+    state_hash: str
+    arrivals_s: Mapping[str, float]
+    """From the release of each order to the first arrival at its docks [s], by ``ORDER pick`` and ``ORDER drop``."""
+
+
+def measure_run(config: RunConfig) -> GapRow:
+    """Run to the end of the time, even when all work is done before, so that all runs are of one length.
+
+    A fleet that comes to a stand with work open is not driven on: nothing will change.
+    """
+    with Simulation(config) as simulation:
+        docks = _Docks()
+        simulation.board.subscribe(docks.moved)
+        while simulation.sim_s < config.duration_s and (simulation.board.finished or not simulation.stalled):
+            simulation.tick()
+        return _row(config, simulation, docks)
+
+
+@dataclass(kw_only=True)
+class _Docks:
+    """When cars came to docks, and how long they were served there."""
+
+    arrivals_s: dict[str, float] = field(default_factory=dict)
+    drives_s: list[float] = field(default_factory=list)
+    services_s: list[float] = field(default_factory=list)
+
+    def moved(self, task: Task, before: TaskState, now_s: float) -> None:
+        """Take in one step of a task."""
+        order = task.order
+        if task.state is TaskState.LOADING:
+            self.arrivals_s.setdefault(f"{order.name} pick", round(now_s - order.release_s, 3))
+        elif task.state is TaskState.UNLOADING:
+            self.arrivals_s.setdefault(f"{order.name} drop", round(now_s - order.release_s, 3))
+            self.drives_s.append(now_s - task.since_s[TaskState.CARRIED])
+        elif (before, task.state) in (
+            (TaskState.LOADING, TaskState.CARRIED),
+            (TaskState.UNLOADING, TaskState.DELIVERED),
+        ):
+            self.services_s.append(now_s - task.since_s[before])
+
+
+def _row(config: RunConfig, simulation: Simulation, docks: _Docks) -> GapRow:
+    done = simulation.board.in_state(*DONE_STATES)
+    times = [task.done_s - task.order.release_s for task in done if task.done_s is not None]
+    spent = simulation.metrics.time_accounts.fleet_time()
+    waited = spent.traffic + spent.queue + spent.plan_late
+    contacts = simulation.world.contacts()
+    return GapRow(
+        fidelity=config.fidelity.value,
+        seed=config.seed,
+        tasks_done=len(done),
+        tasks_failed=simulation.board.count(TaskState.FAILED),
+        throughput_per_h=round(len(done) * 3600.0 / config.duration_s, 3),
+        task_time_s=_mean(times),
+        drive_s=_mean(docks.drives_s),
+        service_s=_mean(docks.services_s),
+        waiting_share=round(waited / max(sum(vars(spent).values()), 1), 5),
+        robot_contacts=contacts.robot,
+        static_contacts=contacts.static,
+        slip_max_m=simulation.summary().slip_max_m,
+        stalled=simulation.stalled and not simulation.board.finished,
+        state_hash=simulation.state_hash(),
+        arrivals_s=docks.arrivals_s,
+    )
+
+
+def _mean(values: list[float]) -> float | None:
+    return round(float(np.mean(values)), 4) if values else None
