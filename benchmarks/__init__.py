@@ -11,6 +11,7 @@ BENCHMARKS: tuple[str, ...] = (
     "mapf",
     "mapf_lanes",
     "reliability",
+    "scale",
     "scheduling",
     "tracking",
     "training",

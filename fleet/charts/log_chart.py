@@ -60,7 +60,7 @@ def draw_log(title: str, subtitle: str, series: Sequence[LogSeries]) -> Drawing:
     for k in range(x_low, x_high + 1):
         x, bottom = spot(10.0**k, 10.0**y_low)
         marks.append(Line(points=[(x, bottom), (x, TOP)], color=GRID))
-        marks.append(Words(at=(x, bottom + 18), text=f"{10.0**k:,g}", anchor="middle"))
+        marks.append(Words(at=(x, bottom + 18), text=f"{10.0**k:,g}", anchor="end" if k == x_high else "middle"))
     right = float(WIDTH - RIGHT)
     for k, one in reversed(list(enumerate(series))):
         right -= 7.0 * len(one.name)
@@ -72,11 +72,17 @@ def draw_log(title: str, subtitle: str, series: Sequence[LogSeries]) -> Drawing:
         for a, b in pairwise(one.points):
             dashed = not (a.measured and b.measured)
             marks.append(Line(points=[spot(a.x, a.y), spot(b.x, b.y)], color=color, width=2, dashed=dashed))
-        for point in one.points:
-            said = f"{one.name}, {point.x:g}: {point.y:.3g}{'' if point.measured else ' (extrapolated)'}"
-            marks.append(Dot(at=spot(point.x, point.y), color=color, radius=4.5, title=said))
-            if not point.measured:
-                marks.append(Dot(at=spot(point.x, point.y), color="#ffffff", radius=2.5, title=said))
+    # What was measured is painted last: a ring of another curve does not hide it.
+    for measured in (False, True):
+        for k, one in enumerate(series):
+            for point in one.points:
+                if point.measured is not measured:
+                    continue
+                said = f"{one.name}, {point.x:g}: {point.y:.3g}{'' if measured else ' (extrapolated)'}"
+                at = spot(point.x, point.y)
+                marks.append(Dot(at=at, color=COLORS[k % len(COLORS)], radius=4.5, title=said))
+                if not measured:
+                    marks.append(Dot(at=at, color="#ffffff", radius=2.5, title=said))
     return sheet
 
 

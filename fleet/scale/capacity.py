@@ -55,12 +55,12 @@ class CapacityCell:
     """None where it is neither measured nor can be extrapolated; this and the following two."""
     memory_mb: float | None
     tasks_per_h: float | None
-    idle_share: float | None
-    """None where it was not measured; this and the following three."""
-    start_s: float | None
+    at_work_share: float | None
+    """None where it was not measured, this and the following four; see `CellFigures`."""
+    contacts: int | None
+    first_move_s: float | None
     sim_s: float | None
     core_share: float | None
-    """See `CellFigures`."""
     extrapolated: tuple[str, ...]
     """Which of the figures are."""
     why: str
@@ -197,8 +197,9 @@ def complete(key: CellKey, measured: Mapping[CellKey, CellFigures], why: str) ->
         robots=n,
         fidelity=fidelity.value,
         **values,
-        idle_share=None if mine is None else mine.idle_share,
-        start_s=None if mine is None else mine.start_s,
+        at_work_share=None if mine is None else mine.at_work_share,
+        contacts=None if mine is None else mine.contacts,
+        first_move_s=None if mine is None else mine.first_move_s,
         sim_s=None if mine is None else mine.sim_s,
         core_share=None if mine is None else mine.core_share,
         extrapolated=tuple(name for name in missed if values[name] is not None),

@@ -15,7 +15,7 @@ from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.robots.spec import CarSpec
-from fleet.scale.drives import Drive
+from fleet.scale.drives import DriveRecord
 
 AHEAD_S = 1.0
 """How far ahead places are foretold [s]."""
@@ -60,21 +60,21 @@ class CarModel:
         return np.array([getattr(self, field.name) for field in fields(self)])
 
 
-def simulated_speeds(model: CarModel, drive: Drive) -> FloatArray:
+def simulated_speeds(model: CarModel, drive: DriveRecord) -> FloatArray:
     """Speeds that the model has under the commands of a drive, from its first moment on [m/s]."""
     m = model
     rates = (m.max_accel_mps2, m.max_brake_mps2)
     return _follow(m.speed_gain * drive.commands[:, :, 1], drive.speeds[0], *rates, m.speed_lag_s, drive.tick_s)
 
 
-def simulated_steering(model: CarModel, drive: Drive) -> FloatArray:
+def simulated_steering(model: CarModel, drive: DriveRecord) -> FloatArray:
     """The same for the steering angles [rad]."""
     return _turn_to(
         drive.commands[:, :, 0], drive.steering[0], model.max_steering_rate_radps, model.steering_lag_s, drive.tick_s
     )
 
 
-def simulated_turns(model: CarModel, drive: Drive) -> FloatArray:
+def simulated_turns(model: CarModel, drive: DriveRecord) -> FloatArray:
     """Yaw of each tick by the model at the measured speeds and steering angles [rad], shape (n_ticks, n_cars)."""
     speed = 0.5 * (drive.speeds[1:] + drive.speeds[:-1])
     angle = 0.5 * (drive.steering[1:] + drive.steering[:-1])
@@ -84,7 +84,7 @@ def simulated_turns(model: CarModel, drive: Drive) -> FloatArray:
     return turned
 
 
-def measured_turns(drive: Drive) -> FloatArray:
+def measured_turns(drive: DriveRecord) -> FloatArray:
     """Yaw of each tick as it was measured [rad], shape (n_ticks, n_cars)."""
     turned: FloatArray = np.remainder(np.diff(drive.poses[:, :, 2], axis=0) + math.pi, 2 * math.pi) - math.pi
     return turned
@@ -104,7 +104,7 @@ class Residuals:
     """Distance between the measured place and the one foretold `AHEAD_S` before."""
 
 
-def residuals(model: CarModel, drive: Drive) -> Residuals:
+def residuals(model: CarModel, drive: DriveRecord) -> Residuals:
     """Compare a model with a drive."""
     awake = (np.abs(drive.speeds[1:]) > 0.01) | (np.abs(drive.commands[:, :, 1]) > 0.01)
 

@@ -45,10 +45,12 @@ class CellFigures:
     """The most that the process ever had in memory [MB]."""
     tasks_per_h: float | None
     """Tasks done in the second half of the run; None if it was too short."""
-    idle_share: float
-    """Share of the cars' time in which they had no task."""
-    start_s: float
-    """Wall time until the first tick was done [s]."""
+    at_work_share: float
+    """Share of the cars' time in which they drove with a task or were served."""
+    contacts: int
+    """Of robots, with each other and with what is fixed."""
+    first_move_s: float
+    """Wall time until the first car moved, from reading the site on [s]."""
     sim_s: float
     """Simulated time in all [s]."""
     core_share: float
@@ -141,8 +143,10 @@ def measure_cell(
         arms=ArmConfig(workers_n=0),
     )
     with Simulation(config) as simulation:
-        simulation.tick()
-        start_s = time.perf_counter() - begin
+        world = simulation.world
+        while not world.car_speeds().any() and time.time() < until:
+            simulation.tick()
+        first_move_s = time.perf_counter() - begin
         while simulation.sim_s < WARM_UP_S and time.time() < until:
             simulation.tick()
         warm_sim_s, warm, warm_cpu = simulation.sim_s, time.perf_counter(), time.process_time()
@@ -152,12 +156,15 @@ def measure_cell(
         done_s = [task.done_s or 0.0 for task in simulation.board.in_state(*DONE_STATES)]
         late = int((np.array(done_s) > sim_s / 2).sum())
         spent = simulation.metrics.time_accounts.fleet_time()
+        at_work = spent.driving_loaded + spent.driving_empty + spent.served
+        contacts = world.contacts()
         return CellFigures(
             real_time_factor=(sim_s - warm_sim_s) / wall_s if sim_s - warm_sim_s >= LEAST_SIM_S else None,
             memory_mb=peak_memory_mb(),
             tasks_per_h=late * 3600.0 / (sim_s / 2) if sim_s >= LEAST_TASKS_SIM_S else None,
-            idle_share=spent.idle / max(sum(vars(spent).values()), 1),
-            start_s=start_s,
+            at_work_share=at_work / max(sum(vars(spent).values()), 1),
+            contacts=contacts.robot + contacts.static,
+            first_move_s=first_move_s,
             sim_s=sim_s,
             core_share=cpu_s / max(wall_s, 1e-9),
         )

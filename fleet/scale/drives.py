@@ -26,7 +26,7 @@ STEER_SPEED_MPS = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Drive:
+class DriveRecord:
     """Commands of cars and what came of them; row k of the states is the moment before command k."""
 
     tick_s: float
@@ -54,17 +54,17 @@ class RecordedWorld(BulletWorld):
         super().step(car_commands, arm_q, arm_qd, grip)
         self._states.append(self._state())
 
-    def drive(self) -> Drive:
+    def drive(self) -> DriveRecord:
         """Everything since the world was made."""
         poses, speeds, steering = (np.array(part) for part in zip(*self._states, strict=True))
         commands = np.array(self._commands).reshape(-1, self.n_cars, 2)
-        return Drive(tick_s=self.tick_s, commands=commands, poses=poses, speeds=speeds, steering=steering)
+        return DriveRecord(tick_s=self.tick_s, commands=commands, poses=poses, speeds=speeds, steering=steering)
 
     def _state(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         return self.car_poses(), self.car_speeds(), self.car_steering()
 
 
-def drive_steps(commands: FloatArray) -> Drive:
+def drive_steps(commands: FloatArray) -> DriveRecord:
     """Drive one car on an empty floor, each command for `HOLD_S`.
 
     Args:
@@ -112,7 +112,7 @@ def circles(n: int, rng: np.random.Generator) -> FloatArray:
     return np.stack((angles, rng.uniform(0.25, 1.0, n) * spec.max_speed_mps), axis=1)
 
 
-def drive_site(site: str, robots: int, seed: int, duration_s: float) -> Drive:
+def drive_site(site: str, robots: int, seed: int, duration_s: float) -> DriveRecord:
     """Let a fleet deliver on a site, in physics.
 
     Args:

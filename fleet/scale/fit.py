@@ -21,8 +21,7 @@ from fleet.scale.car_model import (
     simulated_steering,
     simulated_turns,
 )
-from fleet.scale.drives import Drive, circles, drive_site, drive_steps, speed_steps, steering_steps
-from fleet.world.kinematic import TYRE_GRIP_MPS2
+from fleet.scale.drives import DriveRecord, circles, drive_site, drive_steps, speed_steps, steering_steps
 from fleet.world.site_scene import CAR
 
 N_STEPS = 24
@@ -34,6 +33,8 @@ AS_DRIVEN = ("speed_lag_s", "speed_gain", "steering_lag_s", "wheelbase_m")
 """What the driving of a fleet tells: it never asks for as much as the limits that physics sets."""
 LAG_S = 0.02
 """Where a lag begins: at zero, what it does has no slope [s]."""
+SEEN = 0.9
+"""Grip begins at this part of the sideways acceleration that 99 % of the drive stays below."""
 OUTLIER_RADPS = 0.05
 """Errors of yaw rates beyond this count less: a car that slips for a moment is no bicycle."""
 
@@ -88,7 +89,7 @@ def fit_cars(site: str, robots: int, seed: int, duration_s: float) -> FitOutcome
     speed, steering, turning = (drive_steps(make(N_STEPS, rng)) for make in (speed_steps, steering_steps, circles))
     fleet = drive_site(site, robots, seed, duration_s)
     today = CarModel.today(CARS[CAR].spec())
-    begin = replace(today, speed_lag_s=LAG_S, steering_lag_s=LAG_S, grip_mps2=TYRE_GRIP_MPS2)
+    begin = replace(today, speed_lag_s=LAG_S, steering_lag_s=LAG_S)
     steps = fit_car(begin, SPEED + STEERING + TURNING, speed=speed, steering=steering, turning=turning)
     from_steps = replace(steps.model, speed_lag_s=LAG_S, steering_lag_s=LAG_S)
     as_driven = fit_car(from_steps, AS_DRIVEN, speed=fleet, steering=fleet, turning=fleet)
@@ -105,14 +106,16 @@ def fit_cars(site: str, robots: int, seed: int, duration_s: float) -> FitOutcome
     return FitOutcome(today=today, steps=steps, as_driven=as_driven, checked=checked)
 
 
-def fit_car(start: CarModel, free: Sequence[str], *, speed: Drive, steering: Drive, turning: Drive) -> CarFit:
+def fit_car(
+    start: CarModel, free: Sequence[str], *, speed: DriveRecord, steering: DriveRecord, turning: DriveRecord
+) -> CarFit:
     """Fit some parameters; the others stay as they are.
 
     Speeds and steering angles are simulated from the commands alone, yaw rates from the measured speed and steering, so
     the three are fitted one after the other.
 
     Args:
-        start: Where the search begins; a lag must not begin at zero.
+        start: Where the search begins; a lag must not begin at zero. Grip begins at what the drive has seen.
         free: Names of the parameters to fit.
         speed: Drive that tells how the speed follows its command.
         steering: Drive that tells how the steering does.
@@ -129,6 +132,10 @@ def fit_car(start: CarModel, free: Sequence[str], *, speed: Drive, steering: Dri
 
     moving = np.abs(turning.speeds[1:]) > 0.1
     turned = measured_turns(turning)
+    if "grip_mps2" in free:
+        # Above all that was seen, no error would depend on it, and the search would stay where it began.
+        sideways = np.abs(turning.speeds[1:] * turned)[moving] / turning.tick_s
+        model = replace(model, grip_mps2=SEEN * float(np.quantile(sideways, 0.99)))
 
     def turning_errors(tried: CarModel) -> FloatArray:
         errors: FloatArray = (simulated_turns(tried, turning) - turned)[moving] / turning.tick_s

@@ -22,6 +22,7 @@ REQUIRED = {
     "calibrate": ["motion.csv"],
     "dataset": ["--scenario", "dispatch_due", "--out", "data"],
     "diff": ["run_1", "run_2"],
+    "gap": ["small"],
     "lorr": ["problem.json"],
     "mend": ["run"],
     "plan": ["--map", "in.map", "--scen", "in.scen"],

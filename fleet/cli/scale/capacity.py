@@ -92,7 +92,7 @@ def _table(cells: Sequence[CapacityCell]) -> Table:
     table = Table(title="what this machine runs")
     table.add_column("robots", justify="right")
     table.add_column("fidelity")
-    for heading in ("real-time factor", "memory [MB]", "tasks/h", "cars idle", "start [s]", "simulated [s]"):
+    for heading in ("real-time factor", "memory [MB]", "tasks/h", "cars at work", "first move [s]", "simulated [s]"):
         table.add_column(heading, justify="right")
     for cell in cells:
         table.add_row(
@@ -101,8 +101,8 @@ def _table(cells: Sequence[CapacityCell]) -> Table:
             _figure(cell, "real_time_factor", ".3g"),
             _figure(cell, "memory_mb", ",.0f"),
             _figure(cell, "tasks_per_h", ",.0f"),
-            "-" if cell.idle_share is None else f"{cell.idle_share:.0%}",
-            "-" if cell.start_s is None else f"{cell.start_s:.1f}",
+            "-" if cell.at_work_share is None else f"{cell.at_work_share:.0%}",
+            "-" if cell.first_move_s is None else f"{cell.first_move_s:.1f}",
             "-" if cell.sim_s is None else f"{cell.sim_s:.0f}",
         )
     return table
