@@ -186,7 +186,7 @@ def complete(key: CellKey, measured: Mapping[CellKey, CellFigures], why: str) ->
     tasks = mine.tasks_per_h if mine is not None else None
     known = (speed is not None, memory is not None, tasks is not None)
     if speed is None:
-        speed = extrapolate({size: cell.real_time_factor for size, cell in smaller.items()}, n)
+        speed = _speed(smaller, n)
     if memory is None:
         memory = extrapolate({size: cell.memory_mb for size, cell in smaller.items()}, n, power=False)
     if tasks is None:
@@ -205,6 +205,17 @@ def complete(key: CellKey, measured: Mapping[CellKey, CellFigures], why: str) ->
         extrapolated=tuple(name for name in missed if values[name] is not None),
         why=why,
     )
+
+
+def _speed(smaller: Mapping[int, CellFigures], n: int) -> float | None:
+    """Real-time factor of `n` cars, with as much of a core as the smaller fleets had on average.
+
+    Without that, one of them that was held up by other programs would bend the line.
+    """
+    shares = {size: max(cell.core_share, 1e-3) for size, cell in smaller.items()}
+    alone = {size: (cell.real_time_factor or 0.0) / shares[size] for size, cell in smaller.items()}
+    found = extrapolate(alone, n)
+    return None if found is None else found * sum(shares.values()) / len(shares)
 
 
 def _tasks_of_all(n: int, measured: Mapping[CellKey, CellFigures]) -> float | None:

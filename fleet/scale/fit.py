@@ -30,7 +30,7 @@ SPEED = ("max_accel_mps2", "max_brake_mps2", "speed_lag_s", "speed_gain")
 STEERING = ("max_steering_rate_radps", "steering_lag_s")
 TURNING = ("wheelbase_m", "grip_mps2")
 AS_DRIVEN = ("speed_lag_s", "speed_gain", "steering_lag_s", "wheelbase_m")
-"""What the driving of a fleet tells: it never asks for as much as the limits that physics sets."""
+"""What is fitted to the driving of a fleet, which seldom or never comes to the limits that physics sets."""
 LAG_S = 0.02
 """Where a lag begins: at zero, what it does has no slope [s]."""
 SEEN = 0.9

@@ -13,6 +13,7 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/disturbances.md",
     "docs/guide/settings.md",
     "docs/guide/cameras.md",
+    "docs/guide/scale.md",
     "docs/guide/study.md",
 )
 def test_block(block: Block, tmp_path: Path) -> None:

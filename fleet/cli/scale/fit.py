@@ -84,7 +84,7 @@ def _parameters(outcome: FitOutcome, site: str) -> Table:
 
 def _value(fit: CarFit, name: str) -> str:
     if name not in fit.sigma:
-        return "not asked for"
+        return "as in steps"
     if not math.isfinite(fit.sigma[name]):
         return "not told"
     return f"{getattr(fit.model, name):.4f} ± {fit.sigma[name]:.4f}"

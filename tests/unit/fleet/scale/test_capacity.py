@@ -74,6 +74,12 @@ def test_a_cell_that_did_not_fit_is_continued_and_marked() -> None:
     assert (cell.first_move_s, cell.why) == (None, "did not start within 20 s")
 
 
+def test_a_fleet_that_was_held_up_does_not_bend_the_line() -> None:
+    held_up = replace(MEASURED[100, GRID], real_time_factor=5.0, core_share=0.5)
+    cell = complete((1000, GRID), MEASURED | {(100, GRID): held_up}, "no time was left")
+    assert cell.real_time_factor == pytest.approx(0.75)  # 1 on a core of its own, of which there was 75 % on average
+
+
 def test_deliveries_that_were_not_measured_are_those_of_another_fidelity() -> None:
     cell = complete((10, KINEMATIC), MEASURED, "")
     assert (cell.tasks_per_h, cell.extrapolated) == (400.0, ("tasks_per_h",))
