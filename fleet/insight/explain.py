@@ -83,11 +83,11 @@ def explain(log: CauseLog, codebook: Codebook, robot: str, time_s: float) -> Exp
         UnknownRobot: There is no such robot.
         OutsideRun: The run was not under way then.
     """
-    return Moment(log, codebook, time_s).explain(codebook.robot(robot))
+    return Explainer(log, codebook, time_s).explain(codebook.robot(robot))
 
 
-class Moment:
-    """One time of a run, at which any number of robots can be explained; those that wait for the same share its links.
+class Explainer:
+    """Explains any number of robots at one time of a run; those that wait for the same share its links.
 
     Args:
         log: Causes of the run.

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from fleet.config import Perception
 from fleet.insight.causes import NONE, OWN, Cause, Column
-from fleet.insight.explain import Moment
+from fleet.insight.explain import Explainer
 from fleet.insight.figures import Figures
 from fleet.missions.phases import PHASES, CarPhase
 from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunRecorder, Wait, versions
@@ -290,8 +290,8 @@ class Watch:
             self._waits = frame.waits = waits
         if waiting or self._explained:
             # Of the last tick that was looked at: the present one has not been.
-            moment = Moment(self._figures.causes.log, codebook, frame.sim_s - run.tick_s)
-            frame.explanations = {names[robot]: str(moment.explain(robot)) for robot in waiting}
+            explainer = Explainer(self._figures.causes.log, codebook, frame.sim_s - run.tick_s)
+            frame.explanations = {names[robot]: str(explainer.explain(robot)) for robot in waiting}
         self._explained = bool(waiting)
 
     def _wait(self, name: str, row: list[int]) -> Wait:
