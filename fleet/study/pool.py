@@ -10,24 +10,16 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
 from multiprocessing.connection import wait as wait_for
 from typing import TYPE_CHECKING, TypeVar
 
 from fleet.config import RunConfig
 from fleet.errors import BrokenRunError
+from fleet.study.backend import N_RESTARTS, POLL_S, THREADS, warm_up
 
 if TYPE_CHECKING:
     from fleet.study.table import Row
 
-POLL_S = 0.2
-"""Longest wall time until an interrupt is noticed [s]."""
-WARM_UP_S = 8.0
-"""Simulated time of the run that compiles the kernels before the others begin [s]."""
-N_RESTARTS = 2
-"""Times in a row that the processes are started again without a new row: what died for want of memory will again."""
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""One thread per process: the processes themselves use the cores."""
 _log = logging.getLogger(__name__)
 
 Measured = TypeVar("Measured")
@@ -35,13 +27,18 @@ Measure = Callable[[RunConfig], Measured]
 """Runs to the end and says what was achieved; a function of a module, which a process can find by its name."""
 
 
-def run_all(configs: Sequence[RunConfig], jobs: int, interrupted: Sequence[int]) -> Iterator[Row | None]:
-    """Run the variants of a study; see `run_each`."""
+def run_all(configs: Sequence[RunConfig], jobs: int | None, interrupted: Sequence[int]) -> Iterator[Row | None]:
+    """Run variants in processes of this machine; see `Backend`, of which this is one, and `run_each`."""
     return run_each(configs, _measure, jobs, interrupted, again="fewer --jobs, then --resume")
 
 
 def run_each(
-    configs: Sequence[RunConfig], measure: Measure[Measured], jobs: int, interrupted: Sequence[int], *, again: str
+    configs: Sequence[RunConfig],
+    measure: Measure[Measured],
+    jobs: int | None,
+    interrupted: Sequence[int],
+    *,
+    again: str,
 ) -> Iterator[Measured | None]:
     """Run in parallel; what was measured is given out as soon as its run has ended, None where nothing new happened.
 
@@ -52,14 +49,15 @@ def run_each(
     Args:
         configs: The runs; their outcome does not depend on `jobs`.
         measure: Makes one of them.
-        jobs: Processes at once, >= 1.
+        jobs: Processes at once, >= 1; None for one per core.
         interrupted: Becomes non-empty when the user wants to stop: then the iteration ends, runs under way are dropped.
         again: What to do when processes die, for the message.
 
     Raises:
-        FleetError: A run was refused.
+        FleetError, MapsError, PlanningError: A run was refused.
         BrokenRunError: Processes died again and again without a row.
     """
+    jobs = jobs or len(os.sched_getaffinity(0))
     left = dict(enumerate(configs))
     n_deaths = 0
     while left and not interrupted:
@@ -92,7 +90,7 @@ def _run_pool(
     pool = ProcessPoolExecutor(min(jobs, len(configs)), mp_context=context, initializer=begin_process)
     try:
         first = next(iter(configs.values()))
-        warm: Future[Measured] = pool.submit(measure, replace(first, duration_s=min(WARM_UP_S, first.duration_s)))
+        warm: Future[Measured] = pool.submit(measure, warm_up(first))
         while not warm.done():
             yield None
             if interrupted:

@@ -10,6 +10,7 @@ from pathlib import Path
 from fleet.recording.run_file import plain
 from fleet.robots import racecar_spec
 from fleet.run.starts import require_room
+from fleet.study.backend import Backend
 from fleet.study.design import Design, StudyError
 from fleet.study.findings import Findings, find
 from fleet.study.pool import run_all
@@ -58,24 +59,26 @@ def run_study(
     design: Design,
     out: Path,
     *,
-    jobs: int,
+    jobs: int | None,
     resume: bool,
     interrupted: list[int],
     progress: Callable[[int, int], None],
+    backend: Backend = run_all,
 ) -> Outcome:
     """Run what is not done yet; files and findings hold whatever was finished.
 
     Args:
         design: What to run; `check` has let it pass.
         out: Directory, created if it does not exist.
-        jobs: Runs at once.
+        jobs: Runs at once; None for as many as there is room for.
         resume: Keep the rows that are there; they must be of the same design.
         interrupted: Becomes non-empty when the user wants to stop.
         progress: Told the number of runs that are done, and of all, time and again.
+        backend: What carries out the runs; the files do not depend on it.
 
     Raises:
         StudyError: There is nothing to resume, or it is another study.
-        BrokenRunError: Processes died again and again.
+        BrokenRunError: Runs were lost again and again.
     """
     table = _table(design, out, resume)
     (out / SETTINGS).write_text(json.dumps(plain(design), indent=2) + "\n", encoding="utf-8")
@@ -83,7 +86,7 @@ def run_study(
     missing = [variant for variant in design.variants if variant not in done]
     try:
         configs = [design.run_config(variant) for variant in missing]
-        for row in run_all(configs, jobs, interrupted) if configs else ():
+        for row in backend(configs, jobs, interrupted) if configs else ():
             if row is not None:
                 table.add(row)
             progress(len(table.rows), len(design.variants))

@@ -9,7 +9,8 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.errors import BrokenRunError
-from fleet.study.pool import N_RESTARTS, run_all
+from fleet.study.backend import N_RESTARTS
+from fleet.study.pool import run_all
 
 CONFIG = RunConfig(site="cell", robots=1, fidelity=Fidelity.GRID, duration_s=20.0, arms=ArmConfig(workers_n=0))
 
