@@ -11,8 +11,8 @@ STAMP := $(VENV)/.installed
 JOBS = 2
 # A Python to build .venv with. Empty: python3 if it is 3.11, else python3.11, because pybullet has wheels for 3.11 only.
 PYTHON =
-# Training libraries that `make test-stacks` tests.
-STACKS = train sb3 rllib torchrl benchmarl
+# Extras that `make test-stacks` tests: training libraries, and Ray for studies.
+STACKS = train sb3 rllib torchrl benchmarl ray
 # What `make test-bounds` runs with every index of a kernel checked, and where it keeps the kernels compiled for that.
 BOUNDS_TESTS = tests/unit/planners tests/unit/maps tests/unit/fleet tests/contract
 BOUNDS_DIR = build/bounds
@@ -79,7 +79,7 @@ test-bounds: $(STAMP) ## With the indices of all kernels checked: their tests an
 	    --out $(BOUNDS_DIR)/run >$(BOUNDS_DIR)/run.txt 2>&1 || { cat $(BOUNDS_DIR)/run.txt; exit 1; }; \
 	done; done
 
-test-stacks: $(STAMP) ## One environment for each training library, in .stacks, and its tests; STACKS chooses.
+test-stacks: $(STAMP) ## One environment for each training library and Ray, in .stacks, and its tests; STACKS chooses.
 	@set -e; \
 	for stack in $(STACKS); do \
 	  python=.stacks/$$stack/bin/python; \

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import os
+import io
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -21,6 +23,7 @@ from planners.allocation import ALLOCATORS
 from planners.mapf import DEFAULT_PLANNER, PLANNERS
 
 if TYPE_CHECKING:
+    from fleet.study.backend import Backend
     from fleet.study.study import Outcome
 
 COMPLETE, INTERRUPTED = 0, 130
@@ -81,7 +84,13 @@ class Study:
     settings: Path | None = None
     """TOML file with settings: tables [planner.NAME] and [allocator.NAME]; --planner-setting goes first."""
     jobs: int | None = None
-    """Runs at once; default one per core."""
+    """Runs at once; default one per core, on a cluster as many as it has room for."""
+    backend: Literal["local", "ray"] = "local"
+    """What carries out the runs: processes of this machine, or Ray (extra `ray`), on one machine or many. The rows are
+    the same."""
+    ray_address: str | None = None
+    """Cluster of --backend ray: local starts one on this machine, auto joins that which runs here, HOST:PORT or
+    ray://HOST:PORT another; default what RAY_ADDRESS says, else local."""
     out: Path = Path("runs/study")
     """Directory for study.csv, study.html and the plots."""
     resume: bool = False
@@ -94,6 +103,9 @@ class Study:
         require(self.jobs is None or self.jobs >= 1, "--jobs", self.jobs, "an integer >= 1")
         require(self.stream in list(StreamKind), "--stream", self.stream, ", ".join(StreamKind))
         require(self.rate is None or self.orders is None, "--rate", self.rate, "without --orders")
+        require(
+            self.ray_address is None or self.backend == "ray", "--ray-address", self.ray_address, "with --backend ray"
+        )
         robots = parse_range(self.robots, "--robots")
         rate_per_h = ORDERS_PER_CAR_H * max(robots) if self.rate is None else self.rate
         allocators = parse_names(self.allocators, "--allocators")
@@ -117,7 +129,11 @@ class Study:
         from fleet.study.study import check, run_study
 
         check(design)
-        with interrupts() as interrupted, Bar(len(design.variants), "runs", shown=True) as bar:
+        with (
+            interrupts() as interrupted,
+            Bar(len(design.variants), "runs", shown=True) as bar,
+            self._backend() as backend,
+        ):
 
             def progress(done: int, total: int) -> None:
                 if bar.due():
@@ -126,10 +142,11 @@ class Study:
             outcome = run_study(
                 design,
                 self.out,
-                jobs=self.jobs or len(os.sched_getaffinity(0)),
+                jobs=self.jobs,
                 resume=self.resume,
                 interrupted=interrupted,
                 progress=progress,
+                backend=backend,
             )
         width = None if sys.stdout.isatty() else PLAIN_WIDTH
         console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
@@ -139,6 +156,21 @@ class Study:
             console.print(f"interrupted: {outcome.n_open} runs are missing; --resume does them", soft_wrap=True)
             return INTERRUPTED
         return COMPLETE
+
+    @contextmanager
+    def _backend(self) -> Iterator[Backend]:
+        """What carries out the runs, for as long as it is there."""
+        if self.backend == "local":
+            from fleet.study.pool import run_all
+
+            yield run_all
+            return
+        from fleet.study.ray_cluster import ray_cluster
+        from fleet.study.ray_tasks import run_on_ray
+
+        # Ray prints pages of its log where a node dies.
+        with redirect_stdout(io.StringIO()), ray_cluster(self.ray_address, self.jobs):
+            yield run_on_ray
 
     def _words(self) -> str:
         """The options that decide the rows, as they are typed."""

@@ -35,6 +35,7 @@ REQUIRED = {
 }
 """Words without which a command has nothing to work on."""
 CHOICES = {
+    "backend": "ray",
     "controller": "pibt",
     "drive": "follow",
     "fidelity": "kinematic",

@@ -78,6 +78,9 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
         (["--orders", "none.csv"], "none.csv"),
         (["--orders", "none.csv", "--rate", "9"], "--rate is 9.0; valid: without --orders"),
         (["--resume"], "--resume: there is no study"),
+        (["--backend", "x"], "--backend is 'x'; valid: local, ray"),
+        (["--ray-address", "auto"], "--ray-address is 'auto'; valid: with --backend ray"),
+        (["--backend", "ray", "--ray-address", "x"], "--ray-address is 'x'; valid: local, auto, HOST:PORT"),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(
