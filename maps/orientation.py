@@ -6,11 +6,13 @@ every other. Alternating keeps mean paths near 1.3 times the two-way ones; a dep
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any
 
-import networkx as nx
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
@@ -28,9 +30,12 @@ _REPAIR_ROUNDS = 5
 _LOOK_BACK_LINES = 12
 """How many rows (columns) back a comparable aisle is looked for."""
 _LARGE_N_EDGES = 40_000
-"""Above so many edges only the most connected first guess is repaired, to stay within seconds."""
+"""Above so many edges candidates are compared by fewer paths, to stay within seconds."""
+_LARGE_SOURCES = 4
 _WAY_ROUND_CELLS = 3
 """A way round a dock is looked for among the lanes this near to it."""
+_MAX_VISITS = 4_000_000
+"""Path lengths of a large floor are averaged from fewer cells, which see so many cells together."""
 _SAMPLE_SOURCES = 64
 """Path lengths are averaged from at most so many evenly spread cells while candidates are compared."""
 
@@ -102,22 +107,21 @@ def orient_lanes(plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]]) -> Orie
     """
     grid = GridMap(plan.open)
     arm_side = {cell: sides[0] for cell, sides in arm_sides.items()}
-    edges = _two_edge_connected(_pruned_at_bays(_edges_of(plan, grid), plan, grid, arm_side), grid.n_cells)
+    edges = _two_edge_connected(_pruned_at_bays(_edges_of(plan, grid), plan, grid, arm_side), grid)
     if len(edges.tail) == 0:
         none = np.empty((0, 2), dtype=np.int32)
         return Orientation(lanes=none, against=none, cut_cells=tuple(plan.cells(_open_characters(plan))))
 
     best: tuple[tuple[int, float], _Edges] | None = None
     starts = _alternating_starts(edges, grid)
-    if len(edges.tail) > _LARGE_N_EDGES:
-        starts = [max(starts, key=lambda signs: len(_strong_part(replace(edges, sign=signs), grid.n_cells).tail))]
+    n_sources = _SAMPLE_SOURCES if len(edges.tail) <= _LARGE_N_EDGES else _LARGE_SOURCES
     for signs in starts:
         repaired = _repaired(replace(edges, sign=signs), grid.n_cells)
         candidate = _strong_part(repaired, grid.n_cells)
         if len(candidate.tail) == 0:
             continue
         kept = np.unique(np.concatenate((candidate.tail, candidate.head)))
-        rank = (-len(kept), _mean_path(*candidate.arcs(candidate.sign), kept, _SAMPLE_SOURCES))
+        rank = (-len(kept), _mean_path(*candidate.arcs(candidate.sign), kept, n_sources))
         if best is None or rank < best[0]:
             best = rank, candidate
     lanes = against = np.empty((0, 2), dtype=np.int32)
@@ -125,7 +129,7 @@ def orient_lanes(plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]]) -> Orie
         chosen = _with_ways_round(best[1], sorted(arm_side), np.flatnonzero(plan.bays.ravel()), grid)
         lanes = _sorted(*chosen.arcs(chosen.sign))
         if chosen.both.any():
-            against = _sorted(*_against_streets(chosen, grid.n_cells))
+            against = _sorted(*_against_streets(chosen, grid))
     cut = plan.open.ravel().copy()
     cut[lanes.ravel()] = False
     return Orientation(lanes=lanes, against=against, cut_cells=tuple(int(cell) for cell in np.flatnonzero(cut)))
@@ -137,11 +141,13 @@ def path_lengths(lanes: npt.NDArray[np.int32], grid: GridMap, *, max_sources: in
     Args:
         lanes: Directed lanes (from cell, to cell), shape (n, 2), strongly connected.
         grid: The floor the cells belong to.
-        max_sources: Paths start from at most so many evenly spread cells; all cells are used below that number.
+        max_sources: Paths start from at most so many evenly spread cells, on floors above 15,000 cells from fewer; all
+            cells are used below that number.
     """
     if len(lanes) == 0:
         return PathLengths(one_way=0.0, two_way=0.0)
     kept = np.unique(lanes).astype(np.int64)
+    max_sources = min(max_sources, max(_MAX_VISITS // len(kept), 1))
     one_way = _mean_path(lanes[:, 0].astype(np.int64), lanes[:, 1].astype(np.int64), kept, max_sources)
     present = np.zeros(grid.n_cells, dtype=np.bool_)
     present[kept] = True
@@ -163,6 +169,68 @@ def n_separated(start: Ints, end: Ints, cell: int, places: Ints) -> int:
     n_cells = int(max(start.max(), end.max(), places.max())) + 1
     part = _largest_part(start[rest], end[rest], strong=True, n_cells=n_cells)
     return int((~part[places]).sum()) - int((places == cell).sum())
+
+
+def separating(start: Ints, end: Ints, places: Sequence[int]) -> list[int]:
+    """Places at which a standing car may keep others from other places: `n_separated` is 0 for all the rest.
+
+    A car blocks its cell, and with it the cells that lead nowhere else or that nothing else leads to. None of them is
+    needed if the cells before them lead to those behind by other ways. These are short as a rule, so that a look at
+    each place takes a small part of what `n_separated` takes.
+
+    Args:
+        start: First cell of every lane, shape (n_lanes,).
+        end: Second cell of every lane, shape (n_lanes,); all lanes strongly connected.
+        places: Cells cars want to go to.
+    """
+    n_cells = int(max(start.max(initial=-1), end.max(initial=-1), *places, -1)) + 1
+    after, before = _neighbours(start, end, n_cells), _neighbours(end, start, n_cells)
+    wanted = set(places)
+    found = []
+    for place in places:
+        closed = {place}
+        first = _end_of_blocked(place, before, after, wanted, closed)
+        last = _end_of_blocked(place, after, before, wanted, closed)
+        if not all(_leads(after, cell, after[last], closed) for cell in before[first]):
+            found.append(place)
+    return found
+
+
+def _end_of_blocked(
+    cell: int, onward: list[list[int]], back: list[list[int]], wanted: set[int], closed: set[int]
+) -> int:
+    """The last of the cells that are of no use when a cell is blocked, on one side of it; adds them to the closed."""
+    while len(onward[cell]) == 1 and len(back[onward[cell][0]]) == 1:
+        following = onward[cell][0]
+        if following in wanted or following in closed:
+            break
+        cell = following
+        closed.add(cell)
+    return cell
+
+
+def _neighbours(start: Ints, end: Ints, n_cells: int) -> list[list[int]]:
+    """Where the lanes from each cell lead."""
+    order = np.argsort(start, kind="stable")
+    bounds = np.searchsorted(start[order], np.arange(n_cells + 1)).tolist()
+    ends = end[order].tolist()
+    return [ends[first:last] for first, last in pairwise(bounds)]
+
+
+def _leads(after: list[list[int]], first: int, goals: list[int], closed: set[int]) -> bool:
+    """Whether lanes lead from a cell to all of some others, never through closed ones."""
+    missing = {goal for goal in goals if goal != first}
+    seen, frontier = {first, *closed}, [first]
+    while missing and frontier:
+        following = []
+        for cell in frontier:
+            for other in after[cell]:
+                if other not in seen:
+                    seen.add(other)
+                    following.append(other)
+                    missing.discard(other)
+        frontier = following
+    return not missing
 
 
 def _open_characters(plan: FloorPlan) -> str:
@@ -200,10 +268,12 @@ def _edges_of(plan: FloorPlan, grid: GridMap) -> _Edges:
 
 def _pruned_at_bays(edges: _Edges, plan: FloorPlan, grid: GridMap, arm_side: dict[int, int]) -> _Edges:
     """Leave every bay two edges, one in and one out; where the entry is certain its direction becomes fixed."""
-    at = {(int(t), int(h)): number for number, (t, h) in enumerate(zip(edges.tail, edges.head, strict=True))}
+    bays = plan.bays.ravel()
+    beside = np.flatnonzero(bays[edges.tail] | bays[edges.head])
+    ends = zip(edges.tail[beside].tolist(), edges.head[beside].tolist(), strict=True)
+    at = dict(zip(ends, beside.tolist(), strict=True))
     keep = np.ones(len(edges.tail), dtype=np.bool_)
     sign, fixed = edges.sign.copy(), edges.fixed.copy()
-    bays = plan.bays.ravel()
     done: set[int] = set()
 
     def edge(cell: int, heading: int) -> int:
@@ -249,25 +319,33 @@ def _pruned_at_bays(edges: _Edges, plan: FloorPlan, grid: GridMap, arm_side: dic
     return replace(edges, sign=sign, fixed=fixed, both=edges.both & ~fixed).select(keep)
 
 
-def _two_edge_connected(edges: _Edges, n_cells: int) -> _Edges:
+def _two_edge_connected(edges: _Edges, grid: GridMap) -> _Edges:
     """The largest part that stays connected when any one edge is taken out: only that can be made one-way."""
-    edges = edges.select(~_bridges(edges) | edges.both)
+    edges = edges.select(~_bridges(edges, grid) | edges.both)
     if len(edges.tail) == 0:
         return edges
-    part = _largest_part(edges.tail, edges.head, strong=False, n_cells=n_cells)
+    part = _largest_part(edges.tail, edges.head, strong=False, n_cells=grid.n_cells)
     return edges.select(part[edges.tail])
 
 
-def _bridges(edges: _Edges) -> Bools:
-    """Which edges cut the floor in two when they are taken out."""
-    graph: nx.Graph[int] = nx.Graph()
-    graph.add_edges_from(zip(edges.tail.tolist(), edges.head.tolist(), strict=True))
-    bridges = {(min(a, b), max(a, b)) for a, b in nx.bridges(graph)}
-    return np.fromiter(
-        (pair in bridges for pair in zip(edges.tail.tolist(), edges.head.tolist(), strict=True)),
-        dtype=np.bool_,
-        count=len(edges.tail),
-    )
+def _bridges(edges: _Edges, grid: GridMap) -> Bools:
+    """Which edges cut the floor in two when they are taken out: those that have the same face on both sides.
+
+    A face is a set of cells' corners that are joined where no edge passes between two of them.
+    """
+    # The edge between two cells side by side passes between the corners above and below their border.
+    across = np.ones((grid.rows, grid.cols + 1), dtype=np.bool_)
+    down = np.ones((grid.rows + 1, grid.cols), dtype=np.bool_)
+    row, col = np.divmod(edges.tail, grid.cols)
+    side = edges.horizontal
+    across[row[side], col[side] + 1] = False
+    down[row[~side] + 1, col[~side]] = False
+    corner = np.arange((grid.rows + 1) * (grid.cols + 1)).reshape(grid.rows + 1, grid.cols + 1)
+    start = np.concatenate((corner[:-1][across], corner[:, :-1][down]))
+    end = np.concatenate((corner[1:][across], corner[:, 1:][down]))
+    face = connected_components(_graph(start, end, corner.size), directed=False)[1].reshape(corner.shape)
+    one = np.where(side, face[row, col + 1], face[row + 1, col])
+    return np.asarray(one == face[row + 1, col + 1])
 
 
 def _alternating_starts(edges: _Edges, grid: GridMap) -> list[npt.NDArray[np.int8]]:
@@ -318,7 +396,10 @@ def _against_previous(
     runs_of_line: dict[int, list[tuple[int, int, int]]], line: int, begin: int, end: int, otherwise: int
 ) -> int:
     for before in range(line - 1, line - 1 - _LOOK_BACK_LINES, -1):
-        for other_begin, other_end, direction in runs_of_line.get(before, ()):
+        runs = runs_of_line.get(before, [])
+        for other_begin, other_end, direction in runs[bisect_right(runs, begin, key=itemgetter(1)) :]:
+            if other_begin >= end:
+                break
             overlap = min(end, other_end) - max(begin, other_begin)
             if 2 * overlap >= max(end - begin, other_end - other_begin):
                 return -direction
@@ -394,7 +475,7 @@ def _with_ways_round(edges: _Edges, docks: list[int], places: Ints, grid: GridMa
 
     def n_blocked(sign: npt.NDArray[np.int8]) -> int:
         start, end = edges.arcs(sign)
-        return sum(n_separated(start, end, dock, places) for dock in docks)
+        return sum(n_separated(start, end, dock, places) for dock in separating(start, end, docks))
 
     sign = edges.sign
     blocked = n_blocked(sign)
@@ -416,7 +497,7 @@ def _with_ways_round(edges: _Edges, docks: list[int], places: Ints, grid: GridMa
     return replace(edges, sign=sign)
 
 
-def _against_streets(edges: _Edges, n_cells: int) -> tuple[Ints, Ints]:
+def _against_streets(edges: _Edges, grid: GridMap) -> tuple[Ints, Ints]:
     """Start and end of the lanes of two-way edges that a one-way drawing would not have.
 
     Only a bridge has to stay two-way; all else keeps the directions of the alternating guess, repaired like that of
@@ -424,8 +505,8 @@ def _against_streets(edges: _Edges, n_cells: int) -> tuple[Ints, Ints]:
 
     Source: F. Boesch and R. Tindell, Robbins's theorem for mixed multigraphs, Amer. Math. Monthly 87(9), 1980.
     """
-    streets = edges.both & ~_bridges(edges)
-    sign = _repaired(replace(edges, both=edges.both & ~streets), n_cells).sign[streets]
+    streets = edges.both & ~_bridges(edges, grid)
+    sign = _repaired(replace(edges, both=edges.both & ~streets), grid.n_cells).sign[streets]
     tail, head = edges.tail[streets], edges.head[streets]
     return np.where(sign > 0, head, tail), np.where(sign > 0, tail, head)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maps.lane_graph import build_lane_graph
-from maps.orientation import n_separated, path_lengths
+from maps.orientation import n_separated, path_lengths, separating
 from maps.site import Site
 
 MAX_PATH_RATIO = 1.5
@@ -101,21 +101,20 @@ def _warnings(site: Site, ratio: float) -> tuple[str, ...]:
     docks = [station.dock.cell for station in site.stations]
     places = np.array([*docks, *site.parking, *site.chargers], dtype=np.int64)
     start, end = site.lanes.astype(np.int64).T
-    lane_set = {(int(a), int(b)) for a, b in site.lanes}
+    lane_set = set(zip(start.tolist(), end.tolist(), strict=True))
+    blocked = {cell: n_separated(start, end, cell, places) for cell in separating(start, end, places.tolist())}
     for station in site.stations:
         cell = station.dock.cell
         if (cell, site.grid.neighbour(cell, station.dock.heading)) not in lane_set:
             found.append(f"{station.name}: the dock is left by a turn, so cars stop short of the cell's centre")
-        blocker = n_separated(start, end, cell, places)
-        if blocker:
-            found.append(f"{station.name}: a car in the dock blocks the only lane to {blocker} other places")
+        if blocked.get(cell):
+            found.append(f"{station.name}: a car in the dock blocks the only lane to {blocked[cell]} other places")
     for what, cells in (("parking", site.parking), ("charger", site.chargers)):
         for cell in cells:
-            blocker = n_separated(start, end, cell, places)
-            if blocker:
+            if blocked.get(cell):
                 row, col = site.grid.row_col(cell)
                 found.append(
                     f"{what} at row {row + 1}, column {col + 1}: a car standing there blocks the only lane to "
-                    f"{blocker} other places"
+                    f"{blocked[cell]} other places"
                 )
     return tuple(found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -127,9 +126,10 @@ def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, tuple
     sides: dict[int, tuple[int, ...]] = {}
     owner: dict[int, str] = {}
     for character, kind in (("P", "pick"), ("D", "drop")):
+        number = 1
         for dock in plan.cells(character):
             beside = tuple(heading for heading in range(4) if grid.neighbour(dock, heading) in arms)
-            name = f"{kind}_{1 + sum(len(sides[cell]) for cell in sides if plan.chars.flat[cell] == character)}"
+            name = f"{kind}_{number}"
             if len(beside) not in (1, 2) or (len(beside) == 2 and (beside[0] + 2) % 4 != beside[1]):
                 raise StationError(
                     f"{where}: {name} at {_at(grid, dock)} has {len(beside)} arms beside it; "
@@ -144,6 +144,7 @@ def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, tuple
                     )
                 owner[arm] = name
             sides[dock] = beside
+            number += len(beside)
     for arm in sorted(arms - set(owner)):
         raise StationError(f"{where}: the arm at {_at(grid, arm)} has no dock beside it; valid: beside one 'P' or 'D'")
     return sides
@@ -287,6 +288,7 @@ def _check_reach(station: StationPlace, where: str) -> None:
 
 def _check_floor(places: list[StationPlace], plan: FloorPlan, grid: GridMap, where: str) -> None:
     """Arm bases and pedestals stand beside the lanes, not on them."""
+    lanes = plan.open
     for station in places:
         base = np.array([station.arm.pose[:2]])
         boxes = [("the arm's base", point, ARM_BASE_RADIUS_M) for point in base]
@@ -296,7 +298,7 @@ def _check_floor(places: list[StationPlace], plan: FloorPlan, grid: GridMap, whe
             reach = half - _TOLERANCE_M if what.startswith("slot") else 0.0
             for dx, dy in ((-reach, -reach), (-reach, reach), (reach, -reach), (reach, reach)):
                 row, col = grid.cell_at(float(centre[0]) + dx, float(centre[1]) + dy)
-                if plan.open[row, col]:
+                if lanes[row, col]:
                     raise StationError(
                         f"{where}: {station.name}: {what} at ({centre[0]:.2f}, {centre[1]:.2f}) m stands on the lane "
                         f"cell row {row + 1}, column {col + 1}; valid: on blocked cells (one of # = _ A)"
@@ -304,15 +306,17 @@ def _check_floor(places: list[StationPlace], plan: FloorPlan, grid: GridMap, whe
 
 
 def _check_spacing(places: list[StationPlace], where: str) -> None:
+    from scipy.spatial import KDTree  # with stations come lanes, whose packages are heavy too
+
     bases = np.array([station.arm.pose[:2] for station in places])
-    distance = np.hypot(*(bases[:, None] - bases[None]).transpose(2, 0, 1))
-    for first, second in itertools.combinations(range(len(places)), 2):
+    for first, second in sorted(KDTree(bases).query_pairs(MIN_ARM_SPACING_M)):
         partners = places[first].dock.cell == places[second].dock.cell
         least = MIN_PARTNER_SPACING_M if partners else MIN_ARM_SPACING_M
-        if distance[first, second] < least - _TOLERANCE_M:
+        distance = float(np.hypot(*(bases[first] - bases[second])))
+        if distance < least - _TOLERANCE_M:
             raise StationError(
                 f"{where}: the arms of {places[first].name} and {places[second].name} stand "
-                f"{distance[first, second]:.2f} m apart; valid: at least {least} m"
+                f"{distance:.2f} m apart; valid: at least {least} m"
             )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from maps.site import Site
 
 MOST = 1000
-"""Greatest side of a generated floor [cells] and number of places on it; beyond it checks take minutes."""
+"""Greatest side of a generated floor [cells], and number of places that a converted map is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,16 +96,35 @@ class SiteGenerate:
     """Drop stations."""
     parking: int = 24
     """Parking cells."""
+    sides: Literal["we", "nesw", "none"] = "we"
+    """Walls along which stations stand: west (picks) and east (drops), also north (picks) and south (drops), or
+    none."""
+    islands: bool = False
+    """Stations for which the walls have no room stand inside the floor, between the racks."""
+    lanes: int = 1
+    """Lanes side by side between two blocks of racks."""
 
     def run(self) -> int:
         """Write the file."""
         from maps.warehouse import generate_warehouse
 
-        for name in ("rows", "cols", "pick", "drop", "parking"):
+        for name in ("rows", "cols"):
             value = getattr(self, name)
             require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
+        for name in ("pick", "drop", "parking", "lanes"):
+            value = getattr(self, name)
+            require(value >= 1, f"--{name}", value, "an integer of at least 1")
+        require(self.islands or self.sides != "none", "--sides", self.sides, "we or nesw, or none with --islands")
         site = generate_warehouse(
-            rows=self.rows, cols=self.cols, pick=self.pick, drop=self.drop, parking=self.parking, name=self.out.stem
+            rows=self.rows,
+            cols=self.cols,
+            pick=self.pick,
+            drop=self.drop,
+            parking=self.parking,
+            sides=self.sides,
+            islands=self.islands,
+            lanes=self.lanes,
+            name=self.out.stem,
         )
         return _save(site, self.out)
 

@@ -10,7 +10,7 @@ import numpy as np
 from fleet.arrays import FloatArray, IntArray
 from fleet.robots.spec import CarSpec
 from fleet.tasks.order import MAX_EDGE_M
-from fleet.world.scene import Scene
+from fleet.world.scene import Scene, StaticBox
 from maps.grid import GridMap
 from maps.site import Site
 from maps.stations import StationPlace
@@ -94,16 +94,24 @@ class _Box(NamedTuple):
 
 def arm_cells(site: Site, scene: Scene) -> tuple[ArmCell, ...]:
     """Surroundings of every station's arm, in the order of the stations."""
-    return tuple(_arm_cell(site, scene, place) for place in site.stations)
+    centre = np.array([box.centre_m[:2] for box in scene.boxes]).reshape(-1, 2)
+    half = np.array([box.half_m[:2] for box in scene.boxes]).reshape(-1, 2)
+    cells = []
+    for place in site.stations:
+        # A first look at all boxes together, since a large floor has thousands for each of hundreds of arms.
+        gap = np.abs(centre - np.array(place.arm.pose[:2])) - half
+        near = np.flatnonzero((gap < REACH_M).all(axis=1))
+        cells.append(_arm_cell(site, scene, place, [scene.boxes[k] for k in near.tolist()]))
+    return tuple(cells)
 
 
-def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
+def _arm_cell(site: Site, scene: Scene, place: StationPlace, near_boxes: list[StaticBox]) -> ArmCell:
     base = np.asarray(place.arm.pose, dtype=np.float64)
     grid = site.grid
     boxes: list[_Box] = [
         _Box(np.array([base[0], base[1], base[2] - 0.05]), np.array([3.0, 3.0, 0.05]), 0.0, FLOOR_FRAME)
     ]
-    for box in scene.boxes:
+    for box in near_boxes:
         centre, half = np.array(box.centre_m), np.array(box.half_m)
         boxes.append(_Box(centre, half, name=_name(grid, place, box.kind, centre, half)))
     for number, (x, y, z) in enumerate(place.slots, start=1):
@@ -111,7 +119,7 @@ def _arm_cell(site: Site, scene: Scene, place: StationPlace) -> ArmCell:
         top = np.array([x, y, z + MAX_EDGE_M / 2])
         boxes.append(_Box(top, np.full(3, MAX_EDGE_M / 2), name=f"slot {number}"))
     boxes += _car_boxes(scene.car, place)
-    for lane_cell in np.flatnonzero(grid.free.ravel()).tolist():
+    for lane_cell in _lane_cells_around(grid, base):
         if lane_cell == place.dock.cell:
             continue
         x, y = grid.xy(*grid.row_col(lane_cell))
@@ -159,6 +167,15 @@ def _name(grid: GridMap, place: StationPlace, kind: str, centre: FloatArray, hal
     inside = half[:2] - min(1e-6, float(half[:2].min()))
     x, y = np.clip(place.arm.pose[:2], centre[:2] - inside, centre[:2] + inside).tolist()
     return f"{kind} at {_at(grid, x, y)}"
+
+
+def _lane_cells_around(grid: GridMap, base: FloatArray) -> list[int]:
+    """Free cells in the square around a base that holds all which it could reach, ascending."""
+    away = int(REACH_M / grid.cell_m) + 2
+    row, col = grid.cell_at(float(base[0]), float(base[1]))
+    first_row, first_col = max(row - away, 0), max(col - away, 0)
+    rows, cols = np.nonzero(grid.free[first_row : row + away + 1, first_col : col + away + 1])
+    return np.asarray(grid.index(rows + first_row, cols + first_col)).tolist()
 
 
 def _at(grid: GridMap, x: float, y: float) -> str:
