@@ -184,47 +184,53 @@ def separating(start: Ints, end: Ints, places: Sequence[int]) -> list[int]:
         places: Cells cars want to go to.
     """
     n_cells = int(max(start.max(initial=-1), end.max(initial=-1), *places, -1)) + 1
-    after, before = _neighbours(start, end, n_cells), _neighbours(end, start, n_cells)
+    onward, back = _Neighbours.of(start, end, n_cells), _Neighbours.of(end, start, n_cells)
     wanted = set(places)
     found = []
     for place in places:
         closed = {place}
-        first = _end_of_blocked(place, before, after, wanted, closed)
-        last = _end_of_blocked(place, after, before, wanted, closed)
-        if not all(_leads(after, cell, after[last], closed) for cell in before[first]):
+        first = _end_of_blocked(place, back, onward, wanted, closed)
+        last = _end_of_blocked(place, onward, back, wanted, closed)
+        if not all(_leads(onward, cell, onward[last], closed) for cell in back[first]):
             found.append(place)
     return found
 
 
-def _end_of_blocked(
-    cell: int, onward: list[list[int]], back: list[list[int]], wanted: set[int], closed: set[int]
-) -> int:
+@dataclass(frozen=True)
+class _Neighbours:
+    """Where the lanes from each cell lead, or where those to it come from; lists, on which small looks are fast."""
+
+    bounds: list[int]
+    cells: list[int]
+
+    @classmethod
+    def of(cls, start: Ints, end: Ints, n_cells: int) -> _Neighbours:
+        order = np.argsort(start, kind="stable")
+        bounds = np.searchsorted(start[order], np.arange(n_cells + 1))
+        return cls(bounds.tolist(), end[order].tolist())
+
+    def __getitem__(self, cell: int) -> list[int]:
+        return self.cells[self.bounds[cell] : self.bounds[cell + 1]]
+
+
+def _end_of_blocked(cell: int, onward: _Neighbours, back: _Neighbours, wanted: set[int], closed: set[int]) -> int:
     """The last of the cells that are of no use when a cell is blocked, on one side of it; adds them to the closed."""
-    while len(onward[cell]) == 1 and len(back[onward[cell][0]]) == 1:
-        following = onward[cell][0]
-        if following in wanted or following in closed:
+    while len(following := onward[cell]) == 1 and len(back[following[0]]) == 1:
+        if following[0] in wanted or following[0] in closed:
             break
-        cell = following
+        cell = following[0]
         closed.add(cell)
     return cell
 
 
-def _neighbours(start: Ints, end: Ints, n_cells: int) -> list[list[int]]:
-    """Where the lanes from each cell lead."""
-    order = np.argsort(start, kind="stable")
-    bounds = np.searchsorted(start[order], np.arange(n_cells + 1)).tolist()
-    ends = end[order].tolist()
-    return [ends[first:last] for first, last in pairwise(bounds)]
-
-
-def _leads(after: list[list[int]], first: int, goals: list[int], closed: set[int]) -> bool:
+def _leads(onward: _Neighbours, first: int, goals: list[int], closed: set[int]) -> bool:
     """Whether lanes lead from a cell to all of some others, never through closed ones."""
-    missing = {goal for goal in goals if goal != first}
-    seen, frontier = {first, *closed}, [first]
+    # A cell that is also a goal has to lead back to itself: on a ring without the closed part it does not.
+    missing, seen, frontier = set(goals), set(closed), [first]
     while missing and frontier:
         following = []
         for cell in frontier:
-            for other in after[cell]:
+            for other in onward[cell]:
                 if other not in seen:
                     seen.add(other)
                     following.append(other)

@@ -183,7 +183,7 @@ def _unreached(site: Site, grip: Grip | None) -> dict[Grip, tuple[str, ...]]:
                 bar.show(looked, f"arm of {station}", f"arms looked at: {looked} of {total}")
             looked += 1
 
-        return {grip: reach_refusals(site, grip, told) for grip in grips}
+        return reach_refusals(site, grips, told)
 
 
 def _require_reach(refused: dict[Grip, tuple[str, ...]]) -> None:

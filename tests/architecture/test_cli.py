@@ -43,6 +43,7 @@ CHOICES = {
     "motion": "rotating",
     "perception": "camera",
     "planner_setting": "rounds=2",
+    "sides": "nesw",
 }
 """A value of options that take a word of a few; the others take 7."""
 

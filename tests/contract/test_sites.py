@@ -1,4 +1,4 @@
-"""What every shipped site must fulfil; the folder maps/data is the list."""
+"""What every shipped site must fulfil, whose list is the folder maps/data, and every generated one."""
 
 import networkx as nx
 import numpy as np
@@ -7,6 +7,7 @@ import pytest
 from maps.lane_graph import build_lane_graph
 from maps.report import check_site
 from maps.site import load_site, save_site, site_names
+from maps.warehouse import generate_warehouse
 
 EXPECTED = {
     "cell": {"picks": 1, "drops": 1, "parking": 2, "rows": (6, 9), "cols": (8, 14)},
@@ -19,8 +20,17 @@ EXPECTED = {
 }
 
 
-@pytest.fixture(scope="module", params=site_names())
+GENERATED = {
+    "generated_islands": {"pick": 8, "drop": 8, "sides": "none", "islands": True},
+    "generated_four_sides": {"pick": 8, "drop": 8, "sides": "nesw"},
+    "generated_both": {"pick": 20, "drop": 25, "sides": "nesw", "islands": True, "lanes": 2},
+}
+
+
+@pytest.fixture(scope="module", params=[*site_names(), *GENERATED])
 def site(request):
+    if request.param in GENERATED:
+        return generate_warehouse(rows=30, cols=42, parking=30, name=request.param, **GENERATED[request.param])
     return load_site(request.param)
 
 
@@ -29,7 +39,7 @@ def test_known_sites_ship():
 
 
 def test_name_is_the_file_name(site):
-    assert site.name in site_names()
+    assert site.name in {*site_names(), *GENERATED}
 
 
 @pytest.mark.parametrize("name", EXPECTED)

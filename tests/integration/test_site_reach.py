@@ -97,7 +97,7 @@ def test_a_slot_out_of_reach_is_refused_with_what_is_in_the_way_and_served_witho
     assert words.endswith("valid: '_' for the wall at row 6, column 4")
     assert refused(demo(site, tmp_path), capsys) == words
     mended = written(tmp_path / "mended.toml", WALL_BEHIND_THE_ARM.replace("#=##", "#=#_"), LOW_SLOTS)
-    assert reach_refusals(load_site(mended), Grip.FRICTION, lambda station: None) == ()
+    assert reach_refusals(load_site(mended), (Grip.FRICTION,), lambda station: None) == {Grip.FRICTION: ()}
 
 
 def test_check_convert_and_run_refuse_in_the_same_words(tmp_path, capsys, monkeypatch) -> None:

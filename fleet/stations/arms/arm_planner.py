@@ -116,7 +116,10 @@ class LocalArmPlanner:
         self._answers: dict[int, Transfer] = {}
         self._tickets = 0
         self._keeps_trees = False
-        self._planners: list[CellPlanner] = []
+        self._planners: dict[int, CellPlanner] = {}
+        self._known: dict[bytes, KnownWays] = {}
+        self._setup = setup
+        self._arm, self._car = planned_arm(setup.spec, TOOLS[setup.tool]), racecar_spec()
         self._engine: EngineConfirm | None = None
         if setup.confirm:
             # Only here, so that worlds without physics never load the engine.
@@ -131,29 +134,34 @@ class LocalArmPlanner:
             raise
 
     def _prepare(self, setup: ArmSetup, told: Callable[[str], None] | None) -> None:
-        """Make a planner for each arm, and look at all of them before one is refused."""
-        arm, car = planned_arm(setup.spec, TOOLS[setup.tool]), racecar_spec()
-
-        def planner_of(cell: ArmCell, known: KnownWays | None = None) -> CellPlanner:
-            search = Search(setup.planner, setup.n_iterations)
-            return CellPlanner(cell, arm, car, search, known=known, confirm=self._engine)
-
-        known: dict[bytes, KnownWays] = {}
+        """Look at the arms, of those with the same surroundings at one, before any is refused."""
         judged: dict[bytes, PlaceRefusal | None] = {}
         refusals = []
-        for name, cell in zip(setup.names, setup.cells, strict=True):
+        for arm, (name, cell) in enumerate(zip(setup.names, setup.cells, strict=True)):
             if told is not None:
                 told(name)
             key = cell.geometry_key()
-            planner = planner_of(cell, known.setdefault(key, KnownWays()))
             if key not in judged:
-                judged[key] = refusal_of(planner, planner_of)
+                judged[key] = refusal_of(self._planner(arm), self._planner_of)
             refusal = judged[key]
             if refusal is not None:
                 refusals.append(refusal.words(name, setup.tool, cell))
-            self._planners.append(planner)
         if refusals:
             raise ReachError(tuple(refusals))
+
+    def _planner(self, arm: int) -> CellPlanner:
+        """The planner of an arm, made when it is first needed."""
+        if arm not in self._planners:
+            cell = self._setup.cells[arm]
+            planner = self._planner_of(cell, self._known.setdefault(cell.geometry_key(), KnownWays()))
+            if self._keeps_trees:
+                planner.keep_trees()
+            self._planners[arm] = planner
+        return self._planners[arm]
+
+    def _planner_of(self, cell: ArmCell, known: KnownWays | None = None) -> CellPlanner:
+        search = Search(self._setup.planner, self._setup.n_iterations)
+        return CellPlanner(cell, self._arm, self._car, search, known=known, confirm=self._engine)
 
     def wait_ready(self) -> None:
         """Nothing to wait for: see the constructor."""
@@ -161,7 +169,7 @@ class LocalArmPlanner:
     def keep_trees(self) -> None:
         """See `ArmPlanner`."""
         self._keeps_trees = True
-        for planner in self._planners:
+        for planner in self._planners.values():
             planner.keep_trees()
 
     def submit(self, request: ArmRequest) -> int:
@@ -173,10 +181,10 @@ class LocalArmPlanner:
     def answer(self, request: ArmRequest) -> Transfer:
         """Plan one request."""
         transfer = self._planned(request)
-        return replace(transfer, trees=self._planners[request.arm].take_trees()) if self._keeps_trees else transfer
+        return replace(transfer, trees=self._planner(request.arm).take_trees()) if self._keeps_trees else transfer
 
     def _planned(self, request: ArmRequest) -> Transfer:
-        planner = self._planners[request.arm]
+        planner = self._planner(request.arm)
         if isinstance(request, HomeRequest):
             return planner.home(request)
         if isinstance(request, FetchRequest):

@@ -2,10 +2,12 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from maps import orientation
 from maps.grid import GridMap
-from maps.orientation import n_separated, orient_lanes, path_lengths
+from maps.orientation import n_separated, orient_lanes, path_lengths, separating
 from maps.plan import parse_plan
 from maps.site import load_site, site_from_plan
+from maps.warehouse import generate_warehouse
 
 
 def orient(*lines):
@@ -124,3 +126,38 @@ def test_a_bridge_has_no_street():
 @pytest.mark.parametrize("name", ["small", "medium"])
 def test_one_way_lanes_are_never_against_a_street(name):
     assert len(load_site(name).against) == 0
+
+
+def test_places_that_separate_others_are_found_by_looks_nearby():
+    # A ring 0 -> 1 -> 2 -> 3 -> 0 with a siding 1 -> 4 -> 2: who stands in 4 keeps nobody, who stands in 0 or 3 all.
+    start, end = np.array([0, 1, 2, 3, 1, 4]), np.array([1, 2, 3, 0, 4, 2])
+    assert separating(start, end, [4, 1]) == [1]
+    assert separating(start, end, [0, 3, 4]) == [0, 3]
+
+
+@pytest.mark.parametrize("sides", ["we", "nesw", "none"])
+def test_no_place_that_separates_others_is_missed(sides):
+    site = generate_warehouse(rows=26, cols=33, pick=6, drop=5, parking=31, sides=sides, islands=True)
+    start, end = site.lanes.astype(np.int64).T
+    # Not only bays, which the generator places well, but cells of lanes too.
+    places = np.unique(np.concatenate((list(site.bays().values()), np.unique(site.lanes)[::7])))
+    exact = {cell for cell in places.tolist() if n_separated(start, end, cell, places)}
+    assert exact
+    assert exact <= set(separating(start, end, places.tolist()))
+
+
+def test_bridges_are_those_that_networkx_finds():
+    rng = np.random.default_rng(4)
+    found = 0
+    for _ in range(40):
+        free = rng.random((7, 9)) < 0.7
+        plan = parse_plan(
+            ["".join(".#"[not cell] for cell in line) for line in free] + ["P........", "D........"], where="x"
+        )
+        edges = orientation._edges_of(plan, GridMap(plan.open))
+        graph = nx.Graph(list(zip(edges.tail.tolist(), edges.head.tolist(), strict=True)))
+        expected = {tuple(sorted(pair)) for pair in nx.bridges(graph)}
+        bridges = orientation._bridges(edges, GridMap(plan.open))
+        assert set(zip(edges.tail[bridges].tolist(), edges.head[bridges].tolist(), strict=True)) == expected
+        found += len(expected)
+    assert found > 40

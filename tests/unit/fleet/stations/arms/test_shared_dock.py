@@ -168,8 +168,8 @@ def test_a_fetched_parcel_can_be_put_back(planner, referee):
     down = cell.arm_manager.q[1].copy()
     cell.arm_manager.put_back(1)
     cell.run(lambda: cell.held[1] < 0)
-    grasp = planner._planners[1]._motions.tip(cell.arm_manager.q[1])[:3, 3]
-    assert grasp[2] < planner._planners[1]._motions.tip(down)[2, 3] - 0.1
+    grasp = planner._planner(1)._motions.tip(cell.arm_manager.q[1])[:3, 3]
+    assert grasp[2] < planner._planner(1)._motions.tip(down)[2, 3] - 0.1
     cell.run(lambda: cell.idle)
     np.testing.assert_allclose(cell.arm_manager.q[1], SCENE.arm_start[1], atol=1e-6)
 
