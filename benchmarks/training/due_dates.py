@@ -25,7 +25,7 @@ FIRST_SEED = 50_000
 N_SEEDS, N_QUICK_SEEDS, N_QUICK_CYCLES = 20, 2, 24
 ELSEWHERE = "due_rush"
 """Scenario that is played on the held-out floors, too."""
-HELD_OUT_SITES = {
+HELD_OUT_SITES: dict[str, dict[str, Any]] = {
     "narrow_held_out": {"rows": 30, "cols": 14, "pick": 3, "drop": 3, "parking": 12},
     "wide_held_out": {"rows": 14, "cols": 30, "pick": 3, "drop": 3, "parking": 12},
     "square_held_out": {"rows": 20, "cols": 22, "pick": 4, "drop": 4, "parking": 16},

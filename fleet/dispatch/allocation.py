@@ -102,9 +102,9 @@ class TaskAllocation:
         column_of, later, answer = self._allocate(costs, columns, held, soon)
         self._keep_reasons(costs, answer, full, soon, column_of, later, anew=situation.exchange)
         taken, given = [], []
-        for car, task in held.items():
+        for column, (car, task) in enumerate(held.items(), start=n):
             if column_of[car] < 0 or costs.tasks[column_of[car]] is not task:
-                taken.append((car, self._why_taken(costs, column_of, car, task)))
+                taken.append((car, self._why_taken(costs, column_of, car, column)))
         for car in (column_of >= 0).nonzero()[0].tolist():
             task = costs.tasks[column_of[car]]
             if held.get(car) is not task:
@@ -138,9 +138,8 @@ class TaskAllocation:
                 column_of[car] = column
         return column_of, later, Answer(problem=problem, assignment=assignment, cars=cars, columns=columns)
 
-    def _why_taken(self, costs: CostMatrix, column_of: npt.NDArray[np.int64], car: int, task: Task) -> str:
-        """Why a car loses a task, in words."""
-        column = next(k for k, other in enumerate(costs.tasks) if other is task)
+    def _why_taken(self, costs: CostMatrix, column_of: npt.NDArray[np.int64], car: int, column: int) -> str:
+        """Why a car loses the task of a column, in words."""
         takers = np.flatnonzero(column_of == column)
         words = [f"cost car_{car} {costs.cost_s[car, column]:.1f} s"]
         if takers.size:

@@ -54,8 +54,7 @@ class Admission:
         """Send a car to the next station of its task, or hold it back until its turn comes."""
         station = self._station(task)
         self._missions.bind(car, station.arm)
-        arrivals = self._turns.bound_for(station.arm)
-        line = line_up(arrivals, self._turns.pace(now_s))
+        arrivals, line = self._turns.line_of(station.arm, now_s)
         # Who has just been bound is the last.
         early_s = float(line.turn_s[-1] - arrivals.comes_s[-1])
         near = bool(arrivals.comes_s[-1] <= NEAR_S)

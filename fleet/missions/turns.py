@@ -88,13 +88,23 @@ class TurnBook:
         self._missions = missions
         self._ways = ways
         self._least_cycle_s = least_cycle_s
+        self._arms = np.arange(len(least_cycle_s))
 
-    def pace(self, now_s: float) -> ArmPace:
-        """How fast the arms are at present."""
+    def pace(self, now_s: float, arms: IntArray | None = None) -> ArmPace:
+        """How fast the arms are at present, or some of them."""
         missions = self._missions
-        left_s = missions.stations.times.all_left_s(now_s)
-        cycle_s = np.maximum(missions.stations.recent_s() + CHANGE_S, self._least_cycle_s)
-        return ArmPace(cycle_s, np.where(missions.served >= 0, left_s + CHANGE_S, 0.0))
+        arms = self._arms if arms is None else arms
+        times = missions.stations.times
+        left_s = np.array([times.left_s(arm, now_s) for arm in arms.tolist()])
+        cycle_s = np.maximum(missions.stations.recent_s(arms) + CHANGE_S, self._least_cycle_s[arms])
+        return ArmPace(cycle_s, np.where(missions.served[arms] >= 0, left_s + CHANGE_S, 0.0))
+
+    def line_of(self, arm: int, now_s: float) -> tuple[StationArrivals, GivenTurns]:
+        """Those that are bound for one station, and their turns."""
+        cars = np.array(self._missions.bookings.bound(arm), dtype=np.int64)
+        arrivals = self._arrivals(cars, np.full(len(cars), arm))
+        pace = self.pace(now_s, np.array([arm]))
+        return arrivals, line_up(arrivals._replace(station=np.zeros_like(arrivals.station)), pace)
 
     def bound(self) -> StationArrivals:
         """All cars that are bound for stations and have not come to their turn yet."""
@@ -102,11 +112,6 @@ class TurnBook:
         cars, first = missions.bookings.in_line(len(stations))
         station = np.repeat(np.arange(len(stations)), np.diff(first))
         return self._arrivals(cars, station)
-
-    def bound_for(self, arm: int) -> StationArrivals:
-        """Those that are bound for one station."""
-        cars = np.array(self._missions.bookings.bound(arm), dtype=np.int64)
-        return self._arrivals(cars, np.full(len(cars), arm))
 
     def all(self, now_s: float) -> Booked:
         """All turns that are taken, those at the drop stations of parcels that are still to be picked among them."""

@@ -81,9 +81,9 @@ class Stations:
         """Mean time of a transfer at each station, shape (n_stations,) [s]."""
         return np.array([time.mean_s for time in self._time_of])
 
-    def recent_s(self) -> npt.NDArray[np.float64]:
-        """How long each station's arm is likely to take now, shape (n_stations,) [s]."""
-        return np.array([time.recent_s for time in self._time_of])
+    def recent_s(self, arms: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        """How long some arms are likely to take now at their stations, shape (k,) [s]."""
+        return np.array([self._time_of[arm].recent_s for arm in arms.tolist()])
 
     def least_cycle_s(self, collect_after_s: float) -> npt.NDArray[np.float64]:
         """Shortest time between transfers at each station, shape (n_stations,) [s].

@@ -171,12 +171,14 @@ def test_who_is_bound_comes_and_who_is_served_does_not() -> None:
     floor.missions.hold(2, floor.task("c"), "by hand")
     floor.arrive(0)
     floor.services.begin(floor.stations[0], 0, floor.task("a"), 0.0)
-    for found in (floor.turns.bound(), floor.turns.bound_for(0)):
+    for found in (floor.turns.bound(), floor.turns.line_of(0, 0.0)[0]):
         assert found.car.tolist() == [1, 2]
         assert found.station.tolist() == [0, 0]
         assert found.comes_s == pytest.approx([11.0, 13.2])
         assert found.waits.tolist() == [False, True]
-    assert floor.turns.bound_for(1).car.tolist() == []
+    assert floor.turns.line_of(1, 0.0)[0].car.tolist() == []
+    line = line_up(floor.turns.bound(), floor.turns.pace(0.0))
+    assert floor.turns.line_of(0, 0.0)[1].turn_s.tolist() == line.turn_s.tolist()
 
 
 def test_all_turns_are_those_of_cars_that_come_and_where_they_go_on_to() -> None:
