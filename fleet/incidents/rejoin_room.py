@@ -74,6 +74,11 @@ class RejoinRoom:
         self._bodies = bodies[np.hypot(*(bodies - start)[:, :2].T) < 2 * SEARCH_M]
         self._depths = self._too_near(start[None])
         touches = self._depths > margin_m - TOUCHES_M
+        # Points that touch walls may do so all alike; the others may come near to them, but not touch them.
+        walls = slice(outline(start[None], self._spec, 0.0).shape[1])
+        deepest = self._depths[0, walls].max()
+        borne = np.where(touches[0, walls], deepest, min(deepest, margin_m - TOUCHES_M))
+        self._depths[0, walls] = np.maximum(self._depths[0, walls], borne)
         self.touches = bool(touches.any())
         """Whether the car touches something where it stands, as far as can be told."""
         self._slack_m = np.where(touches, LEAST_SLACK_M, SLACK_M)
@@ -105,12 +110,16 @@ class RejoinRoom:
         return np.clip(row + 1, 0, height - 1), np.clip(col + 1, 0, width - 1)
 
     def _too_near(self, poses: FloatArray) -> FloatArray:
-        """How far the body and its margin reach into walls, each arm's foot and each car nearby [m], shape (k, n)."""
+        """How far the body and its margin reach into walls, each arm's foot and each car nearby [m], shape (k, n).
+
+        For walls, each point of the outline counts for itself: a car whose nose stands at a wall must not come to it
+        with its tail.
+        """
         points = outline(poses, self._spec, self._margin_m)
         edges = _depth_in_body(self._corners[None], poses[:, None], self._spec, self._margin_m).max(axis=1, initial=0.0)
         # Cells beside an arm are kept clear: who was pushed there may go through them, round the foot.
         feet = [self._margin_m + self._foot_m - _apart(poses, foot, self._spec) for foot in self._feet]
-        depths = [np.maximum(self._into_walls(points), edges), *(np.maximum(foot, 0.0) for foot in feet)]
+        depths = [*self._into_walls(points).T, edges, *(np.maximum(foot, 0.0) for foot in feet)]
         for body in self._bodies:
             inside = _depth_in_body(points, body[None, None], self._spec)
             corners = outline(body[None], self._spec, self._margin_m)
@@ -120,7 +129,7 @@ class RejoinRoom:
         return np.stack(depths, axis=1)
 
     def _into_walls(self, points: FloatArray) -> FloatArray:
-        """Greatest distance of a point from the nearest open cell [m]; at most a cell, shape (k,)."""
+        """Distance of each point from the nearest open cell [m]; at most a cell, shape (k, m)."""
         row, col = self._cells(points)
         centre_x = (col - 0.5) * self._cell_m
         centre_y = (self._rows - row + 0.5) * self._cell_m
@@ -133,7 +142,7 @@ class RejoinRoom:
                 dy = np.abs(points[..., 1] - centre_y + down * self._cell_m) - self._cell_m / 2
                 gap = np.hypot(np.maximum(dx, 0.0), np.maximum(dy, 0.0))
                 nearest = np.where(is_open, np.minimum(nearest, gap), nearest)
-        return nearest.max(axis=1)
+        return nearest
 
 
 def outline(poses: FloatArray, car: CarSpec, margin_m: float) -> FloatArray:

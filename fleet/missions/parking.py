@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fleet.missions.nearest_place import NOWHERE
 from fleet.missions.phases import ON_VISIT
 from fleet.missions.state import Missions
 from fleet.missions.ways import Ways
@@ -30,11 +31,10 @@ class Parking:
         self.states = states
         self._missions = missions
         self._ways = ways
-        self._sorted = np.sort(np.array(states, dtype=np.int32))
         # By state; the entry behind the last state is for cars that were sent nowhere.
         self._nowhere = np.zeros(ways.n_states + 1, dtype=np.bool_)
         self._is_place = self._nowhere.copy()
-        self._is_place[self._sorted] = True
+        self._is_place[list(states)] = True
         self._may_wait = self._nowhere.copy()
         self._may_wait[lane_states] = True
 
@@ -55,18 +55,18 @@ class Parking:
         if not without.size:
             return
         taken[goals] = True
-        free = self._sorted[~taken[self._sorted]]
+        free = self._is_place & ~taken
+        n_free, search = int(free.sum()), self._ways.place_search()
         for k in without.tolist():
-            if not free.size:
+            if not n_free:
                 self._wait_on_lane(int(waiting[k]), int(tails[k]), int(goals[k]), tick)
                 continue
-            moves = self._ways.moves_each(np.full(len(free), tails[k], dtype=np.int32), free)
-            if moves.min() >= UNREACHABLE:
+            place = search.nearest(int(tails[k]), free)
+            if place == NOWHERE:
                 continue
-            # Of equally near ones, the one with the smallest number.
-            nearest = int(moves.argmin())
-            self._ways.send(int(waiting[k]), int(free[nearest]), rank_s=0.0, stay=False, tick=tick)
-            free = np.delete(free, nearest)
+            self._ways.send(int(waiting[k]), place, rank_s=0.0, stay=False, tick=tick)
+            free[place] = False
+            n_free -= 1
 
     def _wait_on_lane(self, car: int, tail: int, goal: int, tick: int) -> None:
         """Let a car wait where it is, or at the first cell where it may."""

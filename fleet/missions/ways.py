@@ -7,6 +7,7 @@ from collections import deque
 import numpy as np
 import numpy.typing as npt
 
+from fleet.missions.nearest_place import PlaceSearch
 from fleet.missions.places import Place
 from fleet.traffic.replanning import Traffic
 from planners.mapf.distance_table import UNREACHABLE
@@ -102,6 +103,10 @@ class Ways:
                 seen.add(after)
                 ahead.append(after)
         return None
+
+    def place_search(self) -> PlaceSearch:
+        """Searches for places past all that is blocked now."""
+        return PlaceSearch(self._traffic.tables.graph, self._traffic.blocked)
 
     # --- how far from places
 

@@ -18,7 +18,7 @@ from planners.mapf.inheritance import PUSHED, UNDECIDED, Claims, claims_of, clea
 from planners.mapf.kernel import Int, inlined, kernel
 from planners.mapf.options import Options, options_of
 from planners.mapf.problem import NOBODY, Instance, Plan
-from planners.mapf.window import plan_window, reachable_goals
+from planners.mapf.window import goals_to_look_up, plan_window, reachable_goals
 
 # A key orders the options of an agent: distance left after it, then its class, then chance; it ends in its number.
 _DISTANCE_BIT = 24
@@ -86,7 +86,7 @@ class Pibt:
         graph = instance.graph
         tables = tables_of(instance, tables, "pibt")
         deadline = Deadline() if deadline is None else deadline
-        distances, row = tables.rows(instance.goals)
+        distances, row = tables.rows(goals_to_look_up(instance, tables))
         if self._stepper is None or not self._stepper.fits(graph, instance.blocked):
             self._stepper = Stepper(graph, instance.blocked, seed=self._rng)
 

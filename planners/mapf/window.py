@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from planners.deadline import Deadline
 from planners.mapf.arrays import BoolArray, FloatArray, Int64Array, IntArray
-from planners.mapf.distance_table import UNREACHABLE
+from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.kernel import Int, kernel
 from planners.mapf.problem import NO_GOAL, Instance, Plan
 from planners.status import Status
@@ -161,6 +161,16 @@ def _before(a: Int, b: Int, content: BoolArray, priority: FloatArray) -> bool:  
     if priority[a] != priority[b]:
         return bool(priority[a] > priority[b])
     return bool(a < b)
+
+
+def goals_to_look_up(instance: Instance, tables: DistanceTable) -> IntArray:
+    """Goals whose distances a window needs: all, or where more agents are than goals fit, those not reached yet.
+
+    Who is at its goal and pushed from it finds back in the next window.
+    """
+    if instance.n_agents <= tables.capacity:
+        return instance.goals
+    return np.where(instance.starts == instance.goals, np.int32(NO_GOAL), instance.goals)
 
 
 def reachable_goals(instance: Instance, distances: npt.NDArray[np.uint16], row: IntArray) -> BoolArray:

@@ -26,6 +26,7 @@ from planners.mapf.window import (
     WindowAgents,
     WindowTurns,
     agents_of,
+    goals_to_look_up,
     plan_window,
     reachable_goals,
     turns_at_start,
@@ -112,7 +113,7 @@ class MultiStepPibt:
         graph, n = instance.graph, instance.n_agents
         tables = tables_of(instance, tables, "multi-step pibt")
         deadline = Deadline() if deadline is None else deadline
-        table, row = tables.rows(instance.goals)
+        table, row = tables.rows(goals_to_look_up(instance, tables))
         reachable = reachable_goals(instance, table, row)
         left = np.where(reachable, table[row, instance.starts], np.uint16(0)).astype(np.int32)
         if self._is_stuck(instance, left):

@@ -12,7 +12,7 @@ from planners.mapf.arrays import BoolArray, IntArray
 from planners.mapf.distance_table import DistanceTable, tables_of
 from planners.mapf.multi_step.multi_step_kernel import wishes_to_stay
 from planners.mapf.problem import Instance, Plan
-from planners.mapf.window import plan_window, reachable_goals
+from planners.mapf.window import goals_to_look_up, plan_window, reachable_goals
 from planners.mapf.window_search.rolling_plan import LONGEST
 from planners.mapf.window_search.steady_plan import SteadyPlan
 
@@ -72,7 +72,7 @@ class WindowSearch:
         if self._plan is None or not self._plan.fits(graph, instance.blocked, n):
             self._plan = SteadyPlan(graph, instance.blocked, n, window=self.config.window, seed=self._rng)
         plan = self._plan
-        table, row = tables.rows(instance.goals)
+        table, row = tables.rows(goals_to_look_up(instance, tables))
         reachable = reachable_goals(instance, table, row)
         wishes = wishes_to_stay(np.where(reachable, row, np.int32(-1)))
         plan.begin(instance.starts)

@@ -125,3 +125,16 @@ def test_who_may_touch_a_wall_is_known(simulation: Simulation) -> None:
     lowest = 1.0 + simulation.scene.car.half_width_m
     assert room_of(simulation, (4.0, lowest + 0.005, 0.0)).touches
     assert not room_of(simulation, (4.0, lowest + 0.015, 0.0)).touches
+
+
+def test_a_car_whose_nose_touches_a_wall_does_not_come_to_it_with_its_tail(simulation: Simulation) -> None:
+    car = simulation.scene.car
+    nose_in = -0.1
+    lowest = car.half_width_m * np.cos(nose_in) - car.front_m * np.sin(nose_in)
+    start = (4.0, 1.0 + lowest, nose_in)
+    room = room_of(simulation, start)
+    assert room.touches
+    assert valid(room, *start)
+    flush_with_tail = 1.0 + car.half_width_m * np.cos(0.1) + car.rear_m * np.sin(0.1) + 0.001
+    assert not valid(room, 4.05, flush_with_tail, 0.1)
+    assert valid(room, 4.05, flush_with_tail + 0.015, 0.1)

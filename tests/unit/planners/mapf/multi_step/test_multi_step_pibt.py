@@ -269,3 +269,14 @@ def test_a_wide_sweep_keeps_others_off_the_corner() -> None:
     plan = MultiStepPibt().plan(instance)
     assert breaches(instance, plan) == []
     assert plan.states[:3].tolist() == [[0, 1], [0, 3], [2, 3]]
+
+
+def test_a_fleet_with_more_goals_than_fit_looks_up_those_of_agents_on_their_way() -> None:
+    instance = crowd("one_way", 0.5, 0, allow_rotation=False)
+    at_goals = np.where(np.arange(instance.n_agents) % 2, instance.goals, instance.starts).astype(np.int32)
+    instance = replace(instance, goals=at_goals, stay=np.zeros(instance.n_agents, dtype=np.bool_))
+    cap = 2 * instance.graph.n_states * (instance.n_agents * 3 // 4)
+    tables = DistanceTable(instance.graph, instance.blocked, memory_cap=cap)
+    plan = MultiStepPibt(seed=1).plan(instance, tables)
+    assert breaches(instance, plan) == []
+    assert tables.n_goals <= instance.n_agents // 2 + 1
