@@ -88,8 +88,8 @@ def test_deliveries_that_were_not_measured_are_those_of_another_fidelity() -> No
 
 
 def test_deliveries_are_not_continued_beyond_what_the_arms_can_do() -> None:
-    cell = complete((100_000, GRID), MEASURED, "no time was left")
-    assert cell.tasks_per_h == pytest.approx(n_drop_stations(100_000) * 3600.0 / PRIOR_MEAN_S)
+    cell = complete((10_000_000, GRID), MEASURED, "no time was left")
+    assert cell.tasks_per_h == pytest.approx(n_drop_stations(10_000_000) * 3600.0 / PRIOR_MEAN_S)
 
 
 def test_large_fleets_get_more_of_the_time_and_failed_fidelities_none() -> None:
