@@ -141,6 +141,24 @@ def test_a_pushed_car_is_excused_until_it_is_back_and_no_longer(make: Make) -> N
     assert (error.breach.invariant, error.breach.robots[0]) == (Invariant.FOOTPRINT, "car_0")
 
 
+def test_a_car_pushed_on_the_grid_is_excused_until_it_is_put_back(make: Make) -> None:
+    """An arm is at work on it, so that it stays where it was pushed to for longer than a push lasts."""
+    simulation, check = make(robots=3, fidelity=Fidelity.GRID)
+    served = simulation.missions.served
+    drive(simulation, check, lambda: bool((served >= 0).any()))
+    arm = int(np.flatnonzero(served >= 0)[0])
+    car = int(served[arm])
+    dx_m, dy_m = 0.35 * (simulation.scene.arm_base[arm, :2] - simulation.world.car_poses()[car, :2])
+    facts = {"disturbance": "car_pushed", "target": f"car_{car}"}
+    simulation.world.push_car(car, float(dx_m), float(dy_m), 0.0)
+    simulation.events.log("disturbance", **facts)
+    pushed_s = simulation.sim_s
+    drive(simulation, check, lambda: simulation.sim_s > pushed_s + 2.5)
+    assert check._faults.cars[car]
+    drive(simulation, check, lambda: not check._faults.cars[car])
+    assert served[arm] != car
+
+
 def test_a_dead_car_is_excused(make: Make) -> None:
     simulation, check = make(robots=3, events=(ScenarioEvent(time_s=1.0, kind="car_dead", target="car_1"),))
     drive(simulation, check, lambda: simulation.sim_s >= 3.0)
