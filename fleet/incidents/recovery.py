@@ -35,15 +35,18 @@ TURNING_RADIUS_M = 0.45
 WIDE_RADII_M = (1.0, 2.0)
 """Of curves that are tried beside a wall: in a tight one the tail swings into it."""
 LEADS_M = (
-    (0.8, 15.0),
-    (0.8, -15.0),
-    (1.2, 15.0),
-    (1.2, -15.0),
-    (0.3, math.inf),
-    (-0.3, math.inf),
+    (1.2, 40.0, 2.4),
+    (1.2, -40.0, 2.4),
+    (0.8, 15.0, 0.8),
+    (0.8, -15.0, 0.8),
+    (1.2, 15.0, 1.2),
+    (1.2, -15.0, 1.2),
+    (0.3, math.inf, 0.3),
+    (-0.3, math.inf, 0.3),
 )
-"""Driven at first by a car beside a wall, so that its tail is off it when it swings: length, negative backwards, and
-radius, positive to the left. In the wide curves it swings by 0.3 mm, and is 2 or 5 cm off the wall at their end."""
+"""Driven at first by a car beside a wall, so that its tail is off it when it swings: length, negative backwards;
+radius, positive to the left; and how much farther than else the car may go before it must have left the wall. In curves
+of 40 and 15 m the tail swings by 0.2 and 0.6 mm, and is 2 to 5 cm off the wall at their end."""
 N_STATES, N_SEARCHED = 12, 3
 """States that direct curves are tried to, and how many of them a search is tried to if none is free."""
 ITERATIONS = 300
@@ -128,8 +131,8 @@ def _impatient(room: RejoinRoom) -> list[_Attempt]:
 def _led(room: RejoinRoom) -> list[_Attempt]:
     """Straight or in a wide curve at first."""
     return [
-        _Attempt(room=room.eased(lead_m=abs(lead_m)), radius_m=radius_m, lead_m=lead_m, lead_radius_m=lead_radius_m)
-        for lead_m, lead_radius_m in LEADS_M
+        _Attempt(room=room.eased(lead_m=out_m), radius_m=radius_m, lead_m=lead_m, lead_radius_m=lead_radius_m)
+        for lead_m, lead_radius_m, out_m in LEADS_M
         for radius_m in ((TURNING_RADIUS_M,) if math.isfinite(lead_radius_m) else (TURNING_RADIUS_M, *WIDE_RADII_M))
     ]
 
